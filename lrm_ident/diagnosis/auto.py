@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -36,6 +36,7 @@ class AutoStep:
         fit: with it. held_out: (N, 3), held-out residual with it (m).
         data: the measurements that were fitted, outliers left out.
         equivalent: the rest of its class: effects that these data cannot distinguish from it.
+        rivals: held-out RMS (m) that the next effects alone would have left, those of its class left out.
         freed: keys of base parameters that could be determined with it.
         share: of the held-out mean square above the noise (all of it, where that is unknown) that it took away.
         describes: whether it is no cause that was shown: a form of one, or a small share while much stays.
@@ -50,6 +51,7 @@ class AutoStep:
     freed: tuple[str, ...] = ()
     share: float = 0.0
     describes: bool = False
+    rivals: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -122,19 +124,19 @@ def run_auto(
 
 @dataclass(frozen=True, eq=False)
 class _Added:
-    """Addition of a step: its name, what it cannot be told from, what it refines, and all keys that are then free."""
+    """Addition of a step, as `AutoStep` has it, and all keys that are then free."""
 
     name: str
     equivalent: tuple[str, ...]
     refines: tuple[str, ...]
     keys: frozenset[str]
+    rivals: Mapping[str, float]
 
 
 def _added(before: ConfirmedDiagnosis, one: ScoredCandidate) -> _Added:
     effect, found = one.candidate.effect, before.diagnosis
-    return _Added(
-        one.name, found.equivalent[one.name], variants(effect), frozenset({*found.fit.model.free, *effect.keys})
-    )
+    equivalent, keys = found.equivalent[one.name], frozenset({*found.fit.model.free, *effect.keys})
+    return _Added(one.name, equivalent, variants(effect), keys, found.rivals([one.name, *equivalent]))
 
 
 def _step(added: _Added, after: ConfirmedDiagnosis, held_out_before: Array) -> AutoStep:
@@ -145,5 +147,14 @@ def _step(added: _Added, after: ConfirmedDiagnosis, held_out_before: Array) -> A
     share = (before**2 - now**2) / max(before**2 - floor**2, now**2 * NEGLIGIBLE)
     describes = bool(added.refines) or (share < SMALL_SHARE and now > FLOOR_RATIO * floor)
     return AutoStep(
-        added.name, found.fit, after.held_out, found.data, added.equivalent, added.refines, freed, share, describes
+        added=added.name,
+        fit=found.fit,
+        held_out=after.held_out,
+        data=found.data,
+        equivalent=added.equivalent,
+        refines=added.refines,
+        freed=freed,
+        share=share,
+        describes=describes,
+        rivals=added.rivals,
     )

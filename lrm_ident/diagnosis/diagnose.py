@@ -42,6 +42,7 @@ from lrm_math.model.equilibrium import batch_equilibrium
 from lrm_math.model.model import Model
 
 MOST_ROUNDS = 3  # of leaving out outliers: a far one hides those that are nearer (masking)
+RIVALS_KEPT = 4  # of a step that is taken
 MOST_FAR = 200  # outliers of a fit that are screened beside a part of the poses
 Verdict = Literal["effect_missing", "nothing_missing", "unexplained_structure", "unpredictable", "noise_unknown"]
 
@@ -105,6 +106,12 @@ class Diagnosis:
         if floor is None:
             return "noise_unknown"
         return "unpredictable" if self.above_floor else "nothing_missing"
+
+    def rivals(self, taken: Collection[str]) -> dict[str, float]:
+        """Held-out RMS (m) that plausible effects beside some that are taken would alone leave, the least first."""
+        others = [one for one in self.scored if one.name not in taken and not one.implausible]
+        nearest = sorted(others, key=lambda one: one.alone.rms)[:RIVALS_KEPT]
+        return {one.name: float(one.alone.rms) for one in nearest}
 
     @property
     def above_floor(self) -> bool:

@@ -16,7 +16,9 @@ from lrm_ident.diagnosis.diagnose import Diagnosis, Verdict
 from lrm_ident.diagnosis.score_test import ScoredCandidate
 from lrm_ident.fitting.levenberg_marquardt import Fit
 from lrm_ident.residual.data_audit import audit
+from lrm_ident.residual.error_breakdown import ModelComparison
 from lrm_ident.residual.parameter_hints import parameter_hints
+from lrm_ident.residual.predictability import PredictableError
 from lrm_ident.residual.predictable_residual import PredictableResidual, predictable_residual
 from lrm_ident.residual.thresholds import MIN_GAIN
 from lrm_math.effects import Parameter
@@ -103,19 +105,36 @@ class DiagnosisReport(ShownInNotebook):
         return tuple(sorted(fit.outliers, key=lambda row: -float(np.linalg.norm(fit.residual[row]))))
 
 
-def build_report(diagnosis: Diagnosis, on_progress: Callable[[str], object] = str) -> DiagnosisReport:
+def build_report(
+    diagnosis: Diagnosis, on_progress: Callable[[str], object] = str, compared: ModelComparison | None = None
+) -> DiagnosisReport:
     """Judges a diagnosis and reports it.
 
     Args:
-        on_progress: called with what is being done.
+        on_progress: called with what is being done. compared: of the same model, fitted without a prior, if that is
+            known already: where it is of the same poses and parameters its cross-validation is not repeated.
     """
-    return report_of(confirm(diagnosis, on_progress=on_progress))
+    same = compared is not None and _same_fit(diagnosis, compared)
+    blocks, predictable = (compared.held_out.blocks, compared.predictable) if compared and same else ((), None)
+    return report_of(confirm(diagnosis, blocks, on_progress=on_progress), predictable)
 
 
-def report_of(confirmed: ConfirmedDiagnosis) -> DiagnosisReport:
-    """Ranks every candidate, the confirmed ones first; says what is left to find, and what to measure next."""
+def _same_fit(diagnosis: Diagnosis, compared: ModelComparison) -> bool:
+    """Whether the cross-validation of a comparison is that of the diagnosed fit."""
+    one, other = compared.rest.model, diagnosis.fit.model
+    same = set(one.keys) == set(other.keys) and set(one.free) == set(other.free)
+    refitted = compared.held_out.residual is not None
+    return same and refitted and np.array_equal(compared.data.pose, diagnosis.data.pose)
+
+
+def report_of(confirmed: ConfirmedDiagnosis, predictable: PredictableError | None = None) -> DiagnosisReport:
+    """Ranks every candidate, the confirmed ones first; says what is left to find, and what to measure next.
+
+    Args:
+        predictable: of the confirmed diagnosis's cross-validation, where that is known already.
+    """
     diagnosis, supported = confirmed.diagnosis, confirmed.supported
-    left = predictable_residual(diagnosis.fit, diagnosis.data, confirmed.blocks)
+    left = predictable_residual(diagnosis.fit, diagnosis.data, confirmed.blocks, predictable)
     before = error_stats(confirmed.held_out)
     quiet = confirmed.verdict in ("nothing_missing", "noise_unknown")
     more = left.predictable.more_to_find and (quiet or confirmed.verdict == "unpredictable")

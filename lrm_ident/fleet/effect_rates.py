@@ -13,7 +13,6 @@ import numpy as np
 from scipy.optimize import minimize
 from scipy.special import betaincinv, betaln
 
-from lrm_ident.data.wording import in_percent
 from lrm_math.arrays import Array
 
 ROUNDS = 50
@@ -41,8 +40,12 @@ class EffectRate:
     @property
     def words(self) -> str:
         """For instance `3 of 3 arms (of the kind: 29 to 99 %)`: what was seen, and what that says of arms not seen."""
-        low, high = in_percent(self.low), in_percent(self.high)
-        return f"{self.found:.3g} of {self.arms} arms (of the kind: {low} to {high} %)"
+        return f"{self.found:.3g} of {self.arms} arms (of the kind: {self.interval} %)"
+
+    @property
+    def interval(self) -> str:
+        """`29 to 99`: the 95 % interval in whole percents; a few arms say no more."""
+        return f"{100.0 * self.low:.0f} to {100.0 * self.high:.0f}"
 
 
 def effect_rates(steps: Sequence[Sequence[Sequence[str]]], tested: Sequence[Sequence[str]]) -> tuple[EffectRate, ...]:

@@ -37,7 +37,8 @@ def fleet_figures(result: FleetResult) -> dict[str, Any]:
 
 
 def _effects(records: tuple[ArmRecord, ...], known: FleetKnowledge | str) -> list[dict[str, str]]:
-    """Every effect that some arm has, most frequent first, with its rate in percent and its 95 % interval."""
+    """Every effect that some arm has, most frequent first, in how many arms, and its rate."""
+    done = sum(not record.reason for record in records)
     rates = {} if isinstance(known, str) else {one.name: one for one in known.rates}
     count: dict[str, int] = {}
     for record in records:
@@ -45,10 +46,9 @@ def _effects(records: tuple[ArmRecord, ...], known: FleetKnowledge | str) -> lis
             count[step[0]] = count.get(step[0], 0) + 1
     out = []
     for name in sorted(count, key=lambda one: (-count[one], one)):
-        words = f"{name}<br>{count[name]} arms"
-        if (rate := rates.get(name)) is not None:
-            words = f"{name}<br>{rate.words}"
-        out.append({"name": name, "words": words})
+        rate = rates.get(name)
+        words = f"{count[name]} of {done} arms" if rate is None else rate.words
+        out.append({"name": name, "words": f"{name}<br>{words}"})
     return out
 
 

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from lrm_ident.data.wording import in_percent, p_words
+from lrm_ident.data.wording import p_words
 from lrm_ident.fleet.fleet_findings import FleetOutlier, TagAssociation
 from lrm_ident.fleet.fleet_prior import ArmEstimates, FleetKnowledge
 from lrm_ident.fleet.identify_arm import ArmRecord
@@ -151,11 +151,11 @@ def _link_words(link: TagAssociation) -> str:
 
 def _rates_table(known: FleetKnowledge) -> ResultTable:
     rows = [
-        (one.name, one.found, one.arms, 100 * one.rate, f"{in_percent(one.low)} to {in_percent(one.high)}")
+        (one.name, one.found, one.arms, 100 * one.rate, one.interval)
         for one in known.rates[:MOST_RATES]
         if one.found > 0
     ]
-    columns = ("effect", "found|.1f", "of arms|d", "of the kind %|.0f", "95 % interval|")
+    columns = ("effect", "found|.1f", "of arms|d", "of the kind %|.0f", "95 % interval, %|")
     return ResultTable(columns, rows, "How often an effect is there")
 
 

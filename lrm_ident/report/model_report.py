@@ -17,7 +17,7 @@ from lrm_ident.report.plots.interactive.candidate_view import CandidateView, can
 from lrm_ident.report.step_card import EarlierDiagnosis, StepCard, judgement, step_cards
 from lrm_ident.residual.covariates import Covariate, covariates
 from lrm_ident.residual.error_breakdown import ModelComparison
-from lrm_ident.residual.error_field import ErrorField, error_field
+from lrm_ident.residual.picture.error_field import ErrorField, error_field
 from lrm_ident.study.model_history import models_of_history
 from lrm_ident.study.other_data import at_data
 from lrm_ident.study.study import Study

@@ -8,17 +8,20 @@ from dataclasses import dataclass
 import numpy as np
 
 from lrm_ident.data.error_stats import error_stats
+from lrm_ident.data.wording import in_mm
 from lrm_ident.diagnosis.diagnosis_report import with_unit
 from lrm_ident.report.document import Document
 from lrm_ident.report.names.plain_names import place_words, step_title
 from lrm_ident.report.plots.interactive.candidate_view import SHARE, drivers_of, own_joint
 from lrm_ident.residual.covariates import Covariate
-from lrm_ident.residual.error_field import ErrorField
-from lrm_math.effects import Effect
+from lrm_ident.residual.picture.error_field import ErrorField
+from lrm_math.effects import FREE_FORMS, Effect
 from lrm_math.model.model import Model
 from lrm_math.model.model_file import HistoryTable, ModelFile
 
 RIVALS_KEPT = 4
+AS_WELL = 0.05
+"""Share of an effect's error by which another that explains as much may leave more."""
 
 
 @dataclass(frozen=True)
@@ -52,6 +55,7 @@ class StepCard:
         claim: the sentence with its estimates. estimate: the one number of an effect that has one, else "".
         estimates: all of them. joint: from 0, driver: name of the covariate, that its motion follows.
         equivalent: what the data could not tell it from.
+        rivals_mm: held-out RMS (mm) that others alone would have left; None where that is not known.
     """
 
     number: int
@@ -63,6 +67,13 @@ class StepCard:
     joint: int
     driver: str
     equivalent: tuple[str, ...]
+    rivals_mm: Mapping[str, float] | None = None
+
+    def unrivalled(self, after: float) -> bool:
+        """Whether no other effect alone would have left about as little as was left `after` the step (mm, held out)."""
+        if self.rivals_mm is None or self.equivalent:
+            return False
+        return all(left > (1.0 + AS_WELL) * after for left in self.rivals_mm.values())
 
 
 def judgement(diagnosis: Document) -> EarlierDiagnosis:
@@ -75,21 +86,30 @@ def judgement(diagnosis: Document) -> EarlierDiagnosis:
 def rivals(card: StepCard, judged: EarlierDiagnosis | None) -> tuple[tuple[str, str], ...]:
     """The effects that came next to a step's own, and why they were not taken; with what could not be told apart first.
 
-    Without a judgement only the latter are known.
+    Without a judgement it is known what these alone would have left, of steps that kept it.
     """
-    why = {} if judged is None else dict(judged.why)
+    why = _alone(card.rivals_mm or {}) if judged is None else judged.why
     names = dict.fromkeys((*card.equivalent, *why))
     others = [name for name in names if name != card.name][:RIVALS_KEPT]
     return tuple((name, why.get(name, "these data cannot tell")) for name in others)
 
 
-def error_fall(file: ModelFile, field: ErrorField, number: int, sha256: str) -> ErrorFall:
-    """Fall in a step: held out where both errors are of the open data, else of the models as they are on these."""
+def _alone(rivals_mm: Mapping[str, float]) -> dict[str, str]:
+    free = {kind.id for kind in FREE_FORMS}
+    curve = {name: "; a free curve, of more parameters" if name.split("@")[0] in free else "" for name in rivals_mm}
+    return {name: f"alone it would have left {in_mm(left * 1e-3)} mm{curve[name]}" for name, left in rivals_mm.items()}
+
+
+def error_fall(file: ModelFile, field: ErrorField, number: int, sha256: str, steps: int = 1) -> ErrorFall:
+    """Fall in a step, or in some `steps` up to it.
+
+    Held out where both errors are of the open data, else of the models as they are on these.
+    """
     if len(file.history) == len(field.steps) and number > 0:
-        before, after = file.history[number - 1 : number + 1]
+        before, after = file.history[number - steps], file.history[number]
         if before.held_out_rms_mm and after.held_out_rms_mm and of_data(before, sha256) and of_data(after, sha256):
             return ErrorFall(before.held_out_rms_mm, after.held_out_rms_mm, held_out=True)
-    start = field.steps[number - 1].error.rms if number else error_stats(field.nominal_residual).rms
+    start = field.steps[number - steps].error.rms if number else error_stats(field.nominal_residual).rms
     return ErrorFall(start * 1e3, field.steps[number].error.rms * 1e3, held_out=False)
 
 
@@ -130,6 +150,7 @@ def _card(
         joint=joint,
         driver=driver,
         equivalent=tuple(rest.split(":")[0].split(", ")) if rest else (),
+        rivals_mm=entry.rivals_mm,
     )
 
 

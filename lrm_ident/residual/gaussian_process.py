@@ -49,8 +49,13 @@ class Kernel:
     def covariance(self, A: Array, B: Array) -> Array:
         """(n, m), covariance of f at the rows of A (n, D) and of B (m, D)."""
         a, b = A / self.lengths, B / self.lengths
-        squared = (a**2).sum(axis=1)[:, None] + (b**2).sum(axis=1) - 2.0 * (a @ b.T)
-        return np.asarray(self.signal**2 * np.exp(-0.5 * np.maximum(squared, 0.0)))
+        out = (a**2).sum(axis=1)[:, None] + (b**2).sum(axis=1)  # squared distances; in place, a matrix is large
+        out -= 2.0 * (a @ b.T)
+        np.maximum(out, 0.0, out=out)
+        out *= -0.5
+        np.exp(out, out=out)
+        out *= self.signal**2
+        return np.asarray(out)
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,4 +126,6 @@ def fit_kernel(inputs: Array, output: Array, start: Kernel) -> Kernel:
 
 def _factor(kernel: Kernel, smooth: Array) -> Array:
     """Lower Cholesky factor of the outputs' covariance; the noise, which has a lower bound, keeps it definite."""
-    return np.asarray(cholesky(smooth + kernel.noise**2 * np.eye(len(smooth)), lower=True, check_finite=False))
+    outputs = smooth.copy()
+    outputs.flat[:: len(outputs) + 1] += kernel.noise**2
+    return np.asarray(cholesky(outputs, lower=True, overwrite_a=True, check_finite=False))

@@ -21,9 +21,11 @@ class PredictableResidual:
     regimes: tuple[Regime, ...]
 
 
-def predictable_residual(fitted: Fit, data: Measurements, blocks: Sequence[HeldOutBlock]) -> PredictableResidual:
-    """Tries a Gaussian process on what a cross-validated fit leaves, and looks for regimes."""
+def predictable_residual(
+    fitted: Fit, data: Measurements, blocks: Sequence[HeldOutBlock], known: PredictableError | None = None
+) -> PredictableResidual:
+    """Tries a Gaussian process on what a cross-validated fit leaves, and looks for regimes. `known`: of the former."""
     keys = [key for key in fitted.model.free if key not in fitted.at_bound]
     columns = parameter_jacobian(fitted.rest, keys).reshape(-1, len(keys))
-    predictable = predictable_error(data, blocks)
+    predictable = known or predictable_error(data, blocks)
     return PredictableResidual(predictable, find_regimes(data, studentised_squares(fitted.residual, columns)))

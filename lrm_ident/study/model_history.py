@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -50,6 +50,7 @@ def model_file(
     loss: str,
     before: Sequence[HistoryTable] = (),
     prior: str | None = None,
+    rivals: Mapping[str, float] | None = None,
 ) -> ModelFile:
     """The model file of a fit: one entry appended to the history `before`.
 
@@ -57,6 +58,7 @@ def model_file(
         arm: name of a shipped arm or path of its file, as stored in the model file.
         step: short description of the step.
         prior: name of the prior of the fit, if any; for a damped fit the weak one is stored.
+        rivals: held-out RMS (m) that other effects alone would have left at this step, where some were tried.
     """
     model, date = fit.model, datetime.now(UTC).isoformat(timespec="seconds")
     own = file_of(model.effects)
@@ -64,6 +66,7 @@ def model_file(
         step=step,
         fit_rms_mm=error_stats(fit.residual).rms * 1e3,
         held_out_rms_mm=None if held_out.error is None else held_out.error.rms * 1e3,
+        rivals_mm=None if rivals is None else {name: round(rms * 1e3, 4) for name, rms in rivals.items()},
         effects=effect_names(model.effects),
         parameters=parameter_tables(model),
         sigma=sigma_table(fit),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 from lrm_ident.fitting.identifiability import UnidentifiableParameter
@@ -23,6 +24,7 @@ class StudyStep:
         bounds: of the fit, for the fits of its cross-validation; None: those that the effects state.
         stated_prior: of the fit. prior_name: of that, as a model file names it.
         held_out: where that is known already.
+        rivals: held-out RMS (m) that other effects alone would have left, the least first; None where none was tried.
     """
 
     name: str
@@ -33,6 +35,7 @@ class StudyStep:
     stated_prior: Prior | None = None
     prior_name: str | None = None
     held_out: HeldOutResidual | None = None
+    rivals: Mapping[str, float] | None = None
 
     @property
     def prior(self) -> Prior | None:

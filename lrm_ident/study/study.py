@@ -34,6 +34,7 @@ if TYPE_CHECKING:  # loaded by the steps that need them: a fit does without
     from lrm_ident.diagnosis.diagnose import Diagnosis
     from lrm_ident.diagnosis.diagnosis_report import DiagnosisReport
     from lrm_ident.diagnosis.symbolic_regression.proposal import LawProposal
+    from lrm_ident.residual.error_breakdown import ModelComparison
 
 MAX_EFFECTS = 20
 
@@ -96,11 +97,20 @@ class Study(ModelOnData, ShownInNotebook):
         own, tick = self.identifiable(), partial(self.progress, "trying every effect at every place")
         return diagnose(own.model, own.data, own.catalogue, tick, own.loss, rates)
 
-    def diagnose(self, rates: EffectRates | None = None, screened: Diagnosis | None = None) -> DiagnosisReport:
-        """Finds which effect the model misses. `screened`: what `screen` gives, where that is known."""
+    def diagnose(
+        self,
+        rates: EffectRates | None = None,
+        screened: Diagnosis | None = None,
+        compared: ModelComparison | None = None,
+    ) -> DiagnosisReport:
+        """Finds which effect the model misses.
+
+        Args:
+            screened, compared: what `screen` and `compare` give, where that is known already.
+        """
         from lrm_ident.diagnosis.diagnosis_report import build_report
 
-        return build_report(screened or self.screen(rates), self._say)
+        return build_report(screened or self.screen(rates), self._say, compared if self.prior is None else None)
 
     def add(self, effect: str, screened: Diagnosis | None = None) -> Study:
         """Adds an effect (`id` or `id@place`): everything is fitted together, without the outliers of the diagnosis.
@@ -120,7 +130,8 @@ class Study(ModelOnData, ShownInNotebook):
         left_out = f"outliers, left out: poses {', '.join(map(str, found.outliers))}"
         notices = (*own.notices, left_out) if found.outliers else own.notices
         then = replace(own, data=found.data, notices=notices)
-        return then._after(StudyStep(f"add {effect}", fitted, start=own.model), self)
+        rivals = found.rivals([one.name for one in added])
+        return then._after(StudyStep(f"add {effect}", fitted, start=own.model, rivals=rivals), self)
 
     def add_field(self) -> Study:
         """Adds a residual field, or fits the one that is there anew: what no name explains, and no cause itself.
@@ -152,7 +163,8 @@ class Study(ModelOnData, ShownInNotebook):
             """Follows the run with a study."""
             nonlocal now
             name, held_out = auto_step_name(step), HeldOutResidual(step.held_out)
-            one = StudyStep(name, step.fit, start=now.model, held_out=held_out)
+            rivals = step.rivals if step.added else None
+            one = StudyStep(name, step.fit, start=now.model, held_out=held_out, rivals=rivals)
             now = replace(own, data=step.data)._after(one, now)
             on_step(step, now)
 
@@ -228,7 +240,15 @@ class Study(ModelOnData, ShownInNotebook):
         before = None if self.before is None else self.before._filed
         history, step = () if before is None else before.file.history, self.taken
         return model_file(
-            step.fit, self.data, self.held_out, self.arm, step.name, self.loss.name, history, step.prior_name
+            step.fit,
+            self.data,
+            self.held_out,
+            self.arm,
+            step.name,
+            self.loss.name,
+            history,
+            step.prior_name,
+            step.rivals,
         )
 
     def view(self) -> NotebookPage:

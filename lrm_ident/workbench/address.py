@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import secrets
 import socket
 from dataclasses import dataclass
@@ -10,7 +11,7 @@ from pathlib import Path
 from lrm_ident.workbench.last_session import new_folder
 from lrm_math.errors import LrmError
 
-HOST = "127.0.0.1"
+HOST, LOOK_S = "127.0.0.1", 0.02
 
 
 @dataclass(frozen=True)
@@ -25,6 +26,17 @@ class WorkbenchAddress:
     def address(self) -> str:
         """URL that a person opens."""
         return f"http://{HOST}:{self.port}/?token={self.token}"
+
+    async def listening(self) -> None:
+        """Waits until the port takes connections."""
+        while True:
+            try:
+                _, writer = await asyncio.open_connection(HOST, self.port)
+            except OSError:
+                await asyncio.sleep(LOOK_S)
+            else:
+                writer.close()
+                return
 
 
 def new_place(port: int | None) -> WorkbenchAddress:

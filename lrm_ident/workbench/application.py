@@ -54,7 +54,7 @@ def _add_page(session: WorkbenchSession, tour: bool) -> None:
 
 
 def _when_started(place: WorkbenchAddress, session: WorkbenchSession, show: bool) -> None:
-    """The session goes on, and where the page is is printed."""
+    """The session goes on; where the page is is printed, and the browser opened, as soon as the server listens."""
 
     async def ticking() -> None:
         """Takes what comes from the process that works."""
@@ -62,9 +62,11 @@ def _when_started(place: WorkbenchAddress, session: WorkbenchSession, show: bool
             session.tick()
             await asyncio.sleep(TICK_S)
 
+    async def announcing() -> None:
+        await place.listening()
+        print(f"Workbench at {place.address}\nEvery step is kept in {place.folder}; Ctrl-C ends it.", flush=True)
+        if show:
+            await asyncio.to_thread(webbrowser.open, place.address)
+
     running: list[asyncio.Task[None]] = []
-    app.on_startup(lambda: running.append(asyncio.create_task(ticking())))
-    if show:
-        app.on_startup(lambda: webbrowser.open(place.address))
-    words = f"Workbench at {place.address}\nEvery step is kept in {place.folder}; Ctrl-C ends it."
-    app.on_startup(lambda: print(words, flush=True))
+    app.on_startup(lambda: running.extend(map(asyncio.create_task, (ticking(), announcing()))))

@@ -41,7 +41,7 @@ BODY = """<header>
 <div class="lrm-fields"><div id="lrm-field" class="lrm-figure tall"></div>
 <div id="lrm-field-b" class="lrm-figure tall"></div></div>
 <div id="lrm-arm"></div>
-<p class="lrm-soft">nominal arm dashed, bent arm solid, measured tool circled</p>
+<p class="lrm-soft">bent arm solid, nominal arm outlined and dashed, measured tool circled</p>
 <p id="lrm-pose-note" class="lrm-soft"></p>
 </section>
 <section>
@@ -50,6 +50,7 @@ BODY = """<header>
 <label>against the <select id="lrm-driver"></select></label>
 <span>drag a box around poses to mark them in every figure</span></div>
 <div id="lrm-turn" class="lrm-figure medium"></div>
+<p class="lrm-sample lrm-soft"></p>
 {comparison}
 </section>
 <section>
@@ -59,6 +60,7 @@ BODY = """<header>
 <p class="lrm-soft screen-only">Choose an effect to see what it would add to the model.</p>
 <div class="two"><div id="lrm-added" class="lrm-figure medium"></div>
 <div id="lrm-form" class="lrm-figure medium"></div></div>
+<p class="lrm-sample lrm-soft"></p>
 {diagnosis}
 </section>
 <section>

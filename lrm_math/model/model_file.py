@@ -58,11 +58,15 @@ class RangeTable(StrictSchema):
 
 
 class HistoryTable(StrictSchema):
-    """One `[[history]]` entry: a step, its errors, and the whole model after it."""
+    """One `[[history]]` entry: a step, its errors, and the whole model after it.
+
+    `rivals_mm`: the held-out RMS that other effects alone would have left (linear), the least first; None: not known.
+    """
 
     step: str
     fit_rms_mm: float
     held_out_rms_mm: float | None = None
+    rivals_mm: dict[str, float] | None = None
     effects: list[str]
     parameters: dict[str, float]
     sigma: dict[str, float] = {}

@@ -12,7 +12,7 @@ import msgpack
 import numpy as np
 import zenoh
 
-from lrm_ident.residual.error_field import arm_lines
+from lrm_ident.residual.picture.error_field import arm_lines
 from lrm_math.arrays import Array
 from lrm_math.errors import LrmError
 from lrm_math.kinematics.poses import poses_of

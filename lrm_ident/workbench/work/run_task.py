@@ -89,9 +89,10 @@ def diagnose_step(task: DiagnoseTask, send: Send) -> None:
     """Compares, then diagnoses."""
     send(WorkProgress("held-out error"))
     study = _study(task.files, send)
-    found = with_comparison(unpacked(task.packed), study.compare())
+    compared = study.compare()
+    found = with_comparison(unpacked(task.packed), compared)
     send(WorkResult(step_found(task.files, found)))
-    found = with_diagnosis(found, study.diagnose(screened=_screened(task.files, study)))
+    found = with_diagnosis(found, study.diagnose(screened=_screened(task.files, study), compared=compared))
     send(WorkResult(step_found(task.files, found)))
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from types import SimpleNamespace
 from typing import Any
 
@@ -15,7 +16,7 @@ from lrm_ident.diagnosis.linearised_fit import linearise
 from lrm_ident.fitting.priors import EffectRates
 from lrm_ident.fitting.progress import silent
 from lrm_ident.fleet import fleet_findings
-from lrm_ident.fleet.effect_rates import effect_rates
+from lrm_ident.fleet.effect_rates import EffectRate, effect_rates
 from lrm_ident.fleet.population import ArmEvidence, fit_population
 from lrm_math.arrays import Array
 
@@ -94,6 +95,13 @@ def test_unsure_arms_count_for_what_their_sisters_have() -> None:
 
 def test_rates_without_arms() -> None:
     assert effect_rates([], []) == ()
+
+
+def test_a_rate_is_what_was_seen_and_in_whole_percents_what_that_says_of_the_kind() -> None:
+    (rate,) = effect_rates([[["backlash@joint2"]]] * 3, [["backlash@joint2"]] * 3)
+    assert re.fullmatch(r"3 of 3 arms \(of the kind: \d+ to \d+ %\)", rate.words)
+    assert EffectRate("play", 3.0, 3, 0.8, 0.4512, 0.9968).words == "3 of 3 arms (of the kind: 45 to 100 %)"
+    assert EffectRate("play", 0.5, 12, 0.05, 0.0007, 0.3044).words == "0.5 of 12 arms (of the kind: 0 to 30 %)"
 
 
 def test_an_effect_that_is_expected_is_selected_before_one_that_predicts_as_well() -> None:

@@ -25,7 +25,7 @@ from lrm_ident.report.names.plain_names import PLAIN, plain_name
 from lrm_ident.report.plots.interactive.candidate_view import candidate_view, drivers_of
 from lrm_ident.report.plots.interactive.values import values_text
 from lrm_ident.residual.covariates import Covariate, covariates
-from lrm_ident.residual.error_field import MOST_DRAWN, arrow_scale, drawn_rows, error_field, joint_turns
+from lrm_ident.residual.picture.error_field import MOST_DRAWN, arrow_scale, drawn_rows, error_field, joint_turns
 from lrm_math.effects import CATALOGUE, FREE_FORMS
 from tests.conftest import EXAMPLE
 from tests.support.commands import stdout_of
@@ -124,6 +124,10 @@ def test_what_explains_as_well_is_told_apart_and_every_card_says_what_was_found(
     assert card["before"] == found["history"][0]["held"]
     assert card["share"] > 0.9
     assert all(entry["here"] and entry["data"] == found["data"][:8] for entry in found["history"])
+    assert card["rivals"][0]["name"] == "torque_curve@joint2"
+    assert "alone it would have left" in card["rivals"][0]["why"]
+    assert not card["unrivalled"], "a free curve explains it as well"
+    assert found["together"] is None
 
 
 def _values_of(page: Path) -> dict[str, Any]:

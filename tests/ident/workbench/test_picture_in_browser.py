@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from lrm_ident.report.plots.interactive.fair_sample import fair_rows
-from lrm_ident.residual.error_field import MOST_DRAWN, WORST_DRAWN, drawn_rows
+from lrm_ident.residual.picture.error_field import MOST_DRAWN, WORST_DRAWN, drawn_rows
 from tests.conftest import EXAMPLE
 from tests.support.browser import SHOTS, BrowserLog, RunningWorkbench, idle, opened, wait_for, workbench
 from tests.support.commands import part_of_example, stdout_of
@@ -21,12 +21,40 @@ SIZE = {"width": 1440, "height": 900}
 RANKED = "lrm.state.values.ranking.length > 0"
 SEEN = "lrm.state.values.pose.map((_, row) => row).filter((row) => lrm.scenes.field.seen(row))"
 
+TURN_ROWS = "document.getElementById('lrm-turn').data?.[0].customdata"
+"""Rows of the poses in the chart of the turn of a joint."""
 FROM_ABOVE = """(() => {
   const v = lrm.state.values, dots = lrm.scenes.field.dots, flat = (p, q) => Math.hypot(p[0] - q[0], p[1] - q[1]);
   const scales = v.tcp.map((p, row) => flat(dots[row], dots[0]) / (flat(p, v.tcp[0]) || 1)).slice(1);
   return Math.max(...scales) - Math.min(...scales) < 1e-6 * Math.max(...scales);
 })()"""
 """Whether all distances in the horizontal plane are on one scale on the screen."""
+
+BLUE = """(() => {
+  const { canvas, content } = lrm.scenes.field, ratio = canvas.width / canvas.clientWidth;
+  const at = lrmView.projection(content.box, canvas.clientWidth, canvas.clientHeight);
+  const areas = lrmSolids.capsules(content.arms[0], at).map((one) => 2 * one.size * one.length + 3.14 * one.size ** 2);
+  const { data } = canvas.getContext("2d").getImageData(0, 0, canvas.width, canvas.height);
+  let blue = 0;
+  for (let i = 0; i < data.length; i += 4) blue += data[i + 2] > data[i] + 40 && data[i + 3] === 255;
+  return [blue / ratio ** 2, Math.max(...areas), areas.reduce((a, b) => a + b)];
+})()"""
+"""Pixels of the model's colour, and the areas of the links on the screen: the largest, and all together."""
+BEFORE_AND_BEHIND = """(() => {
+  const at = Object.assign((p) => [p[0], p[1], p[2]], { scale: 1 }), put = [];
+  const pen = document.createElement("canvas").getContext("2d");
+  const arm = { points: [[50, 50, 0], [150, 50, 0], [150, 50, 90]], links: [[0, 1, 20], [1, 2, 10]] };
+  const thing = (name, x, y, z) => ({ at: [x, y, z], put: () => put.push(name) });
+  lrmSolids.solid(pen, lrmSolids.capsules(arm, at), "#0072b2", [
+    thing("behind", 100, 50, -5), thing("inside", 100, 50, 15), thing("before", 100, 50, 25),
+    thing("beside", 100, 80, 25), thing("at the edge", 100, 69, 15), thing("under the end", 150, 50, 95),
+    thing("over the end", 150, 50, 110)]);
+  return put;
+})()"""
+"""What is put again after a link of radius 20 mm along x in the plane of the screen, or after one towards the viewer.
+
+That under the end is before the first link, and put before the second one covers it.
+"""
 
 
 @pytest.fixture(scope="module")
@@ -96,6 +124,18 @@ def test_views_scrubber_and_filter(browser: Any, small: RunningWorkbench) -> Non
 
 
 @pytest.mark.slow
+def test_links_are_solids_before_what_is_behind_them(browser: Any, small: RunningWorkbench) -> None:
+    page = opened(browser, small, SIZE)
+    assert page.evaluate(BEFORE_AND_BEHIND) == ["before", "at the edge", "under the end", "over the end"]
+    for view in ("top", "side", "oblique"):
+        page.get_by_role("button", name=f"view from: {view}").click()
+        page.wait_for_timeout(200)
+        blue, largest, together = page.evaluate(BLUE)
+        assert 0.5 * largest < blue < together, view
+    page.context.close()
+
+
+@pytest.mark.slow
 def test_many_poses_are_a_fair_sample_with_the_worst_at_hand(browser: Any, tmp_path: Path) -> None:
     header, *rows = EXAMPLE.read_text().splitlines()
     many = tmp_path / "many.csv"
@@ -115,9 +155,20 @@ def test_many_poses_are_a_fair_sample_with_the_worst_at_hand(browser: Any, tmp_p
         fair = page.evaluate("lrm.state.values.fair")
         assert page.evaluate("lrm.state.values.pose.length") == MOST_DRAWN
         assert page.evaluate(SEEN) == fair
-        assert "of 1500 poses drawn, a fair sample" in page.inner_text("#lrm-picture-says")
+        says = f"shown: {len(fair)} of 1500 poses, a fair sample"
+        assert page.inner_text("#lrm-picture-says") == says
+        wait_for(page, TURN_ROWS)
+        assert page.evaluate(TURN_ROWS) == fair, "flat charts show the same sample"
+        assert page.inner_text("#panel-turn .lrm-sample") == says
+        missing = page.evaluate("((v) => v.pose.find((_, row) => !v.fair.includes(row)))(lrm.state.values)")
+        page.evaluate(f"lrm.brush(new Set([{missing}]))")
+        wait_for(page, f"{TURN_ROWS}.length === {len(fair) + 1}")
+        assert page.inner_text("#panel-turn .lrm-sample") == says.replace(str(len(fair)), str(len(fair) + 1))
+        page.evaluate("lrm.brush(null)")
         page.click("text=fair sample / with the worst")
         wait_for(page, f"{SEEN}.length === {MOST_DRAWN}")
+        wait_for(page, f"{TURN_ROWS}.length === {MOST_DRAWN}")
+        assert "the worst among them" in page.inner_text("#panel-turn .lrm-sample")
         assert "the worst among them" in page.inner_text("#lrm-picture-says")
         page.context.close()
 

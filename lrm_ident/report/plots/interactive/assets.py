@@ -1,8 +1,11 @@
 """The files that interactive figures need: Plotly's library, our scripts and style.
 
-`plotly-basic.min.js` is that of the npm package plotly.js-basic-dist-min 3.7.0 (MIT, `plotly-LICENSE`), unchanged: the
-part of Plotly that draws flat charts, a quarter of the whole. To renew it: `npm pack` that package. The spatial scene
-is our own: Plotly's needs WebGL, which takes seconds to start where no graphics card helps, and prints blank.
+`page/`: what is chosen, and the words. `charts/`: flat charts. `scene/`: the picture of the arm.
+
+`plotly/plotly-basic.min.js` is that of the npm package plotly.js-basic-dist-min 3.7.0 (MIT, `plotly-LICENSE`),
+unchanged: the part of Plotly that draws flat charts, a quarter of the whole. To renew it: `npm pack` that package. The
+spatial scene is our own: Plotly's needs WebGL, which takes seconds to start where no graphics card helps, and prints
+blank.
 """
 
 from __future__ import annotations
@@ -11,24 +14,38 @@ from collections.abc import Iterable
 from pathlib import Path
 
 FOLDER = Path(__file__).resolve().parent
-LIBRARY, STYLE = FOLDER / "plotly-basic.min.js", FOLDER / "figures.css"
-THEME = FOLDER / "theme.js"
+LIBRARY, STYLE = FOLDER / "plotly" / "plotly-basic.min.js", FOLDER / "page" / "figures.css"
+THEME = FOLDER / "page" / "theme.js"
 """Runs before anything is drawn."""
 NAMES = (
-    "chart",
-    "glossary",
-    "scene_input",
-    "scene",
-    "arm_views",
-    "candidates",
-    "what_if",
-    "steps",
-    "picture",
-    "figures",
+    "charts/chart",
+    "page/glossary",
+    "scene/view",
+    "scene/pen",
+    "scene/axes",
+    "scene/arrows",
+    "scene/solids",
+    "scene/scene_input",
+    "scene/scene",
+    "scene/arm_views",
+    "page/shared",
+    "page/sample",
+    "charts/queue",
+    "page/brush",
+    "charts/candidates",
+    "page/what_if",
+    "page/steps",
+    "scene/field",
+    "page/pose",
+    "scene/picture",
+    "charts/turn",
+    "page/controls",
+    "page/print",
+    "page/figures",
 )
 SCRIPTS = tuple(FOLDER / f"{name}.js" for name in NAMES)
 """In the order in which they are loaded; the library may come after them."""
-SCRIPTS_OF_FLEET = tuple(FOLDER / f"{name}.js" for name in ("chart", "fleet"))
+SCRIPTS_OF_FLEET = tuple(FOLDER / f"{name}.js" for name in ("charts/chart", "charts/fleet"))
 
 
 def text_of(scripts: Iterable[Path]) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from lrm_ident.residual.error_field import MOST_DRAWN, SEED, WORST_DRAWN
+from lrm_ident.residual.picture.error_field import MOST_DRAWN, SEED, WORST_DRAWN
 from lrm_math.arrays import Array
 
 

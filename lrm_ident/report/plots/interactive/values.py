@@ -1,4 +1,4 @@
-"""Values that `figures.js` draws, as plain JSON: rounded values in the units of the screen."""
+"""Values that `page/figures.js` draws, as plain JSON: rounded values in the units of the screen."""
 
 from __future__ import annotations
 
@@ -17,14 +17,12 @@ from lrm_ident.report.model_report import ModelReport
 from lrm_ident.report.names.plain_names import plain_name, step_title
 from lrm_ident.report.plots.interactive.candidate_view import CandidateView
 from lrm_ident.report.plots.interactive.fair_sample import fair_rows
-from lrm_ident.report.step_card import StepCard, error_fall, of_data, rivals
-from lrm_ident.residual.error_field import COLOURS
+from lrm_ident.report.step_card import AS_WELL, StepCard, error_fall, of_data, rivals
+from lrm_ident.residual.picture.error_field import COLOURS
 from lrm_math.arrays import Array
 
 UM, ANGLE = 3, 4
 """Decimals of millimetres and degrees in the drawing only, and the least p value that is printed."""
-AS_WELL = 0.05
-"""Share of the first candidate's error by which another that explains as much may leave more."""
 SUPPORTED = "supported"
 STANDINGS = {
     SUPPORTED: MARKS[SUPPORTED],
@@ -53,6 +51,12 @@ def figure_values(found: ModelReport) -> dict[str, Any]:
         "tcp": rounded(np.where(np.isnan(data.tcp), field.bent[:, -1], data.tcp) * 1e3, UM),
         "nominal": rounded(field.nominal * 1e3, 1),
         "bent": rounded(field.bent * 1e3, 1),
+        "solids": {
+            "links": [[first, second, radius * 1e3] for first, second, radius in field.solids.links],
+            "shaped": field.solids.shaped,
+            "nominal": rounded(field.nominal_points * 1e3, 1),
+            "bent": rounded(field.bent_points * 1e3, 1),
+        },
         "scale": {
             "magnification": field.scale.magnification,
             "largest": field.scale.largest * 1e3,
@@ -67,6 +71,7 @@ def figure_values(found: ModelReport) -> dict[str, Any]:
         "steps": [_step(found, number) for number in range(len(field.steps))],
         "history": [_entry(found, number) for number in range(len(found.file.history))],
         "cards": [_card(found, card) for card in found.cards],
+        "together": _together(found),
         "floor": found.floor_mm,
         "bound": None if found.diagnosis is None else found.diagnosis.values["noise_bound_rms_mm"],
         "marked": {why: list(numbers) for why, numbers in (found.marked or {}).items()},
@@ -130,10 +135,20 @@ def _card(found: ModelReport, card: StepCard) -> dict[str, Any]:
         "held": fall.held_out,
         "share": fall.share_of_excess(floor),
         "rivals": [{"name": name, "title": plain_name(name), "why": why} for name, why in rivals(card, judged)],
-        "asked": judged is not None,
+        "asked": judged is not None or card.rivals_mm is not None,
+        "unrivalled": fall.held_out and card.unrivalled(fall.after),
         "joint": card.joint,
         "driver": card.driver,
     }
+
+
+def _together(found: ModelReport) -> dict[str, Any] | None:
+    """Fall of the error over all steps after the fit, where these are several."""
+    steps = len(found.cards)
+    if steps < 2:
+        return None
+    fall = error_fall(found.file, found.field, steps, found.poses.sha256, steps)
+    return {"steps": steps, "before": fall.before, "after": fall.after, "held": fall.held_out}
 
 
 def _where(found: ModelReport) -> dict[str, Any]:

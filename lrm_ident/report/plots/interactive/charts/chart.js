@@ -16,6 +16,8 @@ const lrmChart = (() => {
     return out;
   }
 
+  const at = (values, rows) => rows.map((row) => values[row]);
+
   // A curve through points: those of equal x are one, at their mean, so that no line joins them.
   function curve(x, y) {
     const at = new Map();
@@ -57,5 +59,5 @@ const lrmChart = (() => {
   }
 
   const CONFIG = { displaylogo: false, responsive: true, modeBarButtonsToRemove: ["toImage", "sendDataToCloud"] };
-  return { colour, layout, curve, binned, range, onPaper, CONFIG };
+  return { colour, layout, at, curve, binned, range, onPaper, CONFIG };
 })();

@@ -11,7 +11,8 @@ function lrmWhatIf(page) {
     if (part === null || value === null || (Array.isArray(part) && part.includes(null))) return value;
     return Array.isArray(value) ? value.map((c, k) => c - state.size * part[k]) : value - state.size * part;
   });
-  const rms = (rows) => Math.sqrt(rows.reduce((sum, r) => sum + r[0] ** 2 + r[1] ** 2 + r[2] ** 2, 0) / rows.length);
+  const square = (r) => r[0] ** 2 + r[1] ** 2 + r[2] ** 2;
+  const rms = (residual) => Math.sqrt(page.sample().reduce((sum, row) => sum + square(residual[row]), 0) / page.sample().length);
   const active = (number, one) => state.size > 0 && one && number === state.values.steps.length - 1;
 
   function says(one) {
@@ -44,5 +45,12 @@ function lrmWhatIf(page) {
     box.replaceChildren(label, said);
   }
 
-  return { draw, without, active, rms };
+  // What is drawn of the slider follows the effect chosen and the step shown.
+  function drawWhatIf() {
+    const tried = state.size;
+    draw(state.step === state.values.steps.length - 1 ? page.candidate() : null, () => { page.drawField(); page.drawTurn(); });
+    if (tried && !state.size) page.drawField();
+  }
+
+  return { drawWhatIf, whatIf: { without, active, rms } };
 }

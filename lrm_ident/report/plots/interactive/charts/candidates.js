@@ -1,11 +1,10 @@
-// Which effect: the list of candidates, and the chosen one beside the data. `page`: what figures.js shares.
+// Which effect: the list of candidates, and the chosen one beside the data. `page`: of shared.js.
 "use strict";
 function lrmCandidates(page) {
-  const { state, place, element, draw, selected, wireScatter } = page;
-  const { colour, curve, range } = lrmChart;
+  const { state, place, element, draw, selected, poseOf, wireScatter } = page;
+  const { colour, curve, range, at } = lrmChart;
   const AXES = ["x", "y", "z"], SYMBOLS = ["circle", "triangle-up", "square"];
   const candidate = () => state.values.ranking.find((one) => one.name === state.candidate) || null;
-  const poseOf = () => ({ customdata: state.values.pose.map((_, row) => row), text: state.values.pose.map((pose) => `pose ${pose}`) });
 
   function drawCandidate() {
     const one = candidate(), detail = place("detail");
@@ -19,10 +18,11 @@ function lrmCandidates(page) {
   }
 
   function drawAdded(one) {
-    const v = state.values, extent = Math.max(...one.added.flat().filter((c) => c !== null).map(Math.abs), 1e-6);
+    const v = state.values, rows = page.points(), last = v.steps[v.steps.length - 1].residual;
+    const extent = Math.max(...one.added.flat().filter((c) => c !== null).map(Math.abs), 1e-6);
     const traces = AXES.map((axis, k) => ({ type: "scatter", mode: "markers", name: "along " + axis,
-      x: one.added.map((a) => a[k]), y: v.steps[v.steps.length - 1].residual.map((r) => r[k]), selectedpoints: selected(),
-      ...poseOf(), hovertemplate: "%{text}<extra></extra>",
+      x: rows.map((row) => one.added[row][k]), y: rows.map((row) => last[row][k]), selectedpoints: selected(rows), ...poseOf(rows),
+      hovertemplate: "%{text}<extra></extra>",
       marker: { size: 5, opacity: 0.6, symbol: SYMBOLS[k], color: colour(["model", "held", "good"][k]) } }));
     traces.push({ type: "scatter", mode: "lines", name: "as it says", x: [-extent, extent], y: [-extent, extent],
       hoverinfo: "skip", line: { color: colour("ink"), dash: "dash", width: 1.5 } });
@@ -31,10 +31,10 @@ function lrmCandidates(page) {
   }
 
   function drawForm(one, driver) {
-    const form = curve(driver.values, one.form);
+    const form = curve(driver.values, one.form), rows = page.points();
     draw("form", [
-      { type: "scatter", mode: "markers", name: "data", x: driver.values, y: one.around, selectedpoints: selected(),
-        ...poseOf(), hovertemplate: "%{text}: %{y:.3f} deg<extra></extra>",
+      { type: "scatter", mode: "markers", name: "data", x: at(driver.values, rows), y: at(one.around, rows),
+        selectedpoints: selected(rows), ...poseOf(rows), hovertemplate: "%{text}: %{y:.3f} deg<extra></extra>",
         marker: { size: 5, color: colour("model"), opacity: 0.55 } },
       { type: "scatter", mode: "lines", name: "its form", ...form, hoverinfo: "skip", line: { color: colour("held"), width: 3 } },
     ], { xaxis: { title: { text: driver.label, standoff: 4 } },
@@ -44,9 +44,10 @@ function lrmCandidates(page) {
   // A form of two quantities: a map of the data and one of the form, on one scale of colours.
   function drawMaps(one, driver, second) {
     const limit = range(one.around).limits[1], scale = [[0, colour("model")], [0.5, colour("grid")], [1, colour("held")]];
-    const map = (name, turns, axes, bar) => ({ type: "scatter", mode: "markers", name, x: driver.values, y: second.values,
-      selectedpoints: selected(), ...poseOf(), hovertemplate: "%{text}: %{marker.color:.3f} deg<extra></extra>", ...axes,
-      marker: { size: 6, color: turns.map((turn) => (turn === null ? NaN : turn)), cmin: -limit, cmax: limit, colorscale: scale,
+    const rows = page.points();
+    const map = (name, turns, axes, bar) => ({ type: "scatter", mode: "markers", name, x: at(driver.values, rows), y: at(second.values, rows),
+      selectedpoints: selected(rows), ...poseOf(rows), hovertemplate: "%{text}: %{marker.color:.3f} deg<extra></extra>", ...axes,
+      marker: { size: 6, color: at(turns, rows).map((turn) => (turn === null ? NaN : turn)), cmin: -limit, cmax: limit, colorscale: scale,
         showscale: bar, colorbar: { title: { text: "deg" }, thickness: 10, len: 0.9 } } });
     const title = (text, x) => ({ text, x, y: 1, xref: "paper", yref: "paper", xanchor: "left", yanchor: "bottom", showarrow: false });
     draw("form", [map("data", one.around, {}, false), map("its form", one.form, { xaxis: "x2" }, true)], {

@@ -13,6 +13,7 @@ from lrm_ident.data.error_stats import ErrorStats, error_stats
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.registration.anchor import with_anchor
 from lrm_ident.fitting.identifiability import some_rows
+from lrm_ident.residual.picture.arm_solids import ArmSolids, arm_solids, placed
 from lrm_math.arrays import Array
 from lrm_math.kinematics.forward import frames
 from lrm_math.model.derivatives import joint_levers
@@ -61,6 +62,7 @@ class ErrorField:
     Attributes:
         rows: (M,), rows of the data that are drawn, of `poses` in all.
         nominal, bent: (M, n + 2, 3), origins of the frames of the nominal arm and of the last model, base to TCP (m).
+        solids: the links between these and further points, (M, K, 3) `nominal_points` and `bent_points` (m).
         nominal_residual: (N, 3), measured − TCP of the nominal arm, at all poses (m).
         lever: (n, M), squared motion of the TCP for a unit turn of each joint of the last model (m²/rad²).
     """
@@ -70,6 +72,9 @@ class ErrorField:
     steps: tuple[FieldStep, ...]
     nominal: Array
     bent: Array
+    solids: ArmSolids
+    nominal_points: Array
+    bent_points: Array
     scale: ArrowScale
     nominal_residual: Array
     lever: Array
@@ -87,12 +92,17 @@ def error_field(data: Measurements, models: Sequence[tuple[str, Model]]) -> Erro
     rows = drawn_rows(data.position_error(rests[-1][1]))
     arm = models[-1][1].arm
     nominal, last = equilibrium(with_anchor(model_of(arm, ()), data), data.poses), rests[-1][1]
+    drawn, bent = _frames(nominal.take(rows)), _frames(last.take(rows))
+    solids = arm_solids(arm, drawn[0])
     return ErrorField(
         rows=rows,
         poses=len(data),
         steps=tuple(_step(name, rest, data, rows) for name, rest in rests),
-        nominal=arm_lines(nominal.take(rows)),
-        bent=arm_lines(last.take(rows)),
+        nominal=drawn[:, :, :3, 3],
+        bent=bent[:, :, :3, 3],
+        solids=solids,
+        nominal_points=placed(solids, drawn),
+        bent_points=placed(solids, bent),
         scale=arrow_scale(data.places(last), data.position_error(rests[0][1])),
         nominal_residual=data.position_error(nominal),
         lever=(joint_levers(last.take(rows)) ** 2).sum(axis=1),
@@ -129,7 +139,12 @@ def joint_turns(residual: Array, motion: Array) -> Array:
 
 def arm_lines(rest: Equilibrium) -> Array:
     """(N, n + 2, 3), origins of the frames from base to TCP (m)."""
-    return frames(rest.model.chain, rest.slots, len(rest.poses))[:, :, :3, 3]
+    return _frames(rest)[:, :, :3, 3]
+
+
+def _frames(rest: Equilibrium) -> Array:
+    """(N, n + 2, 4, 4), m."""
+    return frames(rest.model.chain, rest.slots, len(rest.poses))
 
 
 def _step(name: str, rest: Equilibrium, data: Measurements, rows: NDArray[np.int64]) -> FieldStep:

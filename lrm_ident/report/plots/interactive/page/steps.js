@@ -1,8 +1,8 @@
-// The steps that were taken: the sentence of the step shown, the errors of all, and a card of each. `page`: from figures.js.
+// The steps that were taken: the sentence of the step shown, the errors of all, and a card of each. `page`: of shared.js.
 "use strict";
 function lrmSteps(page) {
   const { state, place, element, draw, words } = page;
-  const { colour, binned, range } = lrmChart;
+  const { colour, binned, range, at } = lrmChart;
   const floorWords = () => {
     const v = state.values;
     return v.floor !== null ? `noise ${words(v.floor)} mm` : v.bound !== null ? `noise at most ${words(v.bound)} mm` : "";
@@ -66,13 +66,26 @@ function lrmSteps(page) {
   function drawCards() {
     const box = place("cards"), v = state.values;
     if (!box) return;
-    if (drawCards.of !== v) box.replaceChildren(...v.cards.map(article), ...(v.cards.length ? [] : [ladder()]));
+    if (drawCards.of !== v) box.replaceChildren(...v.cards.map(article), together());
     drawCards.of = v;
     v.cards.forEach(drawCard);
     lrmGlossary(box);
   }
 
-  const ladder = () => element("p", "No step beyond the fit was taken.", "lrm-soft");
+  // The end of the course: what all steps did.
+  function together() {
+    const v = state.values, all = v.together;
+    if (all) return element("p", `All ${all.steps} steps together: ${words(all.before)} → ${words(all.after)} mm${all.held ? ", held out" : ""}.`, "lrm-together");
+    return v.cards.length ? "" : element("p", "No step beyond the fit was taken.", "lrm-soft");
+  }
+
+  // What is known of other effects where none is listed; else how to learn it.
+  function others(card) {
+    if (card.asked) return "No other effect was near.";
+    const steps = state.values.steps.length - card.step, times = steps > 1 ? ` ${steps} times` : "";
+    return `What else it could have been is not in the model file: take ${steps > 1 ? "these steps" : "this step"} back` +
+      ` (lrm-ident undo${times}) and diagnose the model before it (lrm-ident diagnose).`;
+  }
 
   function article(card) {
     const out = element("article", "", "lrm-card-of-step"), fall = `${words(card.before)} → ${words(card.after)} mm`;
@@ -80,15 +93,16 @@ function lrmSteps(page) {
     const share = card.share === null ? "" : `; ${Math.round(100 * card.share)} % of the mean square above the noise`;
     out.append(heading, element("p", `${card.claim ? card.claim + ". " : ""}${card.held ? "Held-out RMS" : "RMS on these data"}: ${fall}${share}.`));
     const against = element("div", "", "lrm-rivals");
+    if (card.unrivalled) against.append(element("p", "No other effect explained it as well."));
     if (card.rivals.length) {
       const list = element("ul");
       list.append(...card.rivals.map((one) => element("li", `${one.title} (${one.name}): ${one.why}`)));
       against.append(element("h4", "What else it could have been, and why not"), list);
-    } else against.append(element("p", card.asked ? "No other effect was near." : "Rivals: the model file does not keep the diagnosis before this step.", "lrm-soft"));
+    } else if (!card.unrivalled) against.append(element("p", others(card), "lrm-soft"));
     const figure = element("div", "", "lrm-figure lrm-card-figure"), more = element("details", "", "lrm-soft");
     figure.id = "lrm-card-" + card.step;
     more.append(element("summary", `${card.estimates.length} coefficients of ${card.name}`), element("p", card.estimates.join(", ")));
-    out.append(against, figure, ...(card.estimates.length ? [more] : []));
+    out.append(against, figure, element("p", "", "lrm-sample lrm-soft"), ...(card.estimates.length ? [more] : []));
     return out;
   }
 
@@ -97,9 +111,10 @@ function lrmSteps(page) {
     const v = state.values, driver = v.drivers.find((one) => one.name === card.driver);
     const [before, after] = [v.steps[card.step - 1].turns[card.joint], v.steps[card.step].turns[card.joint]];
     if (!driver) return;
-    const points = (name, y, ink, symbol) => ({ type: "scatter", mode: "markers", name, x: driver.values, y, hoverinfo: "skip",
+    const rows = page.sample(), x = at(driver.values, rows);
+    const points = (name, y, ink, symbol) => ({ type: "scatter", mode: "markers", name, x, y: at(y, rows), hoverinfo: "skip",
       marker: { size: 5, symbol, color: ink, opacity: 0.55 } });
-    const mean = (name, y, ink) => ({ type: "scatter", mode: "lines", name, ...binned(driver.values, y), hoverinfo: "skip",
+    const mean = (name, y, ink) => ({ type: "scatter", mode: "lines", name, ...binned(x, at(y, rows)), hoverinfo: "skip",
       line: { color: ink, width: 2.5 } });
     draw("card-" + card.step, [points("before", before, colour("held"), "circle-open"), points("after", after, colour("model"), "circle"),
       mean("mean before", before, colour("held")), mean("mean after", after, colour("model"))], { dragmode: false,

@@ -1,8 +1,8 @@
 // Controls of the picture of the arm: views, a scrubber over the poses in measured order, which poses are drawn.
 "use strict";
 function lrmPicture(page) {
-  const { state, place, element, hover, drawField, tool } = page;
-  const filter = { by: "", low: null, high: null, worst: false };
+  const { state, place, element, hover, tool } = page;
+  const filter = { by: "", low: null, high: null };
   let built = null;
 
   const error = (row) => Math.hypot(...state.values.steps[state.step].residual[row]);
@@ -16,15 +16,13 @@ function lrmPicture(page) {
   // The rows that are drawn, or null where all are: those of the fair sample that pass the filter.
   function rows() {
     const v = state.values, of = kinds().find(([key]) => key === filter.by)[2];
-    if (!filter.by && (!v.fair || filter.worst)) return null;
-    const all = v.fair && !filter.worst ? v.fair : v.pose.map((_, row) => row);
-    return new Set(all.filter((row) => !filter.by || (of(row) >= filter.low && of(row) <= filter.high)));
+    if (!filter.by && (!v.fair || state.worst)) return null;
+    return new Set(page.sample().filter((row) => !filter.by || (of(row) >= filter.low && of(row) <= filter.high)));
   }
 
   function says() {
     const v = state.values, found = rows(), count = found ? found.size : v.pose.length, box = place("picture-says");
-    if (box) box.textContent = count === v.poses ? "" : `${count} of ${v.poses} poses drawn` +
-      (v.fair && !filter.worst ? ", a fair sample" : v.fair ? `, the worst among them` : "");
+    if (box) box.textContent = page.says(count);
   }
 
   function button(text, label, action) {
@@ -43,7 +41,7 @@ function lrmPicture(page) {
     return input;
   }
 
-  const draw = () => { says(); drawField(); };
+  const draw = () => { says(); page.drawField(); };
 
   function by(key) {
     const v = state.values, all = v.pose.map((_, row) => kinds().find(([one]) => one === key)[2](row));
@@ -67,9 +65,12 @@ function lrmPicture(page) {
     which.onchange = () => by(which.value);
     const low = number("filter-low", "from", (value) => { filter.low = value; });
     const high = number("filter-high", "to", (value) => { filter.high = value; });
-    const sample = button("fair sample / with the worst", "draw a fair sample, or also all of the worst poses",
-      () => { filter.worst = !filter.worst; sample.setAttribute("aria-pressed", filter.worst); draw(); });
-    sample.setAttribute("aria-pressed", "false");
+    const sample = button("fair sample / with the worst", "show a fair sample, or also all of the worst poses", () => {
+      state.worst = !state.worst;
+      sample.setAttribute("aria-pressed", state.worst);
+      draw(); page.drawTurn(); page.drawCandidate(); page.drawCards(); page.tellSample();
+    });
+    sample.setAttribute("aria-pressed", state.worst);
     const said = element("output");
     said.id = "lrm-picture-says";
     const group = (...parts) => { const out = element("span", "", "lrm-group"); out.append(...parts); return out; };
@@ -82,7 +83,7 @@ function lrmPicture(page) {
     const box = place("picture"), v = state.values;
     if (!box) return;
     const of = `${v.data} ${v.pose.length}`;
-    if (built !== of) { Object.assign(filter, { by: "", low: null, high: null, worst: false }); build(box); built = of; }
+    if (built !== of) { Object.assign(filter, { by: "", low: null, high: null }); build(box); built = of; }
     place("scrub").value = Math.max(v.pose.indexOf(state.pose), 0);
     says();
   }

@@ -1,7 +1,7 @@
 // Both arms of a pose, flat: from the side, in the vertical plane through the TCP, and from above.
 "use strict";
 const lrmArmViews = (() => {
-  const colour = (name) => getComputedStyle(document.documentElement).getPropertyValue("--" + name).trim();
+  const { colour } = lrmPen;
 
   return function armViews(nominal, bent, measured) {
     const base = nominal[0], tip = nominal[nominal.length - 1];

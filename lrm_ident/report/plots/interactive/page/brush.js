@@ -1,0 +1,45 @@
+// Poses that are marked in every figure: by a box around them, by a click, by why they are worth a look.
+"use strict";
+function lrmBrush(page) {
+  const { state, place } = page;
+
+  function brush(poses) {
+    state.brushed = poses && poses.size ? poses : null;
+    page.drawField(); page.drawTurn(); page.drawCandidate(); page.tellSample();
+    const note = place("brushed");
+    if (note) note.textContent = state.brushed ? `${state.brushed.size} poses marked` : "";
+  }
+
+  function toggle(row) {
+    if (row === undefined) return;
+    const poses = new Set(state.brushed || []), pose = state.values.pose[row];
+    if (!poses.delete(pose)) poses.add(pose);
+    brush(poses);
+  }
+
+  // Rows that are marked, or null where none is.
+  function marked() {
+    const rows = [];
+    state.values.pose.forEach((pose, row) => { if (state.brushed?.has(pose)) rows.push(row); });
+    return state.brushed ? rows : null;
+  }
+
+  // Numbers of the marked ones among the points of a flat chart, which stand for these rows.
+  const selected = (rows) => state.brushed ? rows.flatMap((row, i) => (state.brushed.has(state.values.pose[row]) ? [i] : [])) : null;
+
+  // Row and name of the points of a flat chart.
+  const poseOf = (rows) => ({ customdata: rows, text: rows.map((row) => `pose ${state.values.pose[row]}`) });
+
+  // Events of a scatter whose points carry their row in customdata.
+  function wireScatter(figure) {
+    figure.on("plotly_hover", (event) => page.hover(event.points[0].customdata));
+    figure.on("plotly_selected", (event) => {
+      if (event) brush(new Set(event.points.map((p) => p.customdata).filter((row) => row !== undefined)
+        .map((row) => state.values.pose[row])));
+    });
+    figure.on("plotly_deselect", () => brush(null));
+    figure.on("plotly_click", (event) => toggle(event.points[0].customdata));
+  }
+
+  return { brush, toggle, marked, selected, poseOf, wireScatter };
+}

@@ -1,0 +1,75 @@
+// Selects and buttons beside the figures: joint, driver, step, poses; and what a choice changes.
+"use strict";
+function lrmControls(page) {
+  const { state, place, element, emit } = page;
+
+  function options(id, entries, value) {
+    const select = place(id);
+    if (!select) return;
+    select.replaceChildren(...entries.map(([key, text]) => {
+      const option = element("option", text);
+      option.value = key;
+      return option;
+    }));
+    select.value = value;
+  }
+
+  function fill() {
+    const v = state.values, steps = v.steps.map((step, i) => [String(i), `${i} ${step.title}`]);
+    options("joint", v.q[0].map((_, i) => [String(i), `joint ${i + 1}`]), String(state.joint));
+    options("driver", v.drivers.map((d) => [d.name, d.name]), state.driver);
+    options("step", steps, String(state.step));
+    options("beside", [["", "alone"], ...steps.map(([key, text]) => [key, "beside " + text])],
+      state.beside === null ? "" : String(state.beside));
+    options("marked", [["", "mark poses"], ...Object.keys(v.marked).filter((why) => v.marked[why].length)
+      .map((why) => [why, `mark the ${why}`])], "");
+  }
+
+  function wireControls() {
+    const on = (id, action) => { if (place(id)) place(id).onchange = (event) => action(event.target.value); };
+    on("joint", (value) => { state.joint = Number(value); page.drawTurn(); });
+    on("driver", (value) => { state.driver = value; page.drawTurn(); });
+    on("step", (value) => showStep(Number(value)));
+    on("beside", (value) => {
+      state.beside = value === "" ? null : Number(value);
+      page.drawField(); resize(); page.drawHistory(showStep);
+    });
+    on("marked", (value) => page.brush(value ? new Set(state.values.marked[value]) : null));
+    on("pose", (value) => { const row = state.values.pose.indexOf(Number(value)); if (row >= 0) page.hover(row); });
+    if (place("clear")) place("clear").onclick = () => page.brush(null);
+  }
+
+  // The effect that may be added.
+  function choose(name) {
+    state.candidate = name;
+    const one = page.candidate();
+    if (one) {
+      state.joint = one.joint;
+      if (state.values.drivers.some((d) => d.name === one.driver)) state.driver = one.driver;
+      fill();
+    }
+    page.drawRanking(choose);
+    page.drawCandidate();
+    page.drawWhatIf();
+    page.drawTurn();
+    emit("lrm_choose", name);
+  }
+
+  function showStep(number) {
+    const from = state.values.steps[state.step];
+    if (!state.values.steps[number]) return;
+    state.step = number;
+    fill();
+    if (from) page.glide(from.residual);
+    page.drawWhatIf(); page.drawTurn(); page.drawHistory(showStep); page.tell();
+    emit("lrm_step", number);
+  }
+
+  function resize() {
+    for (const figure of document.querySelectorAll(".js-plotly-plot")) {
+      if (figure.offsetParent) Plotly.Plots.resize(figure);
+    }
+  }
+
+  return { fill, wireControls, choose, showStep, resize };
+}

@@ -1,0 +1,61 @@
+// The interactive figures of the workbench and the report: drawn from the values of values.py.
+// lrm.show(values) draws all that has a place (an element with the figure's id) on the page.
+"use strict";
+const lrm = (() => {
+  const page = lrmShared(), { state, emit, norm } = page;
+  for (const part of [lrmSample, lrmQueue, lrmBrush, lrmCandidates, lrmWhatIf, lrmSteps, lrmField, lrmPose, lrmPicture, lrmTurn,
+    lrmControls, lrmPrint]) Object.assign(page, part(page));
+  const { choose, showStep, glide } = page;
+
+  function redraw() {
+    if (!state.values) return;
+    page.fill(); page.drawRanking(choose); page.drawWhatIf(); page.drawField(); page.drawArm(); page.tell(); page.drawTurn();
+    page.drawHistory(showStep); page.drawCandidate(); page.drawCards(); page.tellSample();
+  }
+
+  function show(values) {
+    const before = state.values, known = new Set(values.drivers.map((d) => d.name));
+    state.values = values;
+    const same = before && before.data === values.data;
+    if (same && values.floor === null && values.bound === null) [values.floor, values.bound] = [before.floor, before.bound];
+    const last = values.steps.length - 1;
+    if (!before || before.steps.length !== values.steps.length || state.step > last) state.step = last;
+    if (state.beside !== null && state.beside > last) state.beside = null;
+    if (!values.ranking.some((one) => one.name === state.candidate)) state.candidate = null;
+    const other = !same, looked = !other && !before.compared && values.steps.length === 1;
+    if (other || looked || !known.has(state.driver)) {
+      state.joint = values.where.joint;
+      state.driver = values.where.driver;
+    }
+    if (other) [state.brushed, state.worst] = [null, false];
+    if (!values.pose.includes(state.pose)) {
+      const sizes = values.steps[last].residual.map(norm);
+      state.pose = values.pose[sizes.indexOf(Math.max(...sizes))];
+    }
+    page.wireControls();
+    const first = values.ranking[0];
+    if (!state.candidate && first && first.verdict !== "no_evidence") {
+      [state.candidate, state.joint, state.driver] = [first.name, first.joint, first.driver];
+    }
+    const from = before && before.steps[before.steps.length - 1].residual;
+    redraw();
+    if (same && before.steps.length !== values.steps.length && String(before.pose) === String(values.pose)) glide(from);
+    emit("lrm_choose", state.candidate);
+  }
+
+  function load(address) {
+    return fetch(address).then((reply) => {
+      if (!reply.ok) throw new Error(`the workbench answered ${reply.status}`);
+      return reply.json();
+    }).then(show);
+  }
+
+  page.theme = (name) => {
+    document.documentElement.dataset.theme = name;
+    redraw();
+  };
+
+  const { theme, print, rover, soon: ready, resize, brush, hover, scenes } = page;
+  return { show, load, theme, print, rover, ready, resize, choose, showStep, brush, hover, state, scenes };
+})();
+window.lrm = lrm;

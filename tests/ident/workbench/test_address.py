@@ -1,0 +1,37 @@
+"""The page's address is told when somebody answers there, not before."""
+
+from __future__ import annotations
+
+import asyncio
+import socket
+from pathlib import Path
+
+import pytest
+
+from lrm_ident.workbench.address import HOST, LOOK_S, new_place
+from tests.support.browser import workbench
+from tests.support.commands import part_of_example
+
+
+def test_waits_for_the_server_to_listen(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
+    place = new_place(None)
+
+    async def run() -> None:
+        waiting = asyncio.create_task(place.listening())
+        await asyncio.sleep(5 * LOOK_S)
+        assert not waiting.done(), "nobody listens yet"
+        server = await asyncio.start_server(lambda _, writer: writer.close(), HOST, place.port)
+        await waiting
+        server.close()
+
+    asyncio.run(asyncio.wait_for(run(), 60.0))
+
+
+@pytest.mark.slow
+def test_the_first_request_after_the_address_is_printed_is_answered(tmp_path: Path) -> None:
+    with workbench(part_of_example(tmp_path, 60), cwd=tmp_path) as running:
+        port = int(running.origin.rsplit(":", 1)[1])
+        with socket.create_connection((HOST, port)) as one:
+            one.sendall(b"GET / HTTP/1.0\r\nHost: 127.0.0.1\r\n\r\n")
+            assert one.recv(9) == b"HTTP/1.1 "

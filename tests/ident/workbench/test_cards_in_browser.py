@@ -1,0 +1,55 @@
+"""Cards of steps say what is true of the rivals: those that were tried, that none was near, or how to learn it."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.conftest import EXAMPLE
+from tests.support.commands import stdout_of
+
+STEPS = ("backlash@joint2", "eccentricity@joint5")
+
+
+@pytest.fixture(scope="module")
+def stepped(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A model file with two steps after the fit."""
+    folder = tmp_path_factory.mktemp("stepped")
+    stdout_of("fit", EXAMPLE, "-o", folder / "0.toml")
+    for number, effect in enumerate(STEPS):
+        stdout_of("add", folder / f"{number}.toml", EXAMPLE, effect, "-o", folder / f"{number + 1}.toml")
+    return folder / "2.toml"
+
+
+def cards(browser: Any, model: Path, text: str) -> list[str]:
+    """The words of the cards in the report of a model with this text, and of the line at their end."""
+    model.write_text(text, encoding="utf-8")
+    page, report = browser.new_page(), model.with_suffix(".html")
+    stdout_of("report", model, EXAMPLE, "-o", report)
+    page.goto(report.as_uri())
+    page.wait_for_selector("#lrm-cards article")
+    found = page.eval_on_selector_all("#lrm-cards > *", "(all) => all.map((one) => one.innerText)")
+    page.close()
+    return [str(one) for one in found]
+
+
+@pytest.mark.slow
+def test_cards_say_what_is_known_of_rivals(browser: Any, stepped: Path, tmp_path: Path) -> None:
+    text, model = stepped.read_text(encoding="utf-8"), tmp_path / "m.toml"
+    first, second, together = cards(browser, model, text)
+    assert "torque_curve@joint2): alone it would have left 0.5" in first
+    assert "a free curve, of more parameters" in first
+    assert "alone it would have left" in second
+    assert re.fullmatch(r"All 2 steps together: 3\.0\d → 0\.5\d mm, held out\.", together)
+
+    rivals = r"\[history\.rivals_mm\]\n(\".*\n)+"
+    far, _, _ = cards(browser, model, re.sub(rivals, '[history.rivals_mm]\n"compliance@joint1" = 2.5\n', text))
+    assert "No other effect explained it as well." in far
+    assert "(compliance@joint1): alone it would have left 2.50 mm" in far
+
+    first, second, _ = cards(browser, model, re.sub(rivals, "", text))
+    assert "take these steps back (lrm-ident undo 2 times) and diagnose the model before it" in first
+    assert "take this step back (lrm-ident undo) and diagnose the model before it" in second
