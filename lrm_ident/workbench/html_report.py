@@ -19,6 +19,7 @@ BODY = """<header>
 <h1>{title}</h1>
 <p id="lrm-fall" class="lrm-fall"></p>
 <p class="verdict" id="lrm-verdict">{verdict}</p>
+<p id="lrm-next"></p>
 <p class="lrm-soft">{summary}</p>
 <div class="lrm-controls screen-only"><button type="button" id="lrm-theme">Light or dark</button></div>
 </header>

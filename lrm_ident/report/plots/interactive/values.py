@@ -77,6 +77,7 @@ def figure_values(found: ModelReport) -> dict[str, Any]:
         "bound": None if found.diagnosis is None else found.diagnosis.values["noise_bound_rms_mm"],
         "marked": {why: list(numbers) for why, numbers in (found.marked or {}).items()},
         "where": _where(found),
+        "next": "" if found.diagnosis is None else found.diagnosis.values["next_poses_hint"],
         "ranking": [] if found.diagnosis is None else _ranking(found, found.diagnosis.values),
     }
 
@@ -224,6 +225,7 @@ def _candidate(view: CandidateView, advice: Mapping[str, Any], standing: str, we
         "joint": view.joint,
         "driver": view.driver,
         "second": view.second,
+        "function": view.function,
         "form": rounded(np.where(observable, np.degrees(view.form), np.nan), ANGLE),
         "around": rounded(np.where(observable, np.degrees(view.around), np.nan), ANGLE),
     }
