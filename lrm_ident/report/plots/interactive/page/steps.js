@@ -107,7 +107,7 @@ function lrmSteps(page) {
     const out = element("article", "", "lrm-card-of-step"), fall = `${words(card.before)} → ${words(card.after)} mm`;
     const heading = element("h3", `${card.step}. ${named(card)}: ${fall}`);
     const share = card.share === null ? "" : `; ${Math.round(100 * card.share)} % of the mean square above the noise`;
-    out.append(heading, element("p", `${card.claim ? card.claim + ". " : ""}${card.held ? "Held-out RMS" : "RMS on these data"}: ${fall}${share}.`));
+    out.append(heading, element("p", `${card.claim ? (card.equivalent.length ? "If it is this one: " : "") + card.claim + ". " : ""}${card.held ? "Held-out RMS" : "RMS on these data"}: ${fall}${share}.`));
     const against = element("div", "", "lrm-rivals");
     if (card.unrivalled) against.append(element("p", "No other effect explained it as well."));
     if (card.rivals.length) {
