@@ -37,7 +37,7 @@ from lrm_ident.report.fit import comparison_document, fit_document
 from lrm_ident.report.plots.comparison import draw_comparison
 from lrm_ident.report.priors import PriorComparison
 from lrm_ident.residual.error_breakdown import HeldOutResidual
-from lrm_ident.study.inputs import at_data
+from lrm_ident.study.other_data import at_data
 from lrm_ident.study.study import Study
 from lrm_math.arm.arm import Arm
 from lrm_math.errors import FileError, LrmError
@@ -95,7 +95,7 @@ def fit(
     """
     arm_name, the_arm = arm_for(data, arm)
     measured = leave_out_poses(read_measurements(data, the_arm, arm_name, reading), leave_out)
-    model = _start_model(the_arm, effects, start, catalogue := catalogue_with(effects_file))
+    model = _start_model(measured, the_arm, effects, start, catalogue := catalogue_with(effects_file))
     with bars() as progress:
         begun = Study(model, measured, arm_name, catalogue, progress=progress)
         fitted = begun.fit(parameters, loss_named(loss), prior, unbounded)
@@ -129,7 +129,10 @@ def predict(
             f"{poses.name}: angles read as the options, the file beside it or the model's fit say; "
             "those written are the arm file's own, in deg"
         )
-    rest = equilibrium(at_data(the_model, file, poses), load_poses(poses, the_model.arm, how))
+    asked = load_poses(poses, the_model.arm, how)
+    here, left_out = at_data(the_model, poses, asked.sha256 or "")
+    tell(left_out)
+    rest = equilibrium(here, asked)
     table = _predictions(rest)
     within, q = the_model.within, rest.poses.q
     if within is not None and (said := within.sentence(q)):
@@ -190,10 +193,13 @@ def _without_prior(begun: Study, fitted: Study, prior: Prior, parameters: str, u
     return replace(known, alone=alone.taken.fit, alone_held_out=alone.held_out)
 
 
-def _start_model(arm: Arm, effects: str | None, start: Path | None, catalogue: Catalogue) -> Model:
+def _start_model(data: Measurements, arm: Arm, effects: str | None, start: Path | None, catalogue: Catalogue) -> Model:
     loaded = read_model(start, catalogue)[1] if start else None
     if loaded and loaded.arm != arm:
         raise FileError(str(start), "arm", f"is a model of {loaded.arm.name}, the data are of {arm.name}")
+    if loaded:
+        loaded, left_out = at_data(loaded, data.path, data.sha256)
+        tell(left_out)
     if effects is None and loaded:
         return loaded
     names = DEFAULT_EFFECTS if effects is None else [name.strip() for name in effects.split(",")]

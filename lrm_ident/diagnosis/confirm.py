@@ -77,8 +77,10 @@ class ConfirmedDiagnosis:
 
     @property
     def verdict(self) -> Verdict:
-        """The diagnosis's, unless what it selected does not lower the held-out error when refitted."""
-        return "unexplained_structure" if self.refused and not self.supported else self.diagnosis.verdict
+        """The diagnosis's, unless what it selected does not lower the held-out error when refitted: that is structure.
+        Beside no more than a known noise without structure it is none."""
+        quiet = self.diagnosis.verdict == "nothing_missing"
+        return "unexplained_structure" if self.refused and not self.supported and not quiet else self.diagnosis.verdict
 
 
 def confirm(

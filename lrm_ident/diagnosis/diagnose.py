@@ -205,7 +205,7 @@ def _score(
 def _select(scores: Screening, progress: OnProgress, refused: Collection[str] = ()) -> Diagnosis:
     whole, data, linear, ranked = scores.fit, scores.data, scores.linear, scores.ranked
     fitted, part = whole.take(scores.screened), data.take(scores.screened)
-    floor, structure = noise_floor(data), residual_structure(part.poses.q, linear.residual, linear.basis)
+    floor, structure = noise_floor(data, whole.rest), residual_structure(part.poses.q, linear.residual, linear.basis)
     quiet = _like_noise(whole, data, floor, structure)
     possible = [one for one in ranked if one.name not in refused]
     tried = [one for one in possible if not quiet or one.candidate.standing == REFINEMENT]

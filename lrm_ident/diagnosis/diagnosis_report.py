@@ -41,6 +41,8 @@ NEXT: Mapping[str, str] = {
     "unpredictable": "Measure some of these poses again, in another order: what repeats belongs to the arm, what does "
     "not is loose, creeps or is noise.",
     "nothing_missing": "Deploy the model, and verify it at new poses.",
+    "noise_unknown": "Measure five poses twice or more (column repeat_of), or state the instrument's noise "
+    "(noise_sd_mm), and ask again.",
 }
 """What to do after a verdict that names no effect."""
 
@@ -94,8 +96,10 @@ class DiagnosisReport(ShownInNotebook):
 
     @property
     def far_rows(self) -> tuple[int, ...]:
-        """Rows with more than noise left and no name: those far from what the others show, the farthest first."""
-        if self.verdict not in ("unexplained_structure", "unpredictable"):
+        """Rows with more than noise left and no name, where nothing predicts it: those far from what the others show,
+        the farthest first."""
+        found = self.left.predictable.more_to_find or self.diagnosis.unexplained.functions
+        if found or self.verdict not in ("unexplained_structure", "unpredictable"):
             return ()
         fit = self.diagnosis.fit
         return tuple(sorted(fit.outliers, key=lambda row: -float(np.linalg.norm(fit.residual[row]))))
@@ -164,7 +168,8 @@ def _rank(scored: ScoredCandidate, confirmed: ConfirmedDiagnosis, before: ErrorS
     leaders = tuple(one.name for one in supported[:1] if scored.name in diagnosis.equivalent[one.name])
     equivalent = leaders or (diagnosis.equivalent[scored.name] if scored in supported else ())
     verdict: Literal["supported", "indistinguishable", "no_evidence"] = "no_evidence"
-    other = "with the effects above there is no need of it" if supported else "no refit confirmed what was selected"
+    none = "no refit confirmed what was selected" if confirmed.refused else "not by more than chance"
+    other = "with the effects above there is no need of it" if supported else none
     why = f"alone it would leave {in_mm(rms)} mm, but {confirmed.refused.get(scored.name, other)}"
     if equivalent or scored in supported:
         verdict = "indistinguishable" if equivalent else "supported"
@@ -206,7 +211,7 @@ def _describe_effect(scored: ScoredCandidate, estimates: Estimates) -> str:
     chosen = {p.name: _chosen(p, value) for p, value in zip(effect.parameters, scored.shape, strict=True)}
     numbers = {**chosen, **words}
     sentence = effect.about.claim
-    claim = sentence.format(place=effect.place, **numbers) if sentence else f"{effect.id} at {effect.place}"
+    claim = sentence.format(place=effect.place_in_words, **numbers) if sentence else f"{effect.id} at {effect.place}"
     left = [one for one in estimates if one[0] not in sentence]
     if any(one not in left for one in estimates if one[2]) or not left or len(left) > TOO_MANY:
         return claim
@@ -223,12 +228,14 @@ def _chosen(parameter: Parameter, value: float) -> str:
 
 
 def with_unit(value: float, error: float | None, unit: str) -> str:
-    """An estimate with its standard error, if it has one, in the unit that is shown, for instance `2.3 ± 0.1°`."""
+    """An estimate with its standard error (a shape has none) in the unit that is shown, for instance `2.3 ± 0.1°`."""
     scale, symbol = DISPLAY_UNITS.get(unit, (1.0, f" {unit}"))
     if unit == "pose":
         return f"pose {value:.0f}"
-    number = f"{value * scale:.3g}" if error is None else quantity(value * scale, error * scale)
-    return f"{number}{symbol}"
+    shown = value * scale
+    if error:
+        return f"{quantity(shown, error * scale)}{symbol}"
+    return f"{f'{shown:.0f}' if abs(shown) >= 100 else f'{shown:.3g}'}{symbol}"
 
 
 def _hint(diagnosis: Diagnosis, supported: Sequence[ScoredCandidate]) -> str:

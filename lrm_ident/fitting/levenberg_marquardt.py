@@ -121,7 +121,7 @@ def fit(
     if field_of(model) is not None:
         raise LrmError("a residual field is fitted last, on what the causes leave; take it out first (undo)")
     start = equilibrium(model, data.poses, near)
-    model = replace(model, within=measured_range(start))
+    model = replace(model, within=measured_range(start), fitted_to=data.sha256)
     limits = bounds or bounds_of(model, model.free)
     smooth = Smoothness.of(model, prior)
     objective = Objective(model, data, loss, smooth.prior)
@@ -156,7 +156,7 @@ def check_enough(poses: int, parameters: int, prior: Prior | None = None) -> Non
 def _fit_at(optimum: Optimum, damped: bool) -> Fit:
     """The fit that an optimum makes."""
     objective, iterate, free = optimum.objective, optimum.iterate, optimum.free
-    data, distance, model = objective.data, iterate.distance, iterate.rest.model.with_free(objective.model.free)
+    data, distance, model = objective.data, iterate.distance, objective.model.with_values(iterate.rest.model.values)
     covariance, parameters, sigma = np.zeros((len(free), len(free))), 0.0, objective.residual_sd(iterate)
     if free.any():
         noise = NoiseScale(objective.noise_scale(iterate).scale, optimum.noise.sigma)

@@ -14,7 +14,7 @@ from pydantic import Field
 from lrm_math.arm.arm import Arm
 from lrm_math.arrays import Array
 from lrm_math.effects import CATALOGUE, FREE_FORMS, Effect, Parameter
-from lrm_math.effects.session_errors import Anchor
+from lrm_math.effects.tracker_errors import Anchor
 from lrm_math.errors import FileError, LrmError, UnknownName, name_suggestion
 from lrm_math.model.covariance import CovarianceTable, correlation_matrix
 from lrm_math.model.model import Model

@@ -20,6 +20,7 @@ from lrm_ident.report.fit import error_blocks, parameter_table
 from lrm_ident.residual.error_breakdown import HeldOutResidual
 from lrm_ident.residual.predictable_residual import PredictableResidual
 from lrm_ident.residual.residual_structure import noise_floor
+from lrm_ident.residual.thresholds import MIN_GAIN
 from lrm_ident.study.error_summary import ErrorSummary
 from lrm_ident.study.field_step import WHAT_IT_IS
 from lrm_ident.study.step import StudyStep
@@ -140,11 +141,22 @@ def _verdict(report: DiagnosisReport) -> str:
         )
     if report.verdict == "noise_unknown":
         bound = report.left.predictable.noise_bound
-        return (
-            f"{VERDICTS[report.verdict]}: the noise is not known, and at most {in_mm(bound)} mm. Measure five poses "
-            "twice or more (column repeat_of), or state the instrument's noise (noise_sd_mm), and ask again."
-        )
+        return f"{VERDICTS[report.verdict]}: the noise is not known, and at most {in_mm(bound)} mm."
+    if report.verdict == "unexplained_structure":
+        return f"{VERDICTS[report.verdict]}{_looks_like(report)}"
+    if report.first is not None:
+        return f"{VERDICTS[report.verdict]} {report.first.why[0].upper()}{report.first.why[1:]}."
     return VERDICTS[report.verdict]
+
+
+def _looks_like(report: DiagnosisReport) -> str:
+    """The free function that explains most of unexplained structure, if one saves enough to be worth a word."""
+    found, held_out = report.diagnosis.unexplained, report.held_out.rms
+    named = {function.name: rms for function, rms in found.ranking}
+    best = found.functions[0].name if found.functions else next(iter(named), "")
+    if best not in named or named[best] > (1.0 - MIN_GAIN) * held_out:
+        return ""
+    return f" It looks most like {best}, which would leave {in_mm(named[best])} of {in_mm(held_out)} mm held out."
 
 
 def _far_poses(report: DiagnosisReport) -> Iterator[str]:
@@ -221,7 +233,7 @@ def step_blocks(number: int, step: AutoStep, start: AutoStep) -> Iterator[Block]
 
 def _share_words(step: AutoStep) -> str:
     """Share of the error that a step took away, and whether it names a cause."""
-    known = noise_floor(step.data).rms is not None
+    known = noise_floor(step.data, step.fit.rest).rms is not None
     took = f"took {in_percent(step.share)} % of the mean square{' above the noise' if known else ''}"
     if step.refines:
         return f"{took}; description: another form of {' or '.join(step.refines)}, no new cause"
@@ -322,5 +334,6 @@ def left_values(left: PredictableResidual) -> dict[str, object]:
 def noise_words(floor_mm: float | None, source: str, left: PredictableResidual) -> str:
     """The noise floor, or its upper bound where it is not known."""
     if floor_mm is None:
-        return f"unknown (at most {in_mm(left.predictable.noise_bound)} mm: the rest can be predicted)"
+        most = f"at most {in_mm(left.predictable.noise_bound)} mm"
+        return f"unknown ({most}: the rest can be predicted)" if left.predictable.more_to_find else f"unknown ({most})"
     return f"{in_mm(floor_mm * 1e-3)} mm ({source})"

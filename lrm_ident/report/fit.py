@@ -62,9 +62,7 @@ def fit_document(
     how = fit_words(fit.loss.name, data.left_out)
     unseen = "" if held_out is None else f"; on poses that it never saw it is {in_mm(held_out.rms)} mm"
     blocks = [
-        heading(
-            f"The RMS error fell {fall(before, fitted)} mm ({in_percent(1 - fitted / before)} % less){unseen}."
-        ),
+        heading(f"The RMS error fell {fall(before, fitted)} mm ({in_percent(1 - fitted / before)} % less){unseen}."),
         *([heading(DAMPED)] if fit.damped else []),
         *error_blocks(errors, f"{len(data)} poses, {len(model.free)} parameters{how and '; ' + how}"),
         *section(IMPLAUSIBLE, _implausible(model)),

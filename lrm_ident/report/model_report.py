@@ -19,6 +19,7 @@ from lrm_ident.residual.covariates import Covariate, covariates
 from lrm_ident.residual.error_breakdown import ModelComparison
 from lrm_ident.residual.picture.error_field import ErrorField, error_field
 from lrm_ident.study.model_history import models_of_history
+from lrm_ident.study.other_data import at_data
 from lrm_ident.study.study import Study
 from lrm_math.model.equilibrium import equilibrium
 from lrm_math.model.model_file import ModelFile, to_model
@@ -91,7 +92,7 @@ def quick_report(study: Study) -> ModelReport:
     """Report that costs no refit: error field and parameters. Raises `FileError`, `NoEquilibrium`."""
     file, model, data = study.file, study.model, study.data
     models = [(name, to_model(data.path, one, model.arm, study.catalogue)) for name, one in models_of_history(file)]
-    arrows = error_field(data, models)
+    arrows = error_field(data, [(name, at_data(one, data.path, data.sha256)[0]) for name, one in models])
     known = covariates(data, equilibrium(model, data.poses).joint_torque)
     drawn = tuple(one.take(arrows.rows) for one in known)
     errors = {key: sd * models[-1][1].parameters[models[-1][1].position(key)].si for key, sd in file.sigma.items()}

@@ -11,6 +11,7 @@ from scipy.special import chdtrc, fdtrc, ndtr
 
 from lrm_ident.data.measurements import Measurements
 from lrm_math.arrays import Array
+from lrm_math.model.equilibrium import Equilibrium
 
 NEIGHBOURS, DRAWS, SEED = 6, 400, 0
 PAIRS_AT_ONCE = 200
@@ -49,16 +50,23 @@ class NoiseFloor:
         return float(fdtrc(lack, pure, max(0.0, (degrees_of_freedom * ratio - pure) / lack))) if lack > 0 else 1.0
 
 
-def noise_floor(data: Measurements) -> NoiseFloor:
-    """Pooled standard deviation of repeated poses where there are some, else from the file, else unknown."""
+def noise_floor(data: Measurements, rest: Equilibrium) -> NoiseFloor:
+    """Noise of the measurements: pooled standard deviation of what a model leaves at repeated poses (pure error, Draper
+    and Smith 1998, section 2.1), else from the file, else unknown.
+
+    A pose that is repeated from the other side, or under another load, does not repeat what friction and springs add:
+    what the model at `rest` knows of that is no noise.
+    """
     alone = data.distance is not None and not len(data.positions)
-    values = data.distance[:, None] if alone and data.distance is not None else data.tcp
-    axes = 1.0 if alone else 3.0
-    rows = np.flatnonzero(~np.isnan(values[:, 0]))
+    measured = data.distance[:, None] if alone and data.distance is not None else data.tcp
+    axes = measured.shape[1]
+    left = data.residual(rest)
+    left = left[:, -1:] if alone else left[:, :axes]
+    rows = np.flatnonzero(~np.isnan(measured[:, 0]))
     groups = [rows[data.repeat_of[rows] == number] for number in np.unique(data.repeat_of[rows])]
     repeats = [rows for rows in groups if len(rows) > 1]
     if repeats:
-        squares = sum(float(((values[rows] - values[rows].mean(axis=0)) ** 2).sum()) for rows in repeats)
+        squares = sum(float(((left[rows] - left[rows].mean(axis=0)) ** 2).sum()) for rows in repeats)
         degrees_of_freedom = axes * sum(len(rows) - 1 for rows in repeats)
         return NoiseFloor(float(np.sqrt(squares / degrees_of_freedom)), "replicates", axes, degrees_of_freedom)
     if data.sd is not None:

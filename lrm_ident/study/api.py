@@ -12,6 +12,7 @@ result. The functions below do one step on a model and measurements.
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -31,6 +32,7 @@ from lrm_ident.fitting.loss import SQUARED, loss_named
 from lrm_ident.fitting.model_fit import DEFAULT_EFFECTS
 from lrm_ident.residual.error_breakdown import ModelComparison
 from lrm_ident.study.inputs import read_measurements, read_study
+from lrm_ident.study.other_data import at_data
 from lrm_ident.study.step import StudyStep
 from lrm_ident.study.study import MAX_EFFECTS, Study
 from lrm_math.arrays import Array
@@ -94,7 +96,8 @@ def fit(
 def compare(model: Model | Fit, data: Measurements, loss: str | None = None) -> ModelComparison:
     """Error of a model on measurements beside its held-out error, split by what it may depend on.
 
-    Here and below: a `Fit` brings its loss along; else `loss` says it, least squares if not given.
+    Here and below: a `Fit` brings its loss along; else `loss` says it, least squares if not given. On other data than
+    those of the fit, effects that belong to one session are left out, and a warning names them.
     """
     return _study(model, data, loss).compare()
 
@@ -115,8 +118,12 @@ def auto(model: Model | Fit, data: Measurements, max_effects: int = MAX_EFFECTS,
 
 
 def predict(model: Model, poses: Poses) -> Array:
-    """(N, 3) TCP positions (m) at elastic equilibrium. Raises `NotSettled` if there is none."""
-    return equilibrium(model, poses).tcp
+    """(N, 3) TCP positions (m) at elastic equilibrium. Raises `NotSettled` if there is none.
+
+    At poses of a file other than that of the fit, effects of a session are left out, and a warning names them; they
+    follow the numbers and times of poses that are of no file.
+    """
+    return equilibrium(model if poses.sha256 is None else _here(model, None, poses.sha256), poses).tcp
 
 
 def save(fit: Fit, data: Measurements, path: str | Path) -> None:
@@ -127,7 +134,16 @@ def save(fit: Fit, data: Measurements, path: str | Path) -> None:
 
 
 def _study(model: Model | Fit, data: Measurements, loss: str | None) -> Study:
-    """A study of a model that knows where the data's distances start. Raises `UnknownName`."""
+    """A study of a model at these data, that knows where their distances start. Raises `UnknownName`."""
     the_model, own = (model, SQUARED) if isinstance(model, Model) else (model.model, model.loss)
     how = own if loss is None else loss_named(loss)
-    return Study(with_anchor(the_model, data), data, data.arm_name or the_model.arm.name, loss=how)
+    here = _here(the_model, data.path, data.sha256)
+    return Study(with_anchor(here, data), data, data.arm_name or the_model.arm.name, loss=how)
+
+
+def _here(model: Model, data: Path | None, sha256: str) -> Model:
+    """The model at the poses of a file, with a warning of what is left out there."""
+    here, left_out = at_data(model, data, sha256)
+    for words in left_out:
+        warnings.warn(words, stacklevel=4)
+    return here

@@ -15,10 +15,10 @@ from lrm_ident.fitting.effect_plugins import Catalogue, catalogue_with, file_of,
 from lrm_ident.fitting.loss import SQUARED, loss_named
 from lrm_ident.fitting.progress import Progress, unheard
 from lrm_ident.study.model_history import fit_words
+from lrm_ident.study.other_data import at_data
 from lrm_ident.study.study import Study
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_file import shipped_arms
-from lrm_math.model.deployed_model import after_changes
 from lrm_math.model.equilibrium import equilibrium
 from lrm_math.model.model import Model
 from lrm_math.model.model_file import ModelFile, arm_of, to_model
@@ -35,6 +35,8 @@ def read_study(
     part: Callable[[Measurements, Sequence[int]], Measurements] = Measurements.without,
 ) -> Study:
     """A model file and measurements of its arm, read as those of its fit and without those that it left out.
+
+    On other measurements than those of its fit the model is without effects that belong to one session (`at_data`).
 
     Args:
         effects_file: a Python file with effects of the user's own.
@@ -55,7 +57,8 @@ def read_study(
             measured = part(measured, ())
         if how := fit_words(known.loss, measured.left_out):
             notices += (f"as in the model's fit: {how}",)
-    anchored = with_anchor(at_data(loaded, file, measured.path), measured)
+    here, left_out = at_data(loaded, measured.path, measured.sha256)
+    anchored = with_anchor(here, measured)
     weighed = with_model_error(measured, equilibrium(anchored, measured.poses), len(anchored.free))
     return Study(
         anchored,
@@ -64,7 +67,7 @@ def read_study(
         catalogue,
         SQUARED if known is None else loss_named(known.loss),
         file,
-        notices=(*notices, *model_error_words(weighed)),
+        notices=(*notices, *left_out, *model_error_words(weighed)),
         progress=progress,
     )
 
@@ -77,12 +80,6 @@ def read_model(path: Path, catalogue: Catalogue) -> tuple[ModelFile, Model, tupl
     if own and known and known.effects_sha256 not in (None, sha256_of(own)):
         return file, model, (f"{own} is not the file that {path.name} was fitted with (its SHA-256 differs)",)
     return file, model, ()
-
-
-def at_data(model: Model, file: ModelFile, data: Path) -> Model:
-    """The model at the poses of a file: that of its fit, which may have grown, or another one, measured since."""
-    known = file.provenance
-    return model if known is None or known.data == data.name else after_changes(model)
 
 
 def read_measurements(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -165,7 +166,8 @@ def as_written(model: Model, arm: str) -> Model:
     """A model as it is read again from its own file: effects in the file's order, values through the file's units."""
     effects, parameters = effect_names(model.effects), parameter_tables(model)
     file = ModelFile(schema="lrm/model/1", arm=arm, effects=effects, parameters=parameters, range=range_table(model))
-    return to_model(Path(arm), file, model.arm, tuple({type(effect) for effect in model.effects}))
+    read = to_model(Path(arm), file, model.arm, tuple({type(effect) for effect in model.effects}))
+    return replace(read, fitted_to=model.fitted_to)
 
 
 def model_text(file: ModelFile) -> str:

@@ -23,10 +23,10 @@ from lrm_ident.study.error_summary import ErrorSummary
 from lrm_ident.study.step import StudyStep
 from lrm_math.effects import CATALOGUE
 from lrm_math.errors import LrmError
-from lrm_math.model.covariance import Covariance, to_covariance
+from lrm_math.model.covariance import Covariance
 from lrm_math.model.equilibrium import equilibrium
 from lrm_math.model.model import Model, model_of
-from lrm_math.model.model_file import ModelFile
+from lrm_math.model.model_file import ModelFile, covariance_of, to_model
 from lrm_math.model.uncertainty import field_speaks
 
 
@@ -79,8 +79,11 @@ class ModelOnData:
         """Covariance of the parameters of the last fit; None where the model file has none."""
         if self.step is not None:
             return Covariance(self.step.fit.model.free, self.step.fit.covariance)
-        known = None if self.source is None else self.source.covariance
-        return None if known is None or self.source is None else to_covariance(known, self.source.sigma, self.model)
+        if self.source is None:
+            return None
+        whole = to_model(self.data.path, self.source, self.model.arm, self.catalogue)
+        known = covariance_of(self.data.path, self.source, whole)
+        return None if known is None else known.marginal(whole, self.model)
 
     @property
     def taken(self) -> StudyStep:

@@ -21,6 +21,7 @@ from lrm_ident.fitting.progress import Progress, unheard
 from lrm_ident.residual.error_breakdown import HeldOutResidual
 from lrm_ident.study.model_history import as_written, auto_step_name, model_file, undo_step, write_model
 from lrm_ident.study.model_on_data import ModelOnData
+from lrm_ident.study.other_data import at_data
 from lrm_ident.study.step import StudyStep
 from lrm_math.effects import CATALOGUE, effects_at
 from lrm_math.errors import LrmError
@@ -204,7 +205,7 @@ class Study(ModelOnData, ShownInNotebook):
             return before
         file = undo_step(self.file)
         model = to_model(self.data.path, file, self.model.arm, self.catalogue)
-        return replace(self, model=model, source=file, step=None)
+        return replace(self, model=at_data(model, self.data.path, self.data.sha256)[0], source=file, step=None)
 
     def identifiable(self) -> Study:
         """Frees only parameters that the data alone identify, whatever a prior decided in the fit; without a field."""

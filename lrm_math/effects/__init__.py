@@ -39,6 +39,7 @@ ALL_EFFECTS: tuple[type[Effect], ...] = tuple(
         "backlash.AxialPlay",
         "backlash.Hysteresis",
         "servo_errors.ServoGain",
+        "servo_errors.CommonGain",
         "servo_errors.Eccentricity",
         "servo_errors.Quantisation",
         "forces.CableSpring",
@@ -48,8 +49,8 @@ ALL_EFFECTS: tuple[type[Effect], ...] = tuple(
         "session_errors.Drift",
         "session_errors.Session",
         "session_errors.ChangePoint",
-        "session_errors.MeasurementFrame",
-        "session_errors.Anchor",
+        "tracker_errors.MeasurementFrame",
+        "tracker_errors.Anchor",
         "compliance.ServoDroop",
         # other forms, from plain to rich
         "compliance.BendingEnds",
@@ -60,8 +61,9 @@ ALL_EFFECTS: tuple[type[Effect], ...] = tuple(
         "curves.AngleCurve",
         "curves.CouplingCurve",
         "curves.CableCurve",
-        "drift_curve.DriftCurve",
+        "session_errors.DriftCurve",
         "session_errors.SecondChangePoint",
+        "tracker_errors.FrameCurve",
         # no causes
         "field.residual_field.ResidualField",
     )

@@ -40,6 +40,9 @@ UNIT_IN_SI = {
     "mm_per_K": 1e-3,
     "Nm_per_rad": 1.0,
     "mm_per_m": 1e-3,
+    "mm_per_m2": 1e-3,
+    "mm_per_m_per_K": 1e-3,
+    "mm_per_m3": 1e-3,
 }
 Amounts = tuple[Number, ...]
 FEW_REVERSALS = 4
@@ -213,6 +216,11 @@ class Effect(ABC):
     def name(self) -> str:
         """`id@place`."""
         return f"{self.id}@{self.place}"
+
+    @property
+    def place_in_words(self) -> str:
+        """Where it acts, for sentences: what a measurement shows may stand elsewhere, too."""
+        return self.place
 
     @cached_property
     def keys(self) -> tuple[str, ...]:

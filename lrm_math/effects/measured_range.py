@@ -61,6 +61,7 @@ class MeasuredRange:
         angle: commands of every joint (rad). payload: kg.
         load: on slots, by key: N·m, or N along one that slides.
         t, running: s since the start, and since the session began; None where no time was known.
+        tcp: of the TCP's x, y and z (m); None where it is not known.
     """
 
     angle: tuple[Interval, ...]
@@ -68,6 +69,7 @@ class MeasuredRange:
     load: Mapping[str, Interval] = field(default_factory=dict)
     t: Interval | None = None
     running: Interval | None = None
+    tcp: tuple[Interval, ...] | None = None
 
     def outside(self, q: Array) -> NDArray[np.bool_]:
         """(N, n), joints that stand outside their range at commands q (N, n) (rad)."""

@@ -1,4 +1,4 @@
-"""Errors between commanded and real joint angle: servo gain, eccentricity, joint coupling, quantisation."""
+"""Errors between commanded and real joint angle: gain of a servo or of all, eccentricity, coupling, quantisation."""
 
 from __future__ import annotations
 
@@ -42,6 +42,43 @@ class ServoGain(AngleDependentEffect, LinearEffect):
         """q on the parameter's own side."""
         q = poses.angle(self.joint)
         return (positive_part(q),), (negative_part(q),)
+
+
+class CommonGain(LinearEffect):
+    """Gain error that all servos share: the clock of the board that makes their pulses."""
+
+    id = "common_gain"
+    depends_on = ("angle",)
+    about = Description(
+        cause=(
+            "The oscillator of a servo board is off by some percent, and with it every pulse; or all servos were "
+            "scaled by the same wrong factor."
+        ),
+        formula="δq_j = g q_j at every joint j; what a longer pulse adds at zero is in the offsets",
+        source="PCA9685 data sheet: an internal oscillator of nominally 25 MHz",
+        claim="{place} turns {g_rad_per_rad} too far",
+    )
+    extrapolation = Extrapolation.PROPORTIONAL
+    parameters = (Parameter("g_rad_per_rad", "gain error of all servos", 0.02),)
+
+    @classmethod
+    def places(cls, arm: Arm) -> tuple[str, ...]:
+        """All servos together, of an arm with several."""
+        return ("servos",) if arm.dof > 1 else ()
+
+    @property
+    def targets(self) -> tuple[str, ...]:
+        """The angle of every joint."""
+        return tuple(f"{joint}.theta" for joint in self.arm.joint_names)
+
+    @property
+    def place_in_words(self) -> str:
+        """All servos."""
+        return "every servo"
+
+    def basis(self, poses: Poses, tau: Amounts) -> tuple[Amounts, ...]:
+        """q_j."""
+        return (tuple(poses.angle(joint) for joint in range(self.arm.dof)),)
 
 
 class Eccentricity(AngleDependentEffect, LinearEffect):

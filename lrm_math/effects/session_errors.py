@@ -1,8 +1,10 @@
-"""Errors that belong to one measurement session: thermal drift, power cycles, the instruments that measure."""
+"""Errors that belong to one measurement session: thermal drift, power cycles, sudden displacements."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cached_property
+from math import log1p
 from typing import ClassVar
 
 import numpy as np
@@ -19,7 +21,8 @@ from lrm_math.effects.base import (
     Parameter,
     separately,
 )
-from lrm_math.effects.targets import FRAME_ENTRIES
+from lrm_math.effects.curves import cubic_b_splines, spline_count
+from lrm_math.effects.targets import FRAME, FRAME_PLACE, SCALE
 from lrm_math.kinematics.poses import Poses
 
 MOST_SESSIONS = 6
@@ -28,9 +31,13 @@ MOMENTS = 24
 BASE_MOTIONS = dict.fromkeys("xyz", "mm") | dict.fromkeys(("alpha", "beta", "gamma"), "rad")
 """Motions of the base as a whole and the units of their parameters: all six, since what is not the arm's, a table or a
 tracker that is pushed, moves by any of them."""
-TYPICAL = {"rad": 0.01, "mm": 0.003}
+BASE_OR_TRACKER, ALL_LENGTHS = "base or tracker", "the scale of all lengths"
+TYPICAL = {"rad": 0.01, "mm": 0.003, "mm_per_m": 0.003}
 """Sizes of such errors (SI), by unit."""
-ANCHOR_TYPICAL = 0.1  # m: how well a point beside an arm is known without measuring it
+FAST_S, SPACING, LONGEST_S = 600.0, 0.35, 108000.0
+"""Knots are as far apart as `SPACING` times `FAST_S` and the time passed; the last at `LONGEST_S`."""
+_COUNT = spline_count(0.0, log1p(LONGEST_S / FAST_S), SPACING)
+COURSES = {"on": "since the session began", "all": "since the start"}
 
 
 class _SessionError(Effect):
@@ -46,13 +53,18 @@ class _SessionError(Effect):
 
     @property
     def targets(self) -> tuple[str, ...]:
-        """The joint's angle, or the base's position and angles."""
-        return base_or_joint(self.place)
+        """The joint's angle, the base's position and angles, or the scale of what is measured."""
+        return moved_at(self.place)
+
+    @property
+    def place_in_words(self) -> str:
+        """A base that is displaced as a whole looks like a tracker that is."""
+        return session_words(self.place)
 
     @property
     def _motions(self) -> tuple[tuple[str, str], ...]:
-        """Suffix of the parameters of each slot, and their unit: `_x`, `_alpha` … of the base, nothing of a joint."""
-        return tuple((f"_{name}", of) for name, of in BASE_MOTIONS.items()) if self.place == BASE else (("", "rad"),)
+        """Suffix of the parameters of each target, and their unit: `_x`, `_alpha` … of the base, nothing of others."""
+        return motions_of(self.place)
 
 
 class Drift(_SessionError):
@@ -63,13 +75,18 @@ class Drift(_SessionError):
     about = Description(
         cause=(
             "Servos and plastic warm up while measuring; angles creep, fast at first, then settle. Base and tracker on "
-            "their stands do so as a whole."
+            "their stands do so as a whole, and all lengths of an arm, or the scale of its tracker, grow."
         ),
         formula="A (1 − exp(−t/T)), and c (temperature − first temperature) where measured",
         source="first-order warm-up; 15 °C in ten minutes seen on RC servos",
         claim="{place} drifts as it warms up",
         needs="times (t_s), or poses numbered as they were measured; an order that does not run with one joint",
     )
+
+    @classmethod
+    def places(cls, arm: Arm) -> tuple[str, ...]:
+        """Every joint, the base, and the scale of all lengths."""
+        return (*super().places(arm), FRAME_PLACE)
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
@@ -102,6 +119,68 @@ class Drift(_SessionError):
         if excitation.poses.clock is None and excitation.poses.temperature is None:
             return "the data have neither times (t_s) nor temperatures (temp_c), and no order of poses"
         return None
+
+
+class DriftCurve(LinearEffect):
+    """Smooth function of the time since the session began and of the time since the start."""
+
+    id = "drift_curve"
+    variant_of = ("drift",)
+    depends_on = ("time",)
+    about = Description(
+        cause="Servo, gears and structure warm up at different paces, again after a break, and follow the room.",
+        formula="δ = f(time in session) + g(time), cubic splines of ln(1 + t / 600 s)",
+        source="cubic B-splines, de Boor 1978, with knots that lie closer where warming is fast",
+        claim="{place} drifts by a curve of its own",
+        needs=Drift.about.needs,
+    )
+
+    @classmethod
+    def places(cls, arm: Arm) -> tuple[str, ...]:
+        """Every place of the drift that it refines."""
+        return Drift.places(arm)
+
+    @property
+    def targets(self) -> tuple[str, ...]:
+        """The joint's angle, the base's tilts, or the scale of what is measured."""
+        return ("base.alpha", "base.beta") if self.place == BASE else moved_at(self.place)
+
+    @property
+    def place_in_words(self) -> str:
+        """As of the drift that it refines."""
+        return session_words(self.place)
+
+    @cached_property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """One coefficient for each B-spline and angle."""
+        ends = (("_alpha", "rad"), ("_beta", "rad")) if self.place == BASE else motions_of(self.place)
+        return tuple(
+            Parameter(f"{course}{i}{end}_{unit}", f"B-spline {i} of the time {meaning}", TYPICAL[unit])
+            for end, unit in ends
+            for course, meaning in COURSES.items()
+            for i in range(1, _COUNT + 1)
+        )
+
+    @property
+    def curves(self) -> tuple[tuple[str, ...], ...]:
+        """One for each time and angle."""
+        names, count = [parameter.name for parameter in self.parameters], _COUNT
+        return tuple(tuple(names[first : first + count]) for first in range(0, len(names), count))
+
+    def basis(self, poses: Poses, tau: Amounts) -> tuple[Amounts, ...]:
+        """The B-splines of both times; those of a time that is not known, or the same as the other, are zero."""
+        still, last = np.zeros(len(poses)), log1p(LONGEST_S / FAST_S)
+        found: list[np.ndarray] = []
+        for time in (poses.running, poses.t):
+            known = time is not None and not (time is poses.t and poses.session is None and poses.running is not None)
+            course = still if time is None else np.log1p(np.maximum(time, 0.0) / FAST_S)
+            functions = cubic_b_splines(course, 0.0, last, SPACING)
+            found += [np.asarray(f) if known else still for f in functions]
+        return separately([tuple(found)] * len(self.targets))
+
+    def missing_excitation(self, excitation: Excitation) -> str | None:
+        """Times must be known."""
+        return "the data have no times (t_s)" if excitation.poses.t is None else None
 
 
 class Session(_SessionError, LinearEffect):
@@ -141,9 +220,23 @@ class Session(_SessionError, LinearEffect):
         return separately([tuple(now)] * len(self.targets))
 
 
-def base_or_joint(place: str) -> tuple[str, ...]:
-    """The slots of a motion of the base in all six directions, or of a joint's angle."""
-    return tuple(f"{BASE}.{name}" for name in BASE_MOTIONS) if place == BASE else (f"{place}.theta",)
+def session_words(place: str) -> str:
+    """The place in words."""
+    return {BASE: BASE_OR_TRACKER, FRAME_PLACE: ALL_LENGTHS}.get(place, place)
+
+
+def moved_at(place: str) -> tuple[str, ...]:
+    """What moves at a place: the base in all six directions, the scale of what is measured, or a joint's angle."""
+    if place == BASE:
+        return tuple(f"{BASE}.{name}" for name in BASE_MOTIONS)
+    return (f"{FRAME}{SCALE}",) if place == FRAME_PLACE else (f"{place}.theta",)
+
+
+def motions_of(place: str) -> tuple[tuple[str, str], ...]:
+    """Suffix of the parameters of each of them, and their unit."""
+    if place == BASE:
+        return tuple((f"_{name}", unit) for name, unit in BASE_MOTIONS.items())
+    return (("", "mm_per_m" if place == FRAME_PLACE else "rad"),)
 
 
 class ChangePoint(_SessionError):
@@ -195,66 +288,3 @@ class SecondChangePoint(ChangePoint):
 
     id = "second_change_point"
     variant_of = ("change_point",)
-
-
-class MeasurementFrame(LinearEffect):
-    """Scale, shear and rotation of the tracker's frame against the base."""
-
-    id = "measurement_frame"
-    depends_on = ("session",)
-    extrapolation = Extrapolation.PROPORTIONAL
-    targets = tuple(f"frame.{entry}" for entry in FRAME_ENTRIES)
-    about = Description(
-        cause="The tracker's calibration stretches or shears space, or its frame is turned against the base target.",
-        formula="x_seen = x + (symmetric matrix of scale and shear + small rotation) x",
-        source="linear map of the tracker's frame",
-        claim="the tracker stretches x, y, z by {scale_x_mm_per_m}, {scale_y_mm_per_m}, {scale_z_mm_per_m}",
-    )
-    parameters = (
-        *(Parameter(f"scale_{axis}_mm_per_m", f"stretch along {axis}", 0.005) for axis in "xyz"),
-        *(Parameter(f"shear_{axes}_mm_per_m", f"shear between {axes}", 0.005) for axes in ("xy", "xz", "yz")),
-        *(Parameter(f"turn_{axis}_rad", f"rotation about {axis}", 0.01) for axis in "xyz"),
-    )
-
-    @classmethod
-    def places(cls, arm: Arm) -> tuple[str, ...]:
-        """The frame of measurement."""
-        return ("frame",)
-
-    def basis(self, poses: Poses, tau: Amounts) -> tuple[Amounts, ...]:
-        """The matrix of each parameter: scale and shear are symmetric, a rotation is skew."""
-        entries = ("xx", "yy", "zz", "xy yx", "xz zx", "yz zy", "zy -yz", "xz -zx", "yx -xy")
-        words = [entry.split() for entry in entries]
-        return tuple(tuple(float(e in row) - float(f"-{e}" in row) for e in FRAME_ENTRIES) for row in words)
-
-
-class Anchor(LinearEffect):
-    """Position of the point from which distances of the TCP are measured; it moves nothing of the arm."""
-
-    id = "anchor"
-    about = Description(
-        cause="The fixed end of the string or ball bar is not where it was said to be, or was never measured.",
-        formula="distance = |TCP - (stated point + x, y, z)|; without a stated point, x, y, z are its coordinates",
-        source="telescoping ball bar: Goswami, Quaid & Peshkin 1993; single wire draw: Driels & Swayze 1994",
-        claim="the distances start {x_mm}, {y_mm}, {z_mm} from the stated point",
-        needs="distances from a fixed point (distance_mm)",
-    )
-    depends_on = ("instrument",)
-    extrapolation = Extrapolation.PROPORTIONAL
-    targets = ("anchor.x", "anchor.y", "anchor.z")
-    parameters = tuple(
-        Parameter(f"{axis}_mm", f"{axis} of the fixed end of the distances", ANCHOR_TYPICAL) for axis in "xyz"
-    )
-
-    @classmethod
-    def places(cls, arm: Arm) -> tuple[str, ...]:
-        """The measured distance."""
-        return ("distance",)
-
-    def missing_excitation(self, excitation: Excitation) -> str | None:
-        """Distances must have been measured."""
-        return None if excitation.distance else "no distances (distance_mm) were measured"
-
-    def basis(self, poses: Poses, tau: Amounts) -> tuple[Amounts, ...]:
-        """The three directions."""
-        return separately([(1.0,)] * 3)

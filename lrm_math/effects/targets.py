@@ -6,7 +6,8 @@
 | `joint2.servo` | the same as `joint2.theta`, before the joint's encoder, which reads it |
 | `joint2.theta.load` | load on a slot: N·m, N; no function of loads itself |
 | `body3.mass`, `body3.com_x` … | mass (kg) and centre of mass (m) of a body, by its number from 0 outwards |
-| `frame.xx`, `frame.xy` … | an entry of the matrix that a measured position is multiplied by, less the identity |
+| `frame.xx`, `frame.xyz`, `frame.xr` … | coefficient of x, of y z (1/m), of x (x² + y² + z²) (1/m²) in the seen x |
+| `frame.s` | what a measured position is multiplied by, less one |
 | `anchor.x` … | the fixed point that distances are measured from: m |
 """
 
@@ -19,7 +20,9 @@ from lrm_math.errors import LrmError
 
 SERVO, LOAD, BODY, FRAME, ANCHOR = ".servo", ".load", "body", "frame.", "anchor."
 BODY_AMOUNTS = ("mass", "com_x", "com_y", "com_z")
-FRAME_ENTRIES = tuple(row + column for row in "xyz" for column in "xyz")
+FRAME_PLACE = FRAME.rstrip(".")
+RADIAL, SCALE = "r", "s"
+"""Term of a position by its own length squared; target of a scale of all three components alike."""
 
 
 class Kind(Enum):

@@ -32,6 +32,7 @@ class Poses:
         running: (N,), time since the first pose of the session (s), or None.
         warmed: (N,), K, temperature less that of the first pose. power_cycle: (N,), number of the session from 0, in
             the order of their numbers. Both follow from all the poses first given, and stay with each of them.
+        sha256: of the file that they were read from; None: of none.
     """
 
     q: Array
@@ -45,6 +46,7 @@ class Poses:
     running: Array | None = None
     warmed: Array | None = None
     power_cycle: NDArray[np.int64] | None = None
+    sha256: str | None = None
 
     def __post_init__(self) -> None:
         if self.warmed is None and self.temperature is not None:
@@ -91,7 +93,7 @@ class Poses:
     def take(self, rows: ArrayLike) -> Poses:
         """The poses of some rows (indices or a mask), in that order."""
         chosen = np.asarray(rows)
-        columns = {f.name: getattr(self, f.name) for f in fields(self)}
+        columns = {f.name: getattr(self, f.name) for f in fields(self) if f.name != "sha256"}
         return replace(self, **{name: column[chosen] for name, column in columns.items() if column is not None})
 
     def one(self, row: int) -> Poses:

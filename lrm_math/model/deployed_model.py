@@ -57,15 +57,17 @@ def _part(model: Model, effects: Collection[Effect]) -> Model:
         return model
     spans = [span for effect, span in zip(model.effects, model.spans, strict=True) if effect in effects]
     values = np.concatenate([np.empty(0), *(model.values[span] for span in spans)])
-    part = Model(model.arm, tuple(effects), values, within=model.within)
+    part = Model(model.arm, tuple(effects), values, within=model.within, fitted_to=model.fitted_to)
     keys = set(part.keys)
     return replace(part, free=tuple(key for key in model.free if key in keys))
 
 
-def after_changes(model: Model) -> Model:
-    """The model at poses that were measured after those of its fit: no moment of a change is still to come."""
-    moments = np.array([parameter.unit == "pose" for parameter in model.parameters], dtype=np.bool_)
-    return model.with_values(np.where(moments, 0.0, model.values)) if moments.any() else model
+def lasting_part(model: Model) -> Model:
+    """The model without effects of one measurement session: what is left at poses of any other.
+
+    It follows neither how poses are numbered nor when they were measured; the model itself if it has no such effect.
+    """
+    return _part(model, [effect for effect in model.effects if not of_a_session(effect)])
 
 
 def clock_of(model: Model) -> PwmClock | None:

@@ -22,8 +22,9 @@ from lrm_math.effects.base import Amounts
 from lrm_math.effects.targets import Kind
 from lrm_math.kinematics import statics
 from lrm_math.kinematics.chain import Chain, Number, is_zero
+from lrm_math.kinematics.dual import Dual
 from lrm_math.kinematics.forward import ChainGeometry, chain_geometry
-from lrm_math.model.effect_binding import BoundEffect, anchor_shift, bind_effect, changes_of, frame_matrix
+from lrm_math.model.effect_binding import BoundEffect, anchor_shift, bind_effect, changes_of, distortion
 from lrm_math.model.equilibrium import Equilibrium
 from lrm_math.model.sensed import TCP_ONLY, Sensed, along_distance
 
@@ -113,13 +114,19 @@ def _add_before_encoder(deflected: Array, settled: Equilibrium, sensed: Sensed) 
 def _as_measured(response: Response) -> Response:
     """The response in the tracker's distorted frame."""
     settled = response.equilibrium
+    if not settled.model.binding.distorting:
+        return response
+    by_position = np.repeat(np.eye(3)[:, :, None], len(settled.poses), axis=2)
+    moving = [Dual(x, slope) for x, slope in zip(settled.true_tcp.T, by_position.copy(), strict=True)]
     for bound in settled.model.binding.distorting:
-        distort = np.eye(3) + frame_matrix(bound.effect, bound.at(settled.poses))
-        slots, loads = response.slots.copy(), response.loads.copy()
-        for motions in (slots, loads):
-            motions[:, :3] = np.einsum("dc,scn->sdn", distort, motions[:, :3])
-        response = replace(response, slots=slots, loads=loads)
-    return response
+        added = distortion(bound, bound.at(settled.poses), moving)  # type: ignore[arg-type]
+        for row, amount in enumerate(added):
+            if isinstance(amount, Dual):
+                by_position[row] += amount.slope
+    slots, loads = response.slots.copy(), response.loads.copy()
+    for motions in (slots, loads):
+        motions[:, :3] = np.einsum("dcn,scn->sdn", by_position, motions[:, :3])
+    return replace(response, slots=slots, loads=loads)
 
 
 def parameter_jacobian(settled: Equilibrium, keys: Sequence[str] | None = None, sensed: Sensed = TCP_ONLY) -> Array:
@@ -171,7 +178,10 @@ def _add_response(out: Array, bound: BoundEffect, amounts: Amounts, response: Re
         for body, change in changes_of(bound.effect, amounts):
             _add_weight(out, body, change, response)
     elif bound.kind is Kind.FRAME:
-        out[:3] += frame_matrix(bound.effect, amounts) @ response.equilibrium.true_tcp.T
+        for component, amount in zip(
+            out, distortion(bound, amounts, list(response.equilibrium.true_tcp.T)), strict=False
+        ):
+            component += amount
     elif response.sensed.distance_from is not None:
         line = along_distance(response.equilibrium, response.sensed.distance_from)
         out[-1] -= line @ anchor_shift(bound.effect, amounts)

@@ -12,14 +12,16 @@ import numpy as np
 
 from lrm_math.arrays import Array
 from lrm_math.effects import constant
-from lrm_math.effects.base import Amounts, Effect, LinearEffect, linear_combination
+from lrm_math.effects.base import Amounts, Effect, Extrapolation, LinearEffect, linear_combination
 from lrm_math.effects.derivatives import Rows, amounts_within, by_angles, by_loads, by_parameters
-from lrm_math.effects.measured_range import MeasuredRange
-from lrm_math.effects.targets import BODY, BODY_AMOUNTS, FRAME_ENTRIES, SERVO, Kind, kind_of, slot_of
+from lrm_math.effects.measured_range import MeasuredRange, held
+from lrm_math.effects.targets import BODY, BODY_AMOUNTS, FRAME, RADIAL, SCALE, SERVO, Kind, kind_of, slot_of
 from lrm_math.errors import UnknownName
-from lrm_math.kinematics.chain import Chain, Number
+from lrm_math.kinematics.chain import Chain, Number, is_zero
 from lrm_math.kinematics.poses import Poses, poses_of
 from lrm_math.kinematics.statics import WeightChange
+
+AXES = "xyz"
 
 
 class Bases(WeakKeyDictionary[Poses, Rows]):
@@ -174,20 +176,37 @@ def changes_of(effect: Effect, amounts: Amounts) -> Iterator[tuple[int, WeightCh
         yield int(effect.targets[first].partition(".")[0].removeprefix(BODY)), WeightChange(mass, (x, y, z))
 
 
-def frame_matrix(effect: Effect, amounts: Amounts) -> Array:
-    """(3, 3), what a position is multiplied by and moved, as it is measured."""
-    return _amounts_at(effect, amounts, FRAME_ENTRIES).reshape(3, 3)
+def distortion(bound: BoundEffect, amounts: Amounts, position: Sequence[Number]) -> list[Number]:
+    """What a tracker adds to the three components of a position (m), where `amounts` are those of the effect's targets.
+
+    Where the effect is held, it sees the position within the range of the fit.
+    """
+    ends = None if bound.within is None else bound.within.tcp
+    seen = list(position)
+    if ends is not None and bound.effect.extrapolation is Extrapolation.HELD:
+        seen = [held(value, *within) for value, within in zip(position, ends, strict=True)]
+    out: list[Number] = [0.0, 0.0, 0.0]
+    for target, amount in zip(bound.effect.targets, amounts, strict=True):
+        if not is_zero(amount):
+            name = target.removeprefix(FRAME)
+            for row, term in [(AXES.index(name[0]), name[1:])] if name != SCALE else enumerate(AXES):
+                out[row] = out[row] + amount * _term(term, row, seen)
+    return out
+
+
+def _term(term: str, row: int, position: Sequence[Number]) -> Number:
+    """A term of the position: a product of its components, or one of them by the square of its length."""
+    x, y, z = position
+    if term == RADIAL:
+        return position[row] * (x * x + y * y + z * z)
+    first, *others = (position[AXES.index(axis)] for axis in term)
+    return first * others[0] if others else first
 
 
 def anchor_shift(effect: Effect, amounts: Amounts) -> Array:
     """(3,), shift of the fixed point of measured distances (m)."""
-    return _amounts_at(effect, amounts, "xyz")
-
-
-def _amounts_at(effect: Effect, amounts: Amounts, entries: Sequence[str]) -> Array:
-    """Amounts at entries of an effect's place, zero where it has none."""
     known = dict(zip((target.partition(".")[2] for target in effect.targets), amounts, strict=True))
-    return np.array([float(known.get(entry, 0.0)) for entry in entries])
+    return np.array([float(known.get(axis, 0.0)) for axis in AXES])
 
 
 @lru_cache(maxsize=16)

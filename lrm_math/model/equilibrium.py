@@ -17,7 +17,7 @@ from lrm_math.kinematics import statics
 from lrm_math.kinematics.chain import Number, pull_back, trig
 from lrm_math.kinematics.poses import Poses
 from lrm_math.kinematics.scalar_or_array import magnitude, maximum
-from lrm_math.model.effect_binding import frame_matrix
+from lrm_math.model.effect_binding import distortion
 from lrm_math.model.fixed_point import EquilibriumSearch, SlotIterate, amount_at, amounts_at
 from lrm_math.model.model import Model
 
@@ -117,14 +117,15 @@ def equilibrium(
 
 
 def measured_range(rest: Equilibrium) -> MeasuredRange:
-    """The range of some poses and of the loads at them."""
+    """The range of some poses, of the loads at them and of the TCP."""
     poses, chain = rest.poses, rest.model.chain
     slots = sorted({*rest.model.load_slots, *chain.joint_slots})
     loads = {chain.slots[k].key: _ends(column) for k, column in zip(slots, rest.loads_on(slots).T, strict=True)}
     for k, load in zip(rest.model.load_slots, rest.tau, strict=True):
         loads[chain.slots[k].key] = _ends(np.atleast_1d(load))
     times = {name: None if of is None else _ends(of) for name, of in (("t", poses.t), ("running", poses.running))}
-    return MeasuredRange(tuple(map(_ends, poses.q.T)), _ends(poses.payload), loads, **times)
+    tcp = tuple(map(_ends, rest.true_tcp.T))
+    return MeasuredRange(tuple(map(_ends, poses.q.T)), _ends(poses.payload), loads, **times, tcp=tcp)
 
 
 def _ends(values: Array) -> Interval:
@@ -173,8 +174,8 @@ def effect_loads(model: Model, poses: Poses) -> dict[int, Number]:
 def _measured(model: Model, poses: Poses, tcp: Array) -> Array:
     measured = tcp
     for bound in model.binding.distorting:
-        matrix = frame_matrix(bound.effect, bound.at(poses))
-        measured = measured + tcp @ matrix.T
+        added = distortion(bound, bound.at(poses), list(tcp.T))
+        measured = np.asarray(measured + _columns(added, len(tcp)))
     return measured
 
 

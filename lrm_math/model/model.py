@@ -34,6 +34,7 @@ class Model:
         free: keys of the parameters that a fit may change; all others are fixed.
         within: range of what the parameters were fitted on, beyond which held effects stay as at its edge; None: not
             known, and nothing is held.
+        fitted_to: SHA-256 of the measurements that the parameters were fitted to; None: not known.
     """
 
     arm: Arm
@@ -41,6 +42,7 @@ class Model:
     values: Array
     free: tuple[str, ...] = ()
     within: MeasuredRange | None = None
+    fitted_to: str | None = None
 
     @cached_property
     def structure(self) -> ModelStructure:

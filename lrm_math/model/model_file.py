@@ -45,13 +45,15 @@ class ProvenanceTable(StrictSchema):
 
 class RangeTable(StrictSchema):
     """Table `[range]`, lowest and highest value of what was fitted: joints' commands, loads on slots by key and unit
-    (`joint2.theta_Nm`, `joint3.d_N`), times. Beyond it curves stay as at its edge; without it they go on by formula.
+    (`joint2.theta_Nm`, `joint3.d_N`), times, the TCP's x, y and z. Beyond it curves stay as at its edge; without it
+    they go on by formula.
     """
 
     joints_deg: list[Ends]
     payload_g: Ends
     t_s: Ends | None = None
     running_s: Ends | None = None
+    tcp_mm: Annotated[list[Ends], Field(min_length=3, max_length=3)] | None = None
     loads: dict[str, Ends] = {}
 
 
@@ -147,7 +149,8 @@ def to_model(path: Path, tables: ModelFile, arm: Arm, catalogue: tuple[type[Effe
         raise FileError(path, where, str(error), _own_effects(tables) if where == "effects" else "") from None
     shape = {key for key, parameter in zip(model.keys, model.parameters, strict=True) if parameter.fixed is not None}
     free = tuple(key for key in model.keys if key in values and key not in shape)
-    return replace(model, free=free, within=_range_of(path, tables.range, model))
+    known = None if tables.provenance is None else tables.provenance.data_sha256
+    return replace(model, free=free, within=_range_of(path, tables.range, model), fitted_to=known)
 
 
 def _range_of(path: Path, table: RangeTable | None, model: Model) -> MeasuredRange | None:
@@ -156,7 +159,10 @@ def _range_of(path: Path, table: RangeTable | None, model: Model) -> MeasuredRan
         return None
     if len(table.joints_deg) != model.arm.dof:
         raise FileError(path, "range", f"joints_deg has {len(table.joints_deg)} rows; should have {model.arm.dof}")
-    if any(lower > upper for lower, upper in (*table.joints_deg, table.payload_g, *table.loads.values())):
+    if any(
+        lower > upper
+        for lower, upper in (*table.joints_deg, table.payload_g, *table.loads.values(), *(table.tcp_mm or ()))
+    ):
         raise FileError(path, "range", "an interval whose end lies before its beginning; should be [lowest, highest]")
     slots = {key.rpartition("_")[0]: (lower, upper) for key, (lower, upper) in table.loads.items()}
     if unknown := next((key for key in slots if key not in model.chain.index), None):
@@ -164,7 +170,8 @@ def _range_of(path: Path, table: RangeTable | None, model: Model) -> MeasuredRan
     angle = tuple((math.radians(lower), math.radians(upper)) for lower, upper in table.joints_deg)
     lightest, heaviest = table.payload_g
     t, running = (None if ends is None else (ends[0], ends[1]) for ends in (table.t_s, table.running_s))
-    return MeasuredRange(angle, (1e-3 * lightest, 1e-3 * heaviest), slots, t, running)
+    tcp = None if table.tcp_mm is None else tuple((1e-3 * lower, 1e-3 * upper) for lower, upper in table.tcp_mm)
+    return MeasuredRange(angle, (1e-3 * lightest, 1e-3 * heaviest), slots, t, running, tcp)
 
 
 def range_table(model: Model) -> RangeTable | None:
@@ -178,6 +185,7 @@ def range_table(model: Model) -> RangeTable | None:
         payload_g=[1e3 * end for end in known.payload],
         t_s=None if known.t is None else [*known.t],
         running_s=None if known.running is None else [*known.running],
+        tcp_mm=None if known.tcp is None else [[1e3 * lower, 1e3 * upper] for lower, upper in known.tcp],
         loads={f"{key}_{unit[key]}": [*ends] for key, ends in known.load.items()},
     )
 

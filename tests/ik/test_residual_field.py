@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from lrm_ident.study.study import Study
 from lrm_math.arm.arm_file import load_arm
 from lrm_math.arrays import Array
 from lrm_math.effects import effects_at
@@ -14,13 +15,15 @@ from lrm_math.ik.answer import Solved
 from lrm_math.ik.calibrated import CalibratedSolver
 from lrm_math.ik.cube import Cube
 from lrm_math.ik.direct import Direct
-from lrm_math.ik.goal import Goal, point
+from lrm_math.ik.goal import CHAR_LENGTH, Goal, point
 from lrm_math.ik.solutions import IkQuery, IkSolutions
 from lrm_math.kinematics.poses import Poses, poses_of
 from lrm_math.model.covariance import Covariance, drawn_models
 from lrm_math.model.deployed_model import field_of, named_part
 from lrm_math.model.equilibrium import equilibrium
 from lrm_math.model.model import Model, model_of
+from validation.calibrated_ik import DISTINCT, distinct
+from validation.residual_field.nameless_arm import measured
 
 LAB = load_arm("lrm-lab")
 LOWER, UPPER = (np.array([getattr(joint, end) for joint in LAB.joints]) for end in ("lower", "upper"))
@@ -100,6 +103,39 @@ def test_no_branch_is_lost() -> None:
         for branch in before:
             if branch.margin > 0.2 and _slowest(plain, branch.q) > 0.03:
                 assert min(np.abs(np.subtract(branch.q, other.q)).max() for other in after) < 0.2
+
+
+def beside_many_starts(model: Model, seed: int, count: int) -> tuple[int, int]:
+    """How many branches of goals Newton's method from the 200 closest poses of the library finds; and the direct method
+    not."""
+    solver, known, lacking = CalibratedSolver.of(model), 0, 0
+    arm, library = solver.arm, solver.arm.library
+    for q in commands(seed, count).tolist():
+        there = solver.forward(q)
+        query = IkQuery(Goal(there.tcp, there.rotation))
+        far = np.linalg.norm(library.tcp[:, :3, 3] - there.tcp, axis=1)
+        far += CHAR_LENGTH * np.linalg.norm(library.tcp[:, :3, :3] - np.array(there.rotation), axis=(1, 2))
+        reached = [c for row in np.argsort(far)[:200] for c in arm.at_goal(query, library.slots[row])]
+        every = distinct([np.array(c.q) for c in reached if c.margin > 0.0])
+        found = Direct().find(arm, query)
+        assert found is not None
+        rows = np.array([c.q for c in found.within])
+        known, lacking = known + len(every), lacking + sum(np.abs(rows - q).max(axis=1).min() > DISTINCT for q in every)
+    return known, lacking
+
+
+def test_all_branches_with_a_field_that_was_learned() -> None:
+    model = Study.of(measured(1, 3e-3)).fit("option1").add_field().model
+    assert beside_many_starts(model, 50, 60)[1] == 0
+
+
+@pytest.mark.parametrize("names", [("compliance",), KNOWN], ids=["plain", "laws"])
+def test_nearly_all_branches_with_rough_fields(names: tuple[str, ...]) -> None:
+    """Of millimetres at the shortest waves, which fade within the limits: such a field folds the workspace anew."""
+    counts = np.array([beside_many_starts(with_field(names, seed), seed + 50, 30) for seed in range(4)])
+    known, lacking = counts.sum(axis=0)
+    assert known > 150
+    assert lacking <= 0.015 * known
 
 
 def _slowest(solver: CalibratedSolver, q: tuple[float, ...]) -> float:

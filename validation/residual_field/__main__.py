@@ -1,7 +1,7 @@
 """`python -m validation.residual_field`: held-out figures on the real arm, and the promises of a field.
 
-`--promises` leaves the held-out figures, which take six minutes, out; `--arms` prints those of other arms instead.
-The real measurements lie in ../shared.
+`--promises` leaves the held-out figures, which take six minutes, out; `--arms` prints those of other arms instead,
+`--apart` the errors of the UR5 on 20 poses measured apart. The real measurements lie in ../shared/data (`--shared`).
 """
 
 from __future__ import annotations
@@ -13,28 +13,37 @@ from rich.console import Console
 
 from lrm_ident.data.measurement_file.load import load_measurements
 from lrm_math.arm.arm_file import load_arm
+from validation.residual_field.apart import apart_table
 from validation.residual_field.arms import CASES, arms_table, held_out, hidden, two_joint
 from validation.residual_field.nameless_arm import measured
 from validation.residual_field.nested import tables
 from validation.residual_field.promises import refused_on_null_data, worst_on_null_data, worst_on_other_half
 
 ROOT = Path(__file__).resolve().parents[2]
-TWO_JOINT = ROOT.parent / "shared" / "data" / "lrm-two-joint" / "measurements.csv"
-DATA = ROOT.parent / "shared" / "data" / "lrm-lab-no-load" / "measurements.csv"
+SHARED = ROOT.parent / "shared" / "data"
+TWO_JOINT, DATA = (Path(name) / "measurements.csv" for name in ("lrm-two-joint", "lrm-lab-no-load"))
+UR5 = Path("ur5")
 
 
 def main() -> None:
     """Prints everything."""
     asked = argparse.ArgumentParser(description=__doc__)
-    asked.add_argument("data", nargs="?", type=Path, default=DATA)
+    asked.add_argument("data", nargs="?", type=Path)
     asked.add_argument("--arm", default="lrm-lab")
     asked.add_argument("--promises", action="store_true")
     asked.add_argument("--arms", action="store_true")
+    asked.add_argument("--apart", action="store_true")
+    asked.add_argument("--shared", type=Path, default=SHARED, help="folder of the real measurements")
     asked.add_argument("--seeds", type=int, default=20)
     known = asked.parse_args()
-    data, console = load_measurements(known.data, load_arm(known.arm)), Console(width=120)
+    console = Console(width=120)
+    if known.apart:
+        of, ur5 = known.shared / UR5, load_arm("ur5")
+        console.print(apart_table(*(load_measurements(of / name, ur5) for name in ("grid.csv", "independent.csv"))))
+        return
+    data = load_measurements(known.data or known.shared / DATA, load_arm(known.arm))
     if known.arms:
-        others = [("two-joint", two_joint(TWO_JOINT)), *((name, hidden(name)) for name in CASES)]
+        others = [("two-joint", two_joint(known.shared / TWO_JOINT)), *((name, hidden(name)) for name in CASES)]
         console.print(arms_table(held_out(iter(others))))
         return
     for table in () if known.promises else tables(data):

@@ -65,12 +65,13 @@ def landed(seed: int, poses: int, goals: int) -> tuple[float, float | None]:
 def main() -> None:
     """Prints one line a seed."""
     asked = argparse.ArgumentParser("validation.residual_field.demo_loop", description=__doc__)
-    asked.add_argument("--seeds", type=int, default=10)
+    asked.add_argument("--first", type=int, default=0, help="seed to begin with")
+    asked.add_argument("--seeds", type=int, default=10, help="how many")
     asked.add_argument("--poses", type=int, default=POSES)
     asked.add_argument("--goals", type=int, default=GOALS)
     known = asked.parse_args()
     print("| seed | hidden | named mm | with a field mm |\n|---|---|---|---|")
-    for seed in range(known.seeds):
+    for seed in range(known.first, known.first + known.seeds):
         with contextlib.redirect_stdout(io.StringIO()):
             named, field = landed(seed, known.poses, known.goals)
         said = "not added" if field is None else f"{field:.2f}"

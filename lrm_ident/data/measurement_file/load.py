@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Collection
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -69,14 +70,15 @@ def load_measurements(path: Path, arm: Arm, reading: Reading | None = None) -> M
         tcp = read_positions(how, table.stack(POSITION) * MM)
     noise = None if metadata.noise_sd_mm is None else metadata.noise_sd_mm * MM
     parts, unused = _sensed_parts(table, arm, how, metadata, tcp, noise)
+    sha256 = hashlib.sha256(path.read_bytes()).hexdigest()
     data = Measurements(
-        poses=read_poses(table, arm, how, _start(path, metadata, arm, how)),
+        poses=replace(read_poses(table, arm, how, _start(path, metadata, arm, how)), sha256=sha256),
         pose=pose,
         tcp=tcp,
         noise_sd=noise,
         repeat_of=_repeats(table, pose),
         path=path,
-        sha256=hashlib.sha256(path.read_bytes()).hexdigest(),
+        sha256=sha256,
         notices=(*_notices(cells, known), *skipped, *doubtful(table, arm, metadata, how), *unused),
         arm=arm,
         reading=Reading(**how.said()),
@@ -175,7 +177,8 @@ def load_poses(file: str | Path, arm: Arm, reading: Reading | None = None) -> Po
     path = Path(file)
     how = (reading or AS_NAMED).over(metadata_of(path))
     cells = read_measurement_table(path, how, [joint.name for joint in arm.joints])
-    return read_poses(read_numbers(require(cells, _angle_columns(cells, arm, how)), pose_columns(arm)), arm, how)
+    table = read_numbers(require(cells, _angle_columns(cells, arm, how)), pose_columns(arm))
+    return replace(read_poses(table, arm, how), sha256=hashlib.sha256(path.read_bytes()).hexdigest())
 
 
 def says_measured(path: Path) -> bool:

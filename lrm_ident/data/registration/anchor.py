@@ -12,7 +12,7 @@ import numpy as np
 
 from lrm_ident.data.measurements import Measurements
 from lrm_math.arrays import Array
-from lrm_math.effects.session_errors import Anchor
+from lrm_math.effects.tracker_errors import Anchor
 from lrm_math.errors import FileError
 from lrm_math.model.equilibrium import equilibrium
 from lrm_math.model.model import Model, model_of

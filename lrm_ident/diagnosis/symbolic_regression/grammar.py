@@ -96,9 +96,7 @@ class Law:
     def plus(self, other: Law) -> Law:
         """The sum of two laws of one slot; terms that both have count once."""
         quantities = dict.fromkeys((*self.quantities, *other.quantities))
-        return replace(
-            self, quantities=tuple(quantities), terms=tuple(dict.fromkeys((*self.terms, *other.terms)))
-        )
+        return replace(self, quantities=tuple(quantities), terms=tuple(dict.fromkeys((*self.terms, *other.terms))))
 
     def code_of(self, quantity: Quantity) -> str:
         """Python code for one of its quantities from `poses` and `tau`, the torques of `loads`."""

@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import re
 
+from lrm_math.arm.arm import BASE
 from lrm_math.effects import marked, split_name
+from lrm_math.effects.session_errors import session_words
+from lrm_math.effects.targets import FRAME_PLACE
 
 PLAIN = {
     "offsets": "shape of {place} other than drawn",
@@ -18,6 +21,7 @@ PLAIN = {
     "axial_play": "play along the axis of {place}",
     "hysteresis": "hysteresis of {place}",
     "servo_gain": "wrong servo scale of {place}",
+    "common_gain": "wrong scale of all servos",
     "eccentricity": "off-centre gear of {place}",
     "quantisation": "coarse counts of the servo of {place}",
     "cable_spring": "cable that pulls {place}",
@@ -29,6 +33,7 @@ PLAIN = {
     "second_change_point": "second displacement of {place}",
     "session": "new zero of {place} in each session",
     "measurement_frame": "stretched tracker space",
+    "frame_curve": "distorted tracker space, free curve",
     "anchor": "start of the distances",
     "angle_curve": "uneven turning of {place}, free curve",
     "coupling_curve": "coupling of {place}, free curve",
@@ -40,13 +45,16 @@ PLAIN = {
     "friction_curve": "friction of {place}, free curve",
     "residual_field": "what no name explains",
 }
+OF_A_SESSION = ("drift", "drift_curve", "change_point", "second_change_point", "session")
+"""Effects that may move everything alike."""
 
 
 def plain_name(name: str) -> str:
     """Plain name of `id@place`; of a law or an effect of one's own, its id and place in words."""
     kind, place = split_name(name)
     words = PLAIN.get(kind, kind.replace("_", " ") + " of {place}")
-    return marked(name, words.format(place=place_words(place or "all places")))
+    whole = kind in OF_A_SESSION and place in (BASE, FRAME_PLACE)
+    return marked(name, words.format(place=session_words(place) if whole else place_words(place or "all places")))
 
 
 def place_words(place: str) -> str:

@@ -727,12 +727,11 @@ static Window window_of(const Arm *a, const double *towards, int limited) {
 
 /* ---------------------------------------------------------------- 7 Singular directions ------------------------- */
 
-/* The joint motion (largest element 1) that moves the tool least, and the tool's direction then; returns its speed
- * (m/rad): up to that scale the smallest singular value, by inverse iteration (Wielandt 1944). After `forward`. */
-static double slowest(const Arm *a, State *w, double *along, double *direction) {
+/* The joint motion (largest element 1) that moves the tool least by w->total, and the tool's direction then; returns its
+ * speed (m/rad): up to that scale the smallest singular value, by inverse iteration (Wielandt 1944). */
+static double slowest_by(const Arm *a, const State *w, double *along, double *direction) {
     const int n = a->joints;
     Row N[MAX_JOINTS];
-    jacobian(a, w);
     gram(w->total, 6, n, 1e-15, N), factorise(N, n);
     for (int j = 0; j < n; j++) along[j] = 1 + 0.3 * j;
     for (int it = 0; it < 4; it++) {
@@ -744,6 +743,11 @@ static double slowest(const Arm *a, State *w, double *along, double *direction) 
     const double speed = length(direction, 6);
     for (int r = 0; r < 6; r++) direction[r] /= larger(speed, 1e-300);
     return speed;
+}
+/* The same of the joints alone, which nothing follows. After `forward`. */
+static double slowest(const Arm *a, State *w, double *along, double *direction) {
+    jacobian(a, w);
+    return slowest_by(a, w, along, direction);
 }
 
 /* The joint, from 1, that turns most. */
@@ -856,29 +860,79 @@ static void library_seeds(const Arm *a, const double *goal, const double *near, 
     }
 }
 
-/* Seeds across a fold, where two solutions merge (Borrel & Liegeois 1986): along the slowest motion by x the tool moves
- * slope x + bend x^2 / 2, so to second order the partner is at -2 slope / bend. From solution number `k`. */
-static void fold_seeds(const Arm *a, const double *goal, const double *near, int k, Found *found) {
-    const double near_fold = 5e-3, at_fold = 2e-3, nudge = 0.02;
+/* One step of continuation: at slot amounts s where the goal is missed by LEVER lambda u, the least correction (joints,
+ * lambda) that holds this, and the unit tangent `ahead` of all that does, in place. Bordered by u, the whole Jacobian is
+ * regular at a fold as well (Keller 1977). */
+static void along_fold(const Arm *a, const double *goal, const double *u, double lambda, const double *s, State *w,
+                       double *correction, double *ahead) {
+    const int n = a->joints;
+    Row A[6], T[MAX_JOINTS + 1], N[6];
+    double y[6], beside[MAX_JOINTS + 1];
+    forward(a, s, w), goal_error(goal, 6, w), lacking(a, s, UNKNOWN, w), total_jacobian(a, 6, NULL, w);
+    for (int r = 0; r < 6; r++) COPY(A[r], w->total[r], n), A[r][n] = LEVER * u[r];
+    for (int k = 0; k < 6 * (n + 1); k++) T[k / 6][k % 6] = A[k % 6][k / 6];
+    gram(T, n + 1, 6, 1e-12, N), factorise(N, 6);
+    for (int r = 0; r < 6; r++) y[r] = w->e[r] - lambda * A[r][n];
+    substitute(N, y, 6), times(T, n + 1, 6, y, correction);
+    times(A, 6, n + 1, ahead, y), substitute(N, y, 6), times(T, n + 1, 6, y, beside), add(-1, beside, n + 1, ahead);
+    const double scale = 1 / larger(length(ahead, n + 1), 1e-300);
+    for (int i = 0; i <= n; i++) ahead[i] *= scale;
+}
+
+/* Seeds along the curve on which the goal is missed in one direction u alone, from the solution with slot amounts `old`
+ * to both sides, first by `along`. Where what is missed changes sign, or turns, a solution is near. */
+static void curve_seeds(const Arm *a, const double *goal, const double *near, const double *old, const double *along,
+                        const double *u, Found *found) {
+    const double first = 0.02, longest = 0.2, farthest = 2.5, most_missed = 0.05, seen = 1e-8;
+    const int n = a->joints;
     State w;
-    double along[MAX_JOINTS], direction[6], moved[6], s[MAX_SLOTS], old[MAX_SLOTS], q[MAX_JOINTS];
+    for (int way = -1; way <= 1; way += 2) {
+        double s[MAX_SLOTS], ahead[MAX_JOINTS + 1] = {0}, lambda = 0, before = 0, stride = first, most = 0;
+        COPY(s, old, a->slots), add(way, along, n, ahead);
+        for (double x = 0; x < farthest; x += stride, found->steps++) {
+            double step[MAX_JOINTS + 1], q[MAX_JOINTS], seed[MAX_SLOTS];
+            const double slope = ahead[n];
+            along_fold(a, goal, u, lambda, s, &w, step, ahead);
+            linear_command(a, w.tau, s, q);
+            lambda += step[n];
+            const double off = largest(step, n), was = before != 0 ? before : slope;
+            if (excess_of(a, q) > 0.2 || !(off < 0.3 && fabs(lambda) < most_missed)) break;
+            const int crossed = was * lambda < 0, turned = slope * was < 0 && ahead[n] * lambda > 0;
+            most = larger(most, larger(fabs(lambda), stride * fabs(slope)));
+            if (x > 0 && most > seen && (crossed || turned)) { /* not along a family that all reaches the goal */
+                const double share = before != 0 ? lambda / (was - lambda) : 2 * slope / (slope - ahead[n]) - 1;
+                COPY(seed, s, a->slots), move_joints(a, ahead, crossed ? share * stride : 0, seed);
+                attempt(a, goal, near, seed, 1, found);
+                if (crossed) break;
+            }
+            if (x > 0) {
+                const double scale = off < 0.05 * stride ? 2 : off > 0.2 * stride ? 0.5 : 1;
+                stride = clipped(scale * stride, first, longest), before = lambda;
+            }
+            lambda += stride * ahead[n];
+            add(stride, ahead, n, step), move(a, &w, step, s);
+        }
+    }
+}
+
+/* Seeds across a fold, where two solutions merge (Borrel & Liegeois 1986), from solution number `k`: along the motion by
+ * which the tool moves least, all following; and straight on where it hardly moves at all, as there curves branch. */
+static void fold_seeds(const Arm *a, const double *goal, const double *near, int k, Found *found) {
+    const double near_fold = 1e-2, at_fold = 2e-3, ways[6] = {0.15, -0.15, 0.4, -0.4, 0.9, -0.9};
+    State w;
+    double along[MAX_JOINTS], by_all[MAX_JOINTS], u[6], s[MAX_SLOTS], old[MAX_SLOTS], q[MAX_JOINTS];
     COPY(old, found->at[k].slots, a->slots), COPY(q, found->at[k].q, a->joints);
     forward(a, old, &w);
-    const double slope = slowest(a, &w, along, direction);
+    const double slope = slowest(a, &w, along, u);
     found->at[k].slope = slope, found->at[k].free = most_moving(a, along);
-    if (slope > near_fold) return;
-    COPY(s, old, a->slots), move_joints(a, along, nudge, s);
-    forward(a, s, &w), jacobian(a, &w);
-    times(w.total, 6, a->joints, along, moved);
-    const double then = dot(direction, moved) + dot(direction + 3, moved + 3), bend = (then - slope) / nudge;
-    const double ways[7] = {bend != 0 ? -2 * slope / bend : 0, 0.15, -0.15, 0.4, -0.4, 0.9, -0.9};
-    for (int i = 0; i < (slope < at_fold ? 7 : 1); i++) {
-        const double x = ways[i];
+    goal_error(goal, 6, &w), lacking(a, old, UNKNOWN, &w), total_jacobian(a, 6, NULL, &w);
+    if (slowest_by(a, &w, by_all, u) < near_fold) curve_seeds(a, goal, near, old, by_all, u, found);
+    for (int i = 0; i < 6 && slope < at_fold; i++) {
         double there[MAX_JOINTS], nearest = INFINITY;
-        for (int j = 0; j < a->joints; j++) there[j] = q[j] + x * along[j];
+        for (int j = 0; j < a->joints; j++) there[j] = q[j] + ways[i] * along[j];
         for (int m = 0; m < found->count; m++) nearest = lesser(nearest, apart(there, found->at[m].q, a->joints));
-        if (fabs(x) > 1.5 || nearest <= 0.35 * fabs(x) || excess_of(a, there) > 0.2) continue;
-        COPY(s, old, a->slots), move_joints(a, along, x, s), attempt(a, goal, near, s, 1, found);
+        if (nearest <= 0.35 * fabs(ways[i]) || excess_of(a, there) > 0.2) continue;
+        COPY(s, old, a->slots), move_joints(a, along, ways[i], s), attempt(a, goal, near, s, 1, found);
     }
 }
 /* Seeds for a branch that the closed form has outside the limits although the deflected arm has it within: where axes

@@ -28,7 +28,7 @@ DESCENTS, KEPT = 24, 4
 BELOW = {
     "joint": ("slots", 0), "other": ("slots", 0), "spring_load": ("slots", 0), "inboard": ("slots", 1),
     "counted": ("bodies", 1), "moved": ("bodies", 1), "law_joint": ("joints", 0), "axis": ("", 6),
-    "law": ("", len(KERNEL_LAWS)), "spring_from": ("", structures.MAX_SPRINGS + 1),
+    "law": ("", len(set(KERNEL_LAWS.values()))), "spring_from": ("", structures.MAX_SPRINGS + 1),
     "term_axis": ("", 3), "field_slot": ("slots", 0), "term_factor": ("", 2 * structures.MAX_JOINTS + 1),
 }  # fmt: skip
 """Bounds of an array's indices into other arrays: a count of the arm's, and a number."""

@@ -13,7 +13,7 @@ from lrm_math.effects.base import Effect
 from lrm_math.effects.compliance import NonlinearStiffness, Spring
 from lrm_math.effects.field.residual_field import JOINTS_TOGETHER, ResidualField
 from lrm_math.effects.forces import CableSpring
-from lrm_math.effects.servo_errors import Coupling, Eccentricity, ServoGain, coupled_joints
+from lrm_math.effects.servo_errors import CommonGain, Coupling, Eccentricity, ServoGain, coupled_joints
 from lrm_math.effects.targets import Kind
 from lrm_math.model.effect_binding import BoundEffect, EffectBinding
 
@@ -24,6 +24,7 @@ EVERYWHERE = (-1e9, 1e9)
 """N·m: the range of a law whose range is not known."""
 KERNEL_LAWS: dict[type[Effect], int] = {
     ServoGain: 0,
+    CommonGain: 0,
     Eccentricity: 1,
     Backlash: 2,
     NonlinearStiffness: 3,
@@ -58,7 +59,9 @@ def without_formula(
 def kernel_laws(binding: EffectBinding, joint_slots: Sequence[int]) -> tuple[KernelLaw, ...]:
     """The laws of a model's joints, of effects that the kernel has a formula for; `joint_slots`: of the chain."""
     laws = [bound for bound in acting(binding) if type(bound.effect) in KERNEL_LAWS]
-    return tuple((KERNEL_LAWS[type(b.effect)], joint_slots.index(b.slots[0]), _parameters(b)) for b in laws)
+    return tuple(
+        (KERNEL_LAWS[type(b.effect)], joint_slots.index(slot), _parameters(b)) for b in laws for slot in b.slots
+    )
 
 
 class KernelField(NamedTuple):
@@ -95,11 +98,13 @@ def _factors(waves: Sequence[int]) -> tuple[int, ...]:
 
 
 def _parameters(bound: BoundEffect) -> tuple[float, ...]:
-    """Parameters of a law: those of the effect; of a coupling also the number of the joint that turns the other, of a
-    law of the torque that is held beyond its range the range's ends."""
+    """Parameters of a law: those of the effect; of a gain of all joints that of both sides, of a coupling also the
+    number of the joint that turns the other, of a law of the torque that is held beyond its range the range's ends."""
     if isinstance(bound.effect, NonlinearStiffness):
         known = {} if bound.within is None else bound.within.load
         return (*bound.p, *known.get(bound.effect.targets[0], EVERYWHERE))
+    if isinstance(bound.effect, CommonGain):
+        return bound.p * 2
     if isinstance(bound.effect, Coupling):
         return (*bound.p, float(coupled_joints(bound.effect.place)[1]))
     return bound.p

@@ -37,6 +37,8 @@ from lrm_ident.residual.residual_structure import NoiseFloor, noise_floor, resid
 from lrm_math.arm.arm import Arm
 from lrm_math.effects import CATALOGUE, Effect, effects_at
 from lrm_math.errors import FileError, LrmError
+from lrm_math.kinematics.poses import Poses
+from lrm_math.model.equilibrium import equilibrium
 from lrm_math.model.model import Model, model_of
 from tests.conftest import EXAMPLE, ROOT
 from tests.support.commands import stdout_of
@@ -265,15 +267,32 @@ def test_a_floor_from_few_replicates_is_uncertain_itself() -> None:
 
 def test_noise_floor_comes_from_repeats_first(lab: Arm, tmp_path: Path) -> None:
     data = case_data("nothing", tmp_path, lab, 60)
-    assert noise_floor(data).source == "metadata"
+    rest = equilibrium(model_of(lab, ()), data.poses)
+    assert noise_floor(data, rest).source == "metadata"
     rows = np.repeat(np.arange(60), 3)
     rng = np.random.default_rng(0)
     again = data.take(rows)
     noisy = replace(again, tcp=again.tcp + rng.normal(0, 5e-4, again.tcp.shape), pose=np.arange(180) + 1)
-    floor = noise_floor(replace(noisy, repeat_of=rows + 1))
+    floor = noise_floor(replace(noisy, repeat_of=rows + 1), rest.take(rows))
     assert floor.source == "replicates"
     assert floor.sd == pytest.approx(5e-4, rel=0.1)
-    assert noise_floor(replace(data, noise_sd=None)).sd is None
+    assert noise_floor(replace(data, noise_sd=None), rest).sd is None
+
+
+def test_what_friction_does_to_repeats_is_no_noise(lab: Arm) -> None:
+    """Before: poses repeated from the other side gave three times the true noise where the model had 1.2 deg."""
+    rng, rows = np.random.default_rng(1), np.repeat(np.arange(30), 2)
+    q = rng.uniform(-1.0, 1.0, (30, lab.dof))[rows]
+    sides = np.tile([[-1.0], [1.0]], (30, 1)) * np.ones(lab.dof)
+    friction = effects_at(lab, "hysteresis@joint3")
+    model = model_of(lab, friction, {friction[0].keys[0]: np.radians(1.2)})
+    rest = equilibrium(model, Poses(q, np.zeros(60), sides))
+    tcp = rest.tcp + rng.normal(0.0, 3e-4, rest.tcp.shape)
+    pose = np.arange(60) + 1
+    data = Measurements(rest.poses, pose, tcp, None, None, rows + 1, Path("repeats.csv"), "")
+    assert noise_floor(data, rest).sd == pytest.approx(3e-4, rel=0.25)
+    without = equilibrium(model_of(lab, ()), rest.poses)
+    assert (noise_floor(data, without).sd or 0.0) > 1e-3
 
 
 @pytest.mark.slow

@@ -19,6 +19,7 @@ from lrm_math.effects.measured_range import FADE, MeasuredRange, held
 from lrm_math.effects.session_errors import SecondChangePoint
 from lrm_math.kinematics.poses import Poses
 from lrm_math.model.derivatives import joint_jacobian, parameter_jacobian
+from lrm_math.model.effect_binding import distortion
 from lrm_math.model.equilibrium import equilibrium
 from lrm_math.model.model import model_of
 
@@ -118,7 +119,8 @@ def test_held_values_are_exact_within_and_smooth_at_the_ends(lower: float, width
 
 @pytest.mark.parametrize(
     "name", ["angle_curve@joint2", "coupling_curve@joint3<-joint2", "cable_curve@joint2+joint3", "torque_curve@joint2",
-             "nonlinear_stiffness@joint2", "base_curve@base"],
+             "nonlinear_stiffness@joint2", "base_curve@base", "frame_curve@frame",
+             "drift@frame", "common_gain@servos"],
 )  # fmt: skip
 def test_derivatives_beyond_the_range(lab: Arm, name: str) -> None:
     """By parameters and by commands, through the equilibrium, on the way to the held value and beyond it."""
@@ -127,7 +129,7 @@ def test_derivatives_beyond_the_range(lab: Arm, name: str) -> None:
     values = [0.3 * p.typical * (1 if p.lower == 0 else rng.choice([-1, 1])) for e in effects for p in e.parameters]
     load = {key: (-0.05, 0.05) for effect in effects for key in effect.load_slots}
     model = model_of(lab, effects).with_values(values)
-    model = replace(model, within=MeasuredRange(((-0.5, 0.5),) * 6, (0.0, 0.1), load))
+    model = replace(model, within=MeasuredRange(((-0.5, 0.5),) * 6, (0.0, 0.1), load, tcp=((-0.1, 0.25),) * 3))
     q = rng.uniform(-1.2, 1.2, (12, 6))
     q[:6] = rng.uniform(0.5, 0.55, (6, 6))
     rest = equilibrium(model, Poses(q, np.full(12, 0.05)), tolerance=1e-14)
@@ -141,6 +143,24 @@ def test_derivatives_beyond_the_range(lab: Arm, name: str) -> None:
         up, down = (equilibrium(model.with_values(model.values + s), rest.poses, tolerance=1e-14).tcp
                     for s in (step, -step))  # fmt: skip
         np.testing.assert_allclose(by_p[:, :, k], (up - down) / (2e-4 * parameter.typical), atol=1e-6)
+
+
+@settings(max_examples=25, deadline=None)
+@given(seed=st.integers(0, 10_000))
+def test_a_distorted_space_stays_beyond_what_was_measured_as_at_its_edge(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    effects = effects_at(LAB, "frame_curve@frame")
+    model = model_of(LAB, effects).with_values([p.typical * float(rng.normal()) for p in effects[0].parameters])
+    lower, upper = np.sort(rng.uniform(-0.4, 0.4, (2, 3)), axis=0)
+    ends = tuple(zip(lower.tolist(), upper.tolist(), strict=True))
+    model = replace(model, within=MeasuredRange(((-0.5, 0.5),) * 6, (0.0, 0.1), tcp=ends))
+    (bound,) = model.binding.distorting
+    position = rng.uniform(-2.0, 2.0, (3, 50))
+    excess = position - np.clip(position, lower[:, None], upper[:, None])
+    far = position + np.sign(excess) * (4 * FADE * (upper - lower)[:, None] + 1e-6)
+    nearest = np.clip(far, lower[:, None], upper[:, None])
+    amounts = bound.at(Poses(np.zeros((1, 6)), np.zeros(1)))
+    np.testing.assert_allclose(*(np.stack(distortion(bound, amounts, list(at))) for at in (far, nearest)), atol=1e-7)
 
 
 def test_a_pose_within_the_range_is_predicted_by_the_formula(lab: Arm) -> None:

@@ -1,0 +1,47 @@
+"""A model on data other than those of its fit: without what belongs to the session in which these were measured."""
+
+from __future__ import annotations
+
+import hashlib
+from pathlib import Path
+
+from lrm_ident.data.wording import enumerate_words
+from lrm_math.model.deployed_model import lasting_part
+from lrm_math.model.model import Model
+
+NAMED = 12
+
+
+def at_data(model: Model, data: Path | None, sha256: str) -> tuple[Model, tuple[str, ...]]:
+    """The model at the poses of a file, and one line that names what it leaves out there, if anything.
+
+    On the data of its fit, or a part of them, or the same file with rows added, it is the whole model. On others,
+    effects of a session would follow how those poses happen to be numbered and timed.
+
+    Args:
+        data: the file, None if only its SHA-256 is known. sha256: of it.
+    """
+    lasting = lasting_part(model)
+    if lasting is model or model.fitted_to in (None, sha256):
+        return model, ()
+    if data is not None and _grown_from(data, model.fitted_to):
+        return model, ()
+    kept = {effect.name for effect in lasting.effects}
+    gone = [effect.name for effect in model.effects if effect.name not in kept]
+    here = "the file of these poses" if data is None else data.name
+    words = f"{here} is not what the model was fitted to; left out, as of that session alone: "
+    return lasting, (words + enumerate_words(gone, NAMED),)
+
+
+def _grown_from(data: Path, sha256: str | None) -> bool:
+    """Whether a file is one of that SHA-256 with lines appended."""
+    try:
+        lines = data.read_bytes().splitlines(keepends=True)
+    except OSError:
+        return False
+    begun = hashlib.sha256()
+    for line in lines:
+        begun.update(line)
+        if begun.hexdigest() == sha256:
+            return True
+    return False

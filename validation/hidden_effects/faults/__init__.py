@@ -1,0 +1,1 @@
+"""The third catalogue: what goes wrong in a measurement, for most of which the tool has no formula."""

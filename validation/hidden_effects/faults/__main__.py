@@ -1,0 +1,74 @@
+"""`python -m validation.hidden_effects.faults`: what goes wrong in a measurement, through the functions behind `auto`.
+
+The third catalogue: faults of rows, frames, instruments and joints for most of which the tool has no formula, on arms
+with the errors of the independent generator. A run is *right* if its first name is a right one, or its verdict an
+honest one; a name is false if nothing in its class is right. Half `tune` and half `report` differ in sizes, joints,
+moments and seeds.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+
+import numpy as np
+
+from validation.hidden_effects.faults.cases import CASES
+from validation.hidden_effects.faults.outcome import FIRST_SEED, LAB, NEAR_NOISE, FaultOutcome, examine
+from validation.hidden_effects.tables import markdown_table
+
+ARMS = (LAB, "so101-like", "ur5-like", "seven-joint")
+
+
+def table(outcomes: Sequence[FaultOutcome]) -> str:
+    """Totals, then every run, as Markdown."""
+    false, said, honest = (
+        sum(map(bool, of)) for of in zip(*((o.false_names, o.false_findings, o.honest) for o in outcomes), strict=True)
+    )
+    faulty = [one for one in outcomes if "healthy" not in one.case.name]
+    near = int(np.sum([one.ratio <= NEAR_NOISE for one in faulty]))
+    rows = [(one.case.name, one.arm, _steps(one), one.verdict, f"{one.ratio:.2f}") for one in outcomes]
+    head = (
+        f"{len(outcomes)} runs: a false name in {false}, as a finding in {said}, first name or verdict right in "
+        f"{honest}; within {NEAR_NOISE} of the noise {near} of {len(faulty)} that are not healthy (*left*: residual "
+        "over the noise; in brackets: steps that only describe; !: not right)."
+    )
+    return f"{head}\n\n{markdown_table(('fault', 'arm', 'named', 'verdict', 'left'), rows)}"
+
+
+def _steps(one: FaultOutcome) -> str:
+    """Names of the steps with their classes; those that only describe in brackets."""
+    named = [" or ".join(step[:5]) for step in one.steps]
+    said = (name if finding else f"({name})" for name, finding in zip(named, one.findings, strict=True))
+    return ("" if one.honest else "! ") + (" > ".join(said) or "–")
+
+
+def main() -> None:
+    """Read the options, run, print the table."""
+    parser = argparse.ArgumentParser(prog="python -m validation.hidden_effects.faults", description=__doc__)
+    parser.add_argument("--half", choices=tuple(FIRST_SEED), default="tune")
+    parser.add_argument("--arm", choices=ARMS, action="append", help=f"arms (default: {LAB}); may be repeated")
+    parser.add_argument("--seeds", type=int, default=1, help="data sets per case and arm")
+    parser.add_argument("--poses", type=int, default=200, help="poses per data set")
+    parser.add_argument("--only", default="", help="only cases whose name contains this")
+    parser.add_argument("--jobs", type=int, default=1, help="processes side by side")
+    options = parser.parse_args()
+    cases = [one for one in CASES if options.only in one.name]
+    runs = [(c, arm, n) for c in cases for arm in options.arm or (LAB,) for n in range(options.seeds)]
+    with ProcessPoolExecutor(options.jobs) as pool:
+        futures = {
+            pool.submit(examine, c, arm, options.half, n, options.poses): i for i, (c, arm, n) in enumerate(runs)
+        }
+        done: dict[int, FaultOutcome] = {}
+        for future in as_completed(futures):
+            one = done[futures[future]] = future.result()
+            print(
+                f"{one.case.name}, {one.arm}: {_steps(one)} {one.verdict} {one.ratio:.2f}", file=sys.stderr, flush=True
+            )
+    print(table([done[i] for i in range(len(runs))]))
+
+
+if __name__ == "__main__":
+    main()

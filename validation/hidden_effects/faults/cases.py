@@ -1,0 +1,56 @@
+"""The cases: every fault with the verdicts that are honest in the end."""
+
+from __future__ import annotations
+
+from validation.hidden_effects.faults import loose_parts, people, trackers, transmissions
+from validation.hidden_effects.faults.measurement import HONEST, QUIET, FaultCase
+
+UNKNOWN = ("noise_unknown",)
+CASES = (
+    FaultCase("a block carries the row before", people.block),
+    FaultCase("four pairs of rows swapped", people.swapped),
+    FaultCase("tracker moved between sessions", trackers.moved_between),
+    FaultCase("tracker moved meanwhile", trackers.moved_meanwhile),
+    FaultCase("tracker moved twice", trackers.moved_twice, HONEST),
+    FaultCase("a joint skipped a tooth", loose_parts.skipped_tooth),
+    FaultCase("the reflector slipped", loose_parts.reflector_slipped),
+    FaultCase("a loose screw", loose_parts.loose, HONEST),
+    FaultCase("a screw comes loose", loose_parts.loosens, HONEST),
+    FaultCase("all lengths grow", trackers.grows, HONEST),
+    FaultCase("a supply that sags", transmissions.supply_sags, HONEST),
+    FaultCase("a belt across two joints", transmissions.belt_across, HONEST),
+    FaultCase("reflections", trackers.line_of_sight, (*QUIET, *HONEST)),
+    FaultCase("heavier tails", people.heavy_tails, (*QUIET, "unpredictable")),
+    FaultCase("healthy", people.healthy),
+    FaultCase("healthy, noise unknown", people.healthy, UNKNOWN, noise_known=False),
+    FaultCase("a loose screw, noise unknown", loose_parts.loose, (*UNKNOWN, *HONEST), noise_known=False),
+    FaultCase("signs lost in four rows", people.typed_wrongly),
+    FaultCase("angles in whole degrees", people.whole_degrees, HONEST),
+    FaultCase("load not noted for a third", people.load_forgotten, HONEST),
+    FaultCase("target held elsewhere from one pose on", people.other_tool, HONEST),
+    FaultCase("positions in half millimetres", people.rounded_positions, (*QUIET, *HONEST)),
+    FaultCase("a lens that stretches", trackers.lens, HONEST),
+    FaultCase("depth grows with distance", trackers.perspective, HONEST),
+    FaultCase("a turntable off its centre", trackers.azimuth_wave, HONEST),
+    FaultCase("axes not square", trackers.sheared, HONEST),
+    FaultCase("a tripod settles", trackers.creeping_tripod, HONEST),
+    FaultCase("a tracker wanders", trackers.wandering, HONEST),
+    FaultCase("read before it settled", trackers.late, HONEST),
+    FaultCase("noise grows with distance", trackers.noisier_afar, (*QUIET, "unpredictable")),
+    FaultCase("play that grows", loose_parts.play_grows, HONEST),
+    FaultCase("a servo drifts when loaded", loose_parts.warms_when_loaded, HONEST),
+    FaultCase("a bearing sticks", loose_parts.sticks, HONEST),
+    FaultCase("plastic remembers loads", loose_parts.creeps, HONEST),
+    FaultCase("a cable winds up", loose_parts.cable_winds, HONEST),
+    FaultCase("gripper slips under load", loose_parts.tool_slips_under_load, HONEST),
+    FaultCase("a belt by another torque", transmissions.belt_by_torque, HONEST),
+    FaultCase("pulled by two joints", transmissions.pulled_by_two, HONEST),
+    FaultCase("a damaged tooth", transmissions.damaged_tooth, HONEST),
+    FaultCase("a soft stop", transmissions.soft_stop, HONEST),
+    FaultCase("a servo's table is wrong", transmissions.table_of_the_servo, HONEST),
+    FaultCase("the board's clock drifts", transmissions.frequency_drifts, HONEST),
+    FaultCase("the board's clock is wrong", transmissions.clock_wrong, HONEST),
+    FaultCase("a link that snaps", transmissions.bistable, HONEST),
+    FaultCase("a bundle rubs", transmissions.rubs, HONEST),
+    FaultCase("angles in whole degrees, noise unknown", people.whole_degrees, (*UNKNOWN, *HONEST), noise_known=False),
+)

@@ -1,0 +1,83 @@
+"""A healthy measurement, what a fault leaves of it, and a case of the catalogue."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from lrm_math.arrays import Array
+
+QUIET, HONEST = ("nothing_missing",), ("unexplained_structure", "unpredictable")
+BASE = ("session@base", "drift@base", "drift_curve@base", "change_point@base")
+"""Names of a base, or a tracker, that moves as a whole."""
+
+
+class Positions(Protocol):
+    """Measured positions (N, 3) (m) at other joint angles (N, n) (rad) and, if stated, another load (N,) (kg)."""
+
+    def __call__(self, q: Array, load: Array | None = None) -> Array:
+        """The positions."""
+
+
+@dataclass(frozen=True, eq=False)
+class HealthyMeasurement:
+    """A healthy measurement: commands q (N, n) (rad), load (N,) (kg), positions tcp (N, 3) (m), and `at` others."""
+
+    q: Array
+    load: Array
+    tcp: Array
+    at: Positions
+    rng: np.random.Generator
+
+    def joint(self) -> int:
+        """Draws a joint that carries weight, from 0."""
+        return int(self.rng.integers(1, 4))
+
+    def moment(self) -> int:
+        """Draws a row in the middle."""
+        return int(self.rng.uniform(0.3, 0.7) * len(self.q))
+
+    @property
+    def progress(self) -> Array:
+        """(N,), from 0 to 1 in the order of measurement."""
+        return np.linspace(0.0, 1.0, len(self.q))
+
+    @property
+    def weight_moment(self) -> Array:
+        """(N,), horizontal distance times weight carried there, over its largest value: what all servos hold."""
+        moment = np.linalg.norm(self.tcp[:, :2], axis=1) * (0.2 + self.load)
+        return np.asarray(moment / moment.max())
+
+    def moved(self, joint: int, by: Array) -> Array:
+        """Positions (N, 3) (m) where one joint stands elsewhere by (N,) (rad)."""
+        q = self.q.copy()
+        q[:, joint] += by
+        return self.at(q)
+
+
+@dataclass(frozen=True, eq=False)
+class SpoiledMeasurement:
+    """Positions (N, 3) (m) as a fault leaves them, every pose's session where known, and the names that are right for
+    it. q, load: as written in the file, where that is not what was driven."""
+
+    tcp: Array
+    session: Array | None = None
+    right: tuple[str, ...] = ()
+    q: Array | None = None
+    load: Array | None = None
+
+
+Fault = Callable[[HealthyMeasurement], SpoiledMeasurement]
+
+
+@dataclass(frozen=True, eq=False)
+class FaultCase:
+    """A fault, and the verdicts that are honest in the end."""
+
+    name: str
+    spoil: Fault
+    verdicts: tuple[str, ...] = QUIET
+    noise_known: bool = True

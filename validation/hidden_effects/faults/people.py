@@ -1,0 +1,62 @@
+"""Faults of rows, files and the people who measure."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from validation.hidden_effects.data import NOISE_M
+from validation.hidden_effects.faults.measurement import HealthyMeasurement, SpoiledMeasurement
+
+
+def healthy(taken: HealthyMeasurement) -> SpoiledMeasurement:
+    return SpoiledMeasurement(taken.tcp)
+
+
+def block(taken: HealthyMeasurement) -> SpoiledMeasurement:
+    first, tcp = int(taken.rng.integers(20, len(taken.q) - 40)), taken.tcp.copy()
+    rows = np.arange(first, first + int(taken.rng.integers(8, 18)))
+    tcp[rows] = taken.tcp[rows - 1]
+    return SpoiledMeasurement(tcp)
+
+
+def swapped(taken: HealthyMeasurement) -> SpoiledMeasurement:
+    tcp = taken.tcp.copy()
+    for row in taken.rng.choice(len(tcp) - 1, 4, replace=False):
+        tcp[[row, row + 1]] = tcp[[row + 1, row]]
+    return SpoiledMeasurement(tcp)
+
+
+def typed_wrongly(taken: HealthyMeasurement) -> SpoiledMeasurement:
+    """In four rows the sign of an angle was lost."""
+    q, rows = taken.q.copy(), taken.rng.choice(len(taken.q), 4, replace=False)
+    q[rows, taken.joint()] *= -1.0
+    return SpoiledMeasurement(taken.tcp, q=q)
+
+
+def whole_degrees(taken: HealthyMeasurement) -> SpoiledMeasurement:
+    """Angles were noted in whole degrees."""
+    return SpoiledMeasurement(taken.tcp, q=np.radians(np.round(np.degrees(taken.q))))
+
+
+def load_forgotten(taken: HealthyMeasurement) -> SpoiledMeasurement:
+    """The load was not noted for the last third."""
+    load, last = taken.load.copy(), len(taken.load) * 2 // 3
+    load[last:] = 0.0
+    return SpoiledMeasurement(taken.tcp, load=load, right=("payload@tool",))
+
+
+def other_tool(taken: HealthyMeasurement) -> SpoiledMeasurement:
+    """From one pose on the last joint carries the target a quarter of a degree and some mm elsewhere."""
+    after = np.arange(len(taken.q)) >= taken.moment()
+    turned = taken.moved(taken.q.shape[1] - 2, np.radians(taken.rng.uniform(1.0, 2.0)) * after)
+    return SpoiledMeasurement(turned, right=(f"change_point@joint{taken.q.shape[1] - 1}",))
+
+
+def rounded_positions(taken: HealthyMeasurement) -> SpoiledMeasurement:
+    """Positions were written in half millimetres."""
+    return SpoiledMeasurement(np.round(taken.tcp / 5e-4) * 5e-4)
+
+
+def heavy_tails(taken: HealthyMeasurement) -> SpoiledMeasurement:
+    noise = taken.rng.standard_t(3.0, taken.tcp.shape) / np.sqrt(3.0)
+    return SpoiledMeasurement(taken.at(taken.q) + 0.3 * NOISE_M * noise)
