@@ -30,22 +30,12 @@ function lrmSteps(page) {
 
   // The verdict is of the model that is shown; the diagnosis of an earlier one says what led to the next step.
   function tellVerdict() {
-    const box = place("verdict"), v = state.values, last = v.steps.length - 1;
-    if (!box) return;
-    const first = v.ranking[0], own = state.step === last ? v.verdict : v.steps[state.step].verdict;
-    const named = first && (first.standing === "supported" || first.standing === "indistinguishable") && own;
-    const missing = state.step === last && named ? ` ${candidateWords(first)}` : "", next = place("next");
+    const box = place("verdict"), v = state.values, last = v.steps.length - 1, next = place("next");
     if (next) next.textContent = state.step === last && v.next ? `Next: ${v.next}` : "";
+    if (!box) return;
+    const own = state.step === last ? v.verdict : v.steps[state.step].verdict;
     const earlier = own ? `At step ${state.step}, before what came next: ${own}` : `Step ${state.step} of ${last} is shown; its diagnosis is not kept.`;
-    box.textContent = state.step === last ? own + missing : earlier;
-  }
-
-  // The first candidate, and what these data cannot tell it from.
-  function candidateWords(first) {
-    const rivals = first.rivals.map((name) => state.values.ranking.find((one) => one.name === name)?.title || name);
-    const said = rivals.length > 2 ? `${rivals[0]} or one of ${rivals.length - 1} more` : rivals.join(" or ");
-    return `${first.title[0].toUpperCase()}${first.title.slice(1)} would leave ${first.held} mm` +
-      (said ? `; these data cannot tell it from ${said}.` : ".");
+    box.textContent = state.step === last ? own : earlier;
   }
 
   function drawHistory(showStep) {
