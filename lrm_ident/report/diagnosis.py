@@ -235,8 +235,10 @@ def _share_words(step: AutoStep) -> str:
     """Share of the error that a step took away, and whether it names a cause."""
     known = noise_floor(step.data, step.fit.rest).rms is not None
     took = f"took {in_percent(step.share)} % of the mean square{' above the noise' if known else ''}"
+    if present := [name for name in step.refines if name in {effect.name for effect in step.fit.model.effects}]:
+        return f"{took}; description: another form of {' and '.join(present)}, no new cause"
     if step.refines:
-        return f"{took}; description: another form of {' or '.join(step.refines)}, no new cause"
+        return f"{took}; description: a free curve that stands for {' or '.join(step.refines)}, no cause that was shown"
     if step.describes:
         return f"{took}; description: too little to name a cause while {'so much' if known else 'more'} stays"
     return f"{took}; finding"

@@ -97,9 +97,7 @@ def rivals(card: StepCard, judged: EarlierDiagnosis | None) -> tuple[tuple[str, 
 def _alone(rivals_mm: Mapping[str, float]) -> dict[str, str]:
     free = {kind.id for kind in FREE_FORMS}
     curve = {name: "; a free curve, of more parameters" if name.split("@")[0] in free else "" for name in rivals_mm}
-    return {
-        name: f"alone it would have left {in_mm(left * 1e-3)} mm{curve[name]}" for name, left in rivals_mm.items()
-    }
+    return {name: f"alone it would have left {in_mm(left * 1e-3)} mm{curve[name]}" for name, left in rivals_mm.items()}
 
 
 def error_fall(file: ModelFile, field: ErrorField, number: int, sha256: str, steps: int = 1) -> ErrorFall:

@@ -10,7 +10,8 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Sequence
+from collections import Counter
+from collections.abc import Iterable, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 
 import numpy as np
@@ -23,24 +24,40 @@ ARMS = (LAB, "so101-like", "ur5-like", "seven-joint")
 
 
 def table(outcomes: Sequence[FaultOutcome]) -> str:
-    """Totals, then every run, as Markdown."""
-    false, said, honest = (
-        sum(map(bool, of)) for of in zip(*((o.false_names, o.false_findings, o.honest) for o in outcomes), strict=True)
-    )
+    """Totals, then every case, as Markdown."""
+    judged = [(one.false_names, one.false_findings, one.honest, one.honest_findings) for one in outcomes]
+    false, said, honest, honest_said = (sum(map(bool, of)) for of in zip(*judged, strict=True))
     faulty = [one for one in outcomes if "healthy" not in one.case.name]
     near = int(np.sum([one.ratio <= NEAR_NOISE for one in faulty]))
-    rows = [(one.case.name, one.arm, _steps(one), one.verdict, f"{one.ratio:.2f}") for one in outcomes]
+    by_case: dict[str, list[FaultOutcome]] = {}
+    for one in outcomes:
+        by_case.setdefault(one.case.name, []).append(one)
+    rows = [
+        (name, _counted(map(_steps, of)), _counted(one.verdict for one in of), _range(of))
+        for name, of in by_case.items()
+    ]
     head = (
-        f"{len(outcomes)} runs: a false name in {false}, as a finding in {said}, first name or verdict right in "
-        f"{honest}; within {NEAR_NOISE} of the noise {near} of {len(faulty)} that are not healthy (*left*: residual "
-        "over the noise; in brackets: steps that only describe; !: not right)."
+        f"{len(outcomes)} runs: a false name in {false}, as a finding in {said}; first name or verdict right in "
+        f"{honest}, first finding or verdict in {honest_said}; within {NEAR_NOISE} of the noise {near} of "
+        f"{len(faulty)} that are not healthy (*left*: residual over the noise; in brackets: steps that only "
+        "describe; !: not right)."
     )
-    return f"{head}\n\n{markdown_table(('fault', 'arm', 'named', 'verdict', 'left'), rows)}"
+    return f"{head}\n\n{markdown_table(('fault', 'named', 'verdict', 'left'), rows)}"
+
+
+def _counted(words: Iterable[str]) -> str:
+    """Words and how often each comes, the most frequent first."""
+    return "; ".join(f"{word} ×{count}" for word, count in Counter(words).most_common())
+
+
+def _range(of: Sequence[FaultOutcome]) -> str:
+    ratios = [one.ratio for one in of]
+    return f"{min(ratios):.2f} to {max(ratios):.2f}"
 
 
 def _steps(one: FaultOutcome) -> str:
-    """Names of the steps with their classes; those that only describe in brackets."""
-    named = [" or ".join(step[:5]) for step in one.steps]
+    """First names of the steps' classes; those that only describe in brackets."""
+    named = [step[0] for step in one.steps]
     said = (name if finding else f"({name})" for name, finding in zip(named, one.findings, strict=True))
     return ("" if one.honest else "! ") + (" > ".join(said) or "–")
 

@@ -47,9 +47,11 @@ def play_grows(taken: HealthyMeasurement) -> SpoiledMeasurement:
 
 def warms_when_loaded(taken: HealthyMeasurement) -> SpoiledMeasurement:
     """A servo drifts with the work that it has done."""
-    work = np.cumsum(taken.weight_moment**2)
+    work, joint = np.cumsum(taken.weight_moment**2), taken.joint()
     by = np.radians(taken.rng.uniform(0.8, 1.5)) * (work / work[-1]) * taken.weight_moment
-    return SpoiledMeasurement(taken.moved(taken.joint(), by))
+    return SpoiledMeasurement(
+        taken.moved(joint, by), right=(f"drift@joint{joint + 1}", f"drift_curve@joint{joint + 1}")
+    )
 
 
 def sticks(taken: HealthyMeasurement) -> SpoiledMeasurement:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -59,6 +59,12 @@ class FaultOutcome:
         """Those of them that are said to be findings."""
         said = {step[0] for step, finding in zip(self.steps, self.findings, strict=True) if finding}
         return tuple(name for name in self.false_names if name in said)
+
+    @property
+    def honest_findings(self) -> bool:
+        """The same of what is said to be a cause: descriptions name none."""
+        found = [step for step, finding in zip(self.steps, self.findings, strict=True) if finding]
+        return replace(self, steps=tuple(found), findings=(True,) * len(found)).honest
 
     @property
     def honest(self) -> bool:
