@@ -54,7 +54,7 @@ td { overflow-wrap: anywhere; } ul { margin: 4px 0 8px; padding-left: 20px; } h4
 @media (max-width: 500px) { .tall { height: 400px; } }
 .lrm-paper body { max-width: none; padding: 0; font-size: 10pt; }
 .lrm-paper .two { display: block; }
-.lrm-paper .tall { height: 150mm; } .lrm-paper .medium { height: 80mm; } .lrm-paper .low { height: 55mm; }
+.lrm-paper .tall { height: 150mm; } .lrm-paper .medium { height: 80mm; } .lrm-paper .low { height: 44mm; }
 """
 
 
