@@ -106,7 +106,8 @@ class Study(ModelOnData, ShownInNotebook):
         """Finds which effect the model misses.
 
         Args:
-            screened, compared: what `screen` and `compare` give, where that is known already.
+            screened, compared: what `screen` and `compare` give, where that is known already. Held-out errors are
+                then those of the comparison, a picometre from those of the refit (the commands repeat it).
         """
         from lrm_ident.diagnosis.diagnosis_report import build_report
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from html import escape
+from pathlib import Path
 
 from lrm_ident.data.error_stats import error_stats
 from lrm_ident.data.wording import in_mm
@@ -18,8 +19,9 @@ BODY = """<header>
 <h1>{title}</h1>
 <p id="lrm-fall" class="lrm-fall"></p>
 <p class="verdict" id="lrm-verdict">{verdict}</p>
+<p id="lrm-next"></p>
 <p class="lrm-soft">{summary}</p>
-<button type="button" class="screen-only" id="lrm-theme">Light or dark</button>
+<div class="lrm-controls screen-only"><button type="button" id="lrm-theme">Light or dark</button></div>
 </header>
 <main>
 <section>
@@ -86,7 +88,7 @@ lrmGlossary(document.querySelector("main"));
 
 def html_report(found: ModelReport) -> str:
     """The report's text."""
-    title = f"{found.file.arm}: model and measurements {found.poses.path.name}"
+    title = f"{_arm_name(found.file.arm)}: model and measurements {found.poses.path.name}"
     document = found.document()
     body = BODY.format(
         title=escape(title),
@@ -100,6 +102,11 @@ def html_report(found: ModelReport) -> str:
         provenance=table_html(found.provenance),
     )
     return standalone_page(title, body, values_text(figure_values(found)), document, SCRIPTS, START, "lrm.ready();")
+
+
+def _arm_name(arm: str) -> str:
+    """A shipped arm's name, or that of an arm file without its folder."""
+    return Path(arm).stem if arm.endswith(".toml") else arm
 
 
 def _blocks(part: Document | None) -> list[Block]:

@@ -67,9 +67,8 @@ def _(result: Study) -> str:
 
 def page_of(study: Study) -> str:
     """A frame with the page that `lrm-ident report` writes: error field, where it fails, what is missing, cards."""
-    compared = study.compare()
-    found = with_comparison(quick_report(study), compared)
-    page = html_report(with_diagnosis(found, study.diagnose(compared=compared)))
+    found = with_comparison(quick_report(study), study.compare())
+    page = html_report(with_diagnosis(found, study.diagnose()))
     return FRAME.format(page=escape(page, quote=True))
 
 

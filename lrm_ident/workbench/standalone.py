@@ -37,7 +37,8 @@ PAGE = """<!doctype html>
 """
 OWN_STYLE = """
 body { font: 15px/1.45 system-ui, sans-serif; margin: 0 auto; max-width: 1200px; padding: 16px; }
-h1 { font-size: 22px; margin: 0; } h2 { font-size: 18px; border-bottom: 1px solid var(--grid); } h3 { font-size: 15px; }
+h1 { font-size: 22px; margin: 0; overflow-wrap: anywhere; }
+h2 { font-size: 18px; border-bottom: 1px solid var(--grid); } h3 { font-size: 15px; }
 .verdict { font-size: 18px; font-weight: 600; margin: 4px 0; }
 .tall { height: 560px; } .medium { height: 380px; } .low { height: 260px; }
 .lrm-ladder { font-weight: 600; } .two .lrm-empty { display: none; }
@@ -48,10 +49,12 @@ caption { text-align: left; font-weight: 600; padding: 4px 0; }
 th, td { padding: 2px 10px 2px 0; text-align: left; vertical-align: top; border-bottom: 1px solid var(--grid); }
 th.right, td.right { text-align: right; white-space: nowrap; }
 td { overflow-wrap: anywhere; } ul { margin: 4px 0 8px; padding-left: 20px; } h4 { margin: 12px 0 2px; }
-@media screen { .wide td { overflow-wrap: break-word; } }
+@media screen { .wide td { overflow-wrap: break-word; } .wide td:not(.right) { min-width: 7em; }
+  .wide td:last-child:not(.right) { min-width: 12em; } .wide td:empty { min-width: 0; } }
+@media (max-width: 500px) { .tall { height: 400px; } }
 .lrm-paper body { max-width: none; padding: 0; font-size: 10pt; }
 .lrm-paper .two { display: block; }
-.lrm-paper .tall { height: 150mm; } .lrm-paper .medium { height: 80mm; } .lrm-paper .low { height: 55mm; }
+.lrm-paper .tall { height: 150mm; } .lrm-paper .medium { height: 80mm; } .lrm-paper .low { height: 44mm; }
 """
 
 

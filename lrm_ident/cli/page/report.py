@@ -35,9 +35,8 @@ def report(
     if output.suffix.lower() not in PAGES:
         raise FileError(output, "", f"a page is no {output.suffix or 'nameless'} file", f"name it {PAGES[0]}")
     with opened(model, data, effects_file, reading) as study:
-        compared = study.compare()
-        found = with_comparison(quick_report(study), compared)
-        found = with_diagnosis(found, identifiable(study).diagnose(compared=compared))
+        found = with_comparison(quick_report(study), study.compare())
+        found = with_diagnosis(found, identifiable(study).diagnose())
     write_text(output, html_report(found))
     if json:
         write_text(json, found.document().json())

@@ -8,8 +8,9 @@ from typing import Any
 
 import pytest
 
-from tests.conftest import EXAMPLE
+from tests.conftest import EXAMPLE, ROOT
 from tests.support.commands import stdout_of
+from validation import synthetic
 
 STEPS = ("backlash@joint2", "eccentricity@joint5")
 
@@ -53,3 +54,22 @@ def test_cards_say_what_is_known_of_rivals(browser: Any, stepped: Path, tmp_path
     first, second, _ = cards(browser, model, re.sub(rivals, "", text))
     assert "take these steps back (lrm-ident undo 2 times) and diagnose the model before it" in first
     assert "take this step back (lrm-ident undo) and diagnose the model before it" in second
+
+
+@pytest.mark.slow
+def test_page_one_names_what_cannot_be_told_apart_and_what_is_next(browser: Any, tmp_path: Path) -> None:
+    data, *_ = synthetic.write_example(tmp_path, ROOT / "config" / "arms" / "two-joint.toml")
+    model, report = tmp_path / "m.toml", tmp_path / "r.html"
+    stdout_of("fit", data, "-o", model)
+    stdout_of("report", model, data, "-o", report)
+    page = browser.new_page()
+    page.goto(report.as_uri())
+    page.wait_for_selector("#lrm-ranking button")
+    verdict, following = page.inner_text("#lrm-verdict"), page.inner_text("#lrm-next")
+    first, second = page.evaluate("lrm.state.values.ranking.slice(0, 2).map((one) => [one.name, one.verdict])")
+    assert (first[1], second[1]) == ("indistinguishable", "indistinguishable")
+    assert verdict.startswith("An effect is missing. Joint2 has 2.")
+    assert f"these data cannot tell it from {second[0]}" in verdict
+    assert following.startswith("Next: To tell backlash@joint2 from ")
+    assert page.inner_text("h1").startswith("two-joint: model and measurements ")
+    page.close()

@@ -38,7 +38,8 @@ class CandidateView:
         added: (M, 3), motion of the TCP that it would add beyond the fitted parameters (m).
         turns: (n, M), the same as a turn of each joint (rad).
         joint: from 0, the one whose turn its motion is most like. driver: name of what its form is a function of.
-        second: name of the other driver of a form of two, else "". refused: why it cannot be the cause, else "".
+        second: name of the other driver of a form of two, else "". function: whether the form is one of these alone.
+        refused: why it cannot be the cause, else "".
         form: (M,), the turn of that joint that the candidate says (rad). around: (M,), with what would then be left.
         observable: (M,), whether the joint's lever is long enough to observe a turn. about: texts of the effect.
         size: estimate that `added` is of, in the file's unit, with that unit, where the effect has one parameter.
@@ -50,6 +51,7 @@ class CandidateView:
     joint: int
     driver: str
     second: str
+    function: bool
     refused: str
     form: Array
     around: Array
@@ -85,6 +87,7 @@ def candidate_view(
         joint=joint,
         driver=drivers[0].name,
         second=drivers[1].name if len(drivers) > 1 else "",
+        function=_follows(turns[joint], drivers, observable),
         refused=scored.implausible or found.unexplained.spurious.get(scored.name, ""),
         form=_drawn(turns[joint], rows),
         around=_drawn(around, rows),
@@ -137,6 +140,13 @@ def drivers_of(
         return (order[first],)
     i, j = pairs[int(np.argmin(over))]
     return order[i], order[j]
+
+
+def _follows(form: Array, drivers: Sequence[Covariate], observable: NDArray[np.bool_]) -> bool:
+    """Whether a form is a function of its one driver, nearly; of two drivers a map shows what it is."""
+    if len(drivers) > 1:
+        return True
+    return _roughness(form[observable], scaled(drivers[0].values[observable])) <= NO_FUNCTION
 
 
 def _roughness(form: Array, values: Array) -> float:

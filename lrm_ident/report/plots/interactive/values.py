@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lrm_ident.data.error_stats import error_stats
 from lrm_ident.data.wording import in_mm, p_words, quantity
@@ -15,10 +16,10 @@ from lrm_ident.report.diagnosis import MARKS
 from lrm_ident.report.history import data_of
 from lrm_ident.report.model_report import ModelReport
 from lrm_ident.report.names.plain_names import plain_name, step_title
-from lrm_ident.report.plots.interactive.candidate_view import CandidateView
+from lrm_ident.report.plots.interactive.candidate_view import SHARE, CandidateView
 from lrm_ident.report.plots.interactive.fair_sample import fair_rows
 from lrm_ident.report.step_card import AS_WELL, StepCard, error_fall, of_data, rivals
-from lrm_ident.residual.picture.error_field import COLOURS
+from lrm_ident.residual.picture.error_field import COLOURS, ErrorField
 from lrm_math.arrays import Array
 
 UM, ANGLE = 3, 4
@@ -76,6 +77,7 @@ def figure_values(found: ModelReport) -> dict[str, Any]:
         "bound": None if found.diagnosis is None else found.diagnosis.values["noise_bound_rms_mm"],
         "marked": {why: list(numbers) for why, numbers in (found.marked or {}).items()},
         "where": _where(found),
+        "next": "" if found.diagnosis is None else found.diagnosis.values["next_poses_hint"],
         "ranking": [] if found.diagnosis is None else _ranking(found, found.diagnosis.values),
     }
 
@@ -101,8 +103,13 @@ def _step(found: ModelReport, number: int) -> dict[str, Any]:
         "verdict": "" if judged is None else judged.verdict,
         "rms": in_mm(step.error.rms),
         "residual": rounded(step.residual * 1e3, UM),
-        "turns": rounded(np.degrees(step.turns), ANGLE),
+        "turns": rounded(np.degrees(np.where(_moves(found.field), step.turns, np.nan)), ANGLE),
     }
+
+
+def _moves(field: ErrorField) -> NDArray[np.bool_]:
+    """(n, M), whether the lever of a joint is long enough to see its turn: else a small error is an enormous turn."""
+    return np.asarray(field.lever > SHARE**2 * field.lever.mean(axis=1, keepdims=True))
 
 
 def _entry(found: ModelReport, number: int) -> dict[str, Any]:
@@ -135,6 +142,7 @@ def _card(found: ModelReport, card: StepCard) -> dict[str, Any]:
         "held": fall.held_out,
         "share": fall.share_of_excess(floor),
         "rivals": [{"name": name, "title": plain_name(name), "why": why} for name, why in rivals(card, judged)],
+        "equivalent": [plain_name(name) for name in card.equivalent],
         "asked": judged is not None or card.rivals_mm is not None,
         "unrivalled": fall.held_out and card.unrivalled(fall.after),
         "joint": card.joint,
@@ -217,6 +225,7 @@ def _candidate(view: CandidateView, advice: Mapping[str, Any], standing: str, we
         "joint": view.joint,
         "driver": view.driver,
         "second": view.second,
+        "function": view.function,
         "form": rounded(np.where(observable, np.degrees(view.form), np.nan), ANGLE),
         "around": rounded(np.where(observable, np.degrees(view.around), np.nan), ANGLE),
     }

@@ -36,7 +36,9 @@ function lrmCandidates(page) {
       { type: "scatter", mode: "markers", name: "data", x: at(driver.values, rows), y: at(one.around, rows),
         selectedpoints: selected(rows), ...poseOf(rows), hovertemplate: "%{text}: %{y:.3f} deg<extra></extra>",
         marker: { size: 5, color: colour("model"), opacity: 0.55 } },
-      { type: "scatter", mode: "lines", name: "its form", ...form, hoverinfo: "skip", line: { color: colour("held"), width: 3 } },
+      one.function ? { type: "scatter", mode: "lines", name: "its form", ...form, hoverinfo: "skip", line: { color: colour("held"), width: 3 } }
+        : { type: "scatter", mode: "markers", name: "its form, which follows more than this", x: at(driver.values, rows), y: at(one.form, rows),
+          hoverinfo: "skip", marker: { symbol: "diamond", size: 6, color: colour("held") } },
     ], { xaxis: { title: { text: driver.label, standoff: 4 } },
       yaxis: { title: { text: `turn of joint ${one.joint + 1}, deg`, standoff: 4 }, range: range(one.around).limits } }, wireScatter);
   }

@@ -12,7 +12,7 @@ function lrmSteps(page) {
   function tellFall() {
     const box = place("fall"), v = state.values, number = state.step, card = v.cards.find((one) => one.step === number);
     if (!box) return;
-    const what = card ? [card.title, card.estimate].filter(Boolean).join(", ") : number ? v.steps[number].title : "Fitted to the data";
+    const what = card ? named(card) : number ? v.steps[number].title : "Fitted to the data";
     const [from, to] = card ? [card.before, card.after] : [number ? v.steps[number - 1].rms : v.nominalRms, v.steps[number].rms];
     const kind = card && card.held ? "held-out RMS" : number ? "RMS on these data" : "from nominal to fitted, RMS";
     const figure = element("span", `${words(Number(from))} → ${words(Number(to))} mm`, "lrm-fall-figure");
@@ -21,15 +21,21 @@ function lrmSteps(page) {
     lrmGlossary(box);
   }
 
+  // What a step found; what the data cannot tell it from is named with it.
+  function named(card) {
+    const others = card.equivalent, more = others.length > 2 ? `, or one of ${others.length - 1} more` : "";
+    const rivals = others.length ? ` (or ${others.slice(0, others.length > 2 ? 1 : 2).join(", or ")}${more}: these data cannot tell)` : "";
+    return [card.title, card.estimate].filter(Boolean).join(", ") + rivals;
+  }
+
   // The verdict is of the model that is shown; the diagnosis of an earlier one says what led to the next step.
   function tellVerdict() {
-    const box = place("verdict"), v = state.values, last = v.steps.length - 1;
+    const box = place("verdict"), v = state.values, last = v.steps.length - 1, next = place("next");
+    if (next) next.textContent = state.step === last && v.next ? `Next: ${v.next}` : "";
     if (!box) return;
-    const first = v.ranking[0], own = state.step === last ? v.verdict : v.steps[state.step].verdict;
-    const missing = state.step === last && first && first.standing === "supported" && own
-      ? ` ${first.title[0].toUpperCase()}${first.title.slice(1)} would leave ${first.held} mm.` : "";
+    const own = state.step === last ? v.verdict : v.steps[state.step].verdict;
     const earlier = own ? `At step ${state.step}, before what came next: ${own}` : `Step ${state.step} of ${last} is shown; its diagnosis is not kept.`;
-    box.textContent = state.step === last ? own + missing : earlier;
+    box.textContent = state.step === last ? own : earlier;
   }
 
   function drawHistory(showStep) {
@@ -89,15 +95,15 @@ function lrmSteps(page) {
 
   function article(card) {
     const out = element("article", "", "lrm-card-of-step"), fall = `${words(card.before)} → ${words(card.after)} mm`;
-    const heading = element("h3", `${card.step}. ${[card.title, card.estimate].filter(Boolean).join(", ")}: ${fall}`);
+    const heading = element("h3", `${card.step}. ${named(card)}: ${fall}`);
     const share = card.share === null ? "" : `; ${Math.round(100 * card.share)} % of the mean square above the noise`;
-    out.append(heading, element("p", `${card.claim ? card.claim + ". " : ""}${card.held ? "Held-out RMS" : "RMS on these data"}: ${fall}${share}.`));
+    out.append(heading, element("p", `${card.claim ? (card.equivalent.length ? "If it is this one: " : "") + card.claim + ". " : ""}${card.held ? "Held-out RMS" : "RMS on these data"}: ${fall}${share}.`));
     const against = element("div", "", "lrm-rivals");
     if (card.unrivalled) against.append(element("p", "No other effect explained it as well."));
     if (card.rivals.length) {
       const list = element("ul");
       list.append(...card.rivals.map((one) => element("li", `${one.title} (${one.name}): ${one.why}`)));
-      against.append(element("h4", "What else it could have been, and why not"), list);
+      against.append(element("h4", card.equivalent.length ? "What else it could be" : "What else it could have been, and why not"), list);
     } else if (!card.unrivalled) against.append(element("p", others(card), "lrm-soft"));
     const figure = element("div", "", "lrm-figure lrm-card-figure"), more = element("details", "", "lrm-soft");
     figure.id = "lrm-card-" + card.step;
