@@ -30,5 +30,3 @@ def tools_after(arm: ArmDescription, truth: GroundTruth, path: Array) -> Array:
     origin, *ends = seen.posture.centres[:, len(arm.bodies) :].transpose(1, 0, 2)
     axes = np.stack([end - origin for end in ends], axis=2)
     return np.array([homogeneous(R, t) for R, t in zip(axes, origin, strict=True)])
-
-

@@ -64,7 +64,6 @@ class RosPeer:
         attachment = struct.pack("<QQB16s", 1, time.time_ns(), 16, bytes(range(16)))
         self.session.put(f"0/{topic}/{dds(name)}/{of.type_hash}", data, attachment=attachment)
 
-
     def call(self, service: str, name: str, request: dict[str, Any], patience: float = 20.0) -> Any:
         """Asks a service of the bridge, as rmw_zenoh does; its response, decoded."""
         plain, text = plainly(f"{name}_Request")

@@ -26,7 +26,7 @@ from validation.hidden_effects.case_generator import (
     stretched,
     warms,
 )
-from validation.synthetic import EntangledJoint, WrongBody, WrongLoad
+from validation.synthetic import EntangledJoint, FastClock, WrongBody, WrongLoad
 
 NOTHING = HiddenEffectCase("nothing", (), lambda *_: ())
 SINGLE = named(
@@ -37,6 +37,7 @@ SINGLE = named(
     lag(3, 1.2),
     gain(1, 1, 0.02),
     gain(4, -1, 0.025),
+    case("clock", "common_gain@servos", lambda by: FastClock(by.sign() * by.size(0.002), 2.6)),
     shaft(2, 0.015),
     shaft(5, 0.05),
     spring(1, 0.006, 0.15),

@@ -56,6 +56,20 @@ class OneSidedGain(HiddenEffect):
 
 
 @dataclass(frozen=True)
+class FastClock(HiddenEffect):
+    """A servo board whose clock is off by a part: all pulses, that of the middle angle included, are too long by it.
+
+    middle_rad: the angle that the pulse of zero would turn a servo by if it began at no pulse.
+    """
+
+    part: float
+    middle_rad: float
+
+    def added_angles(self, load: JointLoad) -> Array:
+        return np.asarray(self.part * (load.poses.q_rad + self.middle_rad))
+
+
+@dataclass(frozen=True)
 class EccentricShaft(HiddenEffect):
     """Eccentricity of an angle sensor or servo horn.
 

@@ -48,9 +48,7 @@ def scene_file(found: ModelComparison, models: Sequence[tuple[str, Model]]) -> b
     writer = Writer(content)
     writer.start(library="lrm-ident")
     schema = writer.register_schema(SCHEMA, "jsonschema", json.dumps({"title": SCHEMA, "type": "object"}).encode())
-    channels = {
-        topic: writer.register_channel(topic, "json", schema) for topic in ("/arm", *errors)
-    }
+    channels = {topic: writer.register_channel(topic, "json", schema) for topic in ("/arm", *errors)}
     for k, number in enumerate(data.pose.tolist()):
         t = int(number) * SECOND
         scenes: list[tuple[str, str, dict[str, Any]]] = [("/arm", "arm", {"lines": [_line(lines[k])]})]

@@ -31,6 +31,7 @@ from validation.synthetic import (
     DahlLoop,
     EccentricShaft,
     EntangledJoint,
+    FastClock,
     FormulaJoint,
     FrictionLag,
     GearRipple,
@@ -73,6 +74,7 @@ OF_SIZE_ZERO = [
     CoupledJoint(3, 2, 0.0, 1.5),
     EccentricShaft(2, 0.0, 1.0),
     EntangledJoint(3, (1, 4), 0.0, "sum"),
+    FastClock(0.0, 2.6),
     FrictionLag(1, 0.0, 0.1),
     HardeningSpring(2, 0.0, 0.1),
     LinkBending(2, 0.0, (1.0, 2.0)),
@@ -104,7 +106,7 @@ OF_SIZE_ZERO = [
 PLACE = re.compile(
     r"(backlash|hysteresis|servo_gain|eccentricity|nonlinear_stiffness|cable_spring)@joint[1-6]"
     r"|coupling@joint[1-6]<-joint[1-6]|lateral_compliance@link[1-5]|mass@link[1-6]|base_compliance@base|payload@tool"
-    r"|drift@(joint[1-6]|base)|(session|change_point)@joint[1-6]|measurement_frame@frame"
+    r"|drift@(joint[1-6]|base)|(session|change_point)@joint[1-6]|measurement_frame@frame|common_gain@servos"
 )
 
 
@@ -331,7 +333,7 @@ def test_cases_cover_the_vocabulary() -> None:
         assert case.truth
         assert all(PLACE.fullmatch(place) for place in case.truth), case.name
     named = {place.partition("@")[0] for case in SINGLE.values() for place in case.truth or ()}
-    assert len(named) == 15  # all but those that are always fitted or known
+    assert len(named) == 16  # all but those that are always fitted or known
     assert all(case.truth is None for case in OUTSIDE.values())
 
 
