@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 
@@ -15,21 +14,15 @@ BASE = ("session@base", "drift@base", "drift_curve@base", "change_point@base")
 """Names of a base, or a tracker, that moves as a whole."""
 
 
-class Positions(Protocol):
-    """Measured positions (N, 3) (m) at other joint angles (N, n) (rad) and, if stated, another load (N,) (kg)."""
-
-    def __call__(self, q: Array, load: Array | None = None) -> Array:
-        """The positions."""
-
-
 @dataclass(frozen=True, eq=False)
 class HealthyMeasurement:
-    """A healthy measurement: commands q (N, n) (rad), load (N,) (kg), positions tcp (N, 3) (m), and `at` others."""
+    """A healthy measurement: commands q (N, n) (rad), load (N,) (kg), positions tcp (N, 3) (m); `at`: positions at
+    other commands (N, n)."""
 
     q: Array
     load: Array
     tcp: Array
-    at: Positions
+    at: Callable[[Array], Array]
     rng: np.random.Generator
 
     def joint(self) -> int:

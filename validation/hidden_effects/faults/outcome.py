@@ -102,8 +102,8 @@ def spoiled(case: FaultCase, arm: str, seed: int, count: int) -> tuple[Measureme
     q, rng = random_poses(described, count, seed, floor_m=FLOOR_M), np.random.default_rng(fixed)
     plan, load = even_schedule(*q.shape), rng.choice(LOADS_KG, count)
 
-    def at(angles: Array, carried: Array | None = None) -> Array:
-        return measure(described, truth, angles, load if carried is None else carried, NOISE_M, seed, plan)
+    def at(angles: Array) -> Array:
+        return measure(described, truth, angles, load, NOISE_M, seed, plan)
 
     found = case.spoil(HealthyMeasurement(q, load, at(q), at, rng))
     written, carried = q if found.q is None else found.q, load if found.load is None else found.load
