@@ -59,11 +59,20 @@ def parse_toml(path: Path) -> dict[str, Any]:
 
 
 def schema_of(path: Path) -> str | None:
-    """The `schema` that a TOML file states; None if it states none or cannot be read."""
+    """The `schema` that a TOML file states; None if it states none or cannot be read.
+
+    Keys of the file itself stand before its first table, so no more is parsed unless an array of the file's own has a
+    line that looks like one.
+    """
     try:
-        schema = tomllib.loads(path.read_text(encoding="utf-8")).get("schema")
+        text = path.read_text(encoding="utf-8")
+        try:
+            stated = tomllib.loads(text.partition("\n[")[0])
+        except tomllib.TOMLDecodeError:
+            stated = tomllib.loads(text)
     except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError):
         return None
+    schema = stated.get("schema")
     return schema if isinstance(schema, str) else None
 
 

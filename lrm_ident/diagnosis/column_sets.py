@@ -71,19 +71,16 @@ class ColumnSets:
     def __len__(self) -> int:
         return sum(len(stack.numbers) for stack in self.stacks)
 
-    def __getitem__(self, number: int) -> ColumnSets:
-        """One of the sets."""
-        own = columns_of(self.stacks).get(number, slice(0))
-        for stack, gram in zip(self.stacks, self.grams, strict=True):
-            [found] = np.nonzero(stack.numbers == number)
-            if len(found):
-                alone = EqualSizedSets(np.zeros(1, dtype=np.int64), 0, 0, stack.size)
-                explained = tuple(part[:, own] for part in self.explained)
-                return ColumnSets(self.columns[:, own], explained, (alone,), (gram[:, found],))
-        raise IndexError(number)
-
     def __iter__(self) -> Iterator[ColumnSets]:
-        return (self[number] for number in range(len(self)))
+        """Each set alone, by its number."""
+        of_number = {int(number): (stack, i) for stack in self.stacks for i, number in enumerate(stack.numbers)}
+        grams = dict(zip(self.stacks, self.grams, strict=True))
+        for number in sorted(of_number):
+            stack, i = of_number[number]
+            alone = EqualSizedSets(np.zeros(1, dtype=np.int64), 0, 0, stack.size)
+            own = slice(stack.start + i * stack.size, stack.start + (i + 1) * stack.size)
+            explained = tuple(part[:, own] for part in self.explained)
+            yield ColumnSets(self.columns[:, own], explained, (alone,), (grams[stack][:, [i]],))
 
     def copy(self) -> ColumnSets:
         """Arrays of their own: what the sets were taken from can be forgotten."""

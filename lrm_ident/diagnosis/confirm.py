@@ -18,7 +18,7 @@ from lrm_ident.data.wording import in_mm
 from lrm_ident.diagnosis.add_effect import add_effects
 from lrm_ident.diagnosis.diagnose import Diagnosis, Verdict, select_without
 from lrm_ident.diagnosis.score_test import ScoredCandidate
-from lrm_ident.fitting.cross_validation import held_out_blocks
+from lrm_ident.fitting.cross_validation import blocks_of_fit
 from lrm_ident.fitting.held_out import HeldOutBlock, held_out_rows, squared
 from lrm_ident.fitting.levenberg_marquardt import Fit
 from lrm_ident.residual.better_prediction import predicts_better
@@ -101,7 +101,7 @@ def confirm(
     """
     if not blocks:
         on_progress("cross-validating the model as it is")
-        blocks = held_out_blocks(diagnosis.fit.model, diagnosis.data, loss=diagnosis.loss)
+        blocks = blocks_of_fit(diagnosis.fit, diagnosis.data)
     reasons = dict.fromkeys(refused, "a model with it could not be gone on with")
     now = select_without(diagnosis, reasons) if refused else diagnosis
     promised, of = 0.0, ""
@@ -136,7 +136,7 @@ def _tried(diagnosis: Diagnosis, scored: ScoredCandidate, blocks: tuple[HeldOutB
         fitted = add_effects(diagnosis.fit.model, data, [effect], scored.shape, loss)
         if zero_p_value(fitted, [effect.keys[row] for row in scored.candidate.rows]) > WITHIN_TWO_DEVIATIONS:
             return _Trial(None, "refitted, its own parameters lie within two standard deviations of zero")
-        refit = Refit(fitted, held_out_blocks(fitted.model, data, loss=loss, prior=fitted.weak_prior))
+        refit = Refit(fitted, blocks_of_fit(fitted, data))
     except LrmError as error:
         return _Trial(None, f"it could not be refitted: {error}", fitted=False)
     if predicts_better(squared(refit.blocks), squared(blocks), MIN_GAIN):

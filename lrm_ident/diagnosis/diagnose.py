@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Literal
 
 import numpy as np
@@ -31,7 +32,7 @@ from lrm_ident.fitting.levenberg_marquardt import OUTLIER_DISTANCE, Fit, fit
 from lrm_ident.fitting.loss import SQUARED, Loss, robust_scale
 from lrm_ident.fitting.priors import EffectRates
 from lrm_ident.fitting.progress import OnProgress, silent
-from lrm_ident.residual.free_functions import free_functions, lagged
+from lrm_ident.residual.free_functions import FreeFunction, free_functions, lagged
 from lrm_ident.residual.residual_structure import NoiseFloor, ResidualStructure, noise_floor, residual_structure
 from lrm_ident.residual.significance import benjamini_yekutieli
 from lrm_ident.residual.thresholds import FLOOR_RATIO, MORAN_THRESHOLD, NOT_NOISE, SIGNIFICANCE
@@ -84,7 +85,7 @@ class Diagnosis:
     @property
     def screened_subset(self) -> tuple[Fit, Measurements]:
         """The fit and the measurements at the poses that were screened."""
-        return self.fit.take(self.screened), self.data.take(self.screened)
+        return self.screening.subset
 
     @property
     def supported(self) -> tuple[ScoredCandidate, ...]:
@@ -178,6 +179,41 @@ class Screening:
     not_testable: tuple[tuple[Effect, str], ...]
     rates: EffectRates | None = None
 
+    @cached_property
+    def subset(self) -> tuple[Fit, Measurements]:
+        """The fit and the measurements at the screened rows."""
+        return self.fit.take(self.screened), self.data.take(self.screened)
+
+    @cached_property
+    def floor(self) -> NoiseFloor:
+        """Noise of the measurements."""
+        return noise_floor(self.data, self.fit.rest)
+
+    @cached_property
+    def structure(self) -> ResidualStructure:
+        """Structure in what the fit leaves."""
+        return residual_structure(self.subset[1].poses.q, self.linear.residual, self.linear.basis)
+
+    @cached_property
+    def joint_jacobian(self) -> Array:
+        """(joints, R, n), motion of what is measured for a unit rotation of each joint."""
+        return self.response.slots[list(self.response.equilibrium.model.chain.joint_slots)]
+
+    @cached_property
+    def functions(self) -> list[FreeFunction]:
+        """Free functions of every covariate at every place."""
+        fitted, part = self.subset
+        before = lagged(self.fit.rest.joint_torque)[self.screened]
+        return free_functions(self.joint_jacobian, part, fitted.rest, before)
+
+    @property
+    def like_noise(self) -> bool:
+        """Whether what is left is no larger than the known noise (F test) and shows no structure: no new cause."""
+        floor, structure = self.floor, self.structure
+        if floor.sd is None or min(structure.p_value, structure.order_p_value) < SIGNIFICANCE:
+            return False
+        return floor.p_value(self.fit.sigma, self.data.measured_rows - len(self.fit.model.free)) > SIGNIFICANCE
+
 
 def select_without(diagnosis: Diagnosis, refused: Collection[str]) -> Diagnosis:
     """The same diagnosis with other effects selected: none of the refused (`effect@place`), of which those that were
@@ -203,31 +239,25 @@ def _score(
 
 
 def _select(scores: Screening, progress: OnProgress, refused: Collection[str] = ()) -> Diagnosis:
-    whole, data, linear, ranked = scores.fit, scores.data, scores.linear, scores.ranked
-    fitted, part = whole.take(scores.screened), data.take(scores.screened)
-    floor, structure = noise_floor(data, whole.rest), residual_structure(part.poses.q, linear.residual, linear.basis)
-    quiet = _like_noise(whole, data, floor, structure)
+    whole, linear, ranked = scores.fit, scores.linear, scores.ranked
     possible = [one for one in ranked if one.name not in refused]
-    tried = [one for one in possible if not quiet or one.candidate.standing == REFINEMENT]
+    tried = [one for one in possible if not scores.like_noise or one.candidate.standing == REFINEMENT]
     weights = None if scores.rates is None else scores.rates.weights([one.name for one in tried])
     selection = forward_select(tried, linear, progress, weights, [one for one in ranked if one not in tried])
     selected = selection.effects
-    joint_jacobian = scores.response.slots[list(scores.response.equilibrium.model.chain.joint_slots)]
-    before = lagged(whole.rest.joint_torque)[scores.screened]
-    functions = free_functions(joint_jacobian, part, fitted.rest, before)
     return Diagnosis(
         fit=whole,
-        data=data,
-        floor=floor,
-        structure=structure,
+        data=scores.data,
+        floor=scores.floor,
+        structure=scores.structure,
         squared_held_out=linear.now.held_out,
         scored=(*selected, *(one for one in ranked if one not in selected)),
         adjusted_p_values=benjamini_yekutieli({one.name: one.p_value for one in ranked}),
         selected=selected,
         equivalent={one.name: equivalent_effects(selection, i, possible) for i, one in enumerate(selected)},
-        unexplained=unexplained_structure(selection, functions, scores.weigh),
+        unexplained=unexplained_structure(selection, scores.functions, scores.weigh),
         not_testable=scores.not_testable,
-        joint_jacobian=joint_jacobian[:, :3],
+        joint_jacobian=scores.joint_jacobian[:, :3],
         screened=scores.screened,
         screening=scores,
         loss=whole.loss,
@@ -248,13 +278,6 @@ def rows_to_screen(fitted: Fit) -> NDArray[np.int64]:
     distance = np.linalg.norm(fitted.residual, axis=1)
     far = sorted(fitted.outliers, key=lambda row: -distance[row])[:MOST_FAR]
     return np.union1d(some_rows(len(distance)), np.array(far, dtype=np.int64))
-
-
-def _like_noise(fitted: Fit, data: Measurements, floor: NoiseFloor, structure: ResidualStructure) -> bool:
-    """Whether what is left is no larger than the known noise (F test) and shows no structure: no new cause."""
-    if floor.sd is None or min(structure.p_value, structure.order_p_value) < SIGNIFICANCE:
-        return False
-    return floor.p_value(fitted.sigma, data.measured_rows - len(fitted.model.free)) > SIGNIFICANCE
 
 
 def linearised(fitted: Fit, data: Measurements, weigh: RowWeights) -> LinearisedFit:

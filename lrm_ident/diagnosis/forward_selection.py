@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lrm_ident.diagnosis.candidates import FORM, REFINEMENT
-from lrm_ident.diagnosis.column_sets import joined
+from lrm_ident.diagnosis.column_sets import ColumnSets, joined
 from lrm_ident.diagnosis.linearised_fit import LinearEstimate, LinearisedFit, cosine_of_bases
 from lrm_ident.diagnosis.score_test import ScoredCandidate
 from lrm_ident.fitting.progress import OnProgress
@@ -83,14 +83,12 @@ def _steps(
     candidates: Sequence[ScoredCandidate], fit: LinearisedFit, selected: Sequence[ScoredCandidate]
 ) -> Iterator[SelectionStep]:
     """Steps for as long as `selected` grows between them; what is selected is projected out of all candidates once."""
-    sets = joined([one.projected for one in candidates], fit.parts) if candidates else None
-    for number in range(MAX_EFFECTS + 1):
-        if len(selected) < number:
-            break
-        fit = fit.beside(*(one.projected for one in selected[number - 1 : number]))
-        sets = None if sets is None else fit.up_to_date(sets)
-        found = [] if sets is None else fit.explain_each(sets)
-        yield SelectionStep(fit, dict(zip((one.name for one in candidates), found, strict=True)))
+    yield SelectionStep(fit, {one.name: one.alone for one in candidates})
+    sets: ColumnSets | None = None
+    while len(selected) > len(fit.taken):
+        fit = fit.beside(selected[-1].projected)
+        sets = fit.up_to_date(sets or joined([one.projected for one in candidates], fit.parts))
+        yield SelectionStep(fit, dict(zip((one.name for one in candidates), fit.explain_each(sets), strict=True)))
 
 
 def _next(

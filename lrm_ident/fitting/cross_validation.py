@@ -7,9 +7,8 @@ neglects is far below the noise; the Jacobian is computed once instead of per fo
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from functools import partial
-from itertools import repeat
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +18,7 @@ from lrm_ident.fitting.field.fit import blocks_with_field
 from lrm_ident.fitting.held_out import HeldOutBlock, held_out_rows
 from lrm_ident.fitting.least_squares.block_qr import CompressedRows
 from lrm_ident.fitting.least_squares.objective import Objective
-from lrm_ident.fitting.levenberg_marquardt import fit
+from lrm_ident.fitting.levenberg_marquardt import Fit, fit
 from lrm_ident.fitting.loss import SQUARED, Loss
 from lrm_ident.fitting.parameter_sets import Bounds, bounds_of
 from lrm_ident.fitting.priors import Prior
@@ -94,7 +93,7 @@ def held_out_blocks(
 ) -> tuple[HeldOutBlock, ...]:
     """Each fold predicted by a fit of the free parameters to the other folds; residuals are measured − predicted TCP.
 
-    Of more than `MOST_AT_ONCE` poses the folds' fits are one step from the fit to all (`models_without`). A residual
+    Of more than `MOST_AT_ONCE` poses the folds' fits are one step from the fit to all (`one_step_fits`). A residual
     field is learned anew in every fold, after the fit of what names a cause.
 
     Raises `LrmError`: too few poses, or a fold that does not converge.
@@ -103,20 +102,45 @@ def held_out_blocks(
     if field is not None and model.free:
         named = held_out_blocks(named_part(model), data, bounds, loss, progress, count, prior)
         return blocks_with_field(field, data, named)
+    tests = _tests(data, count)
+    if not model.free:
+        return _blocks(data, tests, (equilibrium(model, data.poses.take(rows)) for rows in tests), progress)
+    if len(data) <= MOST_AT_ONCE:
+        return _blocks(data, tests, _refitted(model, data, tests, bounds, loss, prior), progress)
+    fitted = fit(model, data, bounds, loss, prior)
+    return _blocks(data, tests, one_step_fits(fitted, data, tests, bounds, prior), progress)
+
+
+def blocks_of_fit(fitted: Fit, data: Measurements) -> tuple[HeldOutBlock, ...]:
+    """`held_out_blocks` of a model that was fitted to these data within the bounds that its effects state."""
+    if len(data) <= MOST_AT_ONCE or not fitted.model.free:
+        return held_out_blocks(fitted.model, data, loss=fitted.loss, prior=fitted.weak_prior)
+    tests = _tests(data, FOLDS)
+    return _blocks(data, tests, one_step_fits(fitted, data, tests, prior=fitted.weak_prior))
+
+
+def _tests(data: Measurements, count: int) -> list[NDArray[np.int64]]:
+    """Rows of each fold."""
     fold = joint_space_folds(data.poses.q, data.repeat_of, count)
-    left_out, blocks = [np.flatnonzero(fold == number) for number in range(count)], []
-    refitted = models_without if len(data) > MOST_AT_ONCE else _refitted
-    models = refitted(model, data, left_out, bounds, loss, prior) if model.free else repeat(model)
-    for number, (test, fitted) in enumerate(zip(left_out, models, strict=False)):
-        train = np.flatnonzero(fold != number)
-        part, whitening = data.take(test), data.whitening
-        unseen = equilibrium(fitted, part.poses)
+    return [np.flatnonzero(fold == number) for number in range(count)]
+
+
+def _blocks(
+    data: Measurements,
+    tests: Sequence[NDArray[np.int64]],
+    unseen: Iterable[Equilibrium],
+    progress: OnProgress = silent,
+) -> tuple[HeldOutBlock, ...]:
+    """The blocks, from the equilibrium at each fold's rows of the fit to the others."""
+    blocks, whitening = [], data.whitening
+    for number, (test, rest) in enumerate(zip(tests, unseen, strict=True)):
+        train, part = np.setdiff1d(np.arange(len(data)), test), data.take(test)
         weighted = None
         if whitening.root is not None:
-            weighted = whitening.unit * whitening.take(test)(part.residual(unseen))
-        in_fit = partial(_left, fitted, data, train)
-        blocks.append(HeldOutBlock(train, test, in_fit, part.position_error(unseen), weighted, part.turn_error(unseen)))
-        progress(number + 1, count)
+            weighted = whitening.unit * whitening.take(test)(part.residual(rest))
+        in_fit = partial(_left, rest.model, data, train)
+        blocks.append(HeldOutBlock(train, test, in_fit, part.position_error(rest), weighted, part.turn_error(rest)))
+        progress(number + 1, len(tests))
     return tuple(blocks)
 
 
@@ -133,30 +157,37 @@ def _refitted(
     bounds: Bounds | None,
     loss: Loss,
     prior: Prior | None,
-) -> Iterator[Model]:
-    """Models, for each block fitted to the other blocks."""
+) -> Iterator[Equilibrium]:
+    """Equilibria at each block of the fit to the other blocks."""
     for rows in left_out:
-        yield fit(model, data.take(np.setdiff1d(np.arange(len(data)), rows)), bounds, loss, prior).model
+        found = fit(model, data.take(np.setdiff1d(np.arange(len(data)), rows)), bounds, loss, prior).model
+        yield equilibrium(found, data.poses.take(rows))
 
 
-def models_without(
-    model: Model,
+def one_step_fits(
+    fitted: Fit,
     data: Measurements,
     blocks: Sequence[NDArray[np.int64]],
     bounds: Bounds | None = None,
-    loss: Loss = SQUARED,
     prior: Prior | None = None,
-) -> Iterator[Model]:
-    """Models for each block (rows of `data`), as a fit to the other blocks leaves it. Raises as `fit`."""
-    fitted = fit(model, data, bounds, loss, prior)
+) -> Iterator[Equilibrium]:
+    """Equilibria at each block (rows of `data`), as a fit to the other blocks leaves them, one step from the fit to
+    all.
+
+    Args:
+        bounds, prior: of a fold whose step goes too far, which is fitted instead; others have the prior of the fit.
+
+    Raises as `fit`.
+    """
+    model, loss = fitted.model, fitted.loss
     limits = bounds or bounds_of(model, model.free)
-    objective = Objective(fitted.model, data, loss, fitted.prior)
+    objective = Objective(model, data, loss, fitted.prior)
     typical = objective.typical
-    iterate = objective.at(fitted.model.values[objective.columns] / typical, fitted.rest)
+    iterate = objective.at(model.values[objective.columns] / typical, fitted.rest)
     free = np.array([key not in fitted.at_bound for key in model.free])
     noise = objective.noise_scale(iterate)
     parts = objective.linearise_each(iterate, noise, blocks)
-    for left_out in range(len(blocks)):
+    for left_out, test in enumerate(blocks):
         others = [part for number, part in enumerate(parts) if number != left_out]
         rows = CompressedRows(
             np.concatenate([part.columns for part in others]), np.concatenate([part.residual for part in others])
@@ -165,20 +196,19 @@ def models_without(
         descent = objective.negative_gradient(iterate, rows, noise)
         z = iterate.z.copy()
         z[free] += np.linalg.lstsq(A, descent[free], rcond=None)[0]
-        stepped = fitted.model.with_values_of(fitted.model.free, np.clip(z * typical, limits.lower, limits.upper))
-        if _settles(stepped, data.poses, fitted.rest):
-            yield stepped
-        else:  # too far for the effects' formulas: the fit shortens its steps
-            kept = np.setdiff1d(np.arange(len(data)), blocks[left_out])
-            yield fit(fitted.model, data.take(kept), bounds, loss, prior).model
+        stepped = model.with_values_of(model.free, np.clip(z * typical, limits.lower, limits.upper))
+        rest = _settled(stepped, data.poses, fitted.rest)
+        if rest is None:  # too far for the effects' formulas: the fit shortens its steps
+            yield from _refitted(model, data, [test], bounds, loss, prior)
+        else:
+            yield rest.take(test)
 
 
-def _settles(model: Model, poses: Poses, near: Equilibrium) -> bool:
+def _settled(model: Model, poses: Poses, near: Equilibrium) -> Equilibrium | None:
     try:
-        equilibrium(model, poses, near)
+        return equilibrium(model, poses, near)
     except NoEquilibrium:
-        return False
-    return True
+        return None
 
 
 def held_out_residual(

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -43,11 +43,15 @@ class UnidentifiableParameters(LrmError):
 
 @dataclass(frozen=True, eq=False)
 class Iterate:
-    """One iterate: scaled parameters z (P,), equilibrium, whitened residual (N, R)."""
+    """One iterate: scaled parameters z (P,), equilibrium, whitened residual (N, R).
+
+    linearised: what `Objective.linearise` gave, by the scale of the loss; noise and penalties do not change it.
+    """
 
     z: Array
     rest: Equilibrium
     residual: Array
+    linearised: dict[float, CompressedRows] = field(default_factory=dict, repr=False)
 
     @property
     def distance(self) -> Array:
@@ -170,8 +174,11 @@ class Objective:
 
     def linearise(self, iterate: Iterate, noise: NoiseScale) -> CompressedRows:
         """Scaled Jacobian and residual, weighted by the loss (iteratively reweighted)."""
-        weight = self._root_weight(iterate, noise)
-        return compress(iterate.rest, self.model.free, self.data.whitening, weight, iterate.residual)
+        if noise.scale not in iterate.linearised:
+            weight = self._root_weight(iterate, noise)
+            rows = compress(iterate.rest, self.model.free, self.data.whitening, weight, iterate.residual)
+            iterate.linearised[noise.scale] = rows
+        return iterate.linearised[noise.scale]
 
     def linearise_each(
         self, iterate: Iterate, noise: NoiseScale, parts: Sequence[NDArray[np.int64]]

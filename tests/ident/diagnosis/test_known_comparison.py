@@ -11,8 +11,8 @@ import pytest
 
 import lrm_ident as lrm
 from lrm_ident.diagnosis import confirm, diagnosis_report
+from lrm_ident.fitting.levenberg_marquardt import Fit
 from lrm_ident.study.study import Study
-from lrm_math.model.model import Model
 from tests.conftest import EXAMPLE
 
 
@@ -27,7 +27,7 @@ def test_a_known_comparison_changes_nothing(study: Study, monkeypatch: pytest.Mo
     screened, compared = study.screen(), study.compare()
     alone = study.diagnose(screened=screened)
     assert diagnosis_report._same_fit(screened, compared)
-    monkeypatch.setattr(confirm, "held_out_blocks", _only_with_a_candidate(confirm.held_out_blocks, study))
+    monkeypatch.setattr(confirm, "blocks_of_fit", _only_with_a_candidate(confirm.blocks_of_fit, study))
     known = study.diagnose(screened=screened, compared=compared)
     assert known.verdict == alone.verdict
     assert known.held_out.rms == pytest.approx(alone.held_out.rms, abs=1e-9)
@@ -46,11 +46,11 @@ def test_a_known_comparison_changes_nothing(study: Study, monkeypatch: pytest.Mo
         assert not diagnosis_report._same_fit(screened, other)
 
 
-def _only_with_a_candidate(held_out_blocks: Callable[..., Any], study: Study) -> Callable[..., Any]:
+def _only_with_a_candidate(blocks_of_fit: Callable[..., Any], study: Study) -> Callable[..., Any]:
     """The cross-validation, which the model as it is must not go through again."""
 
-    def checked(model: Model, *args: Any, **words: Any) -> Any:
-        assert set(model.free) != set(study.model.free)
-        return held_out_blocks(model, *args, **words)
+    def checked(fitted: Fit, *args: Any, **words: Any) -> Any:
+        assert set(fitted.model.free) != set(study.model.free)
+        return blocks_of_fit(fitted, *args, **words)
 
     return checked
