@@ -120,7 +120,8 @@ def _fit_shape(best: Fit, data: Measurements, key: str, tried: Sequence[float], 
 
     present = float(np.interp(best.model.value(key), tried, places))
     bracket = (max(present - 1.0, 0.0), min(present + 1.0, float(places[-1])))
-    minimize_scalar(rms_at, bounds=bracket, method="bounded", options={"maxiter": MAX_SHAPE_FITS, "xatol": 0.1})
+    with np.errstate(invalid="ignore"):  # parabolas through the infinite RMS of shapes that cannot be fitted
+        minimize_scalar(rms_at, bounds=bracket, method="bounded", options={"maxiter": MAX_SHAPE_FITS, "xatol": 0.1})
     return best
 
 

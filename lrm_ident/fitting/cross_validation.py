@@ -8,7 +8,7 @@ neglects is far below the noise; the Jacobian is computed once instead of per fo
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from functools import partial
+from itertools import repeat
 
 import numpy as np
 from numpy.typing import NDArray
@@ -104,7 +104,7 @@ def held_out_blocks(
         return blocks_with_field(field, data, named)
     tests = _tests(data, count)
     if not model.free:
-        return _blocks(data, tests, (equilibrium(model, data.poses.take(rows)) for rows in tests), progress)
+        return _blocks(data, tests, repeat(equilibrium(model, data.poses), count), progress)
     if len(data) <= MOST_AT_ONCE:
         return _blocks(data, tests, _refitted(model, data, tests, bounds, loss, prior), progress)
     fitted = fit(model, data, bounds, loss, prior)
@@ -128,26 +128,20 @@ def _tests(data: Measurements, count: int) -> list[NDArray[np.int64]]:
 def _blocks(
     data: Measurements,
     tests: Sequence[NDArray[np.int64]],
-    unseen: Iterable[Equilibrium],
+    folds: Iterable[Equilibrium],
     progress: OnProgress = silent,
 ) -> tuple[HeldOutBlock, ...]:
-    """The blocks, from the equilibrium at each fold's rows of the fit to the others."""
+    """The blocks, from the equilibrium of each fold's fit at all poses."""
     blocks, whitening = [], data.whitening
-    for number, (test, rest) in enumerate(zip(tests, unseen, strict=True)):
-        train, part = np.setdiff1d(np.arange(len(data)), test), data.take(test)
+    for number, (test, rest) in enumerate(zip(tests, folds, strict=True)):
+        train, part, unseen = np.setdiff1d(np.arange(len(data)), test), data.take(test), rest.take(test)
         weighted = None
         if whitening.root is not None:
-            weighted = whitening.unit * whitening.take(test)(part.residual(rest))
-        in_fit = partial(_left, rest.model, data, train)
-        blocks.append(HeldOutBlock(train, test, in_fit, part.position_error(rest), weighted, part.turn_error(rest)))
+            weighted = whitening.unit * whitening.take(test)(part.residual(unseen))
+        left = data.position_error(rest)
+        blocks.append(HeldOutBlock(train, test, left[train], left[test], weighted, part.turn_error(unseen)))
         progress(number + 1, len(tests))
     return tuple(blocks)
-
-
-def _left(model: Model, data: Measurements, rows: NDArray[np.int64]) -> Array:
-    """(M, 3), what a model leaves of some rows (m)."""
-    part = data.take(rows)
-    return part.position_error(equilibrium(model, part.poses))
 
 
 def _refitted(
@@ -158,10 +152,10 @@ def _refitted(
     loss: Loss,
     prior: Prior | None,
 ) -> Iterator[Equilibrium]:
-    """Equilibria at each block of the fit to the other blocks."""
+    """Equilibria at all poses of the fits to all but each block."""
     for rows in left_out:
-        found = fit(model, data.take(np.setdiff1d(np.arange(len(data)), rows)), bounds, loss, prior).model
-        yield equilibrium(found, data.poses.take(rows))
+        found = fit(model, data.take(np.setdiff1d(np.arange(len(data)), rows)), bounds, loss, prior)
+        yield equilibrium(found.model, data.poses)
 
 
 def one_step_fits(
@@ -171,8 +165,7 @@ def one_step_fits(
     bounds: Bounds | None = None,
     prior: Prior | None = None,
 ) -> Iterator[Equilibrium]:
-    """Equilibria at each block (rows of `data`), as a fit to the other blocks leaves them, one step from the fit to
-    all.
+    """Equilibria at all poses as fits to all but each block (rows of `data`) leave them, one step from the fit to all.
 
     Args:
         bounds, prior: of a fold whose step goes too far, which is fitted instead; others have the prior of the fit.
@@ -201,7 +194,7 @@ def one_step_fits(
         if rest is None:  # too far for the effects' formulas: the fit shortens its steps
             yield from _refitted(model, data, [test], bounds, loss, prior)
         else:
-            yield rest.take(test)
+            yield rest
 
 
 def _settled(model: Model, poses: Poses, near: Equilibrium) -> Equilibrium | None:

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,21 +16,16 @@ class HeldOutBlock:
     """One block of a cross-validation: rows `train` and `test`, and what the fit to `train` leaves of `test` (m).
 
     `test_turn`: (n, 3), that of orientations as rotation vectors (rad), NaN where not measured.
-    `in_fit`: tells what it leaves of `train`. `weighted`: (n, R), what it leaves of `test` by its noise, of all that
-    was measured, where correlations are stated.
+    `train_residual`: (M, 3), what it leaves of `train` (m). `weighted`: (n, R), what it leaves of `test` by its noise,
+    of all that was measured, where correlations are stated.
     """
 
     train: NDArray[np.int64]
     test: NDArray[np.int64]
-    in_fit: Callable[[], Array]
+    train_residual: Array
     test_residual: Array
     weighted: Array | None = None
     test_turn: Array | None = None
-
-    @cached_property
-    def train_residual(self) -> Array:
-        """(M, 3), what the fit leaves of `train` (m)."""
-        return self.in_fit()
 
 
 def compared_residuals(blocks: Sequence[HeldOutBlock]) -> Array:

@@ -8,6 +8,7 @@ Meinshausen, Meier & Bühlmann 2009), and those of all quantities adjusted for f
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -25,6 +26,8 @@ HALVINGS, SEED, PARTS = 25, 0, 10
 LARGEST_SHARE, FEWEST = 0.5, 8  # of the poses that an interval may hold; poses of it in either half
 UNITS = {"angle": "°", "load": " g", "order": ""}
 """Symbols of the quantities by which poses are parted, as printed."""
+RankedRows = tuple[NDArray[np.bool_], NDArray[np.int64]]
+"""Some of the poses, and the ranks of their residuals."""
 HINTS = {
     ("angle", "end"): "a stop, a cable that tightens, parts that touch?",
     ("angle", "middle"): "a gear tooth, a cable that catches?",
@@ -115,7 +118,8 @@ def find_regimes(data: Measurements, squares: Array) -> tuple[Regime, ...]:
     halves = _halves(data.repeat_of)
     if not quantities or min(int(half.sum()) for half in halves) < 2 * FEWEST:
         return ()
-    adjusted = benjamini_yekutieli({one.symbol: _aggregated_p_value(one, squares, halves) for one in quantities})
+    ranked = [tuple((rows, _ranks(squares[rows])) for rows in (half, ~half)) for half in halves]
+    adjusted = benjamini_yekutieli({one.symbol: _aggregated_p_value(_parts(one), ranked) for one in quantities})
     found = [
         _regime(quantity, _best_interval(quantity, squares), squares, p_value)
         for quantity in sorted(quantities, key=lambda one: adjusted[one.symbol])
@@ -131,14 +135,20 @@ def _halves(repeat_of: NDArray[np.int64]) -> list[NDArray[np.bool_]]:
     return [np.isin(group, rng.permutation(count)[: count // 2]) for _ in range(HALVINGS)]
 
 
-def _aggregated_p_value(quantity: Covariate, squares: Array, halves: list[NDArray[np.bool_]]) -> float:
-    parts, p_values = _parts(quantity), []
-    for half in halves:
-        z, allowed = _interval_scores(parts, squares, half)
-        again, fair = _interval_scores(parts, squares, ~half)
+def _aggregated_p_value(parts: NDArray[np.int64], ranked: Sequence[tuple[RankedRows, ...]]) -> float:
+    """Twice the median of p values, each of the best interval of one half in the other (Meinshausen et al. 2009)."""
+    p_values = []
+    for half, other in ranked:
+        z, allowed = _interval_scores(parts, *half)
+        again, fair = _interval_scores(parts, *other)
         best = np.unravel_index(np.argmax(np.where(allowed, z, -np.inf)), z.shape)
         p_values.append(float(ndtr(-again[best])) if allowed[best] and fair[best] else 1.0)
     return min(1.0, 2.0 * float(np.median(p_values)))
+
+
+def _ranks(values: Array) -> NDArray[np.int64]:
+    """(N,), ranks from 1, the smallest first."""
+    return np.argsort(np.argsort(values)) + 1
 
 
 def _parts(quantity: Covariate) -> NDArray[np.int64]:
@@ -151,13 +161,13 @@ def _parts(quantity: Covariate) -> NDArray[np.int64]:
 
 
 def _interval_scores(
-    parts: NDArray[np.int64], squares: Array, rows: NDArray[np.bool_]
+    parts: NDArray[np.int64], rows: NDArray[np.bool_], ranks: NDArray[np.int64]
 ) -> tuple[Array, NDArray[np.bool_]]:
     """z scores of the rank sums (Mann & Whitney 1947) of all intervals, and which hold enough rows and not too many.
 
     Row i and column j of the (P + 1, P + 1) tables: the interval of parts i to j − 1.
     """
-    ranks, chosen, top = np.argsort(np.argsort(squares[rows])) + 1, parts[rows], int(parts.max()) + 1
+    chosen, top = parts[rows], int(parts.max()) + 1
     count = np.concatenate([[0.0], np.cumsum(np.bincount(chosen, minlength=top))])
     total = np.concatenate([[0.0], np.cumsum(np.bincount(chosen, ranks, minlength=top))])
     n, inside = len(ranks), count[None, :] - count[:, None]
@@ -169,7 +179,7 @@ def _interval_scores(
 def _best_interval(quantity: Covariate, squares: Array) -> NDArray[np.bool_]:
     """(N,), whether a pose lies in the interval whose residuals stand highest in rank among all."""
     parts = _parts(quantity)
-    z, allowed = _interval_scores(parts, squares, np.ones(len(squares), dtype=np.bool_))
+    z, allowed = _interval_scores(parts, np.ones(len(squares), dtype=np.bool_), _ranks(squares))
     low, high = np.unravel_index(np.argmax(np.where(allowed, z, -np.inf)), z.shape)
     return np.asarray((parts >= low) & (parts < high))
 

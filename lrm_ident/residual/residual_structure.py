@@ -106,12 +106,11 @@ def residual_structure(q: Array, residual: Array, basis: Array) -> ResidualStruc
 
 def _neighbours(q: Array) -> NDArray[np.int64]:
     """(M, 2), pairs of poses that are near in joint space."""
-    count = min(NEIGHBOURS, len(q) - 1)
-    square = (q**2).sum(axis=1)
-    squared_distance = np.round(square[:, None] + square - 2.0 * q @ q.T, 9)  # equally near on a grid: in their order
-    np.fill_diagonal(squared_distance, np.inf)
-    near = np.argsort(squared_distance, axis=1, kind="stable")[:, :count]
-    return np.stack([np.repeat(np.arange(len(q)), count), near.reshape(-1)], axis=1)
+    from scipy.spatial import cKDTree  # takes half a second to load: not at the start of every command
+
+    _, near = cKDTree(q).query(q, k=min(NEIGHBOURS + 1, len(q)))
+    pairs = [(i, j) for i, row in enumerate(np.atleast_2d(near).tolist()) for j in row if i != j]
+    return np.array(pairs, dtype=np.int64)
 
 
 def _morans_i(residuals: Array, pairs: NDArray[np.int64], rows: int) -> Array:

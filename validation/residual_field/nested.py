@@ -46,7 +46,7 @@ def nested_blocks(
         train, test = np.flatnonzero(fold != number), np.flatnonzero(fold == number)
         model = model_without(data.take(train))
         left = [part.position_error(equilibrium(model, part.poses)) for part in (data.take(train), data.take(test))]
-        blocks.append(HeldOutBlock(train, test, lambda left=left: left[0], left[1]))  # type: ignore[misc]
+        blocks.append(HeldOutBlock(train, test, left[0], left[1]))
     return blocks
 
 

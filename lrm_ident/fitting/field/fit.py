@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 
@@ -70,7 +69,7 @@ def _with_field(field: ResidualField, poses: Poses, block: HeldOutBlock) -> Held
     values = field_posterior(own, known, left).values.tolist()
     return replace(
         block,
-        in_fit=partial(_left, left, own, known, values),
+        train_residual=_left(left, own, known, values),
         test_residual=_left(block.test_residual, own, unseen, values),
         weighted=None,
     )

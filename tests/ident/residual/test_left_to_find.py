@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -46,7 +45,7 @@ def blocks_of(data: Measurements, residual: Array) -> list[HeldOutBlock]:
     """The joint-space blocks, with a residual that no fit has changed."""
     fold = joint_space_folds(data.poses.q, data.repeat_of)
     parts = [(np.flatnonzero(fold != k), np.flatnonzero(fold == k)) for k in range(10)]
-    return [HeldOutBlock(train, test, partial(np.take, residual, train, 0), residual[test]) for train, test in parts]
+    return [HeldOutBlock(train, test, residual[train], residual[test]) for train, test in parts]
 
 
 def predicted(seed: int, signal: Array | float) -> PredictableError:
