@@ -11,40 +11,34 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable
 from dataclasses import dataclass, replace
-from functools import cached_property
 from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lrm_ident.data.measurements import Measurements
-from lrm_ident.data.weights.row_weights import RowWeights
 from lrm_ident.diagnosis.add_effect import free_base_parameters
-from lrm_ident.diagnosis.candidates import REFINEMENT, differentiate_candidates, split_testable, unfitted_effects
+from lrm_ident.diagnosis.candidates import REFINEMENT
 from lrm_ident.diagnosis.forward_selection import equivalent_effects, forward_select
-from lrm_ident.diagnosis.linearised_fit import LinearisedFit, linearise
-from lrm_ident.diagnosis.score_test import ScoredCandidate, score_candidates
+from lrm_ident.diagnosis.outliers import find_explained, find_outliers
+from lrm_ident.diagnosis.score_test import ScoredCandidate
+from lrm_ident.diagnosis.screening import Screening, screen
 from lrm_ident.diagnosis.shifted_rows import ShiftedRows, shifted_rows
 from lrm_ident.diagnosis.unexplained_structure import UnexplainedStructure, unexplained_structure
-from lrm_ident.fitting.cross_validation import joint_space_folds
-from lrm_ident.fitting.identifiability import some_rows
 from lrm_ident.fitting.levenberg_marquardt import OUTLIER_DISTANCE, Fit, fit
 from lrm_ident.fitting.loss import SQUARED, Loss, robust_scale
 from lrm_ident.fitting.priors import EffectRates
 from lrm_ident.fitting.progress import OnProgress, silent
-from lrm_ident.residual.free_functions import FreeFunction, free_functions, lagged
-from lrm_ident.residual.residual_structure import NoiseFloor, ResidualStructure, noise_floor, residual_structure
+from lrm_ident.residual.residual_structure import NoiseFloor, ResidualStructure
 from lrm_ident.residual.significance import benjamini_yekutieli
 from lrm_ident.residual.thresholds import FLOOR_RATIO, MORAN_THRESHOLD, NOT_NOISE, SIGNIFICANCE
 from lrm_math.arrays import Array
 from lrm_math.effects import CATALOGUE, Effect
-from lrm_math.model.derivatives import Response, parameter_jacobian
 from lrm_math.model.equilibrium import batch_equilibrium
 from lrm_math.model.model import Model
 
 MOST_ROUNDS = 3  # of leaving out outliers: a far one hides those that are nearer (masking)
 RIVALS_KEPT = 4  # of a step that is taken
-MOST_FAR = 200  # outliers of a fit that are screened beside a part of the poses
 Verdict = Literal["effect_missing", "nothing_missing", "unexplained_structure", "unpredictable", "noise_unknown"]
 
 
@@ -130,6 +124,7 @@ def diagnose(
     progress: OnProgress = silent,
     loss: Loss = SQUARED,
     rates: EffectRates | None = None,
+    outliers: Collection[int] = (),
 ) -> Diagnosis:
     """Finds what a model misses on measurements. The model's free parameters are refitted first, with this loss.
 
@@ -137,82 +132,42 @@ def diagnose(
 
     Args:
         rates: how often arms of this kind have each effect, where that is known.
+        outliers: numbers of poses that were outliers of a model before; what this one explains is taken in again.
 
     Raises:
         LrmError: too few poses, or the fit does not converge.
     """
-    kinds = tuple(catalogue)
-    found = _score(model, data, kinds, progress, loss)
-    left_out: tuple[int, ...] = ()
-    for _ in range(MOST_ROUNDS):
-        numbers = tuple(int(found.data.pose[row]) for row in _outliers(found))
-        if not numbers:
+    kinds, left_out = tuple(catalogue), {*outliers}
+    found = _screened_without(left_out, model, data, kinds, progress, loss)
+    for number in range(MOST_ROUNDS):
+        back = find_explained(found, data.only(left_out)) if left_out and not number else ()
+        far = find_outliers(found)
+        if not back and not far:
             break
-        left_out += numbers
-        before, rest = found.fit.model, found.data.without(numbers)
+        left_out = (left_out - {*back}) | {*far}
+        before = found.fit.model
         del found  # it holds the columns of every candidate
-        before = free_base_parameters(fit(before, rest, loss=loss), rest, loss).model  # before any name
-        found = _score(before, rest, kinds, progress, loss)
+        found = _screened_without(left_out, before, data, kinds, progress, loss)
     selected = _select(replace(found, rates=rates), progress)
     if not left_out:
         return selected
     return replace(selected, outliers=tuple(sorted(left_out)), shifted=_shifted(selected, data))
 
 
-@dataclass(frozen=True, eq=False)
-class Screening:
-    """Every candidate alone on what a fit leaves; attributes as of `Diagnosis`.
-
-    Attributes:
-        weigh, linear: relative weights of the screened rows, and the fit linearised there.
-        response: of the model with every candidate in it. ranked: the testable candidates, best first.
-        rates: how often arms of this kind have each effect, where that is known.
-    """
-
-    fit: Fit
-    data: Measurements
-    screened: NDArray[np.int64]
-    weigh: RowWeights
-    linear: LinearisedFit
-    response: Response
-    ranked: list[ScoredCandidate]
-    not_testable: tuple[tuple[Effect, str], ...]
-    rates: EffectRates | None = None
-
-    @cached_property
-    def subset(self) -> tuple[Fit, Measurements]:
-        """The fit and the measurements at the screened rows."""
-        return self.fit.take(self.screened), self.data.take(self.screened)
-
-    @cached_property
-    def floor(self) -> NoiseFloor:
-        """Noise of the measurements."""
-        return noise_floor(self.data, self.fit.rest)
-
-    @cached_property
-    def structure(self) -> ResidualStructure:
-        """Structure in what the fit leaves."""
-        return residual_structure(self.subset[1].poses.q, self.linear.residual, self.linear.basis)
-
-    @cached_property
-    def joint_jacobian(self) -> Array:
-        """(joints, R, n), motion of what is measured for a unit rotation of each joint."""
-        return self.response.slots[list(self.response.equilibrium.model.chain.joint_slots)]
-
-    @cached_property
-    def functions(self) -> list[FreeFunction]:
-        """Free functions of every covariate at every place."""
-        fitted, part = self.subset
-        before = lagged(self.fit.rest.joint_torque)[self.screened]
-        return free_functions(self.joint_jacobian, part, fitted.rest, before)
-
-    @property
-    def like_noise(self) -> bool:
-        """Whether what is left is no larger than the known noise (F test) and shows no structure: no new cause."""
-        floor, structure = self.floor, self.structure
-        if floor.sd is None or min(structure.p_value, structure.order_p_value) < SIGNIFICANCE:
-            return False
-        return floor.p_value(self.fit.sigma, self.data.measured_rows - len(self.fit.model.free)) > SIGNIFICANCE
+def _screened_without(
+    left_out: Collection[int],
+    model: Model,
+    data: Measurements,
+    kinds: tuple[type[Effect], ...],
+    progress: OnProgress,
+    loss: Loss,
+) -> Screening:
+    """The screening without some poses, what the others tell then freed before any effect is tried."""
+    if not left_out:
+        return screen(model, data, kinds, progress, loss)
+    rest = data.without(left_out)
+    freed = free_base_parameters(fit(model, rest, loss=loss), rest, loss).model
+    return screen(freed, rest, kinds, progress, loss)
 
 
 def select_without(diagnosis: Diagnosis, refused: Collection[str]) -> Diagnosis:
@@ -220,22 +175,6 @@ def select_without(diagnosis: Diagnosis, refused: Collection[str]) -> Diagnosis:
     selected beside them may not be needed, and others may."""
     found = _select(diagnosis.screening, silent, refused)
     return replace(found, outliers=diagnosis.outliers, shifted=diagnosis.shifted)
-
-
-def _score(
-    model: Model, data: Measurements, kinds: tuple[type[Effect], ...], progress: OnProgress, loss: Loss
-) -> Screening:
-    whole = fit(model, data, loss=loss)
-    screened = rows_to_screen(whole)
-    fitted, part = whole.take(screened), data.take(screened)
-    weigh = RowWeights(part.whitening, fitted.weight)
-    linear = linearised(fitted, part, weigh)
-    sensed = part.whitening.sensed
-    testable, not_testable = split_testable(unfitted_effects(fitted.model, kinds), fitted.rest, sensed)
-    response, found = differentiate_candidates(fitted.model, part.poses, testable, sensed)
-    scored, undetectable = score_candidates(found, linear, weigh, progress)
-    ranked = sorted(scored, key=lambda one: one.alone.rms)
-    return Screening(whole, data, screened, weigh, linear, response, ranked, (*not_testable, *undetectable))
 
 
 def _select(scores: Screening, progress: OnProgress, refused: Collection[str] = ()) -> Diagnosis:
@@ -271,35 +210,3 @@ def _shifted(found: Diagnosis, data: Measurements) -> tuple[ShiftedRows, ...]:
     predicted[rows] = rest.tcp
     limit = 2 * OUTLIER_DISTANCE * robust_scale(np.linalg.norm(found.fit.residual, axis=1))
     return shifted_rows(data.pose, data.tcp, predicted, limit)
-
-
-def rows_to_screen(fitted: Fit) -> NDArray[np.int64]:
-    """All rows of a fit; of thousands a part, and the farthest of its outliers."""
-    distance = np.linalg.norm(fitted.residual, axis=1)
-    far = sorted(fitted.outliers, key=lambda row: -distance[row])[:MOST_FAR]
-    return np.union1d(some_rows(len(distance)), np.array(far, dtype=np.int64))
-
-
-def linearised(fitted: Fit, data: Measurements, weigh: RowWeights) -> LinearisedFit:
-    """A fit linearised at its minimum, with the joint-space blocks. `weigh`: relative weights of its rows."""
-    keys = [key for key in fitted.model.free if key not in fitted.at_bound]
-    typical = np.array([fitted.model.parameters[fitted.model.position(key)].typical for key in keys])
-    columns = (parameter_jacobian(fitted.rest, keys, data.whitening.sensed) * typical).reshape(-1, len(keys))
-    fold = joint_space_folds(data.poses.q, data.repeat_of)
-    poses = [np.flatnonzero(fold == number) for number in range(fold.max() + 1)]
-    residual = data.residual(fitted.rest).reshape(-1, 1)
-    return linearise(weigh(columns), weigh(residual)[:, 0], poses, fitted.sigma)
-
-
-def _outliers(scores: Screening) -> list[int]:
-    """Rows farther out than twice the outlier distance of a fit, with the best single candidate and without it.
-
-    Twice, because an effect that is still missing may put whole groups of poses far out. As measured: a robust loss
-    gives a pose the less weight the farther out it is, which would hide it here.
-    """
-    squared = scores.linear.now.held_out
-    if scores.ranked:
-        squared = np.minimum(squared, scores.ranked[0].alone.held_out)
-    distance = np.sqrt(squared / scores.fit.weight[scores.screened])
-    far = distance > 2 * OUTLIER_DISTANCE * robust_scale(distance)
-    return [int(row) for row in scores.screened[far]]

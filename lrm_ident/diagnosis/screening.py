@@ -1,0 +1,132 @@
+"""Screening: every effect of the catalogue in every form at every place, alone on what a fit leaves (score test).
+
+Of thousands of poses a part is screened, drawn at random, with those that the fit misses most.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lrm_ident.data.measurements import Measurements
+from lrm_ident.data.weights.row_weights import RowWeights
+from lrm_ident.diagnosis.candidates import differentiate_candidates, split_testable, unfitted_effects
+from lrm_ident.diagnosis.linearised_fit import LinearisedFit, linearise
+from lrm_ident.diagnosis.score_test import ScoredCandidate, score_candidates
+from lrm_ident.fitting.cross_validation import joint_space_folds
+from lrm_ident.fitting.identifiability import some_rows
+from lrm_ident.fitting.levenberg_marquardt import Fit, fit
+from lrm_ident.fitting.loss import Loss
+from lrm_ident.fitting.priors import EffectRates
+from lrm_ident.fitting.progress import OnProgress
+from lrm_ident.residual.free_functions import FreeFunction, free_functions, lagged
+from lrm_ident.residual.residual_structure import NoiseFloor, ResidualStructure, noise_floor, residual_structure
+from lrm_ident.residual.thresholds import SIGNIFICANCE
+from lrm_math.arrays import Array
+from lrm_math.effects import Effect
+from lrm_math.model.derivatives import Response, parameter_jacobian
+from lrm_math.model.equilibrium import Equilibrium
+from lrm_math.model.model import Model
+from lrm_math.model.sensed import Sensed
+
+MOST_FAR = 200  # outliers of a fit that are screened beside a part of the poses
+
+
+@dataclass(frozen=True, eq=False)
+class Screening:
+    """Every candidate alone on what a fit leaves; attributes as of `Diagnosis`.
+
+    Attributes:
+        weigh, linear: relative weights of the screened rows, and the fit linearised there.
+        response: of the model with every candidate in it. ranked: the testable candidates, best first.
+        rates: how often arms of this kind have each effect, where that is known.
+    """
+
+    fit: Fit
+    data: Measurements
+    screened: NDArray[np.int64]
+    weigh: RowWeights
+    linear: LinearisedFit
+    response: Response
+    ranked: list[ScoredCandidate]
+    not_testable: tuple[tuple[Effect, str], ...]
+    rates: EffectRates | None = None
+
+    @cached_property
+    def subset(self) -> tuple[Fit, Measurements]:
+        """The fit and the measurements at the screened rows."""
+        return self.fit.take(self.screened), self.data.take(self.screened)
+
+    @cached_property
+    def floor(self) -> NoiseFloor:
+        """Noise of the measurements."""
+        return noise_floor(self.data, self.fit.rest)
+
+    @cached_property
+    def structure(self) -> ResidualStructure:
+        """Structure in what the fit leaves."""
+        return residual_structure(self.subset[1].poses.q, self.linear.residual, self.linear.basis)
+
+    @cached_property
+    def joint_jacobian(self) -> Array:
+        """(joints, R, n), motion of what is measured for a unit rotation of each joint."""
+        return self.response.slots[list(self.response.equilibrium.model.chain.joint_slots)]
+
+    @cached_property
+    def functions(self) -> list[FreeFunction]:
+        """Free functions of every covariate at every place."""
+        fitted, part = self.subset
+        before = lagged(self.fit.rest.joint_torque)[self.screened]
+        return free_functions(self.joint_jacobian, part, fitted.rest, before)
+
+    @property
+    def like_noise(self) -> bool:
+        """Whether what is left is no larger than the known noise (F test) and shows no structure: no new cause."""
+        floor, structure = self.floor, self.structure
+        if floor.sd is None or min(structure.p_value, structure.order_p_value) < SIGNIFICANCE:
+            return False
+        return floor.p_value(self.fit.sigma, self.data.measured_rows - len(self.fit.model.free)) > SIGNIFICANCE
+
+
+def screen(
+    model: Model, data: Measurements, kinds: Iterable[type[Effect]], progress: OnProgress, loss: Loss
+) -> Screening:
+    """Fits a model and tries every effect on what it leaves. Raises `LrmError`."""
+    whole = fit(model, data, loss=loss)
+    screened = rows_to_screen(whole)
+    fitted, part = whole.take(screened), data.take(screened)
+    weigh = RowWeights(part.whitening, fitted.weight)
+    linear = linearised(fitted, part, weigh)
+    sensed = part.whitening.sensed
+    testable, not_testable = split_testable(unfitted_effects(fitted.model, kinds), fitted.rest, sensed)
+    response, found = differentiate_candidates(fitted.model, part.poses, testable, sensed)
+    scored, undetectable = score_candidates(found, linear, weigh, progress)
+    ranked = sorted(scored, key=lambda one: one.alone.rms)
+    return Screening(whole, data, screened, weigh, linear, response, ranked, (*not_testable, *undetectable))
+
+
+def rows_to_screen(fitted: Fit) -> NDArray[np.int64]:
+    """All rows of a fit; of thousands a part, and the farthest of its outliers."""
+    distance = np.linalg.norm(fitted.residual, axis=1)
+    far = sorted(fitted.outliers, key=lambda row: -distance[row])[:MOST_FAR]
+    return np.union1d(some_rows(len(distance)), np.array(far, dtype=np.int64))
+
+
+def linearised(fitted: Fit, data: Measurements, weigh: RowWeights) -> LinearisedFit:
+    """A fit linearised at its minimum, with the joint-space blocks. `weigh`: relative weights of its rows."""
+    columns = fitted_columns(fitted, fitted.rest, data.whitening.sensed)
+    fold = joint_space_folds(data.poses.q, data.repeat_of)
+    poses = [np.flatnonzero(fold == number) for number in range(fold.max() + 1)]
+    residual = data.residual(fitted.rest).reshape(-1, 1)
+    return linearise(weigh(columns), weigh(residual)[:, 0], poses, fitted.sigma)
+
+
+def fitted_columns(fitted: Fit, rest: Equilibrium, sensed: Sensed) -> Array:
+    """(R N, P), motion of what is sensed for fitted parameters of their typical size, those at a bound left out (m)."""
+    keys = [key for key in fitted.model.free if key not in fitted.at_bound]
+    typical = np.array([fitted.model.parameters[fitted.model.position(key)].typical for key in keys])
+    return np.asarray((parameter_jacobian(rest, keys, sensed) * typical).reshape(-1, len(keys)))
