@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -207,14 +207,14 @@ class Measurements:
             repeat_of=self.repeat_of[chosen],
         )
 
-    def without(self, numbers: Collection[int]) -> Measurements:
+    def without(self, numbers: Sequence[int]) -> Measurements:
         """Without the poses of these numbers, which `left_out` then names too."""
-        gone = np.isin(self.pose, list(numbers))
+        gone = np.isin(self.pose, numbers)
         return replace(self.take(~gone), left_out=tuple(sorted({*self.left_out, *self.pose[gone].tolist()})))
 
-    def only(self, numbers: Collection[int]) -> Measurements:
+    def only(self, numbers: Sequence[int]) -> Measurements:
         """The poses of these numbers alone. Raises `FileError` if there are none."""
-        chosen = np.isin(self.pose, list(numbers))
+        chosen = np.isin(self.pose, numbers)
         if not chosen.any():
             raise FileError(self.path, "", "no poses that the fit left out", "--left-out is of the fit's own data")
         return self.take(chosen)

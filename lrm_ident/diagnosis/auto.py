@@ -109,16 +109,13 @@ def run_auto(
     on_step(steps[0])
     while now.first is not None and now.refit is not None and len(steps) <= max_effects:
         added, refit, poses, before = _added(now, now.first), now.refit, now.diagnosis.data.pose, now.blocks
-        outliers = now.diagnosis.outliers
         del now  # a diagnosis holds the columns of every candidate: one at a time
         try:
-            found = diagnose(refit.fit.model, data, kinds, progress, loss, rates, outliers)
+            found = diagnose(refit.fit.model, data, kinds, progress, loss, rates)
             now = confirm(found, refit.blocks if np.array_equal(found.data.pose, poses) else (), refused=refused)
         except LrmError:  # nothing can be built on it: it is out, and what was found before stays
             refused = (*refused, added.name)
-            now = confirm(
-                diagnose(steps[-1].fit.model, data, kinds, progress, loss, rates, outliers), before, refused=refused
-            )
+            now = confirm(diagnose(steps[-1].fit.model, data, kinds, progress, loss, rates), before, refused=refused)
             continue
         steps.append(_step(added, now, steps[-1].held_out))
         on_step(steps[-1])

@@ -20,7 +20,6 @@ from lrm_ident.data.measurements import Measurements
 from lrm_ident.diagnosis.add_effect import free_base_parameters
 from lrm_ident.diagnosis.candidates import REFINEMENT
 from lrm_ident.diagnosis.forward_selection import equivalent_effects, forward_select
-from lrm_ident.diagnosis.outliers import find_explained, find_outliers
 from lrm_ident.diagnosis.score_test import ScoredCandidate
 from lrm_ident.diagnosis.screening import Screening, screen
 from lrm_ident.diagnosis.shifted_rows import ShiftedRows, shifted_rows
@@ -124,7 +123,6 @@ def diagnose(
     progress: OnProgress = silent,
     loss: Loss = SQUARED,
     rates: EffectRates | None = None,
-    outliers: Collection[int] = (),
 ) -> Diagnosis:
     """Finds what a model misses on measurements. The model's free parameters are refitted first, with this loss.
 
@@ -132,42 +130,26 @@ def diagnose(
 
     Args:
         rates: how often arms of this kind have each effect, where that is known.
-        outliers: numbers of poses that were outliers of a model before; what this one explains is taken in again.
 
     Raises:
         LrmError: too few poses, or the fit does not converge.
     """
-    kinds, left_out = tuple(catalogue), {*outliers}
-    found = _screened_without(left_out, model, data, kinds, progress, loss)
-    for number in range(MOST_ROUNDS):
-        back = find_explained(found, data.only(left_out)) if left_out and not number else ()
-        far = find_outliers(found)
-        if not back and not far:
+    kinds = tuple(catalogue)
+    found = screen(model, data, kinds, progress, loss)
+    left_out: tuple[int, ...] = ()
+    for _ in range(MOST_ROUNDS):
+        numbers = found.outliers
+        if not numbers:
             break
-        left_out = (left_out - {*back}) | {*far}
-        before = found.fit.model
+        left_out += numbers
+        before, rest = found.fit.model, found.data.without(numbers)
         del found  # it holds the columns of every candidate
-        found = _screened_without(left_out, before, data, kinds, progress, loss)
+        before = free_base_parameters(fit(before, rest, loss=loss), rest, loss).model  # before any name
+        found = screen(before, rest, kinds, progress, loss)
     selected = _select(replace(found, rates=rates), progress)
     if not left_out:
         return selected
     return replace(selected, outliers=tuple(sorted(left_out)), shifted=_shifted(selected, data))
-
-
-def _screened_without(
-    left_out: Collection[int],
-    model: Model,
-    data: Measurements,
-    kinds: tuple[type[Effect], ...],
-    progress: OnProgress,
-    loss: Loss,
-) -> Screening:
-    """The screening without some poses, what the others tell then freed before any effect is tried."""
-    if not left_out:
-        return screen(model, data, kinds, progress, loss)
-    rest = data.without(left_out)
-    freed = free_base_parameters(fit(model, rest, loss=loss), rest, loss).model
-    return screen(freed, rest, kinds, progress, loss)
 
 
 def select_without(diagnosis: Diagnosis, refused: Collection[str]) -> Diagnosis:

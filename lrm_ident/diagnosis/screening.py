@@ -19,8 +19,8 @@ from lrm_ident.diagnosis.linearised_fit import LinearisedFit, linearise
 from lrm_ident.diagnosis.score_test import ScoredCandidate, score_candidates
 from lrm_ident.fitting.cross_validation import joint_space_folds
 from lrm_ident.fitting.identifiability import some_rows
-from lrm_ident.fitting.levenberg_marquardt import Fit, fit
-from lrm_ident.fitting.loss import Loss
+from lrm_ident.fitting.levenberg_marquardt import OUTLIER_DISTANCE, Fit, fit
+from lrm_ident.fitting.loss import Loss, robust_scale
 from lrm_ident.fitting.priors import EffectRates
 from lrm_ident.fitting.progress import OnProgress
 from lrm_ident.residual.free_functions import FreeFunction, free_functions, lagged
@@ -29,9 +29,7 @@ from lrm_ident.residual.thresholds import SIGNIFICANCE
 from lrm_math.arrays import Array
 from lrm_math.effects import Effect
 from lrm_math.model.derivatives import Response, parameter_jacobian
-from lrm_math.model.equilibrium import Equilibrium
 from lrm_math.model.model import Model
-from lrm_math.model.sensed import Sensed
 
 MOST_FAR = 200  # outliers of a fit that are screened beside a part of the poses
 
@@ -84,6 +82,21 @@ class Screening:
         return free_functions(self.joint_jacobian, part, fitted.rest, before)
 
     @property
+    def outliers(self) -> tuple[int, ...]:
+        """Numbers of the poses farther out than twice the outlier distance of a fit, with the best single candidate
+        and without it.
+
+        Twice, because an effect that is still missing may put whole groups of poses far out. As measured: a robust loss
+        gives a pose the less weight the farther out it is, which would hide it here.
+        """
+        squared = self.linear.now.held_out
+        if self.ranked:
+            squared = np.minimum(squared, self.ranked[0].alone.held_out)
+        distance = np.sqrt(squared / self.fit.weight[self.screened])
+        far = distance > 2 * OUTLIER_DISTANCE * robust_scale(distance)
+        return tuple(self.data.pose[self.screened[far]].tolist())
+
+    @property
     def like_noise(self) -> bool:
         """Whether what is left is no larger than the known noise (F test) and shows no structure: no new cause."""
         floor, structure = self.floor, self.structure
@@ -118,15 +131,10 @@ def rows_to_screen(fitted: Fit) -> NDArray[np.int64]:
 
 def linearised(fitted: Fit, data: Measurements, weigh: RowWeights) -> LinearisedFit:
     """A fit linearised at its minimum, with the joint-space blocks. `weigh`: relative weights of its rows."""
-    columns = fitted_columns(fitted, fitted.rest, data.whitening.sensed)
+    keys = [key for key in fitted.model.free if key not in fitted.at_bound]
+    typical = np.array([fitted.model.parameters[fitted.model.position(key)].typical for key in keys])
+    columns = (parameter_jacobian(fitted.rest, keys, data.whitening.sensed) * typical).reshape(-1, len(keys))
     fold = joint_space_folds(data.poses.q, data.repeat_of)
     poses = [np.flatnonzero(fold == number) for number in range(fold.max() + 1)]
     residual = data.residual(fitted.rest).reshape(-1, 1)
     return linearise(weigh(columns), weigh(residual)[:, 0], poses, fitted.sigma)
-
-
-def fitted_columns(fitted: Fit, rest: Equilibrium, sensed: Sensed) -> Array:
-    """(R N, P), motion of what is sensed for fitted parameters of their typical size, those at a bound left out (m)."""
-    keys = [key for key in fitted.model.free if key not in fitted.at_bound]
-    typical = np.array([fitted.model.parameters[fitted.model.position(key)].typical for key in keys])
-    return np.asarray((parameter_jacobian(rest, keys, sensed) * typical).reshape(-1, len(keys)))
