@@ -16,7 +16,7 @@ from concurrent.futures import ProcessPoolExecutor, as_completed
 
 import numpy as np
 
-from validation.hidden_effects.faults.cases import CASES
+from validation.hidden_effects.faults.cases import CASES, WRITTEN_LATER
 from validation.hidden_effects.faults.outcome import FIRST_SEED, LAB, NEAR_NOISE, FaultOutcome, examine
 from validation.hidden_effects.tables import markdown_table
 
@@ -71,8 +71,9 @@ def main() -> None:
     parser.add_argument("--poses", type=int, default=200, help="poses per data set")
     parser.add_argument("--only", default="", help="only cases whose name contains this")
     parser.add_argument("--jobs", type=int, default=1, help="processes side by side")
+    parser.add_argument("--later", action="store_true", help="the faults that were written after all judgement was set")
     options = parser.parse_args()
-    cases = [one for one in CASES if options.only in one.name]
+    cases = [one for one in (WRITTEN_LATER if options.later else CASES) if options.only in one.name]
     runs = [(c, arm, n) for c in cases for arm in options.arm or (LAB,) for n in range(options.seeds)]
     with ProcessPoolExecutor(options.jobs) as pool:
         futures = {

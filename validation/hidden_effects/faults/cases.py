@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from validation.hidden_effects.faults import loose_parts, people, trackers, transmissions
+from validation.hidden_effects.faults import loose_parts, people, trackers, transmissions, written_later
 from validation.hidden_effects.faults.measurement import HONEST, QUIET, FaultCase
 
 UNKNOWN = ("noise_unknown",)
@@ -54,3 +54,18 @@ CASES = (
     FaultCase("a bundle rubs", transmissions.rubs, HONEST),
     FaultCase("angles in whole degrees, noise unknown", people.whole_degrees, (*UNKNOWN, *HONEST), noise_known=False),
 )
+WRITTEN_LATER = (
+    FaultCase("play where a gear is worn", written_later.wears_where_it_works, HONEST),
+    FaultCase("a servo gives way beyond a torque", written_later.gives_way_beyond_a_torque, HONEST),
+    FaultCase("another marker in one pose of fifteen", written_later.another_marker, (*QUIET, *HONEST)),
+    FaultCase("base sinks and is put right", written_later.base_sinks_and_is_put_right, HONEST),
+    FaultCase("rows sorted after a drift", written_later.rows_sorted_afterwards, HONEST),
+    FaultCase("two cameras", written_later.two_cameras, HONEST),
+    FaultCase("a horn that stands off beyond zero", written_later.stands_off_beyond_zero, HONEST),
+    FaultCase("overshoots by a part of the way", written_later.overshoots_by_the_way, HONEST),
+    FaultCase("a servo was replaced", written_later.servo_replaced, HONEST),
+    FaultCase("somebody walks by", written_later.somebody_walks_by, (*QUIET, *HONEST)),
+    FaultCase("load written twice as large", written_later.load_written_wrongly, HONEST),
+    FaultCase("a joint follows the square of another", written_later.follows_a_square, HONEST),
+)
+"""A part of its own, for a look that nothing was set by."""
