@@ -30,7 +30,8 @@ def another_marker(taken: HealthyMeasurement) -> SpoiledMeasurement:
     """The tracker took another marker of the gripper for the target, in one pose of fifteen."""
     turned = taken.moved(taken.q.shape[1] - 2, np.full(len(taken.q), 0.3)) - taken.tcp
     off = turned / np.linalg.norm(turned, axis=1, keepdims=True) * taken.rng.uniform(0.012, 0.02)
-    return SpoiledMeasurement(np.where(taken.rng.random(len(taken.q))[:, None] < 1.0 / 15.0, taken.tcp + off, taken.tcp))
+    mistaken = (taken.rng.random(len(taken.q)) < 1.0 / 15.0)[:, None]
+    return SpoiledMeasurement(np.where(mistaken, taken.tcp + off, taken.tcp))
 
 
 def base_sinks_and_is_put_right(taken: HealthyMeasurement) -> SpoiledMeasurement:
