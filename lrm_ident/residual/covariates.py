@@ -1,4 +1,4 @@
-"""The one table of what an error may follow: joint angles, torques, load, order, time, temperature."""
+"""The one table of what an error may follow: joint angles, last motions, torques, load, order, time, temperature."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from lrm_ident.data.measurements import Measurements
 from lrm_math.arrays import Array
 
-Kind = Literal["angle", "torque", "load", "order", "time", "temperature", "total torque"]
+Kind = Literal["angle", "motion", "torque", "load", "order", "time", "temperature", "total torque"]
 NAMES = {
     "load": "load",
     "order": "order of measurement",
@@ -23,6 +23,7 @@ NAMES = {
 }
 UNITS = {
     "angle": "deg",
+    "motion": "deg",
     "torque": "N·m",
     "load": "g",
     "order": "",
@@ -30,6 +31,7 @@ UNITS = {
     "temperature": "°C",
     "total torque": "N·m",
 }
+SYMBOLS = {"angle": "q", "motion": "the last motion of q", "torque": "tau"}
 CONSTANT = 1e-9  # SI: a quantity that varies less is round-off
 
 
@@ -38,7 +40,7 @@ class Covariate:
     """A quantity that an error may follow.
 
     Attributes:
-        values: (N,), SI (rad, N·m, kg, s, °C), the order from 0. joint: from 0, of an angle or torque.
+        values: (N,), SI (rad, N·m, kg, s, °C), the order from 0. joint: from 0, of an angle, motion or torque.
     """
 
     kind: Kind
@@ -50,12 +52,14 @@ class Covariate:
         """Symbol, for instance `q2`, `tau2`, `load`."""
         if self.joint is None:
             return self.kind
-        return f"{'q' if self.kind == 'angle' else 'tau'}{self.joint + 1}"
+        return f"{SYMBOLS[self.kind]}{self.joint + 1}"
 
     @property
     def name(self) -> str:
         """Name in words, for instance `angle of joint 2`."""
-        return NAMES[self.kind] if self.joint is None else f"{self.kind} of joint {self.joint + 1}"
+        if self.joint is None:
+            return NAMES[self.kind]
+        return f"{'last motion' if self.kind == 'motion' else self.kind} of joint {self.joint + 1}"
 
     @property
     def label(self) -> str:
@@ -65,7 +69,7 @@ class Covariate:
     @cached_property
     def shown(self) -> Array:
         """(N,), values in the unit that is shown; the order from 1."""
-        if self.kind == "angle":
+        if self.kind in ("angle", "motion"):
             return np.degrees(self.values)
         if self.kind == "time":
             return self.values / 60.0
@@ -95,6 +99,9 @@ def covariates(data: Measurements, torque: Array) -> tuple[Covariate, ...]:
 def _all(data: Measurements, torque: Array) -> Iterator[Covariate]:
     poses = data.poses
     yield from (Covariate("angle", values, joint) for joint, values in enumerate(poses.q.T))
+    if poses.direction is not None:  # the order is known
+        moved = np.diff(poses.q, axis=0, prepend=poses.q[:1])
+        yield from (Covariate("motion", values, joint) for joint, values in enumerate(moved.T))
     yield from (Covariate("torque", values, joint) for joint, values in enumerate(torque.T))
     yield Covariate("load", poses.payload)
     yield Covariate("order", np.arange(len(data), dtype=np.float64))

@@ -1,8 +1,9 @@
 """Free functions: the part of the residual that a smooth function at one place explains, whatever its physical cause.
 
 A rotation of joint j that is any smooth function (Legendre series) of one or two covariates: joint angles, the joint's
-own torque (now, or at the poses before: creep), order of measurement. Of the other error motions of an axis of rotation
-(ISO 230-7) effects of the catalogue are tilt and axial motion; the radial one is a free function of the force across.
+own torque (now, or at the poses before: creep), order of measurement; or of the joint's own last motion (a lag). Of the
+other error motions of an axis of rotation (ISO 230-7) effects of the catalogue are tilt and axial motion; the radial
+one is a free function of the force across.
 Common modes: what all joints do alike (a servo gain or a yielding that they share), or all lengths, as a function of
 the total torque, load, order, time or temperature: one cause that many local effects would spell.
 A named effect must not predict far worse than a free function at its own place, and structure that no effect explains
@@ -101,10 +102,11 @@ def free_functions(
     bivariate, products = [], cache(_products)  # alike at every joint
     for joint, motion in enumerate(joint_jacobian):
         own = [one for one in known if one.kind == "torque" and one.joint == joint]
+        moved = [one for one in known if one.kind == "motion" and one.joint == joint]
         candidates = [*shared, *own]
         for one in own:
             univariate.append(FreeFunction(joint, (f"{one.symbol} before",), ((motion, torque_before[:, :, joint]),)))
-        for one in candidates:
+        for one in (*candidates, *moved):
             univariate.append(FreeFunction(joint, (one.symbol,), ((motion, one.legendre_basis(SINGLE_DEGREE)),)))
         for a, b in combinations(candidates, 2):
             basis = products(a, b)

@@ -12,7 +12,7 @@ from lrm_ident.diagnosis.diagnose import Diagnosis
 from lrm_ident.diagnosis.diagnosis_report import DiagnosisReport, RankedCandidate
 from lrm_ident.report.plots.driver_curve import DriverCurve, driver_curve
 from lrm_ident.report.plots.style import GREEN, HELD_OUT, MODEL, NOMINAL, figure_file, finish
-from lrm_ident.residual.covariates import covariates
+from lrm_ident.residual.covariates import SYMBOLS, covariates
 from lrm_ident.residual.free_functions import FreeFunction
 from lrm_math.arrays import Array
 
@@ -123,7 +123,7 @@ def _motion_shown(function: FreeFunction) -> tuple[float, str]:
 
 def _with_unit(name: str) -> str:
     units = {"order": "", "load": "g", "time": "min", "temperature": "°C"}
-    unit = units.get(name, "deg" if name.startswith("q") else "N·m")
+    unit = units.get(name, "deg" if name.startswith(("q", SYMBOLS["motion"])) else "N·m")
     return f"{name}, {unit}" if unit else name
 
 
