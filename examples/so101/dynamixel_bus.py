@@ -7,11 +7,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from examples.so101.feetech_bus import BusReader, FeetechBus
+from examples.so101.feetech_bus import FeetechBus
 from examples.so101.feetech_servo import AMBIENT_C, FeetechServo
 from lrm_ident.measuring.dynamixel import memory_table as table
-from lrm_ident.measuring.dynamixel.packets import Instruction2, Packet2, PacketReader2
+from lrm_ident.measuring.dynamixel.packets import DynamixelPacket
 from lrm_ident.measuring.feetech import memory_table as shaft
+from lrm_ident.measuring.servo_bus.packets import Instruction, Packet, PacketReader
 
 MIRRORED = (
     (table.ID, shaft.ID), (table.TORQUE_ENABLE, shaft.TORQUE_ENABLE), (table.GOAL_POSITION, shaft.GOAL_POSITION),
@@ -71,13 +72,13 @@ class DynamixelBus(FeetechBus):
     WORD = 2
     GOAL = table.GOAL_POSITION.address
 
-    def reader(self) -> BusReader:
+    def reader(self) -> PacketReader[Packet]:
         """A reader of what a host says."""
-        return PacketReader2()
+        return PacketReader[Packet](DynamixelPacket)
 
     def status(self, number: int, error: int = 0, data: bytes = b"") -> bytes:
         """What a servo of a number answers: an error byte, then the data."""
-        return Packet2(number, Instruction2.STATUS, bytes([error]) + data).encoded()
+        return DynamixelPacket(number, Instruction.STATUS, bytes([error]) + data).encoded()
 
     def pinged(self, servo: FeetechServo) -> bytes:
         """Model number and firmware."""

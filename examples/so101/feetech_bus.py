@@ -4,38 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from itertools import zip_longest
-from typing import Protocol
 
 from examples.so101.feetech_servo import FeetechServo
 from lrm_ident.measuring.feetech import memory_table as table
-from lrm_ident.measuring.feetech.packets import BROADCAST, Instruction, Packet, PacketReader
+from lrm_ident.measuring.feetech.packets import FeetechPacket
+from lrm_ident.measuring.servo_bus.packets import BROADCAST, Instruction, Packet, PacketReader
 
 NO_ERROR = 0
 ALL = 1
 """Status level at which every instruction is answered; at 0 only PING and READ are."""
-
-
-class BusReader(Protocol):
-    """Finds packets in a stream of bytes."""
-
-    def feed(self, data: bytes, /) -> Iterator[BusPacket]:
-        """The packets that are complete with these bytes."""
-
-
-class BusPacket(Protocol):
-    """A packet of either protocol: their instructions have the same numbers."""
-
-    @property
-    def id(self) -> int:
-        """Whose it is."""
-
-    @property
-    def code(self) -> int:
-        """The instruction."""
-
-    @property
-    def parameters(self) -> bytes:
-        """What belongs to it."""
 
 
 class FeetechBus:
@@ -50,20 +27,20 @@ class FeetechBus:
         self.now = 0.0
         self.goals = 0
         self._on_change = on_change
-        self._reader: BusReader = self.reader()
+        self._reader = self.reader()
         self._rested = True
 
     WORD = 1
     """Bytes of an address, and of a length."""
     GOAL = table.GOAL_POSITION.address
 
-    def reader(self) -> BusReader:
+    def reader(self) -> PacketReader[Packet]:
         """A reader of what a host says."""
-        return PacketReader()
+        return PacketReader[Packet](FeetechPacket)
 
     def status(self, number: int, error: int = NO_ERROR, data: bytes = b"") -> bytes:
         """What a servo of a number answers."""
-        return Packet(number, error, data).encoded()
+        return FeetechPacket(number, error, data).encoded()
 
     def pinged(self, servo: FeetechServo) -> bytes:
         """What a servo answers when it is asked whether it is there."""
@@ -86,7 +63,7 @@ class FeetechBus:
         self.advance(now)
         return b"".join(self._answer(packet) for packet in self._reader.feed(data))
 
-    def _answer(self, packet: BusPacket) -> bytes:
+    def _answer(self, packet: Packet) -> bytes:
         if packet.code == Instruction.SYNC_READ:
             return self._sync_read(packet.parameters)
         if packet.code == Instruction.SYNC_WRITE:
@@ -101,7 +78,7 @@ class FeetechBus:
             return b"".join(garbled([self.pinged(s) for s in called if s.id == one]) for one in _ids(called))
         return garbled([self._reply(servo, packet) for servo in called])
 
-    def _reply(self, servo: FeetechServo, packet: BusPacket) -> bytes:
+    def _reply(self, servo: FeetechServo, packet: Packet) -> bytes:
         """Carries out an instruction for one servo."""
         level, given = table.STATUS_LEVEL.read(servo.memory), packet.parameters
         if packet.code == Instruction.PING:

@@ -1,88 +1,53 @@
-"""Packets of Dynamixel's protocol 2.0: FF FF FD 00, id, length, instruction, parameters, CRC-16.
+"""Packets of Dynamixel's protocol 2.0, which begin with FF FF FD 00; the first parameter of a status is its error.
 
-The length (two bytes, low first) counts what follows it. Wherever FF FF FD stands in instruction and parameters, an
-FD is stuffed behind it, so that a header is one. The CRC (polynomial 8005, from 0, high bit first) is of all bytes
-before it (Robotis, e-Manual, "DYNAMIXEL Protocol 2.0").
+Wherever FF FF FD stands in instruction and parameters, an FD is stuffed behind it, so that a header is one. The
+checksum is a CRC-16 (polynomial 8005, from 0, high bit first) of all bytes before it (Robotis, e-Manual, "DYNAMIXEL
+Protocol 2.0").
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
-from enum import IntEnum
+from lrm_ident.measuring.servo_bus.packets import Answer, Instruction, Packet
 
-HEADER, STUFFED = b"\xff\xff\xfd\x00", b"\xff\xff\xfd"
-BROADCAST = 0xFE
-SHORTEST, LONGEST = 3, 1024
-"""Least and greatest length: an instruction and the CRC, and what fits a servo's buffer."""
+STUFFED = b"\xff\xff\xfd"
 POLYNOMIAL = 0x8005
+ALERT = 0x80
+"""Bit of the error of a servo that has shut down, or is about to; the others are of the question."""
+ERRORS = {
+    1: "it failed", 2: "unknown instruction", 3: "wrong CRC", 4: "out of range", 5: "wrong length",
+    6: "beyond its limit", 7: "not writable now",
+}  # fmt: skip
 
 
-class Instruction2(IntEnum):
-    """What a host asks for, and what a servo answers with."""
+class DynamixelPacket(Packet):
+    """See `Packet`. `LONGEST`: what fits a servo's buffer."""
 
-    PING = 1
-    READ = 2
-    WRITE = 3
-    REG_WRITE = 4
-    ACTION = 5
-    STATUS = 0x55
-    SYNC_READ = 0x82
-    SYNC_WRITE = 0x83
+    HEADER, WORD, LONGEST = b"\xff\xff\xfd\x00", 2, 1024
 
+    @staticmethod
+    def checksum(before: bytes) -> int:
+        """See `Packet`."""
+        crc = 0
+        for byte in before:
+            crc ^= byte << 8
+            for _ in range(8):
+                crc = (crc << 1 ^ POLYNOMIAL if crc & 0x8000 else crc << 1) & 0xFFFF
+        return crc
 
-@dataclass(frozen=True)
-class Packet2:
-    """One packet. The first parameter of a status is its error."""
+    @property
+    def answer(self) -> Answer | None:
+        """See `Packet`."""
+        if self.code != Instruction.STATUS or not self.parameters:
+            return None
+        error = self.parameters[0] & ~ALERT
+        return Answer(self.id, self.parameters[1:], ERRORS.get(error, f"error {error}") if error else "")
 
-    id: int
-    code: int
-    parameters: bytes = b""
+    @staticmethod
+    def stuffed(body: bytes) -> bytes:
+        """See `Packet`."""
+        return body.replace(STUFFED, STUFFED + b"\xfd")
 
-    def encoded(self) -> bytes:
-        """Its bytes."""
-        body = (bytes([self.code]) + self.parameters).replace(STUFFED, STUFFED + b"\xfd")
-        whole = HEADER + bytes([self.id]) + (len(body) + 2).to_bytes(2, "little") + body
-        return whole + crc16(whole).to_bytes(2, "little")
-
-
-def crc16(data: bytes) -> int:
-    """CRC-16 of bytes."""
-    crc = 0
-    for byte in data:
-        crc ^= byte << 8
-        for _ in range(8):
-            crc = (crc << 1 ^ POLYNOMIAL if crc & 0x8000 else crc << 1) & 0xFFFF
-    return crc
-
-
-class PacketReader2:
-    """Finds packets in a stream of bytes; what is none is skipped."""
-
-    def __init__(self) -> None:
-        self._left = b""
-
-    def feed(self, data: bytes) -> Iterator[Packet2]:
-        """The packets that are complete with these bytes."""
-        self._left += data
-        while (packet := self._next()) is not None:
-            yield packet
-
-    def _next(self) -> Packet2 | None:
-        while (start := self._left.find(HEADER)) >= 0:
-            self._left = self._left[start:]
-            if len(self._left) < 7:
-                return None
-            length = int.from_bytes(self._left[5:7], "little")
-            end = 7 + length
-            if SHORTEST <= length <= LONGEST:
-                if len(self._left) < end:
-                    return None
-                frame = self._left[:end]
-                if int.from_bytes(frame[-2:], "little") == crc16(frame[:-2]):
-                    self._left = self._left[end:]
-                    body = frame[7:-2].replace(STUFFED + b"\xfd", STUFFED)
-                    return Packet2(frame[4], body[0], body[1:])
-            self._left = self._left[1:]
-        self._left = self._left[-3:]
-        return None
+    @staticmethod
+    def unstuffed(body: bytes) -> bytes:
+        """See `Packet`."""
+        return body.replace(STUFFED + b"\xfd", STUFFED)

@@ -3,18 +3,22 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import Protocol
+from functools import partial
+from typing import Protocol, TypeVar
 
-from lrm_ident.measuring.servo_bus.contract import Answer, BusRegister, BusServoKind
+from lrm_ident.measuring.servo_bus.kind import BusServoKind
+from lrm_ident.measuring.servo_bus.packets import BROADCAST, Answer, Instruction, Packet, PacketReader
+from lrm_ident.measuring.servo_bus.register import Register
 from lrm_math.errors import LrmError
 
 ANSWER_S, LOOK_S = 0.5, 0.1
 """Time (s) for an answer, of a servo that should be there and of one that may; USB adapters hand on every 16 ms."""
 ATTEMPTS = 3
 """Of asking a servo that should be there."""
+Said = TypeVar("Said")
 
 
 class NoAnswer(ConnectionError):
@@ -42,7 +46,7 @@ class ServoHost:
     line: SerialLine
     kind: BusServoKind
 
-    def read(self, number: int, register: BusRegister) -> int:
+    def read(self, number: int, register: Register) -> int:
         """Value of a register. Raises `NoAnswer`."""
         return register.read(bytes(register.address) + self._read(number, register.address, register.length))
 
@@ -55,37 +59,34 @@ class ServoHost:
         found = b""
         at = self.kind.position.address
         for address, length in ((at, 1), (at + 1, 1), (0, self.kind.last_read)):
-            found = self._read_patiently(number, address, length)
+            found = _patiently(partial(self._read, number, address, length))
         return found
 
-    def read_all(self, numbers: Sequence[int], register: BusRegister) -> dict[int, int]:
+    def read_all(self, numbers: Sequence[int], register: Register) -> dict[int, int]:
         """Values of a register of several servos, asked for in one packet. Raises `NoAnswer`."""
-        question = self.kind.protocol.read_all(numbers, register.address, register.length)
+        parameters = self.kind.packet.words(register.address, register.length) + bytes(numbers)
+        question = self.kind.packet(BROADCAST, Instruction.SYNC_READ, parameters)
         answers = self._heard(question, numbers, ANSWER_S)
         return {number: register.read(bytes(register.address) + answers[number].data) for number in numbers}
 
-    def write(self, number: int, register: BusRegister, value: int) -> None:
+    def write(self, number: int, register: Register, value: int) -> None:
         """Writes a register, and waits until the servo says so. Raises `NoAnswer`; `LrmError`: it refuses."""
-        data = _bytes_of(register, value)
-        answer = self._ask(number, self.kind.protocol.write(number, register.address, data))
+        parameters = self.kind.packet.words(register.address) + _bytes_of(register, value)
+        answer = self._ask(number, Instruction.WRITE, parameters)
         if answer.refused:
             raise LrmError(f"servo {number} refuses {value} at address {register.address}: {answer.refused}")
 
-    def write_patiently(self, number: int, register: BusRegister, value: int) -> None:
+    def write_patiently(self, number: int, register: Register, value: int) -> None:
         """Writes a register, and again where no answer came. Raises as `write` does."""
-        for _ in range(ATTEMPTS - 1):
-            try:
-                return self.write(number, register, value)
-            except NoAnswer:
-                continue
-        return self.write(number, register, value)
+        _patiently(lambda: self.write(number, register, value))
 
     def move(self, goals: Mapping[int, int]) -> None:
         """Gives servos their goals (counts) by number, all in one packet that nobody answers."""
         goal = self.kind.goal
-        data = {number: _bytes_of(goal, count) for number, count in goals.items()}
+        data = b"".join(bytes([number]) + _bytes_of(goal, count) for number, count in goals.items())
+        parameters = self.kind.packet.words(goal.address, goal.length) + data
         with _line_is_there():
-            self.line.write(self.kind.protocol.write_all(goal.address, data))
+            self.line.write(self.kind.packet(BROADCAST, Instruction.SYNC_WRITE, parameters).encoded())
 
     def answering(self, numbers: Sequence[int]) -> tuple[int, ...]:
         """Those of these numbers as which one servo answers, or several."""
@@ -98,46 +99,39 @@ class ServoHost:
 
     def _answers(self, number: int) -> bool:
         try:
-            self._ask(number, self.kind.protocol.ping(number), LOOK_S)
+            self._ask(number, Instruction.PING, b"", LOOK_S)
         except GarbledAnswer:
             return True
         except NoAnswer:
             return False
         return True
 
-    def _read_patiently(self, number: int, address: int, length: int) -> bytes:
-        for _ in range(ATTEMPTS - 1):
-            try:
-                return self._read(number, address, length)
-            except NoAnswer:
-                continue
-        return self._read(number, address, length)
-
     def _read(self, number: int, address: int, length: int) -> bytes:
-        data = self._ask(number, self.kind.protocol.read(number, address, length)).data
+        data = self._ask(number, Instruction.READ, self.kind.packet.words(address, length)).data
         if len(data) != length:
             raise GarbledAnswer(f"servo {number} answers {len(data)} bytes in place of {length}")
         return data
 
-    def _ask(self, number: int, question: bytes, patience: float = ANSWER_S) -> Answer:
+    def _ask(self, number: int, what: Instruction, parameters: bytes, patience: float = ANSWER_S) -> Answer:
         """The answer of one servo within a time (s). Raises `NoAnswer`."""
-        return self._heard(question, [number], patience)[number]
+        return self._heard(self.kind.packet(number, what, parameters), [number], patience)[number]
 
-    def _heard(self, question: bytes, numbers: Sequence[int], patience: float) -> dict[int, Answer]:
+    def _heard(self, question: Packet, numbers: Sequence[int], patience: float) -> dict[int, Answer]:
         """Answers of servos within a time (s); an adapter that hands back what was sent is listened through."""
         found: dict[int, Answer] = {}
         self.forget_late_answers()
         with _line_is_there():
-            self.line.write(question)
-            reader, heard, end = self.kind.protocol.answers(question), b"", time.monotonic() + patience
+            self.line.write(question.encoded())
+            reader, heard, end = PacketReader(self.kind.packet), b"", time.monotonic() + patience
             while time.monotonic() < end:
                 came = self.line.read(max(1, self.line.in_waiting))
                 heard += came
-                found |= {answer.id: answer for answer in reader.feed(came)}
+                answers = [packet.answer for packet in reader.feed(came) if packet != question]
+                found |= {answer.id: answer for answer in answers if answer is not None}
                 if all(number in found for number in numbers):
                     return found
         silent = next(number for number in numbers if number not in found)
-        if heard.removeprefix(question):
+        if heard.removeprefix(question.encoded()):
             raise GarbledAnswer(f"the answer of servo {silent} is garbled")
         raise NoAnswer(f"servo {silent} does not answer")
 
@@ -153,7 +147,17 @@ def _line_is_there() -> Iterator[None]:
         raise NoAnswer(f"the serial line is gone ({' '.join(str(error).split())})") from None
 
 
-def _bytes_of(register: BusRegister, value: int) -> bytes:
+def _patiently(ask: Callable[[], Said]) -> Said:
+    """Asks again where no answer came. Raises `NoAnswer`."""
+    for _ in range(ATTEMPTS - 1):
+        try:
+            return ask()
+        except NoAnswer:
+            continue
+    return ask()
+
+
+def _bytes_of(register: Register, value: int) -> bytes:
     memory = bytearray(register.address + register.length)
     register.write(memory, value)
     return bytes(memory[register.address : register.address + register.length])

@@ -13,7 +13,8 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 
 from lrm_ident.measuring.servo_bus.bus import GarbledAnswer, NoAnswer, ServoHost
-from lrm_ident.measuring.servo_bus.contract import BusRegister, BusServoKind
+from lrm_ident.measuring.servo_bus.kind import BusServoKind
+from lrm_ident.measuring.servo_bus.register import Register
 from lrm_math.arm.arm import Arm
 from lrm_math.errors import LrmError
 
@@ -85,7 +86,7 @@ class BusServos:
         """See `Servos`."""
         self.host.forget_late_answers()
 
-    def _read(self, register: BusRegister) -> dict[str, int]:
+    def _read(self, register: Register) -> dict[str, int]:
         """Values of a register by joint, in their order. Raises `NoAnswer`."""
         found = self.host.read_all(self.numbers, register)
         return {joint: found[number] for joint, number in zip(self.joints, self.numbers, strict=True)}

@@ -12,25 +12,27 @@ from hypothesis import strategies as st
 from examples.so101.feetech_bus import FeetechBus
 from examples.so101.feetech_servo import STEP, STS3215, FeetechServo
 from lrm_ident.measuring.feetech import memory_table as table
-from lrm_ident.measuring.feetech.packets import BROADCAST, Instruction, Packet, PacketReader
+from lrm_ident.measuring.feetech.packets import FeetechPacket
+from lrm_ident.measuring.servo_bus.packets import BROADCAST, Instruction, PacketReader
 
-PACKETS = st.builds(Packet, st.integers(0, 253), st.integers(0, 0x83), st.binary(max_size=40))
+PACKETS = st.builds(FeetechPacket, st.integers(0, 253), st.integers(0, 0x83), st.binary(max_size=40))
 
 
 def bus_of(*numbers: int) -> FeetechBus:
     return FeetechBus([FeetechServo(number) for number in numbers])
 
 
-def asked(bus: FeetechBus, number: int, code: int, *parameters: int, now: float = 0.0) -> list[Packet]:
+def asked(bus: FeetechBus, number: int, code: int, *parameters: int, now: float = 0.0) -> list[FeetechPacket]:
     """The answers to one instruction."""
-    return list(PacketReader().feed(bus.feed(Packet(number, code, bytes(parameters)).encoded(), now)))
+    question = FeetechPacket(number, code, bytes(parameters)).encoded()
+    return list(PacketReader(FeetechPacket).feed(bus.feed(question, now)))
 
 
 def write(bus: FeetechBus, number: int, register: table.Register, value: int, now: float = 0.0) -> None:
     memory = bytearray(table.SIZE)
     register.write(memory, value)
     data = memory[register.address : register.address + register.length]
-    assert asked(bus, number, Instruction.WRITE, register.address, *data, now=now) == [Packet(number, 0)]
+    assert asked(bus, number, Instruction.WRITE, register.address, *data, now=now) == [FeetechPacket(number, 0)]
 
 
 def read(bus: FeetechBus, number: int, register: table.Register, now: float = 0.0) -> int:
@@ -42,20 +44,21 @@ def read(bus: FeetechBus, number: int, register: table.Register, now: float = 0.
     ("packet", "expected"),
     [
         # Examples of the protocol's manual: ping servo 1; read two bytes at 56 of servo 1; write 128 as the id.
-        (Packet(1, Instruction.PING), "ff ff 01 02 01 fb"),
-        (Packet(1, Instruction.READ, bytes([0x38, 2])), "ff ff 01 04 02 38 02 be"),
-        (Packet(0xFE, Instruction.WRITE, bytes([5, 1])), "ff ff fe 04 03 05 01 f4"),
-        (Packet(1, 0, bytes([0x18, 0x05])), "ff ff 01 04 00 18 05 dd"),
+        (FeetechPacket(1, Instruction.PING), "ff ff 01 02 01 fb"),
+        (FeetechPacket(1, Instruction.READ, bytes([0x38, 2])), "ff ff 01 04 02 38 02 be"),
+        (FeetechPacket(0xFE, Instruction.WRITE, bytes([5, 1])), "ff ff fe 04 03 05 01 f4"),
+        (FeetechPacket(1, 0, bytes([0x18, 0x05])), "ff ff 01 04 00 18 05 dd"),
     ],
 )
-def test_bytes_of_the_manual(packet: Packet, expected: str) -> None:
+def test_bytes_of_the_manual(packet: FeetechPacket, expected: str) -> None:
     assert packet.encoded() == bytes.fromhex(expected)
-    assert list(PacketReader().feed(bytes.fromhex(expected))) == [packet]
+    assert list(PacketReader(FeetechPacket).feed(bytes.fromhex(expected))) == [packet]
 
 
 @given(st.lists(PACKETS, max_size=6), st.lists(st.integers(1, 30), max_size=8))
-def test_packets_survive_any_cut_of_the_stream(packets: list[Packet], cuts: list[int]) -> None:
-    stream, reader, found = b"".join(packet.encoded() for packet in packets), PacketReader(), list[Packet]()
+def test_packets_survive_any_cut_of_the_stream(packets: list[FeetechPacket], cuts: list[int]) -> None:
+    stream, reader = b"".join(packet.encoded() for packet in packets), PacketReader(FeetechPacket)
+    found = list[FeetechPacket]()
     for cut in cuts:
         found += reader.feed(stream[:cut])
         stream = stream[cut:]
@@ -63,15 +66,15 @@ def test_packets_survive_any_cut_of_the_stream(packets: list[Packet], cuts: list
 
 
 @given(st.binary(max_size=30).filter(lambda noise: b"\xff" not in noise), PACKETS)
-def test_noise_before_a_packet_is_skipped(noise: bytes, packet: Packet) -> None:
-    assert list(PacketReader().feed(noise + packet.encoded())) == [packet]
+def test_noise_before_a_packet_is_skipped(noise: bytes, packet: FeetechPacket) -> None:
+    assert list(PacketReader(FeetechPacket).feed(noise + packet.encoded())) == [packet]
 
 
 @given(PACKETS, st.integers(0, 7), st.data())
-def test_a_packet_with_a_flipped_bit_is_none(packet: Packet, bit: int, data: st.DataObject) -> None:
+def test_a_packet_with_a_flipped_bit_is_none(packet: FeetechPacket, bit: int, data: st.DataObject) -> None:
     frame = bytearray(packet.encoded())
     frame[data.draw(st.integers(4, len(frame) - 1))] ^= 1 << bit
-    assert packet not in list(PacketReader().feed(bytes(frame)))
+    assert packet not in list(PacketReader(FeetechPacket).feed(bytes(frame)))
 
 
 @given(st.sampled_from([table.HOMING_OFFSET, table.GOAL_POSITION, table.LOAD]), st.integers(-40000, 40000))
@@ -84,9 +87,9 @@ def test_signed_registers_hold_magnitude_and_sign(register: table.Register, valu
 
 def test_ping_answers_and_a_missing_servo_does_not() -> None:
     bus = bus_of(1, 2)
-    assert asked(bus, 2, Instruction.PING) == [Packet(2, 0)]
+    assert asked(bus, 2, Instruction.PING) == [FeetechPacket(2, 0)]
     assert asked(bus, 3, Instruction.PING) == []
-    assert asked(bus, BROADCAST, Instruction.PING) == [Packet(1, 0), Packet(2, 0)]
+    assert asked(bus, BROADCAST, Instruction.PING) == [FeetechPacket(1, 0), FeetechPacket(2, 0)]
     assert read(bus, 1, table.MODEL) == 777
 
 
@@ -159,7 +162,7 @@ def test_sync_write_and_sync_read_reach_each_its_own() -> None:
 def test_a_registered_write_waits_for_the_action() -> None:
     bus = bus_of(1)
     write(bus, 1, table.TORQUE_ENABLE, 1)
-    assert asked(bus, 1, Instruction.REG_WRITE, table.GOAL_POSITION.address, 0, 9) == [Packet(1, 0)]
+    assert asked(bus, 1, Instruction.REG_WRITE, table.GOAL_POSITION.address, 0, 9) == [FeetechPacket(1, 0)]
     bus.advance(1.0)
     assert bus.servos[0].angle == 0.0
     asked(bus, BROADCAST, Instruction.ACTION, now=1.0)

@@ -12,8 +12,9 @@ from lrm_ident.measuring.campaign.plan import PlannedPose
 from lrm_ident.measuring.campaign.servo_arm import TORQUE, ServoArm
 from lrm_ident.measuring.dynamixel import memory_table as table
 from lrm_ident.measuring.dynamixel.kind import DYNAMIXEL
-from lrm_ident.measuring.dynamixel.packets import HEADER, Instruction2, Packet2, PacketReader2
+from lrm_ident.measuring.dynamixel.packets import DynamixelPacket
 from lrm_ident.measuring.servo_bus.bus import ServoHost
+from lrm_ident.measuring.servo_bus.packets import Instruction, PacketReader
 from lrm_ident.measuring.servo_bus.servos import BusServos, held_servos
 from lrm_math.arm.arm_file import load_arm
 from lrm_math.errors import LrmError
@@ -22,7 +23,7 @@ from tests.ident.measuring.feetech.test_feetech_servos import BusLine
 ARM = load_arm("so101")
 NUMBERS = (1, 2, 3, 4, 5)
 BYTES = st.binary(max_size=30) | st.lists(st.sampled_from([0xFF, 0xFD, 0x00]), max_size=30).map(bytes)
-PACKETS = st.builds(Packet2, st.integers(0, 0xFC), st.sampled_from(list(Instruction2)).map(int), BYTES)
+PACKETS = st.builds(DynamixelPacket, st.integers(0, 0xFC), st.sampled_from(list(Instruction)).map(int), BYTES)
 ANGLES = st.lists(st.floats(-1.5, 1.5), min_size=5, max_size=5)
 
 
@@ -38,32 +39,32 @@ def held(line: BusLine, numbers: tuple[int, ...] = NUMBERS) -> BusServos:
     ("packet", "expected"),
     [
         # Examples of the e-Manual: ping servo 1; its answer (model 1030, firmware 38); read 4 bytes at 132.
-        (Packet2(1, Instruction2.PING), "ff ff fd 00 01 03 00 01 19 4e"),
-        (Packet2(1, Instruction2.STATUS, bytes([0, 6, 4, 0x26])), "ff ff fd 00 01 07 00 55 00 06 04 26 65 5d"),
-        (Packet2(1, Instruction2.READ, bytes([0x84, 0, 4, 0])), "ff ff fd 00 01 07 00 02 84 00 04 00 1d 15"),
+        (DynamixelPacket(1, Instruction.PING), "ff ff fd 00 01 03 00 01 19 4e"),
+        (DynamixelPacket(1, Instruction.STATUS, bytes([0, 6, 4, 0x26])), "ff ff fd 00 01 07 00 55 00 06 04 26 65 5d"),
+        (DynamixelPacket(1, Instruction.READ, bytes([0x84, 0, 4, 0])), "ff ff fd 00 01 07 00 02 84 00 04 00 1d 15"),
     ],
 )
-def test_packets_are_those_of_the_manual(packet: Packet2, expected: str) -> None:
+def test_packets_are_those_of_the_manual(packet: DynamixelPacket, expected: str) -> None:
     assert packet.encoded().hex(" ") == expected
 
 
 @given(st.lists(PACKETS, max_size=5), st.integers(1, 20))
-def test_packets_come_back_in_whatever_pieces_they_arrive(packets: list[Packet2], size: int) -> None:
-    stream, reader = b"".join(packet.encoded() for packet in packets), PacketReader2()
+def test_packets_come_back_in_whatever_pieces_they_arrive(packets: list[DynamixelPacket], size: int) -> None:
+    stream, reader = b"".join(packet.encoded() for packet in packets), PacketReader(DynamixelPacket)
     pieces = [stream[at : at + size] for at in range(0, len(stream), size)]
     assert [packet for piece in pieces for packet in reader.feed(piece)] == packets
 
 
 @given(PACKETS)
-def test_a_header_stands_at_the_beginning_only(packet: Packet2) -> None:
-    assert packet.encoded().count(HEADER) == 1
+def test_a_header_stands_at_the_beginning_only(packet: DynamixelPacket) -> None:
+    assert packet.encoded().count(DynamixelPacket.HEADER) == 1
 
 
 @given(PACKETS, st.integers(0, 7), st.data())
-def test_a_packet_with_a_flipped_bit_is_none(packet: Packet2, bit: int, data: st.DataObject) -> None:
+def test_a_packet_with_a_flipped_bit_is_none(packet: DynamixelPacket, bit: int, data: st.DataObject) -> None:
     frame = bytearray(packet.encoded())
     frame[data.draw(st.integers(0, len(frame) - 1))] ^= 1 << bit
-    assert packet not in list(PacketReader2().feed(bytes(frame)))
+    assert packet not in list(PacketReader(DynamixelPacket).feed(bytes(frame)))
 
 
 @given(ANGLES, st.booleans())
