@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from lrm_ident.data.robot_files.rigid_motion import to_xyz_angles
+from lrm_ident.data.robot_files.rigid_motion import placement_motion, to_xyz_angles
+from lrm_math.arm.arm import Placement
 from lrm_math.arm.arm_file import MM
 from lrm_math.arrays import Array
 from lrm_math.model.reading import AXES, FrameTable, Reading
@@ -38,15 +39,16 @@ def frame_table(rotation: Array, translation: Array) -> FrameTable:
     return FrameTable(x_mm=x, y_mm=y, z_mm=z, alpha_deg=a, beta_deg=b, gamma_deg=c)
 
 
+def frame_motion(frame: FrameTable) -> Array:
+    """(4, 4), rigid motion of a frame (m)."""
+    x, y, z = frame.x_mm * MM, frame.y_mm * MM, frame.z_mm * MM
+    return placement_motion(Placement(x, y, z, *np.radians([frame.alpha_deg, frame.beta_deg, frame.gamma_deg])))
+
+
 def rigid_motion(frame: FrameTable) -> tuple[Array, Array]:
     """Rotation (3, 3) and translation (3,), m, of a frame."""
-    (sa, sb, sc), (ca, cb, cc) = (
-        f(np.radians([frame.alpha_deg, frame.beta_deg, frame.gamma_deg])) for f in (np.sin, np.cos)
-    )
-    Rx = np.array([[1, 0, 0], [0, ca, -sa], [0, sa, ca]])
-    Ry = np.array([[cb, 0, sb], [0, 1, 0], [-sb, 0, cb]])
-    Rz = np.array([[cc, -sc, 0], [sc, cc, 0], [0, 0, 1]])
-    return Rx @ Ry @ Rz, np.array([frame.x_mm, frame.y_mm, frame.z_mm]) * MM
+    T = frame_motion(frame)
+    return T[:3, :3], T[:3, 3]
 
 
 def read_positions(reading: Reading, positions: Array) -> Array:

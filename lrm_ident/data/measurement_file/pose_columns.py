@@ -10,6 +10,7 @@ import numpy as np
 from lrm_ident.data.apply_reading import read_joints
 from lrm_ident.data.number_table import NumberTable
 from lrm_ident.data.pose_table import angle_columns, full_turns
+from lrm_ident.data.weights.rotations import rotation_matrix
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_file import MM
 from lrm_math.arrays import Array
@@ -105,19 +106,7 @@ def read_attitude(table: NumberTable) -> Array | None:
     values = table.stack(QUATERNION)
     length = np.linalg.norm(values, axis=1)
     table.reject(np.abs(length - 1.0) > UNIT_TOLERANCE, "qw", "the quaternion's length is not one")
-    return rotations_of(values / length[:, None])
-
-
-def rotations_of(unit: Array) -> Array:
-    """(N, 3, 3), rotation matrices of unit quaternions w, x, y, z (N, 4)."""
-    w, x, y, z = unit.T
-    return np.array(
-        [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-        ]
-    ).transpose(2, 0, 1)
+    return rotation_matrix(values / length[:, None])
 
 
 def read_feedback(table: NumberTable, arm: Arm, how: Reading) -> Array | None:

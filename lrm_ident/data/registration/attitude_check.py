@@ -8,10 +8,10 @@ from itertools import permutations
 import numpy as np
 
 from lrm_ident.data.apply_reading import turn_of
-from lrm_ident.data.measurement_file.pose_columns import QUATERNION, rotations_of
+from lrm_ident.data.measurement_file.pose_columns import QUATERNION
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.registration.row_choice import spaced_rows
-from lrm_ident.data.weights.rotations import quaternions, rotation_vectors
+from lrm_ident.data.weights.rotations import quaternions, rotation_matrix, rotation_vectors
 from lrm_math.arm.arm import Arm
 from lrm_math.arrays import Array
 from lrm_math.errors import FileError
@@ -56,7 +56,7 @@ def _readings(measured: Array, drawn: Array, turn: Array) -> Iterator[tuple[floa
     for order in permutations(range(4)):
         for sign in (1.0, -1.0):
             values = raw[:, order] * [1.0, sign, sign, sign]
-            error = _usual_angle(turn @ rotations_of(values) @ drawn.transpose(0, 2, 1))
+            error = _usual_angle(turn @ rotation_matrix(values) @ drawn.transpose(0, 2, 1))
             names = [""] * 4
             for ours, theirs in enumerate(order):
                 names[theirs] = QUATERNION[ours]

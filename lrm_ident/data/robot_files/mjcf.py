@@ -6,15 +6,17 @@ bends is a hinge with stiffness 1/k; play b is a hinge with the range ±b/2 and 
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from xml.etree import ElementTree
 
 import numpy as np
 
-from lrm_ident.data.robot_files.rigid_motion import quaternion, shift, turn
+from lrm_ident.data.robot_files.rigid_motion import shift, turn
+from lrm_ident.data.robot_files.urdf_export import left_out
+from lrm_ident.data.robot_files.xml_elements import numbers
+from lrm_ident.data.weights.rotations import quaternions
 from lrm_math.arrays import Array
-from lrm_math.effects import Effect, constant
 from lrm_math.model.model import Model
 
 RIGID_KP = 1e4
@@ -22,11 +24,13 @@ RIGID_KP = 1e4
 BALL = 0.03
 """m, radius of the ball whose moment of inertia stands for that of a body, which is not measured."""
 SPRINGS = ("compliance", "base_compliance", "lateral_compliance")
+HELD = (*SPRINGS, "backlash", "mass", "payload")
+"""Effects that the file holds, beside constant ones."""
 
 
 @dataclass(frozen=True)
 class MjcfFile:
-    """Text of an MJCF file, and the effects of the model, `effect@place`, that it does not hold."""
+    """Text of an MJCF file, and what of the model, `effect@place`, it does not hold, some with the reason."""
 
     text: str
     left_out: tuple[str, ...]
@@ -39,11 +43,11 @@ def mjcf(model: Model) -> MjcfFile:
     play = {e.place: model.value(e.keys[0]) for e in model.effects if e.id == "backlash"}
     root = ElementTree.Element("mujoco", model=model.arm.name)
     ElementTree.SubElement(root, "compiler", angle="radian", autolimits="true")
-    ElementTree.SubElement(root, "option", gravity=_words(model.arm.gravity))
+    ElementTree.SubElement(root, "option", gravity=numbers(model.arm.gravity))
     parent = ElementTree.SubElement(root, "worldbody")
     actuators = ElementTree.SubElement(root, "actuator")
     pose, body, carriers = np.eye(4), 0, []
-    weights = model.weights(0.0)
+    weights, motions = model.weights(0.0), slot_motions(model)
     for k, slot in enumerate(chain.slots):
         while body < len(chain.bodies) and chain.bodies[body].before == k:
             carriers.append((parent, pose, body))
@@ -52,16 +56,14 @@ def mjcf(model: Model) -> MjcfFile:
         if joint is not None or k in springs:
             parent = ElementTree.SubElement(parent, "body", {"name": slot.key, **_placed(pose)})
             pose = np.eye(4)
-            axis = _words(np.eye(3)[slot.axis])
+            axis = numbers(np.eye(3)[slot.axis])
             if joint is None:
                 ElementTree.SubElement(
                     parent, "joint", name=slot.key, axis=axis, stiffness=repr(springs[k]), damping="0.1"
                 )
             else:
                 _add_servo(parent, actuators, model, joint, axis, springs.get(k, RIGID_KP), play.get(slot.place, 0.0))
-        amount = model.binding.constants[k]
-        unit = np.eye(3)[slot.axis]
-        pose = pose @ (turn(unit.tolist(), amount) if slot.rotates else shift((amount * unit).tolist()))
+        pose = pose @ motions[k]
     carriers += [(parent, pose, number) for number in range(body, len(chain.bodies))]
     for element, where, number in carriers:
         x, y, z = weights[number].com
@@ -69,15 +71,14 @@ def mjcf(model: Model) -> MjcfFile:
     ElementTree.SubElement(parent, "site", {"name": "tcp", **_placed(pose)})
     _fill_empty(root)
     ElementTree.indent(root)
-    return MjcfFile(ElementTree.tostring(root, encoding="unicode") + "\n", _left_out(model))
+    return MjcfFile(ElementTree.tostring(root, encoding="unicode") + "\n", left_out(model, HELD))
 
 
-def _held(effect: Effect) -> bool:
-    return constant(effect) or effect.id in (*SPRINGS, "backlash", "mass", "payload")
-
-
-def _left_out(model: Model) -> tuple[str, ...]:
-    return tuple(effect.name for effect in model.effects if not _held(effect))
+def slot_motions(model: Model) -> list[Array]:
+    """(4, 4) each, constant motion along every slot of a model's chain, the arm at zero."""
+    axes = (np.eye(3)[slot.axis] for slot in model.chain.slots)
+    moved = zip(model.chain.slots, axes, model.binding.constants, strict=True)
+    return [turn(axis.tolist(), amount) if slot.rotates else shift(amount * axis) for slot, axis, amount in moved]
 
 
 def spring_stiffness(model: Model) -> dict[int, float]:
@@ -98,17 +99,17 @@ def _add_servo(
     name, limits = drawn.name or f"joint{joint + 1}", (drawn.lower, drawn.upper)
     ElementTree.SubElement(body, "joint", name=name, axis=axis, damping="0.5", armature="0.01")
     if b > 0.0:
-        half = _words((-0.5 * b, 0.5 * b))
+        half = numbers((-0.5 * b, 0.5 * b))
         ElementTree.SubElement(body, "joint", name=f"{name}_play", axis=axis, range=half, damping="0.01")
-    ElementTree.SubElement(actuators, "position", name=name, joint=name, kp=repr(float(kp)), ctrlrange=_words(limits))
+    ElementTree.SubElement(actuators, "position", name=name, joint=name, kp=repr(float(kp)), ctrlrange=numbers(limits))
 
 
 def _add_mass(element: ElementTree.Element, where: Array, weight: float, com: Sequence[float]) -> None:
     if element.tag == "worldbody" or weight <= 0.0:
         return
     at = where @ np.array([*com, 1.0])
-    holder = ElementTree.SubElement(element, "body", pos=_words(at[:3]))
-    moment = _words([0.4 * weight * BALL**2] * 3)
+    holder = ElementTree.SubElement(element, "body", pos=numbers(at[:3]))
+    moment = numbers([0.4 * weight * BALL**2] * 3)
     ElementTree.SubElement(holder, "inertial", pos="0 0 0", mass=repr(weight), diaginertia=moment)
 
 
@@ -116,13 +117,9 @@ def _fill_empty(root: ElementTree.Element) -> None:
     """A body that moves needs a mass in MuJoCo: a milligram where the model has none."""
     for body in root.iter("body"):
         if body.find("joint") is not None:
-            moment = _words([1e-9] * 3)
+            moment = numbers([1e-9] * 3)
             ElementTree.SubElement(body, "inertial", pos="0 0 0", mass="1e-6", diaginertia=moment)
 
 
 def _placed(T: Array) -> dict[str, str]:
-    return {"pos": _words(T[:3, 3]), "quat": _words(quaternion(T[:3, :3]))}
-
-
-def _words(values: Iterable[float]) -> str:
-    return " ".join(repr(float(value)) for value in values)
+    return {"pos": numbers(T[:3, 3]), "quat": numbers(quaternions(T[None, :3, :3])[0])}

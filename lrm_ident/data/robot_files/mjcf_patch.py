@@ -8,7 +8,6 @@ is dry friction of ½|h|/k: what the servo's spring must overcome. Weights are t
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from os.path import relpath
 from pathlib import Path
 from xml.etree import ElementTree
@@ -16,7 +15,7 @@ from xml.etree import ElementTree
 import numpy as np
 from numpy.typing import ArrayLike
 
-from lrm_ident.data.robot_files.mjcf import SPRINGS, spring_stiffness
+from lrm_ident.data.robot_files.mjcf import SPRINGS, MjcfFile, spring_stiffness
 from lrm_ident.data.robot_files.mjcf_robot import MjcfRobot
 from lrm_ident.data.robot_files.mjcf_weights import (
     bends_own_weight,
@@ -25,12 +24,12 @@ from lrm_ident.data.robot_files.mjcf_weights import (
     places_at_zero,
     weigh,
 )
-from lrm_ident.data.robot_files.rigid_motion import inverse, quaternion
+from lrm_ident.data.robot_files.rigid_motion import inverse
 from lrm_ident.data.robot_files.urdf import UrdfJoint, parse_urdf
 from lrm_ident.data.robot_files.urdf_arm import choose_tip
-from lrm_ident.data.robot_files.urdf_export import CALIBRATED, corrected_urdf, rigid_part
+from lrm_ident.data.robot_files.urdf_export import CALIBRATED, corrected_urdf, left_out, rigid_part
+from lrm_ident.data.weights.rotations import quaternions
 from lrm_math.arrays import Array
-from lrm_math.effects import constant
 from lrm_math.model.model import Model
 
 SPRING_DAMPING, PLAY_DAMPING = 0.1, 0.01
@@ -45,17 +44,9 @@ LEAST_MASS, LEAST_INERTIA = 1e-6, 1e-9
 """kg, kg·m²: of a part that moves and has no mass."""
 
 
-@dataclass(frozen=True)
-class PatchedMjcf:
-    """Text of the file, and what of the model it does not hold, with the reason."""
-
-    text: str
-    left_out: tuple[str, ...]
-
-
 def patched_mjcf(
     model: Model, own: MjcfRobot, output: Path, base: str | None = None, tip: str | None = None
-) -> PatchedMjcf:
+) -> MjcfFile:
     """The robot's file with a model in it, to be written as `output` (meshes are found from there).
 
     `own` is changed. Raises `FileError`: the file is not of the model's arm.
@@ -69,10 +60,9 @@ def patched_mjcf(
         _place(own, joint)
     if f"{tip}{CALIBRATED}" in corrected.joints:
         behind = own.anchor(own.body(tip)) @ corrected.joints[f"{tip}{CALIBRATED}"].origin
-        own.spec_body(tip).add_site(name=f"{tip}{CALIBRATED}", pos=behind[:3, 3], quat=quaternion(behind[:3, :3]))
-    lost = [*_servos(model, own, path), *weigh(model, own, corrected, path)]
-    lost += [effect.name for effect in model.effects if not (constant(effect) or effect.id in HELD)]
-    return PatchedMjcf(_text(own, output, _add_springs(model, own, path)), tuple(lost))
+        own.spec_body(tip).add_site(name=f"{tip}{CALIBRATED}", **_placed(behind))
+    lost = (*_servos(model, own, path), *weigh(model, own, corrected, path), *left_out(model, HELD))
+    return MjcfFile(_text(own, output, _add_springs(model, own, path)), lost)
 
 
 def _text(own: MjcfRobot, output: Path, ahead: Mapping[str, Sequence[str]]) -> str:
@@ -109,7 +99,13 @@ def _place(own: MjcfRobot, joint: UrdfJoint) -> None:
     if element.frame is not None:
         element.set_frame(element.parent.add_frame())
     element.alt.type = 0  # mjORIENTATION_QUAT
-    element.pos, element.quat = stands[:3, 3], quaternion(stands[:3, :3])
+    for name, value in _placed(stands).items():
+        setattr(element, name, value)
+
+
+def _placed(T: Array) -> dict[str, Array]:
+    """Position (m) and quaternion of a pose (4, 4), by MuJoCo's names."""
+    return {"pos": T[:3, 3], "quat": quaternions(T[None, :3, :3])[0]}
 
 
 def _servos(model: Model, own: MjcfRobot, path: Sequence[UrdfJoint]) -> Iterator[str]:

@@ -14,8 +14,9 @@ from xml.etree import ElementTree
 
 import numpy as np
 
-from lrm_ident.data.robot_files.rigid_motion import homogeneous, inverse, shift, to_xyz_rpy, turn
+from lrm_ident.data.robot_files.rigid_motion import homogeneous, inverse, shift, turn
 from lrm_ident.data.robot_files.urdf import Urdf, parse_urdf
+from lrm_ident.data.robot_files.xml_elements import append_joint, numbers
 from lrm_ident.data.weights.rotations import rotation_matrix
 from lrm_math.arrays import Array
 from lrm_math.errors import FileError, LrmError
@@ -93,9 +94,8 @@ def _as_links(path: Path, compiled: Any) -> Urdf:
             body = int(compiled.site_bodyid[site])
             ElementTree.SubElement(tree, "link", name=name)
             stands = homogeneous(rotation_matrix(compiled.site_quat[site]), compiled.site_pos[site])
-            _joint(
-                tree, f"{name}_site", "fixed", (_link(compiled, body), name), inverse(_anchor(compiled, body)) @ stands
-            )
+            origin = inverse(_anchor(compiled, body)) @ stands
+            append_joint(tree, f"{name}_site", "fixed", _link(compiled, body), name, origin)
     return parse_urdf(path.with_suffix(".mjcf"), ElementTree.tostring(tree, encoding="unicode"))
 
 
@@ -105,27 +105,16 @@ def _add_joint(tree: ElementTree.Element, compiled: Any, body: int) -> None:
     origin = inverse(_anchor(compiled, parent)) @ stands @ _anchor(compiled, body) @ _zero(compiled, body)
     ends = (_link(compiled, parent), _link(compiled, body))
     if joint is None:
-        _joint(tree, f"{ends[1]}_fixed", "fixed", ends, origin)
+        append_joint(tree, f"{ends[1]}_fixed", "fixed", *ends, origin)
         return
     kind = KINDS[int(compiled.jnt_type[joint])] if int(compiled.body_jntnum[body]) == 1 else SEVERAL
     limited = bool(compiled.jnt_limited[joint])
     name = compiled.joint(joint).name or f"joint{joint + 1}"
-    element = _joint(tree, name, kind if limited or kind != "revolute" else "continuous", ends, origin)
-    ElementTree.SubElement(element, "axis", xyz=_words(compiled.jnt_axis[joint]))
+    element = append_joint(tree, name, kind if limited or kind != "revolute" else "continuous", *ends, origin)
+    ElementTree.SubElement(element, "axis", xyz=numbers(compiled.jnt_axis[joint]))
     if limited:
         low, high = map(repr, compiled.jnt_range[joint].tolist())
         ElementTree.SubElement(element, "limit", lower=low, upper=high)
-
-
-def _joint(
-    tree: ElementTree.Element, name: str, kind: str, ends: tuple[str, str], origin: Array
-) -> ElementTree.Element:
-    element = ElementTree.SubElement(tree, "joint", name=name, type=kind)
-    for end, link in zip(("parent", "child"), ends, strict=True):
-        ElementTree.SubElement(element, end, link=link)
-    xyz, rpy = to_xyz_rpy(origin)
-    ElementTree.SubElement(element, "origin", xyz=_words(xyz), rpy=_words(rpy))
-    return element
 
 
 def _add_mass(link: ElementTree.Element, compiled: Any, body: int) -> None:
@@ -133,7 +122,7 @@ def _add_mass(link: ElementTree.Element, compiled: Any, body: int) -> None:
     if mass > 0.0:
         inertial = ElementTree.SubElement(link, "inertial")
         com = compiled.body_ipos[body] - _anchor(compiled, body)[:3, 3]
-        ElementTree.SubElement(inertial, "origin", xyz=_words(com))
+        ElementTree.SubElement(inertial, "origin", xyz=numbers(com))
         ElementTree.SubElement(inertial, "mass", value=repr(mass))
 
 
@@ -156,7 +145,3 @@ def _zero(compiled: Any, body: int) -> Array:
         return np.eye(4)
     drawn_at = float(compiled.qpos0[compiled.jnt_qposadr[joint]])
     return turn(compiled.jnt_axis[joint].tolist(), -drawn_at)
-
-
-def _words(values: Any) -> str:
-    return " ".join(repr(float(value)) for value in values)

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from itertools import accumulate
 
 import numpy as np
 
+from lrm_ident.data.robot_files.mjcf import slot_motions
 from lrm_ident.data.robot_files.mjcf_robot import MjcfRobot
-from lrm_ident.data.robot_files.rigid_motion import inverse, shift, turn
+from lrm_ident.data.robot_files.rigid_motion import inverse
 from lrm_ident.data.robot_files.urdf import Urdf, UrdfJoint
 from lrm_math.arrays import Array
 from lrm_math.model.model import Model
@@ -18,11 +20,7 @@ SAME = 1e-9
 
 def places_at_zero(model: Model) -> list[Array]:
     """(4, 4) each, the frame of every slot of a model's chain, and of its end, the arm at zero."""
-    out = [np.eye(4)]
-    for slot, amount in zip(model.chain.slots, model.binding.constants, strict=True):
-        axis = np.eye(3)[slot.axis]
-        out.append(out[-1] @ (turn(axis.tolist(), amount) if slot.rotates else shift((amount * axis).tolist())))
-    return out
+    return list(accumulate(slot_motions(model), np.matmul, initial=np.eye(4)))
 
 
 def joints_before(model: Model, k: int) -> int:

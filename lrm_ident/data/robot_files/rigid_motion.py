@@ -7,6 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from lrm_ident.data.weights.rotations import skew
 from lrm_math.arm.arm import Placement
 from lrm_math.arrays import Array
 
@@ -16,9 +17,7 @@ GIMBAL = 1e-12
 
 def turn(axis: Sequence[float], angle: float) -> Array:
     """(4, 4), rotation about a unit axis (Rodrigues' formula), rad."""
-    x, y, z = axis
-    K = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    out = np.eye(4)
+    K, out = skew(np.array(axis)), np.eye(4)
     out[:3, :3] += math.sin(angle) * K + (1.0 - math.cos(angle)) * K @ K
     return out
 
@@ -39,10 +38,7 @@ def homogeneous(R: Array, t: Array) -> Array:
 
 def inverse(T: Array) -> Array:
     """(4, 4), inverse of a rigid motion."""
-    out = np.eye(4)
-    out[:3, :3] = T[:3, :3].T
-    out[:3, 3] = -T[:3, :3].T @ T[:3, 3]
-    return out
+    return homogeneous(T[:3, :3].T, -T[:3, :3].T @ T[:3, 3])
 
 
 def from_xyz_rpy(xyz: Sequence[float], rpy: Sequence[float]) -> Array:
@@ -70,20 +66,10 @@ def to_xyz_angles(R: Array) -> tuple[float, float, float]:
     return math.atan2(-R[1, 2], R[2, 2]), beta, math.atan2(-R[0, 1], R[0, 0])
 
 
-def quaternion(R: Array) -> list[float]:
-    """Unit quaternion w, x, y, z of a rotation (3, 3); w is not negative (Shepperd 1978)."""
-    sums = np.array([np.trace(R), *np.diag(R)])
-    k = int(np.argmax(sums))
-    q = np.empty(4)
-    if k == 0:
-        q[:] = 1.0 + sums[0], R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]
-    else:
-        i, j, m = k - 1, k % 3, (k + 1) % 3
-        q[0] = R[m, j] - R[j, m]
-        q[1 + i] = 1.0 + 2.0 * R[i, i] - sums[0]
-        q[1 + j], q[1 + m] = R[i, j] + R[j, i], R[i, m] + R[m, i]
-    q /= np.linalg.norm(q)
-    return (-q if q[0] < 0 else q).tolist()
+def placement_motion(p: Placement) -> Array:
+    """(4, 4), T(x, y, z) Rx(alpha) Ry(beta) Rz(gamma)."""
+    about = turn((1, 0, 0), p.alpha) @ turn((0, 1, 0), p.beta) @ turn((0, 0, 1), p.gamma)
+    return shift((p.x, p.y, p.z)) @ about
 
 
 def base_placement(T: Array) -> Placement:

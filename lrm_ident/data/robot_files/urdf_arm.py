@@ -9,9 +9,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from lrm_ident.data.robot_files.denavit_hartenberg import DhLink, dh_links
-from lrm_ident.data.robot_files.rigid_motion import base_placement, inverse, tool_placement, turn
+from lrm_ident.data.robot_files.rigid_motion import base_placement, inverse, placement_motion, tool_placement, turn
 from lrm_ident.data.robot_files.urdf import Urdf, UrdfJoint, UrdfMass, tip_pose
-from lrm_math.arm.arm import Arm, Body, Joint, Placement
+from lrm_math.arm.arm import Arm, Body, Joint
 from lrm_math.arm.plausible_arm import implausible
 from lrm_math.arrays import Array, Vector3
 from lrm_math.errors import FileError, raise_faults
@@ -71,11 +71,12 @@ def import_arm(robot: Urdf, base: str | None = None, tip: str | None = None, nam
     turning = [joint for joint in path if joint.turns]
     axes = list(_axis_frames(path))
     placed = replace(base_placement(axes[0]), gamma=0.0)
-    links, last = dh_links(axes, _frame_of(placed))
+    start = placement_motion(placed)
+    links, last = dh_links(axes, start)
     tool = tool_placement(inverse(last) @ tip_pose(path, [0.0] * len(turning)))
     notices: list[str] = []
     joints = tuple(_joint(joint, link, notices) for joint, link in zip(turning, [*links, None], strict=True))
-    bodies = tuple(_bodies(robot, path, _far_frames(_frame_of(placed), links)))
+    bodies = tuple(_bodies(robot, path, _far_frames(start, links)))
     load = Body("load", 0.0, (0.0, 0.0, 0.0), len(joints) + 1, len(joints), carries_payload=True)
     arm = Arm(name or robot.name, GRAVITY, placed, joints, tool, (*bodies, load))
     if not bodies:
@@ -114,12 +115,6 @@ def axis_to_z(axis: Vector3) -> Array:
     if sine < 1e-15:
         return np.eye(4) if axis[2] > 0 else turn((1.0, 0.0, 0.0), math.pi)
     return turn((across / sine).tolist(), math.atan2(sine, axis[2]))
-
-
-def _frame_of(p: Placement) -> Array:
-    out = turn((1, 0, 0), p.alpha) @ turn((0, 1, 0), p.beta) @ turn((0, 0, 1), p.gamma)
-    out[:3, 3] = p.x, p.y, p.z
-    return out
 
 
 def _far_frames(start: Array, links: Sequence[DhLink]) -> list[Array]:

@@ -8,15 +8,16 @@ U'_i = F'_i Rz(δ_i) K_i. Each origin is then the pose of U'_i in its parent lin
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from pathlib import Path
 from xml.etree import ElementTree
 
 import numpy as np
 
-from lrm_ident.data.robot_files.rigid_motion import inverse, shift, to_xyz_rpy, turn
+from lrm_ident.data.robot_files.rigid_motion import inverse, shift, turn
 from lrm_ident.data.robot_files.urdf import Urdf, UrdfJoint, parse_urdf
 from lrm_ident.data.robot_files.urdf_arm import axis_to_z, choose_tip, largest_difference
+from lrm_ident.data.robot_files.xml_elements import append_joint, numbers, set_origin
 from lrm_math.arm.arm import Arm
 from lrm_math.arrays import Array
 from lrm_math.effects import constant
@@ -40,9 +41,9 @@ def rigid_part(model: Model, keep: Sequence[str] = ()) -> Model:
     return model_of(model.arm, kept, {name: model.value(name) for name in names})
 
 
-def left_out(model: Model) -> tuple[str, ...]:
-    """Effects of a model, `effect@place`, that no `<origin>` can hold."""
-    return tuple(effect.name for effect in model.effects if not constant(effect))
+def left_out(model: Model, held: Collection[str] = ()) -> tuple[str, ...]:
+    """Effects of a model, `effect@place`, that no `<origin>` can hold, and that are not of those `held` elsewhere."""
+    return tuple(effect.name for effect in model.effects if not (constant(effect) or effect.id in held))
 
 
 def corrected_urdf(model: Model, robot: Urdf, base: str | None = None, tip: str | None = None) -> str:
@@ -66,9 +67,10 @@ def corrected_urdf(model: Model, robot: Urdf, base: str | None = None, tip: str 
     for element in tree.findall("joint"):
         name = element.get("name") or ""
         if name in origins:
-            _set_origin(element, origins[name])
+            set_origin(element, origins[name])
     if "" in origins:
-        _append_tip(tree, tip, origins[""])
+        ElementTree.SubElement(tree, "link", name=f"{tip}{CALIBRATED}")
+        append_joint(tree, f"{tip}{CALIBRATED}_joint", "fixed", tip, f"{tip}{CALIBRATED}", origins[""])
     return _text(tree)
 
 
@@ -82,13 +84,13 @@ def bare_urdf(arm: Arm) -> Urdf:
         _append_link(tree, arm, link, number)
     before = np.eye(4)
     for number, (name, joint) in enumerate(zip(names, arm.joints, strict=True)):
-        element = _append_joint(tree, name, "revolute", links[number], links[number + 1])
-        _set_origin(element, inverse(before) @ chain[number])
+        origin = inverse(before) @ chain[number]
+        element = append_joint(tree, name, "revolute", links[number], links[number + 1], origin)
         ElementTree.SubElement(element, "axis", xyz="0 0 1")
         limits = {"lower": repr(joint.lower), "upper": repr(joint.upper)}
         ElementTree.SubElement(element, "limit", {**limits, "effort": "10", "velocity": "10"})
         before = chain[number]
-    _set_origin(_append_joint(tree, "tcp_joint", "fixed", links[-2], links[-1]), inverse(before) @ chain[-1])
+    append_joint(tree, "tcp_joint", "fixed", links[-2], links[-1], inverse(before) @ chain[-1])
     return parse_urdf(Path(f"{arm.name}.urdf"), _text(tree))
 
 
@@ -142,27 +144,6 @@ def _in_axis_frame(axis_frame: Array, stands: Array, joint: UrdfJoint) -> Array:
     return turn((0, 0, 1), math.atan2(M[1, 0], M[0, 0])) @ shift((0.0, 0.0, M[2, 3])) @ inverse(to_axis)
 
 
-def _set_origin(element: ElementTree.Element, T: Array) -> None:
-    origin = element.find("origin")
-    if origin is None:
-        origin = ElementTree.Element("origin")
-        element.insert(0, origin)
-    for name, values in zip(("xyz", "rpy"), to_xyz_rpy(T), strict=True):
-        origin.set(name, " ".join(repr(float(value)) for value in values))
-
-
-def _append_joint(tree: ElementTree.Element, name: str, kind: str, parent: str, child: str) -> ElementTree.Element:
-    element = ElementTree.SubElement(tree, "joint", name=name, type=kind)
-    ElementTree.SubElement(element, "parent", link=parent)
-    ElementTree.SubElement(element, "child", link=child)
-    return element
-
-
-def _append_tip(tree: ElementTree.Element, tip: str, T: Array) -> None:
-    ElementTree.SubElement(tree, "link", name=f"{tip}{CALIBRATED}")
-    _set_origin(_append_joint(tree, f"{tip}{CALIBRATED}_joint", "fixed", tip, f"{tip}{CALIBRATED}"), T)
-
-
 def _append_link(tree: ElementTree.Element, arm: Arm, name: str, number: int) -> None:
     """A link with the bodies that move with it; the frame of link i is that before the turn of joint i."""
     link = ElementTree.SubElement(tree, "link", name=name)
@@ -174,7 +155,7 @@ def _append_link(tree: ElementTree.Element, arm: Arm, name: str, number: int) ->
     mass = sum(body.mass for body in bodies)
     centre = sum(body.mass * (own @ stands[body.name] @ np.array([*body.com, 1.0]))[:3] for body in bodies) / mass
     inertial = ElementTree.SubElement(link, "inertial")
-    ElementTree.SubElement(inertial, "origin", xyz=" ".join(repr(float(x)) for x in centre), rpy="0 0 0")
+    ElementTree.SubElement(inertial, "origin", xyz=numbers(centre), rpy="0 0 0")
     ElementTree.SubElement(inertial, "mass", value=repr(float(mass)))
     moment = repr(0.4 * float(mass) * BALL**2)
     diagonal = dict.fromkeys(("ixx", "iyy", "izz"), moment) | dict.fromkeys(("ixy", "ixz", "iyz"), "0")

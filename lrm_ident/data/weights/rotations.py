@@ -37,10 +37,16 @@ def _where_known(R: Array, size: int, numbers: Callable[[Rotation], Array]) -> A
 
 
 def rotation_matrix(q: Array) -> Array:
-    """(3, 3), rotation of a unit quaternion w, x, y, z (4,)."""
-    w, x, y, z = q.tolist()
-    skew = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    return np.asarray(np.eye(3) + 2.0 * w * skew + 2.0 * skew @ skew)
+    """(..., 3, 3), rotations of unit quaternions w, x, y, z (..., 4)."""
+    K = skew(q[..., 1:])
+    return np.asarray(np.eye(3) + 2.0 * q[..., :1, None] * K + 2.0 * K @ K)
+
+
+def skew(v: Array) -> Array:
+    """(..., 3, 3), matrices K of vectors (..., 3) with K u = v × u."""
+    x, y, z = np.moveaxis(np.asarray(v, dtype=np.float64), -1, 0)
+    o = np.zeros_like(x)
+    return np.moveaxis(np.array([[o, -z, y], [z, o, -x], [-y, x, o]]), (0, 1), (-2, -1))
 
 
 def turned_covariance(covariance: Array, rotation: Array) -> Array:

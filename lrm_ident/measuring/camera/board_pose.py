@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from lrm_ident.data.robot_files.rigid_motion import homogeneous
+from lrm_ident.data.weights.rotations import skew
 from lrm_ident.measuring.camera.board import CharucoBoard
 from lrm_ident.measuring.camera.detection import Corners, RejectedPhoto
 from lrm_ident.measuring.camera.lens import Lens
@@ -46,9 +47,8 @@ class BoardPose:
     @property
     def of_camera(self) -> BoardPose:
         """The same seen from the board: pose of the camera in the board's frame."""
-        R, (x, y, z) = self.rotation.T, self.position
-        cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-        J = -np.block([[R, R @ cross], [np.zeros((3, 3)), R]])
+        R = self.rotation.T
+        J = -np.block([[R, R @ skew(self.position)], [np.zeros((3, 3)), R]])
         return replace(self, rotation=R, position=-R @ self.position, covariance=J @ self.covariance @ J.T)
 
 
@@ -104,7 +104,4 @@ def _linearised(R: Array, t: Array, points: Array, lens: Lens) -> tuple[Array, A
     """Pixels (n, 2) and their derivatives (2 n, 6) for a shift and a rotation vector in the camera's axes."""
     arms = points @ R.T
     seen, G = lens.project(arms + t)
-    x, y, z = arms.T
-    o = np.zeros_like(x)
-    cross = np.array([[o, z, -y], [-z, o, x], [y, -x, o]]).transpose(2, 0, 1)  # δ × arm = cross δ
-    return seen, np.concatenate([G, G @ cross], axis=2).reshape(-1, 6)
+    return seen, np.concatenate([G, -G @ skew(arms)], axis=2).reshape(-1, 6)  # δ × arm = −arm × δ

@@ -8,8 +8,7 @@ from typing import Self
 
 import numpy as np
 
-from lrm_ident.data.apply_reading import rigid_motion
-from lrm_ident.data.robot_files.rigid_motion import homogeneous, inverse
+from lrm_ident.data.robot_files.rigid_motion import inverse
 from lrm_ident.measuring.camera.board import CharucoBoard
 from lrm_ident.measuring.camera.board_pose import board_pose
 from lrm_ident.measuring.camera.capture import PhotoSource, Picture, open_camera
@@ -27,8 +26,8 @@ class CameraTracker:
     def __init__(self, camera: PhotoSource, session: CameraSession, tool: int) -> None:
         self._camera, self._tool, self._number = camera, tool, 0
         self._lens, self._board = Lens.of(session.lens), CharucoBoard(session.lens.board)
-        place, mount = (homogeneous(*rigid_motion(table)) for table in (session.camera, session.mount))
-        self._place, self._from_board = place, inverse(mount)
+        self._place, mount = session.motions
+        self._from_board = inverse(mount)
 
     def __enter__(self) -> Self:
         self._camera.__enter__()

@@ -15,6 +15,7 @@ import numpy as np
 from scipy.special import fdtrc
 
 from lrm_ident.data.robot_files.rigid_motion import inverse
+from lrm_ident.data.weights.rotations import skew
 from lrm_ident.data.weights.whitening import root_of
 from lrm_ident.measuring.camera.board_pose import BoardPose
 from lrm_ident.measuring.camera.hand_eye import HandEye
@@ -169,9 +170,7 @@ def find_step(photos: PhotoRegression) -> Step | None:
 
 def _lever_columns(arms: Array, axes: Array) -> Array:
     """(N, 6, 6), shift and rotation vector of a body, seen at points `arms` (N, 3), m, from where it turns."""
-    x, y, z = arms.T
-    o = np.zeros_like(x)
     out = np.zeros((len(arms), 6, 6))
     out[:, :3, :3] = out[:, 3:, 3:] = axes
-    out[:, :3, 3:] = np.array([[o, z, -y], [-z, o, x], [y, -x, o]]).transpose(2, 0, 1) @ axes
+    out[:, :3, 3:] = -skew(arms) @ axes
     return out

@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from lrm_ident.data.apply_reading import frame_table, rigid_motion
+from lrm_ident.data.apply_reading import frame_motion, frame_table
 from lrm_ident.data.measurements import Measurements
-from lrm_ident.data.robot_files.rigid_motion import homogeneous, inverse
+from lrm_ident.data.robot_files.rigid_motion import inverse, placement_motion
 from lrm_ident.data.weights.whitening import Whitening, whitening_of
 from lrm_ident.fitting.identifiability import fit_identifiable
 from lrm_ident.fitting.model_fit import nominal_model
@@ -32,7 +32,6 @@ from lrm_ident.measuring.camera.detection import RejectedPhoto, find_corners
 from lrm_ident.measuring.camera.hand_eye import HandEye, hand_eye
 from lrm_ident.measuring.camera.lens import Lens, LensFile
 from lrm_math.arm.arm import BASE, Arm, Placement
-from lrm_math.arm.arm_file import MM
 from lrm_math.arrays import Array
 from lrm_math.errors import LrmError
 from lrm_math.kinematics.chain import chain_of
@@ -56,6 +55,16 @@ class CameraSession(StrictSchema):
     lens: LensFile
     camera: FrameTable
     mount: FrameTable
+
+    @property
+    def motions(self) -> tuple[Array, Array]:
+        """(4, 4) each, of the camera in the arm's frame and of the board in the tool's (m)."""
+        return frame_motion(self.camera), frame_motion(self.mount)
+
+    def seen(self, arm: Arm, poses: Poses) -> Array:
+        """(N, 4, 4), the board in the camera's frame at commanded poses of the arm as drawn (m)."""
+        camera, mount = self.motions
+        return np.asarray(inverse(camera) @ tool_poses(arm, poses) @ mount)
 
 
 def read_session(path: Path) -> CameraSession:
@@ -142,21 +151,13 @@ def _levelled(arm: Arm, data: Measurements, found: HandEye) -> HandEye:
     model = fit_identifiable(nominal_model(arm), data, nominal_model(arm).keys).fit.model
     drawn = asdict(arm.base)
     fitted = {name: value + _offset(model, name) for name, value in drawn.items()}
-    back = _placed(arm.base) @ inverse(_placed(Placement(**fitted)))
+    back = placement_motion(arm.base) @ inverse(placement_motion(Placement(**fitted)))
     return replace(found, camera=back @ found.camera)
 
 
 def _offset(model: Model, name: str) -> float:
     unit = "mm" if len(name) == 1 else "rad"
     return model.value(f"offsets.{BASE}.{name}_{unit}")
-
-
-def _placed(p: Placement) -> Array:
-    table = FrameTable(
-        x_mm=p.x / MM, y_mm=p.y / MM, z_mm=p.z / MM,
-        alpha_deg=np.degrees(p.alpha), beta_deg=np.degrees(p.beta), gamma_deg=np.degrees(p.gamma),
-    )  # fmt: skip
-    return homogeneous(*rigid_motion(table))
 
 
 def _measurements(taken: Poses, photos: PhotoSet, found: HandEye, path: Path) -> Measurements:
@@ -211,10 +212,9 @@ def _table(T: Array) -> FrameTable:
 def expected_covariance(session: CameraSession, arm: Arm, poses: Poses) -> Array:
     """(N, 6, 6), covariance with which a photo at commanded poses would give the tool's pose (m, rad)."""
     lens, corners = Lens.of(session.lens), CharucoBoard(session.lens.board).corners
-    camera, mount = (homogeneous(*rigid_motion(table)) for table in (session.camera, session.mount))
-    seen = inverse(camera) @ tool_poses(arm, poses) @ mount
+    seen = session.seen(arm, poses)
     own = np.array([np.linalg.inv(information_of(board, corners, lens)) for board in seen]) * lens.noise**2
-    return measured_covariance_of(camera, mount, seen, own)
+    return measured_covariance_of(*session.motions, seen, own)
 
 
 def expected_weights(session: CameraSession, arm: Arm, poses: Poses) -> Whitening:
@@ -227,8 +227,7 @@ def expected_weights(session: CameraSession, arm: Arm, poses: Poses) -> Whitenin
 def visible(session: CameraSession, arm: Arm, poses: Poses) -> NDArray[np.bool_]:
     """(N,), whether the camera sees the whole board, not too much from the side, at commanded poses."""
     lens, board = Lens.of(session.lens), CharucoBoard(session.lens.board)
-    camera, mount = (homogeneous(*rigid_motion(table)) for table in (session.camera, session.mount))
-    seen = inverse(camera) @ tool_poses(arm, poses) @ mount
+    seen = session.seen(arm, poses)
     corners = board.corners @ seen[:, :3, :3].transpose(0, 2, 1) + seen[:, None, :3, 3]
     ahead = np.min(corners[:, :, 2], axis=1) > NEAREST
     pixels = lens.project(np.where(ahead[:, None, None], corners, [0.0, 0.0, 1.0]).reshape(-1, 3))[0]

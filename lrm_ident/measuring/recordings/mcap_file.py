@@ -16,8 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from lrm_ident.measuring.recordings.motive_csv import matrices
-from lrm_ident.measuring.recordings.take import BodyTrack, RecordedTake
+from lrm_ident.measuring.recordings.take import BodyTrack, RecordedTake, matrices
 from lrm_math.arm.arm import Arm
 from lrm_math.arrays import Array
 from lrm_math.errors import FileError, LrmError

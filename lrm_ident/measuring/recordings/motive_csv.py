@@ -12,12 +12,10 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from lrm_ident.data.apply_reading import LENGTH_UNITS
 from lrm_ident.measuring.recordings.cells import Cells, column_numbers
-from lrm_ident.measuring.recordings.take import BodyTrack, RecordedTake
-from lrm_math.arrays import Array
+from lrm_ident.measuring.recordings.take import BodyTrack, RecordedTake, matrices
 from lrm_math.errors import FileError
 
 UNITS = {"meters": "m", "centimeters": "cm", "millimeters": "mm"}
@@ -56,15 +54,6 @@ def read_motive(path: Path, cells: Cells) -> RecordedTake:
     if not bodies:
         raise FileError(path, "header", "no rigid body and no marker with a position")
     return RecordedTake(path, t, bodies)
-
-
-def matrices(quaternions: Array) -> Array:
-    """(N, 3, 3) of quaternions (N, 4), x, y, z, w; NaN where one is."""
-    known = np.isfinite(quaternions).all(axis=1) & (np.abs(quaternions).sum(axis=1) > 0.0)
-    out = np.full((len(quaternions), 3, 3), np.nan)
-    if known.any():
-        out[known] = Rotation.from_quat(quaternions[known]).as_matrix()
-    return out
 
 
 class _Columns:

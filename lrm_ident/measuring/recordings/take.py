@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from lrm_ident.data.weights.rotations import rotation_matrix
 from lrm_ident.measuring.tracker.frames import TargetNumbers, TargetPose, TrackerFrame
 from lrm_math.arrays import Array
 from lrm_math.errors import FileError, UnknownName
@@ -81,6 +82,13 @@ class BodyPair:
         """Some of the frames, as a live tracker sends them."""
         bodies = {TOOL: self.tool} if self.base is None else {TOOL: self.tool, BASE: self.base}
         return [TrackerFrame(row, float(self.t[row]), _seen(bodies, row)) for row in rows.tolist()]
+
+
+def matrices(quaternions: Array) -> Array:
+    """(N, 3, 3) of quaternions (N, 4), x, y, z, w; NaN where one is, or is zero."""
+    length = np.linalg.norm(quaternions, axis=1, keepdims=True)
+    known = (length > 0.0) & np.isfinite(length)
+    return rotation_matrix(np.roll(quaternions, 1, axis=1) / np.where(known, length, np.nan))
 
 
 def _seen(bodies: Mapping[int, BodyTrack], row: int) -> dict[int, TargetPose]:

@@ -18,8 +18,7 @@ from scipy.spatial.transform import Rotation
 
 from lrm_ident.data.apply_reading import LENGTH_UNITS
 from lrm_ident.measuring.recordings.cells import Cells, column_numbers
-from lrm_ident.measuring.recordings.motive_csv import matrices
-from lrm_ident.measuring.recordings.take import BodyTrack, RecordedTake
+from lrm_ident.measuring.recordings.take import BodyTrack, RecordedTake, matrices
 from lrm_math.arrays import Array
 from lrm_math.errors import FileError
 
