@@ -11,7 +11,6 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from lrm_ident.data.table_text.csv_dialect import parse_table, read_text
 from lrm_math.arrays import Array
 from lrm_math.errors import FileError
 
@@ -45,10 +44,6 @@ class CsvTable:
         values = [float(row[j]) if row[j].strip() else math.nan for row in self.rows]
         return np.array(values, dtype=np.float64) * self.factors.get(column, 1.0)
 
-    def with_factors(self, factors: Mapping[str, float]) -> CsvTable:
-        """This table with other factors for some columns."""
-        return replace(self, factors={**self.factors, **factors})
-
     def at(self, row: int, column: str) -> str:
         """Location of a cell for error messages."""
         return f"line {self.lines[row]}, column {self.stated.get(column, column)}"
@@ -78,20 +73,6 @@ def _fault(cell: str, may_be_empty: bool) -> str:
         return "" if math.isfinite(float(cell)) else f"'{cell}' is not a finite number"
     except ValueError:
         return f"'{cell}' is not a number"
-
-
-def read_csv(path: Path, required: Sequence[str]) -> CsvTable:
-    """Reads a CSV file with a header whose names are ours, in any capitals.
-
-    Raises `FileError`: no such file, a missing or doubled column, a row with too few or too many cells, no rows.
-    """
-    return require(read_table(path), required)
-
-
-def read_table(path: Path) -> CsvTable:
-    """Reads a CSV file with a header, its columns named as in the file. Raises `FileError`."""
-    raw = parse_table(path, read_text(path))
-    return CsvTable(path, raw.rows[0], raw.rows[1:], raw.lines[1:], header_line=raw.lines[0])
 
 
 def require(table: CsvTable, required: Sequence[str]) -> CsvTable:

@@ -1,4 +1,7 @@
-"""Known columns of a table as numbers in our units, every cell read and checked once."""
+"""Known columns of a table as numbers in our units, every cell read and checked once.
+
+Cells that are no numbers are all named at once, or their rows are left out where that is asked for.
+"""
 
 from __future__ import annotations
 
@@ -10,10 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lrm_ident.data.csv_table import CsvTable
+from lrm_ident.data.wording import enumerate_words
 from lrm_math.arrays import Array
 from lrm_math.errors import FileError
 from lrm_math.plausibility import PlausibleSize, implausible_value, times
 
+LISTED = 8
 ABOVE_ZERO = ("sd_mm", "sx_mm", "sy_mm", "sz_mm", "srot_deg", "distance_mm", "distance_sd_mm")
 WHOLE = ("pose", "repeat_of")
 SIDES = (-1.0, 0.0, 1.0)
@@ -52,13 +57,13 @@ class NumberTable:
         """(N,), a column of whole numbers."""
         return self.columns[name].astype(np.int64)
 
-    def has(self, names: Sequence[str]) -> bool:
-        """Whether columns that go together are there. Raises `FileError` for a part of them."""
+    def optional(self, names: Sequence[str]) -> Array | None:
+        """(N, k), columns that go together; None without them. Raises `FileError` for a part of them."""
         there = [name for name in names if name in self.columns]
         if there and len(there) < len(names):
             missing = next(name for name in names if name not in self.columns)
             raise self.fault("header", f"no column {missing}", f"{', '.join(names)} go together")
-        return bool(there)
+        return self.stack(names) if there else None
 
     def reject(self, bad: NDArray[np.bool_], name: str, what: str, right: str = "") -> None:
         """Raises `FileError` at the first row where `bad` (N,) holds."""
@@ -113,3 +118,35 @@ def _seconds(cells: CsvTable) -> Array:
         return np.array([(date - dates[0]).total_seconds() for date in dates])
     except (ValueError, TypeError):
         raise FileError(cells.path, cells.at(0, "t_s"), f"'{words[0]}' is no time", DATES) from None
+
+
+def without_bad_rows(
+    table: CsvTable, names: Collection[str], may_be_empty: Collection[str], skip: bool
+) -> tuple[CsvTable, tuple[str, ...]]:
+    """The table, all cells of these columns numbers, and what was left out for that, if `skip`.
+
+    Raises `FileError`: naming every cell that is no number; nothing would be left without their rows.
+    """
+    faults = sorted(
+        (row, column, what)
+        for column in table.header
+        if column in names and column != "t_s"
+        for row, what in table.faults(column, column in may_be_empty)
+    )
+    if not faults:
+        return table, ()
+    bad = sorted({row for row, _, _ in faults})
+    if not skip:
+        row, column, what = faults[0]
+        also = enumerate_words([table.at(row, column) for row, column, _ in faults[1:]], LISTED)
+        right = f"correct {'it' if len(faults) == 1 else 'them'}, or leave {_rows(len(bad))} out with --bad-rows skip"
+        raise FileError(table.path, table.at(row, column), f"{what}{also and f'; nor are {also}'}", right)
+    kept = np.setdiff1d(np.arange(len(table.rows)), bad)
+    if not len(kept):
+        raise FileError(table.path, "", "every row has a cell that is no number", "is it the right file?")
+    lines = enumerate_words([str(table.lines[row]) for row in bad], LISTED)
+    return table.take(kept.tolist()), (f"{_rows(len(bad))} with cells that are no numbers left out: line {lines}",)
+
+
+def _rows(count: int) -> str:
+    return "1 row" if count == 1 else f"{count} rows"

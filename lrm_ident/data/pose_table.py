@@ -14,7 +14,7 @@ from lrm_math.arrays import Array
 from lrm_math.effects.friction import friction_states
 from lrm_math.errors import FileError
 from lrm_math.kinematics.poses import Poses
-from lrm_math.model.reading import AS_NAMED, Reading
+from lrm_math.model.reading import Reading
 from lrm_math.plausibility import PlausibleSize, times
 
 LEAST_LOAD, MOST_LOAD = 1e-3, 10.0
@@ -39,8 +39,11 @@ def pose_columns(arm: Arm) -> set[str]:
 
 
 def read_poses(table: NumberTable, arm: Arm, how: Reading, start: Array | None = None) -> Poses:
-    """The poses of a table. `start`: (n,), joint angles before the first one (rad). Raises `FileError`."""
-    q, n = read_angles(table, arm, how), len(table)
+    """The poses of a table, its joints in the arm's order and with its signs. Raises `FileError`.
+
+    `start`: (n,), joint angles before the first one (rad).
+    """
+    q, n = read_angles(table, arm), len(table)
     moves = directions(q, start, after_gap(table.whole("pose")) if "pose" in table else None)
     sides = _approach(table, moves, how)
     straight = bool(np.all((sides == moves) | (moves == 0.0))) and "approach" not in table
@@ -75,17 +78,16 @@ def _running(t: Array, session: Array) -> Array:
     return np.asarray(t - first[number])
 
 
-def read_angles(table: NumberTable, arm: Arm, how: Reading = AS_NAMED) -> Array:
+def read_angles(table: NumberTable, arm: Arm) -> Array:
     """(N, n) joint angles (rad), all within the arm's limits, by a full turn if need be. Raises `BeyondLimits`."""
-    q = full_turns(np.radians(read_joints(how, table.stack(angle_columns(arm)))), arm)[0]
-    order = how.joint_order or range(1, arm.dof + 1)
+    q = full_turns(np.radians(table.stack(angle_columns(arm))), arm)[0]
     for i, joint in enumerate(arm.joints):
         outside = (q[:, i] < joint.lower - LIMIT_TOLERANCE) | (q[:, i] > joint.upper + LIMIT_TOLERANCE)
         if outside.any():
             row, cells = int(np.argmax(outside)), table.cells
             low, high = np.degrees([joint.lower, joint.upper])
             what = f"{np.degrees(q[row, i]):g} deg is beyond the limits of joint {i + 1}"
-            raise BeyondLimits(cells.path, cells.at(row, f"q{order[i]}_deg"), what, f"{low:g} to {high:g} deg")
+            raise BeyondLimits(cells.path, cells.at(row, f"q{i + 1}_deg"), what, f"{low:g} to {high:g} deg")
     return q
 
 
@@ -102,7 +104,7 @@ def _approach(table: NumberTable, moves: Array, how: Reading) -> Array:
     """(N, n), approach directions: the columns `approach1` … or `approach`, else the moves."""
     own = [f"approach{i + 1}" for i in range(moves.shape[1])]
     if all(name in table for name in own):
-        return read_joints(how, table.stack(own))
+        return table.stack(own)
     if "approach" not in table:
         return moves
     return read_joints(how, np.repeat(table.stack(["approach"]), moves.shape[1], axis=1))

@@ -7,7 +7,7 @@ from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path
 
-from lrm_ident.data.csv_table import read_table, require
+from lrm_ident.data.table_text.csv_dialect import read_csv
 from lrm_math.arm.arm_file import shipped_arms
 from lrm_math.errors import FileError
 
@@ -37,7 +37,7 @@ def read_manifest(path: Path) -> tuple[FleetMember, ...]:
 
     Raises `FileError`: no such file, no column `data`, a name that stands twice or that cannot name a file.
     """
-    table = require(read_table(path), ["data"])
+    table = read_csv(path, ["data"])
     lower = [column.lower() for column in table.header]
     place = {own: lower.index(own) for own in OWN if own in lower}
     members = []

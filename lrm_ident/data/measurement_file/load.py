@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 
 from lrm_ident.data.apply_reading import ANGLE_UNITS, LENGTH_UNITS, read_joints, read_positions, turn_of
 from lrm_ident.data.csv_table import CsvTable, require
-from lrm_ident.data.measurement_file.bad_rows import without_bad_rows
 from lrm_ident.data.measurement_file.distance_columns import DISTANCE, DISTANCE_SD, read_distances
 from lrm_ident.data.measurement_file.metadata import NOTHING_STATED, Metadata, metadata_of
 from lrm_ident.data.measurement_file.pose_columns import (
@@ -25,9 +24,9 @@ from lrm_ident.data.measurement_file.pose_columns import (
     read_feedback,
 )
 from lrm_ident.data.measurement_file.row_checks import doubtful, without_lost
-from lrm_ident.data.measurement_table import ANGLES, POSITION, read_measurement_table
+from lrm_ident.data.measurement_table import ANGLES, POSITION, in_joint_order, read_measurement_table
 from lrm_ident.data.measurements import Measurements
-from lrm_ident.data.number_table import NumberTable, read_numbers
+from lrm_ident.data.number_table import NumberTable, read_numbers, without_bad_rows
 from lrm_ident.data.output_files import is_something_else
 from lrm_ident.data.pose_table import angle_columns, pose_columns, read_poses
 from lrm_ident.data.table_text.csv_dialect import encoding_of, is_workbook
@@ -60,7 +59,9 @@ def load_measurements(path: Path, arm: Arm, reading: Reading | None = None) -> M
     feedback = feedback_columns(arm)
     gaps = {*QUATERNION, *feedback, DISTANCE, "repeat_of", *(POSITION if DISTANCE in cells.header else ())}
     known = {*OWN, *pose_columns(arm), *feedback}
-    cells, skipped = without_bad_rows(cells, known, gaps, how)
+    start, notices, stated = _start(path, metadata, arm, how), _notices(cells, known), _stated(cells, how)
+    cells = in_joint_order(cells, how)
+    cells, skipped = without_bad_rows(cells, known, gaps, how.bad_rows == "skip")
     table = read_numbers(cells, known, gaps)
     pose = table.whole("pose")
     _check_once(table, pose)
@@ -72,17 +73,17 @@ def load_measurements(path: Path, arm: Arm, reading: Reading | None = None) -> M
     parts, unused = _sensed_parts(table, arm, how, metadata, tcp, noise)
     sha256 = hashlib.sha256(path.read_bytes()).hexdigest()
     data = Measurements(
-        poses=replace(read_poses(table, arm, how, _start(path, metadata, arm, how)), sha256=sha256),
+        poses=replace(read_poses(table, arm, how, start), sha256=sha256),
         pose=pose,
         tcp=tcp,
         noise_sd=noise,
         repeat_of=_repeats(table, pose),
         path=path,
         sha256=sha256,
-        notices=(*_notices(cells, known), *skipped, *doubtful(table, arm, metadata, how), *unused),
+        notices=(*notices, *skipped, *doubtful(table, arm, metadata), *unused),
         arm=arm,
         reading=Reading(**how.said()),
-        stated=_stated(cells, how),
+        stated=stated,
         **parts,
     )
     return without_lost(data, table) if positions else data
@@ -103,7 +104,7 @@ def _sensed_parts(
     if np.isnan(tcp).all():
         notices.append("no positions: every error is that of a distance")
         covariance, known, sd, weighed = None, None, found.sd, found.sd is not None
-    attitude, feedback, feedback_sd = read_attitude(table), read_feedback(table, arm, how), metadata.feedback_sd_deg
+    attitude, feedback, feedback_sd = read_attitude(table), read_feedback(table, arm), metadata.feedback_sd_deg
     if attitude is not None and (covariance is None or np.isnan(covariance[0, 3, 3])):
         attitude = None
         notices.append("the orientation is not used: state its standard deviation in a column srot_deg")
@@ -177,7 +178,7 @@ def load_poses(file: str | Path, arm: Arm, reading: Reading | None = None) -> Po
     path = Path(file)
     how = (reading or AS_NAMED).over(metadata_of(path))
     cells = read_measurement_table(path, how, [joint.name for joint in arm.joints])
-    table = read_numbers(require(cells, _angle_columns(cells, arm, how)), pose_columns(arm))
+    table = read_numbers(in_joint_order(require(cells, _angle_columns(cells, arm, how)), how), pose_columns(arm))
     return replace(read_poses(table, arm, how), sha256=hashlib.sha256(path.read_bytes()).hexdigest())
 
 
@@ -193,8 +194,8 @@ def read_pose_feedback(path: Path, arm: Arm) -> tuple[Array | None, float | None
     """
     metadata, columns = metadata_of(path) or NOTHING_STATED, feedback_columns(arm)
     how = AS_NAMED.over(metadata)
-    table = read_numbers(read_measurement_table(path, how), columns, columns)
-    return read_feedback(table, arm, how), metadata.feedback_sd_deg
+    cells = in_joint_order(read_measurement_table(path, how), how)
+    return read_feedback(read_numbers(cells, {*columns, *angle_columns(arm)}, columns), arm), metadata.feedback_sd_deg
 
 
 def _check_once(table: NumberTable, pose: NDArray[np.int64]) -> None:

@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from itertools import combinations_with_replacement
 
 import numpy as np
 
-from lrm_ident.data.apply_reading import read_joints
 from lrm_ident.data.number_table import NumberTable
 from lrm_ident.data.pose_table import angle_columns, full_turns
 from lrm_ident.data.weights.rotations import rotation_matrix
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_file import MM
 from lrm_math.arrays import Array
-from lrm_math.model.reading import Reading
 
 AXES, TURNS = "xyz", "uvw"
 """Coordinates of a pose's error: along x, y, z (mm), and the rotation vector about them (deg)."""
@@ -40,10 +37,9 @@ def read_covariance(table: NumberTable, sd: Array | None) -> Array | None:
     `sd`: (N,), m per axis, of the column sd_mm or the file beside the data. Rows and columns of what is not stated are
     NaN. Raises `FileError`: half a covariance, or one that is not positive definite.
     """
-    per_pose, position, turn = _position(table), None, _turn(table)
-    if per_pose is not None:
-        position = per_pose
-    elif sd is not None:
+    per_pose, turn = _position(table), _turn(table)
+    position = per_pose
+    if per_pose is None and sd is not None:
         position = np.broadcast_to(sd[:, None, None] ** 2 * np.eye(3), (len(table), 3, 3))
     if turn is not None and position is None:
         right = "give sd_mm, sx_mm …, or noise_sd_mm in the file beside the data"
@@ -66,29 +62,28 @@ def read_covariance(table: NumberTable, sd: Array | None) -> Array | None:
 
 
 def _position(table: NumberTable) -> Array | None:
-    if table.has(POSITION_COVARIANCE):
-        return _symmetric(table, POSITION_COVARIANCE, MM**2)
-    if table.has(PER_AXIS):
-        return np.asarray(np.einsum("ni,ij->nij", (table.stack(PER_AXIS) * MM) ** 2, np.eye(3)))
-    return None
+    if (upper := table.optional(POSITION_COVARIANCE)) is not None:
+        return _symmetric(upper * MM**2)
+    per_axis = table.optional(PER_AXIS)
+    return None if per_axis is None else np.asarray(np.einsum("ni,ij->nij", (per_axis * MM) ** 2, np.eye(3)))
 
 
 def _turn(table: NumberTable) -> Array | None:
-    if table.has(TURN_COVARIANCE):
-        return _symmetric(table, TURN_COVARIANCE, DEG**2)
+    upper = table.optional(TURN_COVARIANCE)
+    if upper is not None:
+        return _symmetric(upper * DEG**2)
     if TURN_SD in table:
         return np.asarray(np.einsum("n,ij->nij", (table.columns[TURN_SD] * DEG) ** 2, np.eye(3)))
     return None
 
 
 def _cross(table: NumberTable) -> Array:
-    if not table.has(CROSS_COVARIANCE):
-        return np.zeros((len(table), 3, 3))
-    return table.stack(CROSS_COVARIANCE).reshape(-1, 3, 3) * MM * DEG
+    crossed = table.optional(CROSS_COVARIANCE)
+    return np.zeros((len(table), 3, 3)) if crossed is None else crossed.reshape(-1, 3, 3) * MM * DEG
 
 
-def _symmetric(table: NumberTable, names: Sequence[str], unit: float) -> Array:
-    upper = table.stack(names) * unit
+def _symmetric(upper: Array) -> Array:
+    """(N, 3, 3), matrices from their upper triangles (N, 6)."""
     out = np.empty((len(upper), 3, 3))
     for k, (i, j) in enumerate(combinations_with_replacement(range(3), 2)):
         out[:, i, j] = out[:, j, i] = upper[:, k]
@@ -100,25 +95,24 @@ def read_attitude(table: NumberTable) -> Array | None:
 
     Raises `FileError`: a quaternion that is not of length one.
     """
-    if not table.has(QUATERNION):
+    values = table.optional(QUATERNION)
+    if values is None:
         return None
     table.reject_gaps(QUATERNION, "quaternion")
-    values = table.stack(QUATERNION)
     length = np.linalg.norm(values, axis=1)
     table.reject(np.abs(length - 1.0) > UNIT_TOLERANCE, "qw", "the quaternion's length is not one")
     return rotation_matrix(values / length[:, None])
 
 
-def read_feedback(table: NumberTable, arm: Arm, how: Reading) -> Array | None:
+def read_feedback(table: NumberTable, arm: Arm) -> Array | None:
     """(N, n), what the joints' encoders read (rad), NaN where a cell is empty; None without such columns.
 
     An encoder that counts from 0 to 360 deg is read in the turn of the command.
     """
-    columns = feedback_columns(arm)
-    if not table.has(columns):
+    columns = table.optional(feedback_columns(arm))
+    if columns is None:
         return None
-    read, stated = (np.radians(read_joints(how, table.stack(names))) for names in (columns, angle_columns(arm)))
-    turn = 2.0 * np.pi
+    read, stated, turn = np.radians(columns), np.radians(table.stack(angle_columns(arm))), 2.0 * np.pi
     return np.asarray(read + turn * np.round((full_turns(stated, arm)[0] - read) / turn))
 
 

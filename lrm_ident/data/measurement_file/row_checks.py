@@ -8,7 +8,6 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from lrm_ident.data.apply_reading import read_joints
 from lrm_ident.data.measurement_file.metadata import Metadata
 from lrm_ident.data.measurement_table import POSITION
 from lrm_ident.data.measurements import Measurements
@@ -20,7 +19,6 @@ from lrm_math.arm.arm_file import MM
 from lrm_math.arm.plausible_arm import reach
 from lrm_math.model.equilibrium import equilibrium
 from lrm_math.model.model import model_of
-from lrm_math.model.reading import Reading
 
 LISTED = 8
 FINEST = 1e-5
@@ -58,7 +56,7 @@ def without_frozen(arm: Arm, data: Measurements) -> Measurements:
     return replace(data.without(frozen.tolist()), notices=(*data.notices, words))
 
 
-def doubtful(table: NumberTable, arm: Arm, metadata: Metadata, how: Reading) -> Iterator[str]:
+def doubtful(table: NumberTable, arm: Arm, metadata: Metadata) -> Iterator[str]:
     """Notices about the order, the repetitions and the stated noise of a file."""
     number = table.whole("pose")
     if not any(name.startswith("approach") for name in table.columns):
@@ -70,15 +68,15 @@ def doubtful(table: NumberTable, arm: Arm, metadata: Metadata, how: Reading) -> 
             )
         if (np.diff(number) < 0).any():
             yield "the pose numbers do not ascend: the rows are taken to be in the order measured"
-    yield from _turns(table, arm, how)
+    yield from _turns(table, arm)
     yield from _times(table, number)
     yield from _repetitions(table, arm, number)
     yield from _noise(table, arm, metadata)
 
 
-def _turns(table: NumberTable, arm: Arm, how: Reading) -> Iterator[str]:
+def _turns(table: NumberTable, arm: Arm) -> Iterator[str]:
     """Angles that were read a full turn away, as those of a file that counts from 0 to 360 deg."""
-    stated = np.radians(read_joints(how, table.stack(angle_columns(arm))))
+    stated = np.radians(table.stack(angle_columns(arm)))
     q, turned = full_turns(stated, arm)
     for joint in np.flatnonzero(turned.any(axis=0)).tolist():
         row = int(np.argmax(turned[:, joint]))

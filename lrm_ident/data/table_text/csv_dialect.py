@@ -8,9 +8,11 @@ from __future__ import annotations
 
 import csv
 import re
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
+from lrm_ident.data.csv_table import CsvTable, require
 from lrm_ident.data.table_text.workbook import sheet_text
 from lrm_math.errors import FileError
 from lrm_math.text_file import read_content
@@ -25,12 +27,12 @@ NO_TEXT = re.compile("[\x00-\x08\x0e-\x1f\ufffd]")
 TOOL_SCHEMA = re.compile(r"""^\s*"?schema"?\s*[=:]\s*"(lrm/\w+)/""", re.MULTILINE)
 
 
-@dataclass(frozen=True)
-class RawTable:
-    """Cells of a table, numbers with decimal points. `lines`: their line numbers in the file, the header's first."""
+def read_csv(path: Path, required: Sequence[str]) -> CsvTable:
+    """Reads a CSV file with a header whose names are ours, in any capitals.
 
-    rows: tuple[tuple[str, ...], ...]
-    lines: tuple[int, ...]
+    Raises `FileError`: no such file, a missing or doubled column, a row with too few or too many cells, no rows.
+    """
+    return require(read_table(path), required)
 
 
 def read_text(path: Path) -> str:
@@ -62,12 +64,13 @@ def encoding_of(content: bytes) -> str:
     return "utf-8-sig"
 
 
-def parse_table(path: Path, text: str) -> RawTable:
-    """Header and rows; blank lines, comment lines and empty columns at the right are left out.
+def read_table(path: Path) -> CsvTable:
+    """Reads a table with a header, its columns named as in the file, its numbers with decimal points.
 
-    Raises `FileError`: nothing in it, another kind of file, a row with more or fewer cells than the header, or commas
-    that may mean two things.
+    Blank lines, comment lines and empty columns at the right are left out. Raises `FileError`: nothing in it, another
+    kind of file, a row with more or fewer cells than the header, or commas that may mean two things.
     """
+    text = read_text(path)
     if schema := TOOL_SCHEMA.search(text):
         what = f"is a file of the schema {schema[1]}, no table"
         raise FileError(path, "", what, "the data are a CSV: do the arguments stand in another order?")
@@ -94,8 +97,9 @@ def parse_table(path: Path, text: str) -> RawTable:
             if delimiter == "," and len(row) == 2 * width:
                 right = "are these decimal commas? then divide the cells by semicolons or tabs"
             raise FileError(path, f"line {number}", f"{len(row)} cells, the header has {width}", right)
-    table = RawTable(tuple(row[:width] for row in rows), tuple(numbers))
-    return table if delimiter == "," else _with_points(path, table)
+    header, *cut = (row[:width] for row in rows)
+    table = CsvTable(path, header, tuple(cut), tuple(numbers[1:]), header_line=numbers[0])
+    return table if delimiter == "," else _with_points(table)
 
 
 def _stated_delimiter(lines: list[str]) -> str | None:
@@ -120,23 +124,17 @@ def _header_in_comment(path: Path, lines: list[str], first: int, row: str, delim
     )
 
 
-def _with_points(path: Path, table: RawTable) -> RawTable:
+def _with_points(table: CsvTable) -> CsvTable:
     """The table with decimal points for decimal commas. Raises `FileError` if its commas may divide thousands."""
-    cells = [
-        (line, cell) for row, line in zip(table.rows[1:], table.lines[1:], strict=True) for cell in row if "," in cell
-    ]
+    cells = [(line, cell) for row, line in zip(table.rows, table.lines, strict=True) for cell in row if "," in cell]
     both = next(((line, cell) for line, cell in cells if "." in cell), None)
     if both:
-        raise FileError(
-            path,
-            f"line {both[0]}",
-            f"'{both[1]}' has a comma and a point",
-            "write numbers without commas for thousands",
-        )
+        what, right = f"'{both[1]}' has a comma and a point", "write numbers without commas for thousands"
+        raise FileError(table.path, f"line {both[0]}", what, right)
     numeric = [(line, cell) for line, cell in cells if DECIMAL_COMMA.fullmatch(cell)]
     if not numeric:
         return table
-    points = any("." in cell and _is_number(cell) for row in table.rows[1:] for cell in row)
+    points = any("." in cell and _is_number(cell) for row in table.rows for cell in row)
     if points or all(THOUSANDS.fullmatch(cell) for _, cell in numeric):
         line, cell = numeric[0]
         why = (
@@ -144,14 +142,12 @@ def _with_points(path: Path, table: RawTable) -> RawTable:
             if points
             else "every comma of the file may divide thousands"
         )
-        raise FileError(
-            path, f"line {line}", f"'{cell}': a decimal comma or thousands? {why}", "write it with a decimal point"
-        )
+        what = f"'{cell}': a decimal comma or thousands? {why}"
+        raise FileError(table.path, f"line {line}", what, "write it with a decimal point")
     rows = (
-        tuple(cell.replace(",", ".") if DECIMAL_COMMA.fullmatch(cell) else cell for cell in row)
-        for row in table.rows[1:]
+        tuple(cell.replace(",", ".") if DECIMAL_COMMA.fullmatch(cell) else cell for cell in row) for row in table.rows
     )
-    return RawTable((table.rows[0], *rows), table.lines)
+    return replace(table, rows=tuple(rows))
 
 
 def _is_number(cell: str) -> bool:
