@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
@@ -19,100 +19,94 @@ SIMPLE, COMPOUND, FREE = 1.0, 1.5, 2.0
 """Complexity of one mistake, of one that touches several joints or the arm's file, and of a free frame."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Hypothesis:
     """One way to read a file, beside the way it was read.
 
     Attributes:
         reading: the whole reading.
+        q, tcp: joint angles (N, n), rad, and positions (N, 3), m, that it makes of those read.
         words: what was mistaken; empty if nothing.
         complexity: 0 if nothing was mistaken.
         remedy: what a person does about it where no option of the command helps.
     """
 
     reading: Reading
+    q: Array
+    tcp: Array
     words: tuple[str, ...] = ()
     complexity: float = 0.0
     remedy: str = ""
 
     def also(self, words: str, complexity: float, remedy: str = "", **fields: object) -> Hypothesis:
         """Adds one mistake more; `fields`: of the reading."""
-        return Hypothesis(
-            self.reading.model_copy(update=fields),
-            (*self.words, words),
-            self.complexity + complexity,
-            "; ".join(part for part in (self.remedy, remedy) if part),
+        return replace(
+            self,
+            reading=self.reading.model_copy(update=fields),
+            words=(*self.words, words),
+            complexity=self.complexity + complexity,
+            remedy="; ".join(part for part in (self.remedy, remedy) if part),
         )
 
-
-@dataclass(frozen=True)
-class JointHypothesis:
-    """A hypothesis on joint angles, with the angles (N, n) that it makes of those read (rad)."""
-
-    hypothesis: Hypothesis
-    q: Array
+    def with_joint(self, joint: int, angles: Array) -> Hypothesis:
+        """Other angles (N,), rad, of one joint."""
+        q = self.q.copy()
+        q[:, joint] = angles
+        return replace(self, q=q)
 
 
-def joint_hypotheses(reading: Reading, q: Array) -> Iterator[JointHypothesis]:
-    """Joint angles (N, n), rad, as read, in the other unit, with other signs, in another order, from another zero."""
-    read = Hypothesis(reading)
-    yield JointHypothesis(read, q)
-    yield from _other_units(read, q)
-    yield from _other_signs(read, q)
-    yield from _other_orders(read, q)
-    for joint in range(q.shape[1]):
+def joint_hypotheses(read: Hypothesis) -> Iterator[Hypothesis]:
+    """Joint angles as read, in the other unit, with other signs, in another order, from another zero."""
+    yield read
+    yield from _other_units(read)
+    yield from _other_signs(read)
+    yield from _other_orders(read)
+    for joint in range(read.q.shape[1]):
         for turn in RIGHT_ANGLES:
-            turned = q.copy()
-            turned[:, joint] += np.radians(turn)
             words = f"the zero of joint {joint + 1} looks turned by {turn:g} deg"
             remedy = f"add {turn:g} to theta_deg of joint {joint + 1} in the arm file"
-            yield JointHypothesis(read.also(words, COMPOUND, remedy), turned)
+            yield read.also(words, COMPOUND, remedy).with_joint(joint, read.q[:, joint] + np.radians(turn))
 
 
-def _other_units(read: Hypothesis, q: Array) -> Iterator[JointHypothesis]:
-    now = read.reading.angle_unit
-    if now != "rad" and np.abs(q).max() <= FULL_TURN * ANGLE_UNITS["deg"]:
-        yield JointHypothesis(
-            read.also("the joint angles look like radians", SIMPLE, angle_unit="rad"), q / ANGLE_UNITS["deg"]
-        )
-    if now != "deg" and np.abs(q).max() > FULL_TURN:
-        yield JointHypothesis(
-            read.also("the joint angles look like degrees", SIMPLE, angle_unit="deg"), q * ANGLE_UNITS["deg"]
-        )
-    for joint, largest in enumerate(np.abs(q).max(axis=0).tolist()):
-        if now != "rad" and 0.0 < largest <= FULL_TURN * ANGLE_UNITS["deg"]:
-            yield _one_joint(read, q, joint, "rad", 1.0 / ANGLE_UNITS["deg"])
-        elif now == "rad" and largest > FULL_TURN:
-            yield _one_joint(read, q, joint, "deg", ANGLE_UNITS["deg"])
+def _other_units(read: Hypothesis) -> Iterator[Hypothesis]:
+    now, deg, largest = read.reading.angle_unit, ANGLE_UNITS["deg"], np.abs(read.q).max(axis=0)
+    if now != "rad" and largest.max() <= FULL_TURN * deg:
+        words = "the joint angles look like radians"
+        yield replace(read.also(words, SIMPLE, angle_unit="rad"), q=read.q / deg)
+    if now != "deg" and largest.max() > FULL_TURN:
+        words = "the joint angles look like degrees"
+        yield replace(read.also(words, SIMPLE, angle_unit="deg"), q=read.q * deg)
+    for joint, most in enumerate(largest.tolist()):
+        if now != "rad" and 0.0 < most <= FULL_TURN * deg:
+            yield _one_joint(read, joint, "rad", 1.0 / deg)
+        elif now == "rad" and most > FULL_TURN:
+            yield _one_joint(read, joint, "deg", deg)
 
 
-def _one_joint(read: Hypothesis, q: Array, joint: int, unit: str, factor: float) -> JointHypothesis:
+def _one_joint(read: Hypothesis, joint: int, unit: str, factor: float) -> Hypothesis:
     """The angles of one joint alone in another unit, in which they are so many times larger."""
-    number = (read.reading.joint_order or range(1, q.shape[1] + 1))[joint]
+    number = (read.reading.joint_order or range(1, read.q.shape[1] + 1))[joint]
     words = f"the angles of joint {joint + 1} alone look like {'radians' if unit == 'rad' else 'degrees'}"
-    turned = q.copy()
-    turned[:, joint] *= factor
-    return JointHypothesis(read.also(words, SIMPLE, f"name the column q{number}_{unit}"), turned)
+    return read.also(words, SIMPLE, f"name the column q{number}_{unit}").with_joint(joint, read.q[:, joint] * factor)
 
 
-def one_axis(read: Hypothesis, tcp: Array, nominal: Array, tolerance: float) -> Iterator[tuple[Hypothesis, Array]]:
-    """Readings of positions (N, 3) with one axis in another unit than the others, and the positions then (m).
+def one_axis(read: Hypothesis, nominal: Array, tolerance: float) -> Iterator[Hypothesis]:
+    """Positions with one axis in another unit than the others.
 
     The unit is that which makes the axis as long as those of the arm as drawn, `nominal` (N, 3), m.
     """
     now = read.reading.unit or "mm"
-    extent, drawn = (np.median(np.abs(points - np.median(points, axis=0)), axis=0) for points in (tcp, nominal))
+    extent, drawn = (np.median(np.abs(points - np.median(points, axis=0)), axis=0) for points in (read.tcp, nominal))
     for axis, (seen, wanted) in enumerate(zip(extent.tolist(), drawn.tolist(), strict=True)):
         unit = nearest_unit(now, wanted / seen, tolerance) if seen > 0.0 and wanted > 0.0 else None
         if unit is not None and unit[1] != 1.0:
-            scaled = tcp.copy()
-            scaled[:, axis] *= unit[1]
-            words = f"{'xyz'[axis]} alone looks like {UNIT_NAMES[unit[0]]}"
-            yield read.also(words, SIMPLE, f"name its column {'xyz'[axis]}_{unit[0]}"), scaled
+            words, scale = f"{'xyz'[axis]} alone looks like {UNIT_NAMES[unit[0]]}", np.ones(3)
+            scale[axis] = unit[1]
+            yield replace(read.also(words, SIMPLE, f"name its column {'xyz'[axis]}_{unit[0]}"), tcp=read.tcp * scale)
 
 
-def _other_signs(read: Hypothesis, q: Array) -> Iterator[JointHypothesis]:
-    n = q.shape[1]
+def _other_signs(read: Hypothesis) -> Iterator[Hypothesis]:
+    n = read.q.shape[1]
     sets = [*combinations(range(n), 1), *combinations(range(n), 2), *([tuple(range(n))] if n > 2 else [])]
     before = np.array(read.reading.joint_sign or [1] * n)
     for joints in sets:
@@ -120,11 +114,11 @@ def _other_signs(read: Hypothesis, q: Array) -> Iterator[JointHypothesis]:
         signs[list(joints)] = -1
         words = f"{_joints(joints)} counted the other way round"
         complexity = SIMPLE if len(joints) == 1 else COMPOUND if len(joints) == n else FREE
-        yield JointHypothesis(read.also(words, complexity, joint_sign=(before * signs).tolist()), q * signs)
+        yield replace(read.also(words, complexity, joint_sign=(before * signs).tolist()), q=read.q * signs)
 
 
-def _other_orders(read: Hypothesis, q: Array) -> Iterator[JointHypothesis]:
-    n = q.shape[1]
+def _other_orders(read: Hypothesis) -> Iterator[Hypothesis]:
+    n = read.q.shape[1]
     before = np.array(read.reading.joint_order or range(1, n + 1))
     signs = np.array(read.reading.joint_sign or [1] * n)
     orders = []
@@ -135,8 +129,8 @@ def _other_orders(read: Hypothesis, q: Array) -> Iterator[JointHypothesis]:
     if n > 3:
         orders.append(("the joints look numbered from the tool", list(range(n))[::-1], COMPOUND))
     for words, order, complexity in orders:
-        swapped = (q * signs)[:, order] * signs
-        yield JointHypothesis(read.also(words, complexity, joint_order=before[order].tolist()), swapped)
+        swapped = (read.q * signs)[:, order] * signs
+        yield replace(read.also(words, complexity, joint_order=before[order].tolist()), q=swapped)
 
 
 def _joints(numbers: tuple[int, ...]) -> str:
@@ -148,7 +142,9 @@ def with_unit(before: Hypothesis, unit: str, factor: float) -> Hypothesis:
     """The hypothesis that the positions are in another unit; `factor`: how much longer they then are."""
     if factor == 1.0:
         return before
-    return before.also(f"the positions look like {UNIT_NAMES[unit]}", SIMPLE, unit=unit)
+    return replace(
+        before.also(f"the positions look like {UNIT_NAMES[unit]}", SIMPLE, unit=unit), tcp=before.tcp * factor
+    )
 
 
 def nearest_unit(now: str, scale: float, tolerance: float) -> tuple[str, float] | None:
@@ -167,7 +163,7 @@ def with_axes(before: Hypothesis, turn: Array) -> Hypothesis:
     if np.array_equal(turn, np.eye(3)):
         return before
     axes = axes_words(turn @ axes_matrix(before.reading.axes or "x,y,z"))
-    return before.also(_axes_in_words(turn), SIMPLE, axes=axes)
+    return replace(before.also(_axes_in_words(turn), SIMPLE, axes=axes), tcp=before.tcp @ turn.T)
 
 
 def _axes_in_words(turn: Array) -> str:

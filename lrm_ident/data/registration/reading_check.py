@@ -1,6 +1,6 @@
 """Check of the reading: can an arm have moved to the measured positions, as they were read or read otherwise?
 
-The measured points is compared with the nominal arm under few hypotheses. For each set of joint angles the best
+The measured point set is compared with the nominal arm under few hypotheses. For each set of joint angles the best
 similarity (Umeyama 1991), proper and mirrored, determines unit, axes and frame; a coarse fit of the arm's dimensions
 then scores them. A real arm's errors stay within the bounds of that fit, a misreading does not.
 """
@@ -19,7 +19,6 @@ from lrm_ident.data.registration.coarse_fit import coarse_fit, trimmed_rms
 from lrm_ident.data.registration.hypotheses import (
     COMPOUND,
     Hypothesis,
-    JointHypothesis,
     joint_hypotheses,
     nearest_unit,
     one_axis,
@@ -110,10 +109,15 @@ class PointSet:
     tcp: Array
     reading: Reading
 
-    def scored(self, hypothesis: Hypothesis, q: Array, tcp: Array) -> Scored:
-        """A hypothesis, scored by the coarse fit with the angles (N, n) and positions (N, 3) that it makes of these."""
-        poses, free = replace(self.poses, q=q), hypothesis.reading.frame == "unknown"
-        seen = registered(self.arm, poses, tcp)[0] if free else tcp
+    @property
+    def as_read(self) -> Hypothesis:
+        """The hypothesis that nothing was mistaken."""
+        return Hypothesis(self.reading, self.poses.q, self.tcp)
+
+    def scored(self, hypothesis: Hypothesis) -> Scored:
+        """A hypothesis, scored by the coarse fit with the angles and positions that it makes of these."""
+        poses, free = replace(self.poses, q=hypothesis.q), hypothesis.reading.frame == "unknown"
+        seen = registered(self.arm, poses, hypothesis.tcp)[0] if free else hypothesis.tcp
         nominal = nominal_tcp(self.arm, poses)
         fit = coarse_fit(self.arm, poses, seen, fixed_base=free)
         return Scored(hypothesis, fit.score, _spread(nominal), fit.overdetermined)
@@ -126,7 +130,7 @@ def check_reading(arm: Arm, data: Measurements) -> ReadingCheck | None:
     if len(rows) < LEAST_POSES or poses_are_equal(data.poses.q) or _spread(nominal_tcp(arm, data.poses)) == 0.0:
         return None
     points = PointSet(arm, data.poses, data.tcp, data.stated)
-    read = points.scored(Hypothesis(data.stated), data.poses.q, data.tcp)
+    read = points.scored(points.as_read)
     if read.share <= FLOOR:
         return ReadingCheck(read, (read,))
     every = [read, *_alternatives(_before_frame(points))]
@@ -150,7 +154,7 @@ def compared_rows(data: Measurements) -> NDArray[np.int64]:
 
 
 def _before_frame(points: PointSet) -> PointSet:
-    """The points in the frame that it was measured in, if that is known: another reading may have another one."""
+    """The points in the frame that they were measured in, if that is known: another reading may have another one."""
     if not isinstance(points.reading.frame, FrameTable):
         return points
     rotation, translation = rigid_motion(points.reading.frame)
@@ -161,32 +165,21 @@ def _before_frame(points: PointSet) -> PointSet:
 def _alternatives(points: PointSet) -> Iterator[Scored]:
     """Other readings, the simplest first, until one explains the data and all others as simple have been looked at."""
     enough = np.inf
-    for proposal in sorted(_proposals(points), key=lambda proposal: proposal.hypothesis.complexity):
-        if proposal.hypothesis.complexity > enough:
+    for proposal in sorted(_proposals(points), key=lambda proposal: proposal.complexity):
+        if proposal.complexity > enough:
             return
-        scored = points.scored(proposal.hypothesis, proposal.q, proposal.tcp)
+        scored = points.scored(proposal)
         if scored.share <= GOOD:
-            enough = proposal.hypothesis.complexity
+            enough = proposal.complexity
         yield scored
 
 
-@dataclass(frozen=True, eq=False)
-class Proposal:
-    """A hypothesis with the joint angles (N, n), rad, and the positions (N, 3), m, that it makes of those read."""
-
-    hypothesis: Hypothesis
-    q: Array
-    tcp: Array
-
-
-def _proposals(points: PointSet) -> Iterator[Proposal]:
+def _proposals(points: PointSet) -> Iterator[Hypothesis]:
     """Readings that a similarity suggests, of the joint angles for which it misses least."""
     candidates = []
     if points.reading.axes is None and not isinstance(points.reading.frame, FrameTable | str):
-        drawn = nominal_tcp(points.arm, points.poses)
-        for hypothesis, scaled in one_axis(Hypothesis(points.reading), points.tcp, drawn, SCALE_TOLERANCE):
-            yield Proposal(hypothesis, points.poses.q, scaled)
-    for joints in joint_hypotheses(points.reading, points.poses.q):
+        yield from one_axis(points.as_read, nominal_tcp(points.arm, points.poses), SCALE_TOLERANCE)
+    for joints in joint_hypotheses(points.as_read):
         nominal = nominal_tcp(points.arm, replace(points.poses, q=joints.q))
         for mirrored in (False, True):
             found = robust_similarity(points.tcp, nominal, mirrored)
@@ -194,28 +187,27 @@ def _proposals(points: PointSet) -> Iterator[Proposal]:
             candidates.append((left / max(_spread(nominal), 1e-9), joints, found, mirrored))
     best = min(left for left, *_ in candidates)
     worth = [candidate for candidate in candidates if candidate[0] <= WORTH * best]
-    worth.sort(key=lambda candidate: (candidate[1].hypothesis.complexity, candidate[0]))
+    worth.sort(key=lambda candidate: (candidate[1].complexity, candidate[0]))
     for _, joints, found, mirrored in worth[:LOOKED_AT]:
-        yield from _positions(points, joints, found, mirrored)
+        yield from _positions(joints, found, mirrored)
 
 
-def _positions(points: PointSet, joints: JointHypothesis, found: Similarity, mirrored: bool) -> Iterator[Proposal]:
+def _positions(joints: Hypothesis, found: Similarity, mirrored: bool) -> Iterator[Hypothesis]:
     """Readings of the positions that agree with a similarity: as read, other axes, another frame."""
-    how = joints.hypothesis.reading
+    how = joints.reading
     unit = nearest_unit(how.unit or "mm", found.scale, SCALE_TOLERANCE)
     if unit is None:
         return
-    scaled, scale_only = points.tcp * unit[1], with_unit(joints.hypothesis, *unit)
+    scaled = with_unit(joints, *unit)
     turn = axes_matrix(axes_words(found.rotation))
     if how.frame != "unknown":
-        if scale_only.words and not mirrored:
-            yield Proposal(scale_only, joints.q, scaled)
+        if scaled.words and not mirrored:
+            yield scaled
         right_angled = float(np.linalg.norm(found.rotation - turn)) < RIGHT_ANGLED
         if right_angled and not np.array_equal(turn, np.eye(3)):
-            yield Proposal(with_axes(scale_only, turn), joints.q, scaled @ turn.T)
-    if how.frame not in ("unknown", "arm") or mirrored or scale_only.words:
-        flipped = scaled * [1.0, 1.0, -1.0] if mirrored else scaled
-        yield Proposal(with_free_frame(scale_only, mirrored), joints.q, flipped)
+            yield with_axes(scaled, turn)
+    if how.frame not in ("unknown", "arm") or mirrored or scaled.words:
+        yield with_free_frame(scaled, mirrored)
 
 
 def _other_arms(points: PointSet) -> Iterator[Scored]:
@@ -223,10 +215,8 @@ def _other_arms(points: PointSet) -> Iterator[Scored]:
     for name, path in shipped_arms().items():
         other = read_arm(path)
         if other.dof == points.arm.dof and other != points.arm:
-            words = Hypothesis(points.reading).also(
-                f"these look like measurements of {name}", COMPOUND, f"--arm {name}"
-            )
-            yield replace(points, arm=other).scored(words, points.poses.q, points.tcp)
+            words = f"these look like measurements of {name}"
+            yield replace(points, arm=other).scored(points.as_read.also(words, COMPOUND, f"--arm {name}"))
 
 
 def registered(arm: Arm, poses: Poses, tcp: Array) -> tuple[Array, Similarity]:
