@@ -3,10 +3,10 @@
 Gauss–Newton steps on all errors of the dimensions and on the joints' compliances, weighted by a Cauchy loss,
 regularised by the sizes that they have on an assembled arm, and clipped to bounds that no assembled arm exceeds.
 
-This is no second `fitting.fit`. It decides how a file is to be read before there are measurements that could be
-fitted: up to a hundred readings are scored, most of them wrong, where a fit with free priors, uncertainties and
-excluded outliers would follow the wrong ones, too. Ten steps, fixed sizes, hard bounds and a trimmed score are what
-tells them apart.
+`fitting.levenberg_marquardt` cannot serve here: it fits measurements, and this decides how a file is to be read before
+there are any (`data` lies below `fitting`). Up to a hundred readings are scored, most of them wrong, where a fit with
+free priors, uncertainties and excluded outliers would follow the wrong ones, too. Ten steps, fixed sizes, hard bounds
+and a trimmed score are what tells them apart.
 """
 
 from __future__ import annotations
