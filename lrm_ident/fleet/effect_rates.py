@@ -39,7 +39,7 @@ class EffectRate:
 
     @property
     def words(self) -> str:
-        """For instance `3 of 3 arms (of the kind: 29 to 99 %)`: what was seen, and what that says of arms not seen."""
+        """Words such as `3 of 3 arms (of the kind: 29 to 99 %)`: what was seen, and what that says of arms not seen."""
         return f"{self.found:.3g} of {self.arms} arms (of the kind: {self.interval} %)"
 
     @property

@@ -122,7 +122,7 @@ def take_photos(camera: PhotoSource, folder: Path, poses: Poses, stand: Callable
 
 
 def photo_path(folder: Path, number: int) -> Path:
-    """Where the photo of a pose goes."""
+    """Path of the photo of a pose."""
     return folder / f"pose{number:04d}.png"
 
 

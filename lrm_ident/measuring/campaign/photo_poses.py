@@ -43,7 +43,7 @@ class PhotographedPoses:
 
 @dataclass(frozen=True)
 class PhotoOrder:
-    """What is driven through a plan. `drive`, `loads`: as of `CampaignOrder`.
+    """Order to drive through a plan. `drive`, `loads`: as of `CampaignOrder`.
 
     `take`: takes the photo of that number, from 1. `on_photo`: called with all so far, after each.
     """

@@ -117,7 +117,7 @@ def _strays(command: Array, feedback: Array, start: int, row: int) -> bool:
 
 
 def dataset_info(folder: Path) -> Mapping[str, Any]:
-    """What `meta/info.json` says. Raises `FileError`: not such a dataset."""
+    """Content of `meta/info.json`. Raises `FileError`: not such a dataset."""
     path = folder / "meta" / "info.json"
     info = read_json(path, "a LeRobot dataset of format v2.1 or v3 has it")
     version = str(info.get("codebase_version", "")) if isinstance(info, dict) else ""

@@ -17,7 +17,7 @@ from lrm_math.errors import LrmError
 ANSWER_S, LOOK_S = 0.5, 0.1
 """Time (s) for an answer, of a servo that should be there and of one that may; USB adapters hand on every 16 ms."""
 ATTEMPTS = 3
-"""Of asking a servo that should be there."""
+"""Number of times that a servo is asked which should be there."""
 Said = TypeVar("Said")
 
 

@@ -15,7 +15,7 @@ BROADCAST = 0xFE
 
 
 class Instruction(IntEnum):
-    """What a host asks for; STATUS is what a servo answers with in Dynamixel's protocol 2.0."""
+    """Requests of a host; STATUS is what a servo answers with in Dynamixel's protocol 2.0."""
 
     PING = 1
     READ = 2
@@ -29,7 +29,7 @@ class Instruction(IntEnum):
 
 @dataclass(frozen=True)
 class Answer:
-    """What one servo answers. `refused`: why it did not do as told, in words; empty: it did."""
+    """Answer of one servo. `refused`: why it did not do as told, in words; empty: it did."""
 
     id: int
     data: bytes = b""
@@ -54,12 +54,12 @@ class Packet(ABC):
     @staticmethod
     @abstractmethod
     def checksum(before: bytes) -> int:
-        """Of all bytes before it."""
+        """Checksum of all bytes before it."""
 
     @property
     @abstractmethod
     def answer(self) -> Answer | None:
-        """What a servo says with it; None if it is no servo's."""
+        """The answer that it is; None if it is no servo's."""
 
     @classmethod
     def words(cls, *numbers: int) -> bytes:

@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from lrm_ident.data.csv_table import csv_text
-from lrm_ident.data.measurement_file.load import load_measurements, load_poses
+from lrm_ident.data.measurement_file.load import load_measurements, load_poses, read_pose_feedback
 from lrm_ident.data.measurement_file.write import measurements_csv
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.pose_table import directions
@@ -199,3 +199,17 @@ def test_the_rovers_tables_are_the_thesis(rover: Arm) -> None:
     assert sum(b.mass for b in rover.bodies) == pytest.approx(0.722)
     assert {round(math.degrees(j.upper)) for j in rover.joints} == {100}
     assert dict(rover.auxiliary_servos)["gripper"].pulse == pytest.approx((580e-6, 1480e-6, 2380e-6))
+
+
+def test_feedback_beside_commanded_poses_is_read_in_the_order_and_with_the_signs_of_the_arm(tmp_path: Path) -> None:
+
+    arm, path = load_arm("lrm-lab"), tmp_path / "poses.csv"
+    n = arm.dof
+    names = [*(f"q{i}_deg" for i in range(1, n + 1)), *(f"q{i}_meas_deg" for i in range(1, n + 1))]
+    path.write_text(f"{','.join(names)}\n{','.join(['1'] * n + [str(i) for i in range(1, n + 1)])}\n")
+    order, sign = [2, 1, *range(3, n + 1)], [1, -1, *[1] * (n - 2)]
+    path.with_suffix(".toml").write_text(f'schema = "lrm/measurements/1"\njoint_order = {order}\njoint_sign = {sign}\n')
+    feedback, sd = read_pose_feedback(path, arm)
+    assert feedback is not None
+    assert sd is None
+    np.testing.assert_allclose(np.degrees(feedback[0]), np.array(order) * sign)
