@@ -14,6 +14,7 @@ from lrm_ident.fitting.identifiability import UnidentifiableParameter, lost_to_o
 from lrm_ident.fitting.levenberg_marquardt import Fit
 from lrm_ident.report.document import Block, Document, ResultTable, heading, section
 from lrm_ident.report.effects import field_blocks, field_values
+from lrm_ident.report.names.plain_names import in_words
 from lrm_ident.residual.error_breakdown import Factor, ModelComparison, PoseGroup
 from lrm_ident.study.error_summary import ErrorSummary
 from lrm_ident.study.model_history import fit_words
@@ -120,7 +121,7 @@ def comparison_document(found: ModelComparison) -> Document:
         *error_blocks(errors, f"{len(data)} poses, {free} parameters"),
         *(() if field is None else field_blocks(found, field)),
         *([said] if (said := _outside(found)) else []),
-        *([] if found.predictable is None else [found.predictable.sentence]),
+        *([] if found.predictable is None else [in_words(found.predictable.sentence)]),
         _factor_table(found.factors[:FACTORS_SHOWN]),
         *(_group_table(factor) for factor in found.factors[:2]),
         _worst_table(found),
@@ -172,7 +173,7 @@ def _worst_table(found: ModelComparison) -> ResultTable:
     angles = " ".join(f"{'q' + str(i + 1):>4s}" for i in range(q.shape[1]))
     rows = []
     for i in found.worst:
-        turned = " ".join(f"{angle:4.0f}" for angle in q[i]) + "    "
+        turned = " ".join(f"{angle:4.0f}" for angle in q[i])
         rows.append((data.pose[i], turned, load[i], np.linalg.norm(residual[i]), _vector(residual[i], places)))
     columns = ("pose|", angles + "|", "load g|.1f", f"error mm|.{places}f", "residual mm|")
     return ResultTable(columns, rows, "The worst poses (angles in deg)")
