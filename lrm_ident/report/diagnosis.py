@@ -158,7 +158,8 @@ def _looks_like(report: DiagnosisReport) -> str:
     best = found.functions[0].name if found.functions else next(iter(named), "")
     if best not in named or named[best] > (1.0 - MIN_GAIN) * held_out:
         return ""
-    return f" It looks most like {in_words(best)}, which would leave {in_mm(named[best])} of {in_mm(held_out)} mm held out."
+    left = f"{in_mm(named[best])} of {in_mm(held_out)} mm held out"
+    return f" It looks most like {in_words(best)}, which would leave {left}."
 
 
 def _far_poses(report: DiagnosisReport) -> Iterator[str]:
