@@ -218,7 +218,7 @@ def _untestable(refused: Sequence[tuple[Effect, str]]) -> Iterator[str]:
             general = "its typical size would hardly show in what is left now"
         by_reason[effect.id, general].append(effect.place)
     for (name, reason), places in by_reason.items():
-        yield f"{name} at {', '.join(places)}: {reason}"
+        yield in_words(f"{name} at {', '.join(places)}: {reason}")
 
 
 def step_blocks(number: int, step: AutoStep, start: AutoStep) -> Iterator[Block]:

@@ -25,7 +25,6 @@ from lrm_math.model.model import Model
 from lrm_math.plausibility import far_from_typical
 
 BAR, FACTORS_SHOWN, PARTS_SHOWN, STRONG = 10, 8, 3, 0.95
-PRETTY_UNIT = {"rad_per_Nm": "rad/Nm", "Nm_per_rad": "Nm/rad", "rad": "deg"}
 DAMPED = (
     "Least squares alone did not converge; fitted with weak priors (three typical sizes about zero). Look at the "
     "standard errors: some parameters are hardly known."
@@ -226,8 +225,10 @@ def estimates(fit: Fit, se_at_bound: float | None) -> dict[str, dict[str, object
 def screen_unit(model: Model, key: str) -> tuple[str, float, str]:
     """A key without its unit, what to multiply an SI value by for the terminal, and the unit to print."""
     parameter = model.parameters[model.position(key)]
-    scale = float(np.degrees(1.0)) if parameter.unit == "rad" else 1.0 / parameter.si
-    return key.removesuffix("_" + parameter.unit), scale, PRETTY_UNIT.get(parameter.unit, parameter.unit)
+    name = key.removesuffix("_" + parameter.unit)
+    if parameter.unit == "rad":
+        return name, float(np.degrees(1.0)), "deg"
+    return name, 1.0 / parameter.si, parameter.unit.replace("_per_", "/")
 
 
 def stats_in_mm(error: ErrorStats) -> tuple[float, float, float, float]:
@@ -269,10 +270,14 @@ def _factor_table(factors: Sequence[Factor]) -> ResultTable:
     spec = f".{decimals(*(factor.worst.error.rms * 1e3 for factor in factors))}f"
     columns = ("split by", "explains|", "", "worst group", f"RMS mm|{spec}", "poses|")
     rows = [
-        (f.name, f"{in_percent(f.share)} %", "█" * round(BAR * f.share), w.label, w.error.rms * 1e3, w.count)
+        (f.name, _share(f.share), "█" * round(BAR * f.share), w.label, w.error.rms * 1e3, w.count)
         for f, w in ((factor, factor.worst) for factor in factors)
     ]
     return ResultTable(columns, rows, "Where it fails: what the residual follows")
+
+
+def _share(share: float) -> str:
+    return "< 1 %" if 0.0 < share < 0.01 else f"{in_percent(share)} %"
 
 
 def _group_table(factor: Factor) -> ResultTable:

@@ -48,7 +48,7 @@ OF_A_SESSION = ("drift", "drift_curve", "change_point", "second_change_point", "
 """Effects that may move everything alike."""
 SYMBOLS = {"q": "angle", "tau": "torque"}
 EFFECT = r"\b[a-z]\w*@\w+(?:(?:<-|\+)\w+)*"
-ALONE = r"(?<![\w.])(?:(?P<place>(?:joint|link)\d+)|(?P<symbol>q|tau)(?P<joint>\d+))(?![\w.]*\w)"
+ALONE = r"(?<![\w.])(?:(?P<place>(?:joint|link)\d+(?:(?:<-|\+)joint\d+)?)|(?P<symbol>q|tau)(?P<joint>\d+))(?![\w.]*\w)"
 CODE_NAME = re.compile(f"{EFFECT}|{ALONE}")
 """An effect at a place; a joint or link; the symbol of a covariate. No keys of parameters (`offsets.joint2.a_mm`)."""
 
