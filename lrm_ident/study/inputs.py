@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Protocol
 
 from lrm_ident.data.measurement_file.metadata import metadata_of
 from lrm_ident.data.measurements import Measurements
@@ -26,6 +27,13 @@ from lrm_math.model.reading import AS_NAMED, Reading
 from lrm_math.toml_file import read_toml
 
 
+class ReadMeasurements(Protocol):
+    """Reads measurements that an arm can have made, as `read_measurements` does."""
+
+    def __call__(self, path: Path, arm: Arm, arm_name: str, reading: Reading, usual: Reading | None) -> Measurements:
+        """Measurements of a file. Raises `FileError`, `Misread`."""
+
+
 def read_study(
     model: str | Path,
     data: str | Path,
@@ -33,6 +41,7 @@ def read_study(
     reading: Reading = AS_NAMED,
     progress: Progress = unheard,
     part: Callable[[Measurements, Sequence[int]], Measurements] = Measurements.without,
+    read: ReadMeasurements | None = None,
 ) -> Study:
     """A model file and measurements of its arm, read as those of its fit and without those that it left out.
 
@@ -42,13 +51,15 @@ def read_study(
         effects_file: a Python file with effects of the user's own.
         reading: how the numbers are read; where it and the file beside them say nothing, as those of the fit.
         part: what is taken of the fit's own data, given the numbers that it left out.
+        read: what reads the measurements; `read_measurements` if not given.
 
     Raises `FileError`: with file, line and column of the first fault; `Misread` if the arm cannot have moved so.
     """
     path, catalogue = Path(model), catalogue_with(effects_file)
     file, loaded, notices = read_model(path, catalogue)
     known = file.provenance
-    measured = read_measurements(Path(data), loaded.arm, file.arm, reading, None if known is None else known.reading)
+    usual = None if known is None else known.reading
+    measured = (read or read_measurements)(Path(data), loaded.arm, file.arm, reading, usual)
     notices += measured.notices
     if known is not None:
         if known.data_sha256 == measured.sha256:
