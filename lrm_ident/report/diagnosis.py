@@ -77,7 +77,7 @@ def _values(report: DiagnosisReport) -> dict[str, object]:
         "audit": report.limitations,
         "hints": report.hints,
         "not_testable": [_refusal(effect, reason) for effect, reason in found.not_testable],
-        "next_poses_hint": report.hint,
+        "next_poses_hint": in_words(report.hint),
     }
 
 
@@ -185,8 +185,8 @@ def _ranking_table(report: DiagnosisReport) -> ResultTable:
     rows = []
     for rank, advice in enumerate(report.ranking[: min(supported, SHOWN) + REFUSED_SHOWN], start=1):
         rms = ("" if advice.exact else "≈ ") + in_mm(advice.held_out_rms)
-        name, mark = advice.scored.name, MARKS[advice.verdict].split()[0]
-        rows.append((rank, mark, f"{plain_name(name)}\n{name}", rms, in_words(advice.why)))
+        name, mark, why = advice.scored.name, MARKS[advice.verdict].split()[0], in_words(advice.why)
+        rows.append((rank, mark, name, rms, why if advice.verdict != "no_evidence" else f"{plain_name(name)}: {why}"))
     return ResultTable(("|", "", "effect", "held out mm|", "why"), rows, "   ".join(MARKS.values()))
 
 
@@ -204,7 +204,7 @@ def _advice(rank: int, advice: RankedCandidate, report: DiagnosisReport) -> dict
         "parameters": {name: {"value": value, "se": error} for name, value, error in advice.estimates},
         "indistinguishable_from": advice.equivalent,
         "online": compensable(effect),
-        "why": advice.why,
+        "why": in_words(advice.why),
     }
 
 

@@ -15,7 +15,7 @@ from lrm_ident.diagnosis.diagnosis_report import DISPLAY_UNITS
 from lrm_ident.report.diagnosis import MARKS
 from lrm_ident.report.history import data_of
 from lrm_ident.report.model_report import ModelReport
-from lrm_ident.report.names.plain_names import in_words, plain_name, step_title
+from lrm_ident.report.names.plain_names import plain_name, step_title
 from lrm_ident.report.plots.interactive.candidate_view import SHARE, CandidateView
 from lrm_ident.report.plots.interactive.fair_sample import fair_rows
 from lrm_ident.report.step_card import AS_WELL, StepCard, error_fall, of_data, rivals
@@ -77,7 +77,7 @@ def figure_values(found: ModelReport) -> dict[str, Any]:
         "bound": None if found.diagnosis is None else found.diagnosis.values["noise_bound_rms_mm"],
         "marked": {why: list(numbers) for why, numbers in (found.marked or {}).items()},
         "where": _where(found),
-        "next": "" if found.diagnosis is None else in_words(str(found.diagnosis.values["next_poses_hint"])),
+        "next": "" if found.diagnosis is None else found.diagnosis.values["next_poses_hint"],
         "ranking": [] if found.diagnosis is None else _ranking(found, found.diagnosis.values),
     }
 
@@ -141,9 +141,7 @@ def _card(found: ModelReport, card: StepCard) -> dict[str, Any]:
         "after": fall.after,
         "held": fall.held_out,
         "share": fall.share_of_excess(floor),
-        "rivals": [
-            {"name": name, "title": plain_name(name), "why": in_words(why)} for name, why in rivals(card, judged)
-        ],
+        "rivals": [{"name": name, "title": plain_name(name), "why": why} for name, why in rivals(card, judged)],
         "equivalent": [plain_name(name) for name in card.equivalent],
         "asked": judged is not None or card.rivals_mm is not None,
         "unrivalled": fall.held_out and card.unrivalled(fall.after),
@@ -212,7 +210,7 @@ def _candidate(view: CandidateView, advice: Mapping[str, Any], standing: str, we
         "mark": STANDINGS[standing],
         "held": _held(advice, weighted),
         "heldOut": advice["held_out_rms_mm"],
-        "why": in_words(advice["why"]),
+        "why": advice["why"],
         "online": advice["online"],
         "p": p_words(advice["p_value"]),
         "rivals": [plain_name(name) for name in advice["indistinguishable_from"]],
