@@ -34,7 +34,15 @@ def history_table(file: ModelFile) -> ResultTable:
 
 def history_values(file: ModelFile) -> list[dict[str, object]]:
     """History for JSON, unrounded."""
-    return [_values(entry) for entry in file.history]
+    return [
+        {
+            "step": entry.step,
+            "fit_rms_mm": entry.fit_rms_mm,
+            "held_out_rms_mm": entry.held_out_rms_mm,
+            "data_sha256": None if entry.provenance is None else entry.provenance.data_sha256,
+        }
+        for entry in file.history
+    ]
 
 
 def provenance_table(file: ModelFile) -> ResultTable:
@@ -59,12 +67,3 @@ def provenance_table(file: ModelFile) -> ResultTable:
         if known.effects_file is not None:
             rows += [("effects file", known.effects_file), ("its SHA-256", str(known.effects_sha256))]
     return ResultTable(("what", "value"), rows, "Where the model comes from")
-
-
-def _values(entry: HistoryTable) -> dict[str, object]:
-    return {
-        "step": entry.step,
-        "fit_rms_mm": entry.fit_rms_mm,
-        "held_out_rms_mm": entry.held_out_rms_mm,
-        "data_sha256": None if entry.provenance is None else entry.provenance.data_sha256,
-    }

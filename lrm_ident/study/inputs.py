@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Protocol
 
 from lrm_ident.data.measurement_file.metadata import metadata_of
 from lrm_ident.data.measurements import Measurements
@@ -26,12 +25,8 @@ from lrm_math.model.model_file import ModelFile, arm_of, to_model
 from lrm_math.model.reading import AS_NAMED, Reading
 from lrm_math.toml_file import read_toml
 
-
-class ReadMeasurements(Protocol):
-    """Reads measurements that an arm can have made, as `read_measurements` does."""
-
-    def __call__(self, path: Path, arm: Arm, arm_name: str, reading: Reading, usual: Reading | None) -> Measurements:
-        """Measurements of a file. Raises `FileError`, `Misread`."""
+ReadMeasurements = Callable[[Path, Arm, str, Reading, Reading | None], Measurements]
+"""Reads measurements as `read_measurements` does, whose arguments it takes."""
 
 
 def read_study(
