@@ -29,7 +29,7 @@ SECTIONS = {
         ListedCommand("add", "diagnosis", "Add an effect and refit everything."),
         ListedCommand("undo", "diagnosis", "Take the last step of a model back, exactly."),
         ListedCommand("auto", "diagnosis", "Add effects as diagnose advises, until none is missing."),
-        ListedCommand("propose", "laws", "Propose a law where no known effect fits."),
+        ListedCommand("propose", "diagnosis", "Propose a law where no known effect fits."),
         ListedCommand("checkup", "groups.checkup", "Name what a LeRobot recording tells of an arm."),
         ListedCommand("fleet", "groups.fleet", "Identify many arms of one kind, see them together."),
     ),
@@ -43,7 +43,7 @@ SECTIONS = {
     "Design": (
         ListedCommand("design", "design", "Choose the poses to measure next."),
         ListedCommand("choose-poses", "design", "Choose the best poses among measured ones."),
-        ListedCommand("identify-parameters", "identifiability", "Find out which parameters poses can tell."),
+        ListedCommand("identify-parameters", "design", "Find out which parameters poses can tell."),
         ListedCommand("selftest", "diagnosis", "Tell before measuring what poses would show."),
         ListedCommand("reach", "workspace", "Map what an arm can reach; compare variants of it."),
     ),

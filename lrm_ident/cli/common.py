@@ -16,7 +16,7 @@ from rich.progress import TaskID
 from lrm_ident.data.atomic_write import write_text
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.fitting.effect_plugins import Catalogue
-from lrm_ident.fitting.progress import OnProgress, Progress, unheard
+from lrm_ident.fitting.progress import OnProgress, Progress
 from lrm_ident.report.document import Block, Document, ResultTable, write
 from lrm_ident.study import inputs
 from lrm_ident.study.study import Study
@@ -71,25 +71,19 @@ def read_model(path: Path, catalogue: Catalogue) -> tuple[ModelFile, Model]:
     return file, model
 
 
-def read_study(
+@contextmanager
+def opened(
     model: Path,
     data: Path,
     effects_file: Path | None,
     reading: Reading = AS_NAMED,
-    progress: Progress = unheard,
     part: Callable[[Measurements, Sequence[int]], Measurements] = Measurements.without,
-) -> Study:
-    """A study from its files; notices go to stderr."""
-    study = inputs.read_study(model, data, effects_file, reading, progress, part)
-    tell(study.notices)
-    return study
-
-
-@contextmanager
-def opened(model: Path, data: Path, effects_file: Path | None, reading: Reading = AS_NAMED) -> Iterator[Study]:
-    """A study from its files, which shows what it does as bars on stderr."""
+) -> Iterator[Study]:
+    """A study from its files, which shows what it does as bars on stderr; notices go there, too."""
     with bars() as progress:
-        yield read_study(model, data, effects_file, reading, progress)
+        study = inputs.read_study(model, data, effects_file, reading, progress, part)
+        tell(study.notices)
+        yield study
 
 
 def identifiable(study: Study) -> Study:

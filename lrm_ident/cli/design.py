@@ -1,4 +1,4 @@
-"""Commands that choose poses: which measured ones to identify on, and which to measure next."""
+"""Commands that choose poses, measured ones and the next ones, and what poses can tell of the parameters."""
 
 from __future__ import annotations
 
@@ -29,8 +29,8 @@ from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.registration.anchor import with_anchor
 from lrm_ident.data.weights.whitening import PLAIN, Whitening, measured_alike
 from lrm_ident.design.candidate_poses import DEFAULT_LEVELS, ClearanceRules, parse_levels
-from lrm_ident.design.observability import INDICES
-from lrm_ident.design.parameter_elimination import fittable
+from lrm_ident.design.observability import INDICES, UNITS
+from lrm_ident.design.parameter_elimination import PUBLISHED_THRESHOLD, eliminate, fittable
 from lrm_ident.design.pose_design import CandidateSet, DesignProblem
 from lrm_ident.design.pose_design import design as run_design
 from lrm_ident.design.pose_offer import clear_poses, every_one
@@ -41,7 +41,9 @@ from lrm_ident.fitting.identifiability import fit_identifiable
 from lrm_ident.fitting.parameter_sets import TABLE_4_5, select_parameters
 from lrm_ident.measuring.camera.session import CameraSession, expected_weights, read_session, visible
 from lrm_ident.report.design import choice_document, design_document, pose_table
+from lrm_ident.report.identifiability import elimination_document
 from lrm_ident.report.plots.design import draw_choice, draw_design
+from lrm_ident.report.plots.identifiability import draw_elimination
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_file import GRAM, MM, load_arm
 from lrm_math.arrays import Array
@@ -196,6 +198,39 @@ def design(
         show(f"{len(found.poses)} poses written to {output}, in the order to measure them")
     else:
         show("Not saved; give -o POSES.csv to keep it.")
+
+
+@command
+def identify_parameters(
+    arm: arg.ArmArgument,
+    poses: arg.PosesFile,
+    model: arg.LinearizedAt = None,
+    parameters: Annotated[
+        str,
+        Option(
+            help="Which parameters to start from: 'all', option1 (Table 4.5) to option5 of the thesis, or names and "
+            "patterns by commas."
+        ),
+    ] = "all",
+    units: arg.UnitsName = "thesis",
+    threshold: Annotated[
+        float, Option(min=1e-6, help="Smallest singular value that may stay, mm per unit.")
+    ] = PUBLISHED_THRESHOLD,
+    noise_mm: arg.NoiseMm = 0.3,
+    json: arg.JsonFile = None,
+    figure: arg.FigureAndNumbers = None,
+) -> None:
+    """Find out which parameters poses can tell, before measuring: singular values, and what moves the tip alike.
+
+    Builds the identification Jacobian at POSES, takes parameters out one by one until every singular value reaches the
+    threshold (thesis section 4.5), and says of each what it cannot be told from.
+    """
+    the_arm = load_arm(arm)
+    start = start_model(the_arm, model)
+    keys = fittable(start) if parameters == "all" else select_parameters(start, parameters)
+    rest = equilibrium(start, load_poses(poses, the_arm))
+    found = eliminate(rest, keys, one_of("units", units, UNITS), threshold, noise_mm * MM)
+    publish(elimination_document(start, found), json, figure, partial(draw_elimination, found))
 
 
 def _parameters_of(model: Model, parameters: str, data: Measurements) -> tuple[str, ...]:

@@ -1,4 +1,4 @@
-"""Commands that find what is missing: effects, diagnose, add, undo, auto."""
+"""Commands that find what is missing: effects, diagnose, add, undo, auto, propose, selftest."""
 
 from __future__ import annotations
 
@@ -23,15 +23,16 @@ from lrm_ident.cli.common import (
     opened,
     progress,
     publish,
-    read_study,
     show,
     tell,
 )
+from lrm_ident.data.atomic_write import write_text
 from lrm_ident.data.measurement_file.load import load_poses
 from lrm_ident.data.wording import in_minutes
 from lrm_ident.diagnosis.auto import AutoStep
 from lrm_ident.diagnosis.diagnosis_report import report_of
 from lrm_ident.diagnosis.inject_recover import InjectionPlan, detectable_effects, run_trials
+from lrm_ident.diagnosis.symbolic_regression.law_file import law_id
 from lrm_ident.fitting.cross_validation import FOLDS
 from lrm_ident.fitting.effect_plugins import catalogue_with
 from lrm_ident.fitting.executors import executor_for, rounds_of
@@ -45,11 +46,12 @@ from lrm_ident.report.diagnosis import (
 )
 from lrm_ident.report.effects import effect_blocks
 from lrm_ident.report.fit import error_blocks
+from lrm_ident.report.laws import proposal_document
 from lrm_ident.report.plots.diagnosis import draw_report
 from lrm_ident.residual.error_breakdown import HeldOutResidual
 from lrm_ident.study.error_summary import ErrorSummary
 from lrm_ident.study.field_step import WHAT_IT_IS, NoBetterPrediction
-from lrm_ident.study.inputs import arm_from
+from lrm_ident.study.inputs import arm_from, read_study
 from lrm_ident.study.model_history import fit_words, undo_step, write_model
 from lrm_ident.study.study import MAX_EFFECTS, Study
 from lrm_math.arm.arm_file import MM, load_arm
@@ -161,7 +163,9 @@ def auto(
     With --prior: effects that arms of this kind often have need less evidence, and at the end all parameters are fitted
     together with the prior. With --field: what no name explains is predicted too, beside the names.
     """
-    study = identifiable(read_study(model, data, effects_file, reading))
+    read = read_study(model, data, effects_file, reading)  # without bars, which steps would be printed into
+    tell(read.notices)
+    study = identifiable(read)
     numbers, begun, taken = count(), monotonic(), list[AutoStep]()
     rates = None if prior is None else load_rates(prior)
 
@@ -224,6 +228,36 @@ def kept_when_interrupted(output: Path, taken: Sequence[AutoStep]) -> Iterator[N
     except KeyboardInterrupt:
         notice(f"interrupted; {f'the model of the last step is in {output}' if taken else 'no step was taken'}")
         raise Exit(130) from None
+
+
+@command
+def propose(
+    model: arg.ModelPath,
+    data: arg.DataFile,
+    output: Annotated[Path | None, Option("-o", "--output", metavar="LAW.py", help="Where to write the law.")] = None,
+    json: arg.JsonFile = None,
+    effects_file: arg.EffectsFile = None,
+    reading: Reading = AS_NAMED,
+) -> None:
+    """Propose a law where no known effect fits: a small grammar searched at every joint, judged by held-out error.
+
+    Writes the best as an effect of your own (docs/effects.md): read it, then add it with --effects-file.
+    """
+    with opened(model, data, effects_file, reading) as study:
+        found = identifiable(study).propose()
+    publish(proposal_document(found), json)
+    if found.best is None:
+        return
+    law = found.best.law
+    if output is None:
+        show("Not saved; give -o LAW.py to keep it.")
+    else:
+        write_text(output, found.best.source)
+        show(
+            f"Law written to {output}",
+            f"Add it with: lrm-ident add {model} {data} {law_id(law)}@joint{law.joint + 1} "
+            f"--effects-file {output} -o MODEL2",
+        )
 
 
 @command

@@ -17,10 +17,10 @@ from lrm_ident.cli.common import (
     bars,
     leave_out_poses,
     notice,
+    opened,
     publish,
     read_measurements,
     read_model,
-    read_study,
     show,
     tell,
 )
@@ -164,8 +164,7 @@ def compare(
     fit did not see, the model's own error is one.
     """
     part = Measurements.only if left_out else Measurements.without
-    with bars() as progress:
-        study = read_study(model, data, effects_file, reading, progress, part)
+    with opened(model, data, effects_file, reading, part) as study:
         known = study.file.provenance
         if known and known.data_sha256 != study.data.sha256:
             notice(f"the model was fitted to {known.data}; its error here is on poses it never saw")

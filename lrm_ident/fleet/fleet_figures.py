@@ -8,6 +8,7 @@ from lrm_ident.fleet.fleet_prior import FleetKnowledge
 from lrm_ident.fleet.fleet_report import FleetResult, causes_words
 from lrm_ident.fleet.identify_arm import ArmRecord
 from lrm_ident.report.fit import screen_unit
+from lrm_ident.report.names.plain_names import plain_name
 
 
 def fleet_figures(result: FleetResult) -> dict[str, Any]:
@@ -48,7 +49,7 @@ def _effects(records: tuple[ArmRecord, ...], known: FleetKnowledge | str) -> lis
     for name in sorted(count, key=lambda one: (-count[one], one)):
         rate = rates.get(name)
         words = f"{count[name]} of {done} arms" if rate is None else rate.words
-        out.append({"name": name, "words": f"{name}<br>{words}"})
+        out.append({"name": name, "words": f"{plain_name(name)}<br>{words}"})
     return out
 
 

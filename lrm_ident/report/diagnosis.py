@@ -17,6 +17,7 @@ from lrm_ident.diagnosis.diagnosis_report import DiagnosisReport, RankedCandidat
 from lrm_ident.diagnosis.inject_recover import InjectionTrial
 from lrm_ident.report.document import Block, Document, FoldedSection, ResultTable, heading, section
 from lrm_ident.report.fit import error_blocks, parameter_table
+from lrm_ident.report.names.plain_names import in_words, plain_name
 from lrm_ident.residual.error_breakdown import HeldOutResidual
 from lrm_ident.residual.predictable_residual import PredictableResidual
 from lrm_ident.residual.residual_structure import noise_floor
@@ -27,7 +28,7 @@ from lrm_ident.study.step import StudyStep
 from lrm_math.effects import Effect, compensable
 from lrm_math.model.deployed_model import field_of
 
-SHOWN, REFUSED_SHOWN, RIVALS_SHOWN, RANKED, BAR = 8, 4, 4, 30, 24
+SHOWN, REFUSED_SHOWN, RIVALS_SHOWN, RANKED, BAR = 8, 4, 4, 30, 20
 VERDICTS = {
     "effect_missing": "An effect is missing.",
     "nothing_missing": "Nothing is missing: what is left looks like the noise of the measurement.",
@@ -76,7 +77,7 @@ def _values(report: DiagnosisReport) -> dict[str, object]:
         "audit": report.limitations,
         "hints": report.hints,
         "not_testable": [_refusal(effect, reason) for effect, reason in found.not_testable],
-        "next_poses_hint": report.hint,
+        "next_poses_hint": in_words(report.hint),
     }
 
 
@@ -100,17 +101,17 @@ def _blocks(report: DiagnosisReport) -> list[Block]:
         )
     if report.verdict == "unexplained_structure":
         ranking = found.unexplained.ranking
-        lines = (f"{function.name} would leave {in_mm(rms)} mm held out" for function, rms in ranking)
+        lines = (f"{in_words(function.name)} would leave {in_mm(rms)} mm held out" for function, rms in ranking)
         blocks += section("\nIts anatomy: what it acts like, and what that follows", lines)
     if found.outliers:
         blocks.append(f"\nOutliers, left out: poses {', '.join(map(str, found.outliers))}")
     blocks += [f"{one.sentence[0].upper()}{one.sentence[1:]}." for one in found.shifted]
-    blocks += section("\nHints that are no effects", report.hints)
+    blocks += section("\nHints that are no effects", map(in_words, report.hints))
     blocks += section("\nWhat these data cannot show", report.limitations)
     if refused := tuple(_untestable(found.not_testable)):
         names = ", ".join(_untestable_names(found))
         blocks.append(FoldedSection("\nNot testable", refused, f"{names}; --all says where and why"))
-    return [*blocks, f"\nNext: {report.hint}"]
+    return [*blocks, f"\nNext: {in_words(report.hint)}"]
 
 
 def _untestable_names(found: Diagnosis) -> Iterator[str]:
@@ -145,7 +146,8 @@ def _verdict(report: DiagnosisReport) -> str:
     if report.verdict == "unexplained_structure":
         return f"{VERDICTS[report.verdict]}{_looks_like(report)}"
     if report.first is not None:
-        return f"{VERDICTS[report.verdict]} {report.first.why[0].upper()}{report.first.why[1:]}."
+        why = in_words(report.first.why)
+        return f"{VERDICTS[report.verdict]} {why[0].upper()}{why[1:]}."
     return VERDICTS[report.verdict]
 
 
@@ -156,7 +158,8 @@ def _looks_like(report: DiagnosisReport) -> str:
     best = found.functions[0].name if found.functions else next(iter(named), "")
     if best not in named or named[best] > (1.0 - MIN_GAIN) * held_out:
         return ""
-    return f" It looks most like {best}, which would leave {in_mm(named[best])} of {in_mm(held_out)} mm held out."
+    left = f"{in_mm(named[best])} of {in_mm(held_out)} mm held out"
+    return f" It looks most like {in_words(best)}, which would leave {left}."
 
 
 def _far_poses(report: DiagnosisReport) -> Iterator[str]:
@@ -182,8 +185,9 @@ def _ranking_table(report: DiagnosisReport) -> ResultTable:
     rows = []
     for rank, advice in enumerate(report.ranking[: min(supported, SHOWN) + REFUSED_SHOWN], start=1):
         rms = ("" if advice.exact else "≈ ") + in_mm(advice.held_out_rms)
-        rows.append((rank, advice.scored.name, MARKS[advice.verdict], rms, advice.why))
-    return ResultTable(("|", "effect", "verdict", "held out mm|", "why"), rows)
+        name, mark, why = advice.scored.name, MARKS[advice.verdict].split()[0], in_words(advice.why)
+        rows.append((rank, mark, name, rms, why if advice.verdict != "no_evidence" else f"{plain_name(name)}: {why}"))
+    return ResultTable(("|", "", "effect", "held out mm|", "why"), rows, "   ".join(MARKS.values()))
 
 
 def _advice(rank: int, advice: RankedCandidate, report: DiagnosisReport) -> dict[str, object]:
@@ -200,7 +204,7 @@ def _advice(rank: int, advice: RankedCandidate, report: DiagnosisReport) -> dict
         "parameters": {name: {"value": value, "se": error} for name, value, error in advice.estimates},
         "indistinguishable_from": advice.equivalent,
         "online": compensable(effect),
-        "why": advice.why,
+        "why": in_words(advice.why),
     }
 
 
@@ -214,15 +218,15 @@ def _untestable(refused: Sequence[tuple[Effect, str]]) -> Iterator[str]:
             general = "its typical size would hardly show in what is left now"
         by_reason[effect.id, general].append(effect.place)
     for (name, reason), places in by_reason.items():
-        yield f"{name} at {', '.join(places)}: {reason}"
+        yield in_words(f"{name} at {', '.join(places)}: {reason}")
 
 
 def step_blocks(number: int, step: AutoStep, start: AutoStep) -> Iterator[Block]:
     """One step of `auto`: errors, rival effects, and what was freed; its bar is relative to that of the `start`."""
     held_out, before = (error_stats(one.held_out).rms * 1e3 for one in (step, start))
     bar = "█" * int(np.clip(round(BAR * held_out / max(before, 1e-9)), 1, 2 * BAR))
-    errors = f"fit {in_mm(error_stats(step.fit.residual).rms):>5s}   held out {in_mm(held_out * 1e-3):>5s} mm  {bar}"
-    yield f"{number:3d}  {step.added or 'start':28s} {len(step.fit.model.free):3d} parameters   {errors}"
+    errors = f"fit {in_mm(error_stats(step.fit.residual).rms):>5s}  held out {in_mm(held_out * 1e-3):>5s} mm {bar}"
+    yield f"{number:3d}  {step.added or 'start':27s} {len(step.fit.model.free):3d} parameters  {errors}"
     if step.equivalent:
         yield Text(f"       or {enumerate_words(step.equivalent, RIVALS_SHOWN)}: these data cannot tell", style="dim")
     if step.added:
@@ -236,9 +240,10 @@ def _share_words(step: AutoStep) -> str:
     known = noise_floor(step.data, step.fit.rest).rms is not None
     took = f"took {in_percent(step.share)} % of the mean square{' above the noise' if known else ''}"
     if present := [name for name in step.refines if name in {effect.name for effect in step.fit.model.effects}]:
-        return f"{took}; description: another form of {' and '.join(present)}, no new cause"
+        return f"{took}; description: another form of {in_words(' and '.join(present))}, no new cause"
     if step.refines:
-        return f"{took}; description: a free curve that stands for {' or '.join(step.refines)}, no cause that was shown"
+        causes = in_words(" or ".join(step.refines))
+        return f"{took}; description: a free curve that stands for {causes}, no cause that was shown"
     if step.describes:
         return f"{took}; description: too little to name a cause while {'so much' if known else 'more'} stays"
     return f"{took}; finding"
@@ -320,8 +325,8 @@ def selftest_document(poses: int, trials: Sequence[InjectionTrial], refused: Seq
 
 def left_blocks(left: PredictableResidual) -> list[Block]:
     """One sentence on what could be predicted, and one on each regime."""
-    regimes = section("\nWhere what is left is concentrated", (regime.sentence for regime in left.regimes))
-    return [left.predictable.sentence, *regimes]
+    regimes = section("\nWhere what is left is concentrated", (in_words(regime.sentence) for regime in left.regimes))
+    return [in_words(left.predictable.sentence), *regimes]
 
 
 def left_values(left: PredictableResidual) -> dict[str, object]:

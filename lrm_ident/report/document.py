@@ -6,6 +6,7 @@ import json
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, is_dataclass
+from textwrap import fill
 from typing import Any
 
 import numpy as np
@@ -40,10 +41,12 @@ class ResultTable:
         return [column.partition("|")[0] for column in self.columns]
 
     def grid(self) -> Grid:
-        """Text for the terminal."""
+        """Text for the terminal; where that is narrow, words are wrapped and numbers are not."""
         out = Grid(title=self.title, title_justify="left", box=SIMPLE_HEAD, title_style="bold", pad_edge=False)
+        out.padding, out.collapse_padding = (0, 1), True
         for name, column in zip(self.names, self.columns, strict=True):
-            out.add_column(name, justify="right" if "|" in column else "left")
+            number = "|" in column
+            out.add_column(name, justify="right" if number else "left", no_wrap=number, overflow="fold")
         for row in self.text():
             out.add_row(*row)
         return out
@@ -124,15 +127,25 @@ def plain(value: Any) -> Any:
 
 
 def write(console: Console, blocks: Iterable[Block], most: int | None = None) -> None:
-    """Prints blocks: tables fitted to the console, text as it is, at most so many lines of a list."""
+    """Prints blocks: tables fitted to the console, at most so many lines of a list.
+
+    Sentences are wrapped at spaces on a terminal; elsewhere each is one line.
+    """
+    whole = not console.is_terminal
     for block in blocks:
         if isinstance(block, ResultTable):
             console.print(block.grid())
         elif isinstance(block, ListSection):
-            lines = "\n".join(block.shown(most))
-            console.print(Text.assemble((block.title, "bold"), f"\n{lines}"), highlight=False, soft_wrap=True)
+            lines = (line if whole else _hanging(line, console.width) for line in block.shown(most))
+            text = Text.assemble((block.title, "bold"), *(f"\n{line}" for line in lines))
+            console.print(text, highlight=False, soft_wrap=whole)
         else:
-            console.print(block, highlight=False, soft_wrap=True, markup=False)
+            console.print(block, highlight=False, soft_wrap=whole, markup=False)
+
+
+def _hanging(line: str, width: int) -> str:
+    """A line of a list, wrapped at spaces; what goes on stands further in."""
+    return fill(line, width, subsequent_indent="    ", break_long_words=False, break_on_hyphens=False)
 
 
 def heading(text: str) -> Text:

@@ -28,7 +28,8 @@ def table_html(table: ResultTable) -> str:
         for row in table.text()
     )
     caption = f"<caption>{escape(table.title)}</caption>" if table.title else ""
-    return f'<div class="wide"><table>{caption}<thead><tr>{head}</tr></thead><tbody>{rows}</tbody></table></div>'
+    html = f"<table>{caption}<thead><tr>{head}</tr></thead><tbody>{rows}</tbody></table>"
+    return f'<div class="wide" tabindex="0">{html}</div>'  # the keyboard scrolls it, too
 
 
 def _block(block: Block) -> str:

@@ -14,6 +14,7 @@ from lrm_ident.fitting.identifiability import UnidentifiableParameter, lost_to_o
 from lrm_ident.fitting.levenberg_marquardt import Fit
 from lrm_ident.report.document import Block, Document, ResultTable, heading, section
 from lrm_ident.report.effects import field_blocks, field_values
+from lrm_ident.report.names.plain_names import in_words
 from lrm_ident.residual.error_breakdown import Factor, ModelComparison, PoseGroup
 from lrm_ident.study.error_summary import ErrorSummary
 from lrm_ident.study.model_history import fit_words
@@ -24,7 +25,6 @@ from lrm_math.model.model import Model
 from lrm_math.plausibility import far_from_typical
 
 BAR, FACTORS_SHOWN, PARTS_SHOWN, STRONG = 10, 8, 3, 0.95
-PRETTY_UNIT = {"rad_per_Nm": "rad/Nm", "Nm_per_rad": "Nm/rad", "rad": "deg"}
 DAMPED = (
     "Least squares alone did not converge; fitted with weak priors (three typical sizes about zero). Look at the "
     "standard errors: some parameters are hardly known."
@@ -120,7 +120,7 @@ def comparison_document(found: ModelComparison) -> Document:
         *error_blocks(errors, f"{len(data)} poses, {free} parameters"),
         *(() if field is None else field_blocks(found, field)),
         *([said] if (said := _outside(found)) else []),
-        *([] if found.predictable is None else [found.predictable.sentence]),
+        *([] if found.predictable is None else [in_words(found.predictable.sentence)]),
         _factor_table(found.factors[:FACTORS_SHOWN]),
         *(_group_table(factor) for factor in found.factors[:2]),
         _worst_table(found),
@@ -172,7 +172,7 @@ def _worst_table(found: ModelComparison) -> ResultTable:
     angles = " ".join(f"{'q' + str(i + 1):>4s}" for i in range(q.shape[1]))
     rows = []
     for i in found.worst:
-        turned = " ".join(f"{angle:4.0f}" for angle in q[i]) + "    "
+        turned = " ".join(f"{angle:4.0f}" for angle in q[i])
         rows.append((data.pose[i], turned, load[i], np.linalg.norm(residual[i]), _vector(residual[i], places)))
     columns = ("pose|", angles + "|", "load g|.1f", f"error mm|.{places}f", "residual mm|")
     return ResultTable(columns, rows, "The worst poses (angles in deg)")
@@ -225,8 +225,10 @@ def estimates(fit: Fit, se_at_bound: float | None) -> dict[str, dict[str, object
 def screen_unit(model: Model, key: str) -> tuple[str, float, str]:
     """A key without its unit, what to multiply an SI value by for the terminal, and the unit to print."""
     parameter = model.parameters[model.position(key)]
-    scale = float(np.degrees(1.0)) if parameter.unit == "rad" else 1.0 / parameter.si
-    return key.removesuffix("_" + parameter.unit), scale, PRETTY_UNIT.get(parameter.unit, parameter.unit)
+    name = key.removesuffix("_" + parameter.unit)
+    if parameter.unit == "rad":
+        return name, float(np.degrees(1.0)), "deg"
+    return name, 1.0 / parameter.si, parameter.unit.replace("_per_", "/")
 
 
 def stats_in_mm(error: ErrorStats) -> tuple[float, float, float, float]:
@@ -268,10 +270,14 @@ def _factor_table(factors: Sequence[Factor]) -> ResultTable:
     spec = f".{decimals(*(factor.worst.error.rms * 1e3 for factor in factors))}f"
     columns = ("split by", "explains|", "", "worst group", f"RMS mm|{spec}", "poses|")
     rows = [
-        (f.name, f"{in_percent(f.share)} %", "█" * round(BAR * f.share), w.label, w.error.rms * 1e3, w.count)
+        (f.name, _share(f.share), "█" * round(BAR * f.share), w.label, w.error.rms * 1e3, w.count)
         for f, w in ((factor, factor.worst) for factor in factors)
     ]
     return ResultTable(columns, rows, "Where it fails: what the residual follows")
+
+
+def _share(share: float) -> str:
+    return "< 1 %" if 0.0 < share < 0.01 else f"{in_percent(share)} %"
 
 
 def _group_table(factor: Factor) -> ResultTable:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from lrm_ident.data.wording import decimals, enumerate_words
 from lrm_ident.report.document import ResultTable
+from lrm_ident.report.names.plain_names import in_words
 from lrm_math.effects import marked
 from lrm_math.model.model_file import HistoryTable, ModelFile
 
@@ -24,16 +25,24 @@ def history_table(file: ModelFile) -> ResultTable:
     known = [value for entry in file.history for value in (entry.fit_rms_mm, entry.held_out_rms_mm) if value]
     spec = f".{decimals(*known)}f"
     rows = [
-        (number, entry.step, entry.fit_rms_mm, entry.held_out_rms_mm, data_of(entry))
+        (number, in_words(entry.step), entry.fit_rms_mm, entry.held_out_rms_mm, data_of(entry))
         for number, entry in enumerate(file.history)
     ]
-    columns = ("|", "step", f"fit RMS mm|{spec}", f"held out RMS mm|{spec}", "data (SHA-256)")
+    columns = ("|", "step", f"fit RMS mm|{spec}", f"held out RMS mm|{spec}", "data (SHA-256)|")
     return ResultTable(columns, rows, "Steps")
 
 
 def history_values(file: ModelFile) -> list[dict[str, object]]:
     """History for JSON, unrounded."""
-    return [_values(entry) for entry in file.history]
+    return [
+        {
+            "step": entry.step,
+            "fit_rms_mm": entry.fit_rms_mm,
+            "held_out_rms_mm": entry.held_out_rms_mm,
+            "data_sha256": None if entry.provenance is None else entry.provenance.data_sha256,
+        }
+        for entry in file.history
+    ]
 
 
 def provenance_table(file: ModelFile) -> ResultTable:
@@ -58,12 +67,3 @@ def provenance_table(file: ModelFile) -> ResultTable:
         if known.effects_file is not None:
             rows += [("effects file", known.effects_file), ("its SHA-256", str(known.effects_sha256))]
     return ResultTable(("what", "value"), rows, "Where the model comes from")
-
-
-def _values(entry: HistoryTable) -> dict[str, object]:
-    return {
-        "step": entry.step,
-        "fit_rms_mm": entry.fit_rms_mm,
-        "held_out_rms_mm": entry.held_out_rms_mm,
-        "data_sha256": None if entry.provenance is None else entry.provenance.data_sha256,
-    }

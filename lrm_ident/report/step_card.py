@@ -11,7 +11,7 @@ from lrm_ident.data.error_stats import error_stats
 from lrm_ident.data.wording import in_mm
 from lrm_ident.diagnosis.diagnosis_report import with_unit
 from lrm_ident.report.document import Document
-from lrm_ident.report.names.plain_names import place_words, step_title
+from lrm_ident.report.names.plain_names import step_title
 from lrm_ident.report.plots.interactive.candidate_view import SHARE, drivers_of, own_joint
 from lrm_ident.residual.covariates import Covariate
 from lrm_ident.residual.picture.error_field import ErrorField
@@ -174,7 +174,7 @@ def _claim(added: Sequence[Effect], numbers: Mapping[str, str]) -> str:
     if len(added) != 1 or not (sentence := added[0].about.claim):
         return ""
     words = {p.name: numbers.get(p.name, "0") for p in added[0].parameters}
-    return _capital(sentence.format(place=place_words(added[0].place), **words))
+    return _capital(sentence.format(place=added[0].place_in_words, **words))
 
 
 def _capital(words: str) -> str:

@@ -25,6 +25,9 @@ from lrm_math.model.model_file import ModelFile, arm_of, to_model
 from lrm_math.model.reading import AS_NAMED, Reading
 from lrm_math.toml_file import read_toml
 
+ReadMeasurements = Callable[[Path, Arm, str, Reading, Reading | None], Measurements]
+"""Reads measurements as `read_measurements` does, whose arguments it takes."""
+
 
 def read_study(
     model: str | Path,
@@ -33,6 +36,7 @@ def read_study(
     reading: Reading = AS_NAMED,
     progress: Progress = unheard,
     part: Callable[[Measurements, Sequence[int]], Measurements] = Measurements.without,
+    read: ReadMeasurements | None = None,
 ) -> Study:
     """A model file and measurements of its arm, read as those of its fit and without those that it left out.
 
@@ -42,13 +46,15 @@ def read_study(
         effects_file: a Python file with effects of the user's own.
         reading: how the numbers are read; where it and the file beside them say nothing, as those of the fit.
         part: what is taken of the fit's own data, given the numbers that it left out.
+        read: what reads the measurements; `read_measurements` if not given.
 
     Raises `FileError`: with file, line and column of the first fault; `Misread` if the arm cannot have moved so.
     """
     path, catalogue = Path(model), catalogue_with(effects_file)
     file, loaded, notices = read_model(path, catalogue)
     known = file.provenance
-    measured = read_measurements(Path(data), loaded.arm, file.arm, reading, None if known is None else known.reading)
+    usual = None if known is None else known.reading
+    measured = (read or read_measurements)(Path(data), loaded.arm, file.arm, reading, usual)
     notices += measured.notices
     if known is not None:
         if known.data_sha256 == measured.sha256:

@@ -63,6 +63,7 @@ def _when_started(place: WorkbenchAddress, session: WorkbenchSession, show: bool
             await asyncio.sleep(TICK_S)
 
     async def announcing() -> None:
+        """Says where the page is, once it can be opened."""
         await place.listening()
         print(f"Workbench at {place.address}\nEvery step is kept in {place.folder}; Ctrl-C ends it.", flush=True)
         if show:

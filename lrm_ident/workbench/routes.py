@@ -16,7 +16,7 @@ from lrm_ident.workbench.tab.head import FILES
 from lrm_ident.workbench.work.dropped import keep_dropped, task_for
 from lrm_math.errors import LrmError
 
-NOTHING_OPEN = "no model is open yet"
+NOTHING_OPEN, NO_POSES = "no model is open yet", "no poses are chosen yet"
 
 
 def add_routes(app: App, session: WorkbenchSession) -> None:
@@ -39,9 +39,7 @@ class PageRoutes:
     def values(self) -> Response:
         """The values of the figures, JSON; 404 if nothing is open."""
         shown = self.session.shown
-        if shown is None:
-            return PlainTextResponse(NOTHING_OPEN, status_code=404)
-        return Response(shown.values, media_type="application/json")
+        return _file(shown.values if shown else None, "application/json")
 
     def report(self) -> Response:
         """The report of the last step; 404 if nothing is open. In a thread of its own, since it loads what computes."""
@@ -55,18 +53,14 @@ class PageRoutes:
     def model(self) -> Response:
         """The model file, to be saved; 404 if nothing is open."""
         shown = self.session.shown
-        if shown is None:
-            return PlainTextResponse(NOTHING_OPEN, status_code=404)
-        headers = {"content-disposition": 'attachment; filename="model.toml"'}
-        return Response(shown.model, media_type="application/toml", headers=headers)
+        return _file(shown.model if shown else None, "application/toml", "model.toml")
 
     def poses(self) -> Response:
         """The next poses, to be saved; 404 if none were chosen."""
         found = self.session.poses
-        if found is None or not found.table:
-            return PlainTextResponse("no poses are chosen yet", status_code=404)
-        headers = {"content-disposition": f"attachment; filename*=UTF-8''{quote(f'{Path(found.data).stem}-next.csv')}"}
-        return Response(found.table, media_type="text/csv", headers=headers)
+        if found is None:
+            return _file(None, "text/csv", missing=NO_POSES)
+        return _file(found.table, "text/csv", f"{Path(found.data).stem}-next.csv", NO_POSES)
 
     async def drop(self, request: Request) -> Response:
         """Opens dropped files; 400 with the reason if they cannot be opened."""
@@ -84,3 +78,11 @@ class PageRoutes:
             session.fail(str(error))
             return JSONResponse({"error": str(error)}, status_code=400)
         return JSONResponse({"opened": sorted(contents)})
+
+
+def _file(text: str | None, kind: str, name: str = "", missing: str = NOTHING_OPEN) -> Response:
+    """A text of a media type, to be saved under a name if it has one; 404 and what is missing where there is none."""
+    if not text:
+        return PlainTextResponse(missing, status_code=404)
+    headers = {"content-disposition": f"attachment; filename*=UTF-8''{quote(name)}"} if name else {}
+    return Response(text, media_type=kind, headers=headers)

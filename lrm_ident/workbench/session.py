@@ -69,25 +69,25 @@ class WorkbenchSession(SessionState):
         """Looks for a law."""
         step = self._steady()
         self._give_way()
-        self._begin(ProposeTask(step.files, self.folder / f"law-{len(self.done)}.py"))
+        self._begin(ProposeTask(step.files, self.folder / f"law-{len(self.taken.done)}.py"))
 
     def next_poses(self) -> None:
         """Chooses the next poses to measure. Raises `LrmError` as long as there is no diagnosis that says what for."""
         step = self._steady()
         if not step.shown.diagnosed:
             raise LrmError("the poses are chosen to tell candidates apart: wait until every effect has been tried")
-        self._begin(PosesTask(step.files, step.packed, self.folder / f"poses-{len(self.done)}.csv"))
+        self._begin(PosesTask(step.files, step.packed, self.folder / f"poses-{len(self.taken.done)}.csv"))
 
     def add_law(self) -> None:
         """Adds the proposed law, from its file. Raises `LrmError` if there is none."""
         step = self._steady()
-        if self.law is None or self.law.file is None:
+        if self.taken.law is None or self.taken.law.file is None:
             raise LrmError("no law is proposed; press Propose a law first")
         if step.files.effects_file is not None:
             raise LrmError("this model has effects of its own already; add the law on the command line")
         self._give_way()
-        files = replace(step.files, effects_file=self.law.file)
-        self._begin(AddTask(files, self.law.name, self.new_file(), step.packed))
+        files = replace(step.files, effects_file=self.taken.law.file)
+        self._begin(AddTask(files, self.taken.law.name, self.new_file(), step.packed))
 
     def undo(self) -> None:
         """Takes the last step back, exactly. Raises `LrmError` if there is none."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -14,7 +13,6 @@ from lrm_ident.workbench.work.messages import WorkProgress
 from lrm_ident.workbench.work.opened_data import OpenedData
 from lrm_ident.workbench.work.tasks import (
     DiagnoseTask,
-    LawResult,
     OpenFiles,
     PosesResult,
     StepResult,
@@ -56,21 +54,6 @@ class SessionState:
     drawn: int = 0
     _waiting: WorkTask | None = None
     _at_work: WorkTask | None = None
-
-    @property
-    def steps(self) -> Sequence[StepResult]:
-        """All steps, the last one being the model."""
-        return self.taken.steps
-
-    @property
-    def done(self) -> Sequence[DoneCommand]:
-        """Steps that were taken, as commands."""
-        return self.taken.done
-
-    @property
-    def law(self) -> LawResult | None:
-        """The last proposed law."""
-        return self.taken.law
 
     @property
     def step(self) -> StepResult | None:

@@ -7,6 +7,7 @@ fit follow from these.
 
 from __future__ import annotations
 
+import re
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -220,12 +221,19 @@ class Effect(ABC):
     @property
     def place_in_words(self) -> str:
         """Where it acts, for sentences: what a measurement shows may stand elsewhere, too."""
-        return self.place
+        return place_words(self.place)
 
     @cached_property
     def keys(self) -> tuple[str, ...]:
         """Names of its parameters in model files: `id.place.parameter`."""
         return tuple(f"{self.id}.{self.place}.{parameter.name}" for parameter in self.parameters)
+
+
+def place_words(place: str) -> str:
+    """Words of a place: `joint 2`, `joints 1 and 2`, `joint 1 by joint 2`."""
+    if both := re.fullmatch(r"joint(\d+)\+joint(\d+)", place):
+        return f"joints {both[1]} and {both[2]}"
+    return re.sub(r"([a-z])(\d+)", r"\1 \2", place).replace("<-", " by ")
 
 
 class LinearEffect(Effect):

@@ -23,7 +23,7 @@ from lrm_math.effects.base import (
     joint_number,
     separately,
 )
-from lrm_math.effects.servo_errors import coupled_joints, ordered_pairs
+from lrm_math.effects.servo_errors import CoupledJoints, coupled_joints
 from lrm_math.kinematics.chain import Number
 from lrm_math.kinematics.poses import Poses
 from lrm_math.kinematics.scalar_or_array import magnitude, positive_part
@@ -107,7 +107,7 @@ class AngleCurve(_AngleSpline, JointEffect):
         return self.joint
 
 
-class CouplingCurve(_AngleSpline):
+class CouplingCurve(CoupledJoints, _AngleSpline):
     """Free function of another joint's angle."""
 
     id = "coupling_curve"
@@ -116,25 +116,15 @@ class CouplingCurve(_AngleSpline):
         cause="A cable or a shared mount lets one joint turn another one, not in proportion.",
         formula="δq_N = cubic spline of q_M",
         source="cubic B-splines, de Boor 1978",
-        claim="{place} couple by a curve",
+        claim="{place} by a curve",
         needs="six or more levels of the other joint",
     )
     spacing = radians(25.0)
-
-    @classmethod
-    def places(cls, arm: Arm) -> tuple[str, ...]:
-        """Every ordered pair of joints: `jointN<-jointM`."""
-        return ordered_pairs(arm)
 
     @property
     def followed(self) -> int:
         """The other joint."""
         return coupled_joints(self.place)[1]
-
-    @property
-    def targets(self) -> tuple[str, ...]:
-        """The angle of the joint that is turned."""
-        return (f"{self.place.split('<-')[0]}.theta",)
 
 
 class CableCurve(LinearEffect):

@@ -16,6 +16,7 @@ from lrm_math.effects.base import (
     LinearEffect,
     Parameter,
     joint_number,
+    place_words,
 )
 from lrm_math.kinematics.poses import Poses
 from lrm_math.kinematics.scalar_or_array import cos, negative_part, positive_part, sin
@@ -108,19 +109,8 @@ class Eccentricity(AngleDependentEffect, LinearEffect):
         return (s,), (c - 1.0,), (2.0 * s * c,), (-2.0 * s * s,)
 
 
-class Coupling(LinearEffect):
-    """Linear coupling of one joint's angle to another one's command."""
-
-    id = "coupling"
-    about = Description(
-        cause="A cable or a shared mount lets the command of one joint turn another one a little.",
-        formula="δq_N = c q_M",
-        source="first order of any dependence between two joints",
-        claim="{place} couple by {c_rad_per_rad}",
-    )
-
-    depends_on = ("angle",)
-    extrapolation = Extrapolation.PROPORTIONAL
+class CoupledJoints(Effect):
+    """A turn of one joint's angle by another joint: the place is an ordered pair `jointN<-jointM`."""
 
     @classmethod
     def places(cls, arm: Arm) -> tuple[str, ...]:
@@ -128,14 +118,34 @@ class Coupling(LinearEffect):
         return ordered_pairs(arm)
 
     @property
-    def parameters(self) -> tuple[Parameter, ...]:
-        """The coefficient c."""
-        return (Parameter("c_rad_per_rad", f"turn of {self.place.replace('<-', ' for each rad of ')}", 0.02),)
-
-    @property
     def targets(self) -> tuple[str, ...]:
         """The angle of the joint that is turned."""
         return (f"{self.place.split('<-')[0]}.theta",)
+
+    @property
+    def place_in_words(self) -> str:
+        """`joint 3 follows joint 2`."""
+        return " follows ".join(map(place_words, self.place.split("<-")))
+
+
+class Coupling(CoupledJoints, LinearEffect):
+    """Linear coupling of one joint's angle to another one's command."""
+
+    id = "coupling"
+    about = Description(
+        cause="A cable or a shared mount lets the command of one joint turn another one a little.",
+        formula="δq_N = c q_M",
+        source="first order of any dependence between two joints",
+        claim="{place} by {c_rad_per_rad}",
+    )
+
+    depends_on = ("angle",)
+    extrapolation = Extrapolation.PROPORTIONAL
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """The coefficient c."""
+        return (Parameter("c_rad_per_rad", f"turn of {self.place.replace('<-', ' for each rad of ')}", 0.02),)
 
     def missing_excitation(self, excitation: Excitation) -> str | None:
         """The other joint must move."""

@@ -19,6 +19,7 @@ from lrm_math.effects.base import (
     Extrapolation,
     LinearEffect,
     Parameter,
+    place_words,
     separately,
 )
 from lrm_math.effects.curves import cubic_b_splines, spline_count
@@ -222,7 +223,7 @@ class Session(_SessionError, LinearEffect):
 
 def session_words(place: str) -> str:
     """The place in words."""
-    return {BASE: BASE_OR_TRACKER, FRAME_PLACE: ALL_LENGTHS}.get(place, place)
+    return {BASE: BASE_OR_TRACKER, FRAME_PLACE: ALL_LENGTHS}.get(place) or place_words(place)
 
 
 def moved_at(place: str) -> tuple[str, ...]:

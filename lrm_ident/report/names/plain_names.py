@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import re
 
-from lrm_math.arm.arm import BASE
 from lrm_math.effects import marked, split_name
+from lrm_math.effects.base import place_words
 from lrm_math.effects.session_errors import session_words
-from lrm_math.effects.targets import FRAME_PLACE
 
 PLAIN = {
     "offsets": "shape of {place} other than drawn",
@@ -33,35 +32,45 @@ PLAIN = {
     "second_change_point": "second displacement of {place}",
     "session": "new zero of {place} in each session",
     "measurement_frame": "stretched tracker space",
-    "frame_curve": "distorted tracker space, free curve",
+    "frame_curve": "distorted tracker space (free curve)",
     "anchor": "start of the distances",
-    "angle_curve": "uneven turning of {place}, free curve",
-    "coupling_curve": "coupling of {place}, free curve",
-    "cable_curve": "cable over {place}, free curve",
-    "drift_curve": "drift of {place}, free curve",
-    "torque_curve": "yielding of {place}, free curve",
-    "bearing_curve": "loose bearing of {place}, free curve",
-    "base_curve": "yielding of the base, free curve",
-    "friction_curve": "friction of {place}, free curve",
+    "angle_curve": "uneven turning of {place} (free curve)",
+    "coupling_curve": "coupling of {place} (free curve)",
+    "cable_curve": "cable over {place} (free curve)",
+    "drift_curve": "drift of {place} (free curve)",
+    "torque_curve": "yielding of {place} (free curve)",
+    "bearing_curve": "loose bearing of {place} (free curve)",
+    "base_curve": "yielding of the base (free curve)",
+    "friction_curve": "friction of {place} (free curve)",
     "residual_field": "what no name explains",
 }
 OF_A_SESSION = ("drift", "drift_curve", "change_point", "second_change_point", "session")
 """Effects that may move everything alike."""
+SYMBOLS = {"q": "angle", "tau": "torque"}
+EFFECT = r"\b[a-z]\w*@\w+(?:(?:<-|\+)\w+)*"
+ALONE = r"(?<![\w.])(?:(?P<place>(?:joint|link)\d+(?:(?:<-|\+)joint\d+)?)|(?P<symbol>q|tau)(?P<joint>\d+))(?![\w.]*\w)"
+CODE_NAME = re.compile(f"{EFFECT}|{ALONE}")
+"""An effect at a place; a joint or link; the symbol of a covariate. No keys of parameters (`offsets.joint2.a_mm`)."""
 
 
 def plain_name(name: str) -> str:
     """Plain name of `id@place`; of a law or an effect of one's own, its id and place in words."""
     kind, place = split_name(name)
     words = PLAIN.get(kind, kind.replace("_", " ") + " of {place}")
-    whole = kind in OF_A_SESSION and place in (BASE, FRAME_PLACE)
-    return marked(name, words.format(place=session_words(place) if whole else place_words(place or "all places")))
+    where = session_words if kind in OF_A_SESSION else place_words
+    return marked(name, words.format(place=where(place or "all places")))
 
 
-def place_words(place: str) -> str:
-    """Words of a place: `joint 2`, `joints 1 and 2`, `joint 1 by joint 2`."""
-    if both := re.fullmatch(r"joint(\d+)\+joint(\d+)", place):
-        return f"joints {both[1]} and {both[2]}"
-    return re.sub(r"([a-z])(\d+)", r"\1 \2", place).replace("<-", " by ")
+def in_words(sentence: str) -> str:
+    """A sentence with its names in words: `play in joint 2`, `joint 4`, `the angle of joint 4`."""
+    return CODE_NAME.sub(_words_of, sentence)
+
+
+def _words_of(found: re.Match[str]) -> str:
+    name, place, symbol, joint = found[0], found["place"], found["symbol"], found["joint"]
+    if place:
+        return place_words(place)
+    return f"the {SYMBOLS[symbol]} of joint {joint}" if symbol else plain_name(name)
 
 
 def step_title(step: str) -> str:

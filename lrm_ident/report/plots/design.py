@@ -13,7 +13,7 @@ from lrm_ident.data.measurements import Measurements
 from lrm_ident.design.observability import INDICES
 from lrm_ident.design.pose_design import CandidateSet, DesignProblem, ExpectedAccuracy, PoseDesign
 from lrm_ident.design.pose_selection import PoseSelection
-from lrm_ident.report.names.symbols import symbol
+from lrm_ident.report.fit import screen_unit
 from lrm_ident.report.plots.style import GREEN, HELD_OUT, MODEL, NOMINAL, figure_file, plain_number
 from lrm_math.arrays import Array
 from lrm_math.model.equilibrium import equilibrium
@@ -58,7 +58,7 @@ def draw_design(task: DesignProblem, offer: CandidateSet, found: PoseDesign, pat
     with figure_file(path, 14, 4.8) as figure:
         panels = figure.subplots(1, len(widths), width_ratios=widths)
         _draw_places(panels[0], everywhere, chosen, (0, 2))
-        _draw_errors(panels[1], found, sets)
+        _draw_errors(panels[1], [screen_unit(task.model, key)[0] for key in found.keys], sets)
         panels[1].set_title(f"noise {task.noise * 1e3:g} mm per axis", fontsize=10)
         if found.after.discrimination is not None:
             _draw_rivals(panels[2], [rival.name for rival in found.after.discrimination.rivals], sets)
@@ -75,13 +75,13 @@ class PlottedSet:
     hatch: str
 
 
-def _draw_errors(axes: Axes, found: PoseDesign, sets: Sequence[PlottedSet]) -> None:
-    place = np.arange(len(found.keys))
+def _draw_errors(axes: Axes, names: Sequence[str], sets: Sequence[PlottedSet]) -> None:
+    place = np.arange(len(names))
     for one in sets:
         label = f"{one.label}: TCP to {one.known.tcp:.3g} mm"
         axes.plot(place, one.known.standard_errors, one.marker, color=one.colour, label=label, markersize=6)
     _log(axes)
-    axes.set_xticks(place, [symbol(key) for key in found.keys], rotation=60, fontsize=8)
+    axes.set_xticks(place, names, rotation=90, fontsize=7)
     axes.set_ylabel("expected standard error as TCP motion, mm")
     axes.legend(fontsize=9)
 
@@ -109,7 +109,10 @@ def _draw_rivals(axes: Axes, names: Sequence[str], sets: Sequence[PlottedSet]) -
 
 def _log(axes: Axes) -> None:
     """A logarithmic axis in plain numbers."""
+    from matplotlib.ticker import LogLocator  # here, since matplotlib takes half a second to load
+
     axes.set_yscale("log")
+    axes.yaxis.set_minor_locator(LogLocator(subs=(2.0, 3.0, 5.0)))
     for set_format in (axes.yaxis.set_major_formatter, axes.yaxis.set_minor_formatter):
         set_format(plain_number)
     axes.grid(alpha=0.3)

@@ -8,8 +8,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lrm_ident.data.weights.row_weights import RowWeights
+from lrm_ident.data.wording import in_mm
 from lrm_ident.diagnosis.diagnose import Diagnosis
 from lrm_ident.diagnosis.diagnosis_report import DiagnosisReport, RankedCandidate
+from lrm_ident.report.names.plain_names import in_words, plain_name
 from lrm_ident.report.plots.driver_curve import DriverCurve, driver_curve
 from lrm_ident.report.plots.style import GREEN, HELD_OUT, MODEL, NOMINAL, figure_file, finish
 from lrm_ident.residual.covariates import SYMBOLS, covariates
@@ -42,12 +44,14 @@ def draw_report(report: DiagnosisReport, path: Path) -> None:
 
 def _draw_ranking(axes: Axes, report: DiagnosisReport) -> None:
     shown = report.ranking[:DRAWN][::-1]
-    bars = axes.barh([a.scored.name for a in shown], [a.held_out_rms * 1e3 for a in shown], color=MODEL)
+    names = [f"{plain_name(a.scored.name)}\n{a.scored.name}" for a in shown]
+    bars = axes.barh(names, [a.held_out_rms * 1e3 for a in shown], color=MODEL)
     for bar, advice in zip(bars, shown, strict=True):
         bar.set_hatch(HATCH[advice.verdict])
         bar.set_edgecolor("white")
         bar.set_color(MODEL if advice.verdict != "no_evidence" else NOMINAL)
-    axes.bar_label(bars, fmt="%.2f", padding=8)
+    axes.tick_params(axis="y", labelsize=8)
+    axes.bar_label(bars, [f"{'' if a.exact else '≈ '}{in_mm(a.held_out_rms)}" for a in shown], padding=8)
     now, floor = report.held_out.rms * 1e3, report.diagnosis.floor.rms
     axes.axvline(now, color="black", linestyle="-", linewidth=1)
     noise = ""
@@ -72,18 +76,20 @@ def _draw_evidence(axes: Axes, found: Diagnosis, first: RankedCandidate) -> None
         axes.scatter(motion[:, axis], residual[:, axis], s=12, color=colour, marker=marker, label=label)
     most = float(np.abs(motion).max())
     axes.plot([-most, most], [-most, most], color="black", linestyle="--", linewidth=1, label="as the effect says")
-    title = f"{scored.name}: {first.why.split(':')[0]}"
-    finish(axes, f"what {scored.name} would add beyond the fit, mm", "what the fit leaves, mm", title)
+    name = plain_name(scored.name)
+    finish(axes, f"what {name} would add beyond the fit, mm", "what the fit leaves, mm", f"The evidence: {name}")
 
 
 def _draw_form(axes: Axes, curve: DriverCurve) -> None:
     """The turn of the joint against what drives it: the fitted form with its band, and what the poses show."""
     label = "each pose: the form and what the fit leaves"
     axes.scatter(curve.measured_at, curve.measured, s=10, color=NOMINAL, label=label)
-    axes.plot(curve.at, curve.turn, color=MODEL, linewidth=2, label=" + ".join(curve.effects))
+    axes.plot(curve.at, curve.turn, color=MODEL, linewidth=2, label=" + ".join(map(plain_name, curve.effects)))
     low, high = curve.turn - 2.0 * curve.error, curve.turn + 2.0 * curve.error
     axes.fill_between(curve.at, low, high, color=MODEL, alpha=0.3, linewidth=0, label="two standard errors")
-    finish(axes, f"{curve.driver}, {curve.unit}", f"turn of {curve.joint}, °", f"The form: {curve.effects[-1]}")
+    driver, joint = in_words(curve.driver), in_words(curve.joint)
+    title = f"The form: {plain_name(curve.effects[-1])}"
+    finish(axes, f"{driver}, {curve.unit}", f"turn of {joint}, °", title)
 
 
 def _draw_anatomy(axes: Axes, found: Diagnosis, function: FreeFunction) -> None:
@@ -106,7 +112,7 @@ def _draw_anatomy(axes: Axes, found: Diagnosis, function: FreeFunction) -> None:
             axes.scatter(values[band], amount[band], s=14, color=colour, marker=marker, label=label)
     limit = float(np.quantile(np.abs(amount), 0.98))
     axes.set_ylim(-1.3 * limit, 1.3 * limit)
-    title = f"Anatomy: {function.name}"
+    title = f"Anatomy: {in_words(function.name)}"
     finish(axes, name, f"acts like a {acts_like}", title, legend=len(function.covariates) > 1)
 
 

@@ -41,7 +41,8 @@ class CommandBar:
             ui.html('<span id="lrm-asked" role="status" hidden></span>', sanitize=False)
         with ui.element("div").classes("lrm-head lrm-told"):
             ui.html(
-                '<p id="lrm-fall" class="lrm-fall"></p><p id="lrm-verdict" class="lrm-verdict" aria-live="polite"></p>',
+                '<p id="lrm-fall" class="lrm-fall"></p><p id="lrm-verdict" class="lrm-verdict" aria-live="polite"></p>'
+                '<p id="lrm-next" class="lrm-small"></p>',
                 sanitize=False,
             )
             ui.element("div").classes("lrm-grow")

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 from nicegui import ui
@@ -18,37 +19,33 @@ Do = Callable[[Callable[[], object]], object]
 
 def law_dialog(law: LawResult, session: WorkbenchSession, do: Do) -> None:
     """Shows what the search for a law found, and the button that adds it."""
-    with ui.dialog() as dialog, _card("lrm-law", "lrm-wide"):
+    with _dialog("lrm-law", "lrm-wide") as dialog:
         ui.html(law.words, sanitize=False).classes("lrm-numbers")
-        with ui.row():
+        with _buttons(dialog, "close-law"):
             if law.file is not None:
                 _button("Add the law", lambda: _closing(dialog, do, session.add_law))
-            ui.button("Close", on_click=dialog.close).props("no-caps flat data-name=close-law")
         if law.file is not None:
             ui.label(f"Kept in {law.file}: read it, and say what causes it.").classes("lrm-small")
-    dialog.open()
 
 
 def poses_dialog(poses: PosesResult) -> None:
     """Shows the next poses to measure and offers their file; or says why there are none."""
     title = "No poses were chosen after those of" if poses.problem else "Poses to measure after those of"
-    with ui.dialog() as dialog, _card("lrm-next-poses", "lrm-wide"):
+    with _dialog("lrm-next-poses", "lrm-wide") as dialog:
         ui.label(f"{title} {poses.data}").classes("lrm-verdict")
-        with ui.row():
+        with _buttons(dialog, "close-poses"):
             if poses.table:
                 _button("Download CSV", lambda: ui.run_javascript("window.location = '/lrm/poses'"))
-            ui.button("Close", on_click=dialog.close).props("no-caps flat data-name=close-poses")
         if poses.problem:
             ui.label(poses.problem).classes("lrm-failure").props("role=alert")
         ui.html(poses.words, sanitize=False).classes("lrm-numbers")
-    dialog.open()
 
 
 def save_dialog(session: WorkbenchSession, do: Do) -> None:
     """Asks where to write the model. Raises `LrmError` if there is none."""
     if session.step is None:
         raise LrmError("no model is open yet")
-    with ui.dialog() as dialog, _card("lrm-save"):
+    with _dialog("lrm-save") as dialog:
         path = ui.input("Write the model to", value=str(Path.cwd() / "model.toml")).classes("lrm-full")
 
         def save() -> None:
@@ -56,31 +53,26 @@ def save_dialog(session: WorkbenchSession, do: Do) -> None:
             dialog.close()
             ui.notify(f"Model written to {path.value}", type="positive")
 
-        with ui.row():
+        with _buttons(dialog):
             _button("Save", lambda: do(save))
             _button("Download", lambda: ui.run_javascript("window.location = '/lrm/model'"))
-            ui.button("Close", on_click=dialog.close).props("no-caps flat")
-    dialog.open()
 
 
 def commands_dialog(session: WorkbenchSession) -> None:
     """Shows the steps as commands."""
-    text = commands_text(session.done)
-    with ui.dialog() as dialog, _card("lrm-done", "lrm-wide"):
+    text = commands_text(session.taken.done)
+    with _dialog("lrm-done", "lrm-wide") as dialog:
         ui.label("What was done here, as commands")
         ui.label(text).classes("lrm-code lrm-full").props('id="lrm-commands"')
-        with ui.row():
+        with _buttons(dialog):
             _button("Copy", lambda: ui.clipboard.write(text))
-            ui.button("Close", on_click=dialog.close).props("no-caps flat")
-    dialog.open()
 
 
 def live_dialog(session: WorkbenchSession, rover: RoverPanel, do: Do) -> None:
     """A file that grows, or a daemon, to be followed."""
-    with ui.dialog() as dialog, _card("lrm-live"):
+    with _dialog("lrm-live") as dialog:
         _of_file(session, lambda action: _closing(dialog, do, action))
         _of_rover(rover, lambda action: _closing(dialog, do, action))
-    dialog.open()
 
 
 def _of_file(session: WorkbenchSession, do: Do) -> None:
@@ -101,8 +93,20 @@ def _of_rover(rover: RoverPanel, do: Do) -> None:
         ui.button("Stop listening", on_click=lambda: do(rover.hang_up)).props("no-caps flat")
 
 
-def _card(name: str, classes: str = "") -> ui.card:
-    return ui.card().classes(f"lrm-card {classes}").props(f'id="{name}"')
+@contextmanager
+def _dialog(name: str, classes: str = "") -> Iterator[ui.dialog]:
+    """A dialog with a card in it, opened once it is filled."""
+    with ui.dialog() as dialog, ui.card().classes(f"lrm-card {classes}").props(f'id="{name}"'):
+        yield dialog
+    dialog.open()
+
+
+@contextmanager
+def _buttons(dialog: ui.dialog, close: str = "") -> Iterator[None]:
+    """A row of buttons, the last of which closes the dialog; `close`: its name."""
+    with ui.row():
+        yield
+        ui.button("Close", on_click=dialog.close).props("no-caps flat" + (f" data-name={close}" if close else ""))
 
 
 def _button(text: str, action: Callable[[], object]) -> ui.button:

@@ -31,7 +31,7 @@ class FileNotice:
         self.stale.set_visibility(session.stale)
         if session.step is not None:
             self.words.set_text(f"{session.step.files.data.name} has changed on disk. What is shown is as it was read.")
-        self.offer.set_visibility(session.offered is not None and len(session.steps) <= 1)
+        self.offer.set_visibility(session.offered is not None and len(session.taken.steps) <= 1)
         if session.offered is not None:
             self.last.set_text(f"Last session: {session.offered.model} with {session.offered.data.name}")
 

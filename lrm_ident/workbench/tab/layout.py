@@ -30,7 +30,7 @@ class WorkbenchPage:
         self.session = session
         self.chosen: str | None = None
         self.seen = self.drawn = -1
-        self.law, self.poses = session.law, session.poses
+        self.law, self.poses = session.taken.law, session.poses
         ui.add_head_html(head_html())
         ui.dark_mode(None)
         self.rover = RoverPanel(session)
@@ -78,8 +78,8 @@ class WorkbenchPage:
         self.seen = session.version
         self.bar.show(self.chosen)
         self.notice.show()
-        if session.law is not self.law:
-            self.law = session.law
+        if session.taken.law is not self.law:
+            self.law = session.taken.law
             if self.law is not None:
                 law_dialog(self.law, session, self._do)
         if session.poses is not self.poses:
@@ -98,7 +98,7 @@ class WorkbenchPage:
         ui.run_javascript(f"document.getElementById('lrm-effect-note').textContent = {json.dumps(note)}")
 
     def _numbers(self, found: str) -> str:
-        law = self.session.law
+        law = self.session.taken.law
         notices = "".join(f"<p>{html.escape(words)}</p>" for words in self.session.notices)
         notes = section_html("What to know of the files", notices)
         return notes + section_html("Proposed law", "" if law is None else law.words) + found

@@ -12,6 +12,7 @@ from pathlib import Path
 from lrm_ident.data.atomic_write import write_text
 from lrm_ident.data.error_stats import error_stats
 from lrm_ident.data.measurement_file.metadata import arm_for
+from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.wording import in_mm
 from lrm_ident.diagnosis.auto import AutoStep
 from lrm_ident.diagnosis.diagnose import Diagnosis
@@ -44,10 +45,14 @@ from lrm_ident.workbench.work.tasks import (
     kept_name,
     unpacked,
 )
+from lrm_math.arm.arm import Arm
 from lrm_math.errors import LrmError
+from lrm_math.model.reading import Reading
 
 _LAST: dict[str, Diagnosis] = {}
 """The last diagnosis, by the hashes of its files."""
+_READ: dict[str, tuple[Arm, Measurements]] = {}
+"""The last measurements, of an arm, by the hashes of their files and how they are read."""
 
 
 @singledispatch
@@ -62,14 +67,14 @@ def open_files(task: OpenTask, send: Send) -> None:
     send(WorkProgress("reading the files"))
     files = OpenFiles(task.kept, task.data, task.effects_file, task.reading)
     if task.model is not None:
-        study = read_study(task.model, task.data, task.effects_file, task.reading)
+        study = read_study(task.model, task.data, task.effects_file, task.reading, read=_read)
         check_enough(len(study.data), len(study.model.free), study.prior)
         _tell(study.notices, send)
         study.save(task.kept)
         send(WorkResult(step_found(files, quick_report(study))))
         return
     name, arm = arm_for(task.data, task.arm)
-    data = read_measurements(task.data, arm, name, task.reading)
+    data = _read(task.data, arm, name, task.reading, None)
     _tell(data.notices, send)
     send(WorkProgress("fitting"))
     study = Study.of(data, progress=_bars(send)).fit()
@@ -180,7 +185,20 @@ def step_found(files: OpenFiles, found: ModelReport) -> StepResult:
 
 def _study(files: OpenFiles, send: Send) -> Study:
     """The study of files whose notices were shown before; it says what it does. Raises `FileError`."""
-    return read_study(files.model, files.data, files.effects_file, files.reading, _bars(send))
+    return read_study(files.model, files.data, files.effects_file, files.reading, _bars(send), read=_read)
+
+
+def _read(path: Path, arm: Arm, arm_name: str, reading: Reading, usual: Reading | None) -> Measurements:
+    """Measurements, read anew only where files or reading have changed. Raises `FileError`, `Misread`."""
+    beside = path.with_suffix(".toml")
+    hashes = (sha256_of(one) if one.is_file() else "" for one in (path, beside))
+    content = f"{path} {' '.join(hashes)} {arm_name} {reading!r} {usual!r}"
+    known_arm, data = _READ.get(content, (None, None))
+    if data is None or known_arm != arm:
+        data = read_measurements(path, arm, arm_name, reading, usual)
+        _READ.clear()
+        _READ[content] = arm, data
+    return data
 
 
 def _tell(notices: Iterable[str], send: Send) -> None:

@@ -53,7 +53,7 @@ def test_the_recipe_of_the_docs_finds_what_it_hides(
     assert told["found"].first.scored.name == "backlash@joint2"
     better = told["study"].add("backlash@joint2").model
     assert better.value("backlash.joint2.b_rad") == pytest.approx(told["hidden"]["backlash.joint2.b_rad"], rel=0.1)
-    assert "joint2 has 1.1" in capsys.readouterr().out
+    assert "joint 2 has 1.1" in capsys.readouterr().out
 
 
 def test_measurements_studies_and_fits_say_in_a_line_what_they_are() -> None:

@@ -7,7 +7,8 @@ from typing import Any
 
 import pytest
 
-from tests.support.browser import SHOTS, chromium
+from tests.support.browser import SHOTS, RunningWorkbench, chromium, workbench
+from tests.support.commands import part_of_example
 
 
 @pytest.fixture(scope="module")
@@ -15,4 +16,13 @@ def browser() -> Iterator[Any]:
     """A headless Chromium."""
     with chromium() as found:
         SHOTS.mkdir(parents=True, exist_ok=True)
+        yield found
+
+
+@pytest.fixture(scope="module")
+def small(browser: Any, tmp_path_factory: pytest.TempPathFactory) -> Iterator[RunningWorkbench]:
+    """A workbench on a third of the shipped data set, for what does not depend on the number of poses."""
+    assert browser
+    folder = tmp_path_factory.mktemp("small")
+    with workbench(part_of_example(folder, 100), cwd=folder) as found:
         yield found

@@ -151,7 +151,7 @@ def test_every_effect_has_a_plain_name() -> None:
     for kind in (*CATALOGUE, *FREE_FORMS):
         assert kind.id in PLAIN
         assert "{" not in plain_name(f"{kind.id}@joint2")
-    assert plain_name("cable_curve@joint1+joint2") == "cable over joints 1 and 2, free curve"
+    assert plain_name("cable_curve@joint1+joint2") == "cable over joints 1 and 2 (free curve)"
     assert plain_name("my_own@tool") == "my own of tool"
 
 

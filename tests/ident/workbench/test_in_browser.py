@@ -47,15 +47,6 @@ def running(browser: Any, tmp_path_factory: pytest.TempPathFactory) -> Iterator[
         yield found
 
 
-@pytest.fixture(scope="module")
-def small(browser: Any, tmp_path_factory: pytest.TempPathFactory) -> Iterator[RunningWorkbench]:
-    """A workbench on a third of the shipped data set, for what does not depend on the number of poses."""
-    assert browser
-    folder = tmp_path_factory.mktemp("small")
-    with workbench(part_of_example(folder, 100), cwd=folder) as found:
-        yield found
-
-
 @pytest.mark.slow
 def test_from_the_shipped_data_to_nothing_missing(browser: Any, running: RunningWorkbench) -> None:
     seen = BrowserLog()

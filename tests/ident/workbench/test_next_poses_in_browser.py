@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import shlex
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -15,15 +14,6 @@ from tests.support.commands import part_of_example, stdout_of
 
 SIZE = {"width": 1280, "height": 800}
 RANKED = "lrm.state.values.ranking.length > 0"
-
-
-@pytest.fixture(scope="module")
-def small(browser: Any, tmp_path_factory: pytest.TempPathFactory) -> Iterator[RunningWorkbench]:
-    """A workbench on a third of the shipped data set."""
-    assert browser
-    folder = tmp_path_factory.mktemp("small")
-    with workbench(part_of_example(folder, 100), cwd=folder) as found:
-        yield found
 
 
 @pytest.mark.slow

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +14,7 @@ from lrm_ident.report.plots.interactive.fair_sample import fair_rows
 from lrm_ident.residual.picture.error_field import MOST_DRAWN, WORST_DRAWN, drawn_rows
 from tests.conftest import EXAMPLE
 from tests.support.browser import SHOTS, BrowserLog, RunningWorkbench, idle, opened, wait_for, workbench
-from tests.support.commands import part_of_example, stdout_of
+from tests.support.commands import stdout_of
 
 SIZE = {"width": 1440, "height": 900}
 RANKED = "lrm.state.values.ranking.length > 0"
@@ -55,15 +54,6 @@ BEFORE_AND_BEHIND = """(() => {
 
 That under the end is before the first link, and put before the second one covers it.
 """
-
-
-@pytest.fixture(scope="module")
-def small(browser: Any, tmp_path_factory: pytest.TempPathFactory) -> Iterator[RunningWorkbench]:
-    """A workbench on a third of the shipped data set."""
-    assert browser
-    folder = tmp_path_factory.mktemp("small")
-    with workbench(part_of_example(folder, 100), cwd=folder) as found:
-        yield found
 
 
 @given(st.integers(MOST_DRAWN + 1, 20_000), st.integers(0, 99))

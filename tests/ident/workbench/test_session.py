@@ -55,18 +55,18 @@ def diagnosed(session: WorkbenchSession) -> bool:
 @pytest.mark.slow
 def test_add_and_undo_as_the_commands_do(session: WorkbenchSession, tmp_path: Path) -> None:
     session.open(OpenTask(EXAMPLE, None))
-    until(session, lambda: len(session.steps) == 1 and not session.busy)
+    until(session, lambda: len(session.taken.steps) == 1 and not session.busy)
     session.add("backlash@joint2")  # while the diagnosis is under way: it waits for it
     with pytest.raises(LrmError, match="still at work"):
         session.undo()
-    until(session, lambda: len(session.steps) == 2 and diagnosed(session))
+    until(session, lambda: len(session.taken.steps) == 2 and diagnosed(session))
     assert session.report is not None
     first, second = session.report.file.history
     assert second.held_out_rms_mm is not None
     assert second.held_out_rms_mm < 0.3 * (first.held_out_rms_mm or 0.0)
     assert "Nothing is missing" in session.report.verdict
     session.save(tmp_path / "saved.toml")
-    for command in commands_text(session.done).splitlines():
+    for command in commands_text(session.taken.done).splitlines():
         words = command.replace("step-", "again-").split()[1:]
         stdout_of(*words)
     for name in ("step-0.toml", "step-1.toml"):
@@ -75,7 +75,7 @@ def test_add_and_undo_as_the_commands_do(session: WorkbenchSession, tmp_path: Pa
         assert ours["history"][-1]["held_out_rms_mm"] == theirs["history"][-1]["held_out_rms_mm"]
     session.undo()
     until(session, lambda: diagnosed(session))
-    restored = tomllib.loads(session.steps[-1].files.model.read_text())
+    restored = tomllib.loads(session.taken.steps[-1].files.model.read_text())
     assert restored == tomllib.loads((tmp_path / "step-0.toml").read_text())
     assert not session.can_undo
 
@@ -91,7 +91,7 @@ def test_nothing_is_lost_when_work_is_cancelled_or_dies(session: WorkbenchSessio
     session.diagnose()
     os.kill(session.worker._process.pid, signal.SIGKILL)
     until(session, lambda: "ended from outside" in session.failure)
-    assert len(session.steps) == 1
+    assert len(session.taken.steps) == 1
     session.diagnose()
     until(session, lambda: diagnosed(session))
 
@@ -99,7 +99,7 @@ def test_nothing_is_lost_when_work_is_cancelled_or_dies(session: WorkbenchSessio
 @pytest.mark.slow
 def test_a_bad_file_is_told_of_and_the_work_goes_on(session: WorkbenchSession, tmp_path: Path) -> None:
     session.open(OpenTask(part_of_example(tmp_path, 100), None))
-    until(session, lambda: len(session.steps) == 1)
+    until(session, lambda: len(session.taken.steps) == 1)
     bad = tmp_path / "bad.csv"
     bad.write_text("pose,q1_deg\n1,nonsense\n")
     bad.with_suffix(".toml").write_text('schema = "lrm/measurements/1"\narm = "lrm-lab"\n')
@@ -108,7 +108,7 @@ def test_a_bad_file_is_told_of_and_the_work_goes_on(session: WorkbenchSession, t
     assert "bad.csv" in session.failure
     until(session, lambda: diagnosed(session))
     assert "bad.csv" in session.failure
-    assert len(session.steps) == 1
+    assert len(session.taken.steps) == 1
 
 
 def test_dropped_files_are_told_apart(tmp_path: Path) -> None:

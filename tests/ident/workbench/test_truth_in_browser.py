@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -34,15 +33,6 @@ BOXES = """Object.fromEntries([...document.querySelectorAll('.lrm-commands [data
   return [one.dataset.name, [box.left, box.top, box.width, box.height].map(Math.round)];
 }))"""
 """Where each button of the bar is."""
-
-
-@pytest.fixture(scope="module")
-def small(browser: Any, tmp_path_factory: pytest.TempPathFactory) -> Iterator[RunningWorkbench]:
-    """A workbench on a third of the shipped data set."""
-    assert browser
-    folder = tmp_path_factory.mktemp("small")
-    with workbench(part_of_example(folder, 100), cwd=folder) as found:
-        yield found
 
 
 def breaks_where_data_differ(page: Any) -> None:

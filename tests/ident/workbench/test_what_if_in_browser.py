@@ -2,27 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from typing import Any
 
 import pytest
 
-from tests.support.browser import SHOTS, BrowserLog, RunningWorkbench, idle, opened, workbench
-from tests.support.commands import part_of_example
+from tests.support.browser import SHOTS, BrowserLog, RunningWorkbench, idle, opened
 
 SIZE = {"width": 1280, "height": 800}
 RANKED = "lrm.state.values.ranking.length > 0"
 SHOWN = "Number(document.querySelector('#lrm-what-if-says').textContent.match(/RMS ([0-9.]+) mm/)?.[1])"
 """The RMS (mm) that the sentence beside the slider says."""
-
-
-@pytest.fixture(scope="module")
-def small(browser: Any, tmp_path_factory: pytest.TempPathFactory) -> Iterator[RunningWorkbench]:
-    """A workbench on a third of the shipped data set."""
-    assert browser
-    folder = tmp_path_factory.mktemp("small")
-    with workbench(part_of_example(folder, 100), cwd=folder) as found:
-        yield found
 
 
 def moved_to(page: Any, size: float) -> float:

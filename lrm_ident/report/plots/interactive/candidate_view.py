@@ -79,7 +79,9 @@ def candidate_view(
     joint = own_joint(scored.candidate.effect.place, (turns**2 * lever).sum(axis=1))
     around = turns[joint] + joint_turns(fitted.residual - added, found.joint_jacobian)[joint]
     observable = lever[joint] > SHARE**2 * lever[joint].mean()
-    drivers = drivers_of(turns[joint], known, joint, observable)
+    drawn = rows[rows >= 0]  # thousands of poses say no more of what a form follows
+    shown = [one.take(drawn) for one in known]
+    drivers = drivers_of(turns[joint][drawn], shown, joint, observable[drawn])
     return CandidateView(
         name=scored.name,
         added=_drawn(added, rows),
@@ -87,7 +89,7 @@ def candidate_view(
         joint=joint,
         driver=drivers[0].name,
         second=drivers[1].name if len(drivers) > 1 else "",
-        function=_follows(turns[joint], drivers, observable),
+        function=_follows(turns[joint][drawn], drivers, observable[drawn]),
         refused=scored.implausible or found.unexplained.spurious.get(scored.name, ""),
         form=_drawn(turns[joint], rows),
         around=_drawn(around, rows),

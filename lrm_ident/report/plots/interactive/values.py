@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lrm_ident.data.error_stats import error_stats
+from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.wording import in_mm, p_words, quantity
 from lrm_ident.diagnosis.diagnosis_report import DISPLAY_UNITS
 from lrm_ident.report.diagnosis import MARKS
@@ -38,18 +39,46 @@ STANDINGS = {
 
 def figure_values(found: ModelReport) -> dict[str, Any]:
     """The values that all figures of one model are drawn from."""
-    field, data = found.field, found.poses
+    known = {} if found.diagnosis is None else found.diagnosis.values
+    return {
+        **_poses(found.field, found.poses),
+        **_arms(found.field),
+        "compared": found.comparison is not None,
+        "drivers": [
+            {"name": one.name, "label": one.label, "values": rounded(one.shown, 4)} for one in found.covariates
+        ],
+        "verdict": found.verdict,
+        "steps": [_step(found, number) for number in range(len(found.field.steps))],
+        "history": [_entry(found, number) for number in range(len(found.file.history))],
+        "cards": [_card(found, card) for card in found.cards],
+        "together": _together(found),
+        "floor": found.floor_mm,
+        "bound": known.get("noise_bound_rms_mm"),
+        "marked": {why: list(numbers) for why, numbers in (found.marked or {}).items()},
+        "where": _where(found),
+        "next": known.get("next_poses_hint", ""),
+        "ranking": _ranking(found, known.get("ranking", ())),
+    }
+
+
+def _poses(field: ErrorField, data: Measurements) -> dict[str, Any]:
+    """The drawn poses, in degrees, g and mm."""
     fair = fair_rows(field.steps[-1].residual, field.poses)
     return {
         "pose": data.pose.tolist(),
         "poses": field.poses,
         "data": data.sha256,
-        "compared": found.comparison is not None,
         "fair": None if fair is None else fair.tolist(),
         "q": rounded(np.degrees(data.poses.q), 2),
         "load": rounded(data.poses.payload * 1e3, 1),
         "session": None if data.poses.session is None else rounded(data.poses.session, 0),
         "tcp": rounded(np.where(np.isnan(data.tcp), field.bent[:, -1], data.tcp) * 1e3, UM),
+    }
+
+
+def _arms(field: ErrorField) -> dict[str, Any]:
+    """Both arms at the drawn poses, and the scale of the arrows, in mm."""
+    return {
         "nominal": rounded(field.nominal * 1e3, 1),
         "bent": rounded(field.bent * 1e3, 1),
         "solids": {
@@ -64,21 +93,7 @@ def figure_values(found: ModelReport) -> dict[str, Any]:
             "words": field.scale.words,
             "colours": COLOURS,
         },
-        "drivers": [
-            {"name": one.name, "label": one.label, "values": rounded(one.shown, 4)} for one in found.covariates
-        ],
         "nominalRms": error_stats(field.nominal_residual).rms * 1e3,
-        "verdict": found.verdict,
-        "steps": [_step(found, number) for number in range(len(field.steps))],
-        "history": [_entry(found, number) for number in range(len(found.file.history))],
-        "cards": [_card(found, card) for card in found.cards],
-        "together": _together(found),
-        "floor": found.floor_mm,
-        "bound": None if found.diagnosis is None else found.diagnosis.values["noise_bound_rms_mm"],
-        "marked": {why: list(numbers) for why, numbers in (found.marked or {}).items()},
-        "where": _where(found),
-        "next": "" if found.diagnosis is None else found.diagnosis.values["next_poses_hint"],
-        "ranking": [] if found.diagnosis is None else _ranking(found, found.diagnosis.values),
     }
 
 
@@ -170,10 +185,10 @@ def _where(found: ModelReport) -> dict[str, Any]:
     return {"joint": 0, "driver": found.covariates[0].name if found.covariates else ""}
 
 
-def _ranking(found: ModelReport, values: Mapping[str, Any]) -> list[dict[str, Any]]:
+def _ranking(found: ModelReport, ranking: Any) -> list[dict[str, Any]]:
     """The candidates: those with support first, in the order of `diagnose`, then by the error that they would leave."""
     views = {view.name: view for view in found.candidates}
-    named = [(f"{advice['effect']}@{advice['place']}", advice) for advice in values["ranking"]]
+    named = [(f"{advice['effect']}@{advice['place']}", advice) for advice in ranking]
     known = [(views[name], advice) for name, advice in named if name in views]
     first = known[0][1] if known else None
     weighted, order = found.poses.several_kinds, list(STANDINGS)
@@ -213,7 +228,7 @@ def _candidate(view: CandidateView, advice: Mapping[str, Any], standing: str, we
         "why": advice["why"],
         "online": advice["online"],
         "p": p_words(advice["p_value"]),
-        "rivals": list(advice["indistinguishable_from"]),
+        "rivals": [plain_name(name) for name in advice["indistinguishable_from"]],
         "estimates": [
             f"{key} = " + (quantity(one["value"], one["se"]) if one["se"] else f"{one['value']:.4g}")
             for key, one in advice["parameters"].items()

@@ -3,7 +3,7 @@
 function lrmCandidates(page) {
   const { state, place, element, draw, selected, poseOf, wireScatter } = page;
   const { colour, curve, range, at } = lrmChart;
-  const AXES = ["x", "y", "z"], SYMBOLS = ["circle", "triangle-up", "square"];
+  const NARROW_PX = 480, AXES = ["x", "y", "z"], SYMBOLS = ["circle", "triangle-up", "square"];
   const candidate = () => state.values.ranking.find((one) => one.name === state.candidate) || null;
 
   function drawCandidate() {
@@ -43,7 +43,8 @@ function lrmCandidates(page) {
       yaxis: { title: { text: `turn of joint ${one.joint + 1}, deg`, standoff: 4 }, range: range(one.around).limits } }, wireScatter);
   }
 
-  // A form of two quantities: a map of the data and one of the form, on one scale of colours.
+  // A form of two quantities: a map of the data and one of the form, on one scale of colours; one above the other where
+  // there is little room beside each other.
   function drawMaps(one, driver, second) {
     const limit = range(one.around).limits[1], scale = [[0, colour("model")], [0.5, colour("grid")], [1, colour("held")]];
     const rows = page.points();
@@ -51,13 +52,15 @@ function lrmCandidates(page) {
       selectedpoints: selected(rows), ...poseOf(rows), hovertemplate: "%{text}: %{marker.color:.3f} deg<extra></extra>", ...axes,
       marker: { size: 6, color: at(turns, rows).map((turn) => (turn === null ? NaN : turn)), cmin: -limit, cmax: limit, colorscale: scale,
         showscale: bar, colorbar: { title: { text: "deg" }, thickness: 10, len: 0.9 } } });
-    const title = (text, x) => ({ text, x, y: 1, xref: "paper", yref: "paper", xanchor: "left", yanchor: "bottom", showarrow: false });
-    draw("form", [map("data", one.around, {}, false), map("its form", one.form, { xaxis: "x2" }, true)], {
-      showlegend: false, margin: { l: 8, r: 8, t: 22, b: 8 },
-      annotations: [title(`data: turn of joint ${one.joint + 1}`, 0), title("its form", 0.52)],
-      xaxis: { domain: [0, 0.48], title: { text: driver.label, standoff: 4 } },
-      xaxis2: { domain: [0.52, 1], anchor: "y", title: { text: driver.label, standoff: 4 } },
-      yaxis: { title: { text: second.label, standoff: 4 } } }, wireScatter);
+    const title = (text, [x, y]) => ({ text, x, y, xref: "paper", yref: "paper", xanchor: "left", yanchor: "bottom", showarrow: false });
+    const [along, up] = [driver, second].map((one) => ({ title: { text: one.label, standoff: 4 } }));
+    const beside = place("form").clientWidth > NARROW_PX;
+    const axes = beside ? { xaxis: { ...along, domain: [0, 0.48] }, xaxis2: { ...along, domain: [0.52, 1], anchor: "y" }, yaxis: up }
+      : { xaxis: { showticklabels: false }, xaxis2: { ...along, anchor: "y2" }, yaxis: { domain: [0.56, 1] }, yaxis2: { domain: [0, 0.42], anchor: "x2" } };
+    const data = `data: turn of joint ${one.joint + 1}${beside ? "" : `; upwards: ${second.label}`}`;
+    draw("form", [map("data", one.around, {}, false), map("its form", one.form, { xaxis: "x2", ...(beside ? {} : { yaxis: "y2" }) }, true)], {
+      showlegend: false, margin: { l: 8, r: 8, t: 22, b: 8 }, ...axes,
+      annotations: [title(data, [0, 1]), title("its form", beside ? [0.52, 1] : [0, 0.42])] }, wireScatter);
   }
 
   function details(one) {

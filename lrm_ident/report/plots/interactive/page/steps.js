@@ -2,7 +2,7 @@
 "use strict";
 function lrmSteps(page) {
   const { state, place, element, draw, words } = page;
-  const { colour, binned, range, at } = lrmChart;
+  const { colour, binned, range, at } = lrmChart, PAPER_PX = 700, FEWEST_LETTERS = 8; // of a step's title, else its number stands alone
   const floorWords = () => {
     const v = state.values;
     return v.floor !== null ? `noise ${words(v.floor)} mm` : v.bound !== null ? `noise at most ${words(v.bound)} mm` : "";
@@ -58,9 +58,10 @@ function lrmSteps(page) {
       notes.push({ xref: "paper", x: 1, y: floor, xanchor: "right", yanchor: "top", showarrow: false, text: floorWords() });
     }
     const most = Math.max(...h.map((one) => (one.here ? Math.max(one.fit, one.held || 0) : one.rms)));
-    const wide = (place("history") || document.body).clientWidth, fits = Math.max(8, Math.floor(wide / 7 / h.length) - 2); // letters
+    const wide = Math.min((place("history") || document.body).clientWidth, PAPER_PX), fits = Math.floor(wide / 7 / h.length) - 2; // letters
+    const short = (name) => name.length > fits ? name.slice(0, fits - 1) + "…" : name;
     draw("history", traces, { shapes, annotations: notes, dragmode: false,
-      xaxis: { tickvals: x, ticktext: names.map((name) => name.length > fits ? name.slice(0, fits - 1) + "…" : name),
+      xaxis: { tickvals: x, ticktext: fits < FEWEST_LETTERS ? x.map(String) : names.map(short), tickangle: 0,
         title: { text: `${v.poses} poses, data ${v.data.slice(0, 8)}`, font: { size: 11 }, standoff: 4 },
         range: [-0.4, Math.max(h.length - 0.6, 1.4)], fixedrange: true },
       yaxis: { title: { text: "RMS error, mm", standoff: 4 }, range: [0, 1.15 * most], fixedrange: true } },

@@ -1,0 +1,42 @@
+"""Documents on a terminal: what is wrapped, and what is not."""
+
+from __future__ import annotations
+
+from io import StringIO
+
+from hypothesis import given
+from hypothesis import strategies as st
+from rich.console import Console
+
+from lrm_ident.report.document import Block, ListSection, ResultTable, write
+
+WORDS = st.lists(st.text("abcdefgh,.", min_size=1, max_size=20), min_size=1, max_size=60)
+WIDTHS = st.integers(40, 120)
+
+
+def printed(block: Block, width: int, terminal: bool) -> str:
+    """What a console of this width shows."""
+    file = StringIO()
+    write(Console(file=file, width=width, force_terminal=terminal, color_system=None), [block])
+    return file.getvalue()
+
+
+@given(WORDS, WIDTHS)
+def test_sentences_and_lists_are_wrapped_at_spaces_on_a_terminal(words: list[str], width: int) -> None:
+    for block in (" ".join(words), ListSection("", (" ".join(words),))):
+        shown = printed(block, width, terminal=True)
+        assert shown.split() == words
+        assert all(len(line) <= width for line in shown.splitlines())
+
+
+@given(WORDS, WIDTHS)
+def test_elsewhere_a_sentence_is_one_line(words: list[str], width: int) -> None:
+    assert printed(" ".join(words), width, terminal=False) == " ".join(words) + "\n"
+
+
+@given(st.lists(st.floats(-1e4, 1e4), min_size=1, max_size=8), WORDS)
+def test_numbers_of_a_table_are_never_wrapped(values: list[float], words: list[str]) -> None:
+    table = ResultTable(("value|+.2f", "why"), [(value, " ".join(words)) for value in values])
+    lines = printed(table, 80, terminal=True).splitlines()
+    shown = [line.split()[0] for line in lines if line[1:12].strip().startswith(("+", "-"))]
+    assert shown == [f"{value:+.2f}" for value in values]
