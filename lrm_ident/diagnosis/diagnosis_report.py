@@ -213,6 +213,8 @@ def _describe_effect(scored: ScoredCandidate, estimates: Estimates) -> str:
     sentence = effect.about.claim
     claim = sentence.format(place=effect.place_in_words, **numbers) if sentence else f"{effect.id} at {effect.place}"
     left = [one for one in estimates if one[0] not in sentence]
+    if effect.variant_of:  # coefficients of a curve say nothing to a reader
+        return claim
     if any(one not in left for one in estimates if one[2]) or not left or len(left) > TOO_MANY:
         return claim
     surest = sorted(left, key=lambda one: -abs(one[1]) / max(one[2], 1e-300))[:MOST_WORDS]

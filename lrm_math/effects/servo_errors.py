@@ -30,7 +30,7 @@ class ServoGain(AngleDependentEffect, LinearEffect):
         cause="The potentiometer in a servo is not exactly linear, and the servo's table was read from a protractor.",
         formula="δq = g+ q for q > 0, g− q for q < 0",
         source="piecewise linear table of Conenna 2024, section 3.4",
-        claim="{place} turns {g_plus_rad_per_rad} too far above zero and {g_minus_rad_per_rad} below",
+        claim="the gain of {place} is off by {g_plus_rad_per_rad} above zero and by {g_minus_rad_per_rad} below",
         needs="five or more levels of the joint, to tell it from eccentricity",
     )
     extrapolation = Extrapolation.PROPORTIONAL
@@ -57,7 +57,7 @@ class CommonGain(LinearEffect):
         ),
         formula="δq_j = g q_j at every joint j; what a longer pulse adds at zero is in the offsets",
         source="PCA9685 data sheet: an internal oscillator of nominally 25 MHz",
-        claim="{place} turns {g_rad_per_rad} too far",
+        claim="the gain of {place} is off by {g_rad_per_rad}",
     )
     extrapolation = Extrapolation.PROPORTIONAL
     parameters = (Parameter("g_rad_per_rad", "gain error of all servos", 0.02),)

@@ -1,16 +1,18 @@
-"""One data set of the second catalogue through the tool's own commands fit, auto and predict, against the truth."""
+"""One data set of the second catalogue through the tool's own commands fit and auto, against the truth."""
 
 from __future__ import annotations
 
 import csv
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
 
+import lrm_ident as lrm
+from lrm_math.arm.arm_file import load_arm as load_tool_arm
 from validation.hidden_effects.confusion import FLOOR_MM, NOTHING_MISSING, run_tool
 from validation.hidden_effects.unfamiliar_cases import UNFAMILIAR
 from validation.hidden_effects.unfamiliar_data import arm_file, write_data
@@ -90,13 +92,15 @@ def examine_auto(case_and_seed: tuple[str, int], poses: int, keep: Path | None =
 
 def _run(name: str, case: UnfamiliarCase, seed: int, poses: int, folder: Path) -> AutoOutcome:
     data, unseen = write_data(case, seed, poses, folder)
-    model, better, course, predicted = (folder / f for f in ("model.toml", "better.toml", "course.json", "at.csv"))
+    model, better, course = (folder / name for name in ("model.toml", "better.toml", "course.json"))
     run_tool("fit", data, "--arm", arm_file(case), "-o", model, *(["--loss", "huber"] if case.outliers else []))
     seconds = run_tool("auto", model, data, "--no-nested", "-o", better, "--json", course)
-    run_tool("predict", better, unseen, "-o", predicted)
     found = json.loads(course.read_text(encoding="utf-8"))
     steps = tuple(_names(step) for step in found["steps"] if step["added"])
-    apart = (_tcp_mm(predicted) - _tcp_mm(unseen))[1:]  # before the first pose the direction is not known
+    arm = load_tool_arm(arm_file(case))
+    poses_then = replace(lrm.load_poses(unseen, arm), sha256=None)  # of the same sessions: what belongs to them holds
+    predicted = 1e3 * lrm.predict(lrm.load_model(better), poses_then)
+    apart = (predicted - _tcp_mm(unseen))[1:]  # before the first pose the direction is not known
     ratio = float(np.sqrt((apart**2).sum(axis=1).mean() + FLOOR_MM**2) / FLOOR_MM)
     return AutoOutcome(name, seed, steps, found["verdict"], ratio, seconds)
 
