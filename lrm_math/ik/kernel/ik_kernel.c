@@ -50,7 +50,8 @@ typedef struct { /* a model with one payload; moving_slots.py says what slots, f
     double spring[MAX_SPRINGS], play[MAX_SLOTS], play_force[MAX_SLOTS]; /* axial play: m from end to end, N */
     int law[MAX_LAWS], law_joint[MAX_LAWS];
     double law_p[MAX_LAWS][4];
-    int terms, term_axis[MAX_TERMS], term_factor[MAX_TERMS][3], field_slot[3]; /* residual field: residual_field.py */
+    int terms, term_axis[MAX_TERMS], term_factor[MAX_TERMS][3]; /* residual field: residual_field.py */
+    int field_axis[MAX_SLOTS];                                  /* along which it moves a slot, from 1; 0: none */
     double term[MAX_TERMS], field_lower[MAX_JOINTS], field_upper[MAX_JOINTS];
     Form form; /* of the arm itself if nothing deflects, else of one that looks like it: seeds */
     const double *library_q, *library_slots; /* commands (M,n) and slot amounts (M,slots) of poses at rest */
@@ -70,7 +71,7 @@ typedef struct {
 static const int UNKNOWN[MAX_JOINTS] = {0}; /* sides of arrival */
 static const double NOTHING[MAX_SLOTS] = {0};
 typedef double Row[MAX_JOINTS + 1]; /* of a matrix whose columns are joints, and at last what is lacking */
-typedef struct { double value[3], slope[3][MAX_JOINTS]; } Displacement; /* by a residual field: m, m/rad */
+typedef struct { double value[4], slope[4][MAX_JOINTS]; } Displacement; /* by a residual field: m, m/rad; 0: none */
 typedef struct { /* what belongs to one set of slot amounts */
     double tcp[12], axis[MAX_SLOTS][3], origin[MAX_SLOTS][3], tau[MAX_SLOTS];
     double lever[MAX_SLOTS][3], by_counted[MAX_SLOTS][3], by_moved[MAX_SLOTS][3];
@@ -270,6 +271,20 @@ static void substitute(const Row *N, double *y, int m) {
     }
 }
 
+/* Factors N of A A^T plus `damping` on its diagonal, and by them the least x (n,) with A x = y (rows,). */
+static void factorise_rows(const Row *A, int rows, int n, double damping, Row *N) {
+    for (int i = 0; i < rows; i++)
+        for (int j = 0; j <= i; j++) {
+            N[i][j] = i == j ? damping : 0;
+            for (int k = 0; k < n; k++) N[i][j] += A[i][k] * A[j][k];
+        }
+    factorise(N, rows);
+}
+static void least_norm(const Row *A, const Row *N, int rows, int n, const double *y, double *x) {
+    double weight[6];
+    COPY(weight, y, rows), substitute(N, weight, rows), transposed_times(A, rows, n, weight, x);
+}
+
 /* ---------------------------------------------------------------- 4 Joint laws, equilibrium --------------------- */
 
 /* Amount of a slot under the loads tau, by springs and axial play alone; joints at command zero. */
@@ -321,7 +336,8 @@ static void joint_errors(const Arm *a, const double *gravity_load, const double 
 static void displacement(const Arm *a, const double *q, Displacement *out) {
     double t[2 * MAX_JOINTS + 1] = {1}, by_q[2 * MAX_JOINTS + 1] = {0}, fade[MAX_JOINTS], inside = 1;
     memset(out, 0, sizeof *out);
-    for (int j = 0; j < a->joints && a->terms; j++) {
+    if (!a->terms) return;
+    for (int j = 0; j < a->joints; j++) {
         const double l = a->field_lower[j], u = a->field_upper[j], half = u > l ? 0.5 * MARGIN * (u - l) : 1;
         const double wave = 0.25 * TURN / half, x = wave * (q[j] - 0.5 * (l + u) + half), c = cos(x), s = sin(x);
         const double root = sqrt(2.0), over = q[j] > u ? q[j] - u : q[j] < l ? q[j] - l : 0;
@@ -336,15 +352,10 @@ static void displacement(const Arm *a, const double *q, Displacement *out) {
         for (int r = 0; r < 3; r++)
             if (f[r]) out->slope[i][(f[r] - 1) / 2] += a->term[k] * by_q[f[r]] * t[f[(r + 1) % 3]] * t[f[(r + 2) % 3]];
     }
-    for (int i = 0; i < 3 && a->terms; i++) {
+    for (int i = 1; i < 4; i++) {
         for (int j = 0; j < a->joints; j++) out->slope[i][j] = inside * (out->slope[i][j] + out->value[i] * fade[j]);
         out->value[i] *= inside;
     }
-}
-/* The axis along which the residual field moves slot v, or -1. */
-static int field_axis(const Arm *a, int v) {
-    for (int i = 0; i < 3 && a->terms; i++) if (a->field_slot[i] == v) return i;
-    return -1;
 }
 
 /* One step of Anderson's (1965) method with a memory of one: x moves by the step, or by a secant along the last two. */
@@ -380,6 +391,11 @@ static int command(const Arm *a, const double *tau, const double *s, const int *
     return 0;
 }
 
+/* How far a slot that is no joint is from where its loads and the residual field would have it. */
+static double lack_of(const Arm *a, int v, const double *s, const State *w) {
+    return spring_rest(a, w->tau, v) + w->field.value[a->field_axis[v]] - s[v];
+}
+
 /* Elastic equilibrium of a command by fixed-point iteration (thesis Figure 4.4), from slot amounts s, in place; the
  * state is that of the amounts before the last step. Iterations, or -1. */
 static int settle(const Arm *a, const double *q, const int *side, double tolerance, double *s, State *w) {
@@ -390,8 +406,7 @@ static int settle(const Arm *a, const double *q, const int *side, double toleran
         forward(a, s, w);
         joint_errors(a, w->tau, q, side, error);
         for (int j = 0; j < a->joints; j++) step[a->joint[j]] = q[j] + error[j] - s[a->joint[j]];
-        for (int i = 0; i < a->others; i++) step[a->other[i]] = spring_rest(a, w->tau, a->other[i]) - s[a->other[i]];
-        for (int i = 0; i < 3 && a->terms; i++) step[a->field_slot[i]] += w->field.value[i];
+        for (int i = 0; i < a->others; i++) step[a->other[i]] = lack_of(a, a->other[i], s, w);
         for (int v = 0; v < a->slots; v++) change += fabs(step[v]) * (a->axis[v] < 3 ? a->reach : 1);
         if (!(change < 1e6)) return -1;
         if (change <= tolerance) {
@@ -436,14 +451,11 @@ static double goal_error(const double *g, int rows, State *w) {
  * side: of each joint's arrival, on which the command depends and so the residual field. */
 static double lacking(const Arm *a, const double *s, const int *side, State *w) {
     double out = 0, q[MAX_JOINTS];
-    if (a->terms) {
-        if (!command(a, w->tau, s, side, q)) linear_command(a, w->tau, s, q);
-        displacement(a, q, &w->field);
-    }
+    if (a->terms && !command(a, w->tau, s, side, q)) linear_command(a, w->tau, s, q);
+    displacement(a, q, &w->field);
     for (int i = 0; i < a->others; i++) {
-        const int v = a->other[i], axis = field_axis(a, v);
-        w->lack[i] = spring_rest(a, w->tau, v) - s[v] + (axis < 0 ? 0 : w->field.value[axis]);
-        out += fabs(w->lack[i]) * (a->axis[v] < 3 ? a->reach : 1);
+        w->lack[i] = lack_of(a, a->other[i], s, w);
+        out += fabs(w->lack[i]) * (a->axis[a->other[i]] < 3 ? a->reach : 1);
     }
     return out;
 }
@@ -463,9 +475,8 @@ static void total_jacobian(const Arm *a, int rows, const double *law_slope, Stat
     for (int i = 0; i < count; i++) {
         deflection_derivative(a, w, slot[i], M[i]);
         if (law_slope && law_slope[slot[i]] != 0) add_load_derivatives(a, w, slot[i], law_slope[slot[i]], M[i]);
-        const int axis = field_axis(a, slot[i]);
-        for (int j = 0; j < n; j++) first[i][j] = M[i][a->joint[j]];
-        for (int j = 0; j < n && axis >= 0; j++) first[i][j] += w->field.slope[axis][j];
+        const double *by_field = w->field.slope[a->field_axis[slot[i]]];
+        for (int j = 0; j < n; j++) first[i][j] = M[i][a->joint[j]] + by_field[j];
         first[i][n] = w->lack[i];
     }
     for (int i = 0; i < count; i++) {
@@ -496,16 +507,11 @@ static void move(const Arm *a, const State *w, const double *step, double *s) {
  * it is taken through J J^T: J^T J is singular, and round-off would move the joints along what the goal leaves free. */
 static void damped_step(const Arm *a, const State *w, int rows, double damping, double *step) {
     const int n = a->joints;
-    Row N[MAX_JOINTS], T[MAX_JOINTS];
-    double y[6];
+    Row N[MAX_JOINTS];
     if (rows >= n) {
         gram(w->total, rows, n, damping, N), transposed_times(w->total, rows, n, w->e, step);
         factorise(N, n), substitute(N, step, n);
-        return;
-    }
-    for (int k = 0; k < n * rows; k++) T[k / rows][k % rows] = w->total[k % rows][k / rows];
-    gram(T, n, rows, damping, N), COPY(y, w->e, rows);
-    factorise(N, rows), substitute(N, y, rows), times(T, n, rows, y, step);
+    } else factorise_rows(w->total, rows, n, damping, N), least_norm(w->total, N, rows, n, w->e, step);
 }
 
 /* Scales a step (n,) down to a largest element; returns the largest that it had. */
@@ -769,17 +775,6 @@ static void start_at(const Arm *a, const double *q, double *s) {
     for (int j = 0; j < a->joints; j++) s[a->joint[j]] = a->zero[a->joint[j]] + q[j];
 }
 
-/* Squared distances of all poses of the library from a goal (m^2), turns by their chords. */
-static void library_distances(const Arm *a, const double *goal, int rows, float *far) {
-    const int M = a->poses;
-    for (int i = 0; i < M; i++) far[i] = 0;
-    for (int k = rows == 6 ? 0 : rows == 5 ? 6 : 9; k < 12; k++) {
-        const float g = (float)goal[k], weight = k < 9 ? (float)(LEVER * LEVER) : 1.0f;
-        const float *column = a->library_columns + (size_t)k * (size_t)M;
-        for (int i = 0; i < M; i++) far[i] += weight * (column[i] - g) * (column[i] - g);
-    }
-}
-
 /* Inserts a number by its key into those with the least keys, ascending, at most `most`; returns how many there are. */
 static int ranked(double key, int number, int most, int count, double *keys, int *numbers) {
     if (count == most && !(key < keys[count - 1])) return count;
@@ -788,10 +783,23 @@ static int ranked(double key, int number, int most, int count, double *keys, int
     keys[k] = key, numbers[k] = number;
     return count;
 }
-static int least(const float *key, int size, int most, int *numbers) {
+
+/* Numbers of the poses of the library closest to a goal by their squared distance (m^2), turns by their chords, and,
+ * unless NULL, to commands `towards`; the closest first, at most `most`. Returns how many there are. */
+static int closest(const Arm *a, const double *goal, int rows, const double *towards, int most, int *numbers) {
+    const int M = a->poses, n = a->joints;
+    float far[MAX_POSES] = {0};
     double keys[RANKED];
     int count = 0;
-    for (int i = 0; i < size; i++) count = ranked(key[i], i, most, count, keys, numbers);
+    for (int k = rows == 6 ? 0 : rows == 5 ? 6 : 9; k < 12; k++) {
+        const float g = (float)goal[k], weight = k < 9 ? (float)(LEVER * LEVER) : 1.0f;
+        const float *column = a->library_columns + (size_t)k * (size_t)M;
+        for (int i = 0; i < M; i++) far[i] += weight * (column[i] - g) * (column[i] - g);
+    }
+    for (int i = 0; i < M; i++) {
+        const double beside = towards ? square_distance(a->library_q + n * i, towards, n) / 300 : 0;
+        count = ranked(far[i] + beside, i, most, count, keys, numbers);
+    }
     return count;
 }
 
@@ -815,10 +823,16 @@ static int command_from(const Arm *a, const State *w, const double *s, const dou
 }
 
 /* Keeps a state that reaches the goal, unless it is known or far outside the limits. Laws that only Python knows change
- * a command by no more than the nonlinear bound; it then decides about the limits. */
-static int keep(const Arm *a, const State *w, const double *s, const double *near, double same, Found *found) {
+ * a command by no more than the nonlinear bound; it then decides about the limits. A residual field is of the command:
+ * where that depends on `near` (or NULL), the state has to stay, s in place, as the joints arrive from there. */
+static int keep(const Arm *a, const double *goal, int rows, const double *near, double same, double *s, State *w,
+                Found *found) {
     if (found->count == MAX_FOUND) return 0;
     Solution *new = found->at + found->count;
+    if (a->terms && a->laws && near) {
+        if (!command_from(a, w, s, near, new)) return 0;
+        if (newton(a, goal, rows, new->side, s, w, found, 0) != REACHED) return 0;
+    }
     linear_command(a, w->tau, s, new->q);
     if (excess_of(a, new->q) > SLACK || !command_from(a, w, s, near, new)) return 0;
     for (int k = 0; k < found->count; k++) if (apart(new->q, found->at[k].q, a->joints) <= same) return 0;
@@ -829,17 +843,9 @@ static int keep(const Arm *a, const State *w, const double *s, const double *nea
     found->count++;
     return 1;
 }
-/* Whether a state at the goal stays there, s in place, when the joints arrive from the sides that its command has coming
- * from `near` (or NULL): the residual field is of the command. */
-static int arrived(const Arm *a, const double *goal, int rows, const double *near, double *s, State *w, Found *found) {
-    Solution at;
-    if (!a->terms || !a->laws || !near) return 1;
-    return command_from(a, w, s, near, &at) && newton(a, goal, rows, at.side, s, w, found, 0) == REACHED;
-}
 static void attempt(const Arm *a, const double *goal, const double *near, double *s, int limited, Found *found) {
     State w;
-    if (newton(a, goal, 6, UNKNOWN, s, &w, found, limited) == REACHED && arrived(a, goal, 6, near, s, &w, found))
-        keep(a, &w, s, near, SAME, found);
+    if (newton(a, goal, 6, UNKNOWN, s, &w, found, limited) == REACHED) keep(a, goal, 6, near, SAME, s, &w, found);
 }
 static int solved(const Found *found) {
     int out = 0;
@@ -849,11 +855,9 @@ static int solved(const Found *found) {
 
 /* Seeds from the poses of the library closest to a goal, `count` of them, or, as a last resort, until one solves it. */
 static void library_seeds(const Arm *a, const double *goal, const double *near, int count, int last, Found *found) {
-    float far[MAX_POSES];
     int close[RANKED];
     double s[MAX_SLOTS];
-    library_distances(a, goal, 6, far);
-    const int held = least(far, a->poses, count, close);
+    const int held = closest(a, goal, 6, NULL, count, close);
     for (int k = 0; k < held && !(last && solved(found)); k++) {
         COPY(s, a->library_slots + close[k] * a->slots, a->slots);
         attempt(a, goal, near, s, !last, found);
@@ -866,15 +870,13 @@ static void library_seeds(const Arm *a, const double *goal, const double *near, 
 static void along_fold(const Arm *a, const double *goal, const double *u, double lambda, const double *s, State *w,
                        double *correction, double *ahead) {
     const int n = a->joints;
-    Row A[6], T[MAX_JOINTS + 1], N[6];
+    Row A[6], N[6];
     double y[6], beside[MAX_JOINTS + 1];
     forward(a, s, w), goal_error(goal, 6, w), lacking(a, s, UNKNOWN, w), total_jacobian(a, 6, NULL, w);
     for (int r = 0; r < 6; r++) COPY(A[r], w->total[r], n), A[r][n] = LEVER * u[r];
-    for (int k = 0; k < 6 * (n + 1); k++) T[k / 6][k % 6] = A[k % 6][k / 6];
-    gram(T, n + 1, 6, 1e-12, N), factorise(N, 6);
     for (int r = 0; r < 6; r++) y[r] = w->e[r] - lambda * A[r][n];
-    substitute(N, y, 6), times(T, n + 1, 6, y, correction);
-    times(A, 6, n + 1, ahead, y), substitute(N, y, 6), times(T, n + 1, 6, y, beside), add(-1, beside, n + 1, ahead);
+    factorise_rows(A, 6, n + 1, 1e-12, N), least_norm(A, N, 6, n + 1, y, correction);
+    times(A, 6, n + 1, ahead, y), least_norm(A, N, 6, n + 1, y, beside), add(-1, beside, n + 1, ahead);
     const double scale = 1 / larger(length(ahead, n + 1), 1e-300);
     for (int i = 0; i <= n; i++) ahead[i] *= scale;
 }
@@ -991,8 +993,8 @@ static Ending slide(const Arm *a, const double *goal, int rows, const double *to
     int settled = 0;
     for (int step = 0; step < 120; step++, found->steps++) {
         double q[MAX_JOINTS], wish[MAX_JOINTS], turn[MAX_JOINTS], y[6];
-        Row N[6];
-        int stuck[MAX_JOINTS] = {0}, changed = 1;
+        Row free[6], N[6];
+        int changed = 1;
         forward(a, s, w);
         const double square = goal_error(goal, rows, w), miss = sqrt(square) + lacking(a, s, UNKNOWN, w);
         if (!(miss < 1e6)) return STUCK;
@@ -1010,23 +1012,18 @@ static Ending slide(const Arm *a, const double *goal, int rows, const double *to
         share = cost + 100 * miss > before ? 0.5 * share : lesser(1, 1.5 * share);
         before = cost + 100 * miss;
         for (int j = 0; j < n; j++) wish[j] = settled ? 0 : share * (towards[j] - q[j]);
+        COPY(free, w->total, rows); /* columns of the joints that have not stopped */
         for (int round = 0; round < n && changed; round++) {
             changed = 0;
-            for (int i = 0; i < rows; i++) {
-                for (int j = 0; j <= i; j++) {
-                    N[i][j] = i == j ? 1e-9 + 1e-2 * square : 0;
-                    for (int k = 0; k < n; k++) if (!stuck[k]) N[i][j] += w->total[i][k] * w->total[j][k];
-                }
-                y[i] = w->e[i];
-                for (int k = 0; k < n; k++) y[i] -= w->total[i][k] * (stuck[k] ? turn[k] : wish[k]);
-            }
-            factorise(N, rows), substitute(N, y, rows);
+            times(w->total, rows, n, wish, y);
+            for (int r = 0; r < rows; r++) y[r] = w->e[r] - y[r];
+            factorise_rows(free, rows, n, 1e-9 + 1e-2 * square, N), least_norm(free, N, rows, n, y, turn);
             for (int j = 0; j < n; j++) {
-                if (stuck[j]) continue;
-                turn[j] = wish[j];
-                for (int r = 0; r < rows; r++) turn[j] += w->total[r][j] * y[r];
+                turn[j] += wish[j];
                 const double within = clipped(turn[j], a->lower[j] - q[j], a->upper[j] - q[j]);
-                if (within != turn[j]) turn[j] = within, stuck[j] = changed = 1;
+                if (within == turn[j]) continue;
+                turn[j] = wish[j] = within, changed = 1;
+                for (int r = 0; r < rows; r++) free[r][j] = 0;
             }
         }
         const double size = shortened(turn, n, 0.7);
@@ -1040,14 +1037,9 @@ static Ending slide(const Arm *a, const double *goal, int rows, const double *to
  * close to both, from `towards` itself and from `near` (or NULL). Returns the number within the limits. */
 API int ik_free(const Arm *a, const double *goal, int rows, const double *towards, const double *near, int starts,
                 Found *found) {
-    float far[MAX_POSES];
     int close[RANKED];
-    const int n = a->joints;
     found->count = found->steps = 0;
-    library_distances(a, goal, rows, far);
-    for (int i = 0; i < a->poses; i++)
-        far[i] = (float)(far[i] * 300 + square_distance(a->library_q + n * i, towards, n));
-    const int held = least(far, a->poses, starts, close);
+    const int held = closest(a, goal, rows, towards, starts, close);
     for (int k = -2; k < held; k++) {
         State w;
         double s[MAX_SLOTS];
@@ -1055,8 +1047,8 @@ API int ik_free(const Arm *a, const double *goal, int rows, const double *toward
         if (k >= 0) COPY(s, a->library_slots + close[k] * a->slots, a->slots);
         else if (from) start_at(a, from, s);
         else continue;
-        if (slide(a, goal, rows, towards, s, &w, found) == REACHED && arrived(a, goal, rows, near, s, &w, found))
-            keep(a, &w, s, near, ONE_FAMILY, found);
+        if (slide(a, goal, rows, towards, s, &w, found) == REACHED)
+            keep(a, goal, rows, near, ONE_FAMILY, s, &w, found);
     }
     return solved(found);
 }
@@ -1111,21 +1103,20 @@ static double descend(const Arm *a, const double *goal, int rows, double *q, dou
         double gradient[MAX_JOINTS], top = 0;
         Row curvature[MAX_JOINTS];
         double moved[MAX_JOINTS], there[MAX_SLOTS], new = INFINITY;
+        int stuck[MAX_JOINTS];
         command_jacobian(a, rows, q, &w);
         gram(w.total, rows, n, 0, curvature), transposed_times(w.total, rows, n, w.e, gradient);
         for (int i = 0; i < n; i++) {
             top = larger(top, curvature[i][i]);
+            stuck[i] = (q[i] <= a->lower[i] && gradient[i] < 0) || (q[i] >= a->upper[i] && gradient[i] > 0);
             for (int j = 0; j <= i; j++) curvature[i][j] += bend(&w, rows, w.axis[a->joint[j]], j, i);
         }
         for (int tries = 0; tries < 20 && !(new < f); tries++) {
             Row H[MAX_JOINTS];
             double p[MAX_JOINTS], step[MAX_JOINTS], gain = 0;
             for (int i = 0; i < n; i++) {
-                const int stuck = (q[i] <= a->lower[i] && gradient[i] < 0) || (q[i] >= a->upper[i] && gradient[i] > 0);
-                for (int j = 0; j <= i; j++) H[i][j] = stuck ? 0 : curvature[i][j];
-                for (int k = 0; k < i; k++) if (p[k] == 0 && H[k][k] >= 1e29) H[i][k] = 0;
-                H[i][i] = stuck ? 1e30 : curvature[i][i] + damping * top;
-                p[i] = stuck ? 0 : gradient[i];
+                for (int j = 0; j <= i; j++) H[i][j] = stuck[i] || stuck[j] ? 0 : curvature[i][j];
+                H[i][i] = stuck[i] ? 1 : H[i][i] + damping * top, p[i] = stuck[i] ? 0 : gradient[i];
             }
             if (!factorise(H, n)) { damping = larger(3 * damping, 1e-3); continue; }
             substitute(H, p, n);
@@ -1152,13 +1143,11 @@ enum { MOST_STARTS = 64 };
  * closest poses of the library, long ones from the best `kept`. Solution 0 is the answer, its excess the error (m). */
 API int ik_nearest(const Arm *a, const double *goal, int rows, int starts, int kept, int more, const double *from,
                    Found *found) {
-    float far[MAX_POSES];
     int close[MOST_STARTS], order[MOST_STARTS], ordered = 0;
     double q[MOST_STARTS][MAX_JOINTS], s[MOST_STARTS][MAX_SLOTS], f[MOST_STARTS], best = INFINITY;
     found->count = found->steps = 0;
-    library_distances(a, goal, rows, far);
     more = more < MOST_STARTS ? more : MOST_STARTS, starts = starts < MOST_STARTS - more ? starts : MOST_STARTS - more;
-    const int count = more + least(far, a->poses, starts, close);
+    const int count = more + closest(a, goal, rows, NULL, starts, close);
     for (int k = 0; k < count; k++) {
         COPY(q[k], k < more ? from + k * a->joints : a->library_q + close[k - more] * a->joints, a->joints);
         for (int j = 0; j < a->joints; j++) q[k][j] = clipped(q[k][j], a->lower[j], a->upper[j]);
@@ -1225,10 +1214,9 @@ API int ik_newton(const Arm *a, const double *goal, int rows, const double *near
     double along[MAX_JOINTS], direction[6];
     found->count = found->steps = 0;
     if (newton(a, goal, rows, UNKNOWN, s, &w, found, 0) != REACHED) return 0;
-    if (!arrived(a, goal, rows, near, s, &w, found)) return 0;
+    if (keep(a, goal, rows, near, SAME, s, &w, found))
+        found->at[0].slope = slowest(a, &w, along, direction), found->at[0].free = most_moving(a, along);
     COPY(tau, w.tau, a->slots);
-    if (!keep(a, &w, s, near, SAME, found)) return 1;
-    found->at[0].slope = slowest(a, &w, along, direction), found->at[0].free = most_moving(a, along);
     return 1;
 }
 /* One pose of an arm that nothing deflects: its branches q (8,6) and kind (8,): -1 none, 0 alone, else the joint from 1

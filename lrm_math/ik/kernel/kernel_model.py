@@ -29,7 +29,7 @@ BELOW = {
     "joint": ("slots", 0), "other": ("slots", 0), "spring_load": ("slots", 0), "inboard": ("slots", 1),
     "counted": ("bodies", 1), "moved": ("bodies", 1), "law_joint": ("joints", 0), "axis": ("", 6),
     "law": ("", len(set(KERNEL_LAWS.values()))), "spring_from": ("", structures.MAX_SPRINGS + 1),
-    "term_axis": ("", 3), "field_slot": ("slots", 0), "term_factor": ("", 2 * structures.MAX_JOINTS + 1),
+    "term_axis": ("", 4), "field_axis": ("", 4), "term_factor": ("", 2 * structures.MAX_JOINTS + 1),
 }  # fmt: skip
 """Bounds of an array's indices into other arrays: a count of the arm's, and a number."""
 
@@ -99,9 +99,11 @@ class KernelModel:
         if field is None:
             return self.with_(terms=0)
         fits("terms of the residual field", len(field.coefficients), structures.MAX_TERMS)
+        along = np.zeros(self.slots, dtype=np.int32)
+        along[[row[k] for k in field.slots]] = 1, 2, 3
         return self.with_(
-            terms=len(field.coefficients), term=field.coefficients, term_axis=field.axes, term_factor=field.factors,
-            field_slot=[row[k] for k in field.slots], field_lower=field.lower, field_upper=field.upper,
+            terms=len(field.coefficients), term=field.coefficients, term_axis=[1 + axis for axis in field.axes],
+            term_factor=field.factors, field_axis=along, field_lower=field.lower, field_upper=field.upper,
         )  # fmt: skip
 
     def with_commands_off(self, shift: Array) -> KernelModel:

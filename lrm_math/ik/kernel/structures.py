@@ -37,7 +37,7 @@ class KernelArm(ctypes.Structure):
         ("spring", Real * MAX_SPRINGS), ("play", Real * MAX_SLOTS), ("play_force", Real * MAX_SLOTS),
         ("law", Integer * MAX_LAWS), ("law_joint", Integer * MAX_LAWS), ("law_p", Real * (4 * MAX_LAWS)),
         ("terms", Integer), ("term_axis", Integer * MAX_TERMS), ("term_factor", Integer * (3 * MAX_TERMS)),
-        ("field_slot", Integer * 3), ("term", Real * MAX_TERMS),
+        ("field_axis", Integer * MAX_SLOTS), ("term", Real * MAX_TERMS),
         ("field_lower", Real * MAX_JOINTS), ("field_upper", Real * MAX_JOINTS),
         ("form", KernelForm),
         *((f"library_{name}", Pointer) for name in ("q", "slots", "columns")),
