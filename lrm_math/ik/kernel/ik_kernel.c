@@ -918,24 +918,16 @@ static void curve_seeds(const Arm *a, const double *goal, const double *near, co
 }
 
 /* Seeds across a fold, where two solutions merge (Borrel & Liegeois 1986), from solution number `k`: along the motion by
- * which the tool moves least, all following; and straight on where it hardly moves at all, as there curves branch. */
+ * which the tool moves least, all following. */
 static void fold_seeds(const Arm *a, const double *goal, const double *near, int k, Found *found) {
-    const double near_fold = 1e-2, at_fold = 2e-3, ways[6] = {0.15, -0.15, 0.4, -0.4, 0.9, -0.9};
+    const double near_fold = 1e-2;
     State w;
-    double along[MAX_JOINTS], by_all[MAX_JOINTS], u[6], s[MAX_SLOTS], old[MAX_SLOTS], q[MAX_JOINTS];
-    COPY(old, found->at[k].slots, a->slots), COPY(q, found->at[k].q, a->joints);
+    double along[MAX_JOINTS], u[6], old[MAX_SLOTS];
+    COPY(old, found->at[k].slots, a->slots);
     forward(a, old, &w);
-    const double slope = slowest(a, &w, along, u);
-    found->at[k].slope = slope, found->at[k].free = most_moving(a, along);
+    found->at[k].slope = slowest(a, &w, along, u), found->at[k].free = most_moving(a, along);
     goal_error(goal, 6, &w), lacking(a, old, UNKNOWN, &w), total_jacobian(a, 6, NULL, &w);
-    if (slowest_by(a, &w, by_all, u) < near_fold) curve_seeds(a, goal, near, old, by_all, u, found);
-    for (int i = 0; i < 6 && slope < at_fold; i++) {
-        double there[MAX_JOINTS], nearest = INFINITY;
-        for (int j = 0; j < a->joints; j++) there[j] = q[j] + ways[i] * along[j];
-        for (int m = 0; m < found->count; m++) nearest = lesser(nearest, apart(there, found->at[m].q, a->joints));
-        if (nearest <= 0.35 * fabs(ways[i]) || excess_of(a, there) > 0.2) continue;
-        COPY(s, old, a->slots), move_joints(a, along, ways[i], s), attempt(a, goal, near, s, 1, found);
-    }
+    if (slowest_by(a, &w, along, u) < near_fold) curve_seeds(a, goal, near, old, along, u, found);
 }
 /* Seeds for a branch that the closed form has outside the limits although the deflected arm has it within: where axes
  * are aligned, joints turn against each other along the null space, and small deflections decide how far. */
