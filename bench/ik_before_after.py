@@ -107,9 +107,9 @@ def compare(
     before: CheckoutUnderTest, after: CheckoutUnderTest, name: str, model: Model, counts: dict[str, int]
 ) -> None:
     """Prints one line per kind of goal."""
+
     from lrm_math.ik.calibrated import CalibratedSolver
-    from lrm_math.ik.goal import pose
-    from lrm_math.ik.solutions import IkQuery
+    from lrm_math.ik.goal import IkQuery, pose
     from validation.calibrated_ik import distinct, exhaustive, goals
 
     solver, tools = CalibratedSolver.of(model), goals(model, max(counts.values()), seed=7)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from typing import ClassVar, NamedTuple, TypeAlias
@@ -31,16 +31,23 @@ class Branch(NamedTuple):
     """One solution of a goal; a tuple, as a search makes thousands.
 
     Attributes:
-        q: joint angles (rad), within the limits unless the verdict is outside_limits.
+        q: joint angles (rad), commanded ones of a calibrated arm; within the limits unless the verdict is
+            outside_limits.
         margin: distance to the nearest joint limit (rad); negative outside.
         number: branch of the closed form, 0 to 7 (see `label`), or -1 where there are no fixed branches.
         free: number from 1 of a joint that can turn while the tool stays, others following; None if there is none.
+        direction: of a calibrated arm, the side that each joint arrives from (see `Poses`), zeros where not known.
+        detours: joints from 1 that a move straight from `near` would bring from the other side.
+        slots: amounts of the moving slots in equilibrium (rad, m).
     """
 
     q: tuple[float, ...]
     margin: float
     number: int = -1
     free: int | None = None
+    direction: tuple[int, ...] = ()
+    detours: tuple[int, ...] = ()
+    slots: tuple[float, ...] = ()
 
     @property
     def label(self) -> str:
@@ -54,6 +61,54 @@ class Branch(NamedTuple):
     def distance(self, q: tuple[float, ...]) -> float:
         """Euclidean distance to q in joint space (rad)."""
         return math.dist(self.q, q)
+
+
+AT_LIMIT, SAME = 1e-9, 1e-6
+"""rad: a command this far beyond a limit is at the limit; commands no further apart are one."""
+
+
+@dataclass(frozen=True, slots=True)
+class IkSolutions:
+    """Commands that a method found, and its steps; `error`: m, before the final Newton's method, if it has one."""
+
+    commands: tuple[Branch, ...]
+    steps: int
+    error: float | None = None
+
+    @property
+    def within(self) -> list[Branch]:
+        """Those within the limits."""
+        return [command for command in self.commands if command.margin >= -AT_LIMIT]
+
+    @property
+    def beyond(self) -> list[Branch]:
+        """Those beyond, the least excess first."""
+        return sorted((c for c in self.commands if c.margin < -AT_LIMIT), key=lambda command: -command.margin)
+
+
+def apart(q: Sequence[float], other: Sequence[float]) -> float:
+    """Largest difference of a joint (rad)."""
+    return max([abs(a - b) for a, b in zip(q, other, strict=True)])
+
+
+def distinct(commands: Iterable[Branch]) -> list[Branch]:
+    """Commands without those that are among the ones before."""
+    kept: list[Branch] = []
+    for command in commands:
+        if all(apart(command.q, other.q) > SAME for other in kept):
+            kept.append(command)
+    return kept
+
+
+@dataclass(frozen=True, eq=False)
+class Stalled:
+    """A method that ended away from the goal.
+
+    `q`: its last command (rad). `errors`: m, the distance from the goal after each step.
+    """
+
+    q: tuple[float, ...]
+    errors: tuple[float, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -144,32 +199,42 @@ class Solved(_Reply):
     """Commands that reach the goal, according to the model.
 
     Attributes:
-        q: the commanded angles (rad): the first branch.
-        branches: all that were found within the limits, best first: nearest to `near`, else furthest from the limits.
+        branches: all that were found within the limits: first the one to be commanded, its equilibrium confirmed; then
+            best first: nearest to `near`, else furthest from the limits.
         tcp, rotation: predicted tool frame (m).
         predicted_error: distance from the goal's position (m).
         predicted_turn: rotation from the goal's orientation or approach (rad).
         uncertainty: of the prediction, from the parameters' covariance and the joints' repeatability; None if not
             known.
-        direction: side that each joint has to arrive from for this to hold: -1, 0 (unknown or irrelevant), +1.
-        detours: joints, from 1, that would arrive from the other side if they moved straight from `near`.
         rounded: after rounding to the servo board's counts; None without a clock.
         steps: of the method. `cube_error`: m, error before the final Newton's method, for the cube.
     """
 
-    q: tuple[float, ...]
     branches: tuple[Branch, ...]
     tcp: Vector3
     rotation: Rotation
     predicted_error: float
     predicted_turn: float
     uncertainty: PositionUncertainty | None
-    direction: tuple[int, ...]
-    detours: tuple[int, ...]
     rounded: RoundedCommand | None
     steps: int
     cube_error: float | None
     verdict: ClassVar[IkVerdict] = IkVerdict.SOLVED
+
+    @property
+    def q(self) -> tuple[float, ...]:
+        """The commanded angles (rad): the first branch."""
+        return self.branches[0].q
+
+    @property
+    def direction(self) -> tuple[int, ...]:
+        """Side that each joint has to arrive from for this to hold: -1, 0 (unknown or irrelevant), +1."""
+        return self.branches[0].direction
+
+    @property
+    def detours(self) -> tuple[int, ...]:
+        """Joints, from 1, that would arrive from the other side if they moved straight from `near`."""
+        return self.branches[0].detours
 
     @property
     def sd(self) -> float | None:

@@ -16,12 +16,21 @@ from lrm_math.arm.pulse_rounding import RoundedCommand, Rounding, ServoCounts, r
 from lrm_math.arm.servo_table import PwmClock
 from lrm_math.arrays import Array, Vector3
 from lrm_math.errors import LrmError, NoEquilibrium
-from lrm_math.ik.answer import Branch, CalibratedReply, NoAllowedBranch, NotConverged, Solved, Unsolved
-from lrm_math.ik.calibrated_arm import CalibratedArm, Method
-from lrm_math.ik.goal import Goal, Rotation, rotation_rows
+from lrm_math.ik.answer import (
+    Branch,
+    CalibratedReply,
+    IkSolutions,
+    NoAllowedBranch,
+    NotConverged,
+    Solved,
+    Stalled,
+    Unsolved,
+    apart,
+    distinct,
+)
+from lrm_math.ik.calibrated_arm import CalibratedArm, Method, nearest
+from lrm_math.ik.goal import Goal, IkQuery, Rotation, rotation_rows
 from lrm_math.ik.methods import DEFAULT
-from lrm_math.ik.search import nearest
-from lrm_math.ik.solutions import IkQuery, IkSolution, IkSolutions, Stalled
 from lrm_math.kinematics.poses import Poses
 from lrm_math.model.covariance import Covariance
 from lrm_math.model.deployed_model import clock_of, deployed_part
@@ -30,8 +39,6 @@ from lrm_math.model.equilibrium import Equilibrium, equilibrium
 from lrm_math.model.model import Model
 from lrm_math.model.uncertainty import PositionUncertainty, position_uncertainty
 
-SAME = 1e-6
-"""rad: commands no further apart are one branch."""
 CommandFilter: TypeAlias = Callable[[Poses, Array], NDArray[np.bool_]]
 """Which of K commands may be answered, (K,); given their poses and the moving slots' amounts (K, V) in equilibrium."""
 
@@ -132,22 +139,25 @@ class CalibratedSolver:
         """Kind of the reply, and what it says: the first command that is allowed and settles, or why there is none."""
         if isinstance(found, Stalled):
             return NotConverged, {"last": found.q, "errors": found.errors}
-        order = [] if found is None else self._ordered(query, found)
+        found = found or IkSolutions((), 0)
+        order = self._ordered(query, found)
         if allowed is not None and order:
-            q = np.array([self.arm.limits.clipped(command.q) for command in order])
-            sides = np.array([command.direction for command in order], dtype=np.float64)
-            free = allowed(self.arm.poses(query, q, sides), np.array([command.slots for command in order]))
+            sides = np.array([branch.direction for branch in order], dtype=np.float64)
+            poses = self.arm.poses(query, np.array([branch.q for branch in order]), sides)
+            free = allowed(poses, np.array([branch.slots for branch in order]))
             if not free.any():
-                return NoAllowedBranch, {"branches": self._branches(order)}
-            order = [command for command, may in zip(order, free, strict=True) if may]
-        branches = self._branches(order)
-        for k, command in enumerate(order):
-            tool = self.arm.tool_at(query, branches[k].q, command.direction, command.slots)
-            if tool is not None and found is not None:
-                best_first = (branches[k], *branches[:k], *branches[k + 1 :])
-                content = {"branches": best_first, "steps": found.steps, "cube_error": found.error}
-                return Solved, content | self._first(query, command, branches[k].q, tool, rounding)
-        return Unsolved, self._unsolved(query, [] if found is None else found.beyond)
+                return NoAllowedBranch, {"branches": tuple(order)}
+            order = [branch for branch, may in zip(order, free, strict=True) if may]
+        for k, branch in enumerate(order):
+            tool = self.arm.tool_at(query, branch.q, branch.direction, branch.slots)
+            if tool is not None:
+                content = {"branches": (branch, *order[:k], *order[k + 1 :]), "steps": found.steps}
+                return Solved, content | {"cube_error": found.error} | self._first(query, branch, tool, rounding)
+        beyond = tuple(found.beyond)
+        return Unsolved, {
+            "nearest": nearest(self.arm, query, tuple(branch.q for branch in beyond)), "beyond": beyond,
+            "violation": self.arm.limits.violation(beyond[0].q) if beyond else None,
+        }  # fmt: skip
 
     def forward(self, q: Sequence[float], payload: float = 0.0, near: Sequence[float] | None = None) -> ForwardResult:
         """The tool at commands q (n,) in rad, coming from `near`.
@@ -168,78 +178,47 @@ class CalibratedSolver:
     def _angles(self, name: str, q: Sequence[float] | None) -> tuple[float, ...] | None:
         return None if q is None else checked_angles(name, q, self.arm.model.arm.dof)
 
-    def _ordered(self, query: IkQuery, found: IkSolutions) -> list[IkSolution]:
-        """Commands within the limits, best first, each branch once."""
-        near, commands = query.near, found.within
-        if near is None:
-            commands.sort(key=lambda command: -command.margin)
-        else:
-            commands.sort(key=lambda command: _apart(command.q, near))
-        kept: list[IkSolution] = []
-        for command in commands:
-            if all(_apart(command.q, other.q) > SAME for other in kept):
-                kept.append(command)
-        return kept
+    def _ordered(self, query: IkQuery, found: IkSolutions) -> list[Branch]:
+        """Commands within the limits, best first, each branch once, without the round-off that leads beyond a limit."""
+        near, limits = query.near, self.arm.limits
+        commands = sorted(found.within, key=lambda c: -c.margin if near is None else apart(c.q, near))
+        return [c._replace(q=limits.clipped(c.q), margin=max(c.margin, 0.0)) for c in distinct(commands)]
 
-    def _first(
-        self, query: IkQuery, command: IkSolution, q: tuple[float, ...], tool: list[float], rounding: Rounding
-    ) -> dict[str, Any]:
-        """Reply part of the first branch q, whose equilibrium takes the tool to a frame given by columns."""
+    def _first(self, query: IkQuery, branch: Branch, tool: list[float], rounding: Rounding) -> dict[str, Any]:
+        """Reply part of the first branch, whose equilibrium takes the tool to a frame given by columns."""
         ax, ay, az, bx, by, bz, cx, cy, cz, x, y, z = tool
         rotation = (ax, bx, cx), (ay, by, cy), (az, bz, cz)
         return {
-            "q": q, "tcp": (x, y, z), "rotation": rotation, "direction": command.direction, "detours": command.detour,
-            "predicted_error": math.dist((x, y, z), query.goal.position),
-            "predicted_turn": query.goal.angle_from(rotation),
-            "uncertainty": self._uncertainty_of(query, q, command),
-            "rounded": self._rounded(query, q, command, rounding),
+            "tcp": (x, y, z), "rotation": rotation, "predicted_error": math.dist((x, y, z), query.goal.position),
+            "predicted_turn": query.goal.angle_from(rotation), "uncertainty": self._uncertainty_of(query, branch),
+            "rounded": self._rounded(query, branch, rounding),
         }  # fmt: skip
 
-    def _branches(self, commands: Sequence[IkSolution]) -> tuple[Branch, ...]:
-        """Without the round-off that leads beyond a limit."""
-        limits = self.arm.limits
-        return tuple([Branch(limits.clipped(c.q), max(c.margin, 0.0), free=c.free) for c in commands])
+    def _equilibrium(self, query: IkQuery, branch: Branch) -> Equilibrium:
+        poses = self.arm.poses(query, np.array([branch.q]), np.array([branch.direction], dtype=np.float64))
+        return equilibrium(self.arm.model, poses, self.arm.chain_amounts(np.array([branch.slots])))
 
-    def _unsolved(self, query: IkQuery, beyond: list[IkSolution]) -> dict[str, Any]:
-        limits = self.arm.limits
-        return {
-            "nearest": nearest(self.arm, query, tuple(command.q for command in beyond)),
-            "beyond": tuple(Branch(command.q, command.margin, free=command.free) for command in beyond),
-            "violation": limits.violation(beyond[0].q) if beyond else None,
-        }
-
-    def _equilibrium(self, query: IkQuery, q: tuple[float, ...], command: IkSolution) -> Equilibrium:
-        poses = self.arm.poses(query, np.array([q]), np.array([command.direction], dtype=np.float64))
-        return equilibrium(self.arm.model, poses, self.arm.chain_amounts(np.array([command.slots])))
-
-    def _uncertainty_of(self, query: IkQuery, q: tuple[float, ...], command: IkSolution) -> PositionUncertainty | None:
+    def _uncertainty_of(self, query: IkQuery, branch: Branch) -> PositionUncertainty | None:
         if self.covariance is None and self.joint_sd is None:
             return None
-        return position_uncertainty(self._equilibrium(query, q, command), self.covariance, self.joint_sd)
+        return position_uncertainty(self._equilibrium(query, branch), self.covariance, self.joint_sd)
 
-    def _rounded(
-        self, query: IkQuery, q: tuple[float, ...], command: IkSolution, rounding: Rounding
-    ) -> RoundedCommand | None:
+    def _rounded(self, query: IkQuery, branch: Branch, rounding: Rounding) -> RoundedCommand | None:
         if self.servos is None:
             return None
 
         def position_error(angles: tuple[float, ...]) -> float:
             """m, distance of the tool in equilibrium from the goal. Raises `NoEquilibrium`."""
-            tool = self.arm.tool_at(query, angles, command.direction, command.slots)
+            tool = self.arm.tool_at(query, angles, branch.direction, branch.slots)
             if tool is None:
                 raise NoEquilibrium([1], "the arm does not settle at the rounded command")
             return math.dist(tool[9:], query.goal.position)
 
         def jacobian() -> Array:
             """(3, n), m/rad, of the tool by commands through the equilibrium."""
-            return np.asarray(joint_jacobian(self._equilibrium(query, q, command))[0])
+            return np.asarray(joint_jacobian(self._equilibrium(query, branch))[0])
 
-        return round_to_counts(self.servos, q, rounding, position_error, jacobian)
-
-
-def _apart(q: Sequence[float], other: Sequence[float]) -> float:
-    """Largest difference of a joint (rad)."""
-    return max([abs(a - b) for a, b in zip(q, other, strict=True)])
+        return round_to_counts(self.servos, branch.q, rounding, position_error, jacobian)
 
 
 def _checked_load(payload: float) -> float:

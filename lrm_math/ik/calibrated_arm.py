@@ -1,21 +1,27 @@
-"""A deployed model as the methods of the calibrated inverse use it: packed for the kernel, its answers unpacked."""
+"""The engine of the calibrated inverse, on which every method builds: a deployed model packed for the kernel, its
+answers unpacked; all commands that reach a goal, the nearest to one, and nominal guesses."""
 
 from __future__ import annotations
 
 import ctypes
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Protocol
 
 import numpy as np
 
 from lrm_math.arrays import Array
+from lrm_math.errors import LrmError
+from lrm_math.ik.answer import AT_LIMIT, Branch, IkSolutions, Nearest, Stalled, distinct
 from lrm_math.ik.equivalent_arm import equivalent_arm
+from lrm_math.ik.goal import IkQuery
+from lrm_math.ik.kernel.kernel_model import matrices
 from lrm_math.ik.kernel.shared_library import kernel
 from lrm_math.ik.kernel.structures import KernelFound
 from lrm_math.ik.nominal import NominalSolver, solver_of
 from lrm_math.ik.packed_arm import EquilibriumBatch, PackedArm
-from lrm_math.ik.solutions import AT_LIMIT, IkQuery, IkSolution, IkSolutions, Stalled
 from lrm_math.kinematics.pieper import PieperForm, pieper_form
 from lrm_math.kinematics.poses import Poses
 from lrm_math.kinematics.screw_axes import screw_axes_of
@@ -27,6 +33,10 @@ FREE_STARTS = (10, 96)
 SIDE_CHANGES = 3
 ALIGNED = 1e-4
 """m/rad: where some joint motion moves the tool no faster, a solution is called singular."""
+REACHED = 0.01
+"""m: a goal that the nearest command misses by less is tried once more from there."""
+RETRACTIONS = (0.0, 0.005, 0.01, 0.02, 0.04, 0.08, 0.16)
+"""Shares of the distance to the second joint by which goals beyond the nominal arm's reach are retracted."""
 LINEARISATIONS, STEADY = 30, 1e-11
 """Most calls of the kernel for effects that it does not know; rad: change of the slots that ends them."""
 
@@ -70,29 +80,29 @@ class CalibratedArm(PackedArm):
         arm, near = self.kernel(query.payload), query.near
         found, V = arm.search(query.goal, near or self.limits.middle, near, FREE_STARTS), arm.slots
         if self.complete:
-            return IkSolutions(tuple(self._unpacked(found, query.goal.constraints >= arm.joints)), found.steps)
+            return IkSolutions(tuple(self._unpacked(found, query)), found.steps)
         states = [(np.array(x.slots[:V]), np.array(x.tau[:V])) for x in found.at[: found.count]]
         return IkSolutions(tuple(c for s, tau in states for c in self._corrected(query, s, tau)), found.steps)
 
-    def _unpacked(self, found: KernelFound, determined: bool) -> list[IkSolution]:
+    def _unpacked(self, found: KernelFound, query: IkQuery) -> list[Branch]:
         """The kernel's solutions."""
-        n, V, out = self.model.arm.dof, len(self.errors.moving.slots), []
-        for k in range(found.count):
-            at = found.at[k]
-            detour = tuple(j for j, wrong in enumerate(at.detour[:n], 1) if wrong)
-            margin, free = -at.excess - AT_LIMIT, at.free if determined and 0.0 <= at.slope < ALIGNED else None
-            out.append(IkSolution(tuple(at.q[:n]), tuple(at.side[:n]), detour, tuple(at.slots[:V]), margin, free))
+        n, V, out = self.packed.joints, self.packed.slots, []
+        for at in found.at[: found.count]:
+            detours = tuple(j for j, wrong in enumerate(at.detour[:n], 1) if wrong)
+            free = at.free if query.goal.constraints >= n and 0.0 <= at.slope < ALIGNED else None
+            side, slots = tuple(at.side[:n]), tuple(at.slots[:V])
+            out.append(Branch(tuple(at.q[:n]), -at.excess - AT_LIMIT, -1, free, side, detours, slots))
         return out
 
-    def at_goal(self, query: IkQuery, slots: Array) -> list[IkSolution]:
+    def at_goal(self, query: IkQuery, slots: Array) -> list[Branch]:
         """The command at the goal by Newton's method from slot amounts (V,); none if it does not lead there."""
         arm = self.kernel(query.payload)
         if not self.complete:
             return self._corrected(query, slots, arm.forward(slots[None])[1][0])
         state = arm.newton(query.goal, slots, query.near)
-        return [] if state is None else self._unpacked(state[2], query.goal.constraints >= self.model.arm.dof)
+        return [] if state is None else self._unpacked(state[2], query)
 
-    def _corrected(self, query: IkQuery, slots: Array, tau: Array) -> list[IkSolution]:
+    def _corrected(self, query: IkQuery, slots: Array, tau: Array) -> list[Branch]:
         """The command for a state near the goal, (V,) each: the kernel with the model linearised about it, repeatedly.
 
         Where effects without formula act on joints alone, the kernel's state is the model's, and stays.
@@ -114,10 +124,13 @@ class CalibratedArm(PackedArm):
                 break
         if not np.isfinite(q).all():
             return []
+        return [self.branch(q, slots, tuple(side.astype(int).tolist()), tuple((np.flatnonzero(detour) + 1).tolist()))]
+
+    def branch(self, q: Array, slots: Array, direction: tuple[int, ...], detours: tuple[int, ...] = ()) -> Branch:
+        """A command (n,) with its slot amounts (V,)."""
         angles = tuple(q.tolist())
         margin = min(self.limits.margins(angles))
-        turned = tuple(int(j) + 1 for j in np.flatnonzero(detour))
-        return [IkSolution(angles, tuple(side.astype(int).tolist()), turned, tuple(slots.tolist()), margin)]
+        return Branch(angles, margin, direction=direction, detours=detours, slots=tuple(slots.tolist()))
 
     def _command(self, query: IkQuery, slots: Array, tau: Array) -> tuple[Array, Array, Array]:
         """Command (n,), sides of arrival, and 1 where coming straight from `near` contradicts them, else 0."""
@@ -165,3 +178,72 @@ class CalibratedArm(PackedArm):
         angles, side = (ctypes.c_double * n)(*q), (ctypes.c_int * n)(*direction)
         kernel().ik_settle(arm.address, 1, angles, side, 1e-9, slots, tcp, ctypes.addressof(iterations))
         return tcp[:] if iterations.value > 0 else None
+
+
+def commands(arm: CalibratedArm, query: IkQuery) -> IkSolutions | None:
+    """All branches that the seeds lead to, or commands nearest to `near`; None if no seed leads to the goal.
+
+    Seeds are the branches of an equivalent arm's closed form, null-space and fold seeds, and poses of the library (see
+    section 9 of `kernel/ik_kernel.c`). Where they lead to nothing within the limits, Newton's method starts from the
+    nearest command, if it is within 1 cm, and from the nominal arm's branches.
+    """
+    if not arm.library.reach_ball.contains(query.goal.position):
+        return None
+    found = arm.branches(query)
+    if not found.within:
+        more = _from_elsewhere(arm, query, found)
+        found = replace(found, commands=tuple(distinct([*more, *found.commands])))
+    return found if found.commands else None
+
+
+def _from_elsewhere(arm: CalibratedArm, query: IkQuery, found: IkSolutions) -> list[Branch]:
+    """Newton's method from the nearest command to the goal, or else from the nominal arm's branches."""
+    out: list[Branch] = []
+    with suppress(LrmError):
+        closest = nearest(arm, query, tuple(command.q for command in found.beyond))
+        if closest.error <= REACHED:
+            out = _from_commands(arm, query, [closest.q])
+    branches = () if out else arm.nominal_solver.branches(query.goal, query.near)
+    return out or _from_commands(arm, query, [branch.q for branch in branches])
+
+
+def _from_commands(arm: CalibratedArm, query: IkQuery, starts: Sequence[tuple[float, ...]]) -> list[Branch]:
+    settled = arm.equilibria(query, np.array(starts).reshape(-1, arm.packed.joints))
+    return distinct(command for slots in settled.slots for command in arm.at_goal(query, slots))
+
+
+@lru_cache(maxsize=4)
+def nearest(arm: CalibratedArm, query: IkQuery, starts: tuple[tuple[float, ...], ...] = ()) -> Nearest:
+    """Least squares of distance (m) and scaled rotation over the commands within the limits.
+
+    `starts`: commands (rad) to start from, beside the closest poses of the library. Of effects that the kernel does not
+    know, the linear part decides about the command; its distance is that of the whole model.
+
+    Raises `LrmError`: the arm does not settle anywhere near.
+    """
+    found = arm.kernel(query.payload).nearest(query.goal, starts)
+    if found is not None:
+        settled = arm.equilibria(query, np.array([found[0]]))
+        if len(settled.rows):
+            return Nearest.at(found[0], query.goal, matrices(settled.tcp)[0])
+    raise LrmError("the arm comes to rest in no pose near this goal; its compliances may be wrong")
+
+
+def initial_guesses(arm: CalibratedArm, query: IkQuery) -> Iterator[Array]:
+    """Nominal solutions (n,), nearest to `near` first, or else furthest from the limits; a little beyond them too.
+
+    Goals beyond the nominal arm's reach are retracted. What the goal leaves free of the orientation is as the guess has
+    it. At last the closest poses of the library.
+    """
+    inwards = np.array(arm.nominal_solver.second_axis) - query.goal.position
+    for share in RETRACTIONS:
+        position = np.array(query.goal.position) + share * inwards
+        goal = replace(query.goal, position=tuple(position.tolist()))
+        branches = arm.nominal_solver.branches(goal, query.near)
+        for branch in branches:
+            yield np.array(branch.q)
+        if branches:
+            break
+    found = arm.library.tcp[:, :3, 3] - query.goal.position
+    for row in np.argsort(np.linalg.norm(found, axis=1))[:16]:
+        yield arm.library.q[row]

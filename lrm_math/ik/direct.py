@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from lrm_math.ik.calibrated_arm import CalibratedArm
-from lrm_math.ik.search import commands
-from lrm_math.ik.solutions import IkQuery, IkSolutions
+from lrm_math.ik.answer import IkSolutions
+from lrm_math.ik.calibrated_arm import CalibratedArm, commands
+from lrm_math.ik.goal import IkQuery
 
 
 @dataclass(frozen=True)

@@ -88,6 +88,15 @@ class Goal:
         return f"TCP at ({x:.1f}, {y:.1f}, {z:.1f}) mm, {free} is free"
 
 
+@dataclass(frozen=True, slots=True)
+class IkQuery:
+    """The goal, the payload (kg), and the present joint angles (rad), if known."""
+
+    goal: Goal
+    payload: float = 0.0
+    near: tuple[float, ...] | None = None
+
+
 def pose(position: ArrayLike, rotation: ArrayLike) -> Goal:
     """A full pose: position (3,) in m and rotation matrix (3, 3), whose numbers may be rounded. Raises `LrmError`."""
     matrix = _numbers("rotation", rotation, (3, 3))

@@ -6,10 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lrm_math.ik.calibrated_arm import CalibratedArm
-from lrm_math.ik.goal import pose
-from lrm_math.ik.search import initial_guesses
-from lrm_math.ik.solutions import IkQuery, IkSolution, IkSolutions, Stalled
+from lrm_math.ik.answer import IkSolutions, Stalled
+from lrm_math.ik.calibrated_arm import CalibratedArm, initial_guesses
+from lrm_math.ik.goal import IkQuery, pose
 
 STILL = 1e-6
 """m: the error has settled when it changes by less."""
@@ -43,9 +42,7 @@ class Iterative:
             errors.append(float(np.linalg.norm(error)))
             still = step > 2 and max(abs(errors[-1] - before) for before in errors[-3:-1]) < STILL
             if errors[-1] <= self.enough:
-                angles, unknown = tuple(q.tolist()), (0,) * len(q)
-                margin = min(arm.limits.margins(angles))
-                return IkSolutions((IkSolution(angles, unknown, (), tuple(settled.slots[0].tolist()), margin),), step)
+                return IkSolutions((arm.branch(q, settled.slots[0], (0,) * len(q)),), step)
             branches = arm.nominal_solver.branches(pose(drawn[:3, 3] - error, drawn[:3, :3]), q.tolist())
             if still or not branches:
                 break

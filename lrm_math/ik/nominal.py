@@ -94,10 +94,6 @@ class NominalSolver(PackedArm):
             return tuple(sorted(found, key=MARGIN, reverse=True))
         return tuple(sorted(found, key=lambda branch: branch.distance(near)))
 
-    def frames(self, q: Array) -> Array:
-        """(K, n + 2, 4, 4), frames of the base, after joint 1 … n, and of the tool, at angles (K, n); m."""
-        return self.packed.frames(self.unloaded_slots(q))
-
     @cached_property
     def second_axis(self) -> Vector3:
         """A point on the second joint's axis (m), about the middle of the workspace."""

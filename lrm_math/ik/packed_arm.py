@@ -147,6 +147,13 @@ class PackedArm:
         out[:, self.errors.moving.joints] += q
         return out
 
+    def frames(self, q: Array) -> Array:
+        """(K, n + 2, 4, 4), frames without loads of the base, after joint 1 … n, and of the tool, at commands (K, n).
+
+        m.
+        """
+        return self.packed.frames(self.unloaded_slots(q))
+
     def chain_amounts(self, slots: Array) -> list[Number]:
         """Amounts of all slots of the chain, from those of the moving ones (K, V); floats for a single pose."""
         out: list[Number] = list(self.model.binding.constants)

@@ -18,9 +18,8 @@ from lrm_math.errors import LrmError
 from lrm_math.ik.answer import CalibratedReply, NoAllowedBranch, Solved, Unsolved
 from lrm_math.ik.calibrated import CalibratedSolver
 from lrm_math.ik.calibrated_arm import CalibratedArm, Method
-from lrm_math.ik.goal import Goal, point, point_along, pose_rpy
+from lrm_math.ik.goal import Goal, IkQuery, point, point_along, pose_rpy
 from lrm_math.ik.methods import method_named
-from lrm_math.ik.solutions import IkQuery
 from lrm_math.kinematics.poses import Poses
 from lrmd.config import Config
 from lrmd.errors import RequestError

@@ -24,13 +24,12 @@ from lrm_math.errors import LrmError, NoEquilibrium
 from lrm_math.ik.calibrated import CalibratedSolver
 from lrm_math.ik.calibrated_arm import CalibratedArm
 from lrm_math.ik.equivalent_arm import equivalent_arm
-from lrm_math.ik.goal import point, pose
+from lrm_math.ik.goal import IkQuery, point, pose
 from lrm_math.ik.kernel import shared_library
 from lrm_math.ik.kernel.kernel_model import KernelModel, packed, with_laws
 from lrm_math.ik.kernel.laws import KERNEL_LAWS
 from lrm_math.ik.kernel.structures import KernelArm
 from lrm_math.ik.packed_arm import PackedArm
-from lrm_math.ik.solutions import IkQuery
 from lrm_math.kinematics.chain import chain_of
 from lrm_math.kinematics.forward import frames
 from lrm_math.kinematics.pieper import pieper_form
