@@ -176,7 +176,7 @@ class CalibratedSolver:
         return ForwardResult((x, y, z), rotation, tuple(settled.joint_torque[0].tolist()), uncertainty)
 
     def _angles(self, name: str, q: Sequence[float] | None) -> tuple[float, ...] | None:
-        return None if q is None else checked_angles(name, q, self.arm.model.arm.dof)
+        return None if q is None else checked_angles(name, q, self.arm.packed.joints)
 
     def _ordered(self, query: IkQuery, found: IkSolutions) -> list[Branch]:
         """Commands within the limits, best first, each branch once, without the round-off that leads beyond a limit."""

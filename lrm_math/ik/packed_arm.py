@@ -67,12 +67,12 @@ class PackedArm:
     @cached_property
     def complete(self) -> bool:
         """Whether the kernel has a formula for every effect of the model."""
-        return not without_formula(self.model.binding, self.model.load_slots, self.model.chain.joint_slots)
+        return not without_formula(self.model)
 
     @cached_property
     def laws(self) -> tuple[KernelLaw, ...]:
         """The laws that the kernel computes: all or, so that commands are computed in one place, none."""
-        return kernel_laws(self.model.binding, self.model.chain.joint_slots) if self.complete else ()
+        return kernel_laws(self.model) if self.complete else ()
 
     @cached_property
     def limits(self) -> JointLimits:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -14,7 +14,7 @@ from lrm_math.errors import NoEquilibrium
 from lrm_math.ik.calibrated_arm import CalibratedArm
 from lrm_math.ik.goal import Goal, point
 from lrm_math.ik.kernel.kernel_model import KernelModel, with_laws
-from lrm_math.ik.kernel.laws import KernelLaw, kernel_laws, without_formula
+from lrm_math.ik.kernel.laws import kernel_laws, without_formula
 from lrm_math.kinematics.moving_slots import Indices
 from lrm_math.kinematics.poses import Poses
 from lrm_math.model.effect_binding import BoundEffect
@@ -49,7 +49,7 @@ class KernelArmModel:
         """Packs a model. Raises `LrmError`."""
         arm = CalibratedArm(model)
         kernel = arm.kernel(payload).with_springs(arm.errors.constants, arm.errors.compliances)
-        return cls(model, payload, with_laws(kernel, _known_laws(model), True, 0.0), arm.errors, arm.complete)
+        return cls(model, payload, with_laws(kernel, kernel_laws(model), True, 0.0), arm.errors, arm.complete)
 
     @property
     def joints(self) -> Indices:
@@ -126,7 +126,7 @@ class KernelArmModel:
     @cached_property
     def _missing(self) -> tuple[BoundEffect, ...]:
         """The effects that the kernel has no formula for."""
-        return without_formula(self.model.binding, self.model.load_slots, self.model.chain.joint_slots)
+        return without_formula(self.model)
 
     def _lacking(self, poses: Poses, tau: Array, slots: Array, added: Array) -> Array:
         """(V,), what slot amounts in equilibrium under loads (1, V) lack of the model's, `added` (V,) being in them."""
@@ -157,14 +157,3 @@ def _held(kernel: KernelModel, tool: Goal, slots: Array, near: Array) -> tuple[A
     if state is None or not state[2].count:
         raise NoEquilibrium([1], "no command holds these angles within the limits")
     return state[0], state[1], np.array(state[2].at[0].q[: kernel.joints])
-
-
-def _known_laws(model: Model) -> tuple[KernelLaw, ...]:
-    """The laws of joints that the kernel has a formula for."""
-    binding, joint_slots = model.binding, model.chain.joint_slots
-    unknown = {id(bound) for bound in without_formula(binding, model.load_slots, joint_slots)}
-    rigid, elastic, loading = (
-        tuple(bound for bound in bounds if id(bound) not in unknown)
-        for bounds in (binding.rigid, binding.elastic, binding.loading)
-    )
-    return kernel_laws(replace(binding, rigid=rigid, elastic=elastic, loading=loading), joint_slots)

@@ -16,6 +16,7 @@ from lrm_math.effects.forces import CableSpring
 from lrm_math.effects.servo_errors import CommonGain, Coupling, Eccentricity, ServoGain, coupled_joints
 from lrm_math.effects.targets import Kind
 from lrm_math.model.effect_binding import BoundEffect, EffectBinding
+from lrm_math.model.model import Model
 
 KernelLaw: TypeAlias = tuple[int, int, tuple[float, ...]]
 """Number of the law, joint from 0, parameters (SI, at most four)."""
@@ -39,13 +40,9 @@ def acting(binding: EffectBinding) -> tuple[BoundEffect, ...]:
     return (*binding.rigid, *binding.elastic, *binding.loading)
 
 
-def without_formula(
-    binding: EffectBinding, load_slots: Sequence[int], joint_slots: Sequence[int]
-) -> tuple[BoundEffect, ...]:
-    """The effects that the kernel has no formula for; `load_slots`, `joint_slots`: numbers of the chain's slots.
-
-    In the kernel a load that an effect puts on a joint acts on joints alone.
-    """
+def without_formula(model: Model) -> tuple[BoundEffect, ...]:
+    """The effects that the kernel has no formula for; in it a load that an effect puts on a joint acts on joints."""
+    binding, load_slots, joint_slots = model.binding, model.load_slots, model.chain.joint_slots
     fields = (bound for bound in binding.rigid if isinstance(bound.effect, ResidualField))
     known = {id(bound) for bound in (*binding.of_class(Spring), *binding.of_class(AxialPlay), *fields)}
     elsewhere = {load_slots[i] for b in binding.elastic if not {*b.slots} <= {*joint_slots} for i in b.loads}
@@ -56,9 +53,10 @@ def without_formula(
     return tuple(bound for bound in acting(binding) if id(bound) not in known)
 
 
-def kernel_laws(binding: EffectBinding, joint_slots: Sequence[int]) -> tuple[KernelLaw, ...]:
-    """The laws of a model's joints, of effects that the kernel has a formula for; `joint_slots`: of the chain."""
-    laws = [bound for bound in acting(binding) if type(bound.effect) in KERNEL_LAWS]
+def kernel_laws(model: Model) -> tuple[KernelLaw, ...]:
+    """The laws of a model's joints, of effects that the kernel has a formula for."""
+    unknown, joint_slots = {id(bound) for bound in without_formula(model)}, model.chain.joint_slots
+    laws = [b for b in acting(model.binding) if type(b.effect) in KERNEL_LAWS and id(b) not in unknown]
     return tuple(
         (KERNEL_LAWS[type(b.effect)], joint_slots.index(slot), _parameters(b)) for b in laws for slot in b.slots
     )
