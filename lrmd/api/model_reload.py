@@ -87,13 +87,13 @@ class ActiveModel:
 
     def _take(self, deployed: DeployedModel, guard: Guard | None) -> DeployedModel:
         self.guard, self.deployed = guard, deployed
-        self._shared.model = deployed.digest
+        self._shared.values.model = deployed.digest
         return deployed
 
     def wait_for_ik(self, deployed: DeployedModel) -> None:
         """Waits until the ik process answers with this model. Raises `RequestError`."""
         deadline = time.monotonic() + IK_TIMEOUT
-        while self._shared.ik_model != deployed.digest:
+        while self._shared.values.ik_model != deployed.digest:
             if time.monotonic() > deadline:
                 text = f"loaded and checked, but after {IK_TIMEOUT:g} s the ik process does not answer with it yet"
                 raise RequestError("ik_silent", text, retryable=True)

@@ -135,7 +135,7 @@ class ApiProcess:
     def _ready(self, probe: IkProbe, now: int) -> bool:
         """Whether all processes work: the ramp ticks, and the ik process has the model and answers."""
         probe.ask(now)
-        ik = probe.answered and self._shared.ik[0] > 0 and self._shared.ik_model == self._shared.model
+        ik = probe.answered and self._shared.ik[0] > 0 and self._shared.values.ik_model == self._shared.values.model
         return ik and self._shared.read_report() is not None
 
     def _reload_on_signal(self) -> None:
@@ -180,7 +180,7 @@ class ApiProcess:
 
     def _write_order(self) -> None:
         self._shared.write_order(self._controller.order)
-        self._shared.payload = self._controller.payload
+        self._shared.values.payload = self._controller.payload
 
     def _observe(self, now: int) -> None:
         estops = self._shared.router[1]

@@ -91,8 +91,8 @@ class StatePublisher:
 
     @property
     def _model_sha256(self) -> str:
-        accepted = self._shared.model
-        return "" if accepted in (NOMINAL, NO_MODEL) else accepted.hex()
+        accepted = self._shared.values.model
+        return "" if accepted in (NOMINAL, NO_MODEL) else accepted.decode()
 
     def event(self, e: ControllerEvent) -> Event:
         """The message of an event."""
@@ -129,13 +129,13 @@ class StatePublisher:
         )  # fmt: skip
 
     def _metrics(self) -> MetricsState:
-        report = self._controller.report
+        report, duty = self._controller.report, self._shared.values.duty
         late = Lateness(tuple(self._shared.lateness), BUCKET_NS / 1000, report.max_late_ns / 1000)
         p50, p99, p999 = (late.percentile_us(share) for share in (0.5, 0.99, 0.999))
         return MetricsState(
             **self._header("state/metrics"), ticks=late.ticks, skipped=report.skipped, late_upper_us=late.upper_us(),
             late_counts=late.coarse(), late_p50_us=p50, late_p99_us=p99, late_p999_us=p999,
-            late_max_us=late.largest_us, realtime=report.realtime, duty=self._shared.duty, frames_sent=report.sent,
+            late_max_us=late.largest_us, realtime=report.realtime, duty=duty, frames_sent=report.sent,
             frames_acknowledged=report.acknowledged, bad_frames=report.bad_frames, board_errors=report.board_errors,
             reconnects=report.reconnects, ramp_starts=self._ramp.starts, ik_starts=self._ik.starts,
         )  # fmt: skip

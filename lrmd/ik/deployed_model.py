@@ -37,7 +37,7 @@ class DeployedModel:
     @property
     def digest(self) -> bytes:
         """SHA-256 that the processes compare, or `shared_memory.NOMINAL`."""
-        return bytes.fromhex(self.sha256) if self.sha256 else NOMINAL
+        return self.sha256.encode() or NOMINAL
 
     @cached_property
     def field(self) -> FieldCoverage | None:
@@ -83,7 +83,7 @@ def _named_arm(config: Config, path: Path, name: str) -> Arm:
 def digest_of(config: Config) -> bytes:
     """Present digest of the model file in use. Raises `FileError`."""
     path = active_model(config)
-    return NOMINAL if path is None else hashlib.sha256(_content(path)).digest()
+    return NOMINAL if path is None else hashlib.sha256(_content(path)).hexdigest().encode()
 
 
 def _content(path: Path) -> bytes:

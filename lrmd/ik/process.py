@@ -102,7 +102,7 @@ class IkProcess:
         self._headers = HeaderSource(boot_id)
         self._service: IkService | None = None
         self._checked: tuple[bytes, bytes] | None = None
-        self._shared.ik_model = NO_MODEL
+        self._shared.values.ik_model = NO_MODEL
         self._update_model()
 
     def run(self) -> None:
@@ -124,7 +124,7 @@ class IkProcess:
                 self._work()
 
     def _enqueue(self, query: zenoh.Query, request: KinematicsRequest) -> None:
-        asked, source = with_payload(request, self._shared.payload), query.source_info
+        asked, source = with_payload(request, self._shared.values.payload), query.source_info
         asker = "" if source is None else str(source.source_id.zid)
         until = time.monotonic_ns() + int(asked.deadline_ms * MS)
         gave_way = RequestError("busy", "it gave way to another client's; ask again", retryable=True)
@@ -186,8 +186,8 @@ class IkProcess:
 
     def _update_model(self) -> None:
         """Loads the model that the daemon accepted, once the file has its digest."""
-        accepted = self._shared.model
-        if accepted == NO_MODEL or (accepted == self._shared.ik_model and self._service is not None):
+        accepted = self._shared.values.model
+        if accepted == NO_MODEL or (accepted == self._shared.values.ik_model and self._service is not None):
             return
         try:
             found = digest_of(self._config)
@@ -200,7 +200,7 @@ class IkProcess:
             if found != accepted:
                 raise LrmError("the model's file is not the one that the daemon accepted; reload it")
             self._service = IkService(self._config, deploy(self._config))
-            self._shared.ik_model = self._service.deployed.digest
+            self._shared.values.ik_model = self._service.deployed.digest
         except LrmError as error:
             self._log.error("model_refused", text=str(error))
 

@@ -86,7 +86,7 @@ def _loop(setup: RampSetup, shared: SharedRecords, core: RampCore, realtime: boo
         if core.link is LinkState.CLOSED and tick % REOPEN_EVERY == 0 and port.open():
             core.opened(clock.now())
         end = clock.now()
-        shared.duty += DUTY_SHARE * ((end - now) / setup.tick - shared.duty)
+        shared.values.duty += DUTY_SHARE * ((end - now) / setup.tick - shared.values.duty)
         due, missed = next_due(end, due, setup.tick)
         skipped += missed
     port.close()
