@@ -17,9 +17,9 @@ from pathlib import Path
 
 from examples.so101.hidden_arm import ARM_FILE, BUSES, HIDDEN, HiddenSo101, hidden_truth
 from lrm_math.errors import LrmError, UnknownName
+from lrmd.ramp.clock import MonotonicClock
 from lrmd.sim.control_queries import QueryReply
 from lrmd.sim.control_socket import ControlServer
-from lrmd.sim.process import BoardClock
 from lrmd.sim.pty_port import PtyPort
 from lrmd.sim.simulation import SECOND
 from validation.synthetic import load_arm
@@ -34,7 +34,7 @@ def run(link: Path, effect: str, seed: int, speed: float = 1.0, kind: str = "fee
     if kind not in BUSES:
         raise UnknownName("kind of servos", kind, BUSES)
     arm = HiddenSo101(hidden_truth(load_arm(ARM_FILE), effect, seed), kind=kind)
-    clock, parent = BoardClock(time.monotonic_ns(), speed), os.getppid()
+    clock, parent = MonotonicClock(speed, time.monotonic_ns()), os.getppid()
 
     def reply(question: str) -> QueryReply:
         arm.bus.advance(clock.now() / SECOND)

@@ -7,12 +7,13 @@ import re
 import sys
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, NoReturn, TypeAlias
+from typing import Any, NoReturn, TypeAlias, get_args
 
 from lrm_math.errors import LrmError
 from lrmd.cli import cartesian, motion, status
 from lrmd.client import MotionInterrupted
 from lrmd.messages.codec import field_named
+from lrmd.messages.kinematics import IkRequest
 
 Handler: TypeAlias = Callable[[argparse.Namespace], int]
 OptionGroup: TypeAlias = Callable[[argparse.ArgumentParser], None]
@@ -157,7 +158,8 @@ def _goal(c: argparse.ArgumentParser) -> None:
     turn = c.add_mutually_exclusive_group()
     turn.add_argument("--rpy", metavar="R,P,Y", help="orientation: turns about the fixed x, then y, then z axis")
     turn.add_argument("--approach", metavar="X,Y,Z", help="direction that the tool points along")
-    c.add_argument("--method", choices=["cube", "direct", "iterative"], default="cube", help="default: %(default)s")
+    method = IkRequest.model_fields["method"]
+    c.add_argument("--method", choices=get_args(method.annotation), default=method.default, help="default: %(default)s")
     c.add_argument("--round", choices=["each", "best"], default="best", help="how angles become counts")
     _payload(c)
 

@@ -32,9 +32,10 @@ from lrmd.messages.kinematics import (
     FkRequest,
     IkReply,
     IkRequest,
+    KinematicsReply,
+    KinematicsRequest,
     PlanReply,
     PlanRequest,
-    with_payload,
 )
 from lrmd.messages.zenoh_session import GONE_KEY, key, own_client, reply_error, serve
 from lrmd.ramp.parent import die_with_parent
@@ -52,7 +53,6 @@ SWITCH_INTERVAL = 0.5e-3
 """s: a query that arrives during a goal waits for the interpreter at most about so long, so its deadline is right."""
 IDLE_S, FIRST_MODEL_S = 0.2, 0.005
 """s between two looks at the shared memory without a query; the same until the daemon has accepted its first model."""
-KinematicsRequest = IkRequest | FkRequest | PlanRequest
 REQUESTS: dict[str, type[KinematicsRequest]] = {"rpc/ik": IkRequest, "rpc/fk": FkRequest, "rpc/plan": PlanRequest}
 Steps = Generator[None, None, Message]
 """The work on one query: pauses after every goal, and returns the reply."""
@@ -124,7 +124,7 @@ class IkProcess:
                 self._work()
 
     def _enqueue(self, query: zenoh.Query, request: KinematicsRequest) -> None:
-        asked, source = with_payload(request, self._shared.values.payload), query.source_info
+        asked, source = request.with_payload(self._shared.values.payload), query.source_info
         asker = "" if source is None else str(source.source_id.zid)
         until = time.monotonic_ns() + int(asked.deadline_ms * MS)
         gave_way = RequestError("busy", "it gave way to another client's; ask again", retryable=True)
@@ -208,20 +208,21 @@ class IkProcess:
         started, request, service = time.perf_counter(), queued.request, self._service
         if service is None:
             raise RequestError("no_model", "the model's file changed since the daemon loaded it; rpc/reload takes it")
-        kind: type[Header]
+        kind: type[KinematicsReply]
         content: dict[str, Any] = {"left_out": list(service.deployed.left_out)}
-        if isinstance(request, IkRequest):
-            kind, content["answers"] = IkReply, []
-            for answer in service.inverse(request):
-                content["answers"].append(answer)
-                yield
-        elif isinstance(request, FkRequest):
-            kind, content["places"] = FkReply, []
-            for place in service.forward(request):
-                content["places"].append(place)
-                yield
-        else:
-            kind, content = PlanReply, _plan_content(service.plan(request, partial(self._pause, queued)))
+        match request:
+            case IkRequest():
+                kind, content["answers"] = IkReply, []
+                for answer in service.inverse(request):
+                    content["answers"].append(answer)
+                    yield
+            case FkRequest():
+                kind, content["places"] = FkReply, []
+                for place in service.forward(request):
+                    content["places"].append(place)
+                    yield
+            case PlanRequest():
+                kind, content = PlanReply, _plan_content(service.plan(request, partial(self._pause, queued)))
         content |= {"model": service.deployed.path, "model_sha256": service.deployed.sha256}
         content["elapsed_ms"] = (time.perf_counter() - started) * 1e3
         return kind(**self._headers.next("ik"), **content)

@@ -19,7 +19,7 @@ from lrm_math.ik.answer import CalibratedReply, NoAllowedBranch, Solved, Unsolve
 from lrm_math.ik.calibrated import CalibratedSolver
 from lrm_math.ik.calibrated_arm import CalibratedArm, Method
 from lrm_math.ik.goal import Goal, IkQuery, point, point_along, pose_rpy
-from lrm_math.ik.methods import method_named
+from lrm_math.ik.methods import QUICKEST, method_named
 from lrm_math.kinematics.poses import Poses
 from lrmd.config import Config
 from lrmd.errors import RequestError
@@ -62,12 +62,6 @@ def goal_pose(position: Sequence[float], quaternion: Sequence[float]) -> Goal:
         (2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)),
     )
     return Goal((position[0], position[1], position[2]), rotation)
-
-
-def method_of(request: IkRequest) -> Method:
-    """The solver's method for a request."""
-    settings = {"side": request.cube_side_m, "points": request.cube_points} if request.method == "cube" else {}
-    return method_named(request.method, **settings)
 
 
 def solver_of(config: Config, deployed: DeployedModel) -> CalibratedSolver:
@@ -147,20 +141,24 @@ class IkService:
         """One answer per goal, each computed when it is taken. Raises `LrmError` for invalid goals."""
         self._check_angles("near_rad", request.near_rad)
         goals = [self._goal(number, entry) for number, entry in enumerate(request.goals)]
-        method, rounding = method_of(request), Rounding(request.round)
-        payload, near = request.payload_kg or 0.0, request.near_rad
+        method = method_named(request.method, side=request.cube_side_m, points=request.cube_points)
         for goal in goals:
-            started = time.perf_counter()
-            try:
-                reply = self._solver.solve(goal, payload, near, method, rounding, self._feasibility.feasible)
-            except LrmError as error:
-                content: dict[str, Any] = {"verdict": "not_converged", "text": str(error)}
-            else:
-                content = self._answer(reply, payload)
-            command = content.get("q_rad") or content.get("nearest_rad")
-            if command is not None:
-                content["outside_range"] = self._outside(command)
-            yield IkAnswer(**content, elapsed_ms=(time.perf_counter() - started) * 1e3)
+            yield self._answer(goal, request.payload_kg or 0.0, request.near_rad, method, Rounding(request.round))
+
+    def _answer(
+        self, goal: Goal, payload: float, near: Sequence[float] | None, method: Method, rounding: Rounding
+    ) -> IkAnswer:
+        """The answer to one goal, with the time that it took."""
+        started = time.perf_counter()
+        try:
+            reply = self._solver.solve(goal, payload, near, method, rounding, self._feasibility.feasible)
+            content = self._content(reply, payload)
+        except LrmError as error:
+            content = {"verdict": "not_converged", "text": str(error)}
+        command = content.get("q_rad") or content.get("nearest_rad")
+        if command is not None:
+            content["outside_range"] = self._outside(command)
+        return IkAnswer(**content, elapsed_ms=(time.perf_counter() - started) * 1e3)
 
     def _goal(self, number: int, entry: GoalEntry) -> Goal:
         try:
@@ -203,13 +201,13 @@ class IkService:
     def _commands(self, request: PlanRequest) -> list[list[float]]:
         """Commands that reach the goal of a plan, nearest first. Raises `LrmError` if there are none."""
         assert request.goal is not None
-        ik = IkRequest(goals=[request.goal], near_rad=request.from_rad, payload_kg=request.payload_kg, method="direct")
-        (answer,) = self.inverse(ik)
+        goal, payload = self._goal(0, request.goal), request.payload_kg or 0.0
+        answer = self._answer(goal, payload, request.from_rad, QUICKEST, Rounding.EACH)
         if answer.verdict != "solved":
             raise RequestError(answer.verdict, answer.text)
         return answer.branches_rad
 
-    def _answer(self, reply: CalibratedReply, payload: float) -> dict[str, Any]:
+    def _content(self, reply: CalibratedReply, payload: float) -> dict[str, Any]:
         """The fields of an `IkAnswer`, without its time."""
         match reply:
             case Solved() if self._feasibility.confirms_rounding(reply, payload):

@@ -22,10 +22,10 @@ DESCRIPTION = "Messages of lrmd on zenoh, as msgpack maps; which key carries whi
 
 
 def _kinds(base: type[BaseModel]) -> Iterable[type[BaseModel]]:
+    """Kinds of messages that derive from one, without those that only others derive from."""
     for kind in base.__subclasses__():
         if kind.__module__.startswith("lrmd.messages."):
-            yield kind
-            yield from _kinds(kind)
+            yield from (*_kinds(kind),) or (kind,)
 
 
 def _definitions(kinds: Iterable[type[BaseModel]], mode: Literal["validation", "serialization"]) -> dict[str, Any]:
@@ -37,7 +37,7 @@ def _definitions(kinds: Iterable[type[BaseModel]], mode: Literal["validation", "
 def schemas() -> dict[str, Any]:
     """One schema document with every message under `$defs`."""
     replies: set[type[BaseModel]] = {*_kinds(Header), IkReply, ErrorReply}
-    requests = _definitions(set(_kinds(Message)) - replies - {Header}, "validation")
+    requests = _definitions(set(_kinds(Message)) - replies, "validation")
     answers = _definitions(replies, "serialization")
     for definition in answers.values():
         if "properties" in definition:

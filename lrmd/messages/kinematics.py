@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, Literal, Self
 
 from pydantic import FailFast, Field, model_validator
 
@@ -36,15 +36,25 @@ class GoalEntry(Part):
         return self
 
 
-class IkRequest(Message):
+class KinematicsRequest(Message):
+    """Query of the ik process. `payload_kg`: None for what the arm carries; `id`: for `rpc/cancel`."""
+
+    id: Label = ""
+    payload_kg: Payload | None = None
+    deadline_ms: Deadline = 10_000.0
+
+    def with_payload(self, carried: float) -> Self:
+        """The request with what the arm carries (kg), unless it says so: a plan then is that of the next move."""
+        return self if self.payload_kg is not None else self.model_copy(update={"payload_kg": carried})
+
+
+class IkRequest(KinematicsRequest):
     """`rpc/ik`: inverse kinematics of goals; branches near the present pose `near_rad` come first.
 
     `round`: "each" joint to its nearest count, or the "best" combination of neighbouring counts.
     """
 
-    id: Label = ""
     goals: Annotated[list[GoalEntry], FailFast(), Field(min_length=1, max_length=1000)]
-    payload_kg: Payload | None = None
     near_rad: JointAngles | None = None
     method: Literal["cube", "direct", "iterative"] = "cube"
     cube_side_m: Annotated[float, Field(gt=0, le=0.2)] = 0.01
@@ -53,40 +63,26 @@ class IkRequest(Message):
     deadline_ms: Deadline = 1000.0
 
 
-class FkRequest(Message):
+class FkRequest(KinematicsRequest):
     """`rpc/fk`: forward kinematics of the sagging arm for commanded angles, coming from `near_rad`."""
 
-    id: Label = ""
     q_rad: Annotated[list[JointAngles], FailFast(), Field(min_length=1, max_length=1000)]
-    payload_kg: Payload | None = None
     near_rad: JointAngles | None = None
-    deadline_ms: Deadline = 10_000.0
 
 
-class PlanRequest(Message):
+class PlanRequest(KinematicsRequest):
     """`rpc/plan`: a collision-free path from `from_rad` to `to_rad`, or to a goal; deterministic for one `seed`."""
 
-    id: Label = ""
     from_rad: JointAngles
     to_rad: JointAngles | None = None
     goal: GoalEntry | None = None
-    payload_kg: Payload | None = None
     seed: Annotated[int, Field(ge=0, lt=2**32)] = 0
-    deadline_ms: Deadline = 10_000.0
 
     @model_validator(mode="after")
     def _one_end(self) -> PlanRequest:
         if (self.to_rad is None) == (self.goal is None):
             raise ValueError("give to_rad or goal, one of them")
         return self
-
-
-KinematicsRequest = IkRequest | FkRequest | PlanRequest
-
-
-def with_payload(request: KinematicsRequest, carried: float) -> KinematicsRequest:
-    """The request with what the arm carries (kg), unless it says so itself: then a plan is that of the next move."""
-    return request if request.payload_kg is not None else request.model_copy(update={"payload_kg": carried})
 
 
 class CancelRequest(Message):
@@ -131,17 +127,22 @@ class IkAnswer(Part):
     elapsed_ms: float
 
 
-class IkReply(Header):
-    """Answers in the order of the goals. `model_sha256`: of the model file in use, empty for the nominal arm."""
+class KinematicsReply(Header):
+    """Reply of the ik process. `model_sha256`: of the model file in use, empty for the nominal arm."""
 
     model: str
     model_sha256: str
-    left_out: list[str]
-    answers: Annotated[list[IkAnswer], Field(max_length=1000)]
     elapsed_ms: float
 
 
-class PlanReply(Header):
+class IkReply(KinematicsReply):
+    """Answers in the order of the goals."""
+
+    left_out: list[str]
+    answers: Annotated[list[IkAnswer], Field(max_length=1000)]
+
+
+class PlanReply(KinematicsReply):
     """A path of straight moves through `waypoints_rad`, the start included; empty if none was found, see `text`.
 
     Waypoints are the corners of the path and the points where a joint passes a point of its level-1 table, so that
@@ -151,9 +152,6 @@ class PlanReply(Header):
     found: bool
     text: str
     waypoints_rad: Annotated[list[list[float]], Field(max_length=4000)] = []
-    model: str
-    model_sha256: str
-    elapsed_ms: float
 
 
 class FkAnswer(Part):
@@ -169,11 +167,8 @@ class FkAnswer(Part):
     outside_range: list[int] = []
 
 
-class FkReply(Header):
+class FkReply(KinematicsReply):
     """One answer for every row of angles."""
 
-    model: str
-    model_sha256: str
     left_out: list[str]
     places: Annotated[list[FkAnswer], Field(max_length=1000)]
-    elapsed_ms: float

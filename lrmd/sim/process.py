@@ -13,7 +13,6 @@ import tempfile
 import time
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack, closing
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from random import Random
@@ -23,6 +22,7 @@ from lrm_math.arm.arm_file import load_arm
 from lrm_math.errors import LrmError
 from lrm_math.model.model import Model, model_of
 from lrm_math.model.model_file import load_model
+from lrmd.ramp.clock import MonotonicClock
 from lrmd.sim.arm import SimulatedArm
 from lrmd.sim.board import SimulatedBoard
 from lrmd.sim.control_queries import QueryReply, answer_query
@@ -48,28 +48,12 @@ questions (--ask): tcp, measure, joints, status, payload GRAMS, or a fault
 """
 
 
-@dataclass(frozen=True)
-class BoardClock:
-    """The board's clock: ns since `start`, at `speed` times real time."""
-
-    start: int
-    speed: float
-
-    def now(self) -> int:
-        """Board time (ns)."""
-        return round((time.monotonic_ns() - self.start) * self.speed)
-
-    def wait(self, until: int | None) -> float | None:
-        """Real seconds until a time of the board; None for never."""
-        return None if until is None else max(0.0, (until - self.now()) / self.speed / SECOND)
-
-
 def serve(
     simulation: Simulation,
     port: PtyPort,
     control: ControlServer,
     reply: Callable[[str], QueryReply],
-    clock: BoardClock,
+    clock: MonotonicClock,
     end: int | None,
 ) -> None:
     """Event loop until board time `end` (ns; None: for ever) or a `SystemExit` from a signal."""
@@ -81,7 +65,7 @@ def serve(
             port.write(simulation.tick(clock.now()))
             _replug(simulation, port, waiting)
             times = [at for at in (simulation.deadline, end) if at is not None]
-            for key, _ in waiting.select(clock.wait(min(times, default=None))):
+            for key, _ in waiting.select(clock.seconds_to(min(times)) if times else None):
                 if key.fileobj is control.socket:
                     control.serve(reply)
                 else:
@@ -214,7 +198,7 @@ def run(options: argparse.Namespace) -> None:
         port = open_things.enter_context(closing(PtyPort(link)))
         port.open()
         print(f"simulated board at {link} ({port.node}), questions at {control_path(link)}", flush=True)
-        clock = BoardClock(time.monotonic_ns(), options.speed)
+        clock = MonotonicClock(options.speed, time.monotonic_ns())
         end = None if options.seconds is None else round(options.seconds * SECOND)
         random, noise = Random(options.seed), options.noise_mm * 1e-3
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 from functools import lru_cache
+from typing import get_args
 
 import msgpack
 import numpy as np
@@ -20,6 +21,7 @@ from lrm_math.errors import LrmError
 from lrm_math.ik.answer import Solved
 from lrm_math.ik.direct import Direct
 from lrm_math.ik.iterative import Iterative
+from lrm_math.ik.methods import DEFAULT, METHODS
 from lrm_math.kinematics.forward import frames
 from lrm_math.kinematics.poses import poses_of
 from lrm_math.model.equilibrium import equilibrium
@@ -52,6 +54,11 @@ def drawn_service() -> IkService:
     """The nominal arm's: nothing bends."""
     drawn = replace(config(), model=None)
     return IkService(drawn, deploy(drawn))
+
+
+def test_a_request_may_name_every_method_and_no_other() -> None:
+    assert set(get_args(IkRequest.model_fields["method"].annotation)) == set(METHODS)
+    assert IkRequest.model_fields["method"].default == DEFAULT.name
 
 
 def solve_goals(*goals: GoalEntry, **more: object) -> list[IkAnswer]:
@@ -135,9 +142,6 @@ def assert_true(answer: IkAnswer, goal: GoalEntry, payload: float, exact: bool =
     np.testing.assert_allclose(put_out, answer.rounded_q_rad or [], atol=1e-12)
     lands = bent(np.array([put_out]), payload)[0, -1, :3, 3]
     assert answer.rounded_error_m == pytest.approx(math.dist(lands, goal.position_m), abs=EXACT)
-
-
-METHODS = ("direct", "cube", "iterative")
 
 
 @pytest.mark.slow
