@@ -51,7 +51,7 @@ class Comparison:
 
 
 def synthetic_data() -> Measurements:
-    """As many poses as were measured on the real arm, from the independent generator."""
+    """Poses, as many as were measured on the real arm, from the independent generator."""
     rig = synthetic.load_arm(shipped_arms()["lrm-lab"])
     q = synthetic.random_poses(rig, POSES, seed=1)
     tcp = synthetic.measure(rig, synthetic.GroundTruth.random(rig, 1), q, 0.0, 3e-4, 1)

@@ -103,7 +103,7 @@ def run_goals(arm: Arm, name: str, goals: list[Goal]) -> SolverRow:
 
 
 def branches_of_eaik_missed(arm: Arm, T: Array) -> int:
-    """How many branches of EAIK within the limits our solver misses. Raises `ImportError` where it is not installed."""
+    """Number of EAIK's branches within the limits that ours misses. Raises `ImportError` where it is not installed."""
     peer, solver, missed = EaikSolver(arm), solver_of(arm), 0
     for pose_ in T:
         q = peer.branches(pose_)
@@ -157,7 +157,7 @@ def rows(arm: Arm, count: int) -> Iterator[SolverRow]:
 
 
 def one_pose(arm: Arm, ours: str) -> dict[str, Callable[[], object]]:
-    """What to race for one pose, all branches: our closed form under the name `ours`, our whole answer, and EAIK."""
+    """Solvers to race for one pose, all branches: our closed form under the name `ours`, our whole answer, and EAIK."""
     _, T = reachable(arm, TIMED)
     goals, solver = [pose(t[:3, 3], t[:3, :3]) for t in T], solver_of(arm)
     if solver.form is None:

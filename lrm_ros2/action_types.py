@@ -13,7 +13,7 @@ SEND_GOAL, GET_RESULT, FEEDBACK = f"{ACTION}_SendGoal", f"{ACTION}_GetResult", f
 STATUS = "action_msgs/msg/GoalStatusArray"
 SERVICES = (TRIGGER, CANCEL_GOAL, SEND_GOAL, GET_RESULT)
 EMPTY = "uint8 structure_needs_at_least_one_member"
-"""What `rosidl` puts into a message without fields."""
+"""Field that `rosidl` puts into a message without any."""
 UUID = "unique_identifier_msgs/msg/UUID goal_id"
 POINT = "trajectory_msgs/msg/JointTrajectoryPoint"
 BODY_POINT = "trajectory_msgs/msg/MultiDOFJointTrajectoryPoint"

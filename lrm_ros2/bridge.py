@@ -142,7 +142,7 @@ def stop_service(stop: Callable[[], None], done: str) -> Callable[[Any, ServiceA
     """Handler of a `std_srvs/Trigger` that stops the arm, and says whether it did."""
 
     def handler(_: Any, answer: ServiceAnswer) -> None:
-        """On a thread of its own: zenoh's must not wait for zenoh."""
+        """Stops on a thread of its own: zenoh's must not wait for zenoh."""
         threading.Thread(target=carry_out, args=(answer,), daemon=True).start()
 
     def carry_out(answer: ServiceAnswer) -> None:

@@ -1,4 +1,4 @@
-"""What the daemon says of itself, as rows of a `diagnostic_msgs/DiagnosticArray`."""
+"""Statements of the daemon about itself, as rows of a `diagnostic_msgs/DiagnosticArray`."""
 
 from __future__ import annotations
 

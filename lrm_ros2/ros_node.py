@@ -33,7 +33,7 @@ KIND_PART, NAME_PART = 5, 9
 
 @dataclass(frozen=True)
 class RosNetwork:
-    """Where ROS's zenoh router listens, of which distribution it is, and the domain's number."""
+    """Address of ROS's zenoh router, its distribution, and the domain's number."""
 
     host: str = "127.0.0.1"
     port: int = 7447

@@ -52,7 +52,7 @@ class PlannedPath:
 
 @dataclass(frozen=True)
 class NoPath:
-    """Why there is no path.
+    """Reason why there is no path.
 
     Attributes:
         joint: the first joint (from 1) beyond its limits, or None.

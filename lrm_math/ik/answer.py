@@ -77,12 +77,12 @@ class IkSolutions:
 
     @property
     def within(self) -> list[Branch]:
-        """Those within the limits."""
+        """Commands within the limits."""
         return [command for command in self.commands if command.margin >= -AT_LIMIT]
 
     @property
     def beyond(self) -> list[Branch]:
-        """Those beyond, the least excess first."""
+        """Commands beyond, the least excess first."""
         return sorted((c for c in self.commands if c.margin < -AT_LIMIT), key=lambda command: -command.margin)
 
 
@@ -252,7 +252,7 @@ class Solved(_Reply):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Unsolved(_Reply):
-    """Why there is no command.
+    """Reason why there is no command.
 
     Attributes:
         nearest: the command within the limits that comes nearest, and the goal that it reaches.

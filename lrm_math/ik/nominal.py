@@ -161,7 +161,7 @@ class NominalSolver(PackedArm):
         return tuple(kept[:REPRESENTATIVES])
 
     def _unsolved(self, goal: Goal, near: tuple[float, ...] | None) -> NominalAnswer:
-        """Why a goal has no solution within the limits: solved beyond them, or not at all; and the nearest goal."""
+        """Reason why a goal has no solution within the limits: solved beyond them, or not at all; the nearest goal."""
         if goal.rotation is not None and self.form is not None:
             branches = self._closed(goal, near, False)
         else:
@@ -175,7 +175,7 @@ class NominalSolver(PackedArm):
         return NominalAnswer(IkVerdict.OUTSIDE_LIMITS, (), ordered, nearest=nearest, violation=violation)
 
     def _singularity(self, branches: Sequence[Branch]) -> str:
-        """Which axes are aligned, where a branch is one of a family."""
+        """Names of the aligned axes, where a branch is one of a family."""
         free = {branch.free for branch in branches if branch.free is not None}
         if not free or self.form is None:
             return ""

@@ -29,7 +29,7 @@ LIBRARY_SIZE, COARSE = 2048, 1e-5
 
 @dataclass(frozen=True, eq=False)
 class EquilibriumBatch:
-    """Those of K commands that settle, `rows` (M,): slot amounts (M, V) and tool frames (M, 12) by columns."""
+    """Equilibria of K commands, M of which settle: `rows` (M,), slot amounts (M, V), tool frames (M, 12) by columns."""
 
     rows: Indices
     slots: Array

@@ -18,7 +18,6 @@ from lrmd.ik.deployed_model import DeployedModel
 from lrmd.messages.codec import Header, HeaderSource
 from lrmd.messages.control import (
     Event,
-    FaultEntry,
     FaultsState,
     FieldPart,
     InfoState,
@@ -117,8 +116,7 @@ class StatePublisher:
         )  # fmt: skip
 
     def _faults(self) -> FaultsState:
-        faults = [FaultEntry(code=f.code, text=f.text, since_mono_ns=f.since) for f in self._controller.faults.values()]
-        return FaultsState(**self._header("state/faults"), faults=faults)
+        return FaultsState(**self._header("state/faults"), faults=list(self._controller.faults.values()))
 
     def _thermal(self) -> ThermalState:
         thermal = self._controller.thermal

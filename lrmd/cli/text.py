@@ -123,7 +123,7 @@ def model_text(model: str, sha256: str) -> str:
 
 
 def field_text(field: FieldPart) -> str:
-    """What a model's residual field covers of the reach."""
+    """Coverage of the reach by a model's residual field."""
     speaks = "not known (the file has no covariance)" if field.speaks_share is None else _percent(field.speaks_share)
     return (
         f"{field.effect} is compensated; share of the poses within the joint limits where it speaks: {speaks}; "

@@ -41,7 +41,7 @@ class Subscription:
             threading.Thread(target=self._ask, daemon=True).start()
 
     def _ask(self) -> None:
-        """In a thread of its own: zenoh's must not wait for a reply."""
+        """Asks, in a thread of its own: zenoh's must not wait for a reply."""
         with suppress(LrmError):
             self._confirm()
         threading.Event().wait(PAUSE_S)

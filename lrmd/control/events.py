@@ -21,15 +21,6 @@ class ControllerEvent:
 
 
 @dataclass(frozen=True)
-class LatchedFault:
-    """A fault that stays until it is reset; `since`, monotonic ns."""
-
-    code: str
-    text: str
-    since: int
-
-
-@dataclass(frozen=True)
 class RequestResult:
     """Result of a request: expected duration (s) where it is known, and the lease it granted."""
 

@@ -17,6 +17,7 @@ from lrmd.errors import RequestError
 from lrmd.messages.codec import Message
 from lrmd.messages.control import (
     ArmRequest,
+    CommandRequest,
     DisarmRequest,
     HoldRequest,
     JogRequest,
@@ -27,8 +28,6 @@ from lrmd.messages.control import (
 )
 from lrmd.ramp.shared_memory import LinkState
 from lrmd.ramp.stepping import Pace
-
-RequestWithLease = ArmRequest | MoveRequest | JogRequest | RelaxRequest | DisarmRequest | ResetRequest
 
 
 def _lease(s: ControllerState, request: LeaseRequest, now: int) -> RequestResult:
@@ -145,6 +144,6 @@ def handle(s: ControllerState, request: Message, now: int) -> RequestResult:
         raise RequestError("unknown_request", f"no such request: {type(request).__name__}")
     if isinstance(request, ArmRequest) and s.other_daemons:  # before the lease: the other one gives its own
         raise RequestError("name_taken", s.name_trouble, retryable=True)
-    if isinstance(request, RequestWithLease):
+    if isinstance(request, CommandRequest):
         s.leasehold.check(request.lease)
     return HANDLERS[type(request)](s, request, now)

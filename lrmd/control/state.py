@@ -9,7 +9,7 @@ from importlib.metadata import version
 from typing import Any
 
 from lrmd.config import Config
-from lrmd.control.events import ControllerEvent, LatchedFault, Level
+from lrmd.control.events import ControllerEvent, Level
 from lrmd.control.lease import Lease
 from lrmd.control.motion_check import MotionCheck
 from lrmd.control.pulses import Pulses, angles, overlaid
@@ -17,6 +17,7 @@ from lrmd.control.ramp_orders import Departure, OrderScheduler
 from lrmd.control.state_machine import Mode, Trigger, next_mode
 from lrmd.errors import RequestError
 from lrmd.link.protocol import VERSION as PROTOCOL
+from lrmd.messages.control import FaultEntry
 from lrmd.persistence.arm_identity import arm_identity
 from lrmd.persistence.state_file import HOTTEST, StoredState
 from lrmd.ramp.shared_memory import RampOrder, RampReport
@@ -42,7 +43,7 @@ class ControllerState:
     ) -> None:
         self.config = config
         self.mode, self.why, self.since = Mode.DISARMED, "started", now
-        self.faults: dict[str, LatchedFault] = {}
+        self.faults: dict[str, FaultEntry] = {}
         self.events: list[ControllerEvent] = []
         self.leasehold = Lease()
         self.report = RampReport()
@@ -167,7 +168,7 @@ class ControllerState:
 
     def add_fault(self, code: str, text: str, now: int) -> None:
         """Latches a fault until it is reset."""
-        self.faults.setdefault(code, LatchedFault(code, text, now))
+        self.faults.setdefault(code, FaultEntry(code=code, text=text, since_mono_ns=now))
 
     def emit(self, code: str, level: Level, text: str, **detail: Any) -> None:
         """Queues an event for publication."""

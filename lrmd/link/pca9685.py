@@ -98,7 +98,7 @@ def is_running(mode1: int, prescale: int, wanted: int) -> bool:
 
 
 def start_sequence(prescale: int) -> tuple[RegisterWrite | BusPause, ...]:
-    """From any state to awake with this prescale, auto-increment and all outputs off. Raises `RegisterError`."""
+    """Writes from any state to awake with this prescale, auto-increment and all outputs off. Raises `RegisterError`."""
     if not PRESCALE_MIN <= prescale <= PRESCALE_MAX:
         raise RegisterError(f"prescale {prescale}: the chip takes {PRESCALE_MIN} to {PRESCALE_MAX}")
     return (

@@ -42,14 +42,19 @@ class LeaseRequest(Message):
     take: bool = False
 
 
-class ArmRequest(Message):
+class CommandRequest(Message):
+    """Request of the client that has the lease."""
+
+    lease: Token
+
+
+class ArmRequest(CommandRequest):
     """`rpc/arm`: switches servos on at their present position.
 
     `where` = "given": it is `q_rad`; "stored": the last one commanded (of `servos`, or all); "board": the registers of
     a board that is still pulsing.
     """
 
-    lease: Token
     where: Literal["given", "stored", "board"] = "board"
     q_rad: Angles = {}
     servos: Servos | None = None
@@ -63,24 +68,22 @@ class ArmRequest(Message):
         return value
 
 
-class MoveRequest(Message):
+class MoveRequest(CommandRequest):
     """`rpc/move` and `cmd/target`: brings servos to each of the waypoints (rad), one after the other.
 
     `pace` = "together": all end at once; "each": each at its own full rate. `speed`: share of the full rate.
     `payload_kg`: what the gripper carries from now on.
     """
 
-    lease: Token
     waypoints: Annotated[list[Angles], FailFast(), Field(min_length=1, max_length=1000)]
     pace: Literal["together", "each"] = "together"
     speed: Annotated[float, Field(gt=0, le=1)] = 1.0
     payload_kg: Annotated[float, Field(ge=0, le=2)] | None = None
 
 
-class JogRequest(Message):
+class JogRequest(CommandRequest):
     """`cmd/jog`: turns servos at these rates (rad/s) until the next one, at most for the command watchdog's time."""
 
-    lease: Token
     rate_rad_per_s: Angles
 
 
@@ -88,23 +91,18 @@ class HoldRequest(Message):
     """`rpc/hold`: stops the motion. Needs no lease."""
 
 
-class RelaxRequest(Message):
+class RelaxRequest(CommandRequest):
     """`rpc/relax`: stops the pulses of some servos, or all. The arm falls under gravity."""
 
-    lease: Token
     servos: Servos | None = None
 
 
-class DisarmRequest(Message):
+class DisarmRequest(CommandRequest):
     """`rpc/disarm`: stops all pulses of a stationary arm."""
 
-    lease: Token
 
-
-class ResetRequest(Message):
+class ResetRequest(CommandRequest):
     """`rpc/reset_fault`: leaves fault or estop. Nothing moves."""
-
-    lease: Token
 
 
 class ReloadRequest(Message):

@@ -1,4 +1,4 @@
-"""When to save the state: on change, at least once a minute, and during a motion only at an interval."""
+"""Times at which the state is saved: on change, at least once a minute, and during a motion only at an interval."""
 
 from __future__ import annotations
 

@@ -132,7 +132,7 @@ class BoardLink:
         self._outstanding.append(SentFrame(number, frame.seq, frame.type, frame.mask, self._clock))
 
     def answers(self, replies: list[Frame]) -> list[tuple[Frame, SentFrame]]:
-        """Those replies of a tick that answer a frame, each with it."""
+        """Replies of a tick that answer a frame, each with it."""
         found, strays = [], 0
         for reply in replies:
             sent = self._strike_off(reply)

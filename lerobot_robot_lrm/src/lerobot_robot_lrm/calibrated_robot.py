@@ -46,19 +46,19 @@ class CalibratedRobot(Robot):
         self._tell_what_is_left()
 
     def __getattr__(self, name: str) -> Any:
-        """What the wrapped robot has beside the contract: bus, cameras, calibration …"""
+        """Attributes that the wrapped robot has beside the contract: bus, cameras, calibration …"""
         if name == "robot":
             raise AttributeError(name)
         return getattr(self.robot, name)
 
     @property
     def observation_features(self) -> dict[str, Any]:
-        """Those of the wrapped robot."""
+        """Observation features of the wrapped robot."""
         return dict(self.robot.observation_features)
 
     @property
     def action_features(self) -> dict[str, Any]:
-        """Those of the wrapped robot."""
+        """Action features of the wrapped robot."""
         return dict(self.robot.action_features)
 
     @property

@@ -16,7 +16,7 @@ STILL = 1e-9
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """What the commands so far have left behind.
+    """Traces that the commands so far have left.
 
     Attributes:
         q: (n,), last commands (rad). side: (n,), sign of each joint's last move, 0 while unknown.

@@ -827,6 +827,7 @@ static int command_from(const Arm *a, const State *w, const double *s, const dou
  * where that depends on `near` (or NULL), the state has to stay, s in place, as the joints arrive from there. */
 static int keep(const Arm *a, const double *goal, int rows, const double *near, double same, double *s, State *w,
                 Found *found) {
+    double along[MAX_JOINTS], direction[6];
     if (found->count == MAX_FOUND) return 0;
     Solution *new = found->at + found->count;
     if (a->terms && a->laws && near) {
@@ -839,7 +840,7 @@ static int keep(const Arm *a, const double *goal, int rows, const double *near, 
     new->excess = excess_of(a, new->q) - (a->laws_known ? AT_LIMIT : AT_LIMIT + a->nonlinear_bound);
     if (new->excess > SLACK) return 0;
     COPY(new->slots, s, a->slots), COPY(new->tau, w->tau, a->slots);
-    new->slope = -1, new->free = 0;
+    new->slope = slowest(a, w, along, direction), new->free = most_moving(a, along);
     found->count++;
     return 1;
 }
@@ -924,9 +925,7 @@ static void fold_seeds(const Arm *a, const double *goal, const double *near, int
     State w;
     double along[MAX_JOINTS], u[6], old[MAX_SLOTS];
     COPY(old, found->at[k].slots, a->slots);
-    forward(a, old, &w);
-    found->at[k].slope = slowest(a, &w, along, u), found->at[k].free = most_moving(a, along);
-    goal_error(goal, 6, &w), lacking(a, old, UNKNOWN, &w), total_jacobian(a, 6, NULL, &w);
+    forward(a, old, &w), goal_error(goal, 6, &w), lacking(a, old, UNKNOWN, &w), total_jacobian(a, 6, NULL, &w);
     if (slowest_by(a, &w, along, u) < near_fold) curve_seeds(a, goal, near, old, along, u, found);
 }
 /* Seeds for a branch that the closed form has outside the limits although the deflected arm has it within: where axes
@@ -1203,11 +1202,9 @@ API void ik_settle(const Arm *a, int count, const double *q, const int *side, do
 API int ik_newton(const Arm *a, const double *goal, int rows, const double *near, double *s, double *tau,
                   Found *found) {
     State w;
-    double along[MAX_JOINTS], direction[6];
     found->count = found->steps = 0;
     if (newton(a, goal, rows, UNKNOWN, s, &w, found, 0) != REACHED) return 0;
-    if (keep(a, goal, rows, near, SAME, s, &w, found))
-        found->at[0].slope = slowest(a, &w, along, direction), found->at[0].free = most_moving(a, along);
+    keep(a, goal, rows, near, SAME, s, &w, found);
     COPY(tau, w.tau, a->slots);
     return 1;
 }
