@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 from enum import IntEnum
 from typing import Any
 
-from lrm_ros2.bridge import TrajectoryDoor
+from lrm_ros2.bridge import TrajectoryDoor, TrajectoryOrder
 from lrm_ros2.ros_node import RosNode
 from lrm_ros2.ros_service import ServiceAnswer
 from lrmd.client import JointsState
@@ -54,8 +54,8 @@ class CancelCode(IntEnum):
 
 
 @dataclass(eq=False)
-class JointGoal:
-    """One goal. See `TrajectoryOrder`.
+class JointGoal(TrajectoryOrder):
+    """One goal.
 
     `clients`: tokens of those that were there when it came. `waiting`: answers to who asked for its result. `unwanted`:
     why it is to be stopped; empty while it is not.
@@ -63,7 +63,6 @@ class JointGoal:
 
     action: FollowAction
     id: bytes
-    message: Any
     answer: ServiceAnswer
     clients: frozenset[str]
     stamp: float = field(default_factory=time.time)
@@ -110,7 +109,7 @@ class FollowAction:
         """Service `send_goal`."""
         goal, id_ = request.goal, bytes(request.goal_id.uuid)
         with self._lock:
-            new = JointGoal(self, id_, goal.trajectory, answer, frozenset(self._clients))
+            new = JointGoal(goal.trajectory, self, id_, answer, frozenset(self._clients))
             if why := self._unfit(goal, new):
                 print(f"action: a goal is refused: {why}", flush=True)
                 new.refused(why)

@@ -11,7 +11,7 @@ import threading
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Any, Protocol
+from typing import Any
 
 from lrm_math.errors import LrmError
 from lrm_ros2.diagnostics import DiagnosticRow, Severity, fault_row, heat_row, mode_row, silent_row
@@ -25,38 +25,22 @@ PERIOD_S = 1.0
 """s between diagnostics."""
 
 
-class TrajectoryOrder(Protocol):
-    """A trajectory, and who is told what becomes of it; all on threads that may wait."""
-
-    @property
-    def message(self) -> Any:
-        """The `JointTrajectory`."""
-
-    def refused(self, why: str) -> None:
-        """It is not followed."""
-
-    def accepted(self) -> bool:
-        """It is as it should be, and comes next. False: it is not wanted any more."""
-
-    def ended(self, why: str) -> None:
-        """It was followed to its end (empty), or why not."""
-
-
-@dataclass(frozen=True)
-class SentTrajectory:
-    """A trajectory that came on a topic: nobody is told but the diagnostics."""
+@dataclass(eq=False)
+class TrajectoryOrder:
+    """A `JointTrajectory`, and who is told what becomes of it, on threads that may wait: of one that came on a topic,
+    nobody but the diagnostics."""
 
     message: Any
 
     def refused(self, why: str) -> None:
-        """See `TrajectoryOrder`."""
+        """Tells that it is not followed."""
 
     def accepted(self) -> bool:
-        """See `TrajectoryOrder`."""
+        """Tells that it is as it should be, and comes next. False: it is not wanted any more."""
         return True
 
     def ended(self, why: str) -> None:
-        """See `TrajectoryOrder`."""
+        """Tells that it was followed to its end (empty), or why not."""
 
 
 @dataclass
@@ -74,7 +58,7 @@ class TrajectoryDoor:
             self._report(Severity.OK, "held, by an empty trajectory")
             self.hold()
         else:
-            self.offer(SentTrajectory(message))
+            self.offer(TrajectoryOrder(message))
 
     def offer(self, order: TrajectoryOrder) -> None:
         """Takes an order in, on any thread."""

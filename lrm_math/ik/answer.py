@@ -100,17 +100,6 @@ def distinct(commands: Iterable[Branch]) -> list[Branch]:
     return kept
 
 
-@dataclass(frozen=True, eq=False)
-class Stalled:
-    """A method that ended away from the goal.
-
-    `q`: its last command (rad). `errors`: m, the distance from the goal after each step.
-    """
-
-    q: tuple[float, ...]
-    errors: tuple[float, ...]
-
-
 @dataclass(frozen=True, slots=True)
 class Nearest:
     """The reachable goal nearest to an unreachable one.
@@ -190,8 +179,8 @@ class _Reply:
 
     goal: Goal
     method: str
-    left_out: tuple[str, ...]
-    elapsed: float
+    left_out: tuple[str, ...] = ()
+    elapsed: float = 0.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

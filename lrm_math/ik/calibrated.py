@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -23,7 +23,6 @@ from lrm_math.ik.answer import (
     NoAllowedBranch,
     NotConverged,
     Solved,
-    Stalled,
     Unsolved,
     apart,
     distinct,
@@ -129,16 +128,17 @@ class CalibratedSolver:
         """
         started = time.perf_counter()
         query = IkQuery(goal, _checked_load(payload), self._angles("near", near))
-        reply, content = self._answer(query, method.find(self.arm, query), rounding, allowed)
-        elapsed = time.perf_counter() - started
-        return reply(goal=goal, method=method.name, left_out=self.left_out, elapsed=elapsed, **content)
+        reply = self._answer(query, method, rounding, allowed)
+        return replace(reply, left_out=self.left_out, elapsed=time.perf_counter() - started)
 
     def _answer(
-        self, query: IkQuery, found: IkSolutions | Stalled | None, rounding: Rounding, allowed: CommandFilter | None
-    ) -> tuple[Callable[..., CalibratedReply], dict[str, Any]]:
-        """Kind of the reply, and what it says: the first command that is allowed and settles, or why there is none."""
-        if isinstance(found, Stalled):
-            return NotConverged, {"last": found.q, "errors": found.errors}
+        self, query: IkQuery, method: Method, rounding: Rounding, allowed: CommandFilter | None
+    ) -> CalibratedReply:
+        """The first command that is allowed and settles, or why there is none."""
+        asked: dict[str, Any] = {"goal": query.goal, "method": method.name}
+        found = method.find(self.arm, query)
+        if isinstance(found, NotConverged):
+            return found
         found = found or IkSolutions((), 0)
         order = self._ordered(query, found)
         if allowed is not None and order:
@@ -146,18 +146,18 @@ class CalibratedSolver:
             poses = self.arm.poses(query, np.array([branch.q for branch in order]), sides)
             free = allowed(poses, np.array([branch.slots for branch in order]))
             if not free.any():
-                return NoAllowedBranch, {"branches": tuple(order)}
+                return NoAllowedBranch(branches=tuple(order), **asked)
             order = [branch for branch, may in zip(order, free, strict=True) if may]
         for k, branch in enumerate(order):
             tool = self.arm.tool_at(query, branch.q, branch.direction, branch.slots)
             if tool is not None:
-                content = {"branches": (branch, *order[:k], *order[k + 1 :]), "steps": found.steps}
-                return Solved, content | {"cube_error": found.error} | self._first(query, branch, tool, rounding)
+                best_first = (branch, *order[:k], *order[k + 1 :])
+                how: dict[str, Any] = {"branches": best_first, "steps": found.steps, "cube_error": found.error}
+                return Solved(**asked, **how, **self._prediction(query, branch, tool, rounding))
         beyond = tuple(found.beyond)
-        return Unsolved, {
-            "nearest": nearest(self.arm, query, tuple(branch.q for branch in beyond)), "beyond": beyond,
-            "violation": self.arm.limits.violation(beyond[0].q) if beyond else None,
-        }  # fmt: skip
+        closest = nearest(self.arm, query, tuple(branch.q for branch in beyond))
+        violation = self.arm.limits.violation(beyond[0].q) if beyond else None
+        return Unsolved(nearest=closest, beyond=beyond, violation=violation, **asked)
 
     def forward(self, q: Sequence[float], payload: float = 0.0, near: Sequence[float] | None = None) -> ForwardResult:
         """The tool at commands q (n,) in rad, coming from `near`.
@@ -184,7 +184,7 @@ class CalibratedSolver:
         commands = sorted(found.within, key=lambda c: -c.margin if near is None else apart(c.q, near))
         return [c._replace(q=limits.clipped(c.q), margin=max(c.margin, 0.0)) for c in distinct(commands)]
 
-    def _first(self, query: IkQuery, branch: Branch, tool: list[float], rounding: Rounding) -> dict[str, Any]:
+    def _prediction(self, query: IkQuery, branch: Branch, tool: list[float], rounding: Rounding) -> dict[str, Any]:
         """Reply part of the first branch, whose equilibrium takes the tool to a frame given by columns."""
         ax, ay, az, bx, by, bz, cx, cy, cz, x, y, z = tool
         rotation = (ax, bx, cx), (ay, by, cy), (az, bz, cz)

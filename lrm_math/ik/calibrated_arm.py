@@ -14,7 +14,7 @@ import numpy as np
 
 from lrm_math.arrays import Array
 from lrm_math.errors import LrmError
-from lrm_math.ik.answer import AT_LIMIT, Branch, IkSolutions, Nearest, Stalled, distinct
+from lrm_math.ik.answer import AT_LIMIT, Branch, IkSolutions, Nearest, NotConverged, distinct
 from lrm_math.ik.equivalent_arm import equivalent_arm
 from lrm_math.ik.goal import IkQuery
 from lrm_math.ik.kernel.kernel_model import matrices
@@ -48,7 +48,7 @@ class Method(Protocol):
     def name(self) -> str:
         """Name in replies."""
 
-    def find(self, arm: CalibratedArm, query: IkQuery) -> IkSolutions | Stalled | None:
+    def find(self, arm: CalibratedArm, query: IkQuery) -> IkSolutions | NotConverged | None:
         """Commands for one goal; None where the method finds none."""
 
 

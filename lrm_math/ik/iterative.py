@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lrm_math.ik.answer import IkSolutions, Stalled
+from lrm_math.ik.answer import IkSolutions, NotConverged
 from lrm_math.ik.calibrated_arm import CalibratedArm, initial_guesses
 from lrm_math.ik.goal import IkQuery, pose
 
@@ -29,7 +29,7 @@ class Iterative:
     most: int = 100
     name: str = "iterative"
 
-    def find(self, arm: CalibratedArm, query: IkQuery) -> IkSolutions | Stalled | None:
+    def find(self, arm: CalibratedArm, query: IkQuery) -> IkSolutions | NotConverged | None:
         """The last iterate; None if the arm does not settle at the start."""
         q, errors = next(initial_guesses(arm, query)), list[float]()
         drawn, goal = arm.nominal_tool(q), np.array(query.goal.position)
@@ -49,4 +49,6 @@ class Iterative:
             answer = np.array(branches[0].q)
             start = settled.slots + arm.unloaded_slots(answer[None]) - arm.unloaded_slots(q[None])
             q = answer
-        return Stalled(tuple(q.tolist()), tuple(errors)) if errors else None
+        if not errors:
+            return None
+        return NotConverged(goal=query.goal, method=self.name, last=tuple(q.tolist()), errors=tuple(errors))

@@ -12,7 +12,7 @@ from lrm_math.arm.joint_limits import JointLimits
 from lrm_math.arrays import Array
 from lrm_math.errors import LrmError
 from lrm_math.ik.kernel.kernel_model import KernelModel, frames_as_numbers, packed, with_laws
-from lrm_math.ik.kernel.laws import KernelLaw, kernel_field, kernel_laws, without_formula
+from lrm_math.ik.kernel.laws import kernel_field, kernel_laws, without_formula
 from lrm_math.kinematics.chain import Number
 from lrm_math.kinematics.moving_slots import Indices
 from lrm_math.kinematics.pieper import PieperForm, pieper_form
@@ -70,11 +70,6 @@ class PackedArm:
         return not without_formula(self.model)
 
     @cached_property
-    def laws(self) -> tuple[KernelLaw, ...]:
-        """The laws that the kernel computes: all or, so that commands are computed in one place, none."""
-        return kernel_laws(self.model) if self.complete else ()
-
-    @cached_property
     def limits(self) -> JointLimits:
         """Limits of the joints."""
         return JointLimits.of(self.model.arm)
@@ -86,13 +81,13 @@ class PackedArm:
 
     @cached_property
     def packed(self) -> KernelModel:
-        """The arm without payload and seeds."""
+        """The arm without payload and seeds. The kernel computes all laws or, for commands in one place, none."""
         errors, limits = self.errors, self.limits
         moments, (play, force) = errors.moving.moments(self.model.weights(0.0)), errors.axial_play
         arm = packed(errors.moving, moments, self.model.binding.reach, limits.lower, limits.upper)
         arm = arm.with_springs(errors.constants, errors.compliances).with_(play=play, play_force=force)
         arm = arm.with_form(self.form).with_field(kernel_field(self.model.binding), errors.row)
-        return with_laws(arm, self.laws, self.complete, 0.0)
+        return with_laws(arm, kernel_laws(self.model) if self.complete else (), self.complete)
 
     @cached_property
     def library(self) -> PoseLibrary:
@@ -113,7 +108,7 @@ class PackedArm:
         errors, library, joints = self.errors, self.library, self.errors.moving.joints
         linear = library.slots[:, joints] - errors.constants[joints] - library.tau @ errors.compliances[joints].T
         bound = 2.0 * float(np.abs(linear - library.q).max())
-        arm = with_laws(self.packed, self.laws, self.complete, bound)
+        arm = self.packed.with_(nonlinear_bound=bound)
         if not self.complete:
             arm = arm.with_springs(*errors.linearised(poses_of([0.0] * self.model.arm.dof), library.tau.mean(axis=0)))
         return arm.with_library(library.tcp, library.q, library.slots)
@@ -148,10 +143,7 @@ class PackedArm:
         return out
 
     def frames(self, q: Array) -> Array:
-        """(K, n + 2, 4, 4), frames without loads of the base, after joint 1 … n, and of the tool, at commands (K, n).
-
-        m.
-        """
+        """(K, n + 2, 4, 4), unloaded frames of the base, after joint 1 … n, and of the tool, at commands (K, n); m."""
         return self.packed.frames(self.unloaded_slots(q))
 
     def chain_amounts(self, slots: Array) -> list[Number]:

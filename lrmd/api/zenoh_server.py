@@ -12,37 +12,9 @@ import zenoh
 from lrm_math.errors import LrmError
 from lrmd.errors import RequestError
 from lrmd.messages.codec import Message, pack
-from lrmd.messages.control import (
-    ArmRequest,
-    DeployRequest,
-    DisarmRequest,
-    HoldRequest,
-    JogRequest,
-    LeaseRequest,
-    MoveRequest,
-    RelaxRequest,
-    ReloadRequest,
-    ResetRequest,
-    UndeployRequest,
-)
+from lrmd.messages.control import COMMANDS, MODELS, REQUESTS
 from lrmd.messages.inbox import PLACES, Inbox
 from lrmd.messages.zenoh_session import addresses, key, reply_error, serve, subscribe
-
-REQUESTS: dict[str, type[Message]] = {
-    "rpc/lease": LeaseRequest,
-    "rpc/arm": ArmRequest,
-    "rpc/move": MoveRequest,
-    "rpc/hold": HoldRequest,
-    "rpc/relax": RelaxRequest,
-    "rpc/disarm": DisarmRequest,
-    "rpc/reset_fault": ResetRequest,
-    "rpc/reload": ReloadRequest,
-    "rpc/deploy": DeployRequest,
-    "rpc/undeploy": UndeployRequest,
-}
-MODELS = ("rpc/reload", "rpc/deploy", "rpc/undeploy")
-"""Requests that take long: one at a time, of all of them."""
-COMMANDS: dict[str, type[Message]] = {"cmd/target": MoveRequest, "cmd/jog": JogRequest}
 
 
 class RequestHandler(Protocol):

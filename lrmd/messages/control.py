@@ -125,6 +125,24 @@ class EstopCommand(Message):
     why: Label = ""
 
 
+REQUESTS: dict[str, type[Message]] = {
+    "rpc/lease": LeaseRequest,
+    "rpc/arm": ArmRequest,
+    "rpc/move": MoveRequest,
+    "rpc/hold": HoldRequest,
+    "rpc/relax": RelaxRequest,
+    "rpc/disarm": DisarmRequest,
+    "rpc/reset_fault": ResetRequest,
+    "rpc/reload": ReloadRequest,
+    "rpc/deploy": DeployRequest,
+    "rpc/undeploy": UndeployRequest,
+}
+MODELS = ("rpc/reload", "rpc/deploy", "rpc/undeploy")
+"""Requests that take long: one at a time, of all of them."""
+COMMANDS: dict[str, type[Message]] = {"cmd/target": MoveRequest, "cmd/jog": JogRequest}
+"""Requests without a reply: what is wrong with one is told by an event."""
+
+
 # ---- messages of the daemon
 
 

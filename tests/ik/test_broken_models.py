@@ -116,7 +116,7 @@ def test_every_effect_of_the_catalogue_at_once_fits_on_ten_joints() -> None:
     [
         (lambda arm: flat(replace(arm, bodies=arm.bodies * 3)), "bodies; the kernel"),
         (lambda arm: flat(arm).with_springs(np.zeros(17), np.ones((17, 17))), "289 springs; the kernel .* for 256"),
-        (lambda arm: with_laws(flat(arm), [(0, 0, (0.1, 0.1))] * 97, True, 0.0), "97 joint laws; the kernel .* for 96"),
+        (lambda arm: with_laws(flat(arm), [(0, 0, (0.1, 0.1))] * 97, True), "97 joint laws; the kernel .* for 96"),
         (
             lambda arm: flat(arm).with_library(
                 np.tile(np.eye(4), (2049, 1, 1)), np.zeros((2049, 6)), np.zeros((2049, 6))

@@ -27,7 +27,7 @@ from lrm_math.ik.equivalent_arm import equivalent_arm
 from lrm_math.ik.goal import IkQuery, point, pose
 from lrm_math.ik.kernel import shared_library
 from lrm_math.ik.kernel.kernel_model import KernelModel, packed, with_laws
-from lrm_math.ik.kernel.laws import KERNEL_LAWS
+from lrm_math.ik.kernel.laws import KERNEL_LAWS, kernel_laws
 from lrm_math.ik.kernel.structures import KernelArm
 from lrm_math.ik.packed_arm import PackedArm
 from lrm_math.kinematics.chain import chain_of
@@ -63,7 +63,9 @@ def flat(model: Model, payload: float) -> KernelModel:
     laws, joints, whole = JointErrorModel(model), model.arm.joints, PackedArm(model)
     moments = laws.moving.moments(model.weights(payload))
     arm = packed(laws.moving, moments, model.binding.reach, [j.lower for j in joints], [j.upper for j in joints])
-    return with_laws(arm.with_springs(laws.constants, laws.compliances), whole.laws, whole.complete, 0.0)
+    return with_laws(
+        arm.with_springs(laws.constants, laws.compliances), kernel_laws(model) if whole.complete else (), whole.complete
+    )
 
 
 def moving(model: Model, slots: tuple[float | Array, ...], count: int) -> Array:

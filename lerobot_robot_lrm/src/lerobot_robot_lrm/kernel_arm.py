@@ -49,7 +49,8 @@ class KernelArmModel:
         """Packs a model. Raises `LrmError`."""
         arm = CalibratedArm(model)
         kernel = arm.kernel(payload).with_springs(arm.errors.constants, arm.errors.compliances)
-        return cls(model, payload, with_laws(kernel, kernel_laws(model), True, 0.0), arm.errors, arm.complete)
+        kernel = with_laws(kernel.with_(nonlinear_bound=0.0), kernel_laws(model), True)
+        return cls(model, payload, kernel, arm.errors, arm.complete)
 
     @property
     def joints(self) -> Indices:

@@ -216,14 +216,14 @@ def packed(
     )  # fmt: skip
 
 
-def with_laws(arm: KernelModel, laws: Sequence[KernelLaw], complete: bool, nonlinear_bound: float) -> KernelModel:
-    """The arm with joint laws; not `complete`: Python corrects commands. `nonlinear_bound`: rad, most that these do."""
+def with_laws(arm: KernelModel, laws: Sequence[KernelLaw], complete: bool) -> KernelModel:
+    """The arm with joint laws; not `complete`: Python corrects commands, by no more than `nonlinear_bound`, rad."""
     fits("joint laws", len(laws), structures.MAX_LAWS)
     p = np.zeros((len(laws), 4))
     for row, (_, _, values) in zip(p, laws, strict=True):
         row[: len(values)] = values
     out = arm.with_(law=[law for law, _, _ in laws], law_joint=[joint for _, joint, _ in laws], law_p=p)
-    out.memory.laws, out.memory.laws_known, out.memory.nonlinear_bound = len(laws), complete, nonlinear_bound
+    out.memory.laws, out.memory.laws_known = len(laws), complete
     return out
 
 

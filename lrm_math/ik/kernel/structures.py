@@ -5,8 +5,7 @@ from __future__ import annotations
 import ctypes
 
 MAX_SLOTS, MAX_JOINTS, MAX_BODIES, MAX_LAWS, MAX_SPRINGS, MAX_FOUND = 48, 10, 16, 96, 256, 48
-MAX_POSES = 2048
-MAX_TERMS = 128
+MAX_POSES, MAX_TERMS = 2048, 128
 BRANCHES = 8
 Real, Integer, Pointer = ctypes.c_double, ctypes.c_int, ctypes.c_void_p
 
