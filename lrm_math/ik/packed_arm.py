@@ -86,7 +86,7 @@ class PackedArm:
         moments, (play, force) = errors.moving.moments(self.model.weights(0.0)), errors.axial_play
         arm = packed(errors.moving, moments, self.model.binding.reach, limits.lower, limits.upper)
         arm = arm.with_springs(errors.constants, errors.compliances).with_(play=play, play_force=force)
-        arm = arm.with_form(self.form).with_field(kernel_field(self.model.binding), errors.row)
+        arm = arm.with_form(self.form).with_(**kernel_field(self.model, errors.row))
         return with_laws(arm, kernel_laws(self.model) if self.complete else (), self.complete)
 
     @cached_property

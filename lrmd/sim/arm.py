@@ -16,6 +16,7 @@ from lrm_math.errors import LrmError, UnknownName
 from lrm_math.kinematics import statics
 from lrm_math.kinematics.chain import trig
 from lrm_math.kinematics.poses import Poses
+from lrm_math.model.deployed_model import clock_of
 from lrm_math.model.equilibrium import Equilibrium, equilibrium
 from lrm_math.model.model import Model
 from lrmd.sim.pca9685_chip import Pca9685Chip
@@ -61,7 +62,7 @@ class SimulatedArm:
         dead_band: float | None = None,
         speed: float = 1.0,
     ) -> None:
-        if any(effect.id == "quantisation" for effect in truth.effects):
+        if clock_of(truth) is not None:
             raise LrmError("truth: leave out the effect quantisation; the simulated chip rounds the pulses itself")
         self.truth, self.ambient, self._speed = truth, ambient, speed
         self.payload = 0.0

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import ctypes
 import struct
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -15,9 +15,9 @@ from lrm_math.arrays import Array
 from lrm_math.errors import LrmError
 from lrm_math.ik.goal import Goal
 from lrm_math.ik.kernel import structures
-from lrm_math.ik.kernel.laws import KERNEL_LAWS, KernelField, KernelLaw
+from lrm_math.ik.kernel.laws import KERNEL_LAWS, KernelLaw
 from lrm_math.ik.kernel.shared_library import kernel
-from lrm_math.ik.kernel.structures import KernelArm, KernelFound
+from lrm_math.ik.kernel.structures import KernelArm, KernelFound, fits
 from lrm_math.kinematics.moving_slots import MovingSlots
 from lrm_math.kinematics.pieper import PieperForm
 
@@ -93,18 +93,6 @@ class KernelModel:
         return self.with_(
             zero=zero, spring_from=[0, *counts.tolist()], spring_load=columns, spring=compliances[rows, columns]
         )
-
-    def with_field(self, field: KernelField | None, row: Mapping[int, int]) -> KernelModel:
-        """A copy with a residual field, None without one; `row`: position of each moving slot of the chain."""
-        if field is None:
-            return self.with_(terms=0)
-        fits("terms of the residual field", len(field.coefficients), structures.MAX_TERMS)
-        along = np.zeros(self.slots, dtype=np.int32)
-        along[[row[k] for k in field.slots]] = 1, 2, 3
-        return self.with_(
-            terms=len(field.coefficients), term=field.coefficients, term_axis=[1 + axis for axis in field.axes],
-            term_factor=field.factors, field_axis=along, field_lower=field.lower, field_upper=field.upper,
-        )  # fmt: skip
 
     def with_commands_off(self, shift: Array) -> KernelModel:
         """A copy whose residual field is that of commands `shift` (n,) beyond those by springs (rad)."""
@@ -242,12 +230,6 @@ def put(memory: Any, name: str, values: ArrayLike) -> None:
     if name in BELOW and flat.size and not 0 <= flat.min() <= flat.max() < below:
         raise LrmError(f"the arm's {name} has numbers from {flat.min()} to {flat.max()}; packed wrongly")
     field[: flat.size] = flat
-
-
-def fits(name: str, count: int, most: int) -> None:
-    """Raises `LrmError` if there are more than the kernel has room for."""
-    if count > most:
-        raise LrmError(f"the model has {count} {name}; the kernel of inverse kinematics has room for {most}")
 
 
 def as_bytes(numbers: Sequence[float]) -> bytes:

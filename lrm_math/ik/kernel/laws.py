@@ -5,8 +5,11 @@ Springs and axial play act on any slot, the laws here on joints alone; a test co
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import NamedTuple, TypeAlias
+from collections.abc import Mapping, Sequence
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import ArrayLike
 
 from lrm_math.effects.backlash import AxialPlay, Backlash, Hysteresis
 from lrm_math.effects.base import Effect
@@ -15,6 +18,7 @@ from lrm_math.effects.field.residual_field import JOINTS_TOGETHER, ResidualField
 from lrm_math.effects.forces import CableSpring
 from lrm_math.effects.servo_errors import CommonGain, Coupling, Eccentricity, ServoGain, coupled_joints
 from lrm_math.effects.targets import Kind
+from lrm_math.ik.kernel.structures import MAX_TERMS, fits
 from lrm_math.model.effect_binding import BoundEffect, EffectBinding
 from lrm_math.model.model import Model
 
@@ -23,6 +27,7 @@ KernelLaw: TypeAlias = tuple[int, int, tuple[float, ...]]
 
 EVERYWHERE = (-1e9, 1e9)
 """N·m: the range of a law whose range is not known."""
+ON_ANY_SLOT = (Spring, AxialPlay, ResidualField)
 KERNEL_LAWS: dict[type[Effect], int] = {
     ServoGain: 0,
     CommonGain: 0,
@@ -42,15 +47,15 @@ def acting(binding: EffectBinding) -> tuple[BoundEffect, ...]:
 
 def without_formula(model: Model) -> tuple[BoundEffect, ...]:
     """The effects that the kernel has no formula for; in it a load that an effect puts on a joint acts on joints."""
-    binding, load_slots, joint_slots = model.binding, model.load_slots, model.chain.joint_slots
-    fields = (bound for bound in binding.rigid if isinstance(bound.effect, ResidualField))
-    known = {id(bound) for bound in (*binding.of_class(Spring), *binding.of_class(AxialPlay), *fields)}
-    elsewhere = {load_slots[i] for b in binding.elastic if not {*b.slots} <= {*joint_slots} for i in b.loads}
-    for bound in acting(binding):
+    load_slots, joint_slots = model.load_slots, {*model.chain.joint_slots}
+    elsewhere = {load_slots[i] for b in model.binding.elastic if not {*b.slots} <= joint_slots for i in b.loads}
+
+    def known(bound: BoundEffect) -> bool:
         alone = bound.kind is Kind.MOTION or elsewhere.isdisjoint(bound.slots)
-        if type(bound.effect) in KERNEL_LAWS and {*bound.slots} <= {*joint_slots} and alone:
-            known.add(id(bound))
-    return tuple(bound for bound in acting(binding) if id(bound) not in known)
+        is_law = type(bound.effect) in KERNEL_LAWS and {*bound.slots} <= joint_slots and alone
+        return is_law or isinstance(bound.effect, ON_ANY_SLOT)
+
+    return tuple(bound for bound in acting(model.binding) if not known(bound))
 
 
 def kernel_laws(model: Model) -> tuple[KernelLaw, ...]:
@@ -62,32 +67,24 @@ def kernel_laws(model: Model) -> tuple[KernelLaw, ...]:
     )
 
 
-class KernelField(NamedTuple):
-    """A residual field: of each of T terms the axis, the numbers of its three factors and the coefficient (m).
+def kernel_field(model: Model, row: Mapping[int, int]) -> dict[str, ArrayLike]:
+    """Fields of the kernel's arm for a model's residual field, none without one; `row`: place of each moving slot.
 
-    A factor is 0, a one, or 1 + 2 j and 2 + 2 j, the two cosines of joint j. `slots`: of the chain that it moves along
-    x, y and z. `lower`, `upper`: range of the joints' commands (rad).
+    Each term has an axis, from 1, the numbers of its three factors, 0 for a one, 1 + 2 j and 2 + 2 j for the two
+    cosines of joint j, and a coefficient (m). `field_axis`: along which a slot moves. Range of the commands: rad.
     """
-
-    axes: tuple[int, ...]
-    factors: tuple[tuple[int, ...], ...]
-    coefficients: tuple[float, ...]
-    slots: tuple[int, ...]
-    lower: tuple[float, ...]
-    upper: tuple[float, ...]
-
-
-def kernel_field(binding: EffectBinding) -> KernelField | None:
-    """The residual field of a model as the kernel computes it; None without one."""
-    bound = next((bound for bound in binding.rigid if isinstance(bound.effect, ResidualField)), None)
-    if bound is None or not isinstance(bound.effect, ResidualField):
-        return None
-    field = bound.effect.over(bound.within)
-    terms = tuple(field.terms(bound.p))
-    factors = tuple(_factors(waves) for _, waves, _ in terms)
-    lower, upper = zip(*field.ends, strict=True)
-    axes, coefficients = tuple(axis for axis, _, _ in terms), tuple(value for _, _, value in terms)
-    return KernelField(axes, factors, coefficients, bound.slots, tuple(lower), tuple(upper))
+    for bound in model.binding.rigid:
+        if isinstance(bound.effect, ResidualField):
+            field, along = bound.effect.over(bound.within), np.zeros(len(row), dtype=np.int32)
+            along[[row[k] for k in bound.slots]] = 1, 2, 3
+            terms, (lower, upper) = tuple(field.terms(bound.p)), zip(*field.ends, strict=True)
+            fits("terms of the residual field", len(terms), MAX_TERMS)
+            return {
+                "terms": len(terms), "term": [value for _, _, value in terms], "field_axis": along,
+                "term_axis": [1 + axis for axis, _, _ in terms], "field_lower": lower, "field_upper": upper,
+                "term_factor": [_factors(waves) for _, waves, _ in terms],
+            }  # fmt: skip
+    return {}
 
 
 def _factors(waves: Sequence[int]) -> tuple[int, ...]:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import ctypes
 
+from lrm_math.errors import LrmError
+
 MAX_SLOTS, MAX_JOINTS, MAX_BODIES, MAX_LAWS, MAX_SPRINGS, MAX_FOUND = 48, 10, 16, 96, 256, 48
 MAX_POSES, MAX_TERMS = 2048, 128
 BRANCHES = 8
@@ -56,3 +58,9 @@ class KernelFound(ctypes.Structure):
     """`Found`: solutions of one goal."""
 
     _fields_ = [("count", Integer), ("steps", Integer), ("at", KernelSolution * MAX_FOUND)]
+
+
+def fits(name: str, count: int, most: int) -> None:
+    """Raises `LrmError` if there are more than the kernel has room for."""
+    if count > most:
+        raise LrmError(f"the model has {count} {name}; the kernel of inverse kinematics has room for {most}")
