@@ -8,7 +8,7 @@ calm                                                   ends all rates
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
+from collections.abc import Callable
 from dataclasses import dataclass
 from random import Random
 from typing import Literal, TypeAlias, TypeVar, get_args
@@ -24,9 +24,13 @@ class FaultError(LrmError):
 
 
 @dataclass(frozen=True)
-class FrameFault(ABC):
-    """Corrupts frames on the line: each with probability `rate`, or only number `frame` (from 1, since the start)."""
+class FrameFault:
+    """Corrupts frames on the line: each with probability `rate`, or only number `frame` (from 1, since the start).
 
+    `corrupted`: the bytes received instead of a frame, which ends with its 0x00.
+    """
+
+    corrupted: Callable[[bytes, Random], bytes]
     rate: float = 0.0
     frame: int | None = None
     direction: Direction = "in"
@@ -35,36 +39,23 @@ class FrameFault(ABC):
         """Whether frame `number` is corrupted."""
         return number == self.frame if self.frame is not None else random.random() < self.rate
 
-    @abstractmethod
-    def corrupted(self, wire: bytes, random: Random) -> bytes:
-        """The bytes received instead of the frame `wire`, which ends with its 0x00."""
+
+def bit_flipped(wire: bytes, random: Random) -> bytes:
+    """A frame with one bit changed, possibly of its final 0x00."""
+    bit = random.randrange(8 * len(wire))
+    out = bytearray(wire)
+    out[bit // 8] ^= 1 << bit % 8
+    return bytes(out)
 
 
-class BitFlip(FrameFault):
-    """One flipped bit per frame, possibly in its final 0x00."""
-
-    def corrupted(self, wire: bytes, random: Random) -> bytes:
-        """The frame with one bit changed."""
-        bit = random.randrange(8 * len(wire))
-        out = bytearray(wire)
-        out[bit // 8] ^= 1 << bit % 8
-        return bytes(out)
+def lost(_: bytes, __: Random) -> bytes:
+    """Nothing of a frame."""
+    return b""
 
 
-class LostFrames(FrameFault):
-    """Frame loss."""
-
-    def corrupted(self, wire: bytes, random: Random) -> bytes:
-        """Nothing."""
-        return b""
-
-
-class DoubledFrames(FrameFault):
-    """Frame duplication."""
-
-    def corrupted(self, wire: bytes, random: Random) -> bytes:
-        """The frame twice."""
-        return wire + wire
+def doubled(wire: bytes, _: Random) -> bytes:
+    """A frame twice."""
+    return wire + wire
 
 
 @dataclass(frozen=True)
@@ -97,7 +88,7 @@ class ClearFrameFaults:
 
 Fault: TypeAlias = FrameFault | TimedFault | ClearFrameFaults
 
-FRAME_FAULTS: dict[str, type[FrameFault]] = {"flip": BitFlip, "lose": LostFrames, "double": DoubledFrames}
+FRAME_FAULTS = {"flip": bit_flipped, "lose": lost, "double": doubled}
 TIMED_FAULTS: dict[str, type[TimedFault]] = {
     "stall": LineStall,
     "hangup": HangUp,
@@ -129,12 +120,12 @@ def parse_fault(text: str) -> ScheduledFault:
             return ScheduledFault(TIMED_FAULTS[name](_number(text, seconds, float)), at)
         case [name, "frame", number, *rest] if name in FRAME_FAULTS:
             frame = _number(text, number, int)
-            return ScheduledFault(FRAME_FAULTS[name](frame=frame, direction=_direction(text, rest)), at)
+            return ScheduledFault(FrameFault(FRAME_FAULTS[name], frame=frame, direction=_direction(text, rest)), at)
         case [name, rate, *rest] if name in FRAME_FAULTS:
             share = _number(text, rate, float)
             if share > 1.0:
                 raise FaultError(f"fault '{text}': {rate} is no rate; should be 0 to 1, or 'frame {rate}'")
-            return ScheduledFault(FRAME_FAULTS[name](rate=share, direction=_direction(text, rest)), at)
+            return ScheduledFault(FrameFault(FRAME_FAULTS[name], share, direction=_direction(text, rest)), at)
         case [name, *_] if name in FAULT_NAMES:
             right = "NAME RATE or NAME frame K, then in, out or both" if name in FRAME_FAULTS else "NAME SECONDS"
             raise FaultError(f"fault '{text}' is not complete; should be {right}, then perhaps 'at T'")

@@ -17,16 +17,17 @@ from lrmd.link.pca9685 import ALL_OFF_H, AUTO_INCREMENT, LED0, MODE1, PRESCALE, 
 from lrmd.link.protocol import BoardStatus, ErrorCode
 from lrmd.sim.board import SimulatedBoard
 from lrmd.sim.faults import (
-    BitFlip,
     BrownOut,
     ChipSilence,
     ClearFrameFaults,
-    DoubledFrames,
     Fault,
+    FrameFault,
     HangUp,
     LineStall,
-    LostFrames,
     ScheduledFault,
+    bit_flipped,
+    doubled,
+    lost,
     parse_fault,
 )
 from lrmd.sim.pca9685_chip import I2cNoAcknowledge, Pca9685Chip
@@ -466,9 +467,9 @@ def test_a_silent_chip_comes_back() -> None:
 
 
 FAULTS: list[tuple[str, Fault]] = [
-    ("flip 0.01", BitFlip(rate=0.01)),
-    ("lose frame 7 both", LostFrames(frame=7, direction="both")),
-    ("double 1 out", DoubledFrames(rate=1.0, direction="out")),
+    ("flip 0.01", FrameFault(bit_flipped, 0.01)),
+    ("lose frame 7 both", FrameFault(lost, frame=7, direction="both")),
+    ("double 1 out", FrameFault(doubled, 1.0, direction="out")),
     ("stall 0.5", LineStall(0.5)),
     ("hangup 2", HangUp(2.0)),
     ("brownout 0", BrownOut(0.0)),
