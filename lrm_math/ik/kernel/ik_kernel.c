@@ -797,8 +797,8 @@ static int closest(const Arm *a, const double *goal, int rows, const double *tow
         for (int i = 0; i < M; i++) far[i] += weight * (column[i] - g) * (column[i] - g);
     }
     for (int i = 0; i < M; i++) {
-        const double beside = towards ? square_distance(a->library_q + n * i, towards, n) / 300 : 0;
-        count = ranked(far[i] + beside, i, most, count, keys, numbers);
+        const double beside = towards ? square_distance(a->library_q + n * i, towards, n) : 0;
+        count = ranked(300 * far[i] + beside, i, most, count, keys, numbers);
     }
     return count;
 }
@@ -840,7 +840,8 @@ static int keep(const Arm *a, const double *goal, int rows, const double *near, 
     new->excess = excess_of(a, new->q) - (a->laws_known ? AT_LIMIT : AT_LIMIT + a->nonlinear_bound);
     if (new->excess > SLACK) return 0;
     COPY(new->slots, s, a->slots), COPY(new->tau, w->tau, a->slots);
-    new->slope = slowest(a, w, along, direction), new->free = most_moving(a, along);
+    new->slope = rows < a->joints ? -1 : slowest(a, w, along, direction);
+    new->free = new->slope < 0 ? 0 : most_moving(a, along);
     found->count++;
     return 1;
 }
