@@ -114,7 +114,7 @@ def confirm(
         reasons[scored.name] = trial.objection or f"it saves far less than {of} promised, which its refit refused"
         if trial.refit:
             break
-        if trial.fitted:
+        if trial.fitted and not scored.candidate.effect.variant_of:
             saved = _share_saved(scored.alone.held_out, now.squared_held_out)
             promised, of = max((promised, of), (saved, scored.name))
         now = select_without(now, reasons)
