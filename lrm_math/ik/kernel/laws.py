@@ -11,7 +11,7 @@ from typing import NamedTuple, TypeAlias
 from lrm_math.effects.backlash import AxialPlay, Backlash, Hysteresis
 from lrm_math.effects.base import Effect
 from lrm_math.effects.compliance import NonlinearStiffness, Spring
-from lrm_math.effects.field.residual_field import JOINTS_TOGETHER, ResidualField
+from lrm_math.effects.field.residual_field import JOINTS_TOGETHER, WAVES_ALONE, ResidualField
 from lrm_math.effects.forces import CableSpring
 from lrm_math.effects.servo_errors import CommonGain, Coupling, Eccentricity, ServoGain, coupled_joints
 from lrm_math.effects.targets import Kind
@@ -67,8 +67,9 @@ def kernel_laws(binding: EffectBinding, joint_slots: Sequence[int]) -> tuple[Ker
 class KernelField(NamedTuple):
     """A residual field: of each of T terms the axis, the numbers of its three factors and the coefficient (m).
 
-    A factor is 0, a one, or 1 + 2 j and 2 + 2 j, the two cosines of joint j. `slots`: of the chain that it moves along
-    x, y and z. `lower`, `upper`: range of the joints' commands (rad).
+    A factor is 0, a one, or m + `WAVES_ALONE` j, the cosine of m half waves of joint j, at most `waves`. `slots`: of
+    the chain that it moves along x, y and z. `lower`, `upper`: range of the joints' commands (rad). `base`: nine numbers,
+    the rows of the base's axes as columns.
     """
 
     axes: tuple[int, ...]
@@ -77,6 +78,8 @@ class KernelField(NamedTuple):
     slots: tuple[int, ...]
     lower: tuple[float, ...]
     upper: tuple[float, ...]
+    base: tuple[float, ...]
+    waves: int
 
 
 def kernel_field(binding: EffectBinding) -> KernelField | None:
@@ -89,11 +92,12 @@ def kernel_field(binding: EffectBinding) -> KernelField | None:
     factors = tuple(_factors(waves) for _, waves, _ in terms)
     lower, upper = zip(*field.ends, strict=True)
     axes, coefficients = tuple(axis for axis, _, _ in terms), tuple(value for _, _, value in terms)
-    return KernelField(axes, factors, coefficients, bound.slots, tuple(lower), tuple(upper))
+    base, most = tuple(field.base.ravel().tolist()), max((max(waves) for _, waves, _ in terms), default=0)
+    return KernelField(axes, factors, coefficients, bound.slots, tuple(lower), tuple(upper), base, most)
 
 
 def _factors(waves: Sequence[int]) -> tuple[int, ...]:
-    factors = [2 * joint + wave for joint, wave in enumerate(waves) if wave]
+    factors = [WAVES_ALONE * joint + wave for joint, wave in enumerate(waves) if wave]
     return (*factors, *[0] * (JOINTS_TOGETHER - len(factors)))
 
 
