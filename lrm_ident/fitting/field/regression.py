@@ -2,8 +2,8 @@
 
 Per axis of the field y = F c + noise, with independent normal coefficients whose variances follow the spectral
 densities of squared-exponential kernels: one of all joints with a length for each, and one of every joint alone with a
-length and a signal of its own (Solin & Särkkä 2020; Duvenaud, Nickisch & Rasmussen 2011). Lengths, signals and noise have the
-largest marginal likelihood (Rasmussen & Williams 2006, Eq 5.8). The coefficients that carry most are kept.
+length and a signal of its own (Solin & Särkkä 2020; Duvenaud, Nickisch & Rasmussen 2011). Lengths, signals and noise
+have the largest marginal likelihood (Rasmussen & Williams 2006, Eq 5.8). The coefficients that carry most are kept.
 """
 
 from __future__ import annotations
@@ -54,12 +54,8 @@ def field_posterior(field: ResidualField, poses: Poses, residual: Array, weight:
         residual: (N, 3), measured − predicted TCP (m). weight: (N,), of the poses; None: all alike.
     """
     root = np.ones(len(poses)) if weight is None else np.sqrt(weight)
-    waves = np.array(wave_numbers(field.arm.dof))
-    told = np.flatnonzero((waves < levels(poses.q)).all(axis=1))
-    functions = np.stack([np.broadcast_to(f, len(poses)) for f in field.functions(poses)], axis=1)
-    axes_by_pose = np.broadcast_arrays(*(part for axis in field.axes(poses) for part in axis), root)[:-1]
-    turned = np.einsum("ain,ni->na", np.reshape(axes_by_pose, (3, 3, -1)), residual)
-    F, y = functions[:, told] * root[:, None], turned * root[:, None]
+    waves, (functions, told) = np.array(wave_numbers(field.arm.dof)), functions_told(field, poses)
+    F, y = functions * root[:, None], field.along_axes(poses, residual) * root[:, None]
     axes = [AxisRegression.likeliest(F, column, waves[told]) for column in y.T]
     values, kept, blocks, determined = np.zeros(len(field.parameters)), list[int](), list[Array](), 0.0
     for number, (axis, carry) in enumerate(zip(axes, carrying_most(axes, MOST_NUMBERS - 3), strict=True)):
@@ -74,9 +70,12 @@ def field_posterior(field: ResidualField, poses: Poses, residual: Array, weight:
     )
 
 
-def levels(q: Array) -> NDArray[np.int64]:
-    """(n,), different angles (to 0.5°) of each joint of poses (N, n): that many half waves they cannot tell apart."""
-    return np.array([len(np.unique(np.round(np.degrees(angle) / 0.5))) for angle in q.T])
+def functions_told(field: ResidualField, poses: Poses) -> tuple[Array, NDArray[np.int64]]:
+    """(N, K), functions of a field that the poses tell from longer waves, and their numbers (K,): as many half waves of
+    a joint as it has different angles (to 0.5°), or more, look like fewer (Nyquist)."""
+    levels = [len(np.unique(np.round(np.degrees(angle) / 0.5))) for angle in poses.q.T]
+    told = np.flatnonzero((np.array(wave_numbers(field.arm.dof)) < levels).all(axis=1))
+    return np.stack([np.broadcast_to(f, len(poses)) for f in field.functions(poses)], axis=1)[:, told], told
 
 
 def carrying_most(axes: Sequence[AxisRegression], most: int) -> NDArray[np.bool_]:

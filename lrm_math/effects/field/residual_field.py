@@ -143,6 +143,11 @@ class ResidualField(LinearEffect):
         )
         return tuple(turned[0]), tuple(turned[1]), tuple(z)
 
+    def along_axes(self, poses: Poses, vectors: Array) -> Array:
+        """(N, 3), components along its axes of vectors (N, 3) of the world."""
+        parts = np.broadcast_arrays(*(part for axis in self.axes(poses) for part in axis), vectors[:, 0])[:-1]
+        return np.asarray(np.einsum("ain,ni->na", np.reshape(parts, (3, 3, -1)), vectors))
+
     @cached_property
     def base(self) -> Array:
         """(3, 3), the nominal base's axes as columns, in the world's."""

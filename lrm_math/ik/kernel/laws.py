@@ -68,8 +68,8 @@ class KernelField(NamedTuple):
     """A residual field: of each of T terms the axis, the numbers of its three factors and the coefficient (m).
 
     A factor is 0, a one, or m + `WAVES_ALONE` j, the cosine of m half waves of joint j, at most `waves`. `slots`: of
-    the chain that it moves along x, y and z. `lower`, `upper`: range of the joints' commands (rad). `base`: nine numbers,
-    the rows of the base's axes as columns.
+    the chain that it moves along x, y and z. `lower`, `upper`: range of the joints' commands (rad). `base`: nine
+    numbers, row by row, the base's axes as columns.
     """
 
     axes: tuple[int, ...]
