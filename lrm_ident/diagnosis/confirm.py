@@ -92,7 +92,7 @@ def confirm(
     """Refits the first supported effect; while a refit refuses it, selects again without it.
 
     Support is conditional on what was selected before. What saves far less than one that was refused had promised is no
-    name for it: that is structure.
+    name for it: that is structure. Free forms promise nothing: in the screening they are not kept smooth, as refits are.
 
     Args:
         blocks: the model as it is, cross-validated on the diagnosis's poses, where that is known already.
