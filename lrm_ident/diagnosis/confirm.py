@@ -92,7 +92,7 @@ def confirm(
     """Refits the first supported effect; while a refit refuses it, selects again without it.
 
     Support is conditional on what was selected before. What saves far less than one that was refused had promised is no
-    name for it: that is structure.
+    name for it: that is structure. Free forms promise nothing, since the screening does not keep them smooth.
 
     Args:
         blocks: the model as it is, cross-validated on the diagnosis's poses, where that is known already.
@@ -114,7 +114,7 @@ def confirm(
         reasons[scored.name] = trial.objection or f"it saves far less than {of} promised, which its refit refused"
         if trial.refit:
             break
-        if trial.fitted:
+        if trial.fitted and not scored.candidate.effect.variant_of:
             saved = _share_saved(scored.alone.held_out, now.squared_held_out)
             promised, of = max((promised, of), (saved, scored.name))
         now = select_without(now, reasons)

@@ -22,11 +22,11 @@ from lrm_ident.data.measurement_file.load import load_measurements
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.fitting.cross_validation import FOLDS, joint_space_folds
 from lrm_ident.fitting.field.fit import range_of
-from lrm_ident.fitting.field.regression import AxisRegression
+from lrm_ident.fitting.field.regression import AxisRegression, functions_told
 from lrm_ident.study.study import Study
 from lrm_math.arm.arm_file import load_arm
 from lrm_math.arrays import Array
-from lrm_math.effects.field.residual_field import ResidualField, wave_numbers
+from lrm_math.effects.field.residual_field import WAVES, ResidualField, wave_numbers
 from lrm_math.model.equilibrium import equilibrium
 from lrm_math.model.model import Model
 from validation.residual_field.arms import hidden
@@ -37,11 +37,12 @@ STARTS = (-8.0, -2.0)
 NOTHING = "the field alone"
 
 
-def kernels(data: Measurements) -> tuple[Array, dict[str, Array]]:
-    """Functions of the field (N, M), and of each further input (N, K), of unit mean square; only of what varies."""
-    field = ResidualField(load_arm("lrm-lab") if data.arm is None else data.arm, "tool").over(range_of(data.poses))
-    every = np.stack([np.broadcast_to(f, len(data)) for f in field.functions(data.poses)], axis=1)
-    alone = every[:, [sum(wave > 0 for wave in waves) <= 1 for waves in wave_numbers(field.arm.dof)]]
+def kernels(field: ResidualField, data: Measurements) -> tuple[Array, Array, dict[str, Array]]:
+    """Functions of the field (N, M) and their half waves (M, n), and functions of each further input (N, K), of unit
+    mean square; only of what varies."""
+    every, told = functions_told(field, data.poses)
+    waves = np.array(wave_numbers(field.arm.dof))[told]
+    alone = every[:, ((waves > 0).sum(axis=1) <= 1) & (waves.max(axis=1) <= WAVES)]
     sides = np.zeros_like(data.poses.q) if data.poses.direction is None else data.poses.direction
     out = {NOTHING: np.zeros((len(data), 1))}
     for name, values in (("side of approach", sides), ("load", data.poses.payload[:, None])):
@@ -50,7 +51,7 @@ def kernels(data: Measurements) -> tuple[Array, dict[str, Array]]:
         if unit.size:
             out[name] = unit
             out[f"{name} × angles"] = (unit[:, :, None] * alone[:, None]).reshape(len(data), -1)
-    return every, out
+    return every, waves, out
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,9 +81,10 @@ def told(model: Model, data: Measurements) -> Iterator[tuple[str, float, float]]
 
     The field's lengths are those of all poses; scales, noise and the further variance those of the other folds.
     """
-    residual = data.position_error(equilibrium(model, data.poses))
-    F, inputs = kernels(data)
-    waves, fold = np.array(wave_numbers(model.arm.dof)), joint_space_folds(data.poses.q, data.repeat_of)
+    field = ResidualField(model.arm, "tool").over(range_of(data.poses))
+    residual = field.along_axes(data.poses, data.position_error(equilibrium(model, data.poses)))
+    F, waves, inputs = kernels(field, data)
+    fold = joint_space_folds(data.poses.q, data.repeat_of)
     size = np.sqrt((residual**2).mean(axis=0))
     priors = [
         AxisRegression.likeliest(F, y, waves).variance / unit**2 for y, unit in zip(residual.T, size, strict=True)
@@ -91,11 +93,11 @@ def told(model: Model, data: Measurements) -> Iterator[tuple[str, float, float]]
     for name, D in inputs.items():
         further, rise, left = D @ D.T / D.shape[1], 0.0, np.empty_like(residual)
         for axis, (prior, unit) in enumerate(zip(priors, size, strict=True)):
-            field, y = (F * prior) @ F.T, residual[:, axis] / unit
-            rise += _Fitted.of(field, further, y).log_likelihood
+            smooth, y = (F * prior) @ F.T, residual[:, axis] / unit
+            rise += _Fitted.of(smooth, further, y).log_likelihood
             for number in range(FOLDS):
                 known, test = np.flatnonzero(fold != number), np.flatnonzero(fold == number)
-                left[test, axis] = unit * (y[test] - _predicted(field, further, y, known, test))
+                left[test, axis] = unit * (y[test] - _predicted(smooth, further, y, known, test))
         base = rise if name == NOTHING else base
         yield name, rise - base, float(np.sqrt((left**2).sum(axis=1).mean()))
 

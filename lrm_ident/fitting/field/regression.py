@@ -1,13 +1,16 @@
 """Regression of a residual field: hyperparameters, rank, coefficients and their covariance from what a model leaves.
 
-Per axis y = F c + noise, with independent normal coefficients whose variances follow the spectral density of a
-squared-exponential kernel with a length for each joint (Solin & Särkkä 2020). Lengths, signal and noise have the
-largest marginal likelihood (Rasmussen & Williams 2006, Eq 5.8). The coefficients that carry most are kept.
+Per axis of the field y = F c + noise, with independent normal coefficients whose variances follow the spectral
+densities of squared-exponential kernels: one of all joints with a length for each, and one of every joint alone with a
+length and a signal of its own (Solin & Särkkä 2020; Duvenaud, Nickisch & Rasmussen 2011). Lengths, signals and noise
+have the largest marginal likelihood (Rasmussen & Williams 2006, Eq 5.8). The coefficients that carry most are kept.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,11 +22,12 @@ from lrm_math.kinematics.poses import Poses
 
 MOST_NUMBERS = 100
 """Numbers of a field in a model file: coefficients, and for each axis what it may be beyond the data."""
-LENGTH_RANGE, SIGNAL_RANGE, NOISE_RANGE = (0.3, 10.0), (1e-3, 10.0), (1e-2, 2.0)
+LENGTH_RANGE, LENGTH_ALONE_RANGE, SIGNAL_RANGE, NOISE_RANGE = (0.3, 10.0), (0.03, 10.0), (1e-3, 10.0), (1e-2, 2.0)
 """Bounds: in half widths of a joint's range; in RMS of the residual."""
-START = (1.0, 1.0, 0.5)
-MAX_ITERATIONS, TOLERANCE = 40, 1e-5
-SERIES = np.arange(30.0)
+START, START_ALONE = (1.0, 1.0, 0.5), (0.1, 0.3)
+"""Length, signal and noise; length and signal of a joint alone: from long lengths short waves are not found."""
+MAX_ITERATIONS, TOLERANCE = 60, 1e-5
+SERIES = np.arange(60.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,24 +54,40 @@ def field_posterior(field: ResidualField, poses: Poses, residual: Array, weight:
         residual: (N, 3), measured − predicted TCP (m). weight: (N,), of the poses; None: all alike.
     """
     root = np.ones(len(poses)) if weight is None else np.sqrt(weight)
-    functions = np.stack([np.broadcast_to(f, len(poses)) for f in field.functions(poses)], axis=1)
-    F, y = functions * root[:, None], residual * root[:, None]
-    waves = np.array(wave_numbers(field.arm.dof))
-    axes = [AxisRegression.likeliest(F, column, waves) for column in y.T]
-    energy = np.stack([axis.mean(np.arange(len(waves))) ** 2 for axis in axes]) * (F**2).sum(axis=0)
-    most = min(MOST_NUMBERS - 3, energy.size)
-    least = np.sort(energy.ravel())[-most]
+    waves, (functions, told) = np.array(wave_numbers(field.arm.dof)), functions_told(field, poses)
+    F, y = functions * root[:, None], field.along_axes(poses, residual) * root[:, None]
+    axes = [AxisRegression.likeliest(F, column, waves[told]) for column in y.T]
     values, kept, blocks, determined = np.zeros(len(field.parameters)), list[int](), list[Array](), 0.0
-    for number, (axis, share) in enumerate(zip(axes, energy, strict=True)):
-        chosen, first = np.flatnonzero(share >= least), number * (len(waves) + 1)
-        values[first + chosen] = axis.mean(chosen)
-        kept += [*(first + chosen).tolist(), first + len(waves)]
+    for number, (axis, carry) in enumerate(zip(axes, carrying_most(axes, MOST_NUMBERS - 3), strict=True)):
+        chosen, first = np.flatnonzero(carry), number * (len(waves) + 1)
+        values[first + told[chosen]] = axis.mean(chosen)
+        kept += [*(first + told[chosen]).tolist(), first + len(waves)]
         covariance = axis.covariance(chosen)
         blocks += [covariance, np.array([[axis.signal**2]])]
         determined += float((1.0 - np.diag(covariance) / axis.variance[chosen]).sum())
     return FieldPosterior(
         values, np.array(kept), block_diag(*blocks), np.array([axis.noise for axis in axes]), determined
     )
+
+
+def functions_told(field: ResidualField, poses: Poses) -> tuple[Array, NDArray[np.int64]]:
+    """(N, K), functions of a field that the poses tell from longer waves, and their numbers (K,): as many half waves of
+    a joint as it has different angles (to 0.5°), or more, look like fewer (Nyquist)."""
+    levels = [len(np.unique(np.round(np.degrees(angle) / 0.5))) for angle in poses.q.T]
+    told = np.flatnonzero((np.array(wave_numbers(field.arm.dof)) < levels).all(axis=1))
+    return np.stack([np.broadcast_to(f, len(poses)) for f in field.functions(poses)], axis=1)[:, told], told
+
+
+def carrying_most(axes: Sequence[AxisRegression], most: int) -> NDArray[np.bool_]:
+    """(axes, M), which coefficients are kept, `most` in all: backward elimination of those that carry least of the
+    posterior mean, half of what is too much at a time."""
+    kept = np.ones((len(axes), len(axes[0].variance)), dtype=bool)
+    while (surplus := int(kept.sum()) - most) > 0:
+        carried = np.full(kept.shape, np.inf)
+        for of, axis, which in zip(carried, axes, kept, strict=True):
+            of[which] = (axis.mean(np.flatnonzero(which)) ** 2) * np.diag(axis.gram)[which]
+        kept.ravel()[np.argsort(carried.ravel())[: (surplus + 1) // 2]] = False
+    return kept
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,13 +105,12 @@ class AxisRegression:
         """The regression of the largest marginal likelihood, searched by its gradient (L-BFGS-B; Byrd et al. 1995)."""
         from scipy.optimize import Bounds, minimize  # takes a quarter of a second to load
 
-        unit, joints = float(np.sqrt((y**2).mean())) or 1.0, waves.shape[1]
+        unit = float(np.sqrt((y**2).mean())) or 1.0
         gram, moment, prior = F.T @ F, F.T @ (y / unit), _SpectralPrior(waves)
-        lower, upper = np.log([*[LENGTH_RANGE] * joints, SIGNAL_RANGE, NOISE_RANGE]).T
-        length, signal, noise = START
+        start, lower, upper = np.log(prior.hyperparameters).T
         found = minimize(
             _loss,
-            np.log([*[length] * joints, signal, noise]),
+            start,
             args=(gram, moment, float((y / unit) @ (y / unit)), len(y), prior),
             jac=True,
             bounds=Bounds(lower, upper),
@@ -99,7 +118,7 @@ class AxisRegression:
             options={"maxiter": MAX_ITERATIONS, "ftol": TOLERANCE},
         ).x
         variance = unit**2 * np.exp(prior.log_variance(found[:-1])[0])
-        signal, noise = (unit * np.exp(found[-2:])).tolist()
+        signal, noise = unit * prior.signal(found), unit * float(np.exp(found[-1]))
         return AxisRegression(gram, unit * moment, variance, signal, noise)
 
     def mean(self, chosen: NDArray[np.int64]) -> Array:
@@ -121,20 +140,43 @@ class AxisRegression:
 
 @dataclass(frozen=True, eq=False)
 class _SpectralPrior:
-    """Variances of coefficients: σ² Π exp(−½ (ℓ ω)²)/Z with ω = m π/2b of each joint; together they are σ²."""
+    """Variances of coefficients: σ² Π exp(−½ (ℓ ω)²)/Z with ω = m π/2b of each joint; those of a kernel add up to σ².
+
+    A function of one joint has a length and a signal of that joint alone, all others those of all joints.
+    """
 
     waves: Array
 
+    @cached_property
+    def hyperparameters(self) -> Array:
+        """(2 n + n + 2, 3), start and bounds of n lengths of all joints together, n of each alone, the signal of all
+        together, those of each alone, and the noise."""
+        (length, signal, noise), (length_alone, signal_alone), n = START, START_ALONE, self.waves.shape[1]
+        together, alone = (length, *LENGTH_RANGE), (length_alone, *LENGTH_ALONE_RANGE)
+        signals = [(signal, *SIGNAL_RANGE), *[(signal_alone, *SIGNAL_RANGE)] * n]
+        return np.array([*[together] * n, *[alone] * n, *signals, (noise, *NOISE_RANGE)])
+
+    @cached_property
+    def of_kernel(self) -> tuple[Array, Array]:
+        """(M, 2 n), which lengths a function has to do with, and (M, 1 + n), whose signal it has; ones and zeros."""
+        single = ((self.waves > 0).sum(axis=1) == 1)[:, None]
+        alone, together = single & (self.waves > 0), np.broadcast_to(~single, self.waves.shape)
+        return np.hstack([together, alone]).astype(float), np.hstack([~single, alone]).astype(float)
+
     def log_variance(self, hyper: Array) -> tuple[Array, Array]:
-        """(M,) and its derivatives (M, n + 1) by the logarithms of n lengths (half widths of the range) and the
-        signal."""
-        length, step = np.exp(hyper[:-1]), np.pi / (2.0 * MARGIN)
-        squares, series = (self.waves * step * length) ** 2, (SERIES[:, None] * step * length) ** 2
+        """(M,) and its derivatives (M, 3 n + 1) by the logarithms of lengths (half widths of the range) and signals."""
+        lengths, signals = self.of_kernel
+        length, step = np.exp(hyper[: lengths.shape[1]]), np.pi / (2.0 * MARGIN)
+        squares, series = (np.tile(self.waves, 2) * step * length) ** 2, (SERIES[:, None] * step * length) ** 2
         density = np.exp(-0.5 * series)
         norm = density.sum(axis=0)
-        slope = (density * series).sum(axis=0) / norm - squares
-        value = 2.0 * hyper[-1] - (0.5 * squares + np.log(norm)).sum(axis=1)
-        return value, np.column_stack([slope, np.full(len(value), 2.0)])
+        slope = lengths * ((density * series).sum(axis=0) / norm - squares)
+        value = 2.0 * signals @ hyper[lengths.shape[1] :] - (lengths * (0.5 * squares + np.log(norm))).sum(axis=1)
+        return value, np.column_stack([slope, 2.0 * signals])
+
+    def signal(self, hyper: Array) -> float:
+        """Standard deviation of the field, in RMS of the residual."""
+        return float(np.sqrt(np.exp(2.0 * hyper[2 * self.waves.shape[1] : -1]).sum()))
 
 
 def _loss(

@@ -3,7 +3,8 @@
 Gaussian-process regression of reduced rank (Solin & Särkkä 2020): the functions are cosines of the angles over the
 range of the fit and products of up to three joints' cosines, eigenfunctions of the Laplacian on a box a quarter wider
 with no slope at its walls. What is not a product of many joints (additive kernels, Duvenaud, Nickisch & Rasmussen 2011)
-can be learned from hundreds of poses. Outside the range it fades to zero.
+can be learned from hundreds of poses: functions of one angle have short waves too, as gears do. Outside the range it
+fades to zero. Its axes turn with joint 1, as what bends and sags in the arm's plane does.
 """
 
 from __future__ import annotations
@@ -14,7 +15,10 @@ from functools import cached_property, lru_cache
 from itertools import product
 from math import pi, sqrt
 
+import numpy as np
+
 from lrm_math.arm.arm import Arm
+from lrm_math.arrays import Array
 from lrm_math.effects.base import (
     Amounts,
     Description,
@@ -25,15 +29,21 @@ from lrm_math.effects.base import (
     joint_number,
 )
 from lrm_math.effects.measured_range import MeasuredRange, fading
-from lrm_math.kinematics.chain import Number
+from lrm_math.kinematics.chain import Number, chain_of
+from lrm_math.kinematics.forward import frames
 from lrm_math.kinematics.poses import Poses
-from lrm_math.kinematics.scalar_or_array import cos
+from lrm_math.kinematics.scalar_or_array import cos, sin
 
 MARGIN = 1.25
 """Half width of the box over half the width of the range."""
-WAVES, JOINTS_TOGETHER = 2, 3
-"""Cosines of one angle beside the constant; most joints of one product: on the real arm two do not suffice."""
-BEYOND = tuple(f"{axis}_beyond_mm" for axis in "xyz")
+WAVES, JOINTS_TOGETHER, WAVES_ALONE = 2, 3, 20
+"""Cosines of each angle in a product, beside the constant; most joints of one product: on the real arm two do not
+suffice; and cosines of one angle alone: the gears of the UR5 err by waves of 13 degrees, 16 half waves of its range."""
+DIGITS = "0123456789abcdefghijklmnopqrstuvwxyz"
+"""Of half waves in the names of coefficients."""
+AXES = "uvw"
+"""Names of its axes: the base's x and y turned with joint 1, and its z."""
+BEYOND = tuple(f"{axis}_beyond_mm" for axis in AXES)
 """Names of what the field may be, along each axis, where nothing was measured."""
 TYPICAL = 1e-3
 """m: typical size of a coefficient."""
@@ -41,14 +51,18 @@ TYPICAL = 1e-3
 
 @lru_cache(maxsize=16)
 def wave_numbers(joints: int) -> tuple[tuple[int, ...], ...]:
-    """Half waves along every joint's range of each function, the constant first; 233 of six joints."""
+    """Half waves along every joint's range of each function, the constant first; 233 of six joints, 341 with the short
+    ones of one joint alone."""
     every = product(range(WAVES + 1), repeat=joints)
-    return tuple(waves for waves in every if sum(wave > 0 for wave in waves) <= JOINTS_TOGETHER)
+    together = (waves for waves in every if sum(wave > 0 for wave in waves) <= JOINTS_TOGETHER)
+    short = range(WAVES + 1, WAVES_ALONE + 1)
+    alone = (tuple(wave * (other == joint) for other in range(joints)) for joint in range(joints) for wave in short)
+    return (*together, *alone)
 
 
 @dataclass(frozen=True)
 class ResidualField(LinearEffect):
-    """Displacement of the TCP in the base's axes, by cosines of the joint angles.
+    """Displacement of the TCP in axes that turn with joint 1 (the base's own at zero), by cosines of the joint angles.
 
     `within`: the range of the fit, which its functions are stated by; None: the joints' limits.
     """
@@ -86,10 +100,10 @@ class ResidualField(LinearEffect):
         """
         return tuple(
             parameter
-            for axis, beyond in zip("xyz", BEYOND, strict=True)
+            for axis, beyond in zip(AXES, BEYOND, strict=True)
             for parameter in (
                 *(
-                    Parameter(f"{axis}{''.join(map(str, waves))}_mm", f"{axis}, half waves {waves}", TYPICAL)
+                    Parameter(f"{axis}{''.join(DIGITS[m] for m in waves)}_mm", f"{axis}, half waves {waves}", TYPICAL)
                     for waves in wave_numbers(self.arm.dof)
                 ),
                 Parameter(beyond, f"{axis} where nothing was measured", TYPICAL),
@@ -109,20 +123,38 @@ class ResidualField(LinearEffect):
         """Every function, within the range; one beyond it."""
         inside = self.inside(poses)
         functions = (*[f * inside for f in self.functions(poses)], 1.0 - inside)
-        x, y, z = (
-            [(f, 0.0, 0.0) for f in functions],
-            [(0.0, f, 0.0) for f in functions],
-            [(0.0, 0.0, f) for f in functions],
-        )
-        return (*x, *y, *z)
+        return tuple(tuple(part * f for part in axis) for axis in self.axes(poses) for f in functions)
 
     def amounts(self, poses: Poses, tau: Amounts, p: Sequence[float]) -> Amounts:
         """Σ c f along each axis; functions that no coefficient asks for are left out."""
-        cosines, inside, each = self._cosines(poses), self.inside(poses), len(p) // 3
+        inside, each, terms = self.inside(poses), len(p) // 3, tuple(self.terms(p))
+        cosines = self._cosines(poses, max((max(waves) for _, waves, _ in terms), default=1))
         out: list[Number] = [p[each * (axis + 1) - 1] * (1.0 - inside) for axis in range(3)]
-        for axis, waves, value in self.terms(p):
+        for axis, waves, value in terms:
             out[axis] = out[axis] + value * inside * _product(cosines, _factors(waves))
-        return tuple(out)
+        axes = self.axes(poses)
+        return tuple([axes[0][i] * out[0] + axes[1][i] * out[1] + axes[2][i] * out[2] for i in range(3)])
+
+    def axes(self, poses: Poses) -> tuple[Amounts, Amounts, Amounts]:
+        """Its axes, in the world's: the base's, turned by joint 1's command about the last of them."""
+        x, y, z = self.base.T.tolist()
+        c, s = cos(poses.angle(0)), sin(poses.angle(0))
+        turned = (
+            [c * a + s * b for a, b in zip(x, y, strict=True)],
+            [c * b - s * a for a, b in zip(x, y, strict=True)],
+        )
+        return tuple(turned[0]), tuple(turned[1]), tuple(z)
+
+    def along_axes(self, poses: Poses, vectors: Array) -> Array:
+        """(N, 3), components along its axes of vectors (N, 3) of the world."""
+        parts = np.broadcast_arrays(*(part for axis in self.axes(poses) for part in axis), vectors[:, 0])[:-1]
+        return np.asarray(np.einsum("ain,ni->na", np.reshape(parts, (3, 3, -1)), vectors))
+
+    @cached_property
+    def base(self) -> Array:
+        """(3, 3), the nominal base's axes as columns, in the world's."""
+        chain = chain_of(self.arm)
+        return np.asarray(frames(chain, chain.values([0.0] * self.arm.dof), 1)[0, 0, :3, :3])
 
     def terms(self, p: Sequence[float]) -> Iterator[tuple[int, tuple[int, ...], float]]:
         """Axis, wave numbers and coefficient (m) of every function that has one."""
@@ -134,7 +166,7 @@ class ResidualField(LinearEffect):
 
     def functions(self, poses: Poses) -> Amounts:
         """Each function at the poses, a float or (N,), as if it went on beyond the range; of unit mean square."""
-        cosines = self._cosines(poses)
+        cosines = self._cosines(poses, WAVES_ALONE)
         return tuple([_product(cosines, _factors(waves)) for waves in wave_numbers(self.arm.dof)])
 
     def inside(self, poses: Poses) -> Number:
@@ -144,13 +176,16 @@ class ResidualField(LinearEffect):
             out = out * fading(poses.angle(joint), *ends)
         return out
 
-    def _cosines(self, poses: Poses) -> tuple[Amounts, ...]:
-        """1, √2 cos φ and √2 cos 2φ of each joint; φ runs from 0 to π over the box."""
+    def _cosines(self, poses: Poses, most: int) -> tuple[Amounts, ...]:
+        """1 and √2 cos mφ, m = 1 … `most`, of each joint; φ runs from 0 to π over the box (Chebyshev's recurrence)."""
         out = []
         for joint, (lower, upper) in enumerate(self.ends):
             half = 0.5 * MARGIN * (upper - lower) or 1.0
             c = cos((poses.angle(joint) - 0.5 * (lower + upper) + half) * (pi / (2.0 * half)))
-            out.append((1.0, sqrt(2.0) * c, sqrt(2.0) * (2.0 * c * c - 1.0)))
+            powers: list[Number] = [1.0, c]
+            while len(powers) <= most:
+                powers.append(2.0 * c * powers[-1] - powers[-2])
+            out.append((1.0, *(sqrt(2.0) * power for power in powers[1:])))
         return tuple(out)
 
     @property

@@ -26,7 +26,7 @@
 /* ---------------------------------------------------------------- 1 Arm, state ---------------------------------- */
 
 enum { MAX_SLOTS = 48, MAX_JOINTS = 10, MAX_BODIES = 16, MAX_LAWS = 96, MAX_SPRINGS = 256, MAX_FOUND = 48,
-       MAX_POSES = 2048, MAX_TERMS = 128 };
+       MAX_POSES = 2048, MAX_TERMS = 128, WAVES = 20 /* residual_field.WAVES_ALONE */ };
 enum { MEETING, PARALLEL, SKEW };                                            /* the first two axes, see pieper.py */
 enum { SERVO_GAIN, ECCENTRICITY, BACKLASH, NONLINEAR_STIFFNESS, HYSTERESIS, CABLE_SPRING, COUPLING };  /* laws.py */
 #define FADE 0.05 /* measured_range.FADE */
@@ -52,7 +52,8 @@ typedef struct { /* a model with one payload; moving_slots.py says what slots, f
     double law_p[MAX_LAWS][4];
     int terms, term_axis[MAX_TERMS], term_factor[MAX_TERMS][3]; /* residual field: residual_field.py */
     int field_axis[MAX_SLOTS];                                  /* along which it moves a slot, from 1; 0: none */
-    double term[MAX_TERMS], field_lower[MAX_JOINTS], field_upper[MAX_JOINTS];
+    double term[MAX_TERMS], field_lower[MAX_JOINTS], field_upper[MAX_JOINTS], field_base[9], field_turn;
+    int field_waves; /* most half waves of any angle */
     Form form; /* of the arm itself if nothing deflects, else of one that looks like it: seeds */
     const double *library_q, *library_slots; /* commands (M,n) and slot amounts (M,slots) of poses at rest */
     const float *library_columns;            /* (12,M): their tool frames, for one pass */
@@ -332,9 +333,14 @@ static void joint_errors(const Arm *a, const double *gravity_load, const double 
     }
 }
 
+/* From axes that turn with joint 1's command (cosine c, sine s) to the world's; B: the base's axes as columns. */
+static void to_world(const double *B, double c, double s, double *v) {
+    const double u[3] = {c * v[0] - s * v[1], s * v[0] + c * v[1], v[2]};
+    for (int i = 0; i < 3; i++) v[i] = dot(B + 3 * i, u);
+}
 /* residual_field.py: the displacement of all base slots for commands q, and its derivatives. */
 static void displacement(const Arm *a, const double *q, Displacement *out) {
-    double t[2 * MAX_JOINTS + 1] = {1}, by_q[2 * MAX_JOINTS + 1] = {0}, fade[MAX_JOINTS], inside = 1;
+    double t[WAVES * MAX_JOINTS + 1] = {1}, by_q[WAVES * MAX_JOINTS + 1] = {0}, fade[MAX_JOINTS], inside = 1;
     memset(out, 0, sizeof *out);
     if (!a->terms) return;
     for (int j = 0; j < a->joints; j++) {
@@ -342,20 +348,31 @@ static void displacement(const Arm *a, const double *q, Displacement *out) {
         const double wave = 0.25 * TURN / half, x = wave * (q[j] - 0.5 * (l + u) + half), c = cos(x), s = sin(x);
         const double root = sqrt(2.0), over = q[j] > u ? q[j] - u : q[j] < l ? q[j] - l : 0;
         const double width = FADE * (u - l) + 1e-9, part = over / width;
-        t[1 + 2 * j] = root * c, by_q[1 + 2 * j] = -root * s * wave;
-        t[2 + 2 * j] = root * (2 * c * c - 1), by_q[2 + 2 * j] = -4 * root * c * s * wave;
+        double cm = c, sm = s; /* of m x */
+        for (int m = 1; m <= a->field_waves; m++) {
+            t[WAVES * j + m] = root * cm, by_q[WAVES * j + m] = -root * m * sm * wave;
+            const double next = c * cm - s * sm;
+            sm = s * cm + c * sm, cm = next;
+        }
         inside *= exp(-part * part), fade[j] = -2 * part / width;
     }
     for (int k = 0; k < a->terms; k++) {
         const int *f = a->term_factor[k], i = a->term_axis[k];
         out->value[i] += a->term[k] * t[f[0]] * t[f[1]] * t[f[2]];
         for (int r = 0; r < 3; r++)
-            if (f[r]) out->slope[i][(f[r] - 1) / 2] += a->term[k] * by_q[f[r]] * t[f[(r + 1) % 3]] * t[f[(r + 2) % 3]];
+            if (f[r]) out->slope[i][(f[r] - 1) / WAVES] += a->term[k] * by_q[f[r]] * t[f[(r + 1) % 3]] * t[f[(r + 2) % 3]];
     }
-    for (int i = 1; i < 4; i++) {
-        for (int j = 0; j < a->joints; j++) out->slope[i][j] = inside * (out->slope[i][j] + out->value[i] * fade[j]);
-        out->value[i] *= inside;
+    const double c = cos(q[0] + a->field_turn), s = sin(q[0] + a->field_turn);
+    double *v = out->value + 1; /* along the axes that turn with joint 1; index 0 is none */
+    const double turning[3] = {-inside * v[1], inside * v[0], 0}; /* of joint 1, the displacement as it is */
+    for (int j = 0; j < a->joints; j++) {
+        double slope[3];
+        for (int i = 0; i < 3; i++) slope[i] = inside * (out->slope[i + 1][j] + v[i] * fade[j]) + (j ? 0 : turning[i]);
+        to_world(a->field_base, c, s, slope);
+        for (int i = 0; i < 3; i++) out->slope[i + 1][j] = slope[i];
     }
+    for (int i = 0; i < 3; i++) v[i] *= inside;
+    to_world(a->field_base, c, s, v);
 }
 
 /* One step of Anderson's (1965) method with a memory of one: x moves by the step, or by a secant along the last two. */

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from lrm_math.arrays import Array
+from lrm_math.effects.field.residual_field import WAVES_ALONE
 from lrm_math.errors import LrmError
 from lrm_math.ik.goal import Goal
 from lrm_math.ik.kernel import structures
@@ -29,7 +30,7 @@ BELOW = {
     "joint": ("slots", 0), "other": ("slots", 0), "spring_load": ("slots", 0), "inboard": ("slots", 1),
     "counted": ("bodies", 1), "moved": ("bodies", 1), "law_joint": ("joints", 0), "axis": ("", 6),
     "law": ("", len(set(KERNEL_LAWS.values()))), "spring_from": ("", structures.MAX_SPRINGS + 1),
-    "term_axis": ("", 4), "field_axis": ("", 4), "term_factor": ("", 2 * structures.MAX_JOINTS + 1),
+    "term_axis": ("", 4), "field_axis": ("", 4), "term_factor": ("", WAVES_ALONE * structures.MAX_JOINTS + 1),
 }  # fmt: skip
 """Bounds of an array's indices into other arrays: a count of the arm's, and a number."""
 
@@ -99,7 +100,8 @@ class KernelModel:
         if not self.memory.terms:
             return self
         lower, upper = (np.array(ends[: self.joints]) for ends in (self.memory.field_lower, self.memory.field_upper))
-        return self.with_(field_lower=lower - shift, field_upper=upper - shift)
+        turn = self.memory.field_turn + shift[0]
+        return self.with_(field_lower=lower - shift, field_upper=upper - shift, field_turn=turn)
 
     def forward(self, slots: Array) -> tuple[Array, Array]:
         """Tool frames (K, 4, 4) and gravity loads (K, V) at slot amounts (K, V)."""

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 from lrm_math.effects.backlash import AxialPlay, Backlash, Hysteresis
 from lrm_math.effects.base import Effect
 from lrm_math.effects.compliance import NonlinearStiffness, Spring
-from lrm_math.effects.field.residual_field import JOINTS_TOGETHER, ResidualField
+from lrm_math.effects.field.residual_field import JOINTS_TOGETHER, WAVES_ALONE, ResidualField
 from lrm_math.effects.forces import CableSpring
 from lrm_math.effects.servo_errors import CommonGain, Coupling, Eccentricity, ServoGain, coupled_joints
 from lrm_math.effects.targets import Kind
@@ -70,8 +70,9 @@ def kernel_laws(model: Model) -> tuple[KernelLaw, ...]:
 def kernel_field(model: Model, row: Mapping[int, int]) -> dict[str, ArrayLike]:
     """Fields of the kernel's arm for a model's residual field, none without one; `row`: place of each moving slot.
 
-    Each term has an axis, from 1, the numbers of its three factors, 0 for a one, 1 + 2 j and 2 + 2 j for the two
-    cosines of joint j, and a coefficient (m). `field_axis`: along which a slot moves. Range of the commands: rad.
+    Each term has an axis, from 1, the numbers of its three factors, 0 for a one, m + `WAVES_ALONE` j for the cosine of
+    m half waves of joint j, at most `field_waves`, and a coefficient (m). `field_axis`: along which a slot moves. Range
+    of the commands: rad. `field_base`: nine numbers, row by row, the base's axes as columns.
     """
     for bound in model.binding.rigid:
         if isinstance(bound.effect, ResidualField):
@@ -82,13 +83,14 @@ def kernel_field(model: Model, row: Mapping[int, int]) -> dict[str, ArrayLike]:
             return {
                 "terms": len(terms), "term": [value for _, _, value in terms], "field_axis": along,
                 "term_axis": [1 + axis for axis, _, _ in terms], "field_lower": lower, "field_upper": upper,
-                "term_factor": [_factors(waves) for _, waves, _ in terms],
+                "term_factor": [_factors(waves) for _, waves, _ in terms], "field_base": field.base.ravel(),
+                "field_turn": 0.0, "field_waves": max((max(waves) for _, waves, _ in terms), default=0),
             }  # fmt: skip
     return {}
 
 
 def _factors(waves: Sequence[int]) -> tuple[int, ...]:
-    factors = [2 * joint + wave for joint, wave in enumerate(waves) if wave]
+    factors = [WAVES_ALONE * joint + wave for joint, wave in enumerate(waves) if wave]
     return (*factors, *[0] * (JOINTS_TOGETHER - len(factors)))
 
 

@@ -40,6 +40,7 @@ class KernelArm(ctypes.Structure):
         ("terms", Integer), ("term_axis", Integer * MAX_TERMS), ("term_factor", Integer * (3 * MAX_TERMS)),
         ("field_axis", Integer * MAX_SLOTS), ("term", Real * MAX_TERMS),
         ("field_lower", Real * MAX_JOINTS), ("field_upper", Real * MAX_JOINTS),
+        ("field_base", Real * 9), ("field_turn", Real), ("field_waves", Integer),
         ("form", KernelForm),
         *((f"library_{name}", Pointer) for name in ("q", "slots", "columns")),
     ]  # fmt: skip

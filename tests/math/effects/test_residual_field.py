@@ -14,8 +14,10 @@ from lrm_math.arm.arm_file import load_arm
 from lrm_math.arrays import Array
 from lrm_math.effects import CATALOGUE, FIELDS, FREE_FORMS, effects_at
 from lrm_math.effects.derivatives import amounts_within, by_angles, by_parameters
-from lrm_math.effects.field.residual_field import JOINTS_TOGETHER, WAVES, ResidualField, wave_numbers
+from lrm_math.effects.field.residual_field import JOINTS_TOGETHER, WAVES, WAVES_ALONE, ResidualField, wave_numbers
 from lrm_math.effects.measured_range import FADE, MeasuredRange
+from lrm_math.kinematics.chain import chain_of
+from lrm_math.kinematics.forward import frames
 from lrm_math.kinematics.poses import Poses, poses_of
 from lrm_math.model.deployed_model import deployed_part, field_of, named_part
 from lrm_math.model.derivatives import joint_jacobian, parameter_jacobian
@@ -149,5 +151,25 @@ def test_it_is_no_candidate_and_can_be_taken_out() -> None:
 def test_every_product_of_few_joints_is_there_once(joints: int) -> None:
     waves = np.array(wave_numbers(joints))
     assert len(np.unique(waves, axis=0)) == len(waves)
-    assert waves.max() == WAVES
+    several = (waves > 0).sum(axis=1) > 1
+    assert waves[several].max(initial=WAVES) == WAVES
+    assert (waves[~several].max(axis=0) == WAVES_ALONE).all()
     assert (waves > 0).sum(axis=1).max() == min(joints, JOINTS_TOGETHER)
+
+
+def test_its_axes_turn_with_joint_1() -> None:
+    """With constants alone for coefficients, it is fixed to what joint 1 turns."""
+    p = np.zeros(len(FIELD.parameters))
+    constants = [row for row, parameter in enumerate(FIELD.parameters) if parameter.name[1:] == "0" * LAB.dof + "_mm"]
+    p[constants] = 1e-3, 2e-3, 3e-3
+    q = np.zeros((5, LAB.dof))
+    q[:, 0] = np.linspace(-1.0, 1.0, 5)
+    within = MeasuredRange(((-2.0, 2.0),) * LAB.dof, (0.0, 0.0))
+    moved = np.stack(
+        np.broadcast_arrays(*amounts_within(FIELD, poses_of(q), (), p.tolist(), within), q[:, 0])[:3], axis=1
+    )
+    chain = chain_of(LAB)
+    turned = frames(chain, chain.values(list(q.T)), 5)[:, 1, :3, :3]
+    fixed = np.einsum("nji,nj->ni", turned, moved)
+    np.testing.assert_allclose(fixed, np.broadcast_to(fixed[0], fixed.shape), atol=1e-15)
+    assert np.linalg.norm(fixed[0]) == pytest.approx(np.linalg.norm(p[constants]))
