@@ -18,7 +18,7 @@ from lrm_ident.design.observability import identification_jacobian
 from lrm_ident.design.pose_design import DesignProblem, design
 from lrm_ident.diagnosis.auto import AutoRun, AutoStep
 from lrm_ident.diagnosis.diagnose import Verdict
-from lrm_ident.diagnosis.linearised_fit import PRIOR_SD
+from lrm_ident.diagnosis.screening.linearised_fit import PRIOR_SD
 from lrm_ident.study.study import Study
 from lrm_math.arrays import Array
 from lrm_math.effects import CATALOGUE, Effect, effects_at

@@ -12,7 +12,7 @@ from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.notebook import ShownInNotebook
 from lrm_ident.diagnosis.confirm import ConfirmedDiagnosis, confirm
 from lrm_ident.diagnosis.diagnose import Diagnosis, Verdict, diagnose
-from lrm_ident.diagnosis.score_test import ScoredCandidate
+from lrm_ident.diagnosis.screening.score_test import ScoredCandidate
 from lrm_ident.fitting.levenberg_marquardt import Fit
 from lrm_ident.fitting.loss import SQUARED, Loss
 from lrm_ident.fitting.priors import EffectRates

@@ -17,7 +17,7 @@ from lrm_ident.data.error_stats import ErrorStats, error_stats
 from lrm_ident.data.wording import in_mm
 from lrm_ident.diagnosis.add_effect import add_effects
 from lrm_ident.diagnosis.diagnose import Diagnosis, Verdict, select_without
-from lrm_ident.diagnosis.score_test import ScoredCandidate
+from lrm_ident.diagnosis.screening.score_test import ScoredCandidate
 from lrm_ident.fitting.cross_validation import blocks_of_fit
 from lrm_ident.fitting.held_out import HeldOutBlock, held_out_rows, squared
 from lrm_ident.fitting.levenberg_marquardt import Fit

@@ -18,10 +18,10 @@ from numpy.typing import NDArray
 
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.diagnosis.add_effect import free_base_parameters
-from lrm_ident.diagnosis.candidates import REFINEMENT
 from lrm_ident.diagnosis.forward_selection import equivalent_effects, forward_select
-from lrm_ident.diagnosis.score_test import ScoredCandidate
-from lrm_ident.diagnosis.screening import Screening, screen
+from lrm_ident.diagnosis.screening.candidates import REFINEMENT
+from lrm_ident.diagnosis.screening.score_test import ScoredCandidate
+from lrm_ident.diagnosis.screening.screen import Screening, screen
 from lrm_ident.diagnosis.shifted_rows import ShiftedRows, shifted_rows
 from lrm_ident.diagnosis.unexplained_structure import UnexplainedStructure, unexplained_structure
 from lrm_ident.fitting.levenberg_marquardt import OUTLIER_DISTANCE, Fit, fit

@@ -13,7 +13,7 @@ from lrm_ident.data.notebook import ShownInNotebook
 from lrm_ident.data.wording import fall, in_mm, quantity
 from lrm_ident.diagnosis.confirm import ConfirmedDiagnosis, confirm
 from lrm_ident.diagnosis.diagnose import Diagnosis, Verdict
-from lrm_ident.diagnosis.score_test import ScoredCandidate
+from lrm_ident.diagnosis.screening.score_test import ScoredCandidate
 from lrm_ident.fitting.levenberg_marquardt import Fit
 from lrm_ident.residual.data_audit import audit
 from lrm_ident.residual.error_breakdown import ModelComparison

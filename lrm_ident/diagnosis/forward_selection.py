@@ -13,10 +13,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lrm_ident.diagnosis.candidates import FORM, REFINEMENT
-from lrm_ident.diagnosis.column_sets import ColumnSets, joined
-from lrm_ident.diagnosis.linearised_fit import LinearEstimate, LinearisedFit, cosine_of_bases
-from lrm_ident.diagnosis.score_test import ScoredCandidate
+from lrm_ident.diagnosis.screening.candidates import FORM, REFINEMENT
+from lrm_ident.diagnosis.screening.column_sets import ColumnSets, joined
+from lrm_ident.diagnosis.screening.linearised_fit import LinearEstimate, LinearisedFit, cosine_of_bases
+from lrm_ident.diagnosis.screening.score_test import ScoredCandidate
 from lrm_ident.fitting.progress import OnProgress
 from lrm_ident.residual.better_prediction import paired_z, predicts_better, saves
 from lrm_ident.residual.significance import f_test_p_value, yekutieli_factor

@@ -14,8 +14,8 @@ import numpy as np
 
 from lrm_ident.data.error_stats import error_stats
 from lrm_ident.data.measurements import Measurements
-from lrm_ident.diagnosis.candidates import split_testable, unfitted_effects
 from lrm_ident.diagnosis.diagnose import diagnose
+from lrm_ident.diagnosis.screening.candidates import split_testable, unfitted_effects
 from lrm_ident.fitting.effect_plugins import catalogue_with
 from lrm_ident.fitting.executors import as_finished
 from lrm_ident.fitting.identifiability import fit_identifiable

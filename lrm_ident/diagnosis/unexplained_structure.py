@@ -6,9 +6,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from lrm_ident.data.weights.row_weights import RowWeights
-from lrm_ident.diagnosis.column_sets import ColumnSets
 from lrm_ident.diagnosis.forward_selection import Selection, improves_prediction
-from lrm_ident.diagnosis.linearised_fit import LinearEstimate, LinearisedFit
+from lrm_ident.diagnosis.screening.column_sets import ColumnSets
+from lrm_ident.diagnosis.screening.linearised_fit import LinearEstimate, LinearisedFit
 from lrm_ident.residual.better_prediction import predicts_better
 from lrm_ident.residual.free_functions import FreeFunction
 from lrm_ident.residual.thresholds import MAX_FREE_FUNCTIONS, MIN_FREE_GAIN

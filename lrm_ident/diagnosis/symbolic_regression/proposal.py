@@ -15,7 +15,7 @@ from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.weights.row_weights import RowWeights
 from lrm_ident.data.wording import in_mm, p_words
 from lrm_ident.diagnosis.add_effect import add_effects
-from lrm_ident.diagnosis.screening import linearised
+from lrm_ident.diagnosis.screening.screen import linearised
 from lrm_ident.diagnosis.symbolic_regression.grammar import Law
 from lrm_ident.diagnosis.symbolic_regression.law_columns import law_columns, typical_size
 from lrm_ident.diagnosis.symbolic_regression.law_file import law_id, law_source

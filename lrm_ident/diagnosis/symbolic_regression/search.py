@@ -13,8 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from lrm_ident.diagnosis.column_sets import FoldSplit
-from lrm_ident.diagnosis.linearised_fit import PRIOR_SD, LinearisedFit
+from lrm_ident.diagnosis.screening.column_sets import FoldSplit
+from lrm_ident.diagnosis.screening.linearised_fit import PRIOR_SD, LinearisedFit
 from lrm_ident.diagnosis.symbolic_regression.grammar import Law
 from lrm_ident.fitting.progress import OnProgress, silent
 from lrm_math.arrays import Array

@@ -13,8 +13,8 @@ from lrm_ident.data.measurement_file.write import measurements_csv
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.registration.anchor import trilaterate, with_anchor
 from lrm_ident.data.registration.similarity import robust_similarity
-from lrm_ident.diagnosis.candidates import split_testable, unfitted_effects
 from lrm_ident.diagnosis.diagnose import diagnose
+from lrm_ident.diagnosis.screening.candidates import split_testable, unfitted_effects
 from lrm_ident.fitting.cross_validation import held_out_residual
 from lrm_ident.fitting.identifiability import fit_identifiable
 from lrm_ident.fitting.levenberg_marquardt import fit

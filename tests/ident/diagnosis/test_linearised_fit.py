@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from lrm_ident.diagnosis.linearised_fit import PRIOR_SD, LinearisedFit, linearise
+from lrm_ident.diagnosis.screening.linearised_fit import PRIOR_SD, LinearisedFit, linearise
 from lrm_ident.residual.better_prediction import outlier_bound
 from lrm_math.arrays import Array
 

@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from lrm_ident.diagnosis.forward_selection import forward_select
-from lrm_ident.diagnosis.linearised_fit import linearise
+from lrm_ident.diagnosis.screening.linearised_fit import linearise
 from lrm_ident.fitting.priors import EffectRates
 from lrm_ident.fitting.progress import silent
 from lrm_ident.fleet import fleet_findings

@@ -18,7 +18,7 @@ from scipy.spatial import cKDTree
 from lrm_ident.data.weights.row_weights import RowWeights
 from lrm_ident.diagnosis.diagnose import Diagnosis
 from lrm_ident.diagnosis.diagnosis_report import RankedCandidate
-from lrm_ident.diagnosis.score_test import ScoredCandidate
+from lrm_ident.diagnosis.screening.score_test import ScoredCandidate
 from lrm_ident.residual.covariates import Covariate, scaled
 from lrm_ident.residual.picture.error_field import joint_turns
 from lrm_math.arrays import Array

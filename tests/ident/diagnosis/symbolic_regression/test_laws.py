@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from lrm_ident.data.measurement_file.load import load_measurements
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.diagnosis.add_effect import add_effects
-from lrm_ident.diagnosis.linearised_fit import LinearisedFit, linearise
+from lrm_ident.diagnosis.screening.linearised_fit import LinearisedFit, linearise
 from lrm_ident.diagnosis.symbolic_regression.grammar import Law, extensions_at, laws_at, quantities_at
 from lrm_ident.diagnosis.symbolic_regression.law_file import law_id, law_source
 from lrm_ident.diagnosis.symbolic_regression.proposal import propose_law

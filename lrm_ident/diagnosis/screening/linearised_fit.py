@@ -18,7 +18,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from lrm_ident.diagnosis.column_sets import ColumnSets, FoldSplit, column_sets, columns_of, joined, stacks_of
+from lrm_ident.diagnosis.screening.column_sets import ColumnSets, FoldSplit, column_sets, columns_of, joined, stacks_of
 from lrm_ident.residual.better_prediction import outlier_bound
 from lrm_math.arrays import Array
 

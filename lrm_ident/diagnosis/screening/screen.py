@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.weights.row_weights import RowWeights
-from lrm_ident.diagnosis.candidates import differentiate_candidates, split_testable, unfitted_effects
-from lrm_ident.diagnosis.linearised_fit import LinearisedFit, linearise
-from lrm_ident.diagnosis.score_test import ScoredCandidate, score_candidates
+from lrm_ident.diagnosis.screening.candidates import differentiate_candidates, split_testable, unfitted_effects
+from lrm_ident.diagnosis.screening.linearised_fit import LinearisedFit, linearise
+from lrm_ident.diagnosis.screening.score_test import ScoredCandidate, score_candidates
 from lrm_ident.fitting.cross_validation import joint_space_folds
 from lrm_ident.fitting.identifiability import some_rows
 from lrm_ident.fitting.levenberg_marquardt import OUTLIER_DISTANCE, Fit, fit

@@ -9,9 +9,15 @@ from functools import cached_property
 import numpy as np
 
 from lrm_ident.data.weights.row_weights import RowWeights
-from lrm_ident.diagnosis.candidates import Candidate
-from lrm_ident.diagnosis.column_sets import ColumnSets
-from lrm_ident.diagnosis.linearised_fit import AT_ONCE, LinearEstimate, LinearisedFit, orthonormal_basis, projected_rank
+from lrm_ident.diagnosis.screening.candidates import Candidate
+from lrm_ident.diagnosis.screening.column_sets import ColumnSets
+from lrm_ident.diagnosis.screening.linearised_fit import (
+    AT_ONCE,
+    LinearEstimate,
+    LinearisedFit,
+    orthonormal_basis,
+    projected_rank,
+)
 from lrm_ident.fitting.progress import OnProgress
 from lrm_ident.residual.significance import f_test_p_value
 from lrm_ident.residual.thresholds import MIN_DETECTABLE, SIGNIFICANCE, Z_THRESHOLD
