@@ -48,7 +48,7 @@ def landed(seed: int, poses: int, goals: int) -> tuple[float, float | None]:
         tempfile.TemporaryDirectory(prefix="lrm-demo-") as private,
         simulated_world(Path(private), seed, TRACKER) as world,
     ):
-        steps = FieldSteps(Path(out), (*world.daemon, "--tracker", f"dtrack:{world.tracker_port}"), seed, goals)
+        steps = FieldSteps(Path(out), (*world.daemon, "--tracker", f"dtrack:{world.tracker_port}"), seed, str(goals))
         load = ("--payload-g", str(LOAD_G))  # still on, from measuring
         steps.write_poses(pose_table(load_arm(ARM), poses, REPEATS, seed))
         steps.measure("--load-command", world.load_command)
