@@ -23,7 +23,7 @@ from tests.support.daemon.daemon_process import (
 MODEL = (ROOT / "tests" / "models" / "thesis-table-b2-option-1.toml").read_text(encoding="utf-8")
 OTHER = MODEL + "\n# another file of the same model\n"
 FIELD = MODEL.replace('"compliance"]', '"compliance", "residual_field"]').replace(
-    "[parameters]\n", '[parameters]\n"residual_field.tool.x000001_mm" = 0.4\n'
+    "[parameters]\n", '[parameters]\n"residual_field.tool.u000001_mm" = 0.4\n'
 )
 DRIFTING = MODEL.replace('"compliance"]', '"compliance", "drift@joint2"]')
 
