@@ -56,7 +56,7 @@ def run_demo(folder: Path, seed: int) -> None:
         steps.deploy("fitted.toml", *world.daemon)
         results["fitted"] = steps.verify("fitted", *load)
         named, last = steps.diagnose(), "fitted.toml"
-        if named.verdict == "effect_missing":
+        if named.to_add:
             steps.add(named.name)
             steps.deploy("better.toml", *world.daemon)
             results["with the effect"], last = steps.verify("better", *load), "better.toml"

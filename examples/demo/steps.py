@@ -33,15 +33,20 @@ class NamedEffect:
     floor_mm: float | None
 
     @property
+    def to_add(self) -> bool:
+        """Whether there is one, with which unseen poses are predicted better."""
+        return self.verdict in ("effect_missing", "effect_describes")
+
+    @property
     def words(self) -> str:
         """For a person."""
-        if self.verdict != "effect_missing":
+        if not self.to_add:
             return self.verdict.replace("_", " ")
         return f"{self.name}, or {', '.join(self.rivals)}" if self.rivals else self.name
 
     def agrees(self, truth: str) -> bool:
         """Whether the truth is what was named, or among what was named with it."""
-        return self.verdict == "effect_missing" and truth in (self.name, *self.rivals)
+        return self.to_add and truth in (self.name, *self.rivals)
 
 
 @dataclass(frozen=True)

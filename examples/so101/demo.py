@@ -75,7 +75,7 @@ def run_demo(folder: Path, seed: int, photos: int = PHOTOS, goals: int = GOALS) 
         steps.fit()
         results["fitted"] = steps.verify("fitted", "--model", steps.file("fitted.toml"))
         named, last = steps.diagnose(), "fitted.toml"
-        if named.verdict == "effect_missing":
+        if named.to_add:
             steps.add(named.name)
             last = "better.toml"
             results["with the effect"] = steps.verify("better", "--model", steps.file(last))

@@ -7,7 +7,6 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from lrm_ident.data.error_stats import error_stats
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.notebook import ShownInNotebook
 from lrm_ident.diagnosis.confirm import ConfirmedDiagnosis, confirm
@@ -17,14 +16,10 @@ from lrm_ident.fitting.levenberg_marquardt import Fit
 from lrm_ident.fitting.loss import SQUARED, Loss
 from lrm_ident.fitting.priors import EffectRates
 from lrm_ident.fitting.progress import OnProgress, silent
-from lrm_ident.residual.thresholds import FLOOR_RATIO, SMALL_SHARE
 from lrm_math.arrays import Array
 from lrm_math.effects import CATALOGUE, Effect, variants
 from lrm_math.errors import LrmError
 from lrm_math.model.model import Model
-
-NEGLIGIBLE = 1e-3
-"""Part of the mean square that is no excess over the noise."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,7 +112,7 @@ def run_auto(
             refused = (*refused, added.name)
             now = confirm(diagnose(steps[-1].fit.model, data, kinds, progress, loss, rates), before, refused=refused)
             continue
-        steps.append(_step(added, now, steps[-1].held_out))
+        steps.append(_step(added, now))
         on_step(steps[-1])
     return AutoRun(tuple(steps), now)
 
@@ -130,22 +125,21 @@ class _Added:
     equivalent: tuple[str, ...]
     refines: tuple[str, ...]
     keys: frozenset[str]
+    share: float
+    describes: bool
     rivals: Mapping[str, float]
 
 
 def _added(before: ConfirmedDiagnosis, one: ScoredCandidate) -> _Added:
     effect, found = one.candidate.effect, before.diagnosis
     equivalent, keys = found.equivalent[one.name], frozenset({*found.fit.model.free, *effect.keys})
-    return _Added(one.name, equivalent, variants(effect), keys, found.rivals([one.name, *equivalent]))
+    rivals = found.rivals([one.name, *equivalent])
+    return _Added(one.name, equivalent, variants(effect), keys, before.share, before.describes, rivals)
 
 
-def _step(added: _Added, after: ConfirmedDiagnosis, held_out_before: Array) -> AutoStep:
+def _step(added: _Added, after: ConfirmedDiagnosis) -> AutoStep:
     found = after.diagnosis
     freed = tuple(key for key in found.fit.model.free if key not in added.keys)
-    now, before = (error_stats(of).rms for of in (after.held_out, held_out_before))
-    floor = found.floor.rms or 0.0
-    share = (before**2 - now**2) / max(before**2 - floor**2, now**2 * NEGLIGIBLE)
-    describes = bool(added.refines) or (share < SMALL_SHARE and now > FLOOR_RATIO * floor)
     return AutoStep(
         added=added.name,
         fit=found.fit,
@@ -154,7 +148,7 @@ def _step(added: _Added, after: ConfirmedDiagnosis, held_out_before: Array) -> A
         equivalent=added.equivalent,
         refines=added.refines,
         freed=freed,
-        share=share,
-        describes=describes,
+        share=added.share,
+        describes=added.describes,
         rivals=added.rivals,
     )

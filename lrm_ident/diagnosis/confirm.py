@@ -22,12 +22,20 @@ from lrm_ident.fitting.cross_validation import blocks_of_fit
 from lrm_ident.fitting.held_out import HeldOutBlock, held_out_rows, squared
 from lrm_ident.fitting.levenberg_marquardt import Fit
 from lrm_ident.residual.better_prediction import predicts_better
-from lrm_ident.residual.thresholds import EQUIVALENT_GAIN, MIN_GAIN, WITHIN_TWO_DEVIATIONS
+from lrm_ident.residual.thresholds import (
+    EQUIVALENT_GAIN,
+    FLOOR_RATIO,
+    MIN_GAIN,
+    SMALL_SHARE,
+    WITHIN_TWO_DEVIATIONS,
+)
 from lrm_math.arrays import Array
 from lrm_math.errors import LrmError
 
 MOST_REFUSED = 8
 """Effects that are refused before the rest is left as structure: a bound on time."""
+NEGLIGIBLE = 1e-3
+"""Part of the mean square that is no excess over the noise."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,11 +84,30 @@ class ConfirmedDiagnosis:
         return self.supported[0] if self.supported else None
 
     @property
+    def share(self) -> float:
+        """Share of the held-out mean square above the noise (all of it, where that is unknown) that the refit takes."""
+        if self.refit is None:
+            return 0.0
+        before, now = error_stats(self.held_out).rms ** 2, self.refit.error.rms**2
+        floor = self.diagnosis.floor.rms or 0.0
+        return (before - now) / max(before - floor**2, now * NEGLIGIBLE)
+
+    @property
+    def describes(self) -> bool:
+        """Whether the refitted effect is no cause that was shown: a form of one, or a small share while much stays."""
+        if self.first is None or self.refit is None:
+            return False
+        much = self.refit.error.rms > FLOOR_RATIO * (self.diagnosis.floor.rms or 0.0)
+        return bool(self.first.candidate.effect.variant_of) or (self.share < SMALL_SHARE and much)
+
+    @property
     def verdict(self) -> Verdict:
-        """The diagnosis's, unless what it selected does not lower the held-out error when refitted: that is structure.
-        Beside no more than a known noise without structure it is none."""
-        quiet = self.diagnosis.verdict == "nothing_missing"
-        return "unexplained_structure" if self.refused and not self.supported and not quiet else self.diagnosis.verdict
+        """The diagnosis's, unless the effect describes, or what was selected does not lower the held-out error when
+        refitted: that is structure. Beside no more than a known noise without structure it is none."""
+        verdict = self.diagnosis.verdict
+        if self.refused and not self.supported and verdict != "nothing_missing":
+            return "unexplained_structure"
+        return "effect_describes" if self.describes else verdict
 
 
 def confirm(

@@ -38,7 +38,9 @@ from lrm_math.model.model import Model
 
 MOST_ROUNDS = 3  # of leaving out outliers: a far one hides those that are nearer (masking)
 RIVALS_KEPT = 4  # of a step that is taken
-Verdict = Literal["effect_missing", "nothing_missing", "unexplained_structure", "unpredictable", "noise_unknown"]
+Verdict = Literal[
+    "effect_missing", "effect_describes", "unexplained_structure", "unpredictable", "nothing_missing", "noise_unknown"
+]
 
 
 @dataclass(frozen=True, eq=False)

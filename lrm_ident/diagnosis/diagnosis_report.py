@@ -36,6 +36,8 @@ MOST_WORDS = 4  # estimates in a sentence, the surest; all are in the JSON file
 TOO_MANY = 12  # of which no four say anything: coefficients of a curve
 Estimates = tuple[tuple[str, float, float], ...]
 NEXT: Mapping[str, str] = {
+    "effect_describes": "Add it if the error is what counts. The cause is still to be found: diagnose again with it, "
+    "look at the anatomy of what is left, and try lrm-ident propose.",
     "unexplained_structure": "Look for a law with this anatomy (lrm-ident propose), or write an effect if you know its "
     "cause (docs/effects.md); more poses in random order, under two loads, show more of it.",
     "unpredictable": "Measure some of these poses again, in another order: what repeats belongs to the arm, what does "
@@ -44,7 +46,7 @@ NEXT: Mapping[str, str] = {
     "noise_unknown": "Measure five poses twice or more (column repeat_of), or state the instrument's noise "
     "(noise_sd_mm), and ask again.",
 }
-"""What to do after a verdict that names no effect."""
+"""What to do after a verdict that names no cause."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,7 +78,8 @@ class RankedCandidate:
 class DiagnosisReport(ShownInNotebook):
     """A diagnosis with its ranking, the limitations of the data, and a hint on what to measure next.
 
-    `left`: what could be predicted without names. `hints`: what the estimates look like together, no effects.
+    `share`: of the held-out mean square above the noise that the first takes. `left`: what could be predicted without
+    names. `hints`: what the estimates look like together, no effects.
     """
 
     diagnosis: Diagnosis
@@ -84,6 +87,7 @@ class DiagnosisReport(ShownInNotebook):
     fit: ErrorStats
     held_out: ErrorStats
     ranking: tuple[RankedCandidate, ...]
+    share: float
     limitations: tuple[str, ...]
     hint: str
     left: PredictableResidual
@@ -92,7 +96,7 @@ class DiagnosisReport(ShownInNotebook):
     @property
     def first(self) -> RankedCandidate | None:
         """The effect to add, if any."""
-        return self.ranking[0] if self.verdict == "effect_missing" else None
+        return self.ranking[0] if self.ranking and self.ranking[0].exact else None
 
     @property
     def far_rows(self) -> tuple[int, ...]:
@@ -145,6 +149,7 @@ def report_of(confirmed: ConfirmedDiagnosis, predictable: PredictableError | Non
         fit=error_stats(diagnosis.fit.residual),
         held_out=before,
         ranking=tuple(_rank(one, confirmed, before) for one in _order(diagnosis, supported)),
+        share=confirmed.share,
         limitations=audit(diagnosis.data, diagnosis.fit.rest.joint_torque),
         hint=NEXT[verdict] if verdict in NEXT else _hint(diagnosis, supported),
         left=left,

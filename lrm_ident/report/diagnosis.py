@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections import Counter, defaultdict
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 
 import numpy as np
 from rich.text import Text
@@ -25,12 +25,13 @@ from lrm_ident.residual.thresholds import MIN_GAIN
 from lrm_ident.study.error_summary import ErrorSummary
 from lrm_ident.study.field_step import WHAT_IT_IS
 from lrm_ident.study.step import StudyStep
-from lrm_math.effects import Effect, compensable
+from lrm_math.effects import Effect, compensable, variants
 from lrm_math.model.deployed_model import field_of
 
 SHOWN, REFUSED_SHOWN, RIVALS_SHOWN, RANKED, BAR = 8, 4, 4, 30, 20
 VERDICTS = {
     "effect_missing": "An effect is missing.",
+    "effect_describes": "An effect predicts better, but only describes: no cause was shown.",
     "nothing_missing": "Nothing is missing: what is left looks like the noise of the measurement.",
     "unexplained_structure": "There is structure left that no known effect explains.",
     "unpredictable": "Something is missing that follows no pose, load or order we know",
@@ -61,6 +62,7 @@ def _values(report: DiagnosisReport) -> dict[str, object]:
             "order_p_value": found.structure.order_p_value,
         },
         "verdict": report.verdict,
+        "share_of_excess": report.share,
         "approximate_of": "everything measured, weighted by its noise" if found.data.several_kinds else "TCP error",
         "ranking": [_advice(rank, advice, report) for rank, advice in enumerate(report.ranking[:RANKED], 1)],
         "unexplained": [
@@ -147,8 +149,17 @@ def _verdict(report: DiagnosisReport) -> str:
         return f"{VERDICTS[report.verdict]}{_looks_like(report)}"
     if report.first is not None:
         why = in_words(report.first.why)
-        return f"{VERDICTS[report.verdict]} {why[0].upper()}{why[1:]}."
+        reason = f" Refitted, it {_took(report)}." if report.verdict == "effect_describes" else ""
+        return f"{VERDICTS[report.verdict]} {why[0].upper()}{why[1:]}.{reason}"
     return VERDICTS[report.verdict]
+
+
+def _took(report: DiagnosisReport) -> str:
+    """Contribution of the first effect."""
+    found = report.diagnosis
+    refines = () if report.first is None else variants(report.first.scored.candidate.effect)
+    present, known = {effect.name for effect in found.fit.model.effects}, found.floor.rms is not None
+    return contribution_words(report.share, known, refines, present, report.verdict == "effect_describes")
 
 
 def _looks_like(report: DiagnosisReport) -> str:
@@ -230,22 +241,30 @@ def step_blocks(number: int, step: AutoStep, start: AutoStep) -> Iterator[Block]
     if step.equivalent:
         yield Text(f"       or {enumerate_words(step.equivalent, RIVALS_SHOWN)}: these data cannot tell", style="dim")
     if step.added:
-        yield Text(f"       {_share_words(step)}", style="dim")
+        known = noise_floor(step.data, step.fit.rest).rms is not None
+        present = [effect.name for effect in step.fit.model.effects]
+        words = contribution_words(step.share, known, step.refines, present, step.describes)
+        yield Text(f"       {words}", style="dim")
     if step.freed:
         yield Text(f"       can be determined now: {enumerate_words(step.freed, RIVALS_SHOWN)}", style="dim")
 
 
-def _share_words(step: AutoStep) -> str:
-    """Share of the error that a step took away, and whether it names a cause."""
-    known = noise_floor(step.data, step.fit.rest).rms is not None
-    took = f"took {in_percent(step.share)} % of the mean square{' above the noise' if known else ''}"
-    if present := [name for name in step.refines if name in {effect.name for effect in step.fit.model.effects}]:
-        return f"{took}; description: another form of {in_words(' and '.join(present))}, no new cause"
-    if step.refines:
-        causes = in_words(" or ".join(step.refines))
+def contribution_words(
+    share: float, floor_known: bool, refines: Sequence[str], present: Collection[str], describes: bool
+) -> str:
+    """Share of the error that an effect takes away, and whether it names a cause.
+
+    Args:
+        refines: the effects, `effect@place`, of which it is another form. present: those of the model.
+    """
+    took = f"took {in_percent(share)} % of the mean square{' above the noise' if floor_known else ''}"
+    if there := [name for name in refines if name in present]:
+        return f"{took}; description: another form of {in_words(' and '.join(there))}, no new cause"
+    if refines:
+        causes = in_words(" or ".join(refines))
         return f"{took}; description: a free curve that stands for {causes}, no cause that was shown"
-    if step.describes:
-        return f"{took}; description: too little to name a cause while {'so much' if known else 'more'} stays"
+    if describes:
+        return f"{took}; description: too little to name a cause while {'so much' if floor_known else 'more'} stays"
     return f"{took}; finding"
 
 

@@ -21,7 +21,8 @@ from validation.hidden_effects.data import NOISE_M, write_case
 ROOT = Path(__file__).resolve().parents[2]
 COMMAND_TIMEOUT_S = 900.0
 FLOOR_MM = NOISE_M * 1000.0 * math.sqrt(3.0)
-EFFECT_MISSING, NOTHING_MISSING, UNEXPLAINED = "effect_missing", "nothing_missing", "unexplained_structure"
+NOTHING_MISSING, UNEXPLAINED = "nothing_missing", "unexplained_structure"
+TO_ADD = ("effect_missing", "effect_describes")
 
 
 @dataclass(frozen=True)
@@ -29,7 +30,7 @@ class CaseOutcome:
     """The tool's result on one data set.
 
     first_class: "effect@place" of the first in the ranking, and all that it says it cannot tell from that; empty unless
-    the verdict is that an effect is missing. held_out_mm: RMS of the last fit that came about, before and after add.
+    an effect predicts better. held_out_mm: RMS of the last fit that came about, before and after add.
     trouble: what failed, with the last line that the tool printed.
     """
 
@@ -100,11 +101,11 @@ def _fit_and_name(data: Path, folder: Path, found: dict[str, Any]) -> None:
     found["diagnose_s"] = run_tool("diagnose", model, data, "--json", diagnosis)
     diagnosed = json.loads(diagnosis.read_text(encoding="utf-8"))
     found["verdict"] = diagnosed["verdict"]
-    if diagnosed["verdict"] != EFFECT_MISSING:
+    if diagnosed["verdict"] not in TO_ADD:
         return
     first = first_supported(diagnosed)
     if first is None:
-        raise CommandFailed(f"verdict {EFFECT_MISSING}, but the ranking supports nothing")
+        raise CommandFailed(f"verdict {diagnosed['verdict']}, but the ranking supports nothing")
     found["first_class"] = tuple(dict.fromkeys([_name(first), *first["indistinguishable_from"]]))
     run_tool("add", model, data, _name(first), "-o", folder / "m2.toml", "--json", folder / "a.json")
     found["after_mm"] = last_held_out_mm(folder / "m2.toml")
