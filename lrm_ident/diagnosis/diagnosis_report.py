@@ -36,8 +36,8 @@ MOST_WORDS = 4  # estimates in a sentence, the surest; all are in the JSON file
 TOO_MANY = 12  # of which no four say anything: coefficients of a curve
 Estimates = tuple[tuple[str, float, float], ...]
 NEXT: Mapping[str, str] = {
-    "effect_describes": "Add it if the error is what counts. The cause is still to be found: diagnose again with it, "
-    "look at the anatomy of what is left, and try lrm-ident propose.",
+    "effect_describes": "Add it: unseen poses are predicted better, though it shows no new cause. Diagnose again with "
+    "it; of what is left then look at the anatomy, and try lrm-ident propose.",
     "unexplained_structure": "Look for a law with this anatomy (lrm-ident propose), or write an effect if you know its "
     "cause (docs/effects.md); more poses in random order, under two loads, show more of it.",
     "unpredictable": "Measure some of these poses again, in another order: what repeats belongs to the arm, what does "
@@ -224,8 +224,8 @@ def _describe_effect(scored: ScoredCandidate, estimates: Estimates) -> str:
         return claim
     surest = sorted(left, key=lambda one: -abs(one[1]) / max(one[2], 1e-300))[:MOST_WORDS]
     shown = [name for name in words if name in {one[0] for one in surest}]
-    labels = {name: name.removesuffix(f"_{units[name]}").replace("_", " ") for name in shown}
-    surest_values = ", ".join(f"{label} {words[name]}" for name, label in labels.items())
+    meanings = {p.name: p.meaning for p in effect.parameters}
+    surest_values = ", ".join(f"{meanings[name]} {words[name]}" for name in shown)
     return f"{claim} ({surest_values}{f' and {len(left) - MOST_WORDS} more' if len(left) > MOST_WORDS else ''})"
 
 

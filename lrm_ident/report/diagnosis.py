@@ -31,7 +31,7 @@ from lrm_math.model.deployed_model import field_of
 SHOWN, REFUSED_SHOWN, RIVALS_SHOWN, RANKED, BAR = 8, 4, 4, 30, 20
 VERDICTS = {
     "effect_missing": "An effect is missing.",
-    "effect_describes": "An effect predicts better, but only describes: no cause was shown.",
+    "effect_describes": "An effect predicts better, but only describes: it shows no new cause.",
     "nothing_missing": "Nothing is missing: what is left looks like the noise of the measurement.",
     "unexplained_structure": "There is structure left that no known effect explains.",
     "unpredictable": "Something is missing that follows no pose, load or order we know",
@@ -149,17 +149,17 @@ def _verdict(report: DiagnosisReport) -> str:
         return f"{VERDICTS[report.verdict]}{_looks_like(report)}"
     if report.first is not None:
         why = in_words(report.first.why)
-        reason = f" Refitted, it {_took(report)}." if report.verdict == "effect_describes" else ""
+        reason = _describes_because(report) if report.verdict == "effect_describes" else ""
         return f"{VERDICTS[report.verdict]} {why[0].upper()}{why[1:]}.{reason}"
     return VERDICTS[report.verdict]
 
 
-def _took(report: DiagnosisReport) -> str:
-    """Contribution of the first effect."""
+def _describes_because(report: DiagnosisReport) -> str:
+    """Sentence on why the first effect names no cause."""
     found = report.diagnosis
     refines = () if report.first is None else variants(report.first.scored.candidate.effect)
     present, known = {effect.name for effect in found.fit.model.effects}, found.floor.rms is not None
-    return contribution_words(report.share, known, refines, present, report.verdict == "effect_describes")
+    return f" It {took_words(report.share, known)}: {no_cause(refines, present, known)}."
 
 
 def _looks_like(report: DiagnosisReport) -> str:
@@ -243,29 +243,28 @@ def step_blocks(number: int, step: AutoStep, start: AutoStep) -> Iterator[Block]
     if step.added:
         known = noise_floor(step.data, step.fit.rest).rms is not None
         present = [effect.name for effect in step.fit.model.effects]
-        words = contribution_words(step.share, known, step.refines, present, step.describes)
-        yield Text(f"       {words}", style="dim")
+        reason = f"description: {no_cause(step.refines, present, known)}" if step.describes else "finding"
+        yield Text(f"       {took_words(step.share, known)}; {reason}", style="dim")
     if step.freed:
         yield Text(f"       can be determined now: {enumerate_words(step.freed, RIVALS_SHOWN)}", style="dim")
 
 
-def contribution_words(
-    share: float, floor_known: bool, refines: Sequence[str], present: Collection[str], describes: bool
-) -> str:
-    """Share of the error that an effect takes away, and whether it names a cause.
+def took_words(share: float, floor_known: bool) -> str:
+    """Share of the error that an effect took away."""
+    return f"took {in_percent(share)} % of the mean square{' above the noise' if floor_known else ''}"
+
+
+def no_cause(refines: Sequence[str], present: Collection[str], floor_known: bool) -> str:
+    """Reason why an effect that predicts better shows no new cause.
 
     Args:
         refines: the effects, `effect@place`, of which it is another form. present: those of the model.
     """
-    took = f"took {in_percent(share)} % of the mean square{' above the noise' if floor_known else ''}"
     if there := [name for name in refines if name in present]:
-        return f"{took}; description: another form of {in_words(' and '.join(there))}, no new cause"
+        return f"another form of {in_words(' and '.join(there))}, no new cause"
     if refines:
-        causes = in_words(" or ".join(refines))
-        return f"{took}; description: a free curve that stands for {causes}, no cause that was shown"
-    if describes:
-        return f"{took}; description: too little to name a cause while {'so much' if floor_known else 'more'} stays"
-    return f"{took}; finding"
+        return f"a free curve that stands for {in_words(' or '.join(refines))}, no cause that was shown"
+    return f"too little to name a cause while {'so much' if floor_known else 'more'} stays"
 
 
 def step_document(effect: str, step: StudyStep, before: ErrorSummary, after: ErrorSummary) -> Document:

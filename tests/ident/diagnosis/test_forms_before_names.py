@@ -14,8 +14,9 @@ from examples.demo.pose_files import LOAD_G, clear_poses
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.diagnosis.add_effect import add_effects, free_base_parameters
 from lrm_ident.diagnosis.auto import run_auto
+from lrm_ident.diagnosis.confirm import confirm
 from lrm_ident.diagnosis.diagnose import diagnose
-from lrm_ident.diagnosis.diagnosis_report import build_report
+from lrm_ident.diagnosis.diagnosis_report import build_report, report_of
 from lrm_ident.fitting.identifiability import fit_identifiable
 from lrm_ident.fitting.levenberg_marquardt import fit
 from lrm_ident.fitting.loss import SQUARED
@@ -120,6 +121,21 @@ def test_a_link_that_bends_at_its_near_end_is_named_then_refined(lab: Arm, descr
     assert refined.selected[0].name == "bending_ends@link2"
     assert [one.candidate.effect.id for one in refined.supported if not one.candidate.effect.variant_of] == []
     assert add_effects(better.model, data, effects_at(lab, "bending_ends@link2")).sigma < 1.06 * NOISE
+
+
+@pytest.mark.slow
+def test_a_form_of_what_is_there_describes_and_is_no_new_cause(lab: Arm, described: ArmDescription) -> None:
+    """The verdict of a diagnosis and the step of `auto` follow from one rule."""
+    data = hidden(described, 4, GearTeeth(2, 0.008))
+    named = add_effects(base_fit(lab, data), data, effects_at(lab, "eccentricity@joint2")).model
+    confirmed = confirm(diagnose(named, data))
+    report = report_of(confirmed)
+    assert report.first is not None
+    assert report.first.scored.name == "angle_curve@joint2"
+    assert (report.verdict, confirmed.describes) == ("effect_describes", True)
+    assert 0.5 < report.share < 1.1
+    step = run_auto(named, data, max_effects=1).steps[1]
+    assert (step.describes, step.share) == (True, confirmed.share)
 
 
 @pytest.mark.slow
