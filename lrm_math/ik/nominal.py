@@ -83,7 +83,7 @@ class NominalSolver(PackedArm):
 
     def branches(self, goal: Goal, near: Sequence[float] | None = None) -> tuple[Branch, ...]:
         """The branches of `solve`, without a diagnosis where there are none."""
-        near = None if near is None else checked_angles("near", near, self.model.arm.dof)
+        near = None if near is None else checked_angles("near", near, self.packed.joints)
         if goal.rotation is None or self.form is None:
             found = self._searched(goal, near)
         else:
