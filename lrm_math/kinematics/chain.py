@@ -163,7 +163,7 @@ def _first_joint_loaded(k: int, slots: list[Slot], dof: int) -> int | None:
 
 
 def _placement_slots(place: str, p: Placement) -> tuple[list[Slot], list[Slot]]:
-    """Its translations, and its rotations."""
+    """Translations of a place, and its rotations."""
     shifts = [Slot(place, name, False, axis, getattr(p, name)) for axis, name in enumerate(("x", "y", "z"))]
     turns = [Slot(place, name, True, axis, getattr(p, name)) for axis, name in enumerate(("alpha", "beta", "gamma"))]
     return shifts, turns
