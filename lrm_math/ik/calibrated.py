@@ -36,6 +36,7 @@ from lrm_math.model.deployed_model import clock_of, deployed_part
 from lrm_math.model.derivatives import joint_jacobian
 from lrm_math.model.equilibrium import Equilibrium, equilibrium
 from lrm_math.model.model import Model
+from lrm_math.model.sensed import tool_rotation
 from lrm_math.model.uncertainty import PositionUncertainty, position_uncertainty
 
 CommandFilter: TypeAlias = Callable[[IkQuery, Sequence[Branch]], NDArray[np.bool_]]
@@ -166,8 +167,7 @@ class CalibratedSolver:
         angles = np.array([command])
         side = None if here is None else np.sign(angles - here)
         settled = equilibrium(self.arm.model, poses_of(angles, _checked_load(payload), side))
-        slots = np.array([[float(settled.slots[k]) for k in self.arm.errors.moving.slots]])
-        rotation = rotation_rows(self.arm.kernel(payload).forward(slots)[0][0, :3, :3])
+        rotation = rotation_rows(tool_rotation(settled)[0])
         x, y, z = settled.true_tcp[0].tolist()
         uncertainty = position_uncertainty(settled, self.covariance, self.joint_sd)
         return ForwardResult((x, y, z), rotation, tuple(settled.joint_torque[0].tolist()), uncertainty)

@@ -96,10 +96,6 @@ class Poses:
         columns = {f.name: getattr(self, f.name) for f in fields(self) if f.name != "sha256"}
         return replace(self, **{name: column[chosen] for name, column in columns.items() if column is not None})
 
-    def one(self, row: int) -> Poses:
-        """One pose alone."""
-        return self.take([row])
-
     def perturbed(self, joint: int, step: float) -> Poses:
         """The same poses with one joint angle changed by `step` (rad)."""
         q = self.q.copy()

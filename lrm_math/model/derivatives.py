@@ -78,9 +78,9 @@ def respond(settled: Equilibrium, sensed: Sensed = TCP_ONLY) -> Response:
     return _as_measured(Response(settled, geometry, total, by_load, sensed))
 
 
-def joint_levers(settled: Equilibrium, sensed: Sensed = TCP_ONLY) -> Array:
-    """(n, R, N), motion of the TCP for a rotation added at each joint (m/rad), and of what else is sensed."""
-    return np.asarray(respond(settled, sensed).slots[list(settled.model.chain.joint_slots)])
+def joint_levers(settled: Equilibrium) -> Array:
+    """(n, 3, N), motion of the TCP for a rotation added at each joint (m/rad)."""
+    return np.asarray(respond(settled).slots[list(settled.model.chain.joint_slots)])
 
 
 def _with_sensed(rigid: Array, settled: Equilibrium, geometry: ChainGeometry, sensed: Sensed) -> Array:

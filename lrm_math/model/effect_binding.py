@@ -177,7 +177,7 @@ def changes_of(effect: Effect, amounts: Amounts) -> Iterator[tuple[int, WeightCh
 
 
 def distortion(bound: BoundEffect, amounts: Amounts, position: Sequence[Number]) -> list[Number]:
-    """Terms that a tracker adds to the three components of a position (m), where `amounts` are those of the effect's targets.
+    """Terms that a tracker adds to the three components of a position (m) by `amounts` at the effect's targets.
 
     Where the effect is held, it sees the position within the range of the fit.
     """

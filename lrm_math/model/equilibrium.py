@@ -49,10 +49,6 @@ class Equilibrium:
     true_tcp: Array
     iterations: int
 
-    def one(self, row: int) -> Equilibrium:
-        """One pose alone."""
-        return self.take(np.array([row]))
-
     def take(self, rows: NDArray[np.int64]) -> Equilibrium:
         """The poses of these rows; of one alone all numbers are floats."""
         slots, tau = (tuple(amounts_at(a, rows) for a in amounts) for amounts in (self.slots, self.tau))
