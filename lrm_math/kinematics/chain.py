@@ -245,7 +245,7 @@ def pull_back(chain: Chain, values: Sequence[Number], angles: Sequence[Angle]) -
 
 
 def rotate(v: Vector, plane: tuple[int, int], angle: Angle) -> None:
-    """Rotates three components in place: v <- R(axis, angle) v in `PLANE[axis]`, by its transpose in `INVERSE[axis]`."""
+    """Rotates three components in place, v <- R(axis, angle) v in `PLANE[axis]`; in `INVERSE[axis]` by R transposed."""
     if angle is not None:
         c, s = angle
         i, j = plane
