@@ -45,7 +45,7 @@ class EquilibriumSearch:
     model: Model
     poses: Poses
     rigid: list[Number]
-    pushed: dict[int, Number]
+    applied: dict[int, Number]
     tolerance: float
 
     def settled(self, now: SlotIterate) -> SlotIterate:
@@ -58,7 +58,7 @@ class EquilibriumSearch:
         for number in range(now.number + 1, MOST_ITERATIONS + 1):
             tau = statics.loads(chain, slots, angles, weights, model.load_slots)
             tau = [
-                load + self.pushed[k] if k in self.pushed else load
+                load + self.applied[k] if k in self.applied else load
                 for k, load in zip(model.load_slots, tau, strict=True)
             ]
             target = self._bent(tau)
@@ -111,9 +111,9 @@ class EquilibriumSearch:
             whole[slow] = other
             return whole
 
-        pushed = dict(zip(self.pushed, part(self.pushed.values()), strict=True))
+        applied = dict(zip(self.applied, part(self.applied.values()), strict=True))
         first = part(now.slots)
-        alone = EquilibriumSearch(self.model, poses, part(self.rigid), pushed, self.tolerance)
+        alone = EquilibriumSearch(self.model, poses, part(self.rigid), applied, self.tolerance)
         found = alone.settled(SlotIterate(first, trig(self.model.chain, first), [], now.number))
         slots, tau = list(now.slots), [merged(a, b) for a, b in zip(now.tau, found.tau, strict=True)]
         for k in self.model.binding.moving:

@@ -80,7 +80,7 @@ def gravity_torques(arm: Arm) -> Torques:
     model = model_of(arm, ())
 
     def torques(q: Sequence[float], payload: float) -> Sequence[float]:
-        rest = equilibrium(model, poses_of(np.array([q], dtype=np.float64), payload))
-        return [float(t) for t in rest.joint_torque[0]]
+        settled = equilibrium(model, poses_of(np.array([q], dtype=np.float64), payload))
+        return [float(t) for t in settled.joint_torque[0]]
 
     return torques

@@ -112,8 +112,8 @@ class KernelArmModel:
                 return np.asarray(slots)
             tau, poses = kernel.forward(found)[1], self._poses(q, motion.side, motion.friction)
             lacking = self._lacking(poses, tau, slots, added)
-            felt = self.errors.felt(tau, effect_loads(self.model, poses))
-            left = encoders - before_encoders(self.model, poses, felt)[0] - q
+            loads = self.errors.total_loads(tau, effect_loads(self.model, poses))
+            left = encoders - before_encoders(self.model, poses, loads)[0] - q
             if max(np.abs(lacking).max(), np.abs(left).max()) < SETTLED:
                 return np.asarray(slots)
             q, added = q + left, added + lacking
@@ -133,10 +133,10 @@ class KernelArmModel:
         """(V,), what slot amounts in equilibrium under loads (1, V) lack of the model's, `added` (V,) being in them."""
         if any(bound.kind is not Kind.MOTION for bound in self._missing):  # loads, which all effects feel
             return np.asarray(self.errors.slots_at(poses, tau)[0] + self.errors.displaced(poses) - slots)
-        pushed = effect_loads(self.model, poses) if self.model.binding.loading else {}
-        felt, out = self.errors.felt(tau, pushed), -added
+        applied = effect_loads(self.model, poses) if self.model.binding.loading else {}
+        loads, out = self.errors.total_loads(tau, applied), -added
         for bound in self._missing:
-            for k, amount in bound.amounts(poses, felt):
+            for k, amount in bound.amounts(poses, loads):
                 out[self._row[k]] += amount
         return out
 

@@ -42,8 +42,8 @@ typedef struct { /* Pieper's normal form of an arm of six joints; pieper.py says
 typedef struct { /* a model with one payload; moving_slots.py says what slots, fixed transforms and bodies are */
     int slots, joints, others, bodies, laws, poses, has_form, laws_known;
     double gravity[3], reach, nonlinear_bound;
-    double weld[MAX_SLOTS + 1][12], moment[MAX_BODIES][4]; /* frames; mass moments and mass in the slot's frame */
-    int welded_turn[MAX_SLOTS + 1], axis[MAX_SLOTS]; /* whether the weld turns; 0..2 turns about x, y, z, 3..5 slides */
+    double fixed[MAX_SLOTS + 1][12], moment[MAX_BODIES][4]; /* frames; mass moments and mass in the slot's frame */
+    int fixed_turn[MAX_SLOTS + 1], axis[MAX_SLOTS]; /* whether the fixed turns; 0..2 turns about x, y, z, 3..5 slides */
     int joint[MAX_JOINTS], other[MAX_SLOTS], inboard[MAX_BODIES], counted[MAX_SLOTS], moved[MAX_SLOTS];
     double zero[MAX_SLOTS], start[MAX_SLOTS], lower[MAX_JOINTS], upper[MAX_JOINTS]; /* unloaded; mean; limits */
     int spring_from[MAX_SLOTS + 1], spring_load[MAX_SPRINGS]; /* compliances, sparse by rows: slot, load's slot */
@@ -146,8 +146,8 @@ static void place(const Arm *a, const double *s, State *w, double *after) {
             add(a->moment[body][3], p, 3, w->first[body]);
         }
         COPY(before, f, 12);
-        in_base(before, a->weld[v] + 9, p), add(1, before + 9, 3, p);
-        for (int k = 0; k < 9 && a->welded_turn[v]; k += 3) in_base(before, a->weld[v] + k, f + k);
+        in_base(before, a->fixed[v] + 9, p), add(1, before + 9, 3, p);
+        for (int k = 0; k < 9 && a->fixed_turn[v]; k += 3) in_base(before, a->fixed[v] + k, f + k);
         if (v == a->slots) break;
         const int kind = a->axis[v];
         double *x = f + 3 * (kind % 3), *y = f + 3 * ((kind + 1) % 3), *z = f + 3 * ((kind + 2) % 3);
@@ -284,14 +284,14 @@ static void least_norm(const Row *A, const Row *N, int rows, int n, const double
 /* ---------------------------------------------------------------- 4 Joint laws, equilibrium --------------------- */
 
 /* Amount of a slot under the loads tau, by springs and axial play alone; joints at command zero. */
-static double spring_rest(const Arm *a, const double *tau, int v) {
+static double spring_amount(const Arm *a, const double *tau, int v) {
     double x = a->zero[v];
     for (int k = a->spring_from[v]; k < a->spring_from[v + 1]; k++) x += a->spring[k] * tau[a->spring_load[k]];
     if (a->play[v] != 0) x += 0.5 * a->play[v] * tanh(tau[v] / a->play_force[v]);
     return x;
 }
 static void linear_command(const Arm *a, const double *tau, const double *s, double *q) {
-    for (int j = 0; j < a->joints; j++) q[j] = s[a->joint[j]] - spring_rest(a, tau, a->joint[j]);
+    for (int j = 0; j < a->joints; j++) q[j] = s[a->joint[j]] - spring_amount(a, tau, a->joint[j]);
 }
 
 /* measured_range.held: x, at the end of its interval where it is far outside. */
@@ -307,7 +307,7 @@ static void joint_errors(const Arm *a, const double *gravity_load, const double 
     COPY(tau, gravity_load, a->slots);
     for (int k = 0; k < a->laws; k++)
         if (a->law[k] == CABLE_SPRING) tau[a->joint[a->law_joint[k]]] -= a->law_p[k][0] * q[a->law_joint[k]];
-    for (int j = 0; j < a->joints; j++) out[j] = spring_rest(a, tau, a->joint[j]);
+    for (int j = 0; j < a->joints; j++) out[j] = spring_amount(a, tau, a->joint[j]);
     for (int k = 0; k < a->laws; k++) {
         const int j = a->law_joint[k];
         const double *p = a->law_p[k], x = q[j], load = tau[a->joint[j]];
@@ -405,7 +405,7 @@ static int command(const Arm *a, const double *tau, const double *s, const int *
 
 /* How far a slot that is no joint is from where its loads and the residual field would have it. */
 static double lack_of(const Arm *a, int v, const double *s, const State *w) {
-    return spring_rest(a, w->tau, v) + w->field.value[a->field_axis[v]] - s[v];
+    return spring_amount(a, w->tau, v) + w->field.value[a->field_axis[v]] - s[v];
 }
 
 /* Elastic equilibrium of a command by fixed-point iteration (thesis Figure 4.4), from slot amounts s, in place; the
@@ -1069,7 +1069,7 @@ static void command_jacobian(const Arm *a, int rows, const double *q, State *w) 
     displacement(a, q, &w->field);
     for (int j = 0; j < a->joints && a->laws; j++) {
         const int v = a->joint[j];
-        law_slope[v] = (up[j] - down[j] - spring_rest(a, more, v) + spring_rest(a, less, v)) / (2 * h);
+        law_slope[v] = (up[j] - down[j] - spring_amount(a, more, v) + spring_amount(a, less, v)) / (2 * h);
     }
     total_jacobian(a, rows, law_slope, w);
 }
