@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lrm_math.arrays import Array
-from lrm_math.kinematics.chain import INVERSE, PLANE, Angle, Chain, Number, Vector, is_zero, rotate
+from lrm_math.kinematics.chain import INVERSE, PLANE, Angle, Chain, Number, Vector, is_zero, rotate, trig
 from lrm_math.kinematics.forward import ChainGeometry
 
 
@@ -80,6 +80,13 @@ def loads(
                 out[row] = (carried + behind) * g[slot.axis]
             row -= 1
     return out
+
+
+def joint_torques(chain: Chain, q: Sequence[float], payload: float) -> list[float]:
+    """Gravity's torque (N·m) on every joint of the rigid nominal arm at angles q (rad), with a payload (kg)."""
+    values = chain.values(q)
+    found = loads(chain, values, trig(chain, values), weights(chain, payload), chain.joint_slots)
+    return [float(torque) for torque in found]
 
 
 def _gravity_outwards(chain: Chain, angles: Sequence[Angle], load_slots: Sequence[int]) -> list[Vector]:

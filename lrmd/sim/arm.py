@@ -13,9 +13,8 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from lrm_math.errors import LrmError, UnknownName
-from lrm_math.kinematics import statics
-from lrm_math.kinematics.chain import trig
 from lrm_math.kinematics.poses import Poses
+from lrm_math.kinematics.statics import joint_torques
 from lrm_math.model.deployed_model import clock_of
 from lrm_math.model.equilibrium import Equilibrium, equilibrium
 from lrm_math.model.model import Model
@@ -159,13 +158,8 @@ class SimulatedArm:
     def _update_loads(self) -> None:
         """Gravity torque (N·m) on every joint of the nominal arm; its compliance hardly changes it."""
         self._update_temperatures()
-        chain = self.truth.chain
-        values = chain.values(self.q)
-        loads = statics.loads(
-            chain, values, trig(chain, values), statics.weights(chain, self.payload), chain.joint_slots
-        )
-        for servo, load in zip(self.joints, loads, strict=True):
-            servo.torque = float(load)
+        for servo, torque in zip(self.joints, joint_torques(self.truth.chain, self.q, self.payload), strict=True):
+            servo.torque = torque
         self._travel = 0.0
 
     def _update_temperatures(self) -> None:
