@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from lrm_math.arm.joint_limits import checked_angles
 from lrm_math.arm.pulse_rounding import RoundedCommand, Rounding, ServoCounts, round_to_counts
 from lrm_math.arm.servo_table import PwmClock
-from lrm_math.arrays import Array, Vector3
+from lrm_math.arrays import Vector3
 from lrm_math.errors import LrmError, NoEquilibrium
 from lrm_math.ik.answer import (
     Branch,
@@ -33,8 +33,7 @@ from lrm_math.ik.methods import DEFAULT
 from lrm_math.kinematics.poses import poses_of
 from lrm_math.model.covariance import Covariance
 from lrm_math.model.deployed_model import clock_of, deployed_part
-from lrm_math.model.derivatives import joint_jacobian
-from lrm_math.model.equilibrium import Equilibrium, equilibrium
+from lrm_math.model.equilibrium import equilibrium
 from lrm_math.model.model import Model
 from lrm_math.model.sensed import tool_rotation
 from lrm_math.model.uncertainty import PositionUncertainty, position_uncertainty
@@ -191,31 +190,25 @@ class CalibratedSolver:
             "rounded": self._rounded(query, branch, rounding),
         }  # fmt: skip
 
-    def _equilibrium(self, query: IkQuery, branch: Branch) -> Equilibrium:
-        poses = poses_of(branch.q, query.payload, np.array([branch.direction], dtype=np.float64))
-        return equilibrium(self.arm.model, poses, self.arm.chain_amounts(np.array([branch.slots])))
-
     def _uncertainty_of(self, query: IkQuery, branch: Branch) -> PositionUncertainty | None:
         if self.covariance is None and self.joint_sd is None:
             return None
-        return position_uncertainty(self._equilibrium(query, branch), self.covariance, self.joint_sd)
+        poses = poses_of(branch.q, query.payload, np.array([branch.direction], dtype=np.float64))
+        settled = equilibrium(self.arm.model, poses, self.arm.chain_amounts(np.array([branch.slots])))
+        return position_uncertainty(settled, self.covariance, self.joint_sd)
 
     def _rounded(self, query: IkQuery, branch: Branch, rounding: Rounding) -> RoundedCommand | None:
         if self.servos is None:
             return None
 
-        def position_error(angles: tuple[float, ...]) -> float:
-            """m, distance of the tool in equilibrium from the goal. Raises `NoEquilibrium`."""
+        def position(angles: tuple[float, ...]) -> list[float]:
+            """m, of the tool in equilibrium. Raises `NoEquilibrium`."""
             tool = self.arm.tool_at(query.payload, angles, branch.direction, branch.slots)
             if tool is None:
                 raise NoEquilibrium([1], "the arm does not settle at the rounded command")
-            return math.dist(tool[9:], query.goal.position)
+            return tool[9:]
 
-        def jacobian() -> Array:
-            """(3, n), m/rad, of the tool by commands through the equilibrium."""
-            return np.asarray(joint_jacobian(self._equilibrium(query, branch))[0])
-
-        return round_to_counts(self.servos, branch.q, rounding, position_error, jacobian)
+        return round_to_counts(self.servos, branch.q, rounding, position, query.goal.position)
 
 
 def _checked_load(payload: float) -> float:
