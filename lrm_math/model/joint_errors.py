@@ -23,6 +23,7 @@ from lrm_math.kinematics.poses import Poses, poses_of
 from lrm_math.model.deployed_model import named_part
 from lrm_math.model.effect_binding import BoundEffect
 from lrm_math.model.equilibrium import effect_loads, rigid_amounts
+from lrm_math.model.fixed_point import FixedPointStep
 from lrm_math.model.model import Model
 
 SETTLED, MOST_STEPS = 1e-11, 60
@@ -98,18 +99,14 @@ class JointErrorModel:
         `poses`: payload and direction, and angles to begin with. Fixed-point iteration with secants (Anderson 1965).
         """
         joints, q = self.moving.joints, poses.q
-        before: tuple[Array, Array] | None = None
+        before: FixedPointStep | None = None
         step = np.full_like(q, np.inf)
         for _ in range(MOST_STEPS):
             step = (slots - self.slots_at(replace(poses, q=q), tau))[:, joints]
             if not (np.abs(step) > SETTLED).any():
                 return np.asarray(q + step)
-            moved = step
-            if before is not None:
-                change = step - before[1]
-                share = (step * change).sum(axis=1) / np.maximum((change * change).sum(axis=1), 1e-300)
-                moved = step - share[:, None] * (q - before[0] + change)
-            before, q = (q, step), q + moved
+            here = FixedPointStep(list(q.T), list(step.T))
+            before, q = here, q + np.stack(here.accelerated(before), axis=1)
         settled = np.abs(step).max(axis=1, keepdims=True) < 1e3 * SETTLED
         return np.asarray(np.where(settled, q, np.nan))
 

@@ -19,6 +19,7 @@ from lrm_math.kinematics.moving_slots import Indices
 from lrm_math.kinematics.poses import Poses
 from lrm_math.model.effect_binding import BoundEffect
 from lrm_math.model.equilibrium import effect_loads
+from lrm_math.model.fixed_point import FixedPointStep
 from lrm_math.model.joint_errors import JointErrorModel
 from lrm_math.model.model import Model
 from lrm_math.model.sensed import before_encoders
@@ -91,12 +92,8 @@ class KernelArmModel:
             lacking = self._lacking(poses, tau[None], slots, added)
             if np.abs(lacking).max() < SETTLED:
                 return q
-            step, now = lacking, (added, lacking)
-            if before is not None:
-                change = lacking - before[1]
-                share = float(lacking @ change) / max(float(change @ change), 1e-300)
-                step = lacking - share * (added - before[0] + change)
-            before, added = now, added + step
+            here = FixedPointStep(added.tolist(), lacking.tolist())
+            before, added = here, added + np.array(here.accelerated(before))
         raise NoEquilibrium([1], "the command of these angles does not settle")
 
     def settled(self, encoders: Array, motion: Motion) -> Array:
@@ -137,12 +134,8 @@ class KernelArmModel:
         loads, out = self.errors.total_loads(tau, applied), -added
         for bound in self._missing:
             for k, amount in bound.amounts(poses, loads):
-                out[self._row[k]] += amount
+                out[self.errors.row[k]] += amount
         return out
-
-    @cached_property
-    def _row(self) -> dict[int, int]:
-        return {int(k): v for v, k in enumerate(self.errors.moving.slots)}
 
     def _poses(self, q: Array, side: Array, friction: Array) -> Poses:
         return Poses(q[None], np.array([self.payload]), side[None], friction=friction[None])
