@@ -168,7 +168,7 @@ class Config:
     @property
     def dof(self) -> int:
         """Number of joints: the first `dof` servos."""
-        return self.arm.dof
+        return len(self.arm.joints)
 
 
 def load_config(path: Path) -> Config:

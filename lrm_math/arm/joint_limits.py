@@ -31,7 +31,7 @@ class JointLimits:
 
     @classmethod
     def of(cls, arm: Arm) -> JointLimits:
-        """Those of an arm."""
+        """Limits of an arm's joints."""
         return cls(tuple(j.lower for j in arm.joints), tuple(j.upper for j in arm.joints))
 
     @property

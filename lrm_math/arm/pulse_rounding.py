@@ -17,13 +17,13 @@ import numpy as np
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.joint_limits import JointLimits
 from lrm_math.arm.servo_table import PwmClock, ServoTable
-from lrm_math.arrays import Array
+from lrm_math.arrays import Vector3
 from lrm_math.errors import LrmError
 
 CHECKED = 4
-"""Number of the linearly best combinations that are evaluated exactly, at most."""
+"""Number of the combinations that are evaluated exactly, at most: the best by the sum of single joints' motions."""
 CURVED = 1.1
-"""Combinations whose linear error exceeds the best exact one by this factor are not evaluated."""
+"""Combinations whose error by that sum exceeds the best exact one by this factor are not evaluated."""
 
 
 class Rounding(StrEnum):
@@ -80,26 +80,28 @@ class ServoCounts:
 
 def round_to_counts(
     servos: ServoCounts,
-    q: Sequence[float],
+    q: tuple[float, ...],
     rounding: Rounding,
-    position_error: Callable[[tuple[float, ...]], float],
-    jacobian: Callable[[], Array],
+    position: Callable[[tuple[float, ...]], Sequence[float]],
+    goal: Vector3,
 ) -> RoundedCommand:
-    """The counts of a command.
+    """The counts of a command. `position`: of the TCP (m) for commanded angles. `goal`: m.
 
-    `position_error`: distance of the TCP from the goal (m) for commanded angles. `jacobian`: (3, n), of the TCP by
-    commands (m/rad); called only where combinations are compared.
+    Of all combinations those are tried whose sum of single joints' motions comes nearest to the goal.
     """
     neighbours = servos.neighbours(q)
 
     def evaluated(choice: tuple[tuple[int, float], ...]) -> tuple[float, tuple[tuple[int, float], ...]]:
-        return position_error(tuple(angle for _, angle in choice)), choice
+        return math.dist(position(tuple(angle for _, angle in choice)), goal), choice
 
     best = evaluated(tuple(pairs[0] for pairs in neighbours))
     if rounding is Rounding.BEST:
-        every = list(itertools.product(*neighbours))
-        off = np.array([[angle for _, angle in choice] for choice in every]) - np.asarray(q)
-        distance = np.sqrt(((off @ jacobian().T) ** 2).sum(axis=1))
+        every, here = list(itertools.product(*neighbours)), np.array(position(q))
+        off = here[None] - goal
+        for j, pairs in enumerate(neighbours):
+            alone = np.array([position((*q[:j], angle, *q[j + 1 :])) for _, angle in pairs])
+            off = (off[:, None] + (alone - here)).reshape(-1, 3)
+        distance = np.linalg.norm(off, axis=1)
         for i in np.argsort(distance, kind="stable")[:CHECKED].tolist():
             if i > 0 and distance[i] < CURVED * best[0]:
                 best = min(best, evaluated(every[i]), key=lambda pair: pair[0])

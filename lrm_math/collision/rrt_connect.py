@@ -115,18 +115,18 @@ def plan(
         beyond = np.flatnonzero((q < box[0] - LIMIT_ROUND_OFF) | (q > box[1] + LIMIT_ROUND_OFF))
         if len(beyond):
             return NoPath(outside, int(beyond[0]) + 1, None, keep, 0)
-    judge = check or partial(check_move, scene)
-    straight = judge(a, b, keep)
+    check_piece = check or partial(check_move, scene)
+    straight = check_piece(a, b, keep)
     if straight.free:
         return PlannedPath(np.array([a, b]), 0)
     for q, _, close in ends:
         closest = scene.closest(q)
         if closest.distance < keep + RESOLUTION:
             return NoPath(close, None, closest, keep, 0)
-    found = _connect(judge, a, b, box, keep + RESOLUTION, rng, samples)
+    found = _connect(check_piece, a, b, box, keep + RESOLUTION, rng, samples)
     if found is None:
         return NoPath("not found", None, ClosestPair(straight.distance, straight.first, straight.second), keep, samples)
-    return PlannedPath(_shortened(judge, found.waypoints, keep + RESOLUTION, rng), found.samples)
+    return PlannedPath(_shortened(check_piece, found.waypoints, keep + RESOLUTION, rng), found.samples)
 
 
 def interpolate_path(path: PlannedPath, step: float = np.radians(0.25)) -> Array:

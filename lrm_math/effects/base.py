@@ -220,7 +220,7 @@ class Effect(ABC):
 
     @property
     def place_in_words(self) -> str:
-        """Where it acts, for sentences: what a measurement shows may stand elsewhere, too."""
+        """Place of its action, for sentences: what a measurement shows may stand elsewhere, too."""
         return place_words(self.place)
 
     @cached_property

@@ -1,8 +1,8 @@
-"""Free forms of effects: smooth functions of an effect's own driver, linear in their coefficients.
+"""Free forms of effects: smooth functions of an effect's own covariate, linear in their coefficients.
 
-A plain effect has one formula. Where the residual at its place still follows its driver (an angle, a torque, the time),
-the cause is right and the formula is not: one of these functions is then fitted beside it, as a generalised additive
-model would (Hastie & Tibshirani 1986).
+A plain effect has one formula. Where the residual at its place still follows its covariate (an angle, a torque, the
+time), the cause is right and the formula is not: one of these functions is then fitted beside it, as a generalised
+additive model would (Hastie & Tibshirani 1986).
 """
 
 from __future__ import annotations

@@ -30,10 +30,10 @@ def amounts_within(
     """`Effect.amounts`, held at the edge of a range where the effect is held, zero far beyond it where it fades."""
     if effect.extrapolation is Extrapolation.FADING:
         return effect.over(within).amounts(poses, tau, p)
-    return effect.amounts(*_seen(effect, poses, tau, within), p)
+    return effect.amounts(*_held_within(effect, poses, tau, within), p)
 
 
-def _seen(effect: Effect, poses: Poses, tau: Amounts, within: MeasuredRange | None) -> tuple[Poses, Amounts]:
+def _held_within(effect: Effect, poses: Poses, tau: Amounts, within: MeasuredRange | None) -> tuple[Poses, Amounts]:
     if within is None or effect.extrapolation is not Extrapolation.HELD:
         return poses, tau
     return within.poses(poses), within.loads(effect.load_slots, tau)
@@ -43,7 +43,7 @@ def by_parameters(
     effect: Effect, poses: Poses, tau: Amounts, p: Sequence[float], within: MeasuredRange | None = None
 ) -> Rows:
     """∂amount/∂p: for each parameter one number or (N,) for each target; arguments as of `amounts_within`."""
-    poses, tau = _seen(effect, poses, tau, within)
+    poses, tau = _held_within(effect, poses, tau, within)
     if effect.extrapolation is Extrapolation.FADING:
         effect = effect.over(within)
     if isinstance(effect, LinearEffect):

@@ -128,6 +128,6 @@ class Payload(_BodyError):
         return tuple(i for i, body in enumerate(self.arm.bodies_outwards) if body.carries_payload)
 
     def acts(self, poses: Poses) -> Number:
-        """In poses with a load."""
+        """1 in poses with a load, else 0."""
         carried = poses.carried
         return float(carried > 0) if isinstance(carried, float) else (carried > 0).astype(np.float64)

@@ -1,7 +1,7 @@
 """Range of what a model was fitted on, and how forms that are only known there are continued beyond it.
 
 A curve through measurements says nothing beyond them, and a spline or a series grows without bound there. Beyond the
-range such a form sees its driver held at the range's edge; the way there is smooth, so that derivatives exist.
+range such a form sees its covariate held at the range's edge; the way there is smooth, so that derivatives exist.
 
 An angle is not reduced by whole turns. On an arm whose limits lie within one turn the question does not arise; on
 one that turns further, what repeats with a turn is the kinematic error of gears and their eccentricity (Tuttle &

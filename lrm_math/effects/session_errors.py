@@ -10,7 +10,6 @@ from typing import ClassVar
 import numpy as np
 
 from lrm_math.arm.arm import BASE, Arm
-from lrm_math.arrays import Array
 from lrm_math.effects.base import (
     Amounts,
     Description,
@@ -29,9 +28,6 @@ from lrm_math.kinematics.poses import Poses
 MOST_SESSIONS = 6
 MOMENTS = 24
 """Moments of a change that are tried first; the search goes on between the best and its neighbours."""
-BASE_MOTIONS = dict.fromkeys("xyz", "mm") | dict.fromkeys(("alpha", "beta", "gamma"), "rad")
-"""Motions of the base as a whole and the units of their parameters: all six, since what is not the arm's, a table or a
-tracker that is pushed, moves by any of them."""
 BASE_OR_TRACKER, ALL_LENGTHS = "base or tracker", "the scale of all lengths"
 TYPICAL = {"rad": 0.01, "mm": 0.003, "mm_per_m": 0.003}
 """Sizes of such errors (SI), by unit."""
@@ -46,6 +42,11 @@ class _SessionError(Effect):
 
     depends_on: ClassVar[tuple[str, ...]] = ("session",)
     extrapolation = Extrapolation.PROPORTIONAL
+    base_motions: ClassVar[dict[str, str]] = dict.fromkeys("xyz", "mm") | dict.fromkeys(
+        ("alpha", "beta", "gamma"), "rad"
+    )
+    """Motions of the base as a whole and the units of their parameters: all six, since what is not the arm's, a table
+    or a tracker that is pushed, moves by any of them."""
 
     @classmethod
     def places(cls, arm: Arm) -> tuple[str, ...]:
@@ -54,8 +55,10 @@ class _SessionError(Effect):
 
     @property
     def targets(self) -> tuple[str, ...]:
-        """The joint's angle, the base's position and angles, or the scale of what is measured."""
-        return moved_at(self.place)
+        """The joint's angle, the base's motions, or the scale of what is measured."""
+        if self.place == BASE:
+            return tuple(f"{BASE}.{name}" for name in self.base_motions)
+        return (f"{FRAME}{SCALE}",) if self.place == FRAME_PLACE else (f"{self.place}.theta",)
 
     @property
     def place_in_words(self) -> str:
@@ -65,7 +68,9 @@ class _SessionError(Effect):
     @property
     def _motions(self) -> tuple[tuple[str, str], ...]:
         """Suffix of the parameters of each target, and their unit: `_x`, `_alpha` … of the base, nothing of others."""
-        return motions_of(self.place)
+        if self.place == BASE:
+            return tuple((f"_{name}", unit) for name, unit in self.base_motions.items())
+        return (("", "mm_per_m" if self.place == FRAME_PLACE else "rad"),)
 
 
 class Drift(_SessionError):
@@ -104,16 +109,10 @@ class Drift(_SessionError):
 
     def amounts(self, poses: Poses, tau: Amounts, p: Sequence[float]) -> Amounts:
         """A (1 − exp(−t/T)) + c (temperature − first temperature)."""
-        warm, heat = self._courses(poses, p[-1])
-        n = len(self.targets)
-        return tuple(p[i] * warm + p[n + i] * heat for i in range(n))
-
-    def _courses(self, poses: Poses, time_constant: float) -> tuple[Array, Array]:
-        """(N,) each: 1 − exp(−t/T), and temperature − first temperature (K); zero where not measured."""
-        still = np.zeros(len(poses))
-        warm = still if poses.clock is None else 1.0 - np.exp(-poses.clock / time_constant)
+        still, n = np.zeros(len(poses)), len(self.targets)
+        warm = still if poses.clock is None else 1.0 - np.exp(-poses.clock / p[-1])
         heat = still if poses.warmed is None else poses.warmed
-        return warm, heat
+        return tuple(p[i] * warm + p[n + i] * heat for i in range(n))
 
     def missing_excitation(self, excitation: Excitation) -> str | None:
         """Times, temperatures or the order must be known."""
@@ -122,12 +121,14 @@ class Drift(_SessionError):
         return None
 
 
-class DriftCurve(LinearEffect):
+class DriftCurve(_SessionError, LinearEffect):
     """Smooth function of the time since the session began and of the time since the start."""
 
     id = "drift_curve"
     variant_of = ("drift",)
     depends_on = ("time",)
+    extrapolation = Extrapolation.HELD
+    base_motions = {"alpha": "rad", "beta": "rad"}
     about = Description(
         cause="Servo, gears and structure warm up at different paces, again after a break, and follow the room.",
         formula="δ = f(time in session) + g(time), cubic splines of ln(1 + t / 600 s)",
@@ -141,23 +142,12 @@ class DriftCurve(LinearEffect):
         """Every place of the drift that it refines."""
         return Drift.places(arm)
 
-    @property
-    def targets(self) -> tuple[str, ...]:
-        """The joint's angle, the base's tilts, or the scale of what is measured."""
-        return ("base.alpha", "base.beta") if self.place == BASE else moved_at(self.place)
-
-    @property
-    def place_in_words(self) -> str:
-        """As of the drift that it refines."""
-        return session_words(self.place)
-
     @cached_property
     def parameters(self) -> tuple[Parameter, ...]:
         """One coefficient for each B-spline and angle."""
-        ends = (("_alpha", "rad"), ("_beta", "rad")) if self.place == BASE else motions_of(self.place)
         return tuple(
             Parameter(f"{course}{i}{end}_{unit}", f"B-spline {i} of the time {meaning}", TYPICAL[unit])
-            for end, unit in ends
+            for end, unit in self._motions
             for course, meaning in COURSES.items()
             for i in range(1, _COUNT + 1)
         )
@@ -226,20 +216,6 @@ def session_words(place: str) -> str:
     return {BASE: BASE_OR_TRACKER, FRAME_PLACE: ALL_LENGTHS}.get(place) or place_words(place)
 
 
-def moved_at(place: str) -> tuple[str, ...]:
-    """What moves at a place: the base in all six directions, the scale of what is measured, or a joint's angle."""
-    if place == BASE:
-        return tuple(f"{BASE}.{name}" for name in BASE_MOTIONS)
-    return (f"{FRAME}{SCALE}",) if place == FRAME_PLACE else (f"{place}.theta",)
-
-
-def motions_of(place: str) -> tuple[tuple[str, str], ...]:
-    """Suffix of the parameters of each of them, and their unit."""
-    if place == BASE:
-        return tuple((f"_{name}", unit) for name, unit in BASE_MOTIONS.items())
-    return (("", "mm_per_m" if place == FRAME_PLACE else "rad"),)
-
-
 class ChangePoint(_SessionError):
     """Sudden displacement of a joint, or of the base against the tracker, at an unknown moment: a level shift."""
 
@@ -259,7 +235,7 @@ class ChangePoint(_SessionError):
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
-        """What each motion was before, against after; the number of the last pose before."""
+        """Shift of each motion before it against after; the number of the last pose before."""
         return (
             *(
                 Parameter(f"before{end}_{of}", f"{self.place}{end} before it, less after", TYPICAL[of])

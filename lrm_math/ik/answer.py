@@ -91,11 +91,11 @@ def apart(q: Sequence[float], other: Sequence[float]) -> float:
     return max([abs(a - b) for a, b in zip(q, other, strict=True)])
 
 
-def distinct(commands: Iterable[Branch]) -> list[Branch]:
-    """Commands without those that are among the ones before."""
+def distinct(commands: Iterable[Branch], least: float = SAME) -> list[Branch]:
+    """Commands without those of which no joint is more than `least` (rad) from one before."""
     kept: list[Branch] = []
     for command in commands:
-        if all(apart(command.q, other.q) > SAME for other in kept):
+        if all(apart(command.q, other.q) > least for other in kept):
             kept.append(command)
     return kept
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from lrm_math.arm.joint_limits import checked_angles
 from lrm_math.arm.pulse_rounding import RoundedCommand, Rounding, ServoCounts, round_to_counts
 from lrm_math.arm.servo_table import PwmClock
-from lrm_math.arrays import Array, Vector3
+from lrm_math.arrays import Vector3
 from lrm_math.errors import LrmError, NoEquilibrium
 from lrm_math.ik.answer import (
     Branch,
@@ -30,16 +30,16 @@ from lrm_math.ik.answer import (
 from lrm_math.ik.calibrated_arm import CalibratedArm, Method, nearest
 from lrm_math.ik.goal import Goal, IkQuery, Rotation, rotation_rows
 from lrm_math.ik.methods import DEFAULT
-from lrm_math.kinematics.poses import Poses
+from lrm_math.kinematics.poses import poses_of
 from lrm_math.model.covariance import Covariance
 from lrm_math.model.deployed_model import clock_of, deployed_part
-from lrm_math.model.derivatives import joint_jacobian
-from lrm_math.model.equilibrium import Equilibrium, equilibrium
+from lrm_math.model.equilibrium import equilibrium
 from lrm_math.model.model import Model
+from lrm_math.model.sensed import tool_rotation
 from lrm_math.model.uncertainty import PositionUncertainty, position_uncertainty
 
-CommandFilter: TypeAlias = Callable[[Poses, Array], NDArray[np.bool_]]
-"""Which of K commands may be answered, (K,); given their poses and the moving slots' amounts (K, V) in equilibrium."""
+CommandFilter: TypeAlias = Callable[[IkQuery, Sequence[Branch]], NDArray[np.bool_]]
+"""Which of K commands for a query may be answered, (K,)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -142,14 +142,12 @@ class CalibratedSolver:
         found = found or IkSolutions((), 0)
         order = self._ordered(query, found)
         if allowed is not None and order:
-            sides = np.array([branch.direction for branch in order], dtype=np.float64)
-            poses = self.arm.poses(query, np.array([branch.q for branch in order]), sides)
-            free = allowed(poses, np.array([branch.slots for branch in order]))
+            free = allowed(query, order)
             if not free.any():
                 return NoAllowedBranch(branches=tuple(order), **asked)
             order = [branch for branch, may in zip(order, free, strict=True) if may]
         for k, branch in enumerate(order):
-            tool = self.arm.tool_at(query, branch.q, branch.direction, branch.slots)
+            tool = self.arm.tool_at(query.payload, branch.q, branch.direction, branch.slots)
             if tool is not None:
                 best_first = (branch, *order[:k], *order[k + 1 :])
                 how: dict[str, Any] = {"branches": best_first, "steps": found.steps, "cube_error": found.error}
@@ -165,12 +163,10 @@ class CalibratedSolver:
         Raises `NoEquilibrium` if the arm does not settle there, `LrmError` unless q and near are n finite angles.
         """
         command, here = self._angles("q", q), self._angles("near", near)
-        query = IkQuery(Goal((0.0, 0.0, 0.0)), _checked_load(payload), here)
         angles = np.array([command])
         side = None if here is None else np.sign(angles - here)
-        settled = equilibrium(self.arm.model, self.arm.poses(query, angles, side))
-        slots = np.array([[float(settled.slots[k]) for k in self.arm.errors.moving.slots]])
-        rotation = rotation_rows(self.arm.kernel(query.payload).forward(slots)[0][0, :3, :3])
+        settled = equilibrium(self.arm.model, poses_of(angles, _checked_load(payload), side))
+        rotation = rotation_rows(tool_rotation(settled)[0])
         x, y, z = settled.true_tcp[0].tolist()
         uncertainty = position_uncertainty(settled, self.covariance, self.joint_sd)
         return ForwardResult((x, y, z), rotation, tuple(settled.joint_torque[0].tolist()), uncertainty)
@@ -194,31 +190,25 @@ class CalibratedSolver:
             "rounded": self._rounded(query, branch, rounding),
         }  # fmt: skip
 
-    def _equilibrium(self, query: IkQuery, branch: Branch) -> Equilibrium:
-        poses = self.arm.poses(query, np.array([branch.q]), np.array([branch.direction], dtype=np.float64))
-        return equilibrium(self.arm.model, poses, self.arm.chain_amounts(np.array([branch.slots])))
-
     def _uncertainty_of(self, query: IkQuery, branch: Branch) -> PositionUncertainty | None:
         if self.covariance is None and self.joint_sd is None:
             return None
-        return position_uncertainty(self._equilibrium(query, branch), self.covariance, self.joint_sd)
+        poses = poses_of(branch.q, query.payload, np.array([branch.direction], dtype=np.float64))
+        settled = equilibrium(self.arm.model, poses, self.arm.chain_amounts(np.array([branch.slots])))
+        return position_uncertainty(settled, self.covariance, self.joint_sd)
 
     def _rounded(self, query: IkQuery, branch: Branch, rounding: Rounding) -> RoundedCommand | None:
         if self.servos is None:
             return None
 
-        def position_error(angles: tuple[float, ...]) -> float:
-            """m, distance of the tool in equilibrium from the goal. Raises `NoEquilibrium`."""
-            tool = self.arm.tool_at(query, angles, branch.direction, branch.slots)
+        def position(angles: tuple[float, ...]) -> list[float]:
+            """m, of the tool in equilibrium. Raises `NoEquilibrium`."""
+            tool = self.arm.tool_at(query.payload, angles, branch.direction, branch.slots)
             if tool is None:
                 raise NoEquilibrium([1], "the arm does not settle at the rounded command")
-            return math.dist(tool[9:], query.goal.position)
+            return tool[9:]
 
-        def jacobian() -> Array:
-            """(3, n), m/rad, of the tool by commands through the equilibrium."""
-            return np.asarray(joint_jacobian(self._equilibrium(query, branch))[0])
-
-        return round_to_counts(self.servos, branch.q, rounding, position_error, jacobian)
+        return round_to_counts(self.servos, branch.q, rounding, position, query.goal.position)
 
 
 def _checked_load(payload: float) -> float:

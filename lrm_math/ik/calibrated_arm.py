@@ -23,7 +23,7 @@ from lrm_math.ik.kernel.structures import KernelFound
 from lrm_math.ik.nominal import NominalSolver, solver_of
 from lrm_math.ik.packed_arm import EquilibriumBatch, PackedArm
 from lrm_math.kinematics.pieper import PieperForm, pieper_form
-from lrm_math.kinematics.poses import Poses
+from lrm_math.kinematics.poses import poses_of
 from lrm_math.kinematics.screw_axes import screw_axes_of
 
 SLACK = 0.4
@@ -71,10 +71,6 @@ class CalibratedArm(PackedArm):
         """(4, 4), tool frame of the nominal arm at angles (n,); m."""
         return np.asarray(self.nominal_solver.frames(q[None])[0, -1])
 
-    def poses(self, query: IkQuery, q: Array, direction: Array | None = None) -> Poses:
-        """Commands q (K, n) with the payload of a query."""
-        return Poses(q, np.full(len(q), query.payload), direction)
-
     def branches(self, query: IkQuery) -> IkSolutions:
         """All branches of a pose; commands nearest to `near`, or to the middle of the limits, of any other goal."""
         arm, near = self.kernel(query.payload), query.near
@@ -110,7 +106,7 @@ class CalibratedArm(PackedArm):
         joints = self.errors.moving.joints
         q, side, detour = self._command(query, slots, tau)
         for _ in range(LINEARISATIONS):
-            zero, compliances = self.errors.linearised(self.poses(query, q[None], side[None]), tau)
+            zero, compliances = self.errors.linearised(poses_of(q, query.payload, side[None]), tau)
             by_springs = slots - self.errors.constants - self.errors.compliances @ tau
             about = self.kernel(query.payload).with_springs(zero, compliances)
             state = about.with_commands_off(q - by_springs[joints]).newton(query.goal, slots)
@@ -139,7 +135,7 @@ class CalibratedArm(PackedArm):
         unloaded = (slots - errors.constants)[errors.moving.joints]
 
         def command(side: Array) -> Array:
-            poses = self.poses(query, unloaded[None], side[None])
+            poses = poses_of(unloaded, query.payload, side[None])
             return np.asarray(errors.command(poses, tau[None], slots[None])[0])
 
         side = np.zeros(len(unloaded))
@@ -156,24 +152,24 @@ class CalibratedArm(PackedArm):
         return q, side, wrong
 
     def equilibria(
-        self, query: IkQuery, q: Array, direction: Array | None = None, start: Array | None = None,
+        self, payload: float, q: Array, direction: Array | None = None, start: Array | None = None,
         tolerance: float = 1e-9,
     ) -> EquilibriumBatch:  # fmt: skip
-        """Equilibria of commands (K, n) from sides (K, n), those that there are.
+        """Equilibria of commands (K, n) from sides (K, n) with a payload (kg), those that there are.
 
         `start`: (K, V), slot amounts to begin with; None: those without loads. `tolerance`: m.
         """
-        return self._settled(self.kernel(query.payload), self.poses(query, q, direction), start, tolerance)
+        return self._settled(self.kernel(payload), q, payload, direction, start, tolerance)
 
     def tool_at(
-        self, query: IkQuery, q: tuple[float, ...], direction: tuple[int, ...], start: tuple[float, ...] | None = None
+        self, payload: float, q: tuple[float, ...], direction: tuple[int, ...], start: tuple[float, ...] | None = None
     ) -> list[float] | None:
         """Tool frame by columns, twelve numbers, of a command's equilibrium; None if it has none. `start`: slots."""
         begin = self.unloaded_slots(np.array([q]))[0].tolist() if start is None else start
         if not self.complete:
-            settled = self.equilibria(query, np.array([q]), np.array([direction]), np.array([begin]))
+            settled = self.equilibria(payload, np.array([q]), np.array([direction]), np.array([begin]))
             return settled.tcp[0].tolist() if len(settled.rows) else None
-        n, arm, iterations = len(q), self.kernel(query.payload), ctypes.c_int()
+        n, arm, iterations = len(q), self.kernel(payload), ctypes.c_int()
         slots, tcp = (ctypes.c_double * arm.slots)(*begin), (ctypes.c_double * 12)()
         angles, side = (ctypes.c_double * n)(*q), (ctypes.c_int * n)(*direction)
         kernel().ik_settle(arm.address, 1, angles, side, 1e-9, slots, tcp, ctypes.addressof(iterations))
@@ -208,7 +204,7 @@ def _from_elsewhere(arm: CalibratedArm, query: IkQuery, found: IkSolutions) -> l
 
 
 def _from_commands(arm: CalibratedArm, query: IkQuery, starts: Sequence[tuple[float, ...]]) -> list[Branch]:
-    settled = arm.equilibria(query, np.array(starts).reshape(-1, arm.packed.joints))
+    settled = arm.equilibria(query.payload, np.array(starts).reshape(-1, arm.packed.joints))
     return distinct(command for slots in settled.slots for command in arm.at_goal(query, slots))
 
 
@@ -223,7 +219,7 @@ def nearest(arm: CalibratedArm, query: IkQuery, starts: tuple[tuple[float, ...],
     """
     found = arm.kernel(query.payload).nearest(query.goal, starts)
     if found is not None:
-        settled = arm.equilibria(query, np.array([found[0]]))
+        settled = arm.equilibria(query.payload, np.array([found[0]]))
         if len(settled.rows):
             return Nearest.at(found[0], query.goal, matrices(settled.tcp)[0])
     raise LrmError("the arm comes to rest in no pose near this goal; its compliances may be wrong")

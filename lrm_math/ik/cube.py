@@ -92,7 +92,7 @@ class Cube:
     def _search_from(self, arm: CalibratedArm, query: IkQuery, q: Array) -> CubeResult | None:
         best: CubeResult | None = None
         kernel, goal = arm.kernel(query.payload), np.array(query.goal.position)
-        here = arm.equilibria(query, q[None])
+        here = arm.equilibria(query.payload, q[None])
         for move in range(self.moves + 1):
             if not len(here.rows):
                 break
@@ -104,7 +104,7 @@ class Cube:
             if found is None:
                 break
             q, slots = found
-            here = arm.equilibria(query, q[None], start=slots[None])
+            here = arm.equilibria(query.payload, q[None], start=slots[None])
             error = math.dist(here.tcp[0, 9:], goal) if len(here.rows) else math.inf
             if not math.isfinite(error) or (best is not None and error >= best.error):
                 break

@@ -35,7 +35,7 @@ class Iterative:
         drawn, goal = arm.nominal_tool(q), np.array(query.goal.position)
         start = arm.unloaded_slots(q[None])
         for step in range(1, self.most + 1):
-            settled = arm.equilibria(query, q[None], start=start, tolerance=0.1 * STILL)
+            settled = arm.equilibria(query.payload, q[None], start=start, tolerance=0.1 * STILL)
             if not len(settled.rows):
                 break
             error = settled.tcp[0, 9:] - goal

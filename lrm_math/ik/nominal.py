@@ -15,7 +15,7 @@ from lrm_math.arm.arm import Arm
 from lrm_math.arm.joint_limits import checked_angles
 from lrm_math.arrays import Array, Vector3
 from lrm_math.errors import LrmError
-from lrm_math.ik.answer import Branch, IkVerdict, Nearest, NominalAnswer
+from lrm_math.ik.answer import Branch, IkVerdict, Nearest, NominalAnswer, distinct
 from lrm_math.ik.goal import Goal, pose
 from lrm_math.ik.kernel.kernel_model import frames_as_numbers, goal_numbers
 from lrm_math.ik.kernel.shared_library import kernel
@@ -83,7 +83,7 @@ class NominalSolver(PackedArm):
 
     def branches(self, goal: Goal, near: Sequence[float] | None = None) -> tuple[Branch, ...]:
         """The branches of `solve`, without a diagnosis where there are none."""
-        near = None if near is None else checked_angles("near", near, self.model.arm.dof)
+        near = None if near is None else checked_angles("near", near, self.packed.joints)
         if goal.rotation is None or self.form is None:
             found = self._searched(goal, near)
         else:
@@ -154,11 +154,7 @@ class NominalSolver(PackedArm):
         if determined:
             return tuple(branches)
         branches.sort(key=lambda branch: branch.distance(tuple(towards)))
-        kept: list[Branch] = []
-        for branch in branches:
-            if all(max(abs(a - b) for a, b in zip(branch.q, o.q, strict=True)) > ELSEWHERE for o in kept):
-                kept.append(branch)
-        return tuple(kept[:REPRESENTATIVES])
+        return tuple(distinct(branches, ELSEWHERE)[:REPRESENTATIVES])
 
     def _unsolved(self, goal: Goal, near: tuple[float, ...] | None) -> NominalAnswer:
         """Reason why a goal has no solution within the limits: solved beyond them, or not at all; the nearest goal."""

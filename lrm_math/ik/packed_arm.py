@@ -16,7 +16,7 @@ from lrm_math.ik.kernel.laws import kernel_field, kernel_laws, without_formula
 from lrm_math.kinematics.chain import Number
 from lrm_math.kinematics.moving_slots import Indices
 from lrm_math.kinematics.pieper import PieperForm, pieper_form
-from lrm_math.kinematics.poses import Poses, poses_of, roberts_sequence
+from lrm_math.kinematics.poses import poses_of, roberts_sequence
 from lrm_math.kinematics.screw_axes import screw_axes_of
 from lrm_math.model.equilibrium import batch_equilibrium
 from lrm_math.model.joint_errors import JointErrorModel
@@ -94,7 +94,7 @@ class PackedArm:
         """Settled poses. Raises `LrmError`: none settles."""
         lower, upper = np.array(self.limits.lower), np.array(self.limits.upper)
         q = lower + roberts_sequence(LIBRARY_SIZE, len(lower)) * (upper - lower)
-        settled = self._settled(self.packed, poses_of(q), None, COARSE)
+        settled = self._settled(self.packed, q, 0.0, None, None, COARSE)
         if not len(settled.rows):
             raise LrmError(
                 "the arm comes to rest in none of many poses without load; its compliances must be too large"
@@ -122,14 +122,17 @@ class PackedArm:
 
         return lru_cache(maxsize=CACHED_PAYLOADS)(loaded)
 
-    def _settled(self, arm: KernelModel, poses: Poses, start: Array | None, tolerance: float) -> EquilibriumBatch:
-        """Equilibria of those of K poses that settle, the arm packed with their payload; see `equilibria`."""
+    def _settled(
+        self, arm: KernelModel, q: Array, payload: float, direction: Array | None, start: Array | None, tolerance: float
+    ) -> EquilibriumBatch:
+        """Equilibria of those of K commands (K, n) that settle, the arm packed with the payload; see `equilibria`."""
         if self.complete:
-            begin = self.unloaded_slots(poses.q) if start is None else start
-            side = np.zeros_like(poses.q) if poses.direction is None else poses.direction
-            slots, tcp, iterations = arm.settle(poses.q, side, begin, tolerance)
+            begin = self.unloaded_slots(q) if start is None else start
+            side = np.zeros_like(q) if direction is None else direction
+            slots, tcp, iterations = arm.settle(q, side, begin, tolerance)
             rows = np.flatnonzero(iterations > 0)
             return EquilibriumBatch(rows, slots[rows], tcp[rows])
+        poses = poses_of(q, payload, direction)
         first = None if start is None else self.chain_amounts(start)
         settled, rows = batch_equilibrium(self.model, poses, first, tolerance)
         slots = np.stack([np.broadcast_to(settled.slots[k], len(rows)) for k in self.errors.moving.slots], axis=1)

@@ -31,6 +31,7 @@ Angle: TypeAlias = "tuple[Number, Number] | None"
 X, Y, Z = 0, 1, 2
 ROUND_OFF = 1e-15
 PLANE = ((Y, Z), (Z, X), (X, Y))  # the two axes that a rotation about x, y, z mixes
+INVERSE = ((Z, Y), (X, Z), (Y, X))  # and its inverse
 
 
 @dataclass(frozen=True)
@@ -163,7 +164,7 @@ def _first_joint_loaded(k: int, slots: list[Slot], dof: int) -> int | None:
 
 
 def _placement_slots(place: str, p: Placement) -> tuple[list[Slot], list[Slot]]:
-    """Its translations, and its rotations."""
+    """Translations of a place, and its rotations."""
     shifts = [Slot(place, name, False, axis, getattr(p, name)) for axis, name in enumerate(("x", "y", "z"))]
     turns = [Slot(place, name, True, axis, getattr(p, name)) for axis, name in enumerate(("alpha", "beta", "gamma"))]
     return shifts, turns
@@ -231,35 +232,24 @@ def trig_of(value: Number) -> Angle:
     return np.cos(value), np.sin(value)
 
 
-def pull_back(chain: Chain, values: Sequence[Number], angles: Sequence[Angle], start: int = 0) -> Vector:
-    """TCP position in the frame before slot `start`: the tip's origin transformed inwards, three numbers (m)."""
+def pull_back(chain: Chain, values: Sequence[Number], angles: Sequence[Angle]) -> Vector:
+    """TCP position: the tip's origin transformed inwards, three numbers (m)."""
     p: Vector = [0.0, 0.0, 0.0]
-    for k in range(len(chain.slots) - 1, start - 1, -1):
+    for k in range(len(chain.slots) - 1, -1, -1):
         slot = chain.slots[k]
         if slot.rotates:
-            rotate(p, slot.axis, angles[k])
+            rotate(p, PLANE[slot.axis], angles[k])
         elif not is_zero(values[k]):
             p[slot.axis] = p[slot.axis] + values[k]
     return p
 
 
-def rotate(v: Vector, axis: int, angle: Angle) -> None:
-    """Rotates three components in place about one axis: v <- R(axis, angle) v."""
+def rotate(v: Vector, plane: tuple[int, int], angle: Angle) -> None:
+    """Rotates three components in place, v <- R(axis, angle) v in `PLANE[axis]`; in `INVERSE[axis]` by R transposed."""
     if angle is not None:
         c, s = angle
-        i, j = PLANE[axis]
+        i, j = plane
         if is_zero(c):
             v[i], v[j] = -s * v[j], s * v[i]
         else:
             v[i], v[j] = c * v[i] - s * v[j], s * v[i] + c * v[j]
-
-
-def rotate_inverse(v: Vector, axis: int, angle: Angle) -> None:
-    """Rotates three components in place by the inverse: v <- R(axis, angle)ᵀ v."""
-    if angle is not None:
-        c, s = angle
-        i, j = PLANE[axis]
-        if is_zero(c):
-            v[i], v[j] = s * v[j], -s * v[i]
-        else:
-            v[i], v[j] = c * v[i] + s * v[j], c * v[j] - s * v[i]

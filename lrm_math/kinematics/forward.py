@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lrm_math.arrays import Array
-from lrm_math.kinematics.chain import Chain, Number, X, Y, Z, is_zero, rotate_inverse, trig
+from lrm_math.kinematics.chain import INVERSE, Chain, Number, X, Y, Z, is_zero, rotate, trig
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,7 +79,7 @@ def _outwards(chain: Chain, values: Sequence[Number]) -> Iterator[tuple[int, lis
         yield k, columns, p
         if slot.rotates:
             columns = list(columns)
-            rotate_inverse(columns, slot.axis, angles[k])  # type: ignore[arg-type]
+            rotate(columns, INVERSE[slot.axis], angles[k])  # type: ignore[arg-type]
         elif not is_zero(values[k]):
             p = p + values[k] * columns[slot.axis]
     yield len(chain.slots), columns, p

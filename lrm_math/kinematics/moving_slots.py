@@ -1,4 +1,4 @@
-"""The moving slots of a chain, everything that never moves welded together, as the kernel takes them."""
+"""The moving slots of a chain, everything that never moves joined by fixed transforms, as the kernel takes them."""
 
 from __future__ import annotations
 

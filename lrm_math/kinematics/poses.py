@@ -96,10 +96,6 @@ class Poses:
         columns = {f.name: getattr(self, f.name) for f in fields(self) if f.name != "sha256"}
         return replace(self, **{name: column[chosen] for name, column in columns.items() if column is not None})
 
-    def one(self, row: int) -> Poses:
-        """One pose alone."""
-        return self.take([row])
-
     def perturbed(self, joint: int, step: float) -> Poses:
         """The same poses with one joint angle changed by `step` (rad)."""
         q = self.q.copy()
@@ -113,10 +109,10 @@ def _number(column: Array) -> Number:
     return column  # a dual number (`lrm_math.kinematics.dual`)
 
 
-def poses_of(q: ArrayLike, payload: ArrayLike = 0.0) -> Poses:
-    """Poses from angles (N, n) or (n,) in rad and payload in kg, one number or (N,)."""
+def poses_of(q: ArrayLike, payload: ArrayLike = 0.0, direction: Array | None = None) -> Poses:
+    """Poses from angles (N, n) or (n,) in rad and payload in kg, one number or (N,); `direction` (N, n) of arrival."""
     angles = np.atleast_2d(np.asarray(q, dtype=np.float64))
-    return Poses(angles, np.broadcast_to(np.asarray(payload, dtype=np.float64), (len(angles),)).copy())
+    return Poses(angles, np.broadcast_to(np.asarray(payload, dtype=np.float64), (len(angles),)).copy(), direction)
 
 
 def roberts_sequence(count: int, n: int) -> Array:

@@ -3,50 +3,29 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from typing import Any, TypeAlias
 
 import numpy as np
 
 from lrm_math.kinematics.chain import Number
 
-
-def sin(x: Number) -> Number:
-    """Sine of an angle (rad)."""
-    return math.sin(x) if isinstance(x, float) else np.sin(x)
+Elementwise: TypeAlias = Callable[[Number], Number]
 
 
-def cos(x: Number) -> Number:
-    """Cosine of an angle (rad)."""
-    return math.cos(x) if isinstance(x, float) else np.cos(x)
+def _elementwise(of_float: Callable[[float], float], of_array: Callable[[Any], Any]) -> Elementwise:
+    def function(x: Number) -> Number:
+        return of_float(x) if isinstance(x, float) else of_array(x)
+
+    return function
 
 
-def exp(x: Number) -> Number:
-    """Exponential."""
-    return math.exp(x) if isinstance(x, float) else np.exp(x)
-
-
-def tanh(x: Number) -> Number:
-    """Hyperbolic tangent."""
-    return math.tanh(x) if isinstance(x, float) else np.tanh(x)
-
-
-def magnitude(x: Number) -> Number:
-    """Magnitude."""
-    return abs(x) if isinstance(x, float) else np.abs(x)
-
-
-def positive_part(x: Number) -> Number:
-    """max(x, 0)."""
-    return max(x, 0.0) if isinstance(x, float) else np.maximum(x, 0.0)
-
-
-def negative_part(x: Number) -> Number:
-    """min(x, 0)."""
-    return min(x, 0.0) if isinstance(x, float) else np.minimum(x, 0.0)
-
-
-def select_by_sign(x: Number, above: float, below: float) -> Number:
-    """One value where x is positive, another one elsewhere."""
-    return (above if x > 0.0 else below) if isinstance(x, float) else np.where(x > 0.0, above, below)
+sin, cos = _elementwise(math.sin, np.sin), _elementwise(math.cos, np.cos)
+"""Of an angle (rad)."""
+exp, tanh = _elementwise(math.exp, np.exp), _elementwise(math.tanh, np.tanh)
+magnitude = _elementwise(abs, np.abs)
+positive_part = _elementwise(lambda x: max(x, 0.0), lambda x: np.maximum(x, 0.0))
+negative_part = _elementwise(lambda x: min(x, 0.0), lambda x: np.minimum(x, 0.0))
 
 
 def maximum(x: Number) -> float:

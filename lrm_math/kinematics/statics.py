@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lrm_math.arrays import Array
-from lrm_math.kinematics.chain import PLANE, Angle, Chain, Number, Vector, is_zero, rotate, rotate_inverse
+from lrm_math.kinematics.chain import INVERSE, PLANE, Angle, Chain, Number, Vector, is_zero, rotate, trig
 from lrm_math.kinematics.forward import ChainGeometry
 
 
@@ -66,7 +66,7 @@ def loads(
             body -= 1
         slot = chain.slots[k]
         if slot.rotates:
-            rotate(moment, slot.axis, angles[k])
+            rotate(moment, PLANE[slot.axis], angles[k])
         elif not is_zero(values[k]):
             moment[slot.axis] = moment[slot.axis] + carried * values[k]
         if row >= 0 and load_slots[row] == k:
@@ -82,6 +82,13 @@ def loads(
     return out
 
 
+def joint_torques(chain: Chain, q: Sequence[float], payload: float) -> list[float]:
+    """Gravity's torque (N·m) on every joint of the rigid nominal arm at angles q (rad), with a payload (kg)."""
+    values = chain.values(q)
+    found = loads(chain, values, trig(chain, values), weights(chain, payload), chain.joint_slots)
+    return [float(torque) for torque in found]
+
+
 def _gravity_outwards(chain: Chain, angles: Sequence[Angle], load_slots: Sequence[int]) -> list[Vector]:
     """Gravity (m/s²) in the frame before each of `load_slots`."""
     g: Vector = list(chain.gravity)
@@ -91,7 +98,7 @@ def _gravity_outwards(chain: Chain, angles: Sequence[Angle], load_slots: Sequenc
         if load_slots[len(out)] == k:
             out.append(list(g))
         if slot.rotates:
-            rotate_inverse(g, slot.axis, angles[k])
+            rotate(g, INVERSE[slot.axis], angles[k])
     return out
 
 
@@ -105,7 +112,7 @@ def _with_bodies_behind(
         for between in range(body.before, k):
             slot = chain.slots[between]
             if slot.rotates:
-                rotate_inverse(com, slot.axis, angles[between])
+                rotate(com, INVERSE[slot.axis], angles[between])
             elif not is_zero(values[between]):
                 com[slot.axis] = com[slot.axis] - values[between]
         moment = [m + weights[number].mass * c for m, c in zip(moment, com, strict=True)]

@@ -78,9 +78,9 @@ def respond(settled: Equilibrium, sensed: Sensed = TCP_ONLY) -> Response:
     return _as_measured(Response(settled, geometry, total, by_load, sensed))
 
 
-def joint_levers(settled: Equilibrium, sensed: Sensed = TCP_ONLY) -> Array:
-    """(n, R, N), motion of the TCP for a rotation added at each joint (m/rad), and of what else is sensed."""
-    return np.asarray(respond(settled, sensed).slots[list(settled.model.chain.joint_slots)])
+def joint_levers(settled: Equilibrium) -> Array:
+    """(n, 3, N), motion of the TCP for a rotation added at each joint (m/rad)."""
+    return np.asarray(respond(settled).slots[list(settled.model.chain.joint_slots)])
 
 
 def _with_sensed(rigid: Array, settled: Equilibrium, geometry: ChainGeometry, sensed: Sensed) -> Array:
@@ -104,7 +104,7 @@ def _add_before_encoder(deflected: Array, settled: Equilibrium, sensed: Sensed) 
     """Adds to deflected (N, K, R) what loads do to the encoders' angles."""
     for bound in settled.model.binding.elastic:
         if any(encoder is not None for encoder in bound.encoders):
-            rows = bound.by_loads(settled.poses, bound.felt(settled.tau))
+            rows = bound.by_loads(settled.poses, bound.own_loads(settled.tau))
             for i, amounts in zip(bound.loads, rows, strict=True):
                 for encoder, amount in zip(bound.encoders, amounts, strict=True):
                     if encoder is not None:
@@ -162,7 +162,7 @@ def joint_jacobian(settled: Equilibrium) -> Array:
     model, response = settled.model, respond(settled)
     out = response.slots[list(model.chain.joint_slots)]
     for bound in (*model.binding.rigid, *model.binding.elastic, *model.binding.loading):
-        rows = bound.by_angles(settled.poses, bound.felt(settled.tau))
+        rows = bound.by_angles(settled.poses, bound.own_loads(settled.tau))
         for moved, amounts in zip(out, rows, strict=True):
             _add_response(moved, bound, amounts, response)
     return out.transpose(2, 1, 0)
@@ -214,7 +214,7 @@ def _elastic_compliance(settled: Equilibrium) -> Array:
     for bound in model.binding.elastic:
         if bound.idle:
             continue
-        rows = bound.by_loads(settled.poses, bound.felt(settled.tau))
+        rows = bound.by_loads(settled.poses, bound.own_loads(settled.tau))
         for i, amounts in zip(bound.loads, rows, strict=True):
             for k, amount in zip(bound.slots, amounts, strict=True):
                 D[moving.index(k), i] += amount

@@ -66,36 +66,36 @@ class BoundEffect:
         if self.idle:
             return zip(self.slots, (0.0,) * len(self.slots), strict=True)
         if not (isinstance(self.effect, LinearEffect) and self.effect.keeps_basis):
-            return zip(self.slots, self.at(poses, self.felt(tau)), strict=True)
+            return zip(self.slots, self.at(poses, self.own_loads(tau)), strict=True)
         return zip(self.slots, linear_combination(self.p, self._basis(poses, tau), len(self.slots)), strict=True)
 
-    def at(self, poses: Poses, felt: Amounts = ()) -> Amounts:
-        """Amount added to each target, where the loads on the effect's own `load_slots` are `felt`."""
-        return amounts_within(self.effect, poses, felt, self.p, self.within)
+    def at(self, poses: Poses, own_loads: Amounts = ()) -> Amounts:
+        """Amount added to each target, where the loads on the effect's own `load_slots` are `own_loads`."""
+        return amounts_within(self.effect, poses, own_loads, self.p, self.within)
 
     def by_parameters(self, poses: Poses, tau: Sequence[Number]) -> Rows:
         """∂amount/∂p: for each parameter one number or (N,) for each target."""
         if isinstance(self.effect, LinearEffect):
             return self._basis(poses, tau)
-        return by_parameters(self.effect, poses, self.felt(tau), self.p, self.within)
+        return by_parameters(self.effect, poses, self.own_loads(tau), self.p, self.within)
 
-    def by_loads(self, poses: Poses, felt: Amounts) -> Rows:
+    def by_loads(self, poses: Poses, own_loads: Amounts) -> Rows:
         """∂`at`/∂loads: for each load that it depends on one number or (N,) for each target."""
-        return by_loads(self.effect, poses, felt, self.p, self.within)
+        return by_loads(self.effect, poses, own_loads, self.p, self.within)
 
-    def by_angles(self, poses: Poses, felt: Amounts) -> Rows:
+    def by_angles(self, poses: Poses, own_loads: Amounts) -> Rows:
         """∂`at`/∂q, of the commanded angles: for each joint one number or (N,) for each target."""
-        return by_angles(self.effect, poses, felt, self.p, self.within)
+        return by_angles(self.effect, poses, own_loads, self.p, self.within)
 
     def _basis(self, poses: Poses, tau: Sequence[Number]) -> Rows:
         """The basis of a linear effect; where it follows from the poses alone, computed once for them."""
         if self.loads:
-            return by_parameters(self.effect, poses, self.felt(tau), self.p, self.within)
+            return by_parameters(self.effect, poses, self.own_loads(tau), self.p, self.within)
         if poses not in self.bases:
             self.bases[poses] = by_parameters(self.effect, poses, (), self.p, self.within)
         return self.bases[poses]
 
-    def felt(self, tau: Sequence[Number]) -> Amounts:
+    def own_loads(self, tau: Sequence[Number]) -> Amounts:
         """The loads that enter its amounts, from those on `Model.load_slots`."""
         return tuple([tau[i] for i in self.loads]) if self.loads else ()
 
@@ -177,7 +177,7 @@ def changes_of(effect: Effect, amounts: Amounts) -> Iterator[tuple[int, WeightCh
 
 
 def distortion(bound: BoundEffect, amounts: Amounts, position: Sequence[Number]) -> list[Number]:
-    """What a tracker adds to the three components of a position (m), where `amounts` are those of the effect's targets.
+    """Terms that a tracker adds to the three components of a position (m) by `amounts` at the effect's targets.
 
     Where the effect is held, it sees the position within the range of the fit.
     """

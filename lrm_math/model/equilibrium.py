@@ -49,10 +49,6 @@ class Equilibrium:
     true_tcp: Array
     iterations: int
 
-    def one(self, row: int) -> Equilibrium:
-        """One pose alone."""
-        return self.take(np.array([row]))
-
     def take(self, rows: NDArray[np.int64]) -> Equilibrium:
         """The poses of these rows; of one alone all numbers are floats."""
         slots, tau = (tuple(amounts_at(a, rows) for a in amounts) for amounts in (self.slots, self.tau))
@@ -116,15 +112,15 @@ def equilibrium(
     return Equilibrium(model, poses, tuple(found.slots), tuple(found.tau), measured, true, found.number)
 
 
-def measured_range(rest: Equilibrium) -> MeasuredRange:
+def measured_range(settled: Equilibrium) -> MeasuredRange:
     """The range of some poses, of the loads at them and of the TCP."""
-    poses, chain = rest.poses, rest.model.chain
-    slots = sorted({*rest.model.load_slots, *chain.joint_slots})
-    loads = {chain.slots[k].key: _ends(column) for k, column in zip(slots, rest.loads_on(slots).T, strict=True)}
-    for k, load in zip(rest.model.load_slots, rest.tau, strict=True):
+    poses, chain = settled.poses, settled.model.chain
+    slots = sorted({*settled.model.load_slots, *chain.joint_slots})
+    loads = {chain.slots[k].key: _ends(column) for k, column in zip(slots, settled.loads_on(slots).T, strict=True)}
+    for k, load in zip(settled.model.load_slots, settled.tau, strict=True):
         loads[chain.slots[k].key] = _ends(np.atleast_1d(load))
     times = {name: None if of is None else _ends(of) for name, of in (("t", poses.t), ("running", poses.running))}
-    tcp = tuple(map(_ends, rest.true_tcp.T))
+    tcp = tuple(map(_ends, settled.true_tcp.T))
     return MeasuredRange(tuple(map(_ends, poses.q.T)), _ends(poses.payload), loads, **times, tcp=tcp)
 
 

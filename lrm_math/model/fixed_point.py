@@ -45,7 +45,7 @@ class EquilibriumSearch:
     model: Model
     poses: Poses
     rigid: list[Number]
-    pushed: dict[int, Number]
+    applied: dict[int, Number]
     tolerance: float
 
     def settled(self, now: SlotIterate) -> SlotIterate:
@@ -54,11 +54,11 @@ class EquilibriumSearch:
         chain, binding, weights = model.chain, model.binding, model.weights(poses.carried)
         slots, angles = list(now.slots), list(now.angles)
         relaxed: _Relaxation | None = None
-        before: _FixedPointStep | None = None
+        before: FixedPointStep | None = None
         for number in range(now.number + 1, MOST_ITERATIONS + 1):
             tau = statics.loads(chain, slots, angles, weights, model.load_slots)
             tau = [
-                load + self.pushed[k] if k in self.pushed else load
+                load + self.applied[k] if k in self.applied else load
                 for k, load in zip(model.load_slots, tau, strict=True)
             ]
             target = self._bent(tau)
@@ -71,7 +71,7 @@ class EquilibriumSearch:
                 break
             settled = worst <= self.tolerance
             if number <= ACCELERATED_ITERATIONS and not settled:
-                here = _FixedPointStep([slots[k] for k in binding.moving], steps)
+                here = FixedPointStep([slots[k] for k in binding.moving], steps)
                 steps, before = here.accelerated(before), here
             elif number > PLAIN_ITERATIONS and not settled:
                 relaxed = _Relaxation.after(relaxed, np.array([np.broadcast_to(step, len(poses)) for step in steps]))
@@ -111,9 +111,9 @@ class EquilibriumSearch:
             whole[slow] = other
             return whole
 
-        pushed = dict(zip(self.pushed, part(self.pushed.values()), strict=True))
+        applied = dict(zip(self.applied, part(self.applied.values()), strict=True))
         first = part(now.slots)
-        alone = EquilibriumSearch(self.model, poses, part(self.rigid), pushed, self.tolerance)
+        alone = EquilibriumSearch(self.model, poses, part(self.rigid), applied, self.tolerance)
         found = alone.settled(SlotIterate(first, trig(self.model.chain, first), [], now.number))
         slots, tau = list(now.slots), [merged(a, b) for a, b in zip(now.tau, found.tau, strict=True)]
         for k in self.model.binding.moving:
@@ -134,13 +134,13 @@ def amounts_at(amount: Number, rows: NDArray[np.int64]) -> Number:
 
 
 @dataclass(frozen=True, eq=False)
-class _FixedPointStep:
-    """Amounts of the M moving slots and the fixed-point step from there, each a float or (N,)."""
+class FixedPointStep:
+    """M amounts and the fixed-point step from there, each a float or (N,)."""
 
     amounts: list[Number]
     step: list[Number]
 
-    def accelerated(self, before: _FixedPointStep | None) -> list[Number]:
+    def accelerated(self, before: FixedPointStep | None) -> list[Number]:
         """The step of Anderson's (1965) method with one step of memory: a secant along the last change, per pose."""
         if before is None:
             return self.step

@@ -23,6 +23,7 @@ from lrm_math.kinematics.poses import Poses, poses_of
 from lrm_math.model.deployed_model import named_part
 from lrm_math.model.effect_binding import BoundEffect
 from lrm_math.model.equilibrium import effect_loads, rigid_amounts
+from lrm_math.model.fixed_point import FixedPointStep
 from lrm_math.model.model import Model
 
 SETTLED, MOST_STEPS = 1e-11, 60
@@ -84,11 +85,11 @@ class JointErrorModel:
 
         Without a residual field (`displaced`), for which the kernel has a formula whatever else the model has.
         """
-        count, rigid, pushed = len(poses), rigid_amounts(self._causes, poses), effect_loads(self.model, poses)
-        felt = self.felt(tau, pushed)
+        count, rigid, applied = len(poses), rigid_amounts(self._causes, poses), effect_loads(self.model, poses)
+        loads = self.total_loads(tau, applied)
         due = {k: rigid[k] for k in self.row}
         for bound in self.model.binding.elastic:
-            for k, amount in bound.amounts(poses, felt):
+            for k, amount in bound.amounts(poses, loads):
                 due[k] = due[k] + amount
         return np.stack([np.broadcast_to(due[k], count) for k in self.row], axis=1)
 
@@ -98,18 +99,14 @@ class JointErrorModel:
         `poses`: payload and direction, and angles to begin with. Fixed-point iteration with secants (Anderson 1965).
         """
         joints, q = self.moving.joints, poses.q
-        before: tuple[Array, Array] | None = None
+        before: FixedPointStep | None = None
         step = np.full_like(q, np.inf)
         for _ in range(MOST_STEPS):
             step = (slots - self.slots_at(replace(poses, q=q), tau))[:, joints]
             if not (np.abs(step) > SETTLED).any():
                 return np.asarray(q + step)
-            moved = step
-            if before is not None:
-                change = step - before[1]
-                share = (step * change).sum(axis=1) / np.maximum((change * change).sum(axis=1), 1e-300)
-                moved = step - share[:, None] * (q - before[0] + change)
-            before, q = (q, step), q + moved
+            here = FixedPointStep(list(q.T), list(step.T))
+            before, q = here, q + np.stack(here.accelerated(before), axis=1)
         settled = np.abs(step).max(axis=1, keepdims=True) < 1e3 * SETTLED
         return np.asarray(np.where(settled, q, np.nan))
 
@@ -124,7 +121,7 @@ class JointErrorModel:
         compliances[others] = (response - self._responses(poses, tau, sliding))[others]
         due = self.slots_at(poses, tau[None])[0] - compliances @ tau
         for bound in sliding:
-            for k, amount in bound.amounts(poses, self.felt(tau[None], {})):
+            for k, amount in bound.amounts(poses, self.total_loads(tau[None], {})):
                 due[self.row[k]] -= float(amount)
         zero = self.constants.copy()
         zero[others] = due[others]
@@ -139,18 +136,18 @@ class JointErrorModel:
                     out[self.row[k]] += float(amount)
         return out
 
-    def felt(self, tau: Array, pushed: dict[int, Number]) -> list[Number]:
+    def total_loads(self, tau: Array, applied: dict[int, Number]) -> list[Number]:
         """Loads on `model.load_slots`, floats for one pose: gravity's (K, V) and those that effects put on slots."""
         rows: list[Number] = [float(tau[0, v]) if len(tau) == 1 else tau[:, v] for v in self._load_rows]
-        return [load + pushed.get(k, 0.0) for k, load in zip(self.model.load_slots, rows, strict=True)]
+        return [load + applied.get(k, 0.0) for k, load in zip(self.model.load_slots, rows, strict=True)]
 
     def _responses(
-        self, pose: Poses, tau: Array, effects: Sequence[BoundEffect], pushed: dict[int, Number] | None = None
+        self, pose: Poses, tau: Array, effects: Sequence[BoundEffect], applied: dict[int, Number] | None = None
     ) -> Array:
         """(V, V), derivatives of some effects by the loads, at one pose and gravity loads (V,)."""
-        out, felt = np.zeros((len(self.row), len(self.row))), self.felt(tau[None], pushed or {})
+        out, loads = np.zeros((len(self.row), len(self.row))), self.total_loads(tau[None], applied or {})
         for bound in effects:
-            rows = bound.by_loads(pose, bound.felt(felt))
+            rows = bound.by_loads(pose, bound.own_loads(loads))
             for i, responses in zip(bound.loads, rows, strict=True):
                 for k, response in zip(bound.slots, responses, strict=True):
                     out[self.row[k], self._load_rows[i]] += response

@@ -41,7 +41,7 @@ class ChildProcess:
         self.starts += 1
 
     def ended(self) -> str | None:
-        """Its end, as text, or None while it runs."""
+        """Cause of its end, as text, or None while it runs."""
         code = None if self._process is None else self._process.exitcode
         if code is None:
             return None

@@ -14,8 +14,7 @@ import msgpack
 import zenoh
 
 from lrm_math.errors import LrmError
-from lrmd.messages.bounds import ANY_MESSAGE
-from lrmd.messages.msgpack_scan import excess
+from lrmd.messages.bounds import ANY_MESSAGE, excess
 
 BOOT_ID = r"[0-9A-Za-z]{1,64}"
 

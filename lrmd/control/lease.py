@@ -23,7 +23,7 @@ class LeaseError(RequestError):
 
 
 class LeaseState(StrEnum):
-    """Who may command: nobody, the holder, or nobody since the holder gave no sign of life."""
+    """State of the right to command: free, the holder's, or nobody's since the holder gave no sign of life."""
 
     FREE = "free"
     HELD = "held"

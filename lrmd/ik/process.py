@@ -127,9 +127,9 @@ class IkProcess:
         asked, source = request.with_payload(self._shared.values.payload), query.source_info
         asker = "" if source is None else str(source.source_id.zid)
         until = time.monotonic_ns() + int(asked.deadline_ms * MS)
-        gave_way = RequestError("busy", "it gave way to another client's; ask again", retryable=True)
         for pushed_out in self._queue.add(asker, QueuedQuery(query, asker, asked, until)):
             pushed_out.cancelled.set()
+            gave_way = RequestError("busy", "it gave way to another client's; ask again", retryable=True)
             self._refuse(pushed_out.query, gave_way)
 
     def _cancel(self, _: zenoh.Query, request: CancelRequest) -> list[bytes]:

@@ -15,12 +15,11 @@ from lrm_math.arm.pulse_rounding import Rounding
 from lrm_math.arrays import Array
 from lrm_math.collision.scene import Clearance, ClosestPair, Scene, clearance_of
 from lrm_math.errors import LrmError
-from lrm_math.ik.answer import CalibratedReply, NoAllowedBranch, Solved, Unsolved
+from lrm_math.ik.answer import Branch, CalibratedReply, NoAllowedBranch, Solved, Unsolved
 from lrm_math.ik.calibrated import CalibratedSolver
 from lrm_math.ik.calibrated_arm import CalibratedArm, Method
 from lrm_math.ik.goal import Goal, IkQuery, point, point_along, pose_rpy
 from lrm_math.ik.methods import QUICKEST, method_named
-from lrm_math.kinematics.poses import Poses
 from lrmd.config import Config
 from lrmd.errors import RequestError
 from lrmd.ik.deployed_model import DeployedModel
@@ -78,20 +77,20 @@ class FeasibilityCheck:
     scene: Scene | None
     arm: CalibratedArm
 
-    def feasible(self, poses: Poses, slots: Array) -> NDArray[np.bool_]:
-        """(K,), for commands that a solver proposes; `slots` (K, V): amounts in the equilibria that it found.
+    def feasible(self, query: IkQuery, branches: Sequence[Branch]) -> NDArray[np.bool_]:
+        """(K,), for commands that a solver proposes.
 
         An overloaded arm may have several: a command is feasible only if the one that is reached from the rigid pose is
         the solver's.
         """
-        feasible = np.zeros(len(poses), dtype=bool)
-        query = IkQuery(Goal((0.0, 0.0, 0.0)), float(poses.payload[0]))
-        settled = self.arm.equilibria(query, poses.q, poses.direction)
+        feasible = np.zeros(len(branches), dtype=bool)
+        q, side, slots = (np.array(part) for part in zip(*((b.q, b.direction, b.slots) for b in branches), strict=True))
+        settled = self.arm.equilibria(query.payload, q, side)
         same = (np.abs(settled.slots - slots[settled.rows]) < UNIQUE_TOLERANCE).all(axis=1)
         rows = settled.rows[same]
         feasible[rows] = True
         if len(rows) and self.scene is not None:
-            near = self._clearance(self.scene, query.payload, poses.q[rows], settled.slots[same])
+            near = self._clearance(self.scene, query.payload, q[rows], settled.slots[same])
             feasible[rows] = near.distance.reshape(2, -1).min(axis=0) >= self.scene.margin
         return feasible
 
@@ -99,7 +98,7 @@ class FeasibilityCheck:
         """Whether the equilibrium at the rounded counts has the error that the reply states."""
         if reply.rounded is None:
             return True
-        tool = self.arm.tool_at(IkQuery(reply.goal, payload), reply.rounded.q, reply.direction)
+        tool = self.arm.tool_at(payload, reply.rounded.q, reply.direction)
         if tool is None:
             return False
         return abs(math.dist(tool[9:], reply.goal.position) - reply.rounded.error) < UNIQUE_TOLERANCE
@@ -107,7 +106,7 @@ class FeasibilityCheck:
     def reason(self, q: tuple[float, ...], payload: float) -> tuple[str, ClosestPair | None]:
         """Reason why a command (rad) is infeasible, as text, and the two bodies of a collision."""
         command = np.array([q])
-        settled = self.arm.equilibria(IkQuery(Goal((0.0, 0.0, 0.0)), payload), command)
+        settled = self.arm.equilibria(payload, command)
         if self.scene is not None and len(settled.rows):
             near = self._clearance(self.scene, payload, command, settled.slots)
             k = int(near.distance.argmin())
@@ -132,7 +131,7 @@ class IkService:
     def __init__(self, config: Config, deployed: DeployedModel) -> None:
         self.deployed = deployed
         self._solver = solver_of(config, deployed)
-        self._config = config
+        self._config, self._dof = config, config.dof
         self._scene = Scene.of(config.arm) if config.arm.shapes.capsules else None
         self._feasibility = FeasibilityCheck(self._scene, self._solver.arm)
         self._solver.warm_up()
@@ -167,8 +166,8 @@ class IkService:
             raise MessageError(f"goals.{number}: {str(error).removeprefix('goal: ')}") from None
 
     def _check_angles(self, name: str, q: Sequence[float] | None) -> None:
-        if q is not None and len(q) != (n := self._config.dof):
-            raise MessageError(f"{name}: {len(q)} angles; {self._config.arm.name} has {n} joints")
+        if q is not None and len(q) != self._dof:
+            raise MessageError(f"{name}: {len(q)} angles; {self._config.arm.name} has {self._dof} joints")
 
     def forward(self, request: FkRequest) -> Iterator[FkAnswer]:
         """One answer per row of angles, each computed when it is taken from the iterator. Raises `LrmError`."""

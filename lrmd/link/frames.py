@@ -2,22 +2,27 @@
 
 frame = type u8 | seq u8 | mask u16 | word u16 x popcount(mask), lowest bit first | crc u16    (little endian)
 wire  = COBS(frame), 0x00
+
+COBS is consistent overhead byte stuffing (Cheshire & Baker 1999): up to 253 bytes it adds exactly one byte and is a
+bijection, so no two wire forms decode to the same payload. CRC-16/CCITT-FALSE: polynomial 0x1021, start 0xFFFF.
 """
 
 from __future__ import annotations
 
+import binascii
 from dataclasses import dataclass
 from enum import IntEnum, StrEnum
 from struct import Struct
 from typing import Final
 
 from lrm_math.errors import LrmError
-from lrmd.link.cobs import cobs_decode, cobs_encode, crc16
 
 CHANNELS: Final = 16
 SHORTEST_FRAME: Final = 6
 LONGEST_FRAME: Final = SHORTEST_FRAME + 2 * CHANNELS
 LONGEST_WIRE: Final = LONGEST_FRAME + 1
+LONGEST_PAYLOAD: Final = 253
+_CODE: Final = tuple(bytes((n + 1,)) for n in range(LONGEST_PAYLOAD + 1))
 
 
 class ProtocolError(LrmError):
@@ -93,6 +98,31 @@ def word_count(kind: int, mask: int) -> int:
 def bits_of(mask: int) -> tuple[int, ...]:
     """Indices of the set bits, lowest first."""
     return tuple(bit for bit in range(CHANNELS) if mask >> bit & 1)
+
+
+def crc16(data: bytes) -> int:
+    """CRC-16/CCITT-FALSE of `data`; of b"123456789" it is 0x29B1."""
+    return binascii.crc_hqx(data, 0xFFFF)
+
+
+def cobs_encode(payload: bytes) -> bytes:
+    """The stuffed payload: free of 0x00, one byte longer. Raises `LrmError` beyond 253 bytes."""
+    if len(payload) > LONGEST_PAYLOAD:
+        raise LrmError(f"COBS: {len(payload)} bytes; a payload of this link has at most {LONGEST_PAYLOAD}")
+    return b"".join([_CODE[len(run)] + run for run in payload.split(b"\0")])
+
+
+def cobs_decode(wire: bytes) -> bytes | None:
+    """The payload of `wire` (without the final 0x00), or None if the bytes are not valid COBS."""
+    end = len(wire)
+    out, at = bytearray(wire), 0
+    while at < end:
+        step = wire[at]
+        if not step:
+            return None
+        out[at] = 0
+        at += step
+    return bytes(out[1:]) if at == end and 0 < end <= LONGEST_PAYLOAD + 1 and b"\0" not in wire else None
 
 
 _BODY: Final = tuple(Struct(f"<BBH{n}H") for n in range(CHANNELS + 1))

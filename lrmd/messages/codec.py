@@ -17,8 +17,7 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, JsonValue, Validati
 
 from lrm_math.errors import LrmError, UnknownName
 from lrmd.errors import RequestError
-from lrmd.messages.bounds import bounds_of
-from lrmd.messages.msgpack_scan import excess
+from lrmd.messages.bounds import bounds_of, excess
 
 LONGEST_TEXT = 1000
 """Characters of the text of an error."""

@@ -96,10 +96,10 @@ class CollisionGuard:
 
     def _sagging(self, model: Model, payload: float, q: Array) -> Array:
         """Separations (N, pairs) in poses (N, n)."""
-        rest, rows = batch_equilibrium(model, poses_of(q, payload))
+        settled, rows = batch_equilibrium(model, poses_of(q, payload))
         out = np.full((len(q), len(self.scene.radii)), NO_EQUILIBRIUM)
         if len(rows):
-            out[rows] = self.scene.separations(frames(model.chain, rest.slots, len(rows)))
+            out[rows] = self.scene.separations(frames(model.chain, settled.slots, len(rows)))
         return out
 
 

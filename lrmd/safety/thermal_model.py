@@ -10,13 +10,11 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from enum import IntEnum
-
-import numpy as np
+from functools import partial
 
 from lrm_math.arm.arm import Arm
-from lrm_math.kinematics.poses import poses_of
-from lrm_math.model.equilibrium import equilibrium
-from lrm_math.model.model import model_of
+from lrm_math.kinematics.chain import chain_of
+from lrm_math.kinematics.statics import joint_torques
 from lrmd.config import Config
 
 Torques = Callable[[Sequence[float], float], Sequence[float]]
@@ -77,10 +75,4 @@ class ThermalModel:
 
 def gravity_torques(arm: Arm) -> Torques:
     """Function that computes the gravity torques of the rigid nominal arm."""
-    model = model_of(arm, ())
-
-    def torques(q: Sequence[float], payload: float) -> Sequence[float]:
-        rest = equilibrium(model, poses_of(np.array([q], dtype=np.float64), payload))
-        return [float(t) for t in rest.joint_torque[0]]
-
-    return torques
+    return partial(joint_torques, chain_of(arm))

@@ -13,9 +13,8 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from lrm_math.errors import LrmError, UnknownName
-from lrm_math.kinematics import statics
-from lrm_math.kinematics.chain import trig
 from lrm_math.kinematics.poses import Poses
+from lrm_math.kinematics.statics import joint_torques
 from lrm_math.model.deployed_model import clock_of
 from lrm_math.model.equilibrium import Equilibrium, equilibrium
 from lrm_math.model.model import Model
@@ -33,6 +32,8 @@ HEAT_STEP = 1_000_000_000
 LOAD_STEP = math.radians(2.0)
 """rad of travel after which the gravity torques are updated; they are also updated at rest."""
 MOST_SESSIONS = 64
+AMBIENT = 25.0
+"""°C."""
 
 
 class SimulatedArm:
@@ -42,7 +43,6 @@ class SimulatedArm:
         truth: the arm's true model; its arm file holds the true servo tables.
         channels: channel by servo name: all of joint1 … jointN, and any auxiliary servos.
         start: initial joint angles, rad; zero if None.
-        ambient: °C.
         dead_band: s of pulse, overrides that of the servo kinds.
         speed: ratio of the board's clock to the one by which the servos warm up. The daemon's model of their
             temperatures runs on the computer's clock, so a board whose clock is faster must not heat them faster.
@@ -58,13 +58,12 @@ class SimulatedArm:
         truth: Model,
         channels: Mapping[str, int],
         start: Sequence[float] | None = None,
-        ambient: float = 25.0,
         dead_band: float | None = None,
         speed: float = 1.0,
     ) -> None:
         if clock_of(truth) is not None:
             raise LrmError("truth: leave out the effect quantisation; the simulated chip rounds the pulses itself")
-        self.truth, self.ambient, self._speed = truth, ambient, speed
+        self.truth, self._speed = truth, speed
         self.payload = 0.0
         self.session = 1
         self.servos = _servos(truth, channels, start, dead_band)
@@ -105,7 +104,7 @@ class SimulatedArm:
     def temperature(self, servo: SimulatedServo) -> float:
         """Winding temperature, °C."""
         self._update_temperatures()
-        return self.ambient + servo.rise
+        return AMBIENT + servo.rise
 
     def set_payload(self, payload: float) -> None:
         """Sets the payload in the gripper, kg. Raises `LrmError` unless it is 0 to 10."""
@@ -159,13 +158,8 @@ class SimulatedArm:
     def _update_loads(self) -> None:
         """Gravity torque (N·m) on every joint of the nominal arm; its compliance hardly changes it."""
         self._update_temperatures()
-        chain = self.truth.chain
-        values = chain.values(self.q)
-        loads = statics.loads(
-            chain, values, trig(chain, values), statics.weights(chain, self.payload), chain.joint_slots
-        )
-        for servo, load in zip(self.joints, loads, strict=True):
-            servo.torque = float(load)
+        for servo, torque in zip(self.joints, joint_torques(self.truth.chain, self.q, self.payload), strict=True):
+            servo.torque = torque
         self._travel = 0.0
 
     def _update_temperatures(self) -> None:
@@ -173,7 +167,7 @@ class SimulatedArm:
         self._warm_until = self._now
         for servo in self.servos if elapsed > 0.0 else ():
             servo.update_temperature(elapsed)
-            if self.ambient + servo.rise > servo.kind.failure_c and not servo.burnt:
+            if AMBIENT + servo.rise > servo.kind.failure_c and not servo.burnt:
                 servo.burnt = self._moving = True
 
 

@@ -23,10 +23,6 @@ QueryReply: TypeAlias = dict[str, object]
 QUERIES = ("tcp", "measure", "joints", "status", "payload")
 
 
-class QueryError(LrmError):
-    """An invalid query."""
-
-
 def answer_query(simulation: Simulation, question: str, now: int, random: Random, noise: float) -> QueryReply:
     """Answers one query, as the fields of a JSON object; times are s of the board's clock.
 
@@ -53,15 +49,15 @@ def answer_query(simulation: Simulation, question: str, now: int, random: Random
         case [name, *_] if name in FAULT_NAMES:
             planned = parse_fault(question)
             if planned.at:
-                raise QueryError(f"'{question}': leave out 'at'; the fault begins now")
+                raise LrmError(f"'{question}': leave out 'at'; the fault begins now")
             simulation.begin(planned.fault, now)
             return {"begun": question}
-    raise QueryError(f"unknown question '{question}'; {name_suggestion(question, (*QUERIES, *FAULT_NAMES))}")
+    raise LrmError(f"unknown question '{question}'; {name_suggestion(question, (*QUERIES, *FAULT_NAMES))}")
 
 
 def _arm(simulation: Simulation) -> SimulatedArm:
     if simulation.arm is None:
-        raise QueryError("there is no arm behind this board; start it with --arm")
+        raise LrmError("there is no arm behind this board; start it with --arm")
     return simulation.arm
 
 
@@ -69,7 +65,7 @@ def _grams(word: str) -> float:
     try:
         return float(word)
     except ValueError:
-        raise QueryError(f"payload '{word}': should be a number of grams") from None
+        raise LrmError(f"payload '{word}': should be a number of grams") from None
 
 
 def _mm(position: Array) -> QueryReply:

@@ -16,6 +16,7 @@ from lrm_math.errors import LrmError
 from lrmd.sim.control_queries import QueryReply
 
 LONGEST_MESSAGE = 65_536
+TIMEOUT_S = 5.0
 
 
 class ControlError(LrmError):
@@ -27,13 +28,13 @@ def control_path(link: Path) -> Path:
     return link.with_name(link.name + ".ctl")
 
 
-def query_board(link: Path, question: str, timeout: float = 5.0) -> QueryReply:
+def query_board(link: Path, question: str) -> QueryReply:
     """Queries the simulated board at `link`, again where it dropped the line before it had the question (as it does
     with a client that a loaded machine keeps waiting). Raises `ControlError`."""
-    path, end = control_path(link), time.monotonic() + timeout
+    path, end = control_path(link), time.monotonic() + TIMEOUT_S
     while True:
         try:
-            reply = _exchange(path, question, timeout)
+            reply = _exchange(path, question)
             break
         except BrokenPipeError as error:
             if time.monotonic() > end:
@@ -48,9 +49,9 @@ def query_board(link: Path, question: str, timeout: float = 5.0) -> QueryReply:
     return answer
 
 
-def _exchange(path: Path, question: str, timeout: float) -> bytes:
+def _exchange(path: Path, question: str) -> bytes:
     with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as line:
-        line.settimeout(timeout)
+        line.settimeout(TIMEOUT_S)
         line.connect(str(path))
         line.send(question.encode())
         return line.recv(LONGEST_MESSAGE)

@@ -19,10 +19,6 @@ N = TypeVar("N", int, float)
 Direction: TypeAlias = Literal["in", "out", "both"]
 
 
-class FaultError(LrmError):
-    """Invalid text of a fault."""
-
-
 @dataclass(frozen=True)
 class FrameFault:
     """Corrupts frames on the line: each with probability `rate`, or only number `frame` (from 1, since the start).
@@ -107,7 +103,7 @@ class ScheduledFault:
 
 
 def parse_fault(text: str) -> ScheduledFault:
-    """Parses one fault in the syntax above. Raises `FaultError`."""
+    """Parses one fault in the syntax above. Raises `LrmError`."""
     words = text.split()
     at = 0.0
     if len(words) > 2 and words[-2] == "at":
@@ -124,14 +120,14 @@ def parse_fault(text: str) -> ScheduledFault:
         case [name, rate, *rest] if name in FRAME_FAULTS:
             share = _number(text, rate, float)
             if share > 1.0:
-                raise FaultError(f"fault '{text}': {rate} is no rate; should be 0 to 1, or 'frame {rate}'")
+                raise LrmError(f"fault '{text}': {rate} is no rate; should be 0 to 1, or 'frame {rate}'")
             return ScheduledFault(FrameFault(FRAME_FAULTS[name], share, direction=_direction(text, rest)), at)
         case [name, *_] if name in FAULT_NAMES:
             right = "NAME RATE or NAME frame K, then in, out or both" if name in FRAME_FAULTS else "NAME SECONDS"
-            raise FaultError(f"fault '{text}' is not complete; should be {right}, then perhaps 'at T'")
+            raise LrmError(f"fault '{text}' is not complete; should be {right}, then perhaps 'at T'")
         case [name, *_]:
-            raise FaultError(f"unknown fault '{name}'; {name_suggestion(name, FAULT_NAMES)}")
-    raise FaultError(f"empty fault; valid: {', '.join(FAULT_NAMES)}")
+            raise LrmError(f"unknown fault '{name}'; {name_suggestion(name, FAULT_NAMES)}")
+    raise LrmError(f"empty fault; valid: {', '.join(FAULT_NAMES)}")
 
 
 def _number(text: str, word: str, kind: type[N]) -> N:
@@ -140,14 +136,14 @@ def _number(text: str, word: str, kind: type[N]) -> N:
     except ValueError:
         value = kind(-1)
     if not 0 <= value < 1e9:
-        raise FaultError(f"fault '{text}': '{word}' should be a number, 0 or more")
+        raise LrmError(f"fault '{text}': '{word}' should be a number, 0 or more")
     return value
 
 
 def _direction(text: str, words: list[str]) -> Direction:
     direction = words[0] if words else "in"
     if len(words) > 1 or direction not in get_args(Direction):
-        raise FaultError(f"fault '{text}': '{' '.join(words)}' should be one of {', '.join(get_args(Direction))}")
+        raise LrmError(f"fault '{text}': '{' '.join(words)}' should be one of {', '.join(get_args(Direction))}")
     return direction  # type: ignore[return-value]
 
 

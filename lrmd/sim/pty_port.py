@@ -11,10 +11,6 @@ from lrm_math.errors import LrmError
 LONGEST_READ = 4096
 
 
-class PtyError(LrmError):
-    """The device cannot be created at its link."""
-
-
 class PtyPort:
     """One device. Between `close` and `open` it does not exist; every `open` creates a new node behind the same link.
 
@@ -28,7 +24,7 @@ class PtyPort:
         self._ends: tuple[int, int] | None = None
 
     def open(self) -> None:
-        """Creates the device. Raises `PtyError`."""
+        """Creates the device. Raises `LrmError`."""
         master, slave = os.openpty()
         self._ends = master, slave
         tty.setraw(slave)
@@ -40,12 +36,12 @@ class PtyPort:
         temporary = self.link.with_name(f".{self.link.name}.{os.getpid()}")
         try:
             if self.link.exists() and not self.link.is_symlink():
-                raise PtyError(f"{self.link}: stands in the way; only an old link is replaced")
+                raise LrmError(f"{self.link}: stands in the way; only an old link is replaced")
             temporary.symlink_to(self.node)
             temporary.replace(self.link)
         except OSError as error:
             temporary.unlink(missing_ok=True)
-            raise PtyError(f"{self.link}: cannot be made ({error.strerror})") from None
+            raise LrmError(f"{self.link}: cannot be made ({error.strerror})") from None
 
     @property
     def is_open(self) -> bool:

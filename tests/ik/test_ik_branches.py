@@ -29,7 +29,7 @@ def commands_beside_folds(name: str, count: int) -> tuple[Array, Array]:
     arm = solver(name).arm
     moving = arm.errors.moving
     q, tools = reachable(arm.model, count, 31, PAYLOAD)
-    rest = arm.equilibria(IkQuery(Goal((0.0, 0.0, 0.0)), PAYLOAD), q)
+    rest = arm.equilibria(PAYLOAD, q)
     columns, h = [], 1e-6
     for v in moving.joints:
         step = h * (np.arange(rest.slots.shape[1]) == v)

@@ -24,7 +24,7 @@ from lrm_math.errors import LrmError, NoEquilibrium
 from lrm_math.ik.calibrated import CalibratedSolver
 from lrm_math.ik.calibrated_arm import CalibratedArm
 from lrm_math.ik.equivalent_arm import equivalent_arm
-from lrm_math.ik.goal import IkQuery, point, pose
+from lrm_math.ik.goal import IkQuery, pose
 from lrm_math.ik.kernel import shared_library
 from lrm_math.ik.kernel.kernel_model import KernelModel, packed, with_laws
 from lrm_math.ik.kernel.laws import KERNEL_LAWS, kernel_laws
@@ -315,5 +315,5 @@ def test_a_settled_command_too_soft_is_not_at_rest() -> None:
     arm = load_arm("lrm-rover")
     model = model_of(arm, effects_at(arm, "compliance"), {"compliance.joint2.k_rad_per_Nm": 3.0})
     context = CalibratedSolver.of(model).arm
-    rest = context.equilibria(IkQuery(point((0.2, 0.0, 0.2)), 0.5), np.array([[0.0, 1.5, 0.0, 0.0, 0.0, 0.0]]))
+    rest = context.equilibria(0.5, np.array([[0.0, 1.5, 0.0, 0.0, 0.0, 0.0]]))
     assert len(rest.rows) == 0

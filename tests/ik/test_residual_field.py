@@ -15,7 +15,7 @@ from lrm_math.ik.answer import IkSolutions, Solved
 from lrm_math.ik.calibrated import CalibratedSolver
 from lrm_math.ik.cube import Cube
 from lrm_math.ik.direct import Direct
-from lrm_math.ik.goal import CHAR_LENGTH, Goal, IkQuery, point
+from lrm_math.ik.goal import CHAR_LENGTH, Goal, IkQuery
 from lrm_math.kinematics.poses import Poses, poses_of
 from lrm_math.model.covariance import Covariance, drawn_models
 from lrm_math.model.deployed_model import field_of, named_part
@@ -63,7 +63,7 @@ def test_the_kernel_settles_where_python_does(names: tuple[str, ...]) -> None:
     solver, poses = CalibratedSolver.of(model), poses_of(commands(2, 100))
     assert solver.arm.complete
     side = np.random.default_rng(3).integers(-1, 2, poses.q.shape).astype(float)
-    kernel = solver.arm.equilibria(IkQuery(point((0.0, 0.0, 0.0)), 0.0, None), poses.q, side, tolerance=1e-12)
+    kernel = solver.arm.equilibria(0.0, poses.q, side, tolerance=1e-12)
     ours = equilibrium(model, Poses(poses.q, poses.payload, side), tolerance=1e-12)
     np.testing.assert_allclose(kernel.tcp[:, 9:], ours.tcp[kernel.rows], atol=1e-10)
     moved = equilibrium(named_part(model), poses).tcp - equilibrium(model, poses).tcp

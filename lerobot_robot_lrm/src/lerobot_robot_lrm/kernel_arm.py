@@ -19,6 +19,7 @@ from lrm_math.kinematics.moving_slots import Indices
 from lrm_math.kinematics.poses import Poses
 from lrm_math.model.effect_binding import BoundEffect
 from lrm_math.model.equilibrium import effect_loads
+from lrm_math.model.fixed_point import FixedPointStep
 from lrm_math.model.joint_errors import JointErrorModel
 from lrm_math.model.model import Model
 from lrm_math.model.sensed import before_encoders
@@ -91,12 +92,8 @@ class KernelArmModel:
             lacking = self._lacking(poses, tau[None], slots, added)
             if np.abs(lacking).max() < SETTLED:
                 return q
-            step, now = lacking, (added, lacking)
-            if before is not None:
-                change = lacking - before[1]
-                share = float(lacking @ change) / max(float(change @ change), 1e-300)
-                step = lacking - share * (added - before[0] + change)
-            before, added = now, added + step
+            here = FixedPointStep(added.tolist(), lacking.tolist())
+            before, added = here, added + np.array(here.accelerated(before))
         raise NoEquilibrium([1], "the command of these angles does not settle")
 
     def settled(self, encoders: Array, motion: Motion) -> Array:
@@ -112,8 +109,8 @@ class KernelArmModel:
                 return np.asarray(slots)
             tau, poses = kernel.forward(found)[1], self._poses(q, motion.side, motion.friction)
             lacking = self._lacking(poses, tau, slots, added)
-            felt = self.errors.felt(tau, effect_loads(self.model, poses))
-            left = encoders - before_encoders(self.model, poses, felt)[0] - q
+            loads = self.errors.total_loads(tau, effect_loads(self.model, poses))
+            left = encoders - before_encoders(self.model, poses, loads)[0] - q
             if max(np.abs(lacking).max(), np.abs(left).max()) < SETTLED:
                 return np.asarray(slots)
             q, added = q + left, added + lacking
@@ -133,16 +130,12 @@ class KernelArmModel:
         """(V,), what slot amounts in equilibrium under loads (1, V) lack of the model's, `added` (V,) being in them."""
         if any(bound.kind is not Kind.MOTION for bound in self._missing):  # loads, which all effects feel
             return np.asarray(self.errors.slots_at(poses, tau)[0] + self.errors.displaced(poses) - slots)
-        pushed = effect_loads(self.model, poses) if self.model.binding.loading else {}
-        felt, out = self.errors.felt(tau, pushed), -added
+        applied = effect_loads(self.model, poses) if self.model.binding.loading else {}
+        loads, out = self.errors.total_loads(tau, applied), -added
         for bound in self._missing:
-            for k, amount in bound.amounts(poses, felt):
-                out[self._row[k]] += amount
+            for k, amount in bound.amounts(poses, loads):
+                out[self.errors.row[k]] += amount
         return out
-
-    @cached_property
-    def _row(self) -> dict[int, int]:
-        return {int(k): v for v, k in enumerate(self.errors.moving.slots)}
 
     def _poses(self, q: Array, side: Array, friction: Array) -> Poses:
         return Poses(q[None], np.array([self.payload]), side[None], friction=friction[None])

@@ -1,1 +1,1 @@
-"""What predicts without naming a cause."""
+"""Predictions that name no cause."""

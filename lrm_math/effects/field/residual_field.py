@@ -94,7 +94,7 @@ class ResidualField(LinearEffect):
 
     @cached_property
     def parameters(self) -> tuple[Parameter, ...]:
-        """For each axis a coefficient of every function, named by its half waves, and what it may be beyond the data.
+        """A coefficient of every function for each axis, named by its half waves, and what it may be beyond the data.
 
         The latter is zero; its standard error is the deviation of the field where nothing was measured.
         """
@@ -136,7 +136,7 @@ class ResidualField(LinearEffect):
         return tuple([axes[0][i] * out[0] + axes[1][i] * out[1] + axes[2][i] * out[2] for i in range(3)])
 
     def axes(self, poses: Poses) -> tuple[Amounts, Amounts, Amounts]:
-        """Its axes, in the world's: the base's, turned by joint 1's command about the last of them."""
+        """Axes of the field, in the world's: the base's, turned by joint 1's command about the last of them."""
         x, y, z = self.base.T.tolist()
         c, s = cos(poses.angle(0)), sin(poses.angle(0))
         turned = (

@@ -42,8 +42,8 @@ typedef struct { /* Pieper's normal form of an arm of six joints; pieper.py says
 typedef struct { /* a model with one payload; moving_slots.py says what slots, fixed transforms and bodies are */
     int slots, joints, others, bodies, laws, poses, has_form, laws_known;
     double gravity[3], reach, nonlinear_bound;
-    double weld[MAX_SLOTS + 1][12], moment[MAX_BODIES][4]; /* frames; mass moments and mass in the slot's frame */
-    int welded_turn[MAX_SLOTS + 1], axis[MAX_SLOTS]; /* whether the weld turns; 0..2 turns about x, y, z, 3..5 slides */
+    double fixed[MAX_SLOTS + 1][12], moment[MAX_BODIES][4]; /* frames; mass moments and mass in the slot's frame */
+    int fixed_turn[MAX_SLOTS + 1], axis[MAX_SLOTS]; /* whether the fixed turns; 0..2 turns about x, y, z, 3..5 slides */
     int joint[MAX_JOINTS], other[MAX_SLOTS], inboard[MAX_BODIES], counted[MAX_SLOTS], moved[MAX_SLOTS];
     double zero[MAX_SLOTS], start[MAX_SLOTS], lower[MAX_JOINTS], upper[MAX_JOINTS]; /* unloaded; mean; limits */
     int spring_from[MAX_SLOTS + 1], spring_load[MAX_SPRINGS]; /* compliances, sparse by rows: slot, load's slot */
@@ -100,11 +100,6 @@ static double dot(const double *a, const double *b) { return a[0] * b[0] + a[1] 
 static void cross(const double *a, const double *b, double *out) {
     out[0] = a[1] * b[2] - a[2] * b[1], out[1] = a[2] * b[0] - a[0] * b[2], out[2] = a[0] * b[1] - a[1] * b[0];
 }
-static double largest(const double *x, int n) {
-    double out = 0;
-    for (int i = 0; i < n; i++) out = larger(out, fabs(x[i]));
-    return out;
-}
 static double square_distance(const double *a, const double *b, int n) {
     double square = 0;
     for (int i = 0; i < n; i++) square += (a[i] - b[i]) * (a[i] - b[i]);
@@ -116,6 +111,12 @@ static double apart(const double *a, const double *b, int n) {
     double out = 0;
     for (int i = 0; i < n; i++) out = larger(out, fabs(a[i] - b[i]));
     return out;
+}
+static double largest(const double *x, int n) { return apart(x, NOTHING, n); }
+/* x plus the scalar product of a and b. */
+static double plus_product(double x, const double *a, const double *b, int n) {
+    for (int i = 0; i < n; i++) x += a[i] * b[i];
+    return x;
 }
 static void add(double by, const double *x, int n, double *out) {
     for (int i = 0; i < n; i++) out[i] += by * x[i];
@@ -145,8 +146,8 @@ static void place(const Arm *a, const double *s, State *w, double *after) {
             add(a->moment[body][3], p, 3, w->first[body]);
         }
         COPY(before, f, 12);
-        in_base(before, a->weld[v] + 9, p), add(1, before + 9, 3, p);
-        for (int k = 0; k < 9 && a->welded_turn[v]; k += 3) in_base(before, a->weld[v] + k, f + k);
+        in_base(before, a->fixed[v] + 9, p), add(1, before + 9, 3, p);
+        for (int k = 0; k < 9 && a->fixed_turn[v]; k += 3) in_base(before, a->fixed[v] + k, f + k);
         if (v == a->slots) break;
         const int kind = a->axis[v];
         double *x = f + 3 * (kind % 3), *y = f + 3 * ((kind + 1) % 3), *z = f + 3 * ((kind + 2) % 3);
@@ -232,10 +233,7 @@ static void deflection_derivative(const Arm *a, const State *w, int row, double 
 
 /* Of a matrix A (rows, n): A x (rows,), A^T x (n,), and A^T A plus `damping` on its diagonal, the lower triangle. */
 static void times(const Row *A, int rows, int n, const double *x, double *out) {
-    for (int r = 0; r < rows; r++) {
-        out[r] = 0;
-        for (int j = 0; j < n; j++) out[r] += A[r][j] * x[j];
-    }
+    for (int r = 0; r < rows; r++) out[r] = plus_product(0, A[r], x, n);
 }
 static void transposed_times(const Row *A, int rows, int n, const double *x, double *out) {
     for (int j = 0; j < n; j++) out[j] = 0;
@@ -275,10 +273,7 @@ static void substitute(const Row *N, double *y, int m) {
 /* Factors N of A A^T plus `damping` on its diagonal, and by them the least x (n,) with A x = y (rows,). */
 static void factorise_rows(const Row *A, int rows, int n, double damping, Row *N) {
     for (int i = 0; i < rows; i++)
-        for (int j = 0; j <= i; j++) {
-            N[i][j] = i == j ? damping : 0;
-            for (int k = 0; k < n; k++) N[i][j] += A[i][k] * A[j][k];
-        }
+        for (int j = 0; j <= i; j++) N[i][j] = plus_product(i == j ? damping : 0, A[i], A[j], n);
     factorise(N, rows);
 }
 static void least_norm(const Row *A, const Row *N, int rows, int n, const double *y, double *x) {
@@ -289,14 +284,14 @@ static void least_norm(const Row *A, const Row *N, int rows, int n, const double
 /* ---------------------------------------------------------------- 4 Joint laws, equilibrium --------------------- */
 
 /* Amount of a slot under the loads tau, by springs and axial play alone; joints at command zero. */
-static double spring_rest(const Arm *a, const double *tau, int v) {
+static double spring_amount(const Arm *a, const double *tau, int v) {
     double x = a->zero[v];
     for (int k = a->spring_from[v]; k < a->spring_from[v + 1]; k++) x += a->spring[k] * tau[a->spring_load[k]];
     if (a->play[v] != 0) x += 0.5 * a->play[v] * tanh(tau[v] / a->play_force[v]);
     return x;
 }
 static void linear_command(const Arm *a, const double *tau, const double *s, double *q) {
-    for (int j = 0; j < a->joints; j++) q[j] = s[a->joint[j]] - spring_rest(a, tau, a->joint[j]);
+    for (int j = 0; j < a->joints; j++) q[j] = s[a->joint[j]] - spring_amount(a, tau, a->joint[j]);
 }
 
 /* measured_range.held: x, at the end of its interval where it is far outside. */
@@ -312,7 +307,7 @@ static void joint_errors(const Arm *a, const double *gravity_load, const double 
     COPY(tau, gravity_load, a->slots);
     for (int k = 0; k < a->laws; k++)
         if (a->law[k] == CABLE_SPRING) tau[a->joint[a->law_joint[k]]] -= a->law_p[k][0] * q[a->law_joint[k]];
-    for (int j = 0; j < a->joints; j++) out[j] = spring_rest(a, tau, a->joint[j]);
+    for (int j = 0; j < a->joints; j++) out[j] = spring_amount(a, tau, a->joint[j]);
     for (int k = 0; k < a->laws; k++) {
         const int j = a->law_joint[k];
         const double *p = a->law_p[k], x = q[j], load = tau[a->joint[j]];
@@ -410,7 +405,7 @@ static int command(const Arm *a, const double *tau, const double *s, const int *
 
 /* How far a slot that is no joint is from where its loads and the residual field would have it. */
 static double lack_of(const Arm *a, int v, const double *s, const State *w) {
-    return spring_rest(a, w->tau, v) + w->field.value[a->field_axis[v]] - s[v];
+    return spring_amount(a, w->tau, v) + w->field.value[a->field_axis[v]] - s[v];
 }
 
 /* Elastic equilibrium of a command by fixed-point iteration (thesis Figure 4.4), from slot amounts s, in place; the
@@ -515,8 +510,7 @@ static void move(const Arm *a, const State *w, const double *step, double *s) {
     for (int j = 0; j < a->joints; j++) s[a->joint[j]] += step[j];
     for (int i = 0; i < w->followers; i++) {
         double *amount = s + w->follower[i];
-        *amount += w->follow[i][a->joints];
-        for (int j = 0; j < a->joints; j++) *amount += w->follow[i][j] * step[j];
+        *amount = plus_product(*amount + w->follow[i][a->joints], w->follow[i], step, a->joints);
     }
 }
 
@@ -642,24 +636,23 @@ static double root_of(double square, double most, double round_off, double misse
     return square >= -missed * most ? sqrt(0.02 * most) : NAN;
 }
 
+static void in_rows(const double R[3][3], const double *v, double *out) {
+    for (int i = 0; i < 3; i++) out[i] = dot(R[i], v);
+}
+
 /* The branches of a pose (Pieper 1968), as pieper.py derives them, that lie in a window; `mask`: those asked for.
  * Bits 4, 2, 1 of a branch's number: signs of elbow, shoulder, wrist. */
 static void closed_form(const Form *f, const double *g, const Window *win, double missed, int mask, Branches *out) {
-    double r[3][3], p[3], c[3], C[3], K[3], X[3];
+    double r[3][3], p[3], c[3], C[3], K[3], X[3], seen[3];
     const double L2 = f->length * f->length, *link = f->links[0];
     out->exists = out->degenerate = 0;
     for (int i = 0; i < 3; i++) {
         for (int j = 0; j < 3; j++) r[i][j] = f->backwards ? g[3 * i + j] : g[3 * j + i];
         c[i] = f->backwards ? f->centre[i] - g[9 + i] : f->centre[i], p[i] = f->backwards ? 0 : g[9 + i];
     }
-    double seen[3][3];
-    for (int i = 0; i < 3; i++) {
-        seen[0][i] = dot(r[i], c) + p[i], seen[1][i] = dot(r[i], f->tip_x), seen[2][i] = dot(r[i], f->tip_z);
-    }
-    for (int i = 0; i < 3; i++) {
-        C[i] = dot(f->frame[i], seen[0]) - f->foot[i];
-        X[i] = dot(f->frame[i], seen[1]), K[i] = dot(f->frame[i], seen[2]);
-    }
+    in_rows(r, c, seen), add(1, p, 3, seen), in_rows(f->frame, seen, C), add(-1, f->foot, 3, C);
+    in_rows(r, f->tip_x, seen), in_rows(f->frame, seen, X);
+    in_rows(r, f->tip_z, seen), in_rows(f->frame, seen, K);
     const int outward[6] = {0, 1, 2, 3, 4, 5}, inward[6] = {5, 4, 3, 2, 1, 0}, *at = f->backwards ? inward : outward;
     const double flat = C[0] * C[0] + C[1] * C[1], square = flat + C[2] * C[2];
     double elbows[4];
@@ -752,7 +745,7 @@ static Window window_of(const Arm *a, const double *towards, int limited) {
 
 /* The joint motion (largest element 1) that moves the tool least by w->total, and the tool's direction then; returns its
  * speed (m/rad): up to that scale the smallest singular value, by inverse iteration (Wielandt 1944). */
-static double slowest_by(const Arm *a, const State *w, double *along, double *direction) {
+static double slowest(const Arm *a, const State *w, double *along, double *direction) {
     const int n = a->joints;
     Row N[MAX_JOINTS];
     gram(w->total, 6, n, 1e-15, N), factorise(N, n);
@@ -766,11 +759,6 @@ static double slowest_by(const Arm *a, const State *w, double *along, double *di
     const double speed = length(direction, 6);
     for (int r = 0; r < 6; r++) direction[r] /= larger(speed, 1e-300);
     return speed;
-}
-/* The same of the joints alone, which nothing follows. After `forward`. */
-static double slowest(const Arm *a, State *w, double *along, double *direction) {
-    jacobian(a, w);
-    return slowest_by(a, w, along, direction);
 }
 
 /* The joint, from 1, that turns most. */
@@ -857,6 +845,7 @@ static int keep(const Arm *a, const double *goal, int rows, const double *near, 
     new->excess = excess_of(a, new->q) - (a->laws_known ? AT_LIMIT : AT_LIMIT + a->nonlinear_bound);
     if (new->excess > SLACK) return 0;
     COPY(new->slots, s, a->slots), COPY(new->tau, w->tau, a->slots);
+    if (rows >= a->joints) jacobian(a, w);
     new->slope = rows < a->joints ? -1 : slowest(a, w, along, direction);
     new->free = new->slope < 0 ? 0 : most_moving(a, along);
     found->count++;
@@ -944,7 +933,7 @@ static void fold_seeds(const Arm *a, const double *goal, const double *near, int
     double along[MAX_JOINTS], u[6], old[MAX_SLOTS];
     COPY(old, found->at[k].slots, a->slots);
     forward(a, old, &w), goal_error(goal, 6, &w), lacking(a, old, UNKNOWN, &w), total_jacobian(a, 6, NULL, &w);
-    if (slowest_by(a, &w, along, u) < near_fold) curve_seeds(a, goal, near, old, along, u, found);
+    if (slowest(a, &w, along, u) < near_fold) curve_seeds(a, goal, near, old, along, u, found);
 }
 /* Seeds for a branch that the closed form has outside the limits although the deflected arm has it within: where axes
  * are aligned, joints turn against each other along the null space, and small deflections decide how far. */
@@ -952,7 +941,7 @@ static void null_space_seeds(const Arm *a, const double *goal, const double *nea
     State w;
     double at[MAX_SLOTS], s[MAX_SLOTS], along[MAX_JOINTS], direction[6];
     start_at(a, q, at);
-    forward(a, at, &w);
+    forward(a, at, &w), jacobian(a, &w);
     if (slowest(a, &w, along, direction) > 0.01) return;
     for (double x = -4; x <= 4; x += 0.8) {
         double there[MAX_JOINTS];
@@ -1080,7 +1069,7 @@ static void command_jacobian(const Arm *a, int rows, const double *q, State *w) 
     displacement(a, q, &w->field);
     for (int j = 0; j < a->joints && a->laws; j++) {
         const int v = a->joint[j];
-        law_slope[v] = (up[j] - down[j] - spring_rest(a, more, v) + spring_rest(a, less, v)) / (2 * h);
+        law_slope[v] = (up[j] - down[j] - spring_amount(a, more, v) + spring_amount(a, less, v)) / (2 * h);
     }
     total_jacobian(a, rows, law_slope, w);
 }
@@ -1153,28 +1142,27 @@ enum { MOST_STARTS = 64 };
 API int ik_nearest(const Arm *a, const double *goal, int rows, int starts, int kept, int more, const double *from,
                    Found *found) {
     int close[MOST_STARTS], order[MOST_STARTS], ordered = 0;
-    double q[MOST_STARTS][MAX_JOINTS], s[MOST_STARTS][MAX_SLOTS], f[MOST_STARTS], best = INFINITY;
+    Solution start[MOST_STARTS];
+    double f[MOST_STARTS], best = INFINITY;
     found->count = found->steps = 0;
     more = more < MOST_STARTS ? more : MOST_STARTS, starts = starts < MOST_STARTS - more ? starts : MOST_STARTS - more;
     const int count = more + closest(a, goal, rows, NULL, starts, close);
     for (int k = 0; k < count; k++) {
-        COPY(q[k], k < more ? from + k * a->joints : a->library_q + close[k - more] * a->joints, a->joints);
-        for (int j = 0; j < a->joints; j++) q[k][j] = clipped(q[k][j], a->lower[j], a->upper[j]);
-        if (k < more) start_at(a, q[k], s[k]);
-        else COPY(s[k], a->library_slots + close[k - more] * a->slots, a->slots);
-        ordered = ranked(descend(a, goal, rows, q[k], s[k], 6, found), k, count, ordered, f, order);
+        double *q = start[k].q, *s = start[k].slots;
+        COPY(q, k < more ? from + k * a->joints : a->library_q + close[k - more] * a->joints, a->joints);
+        for (int j = 0; j < a->joints; j++) q[j] = clipped(q[j], a->lower[j], a->upper[j]);
+        if (k < more) start_at(a, q, s);
+        else COPY(s, a->library_slots + close[k - more] * a->slots, a->slots);
+        ordered = ranked(descend(a, goal, rows, q, s, 6, found), k, count, ordered, f, order);
     }
     for (int k = 0, went = 0; k < ordered && went < kept && f[k] < INFINITY; k++) {
-        double *command_ = q[order[k]], *slots = s[order[k]];
+        Solution *one = start + order[k];
         int new = 1;
-        for (int m = 0; m < k; m++) new &= apart(q[order[m]], command_, a->joints) > 0.05;
+        for (int m = 0; m < k; m++) new &= apart(start[order[m]].q, one->q, a->joints) > 0.05;
         if (!new) continue;
         went++;
-        const double error = descend(a, goal, rows, command_, slots, 100, found);
-        if (!(error < best)) continue;
-        best = error, found->count = 1;
-        COPY(found->at[0].q, command_, a->joints), COPY(found->at[0].slots, slots, a->slots);
-        found->at[0].excess = sqrt(best);
+        const double error = descend(a, goal, rows, one->q, one->slots, 100, found);
+        if (error < best) best = error, one->excess = sqrt(error), found->at[0] = *one, found->count = 1;
     }
     return found->count;
 }
@@ -1244,6 +1232,7 @@ static void nominal_pose(const Arm *a, const double *goal, const double *towards
         scratch.count = scratch.steps = 0;
         start_at(a, b.q[k], s);
         if (newton(a, goal, 6, UNKNOWN, s, &w, &scratch, 0) != REACHED) kind[k] = -1;
+        jacobian(a, &w);
         if (kind[k] == 0 && slowest(a, &w, along, direction) < 1e-7 * a->form.length) {
             kind[k] = b.lost[k] + 1;
             COPY(member, s, a->slots);

@@ -198,9 +198,9 @@ def packed(
     ):
         fits(name, count, most)
     memory = KernelArm(slots=V, joints=n, others=len(moving.others), bodies=B, laws_known=1, reach=reach)
-    turned = [not np.array_equal(weld[:3, :3], np.eye(3)) for weld in moving.fixed]
+    turned = [not np.array_equal(fixed[:3, :3], np.eye(3)) for fixed in moving.fixed]
     return KernelModel(memory, moving).with_(
-        gravity=moving.gravity, weld=moving.fixed[:, :3].transpose(0, 2, 1), welded_turn=turned, moment=moments,
+        gravity=moving.gravity, fixed=moving.fixed[:, :3].transpose(0, 2, 1), fixed_turn=turned, moment=moments,
         axis=moving.axes, joint=moving.joints, other=moving.others, inboard=moving.inboard,
         counted=moving.counted, moved=moving.moved, lower=lower, upper=upper,
     )  # fmt: skip

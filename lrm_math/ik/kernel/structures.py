@@ -28,8 +28,8 @@ class KernelArm(ctypes.Structure):
     _fields_ = [
         *((name, Integer) for name in ("slots", "joints", "others", "bodies", "laws", "poses", "has_form")),
         ("laws_known", Integer), ("gravity", Real * 3), ("reach", Real), ("nonlinear_bound", Real),
-        ("weld", Real * (12 * (MAX_SLOTS + 1))), ("moment", Real * (4 * MAX_BODIES)),
-        ("welded_turn", Integer * (MAX_SLOTS + 1)), ("axis", Integer * MAX_SLOTS),
+        ("fixed", Real * (12 * (MAX_SLOTS + 1))), ("moment", Real * (4 * MAX_BODIES)),
+        ("fixed_turn", Integer * (MAX_SLOTS + 1)), ("axis", Integer * MAX_SLOTS),
         ("joint", Integer * MAX_JOINTS), ("other", Integer * MAX_SLOTS), ("inboard", Integer * MAX_BODIES),
         ("counted", Integer * MAX_SLOTS), ("moved", Integer * MAX_SLOTS),
         ("zero", Real * MAX_SLOTS), ("start", Real * MAX_SLOTS),

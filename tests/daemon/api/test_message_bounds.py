@@ -15,11 +15,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from lrmd.api.router_process import LONGEST_COMMAND, UNREADABLE, reason_of
-from lrmd.messages.bounds import LONGEST, MessageBounds, bounds_of
+from lrmd.messages.bounds import LONGEST, MessageBounds, bounds_of, excess
 from lrmd.messages.codec import ErrorReply, Header, Message, MessageError, error_reply, pack, unpack
 from lrmd.messages.control import DeployRequest, EstopCommand, HoldRequest, MoveRequest
 from lrmd.messages.kinematics import IkReply, IkRequest
-from lrmd.messages.msgpack_scan import excess
 from lrmd.messages.zenoh_session import LARGEST_MESSAGE
 from tests.support.message_schemas import every_message
 

@@ -12,9 +12,9 @@ from hypothesis import strategies as st
 
 from lrm_math.errors import LrmError
 from lrmd.link import protocol
-from lrmd.link.cobs import LONGEST_PAYLOAD, cobs_decode, cobs_encode, crc16
 from lrmd.link.frames import (
     LONGEST_FRAME,
+    LONGEST_PAYLOAD,
     LONGEST_WIRE,
     WITHOUT_WORDS,
     BadFrame,
@@ -24,6 +24,9 @@ from lrmd.link.frames import (
     FrameType,
     ProtocolError,
     bits_of,
+    cobs_decode,
+    cobs_encode,
+    crc16,
     encode,
     word_count,
 )

@@ -21,7 +21,7 @@ from lrm_math.model.equilibrium import equilibrium
 from lrm_math.model.model import Model, model_of
 from lrmd.link import protocol
 from lrmd.link.frames import Frame, FrameDecoder, encode
-from lrmd.sim.arm import SimulatedArm
+from lrmd.sim.arm import AMBIENT, SimulatedArm
 from lrmd.sim.board import SimulatedBoard
 from lrmd.sim.control_queries import answer_query
 from lrmd.sim.pca9685_chip import Pca9685Chip
@@ -329,7 +329,7 @@ def test_a_faster_board_clock_heats_no_faster(rover: Arm) -> None:
             servo.target, servo.torque = servo.angle, 0.2
         arm.advance(chip, round(60.0 * speed * SECOND))
         rises.append([arm.temperature(servo) for servo in arm.servos])
-    assert min(rises[0]) > arm.ambient
+    assert min(rises[0]) > AMBIENT
     assert rises[1] == pytest.approx(rises[0], rel=1e-3)
 
 
