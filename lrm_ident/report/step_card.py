@@ -12,7 +12,7 @@ from lrm_ident.data.wording import in_mm
 from lrm_ident.diagnosis.diagnosis_report import with_unit
 from lrm_ident.report.document import Document
 from lrm_ident.report.names.plain_names import step_title
-from lrm_ident.report.plots.interactive.candidate_view import SHARE, drivers_of, own_joint
+from lrm_ident.report.plots.interactive.group_means import explained_by_means, shown_most
 from lrm_ident.residual.covariates import Covariate
 from lrm_ident.residual.picture.error_field import ErrorField
 from lrm_math.effects import FREE_FORMS, Effect
@@ -135,11 +135,7 @@ def _card(
     added = [effect for name, effect in after.items() if name not in before]
     first, _, rest = entry.step.removeprefix("add ").partition(", or ")
     numbers = {name: words for effect in added for name, words in _estimates(effect, entry).items()}
-    moved = field.steps[number - 1].turns - field.steps[number].turns
-    place = added[0].place if added else ""
-    joint = own_joint(place, (moved**2 * field.lever).sum(axis=1))
-    observable = field.lever[joint] > SHARE**2 * field.lever[joint].mean()
-    driver = drivers_of(moved[joint], known, joint, observable)[0].name if known else ""
+    joint, driver = _shown(added[0].place if added else "", field, number, known)
     return StepCard(
         number=number,
         name=first,
@@ -152,6 +148,16 @@ def _card(
         equivalent=tuple(rest.split(":")[0].split(", ")) if rest else (),
         rivals_mm=entry.rivals_mm,
     )
+
+
+def _shown(place: str, field: ErrorField, number: int, known: Sequence[Covariate]) -> tuple[int, str]:
+    """The joint and the driver whose chart shows most of what a step took away; of an effect at a joint, that joint."""
+    own = place.removeprefix("joint")
+    joints = [int(own) - 1] if own.isdigit() else range(len(field.lever))
+    before, after = (
+        [explained_by_means(field.steps[k].turns, field.lever, one.values) for one in known] for k in (number - 1, number)
+    )
+    return shown_most([b - a for b, a in zip(before, after, strict=True)], known, joints) if known else (joints[0], "")
 
 
 def _estimates(effect: Effect, entry: HistoryTable) -> dict[str, str]:

@@ -48,13 +48,15 @@ table { border-collapse: collapse; margin: 8px 0 16px; font-size: 13px; font-var
 caption { text-align: left; font-weight: 600; padding: 4px 0; }
 th, td { padding: 2px 10px 2px 0; text-align: left; vertical-align: top; border-bottom: 1px solid var(--grid); }
 th.right, td.right { text-align: right; white-space: nowrap; }
-td { overflow-wrap: anywhere; } ul { margin: 4px 0 8px; padding-left: 20px; } h4 { margin: 12px 0 2px; }
-@media screen { .wide td { overflow-wrap: break-word; } .wide td:not(.right) { min-width: 7em; }
-  .wide td:last-child:not(.right) { min-width: 12em; } .wide td:empty { min-width: 0; } }
+td { overflow-wrap: break-word; } ul { margin: 4px 0 8px; padding-left: 20px; } h4 { margin: 12px 0 2px; }
+@media screen { .wide td:not(.right) { min-width: 7em; } .wide td:last-child:not(.right) { min-width: 12em; }
+  .wide td:empty { min-width: 0; } }
 @media (max-width: 500px) { .tall { height: 400px; } }
 .lrm-paper body { max-width: none; padding: 0; font-size: 10pt; }
-.lrm-paper .two { display: block; }
-.lrm-paper .tall { height: 150mm; } .lrm-paper .medium { height: 80mm; } .lrm-paper .low { height: 44mm; }
+.lrm-paper .two { display: block; } .lrm-paper h1 { font-size: 15px; font-weight: 600; } .lrm-paper header p { margin: 3px 0; }
+.lrm-paper .verdict { font-size: 14px; } .lrm-paper h2 { font-size: 16px; margin: 3mm 0 1mm; }
+.lrm-paper .lrm-ladder { margin: 1mm 0; font-size: 9pt; font-weight: 400; }
+.lrm-paper .tall { height: 150mm; } .lrm-paper .medium { height: 80mm; } .lrm-paper .low { height: 38mm; }
 """
 
 

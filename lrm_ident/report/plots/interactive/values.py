@@ -19,6 +19,7 @@ from lrm_ident.report.model_report import ModelReport
 from lrm_ident.report.names.plain_names import plain_name, step_title
 from lrm_ident.report.plots.interactive.candidate_view import SHARE, CandidateView
 from lrm_ident.report.plots.interactive.fair_sample import fair_rows
+from lrm_ident.report.plots.interactive.group_means import explained_by_means, shown_most
 from lrm_ident.report.step_card import AS_WELL, StepCard, error_fall, of_data, rivals
 from lrm_ident.residual.picture.error_field import COLOURS, ErrorField
 from lrm_math.arrays import Array
@@ -43,7 +44,6 @@ def figure_values(found: ModelReport) -> dict[str, Any]:
     return {
         **_poses(found.field, found.poses),
         **_arms(found.field),
-        "compared": found.comparison is not None,
         "drivers": [
             {"name": one.name, "label": one.label, "values": rounded(one.shown, 4)} for one in found.covariates
         ],
@@ -175,14 +175,13 @@ def _together(found: ModelReport) -> dict[str, Any] | None:
 
 
 def _where(found: ModelReport) -> dict[str, Any]:
-    """The joint and the driver that are shown first: those that the residual follows most."""
-    factors = [] if found.comparison is None else found.comparison.values["factors"]
-    names = {one.name: one for one in found.covariates}
-    for factor in factors:  # type: ignore[attr-defined]
-        driver = names.get(factor["name"])
-        if driver is not None and driver.joint is not None:
-            return {"joint": driver.joint, "driver": driver.name}
-    return {"joint": 0, "driver": found.covariates[0].name if found.covariates else ""}
+    """The joint and the driver that are shown first: those whose chart shows most of what the model leaves."""
+    field, known = found.field, found.covariates
+    if not known:
+        return {"joint": 0, "driver": ""}
+    left = [explained_by_means(field.steps[-1].turns, field.lever, one.values) for one in known]
+    joint, driver = shown_most(left, known, range(len(field.lever)))
+    return {"joint": joint, "driver": driver}
 
 
 def _ranking(found: ModelReport, ranking: Any) -> list[dict[str, Any]]:

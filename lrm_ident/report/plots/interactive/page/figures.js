@@ -22,8 +22,8 @@ const lrm = (() => {
     if (!before || before.steps.length !== values.steps.length || state.step > last) state.step = last;
     if (state.beside !== null && state.beside > last) state.beside = null;
     if (!values.ranking.some((one) => one.name === state.candidate)) state.candidate = null;
-    const other = !same, looked = !other && !before.compared && values.steps.length === 1;
-    if (other || looked || !known.has(state.driver)) {
+    const other = !same;
+    if (other || !known.has(state.driver)) {
       state.joint = values.where.joint;
       state.driver = values.where.driver;
     }

@@ -98,18 +98,18 @@ function lrmSteps(page) {
     const out = element("article", "", "lrm-card-of-step"), fall = `${words(card.before)} → ${words(card.after)} mm`;
     const heading = element("h3", `${card.step}. ${named(card)}: ${fall}`);
     const share = card.share === null ? "" : `; ${Math.round(100 * card.share)} % of the mean square above the noise`;
-    out.append(heading, element("p", `${card.claim ? (card.equivalent.length ? "If it is this one: " : "") + card.claim + ". " : ""}${card.held ? "Held-out RMS" : "RMS on these data"}: ${fall}${share}.`));
-    const against = element("div", "", "lrm-rivals");
-    if (card.unrivalled) against.append(element("p", "No other effect explained it as well."));
+    const says = element("div", "", "lrm-card-says");
+    says.append(element("p", `${card.claim ? (card.equivalent.length ? "If it is this one: " : "") + card.claim + ". " : ""}${card.held ? "Held-out RMS" : "RMS on these data"}: ${fall}${share}.`));
+    if (card.unrivalled) says.append(element("p", "No other effect explained it as well."));
     if (card.rivals.length) {
       const list = element("ul");
       list.append(...card.rivals.map((one) => element("li", `${one.title} (${one.name}): ${one.why}`)));
-      against.append(element("h4", card.equivalent.length ? "What else it could be" : "What else it could have been, and why not"), list);
-    } else if (!card.unrivalled) against.append(element("p", others(card), "lrm-soft"));
+      says.append(element("h4", card.equivalent.length ? "What else it could be" : "What else it could have been, and why not"), list);
+    } else if (!card.unrivalled) says.append(element("p", others(card), "lrm-soft"));
     const figure = element("div", "", "lrm-figure lrm-card-figure"), more = element("details", "", "lrm-soft");
     figure.id = "lrm-card-" + card.step;
     more.append(element("summary", `${card.estimates.length} coefficients of ${card.name}`), element("p", card.estimates.join(", ")));
-    out.append(against, figure, element("p", "", "lrm-sample lrm-soft"), ...(card.estimates.length ? [more] : []));
+    out.append(heading, says, figure, element("p", "", "lrm-sample lrm-soft"), ...(card.estimates.length ? [more] : []));
     return out;
   }
 

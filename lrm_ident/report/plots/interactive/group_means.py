@@ -1,0 +1,51 @@
+"""Group means of an error over a covariate: how much of it a chart of a joint's turn shows."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from lrm_ident.residual.covariates import Covariate, levels
+from lrm_math.arrays import Array
+
+GROUPS, DECIMALS = 12, 6
+"""Groups of neighbours, as in `binned` of charts/chart.js; decimals (SI) to which values are one level."""
+AS_MUCH = 0.95
+"""Part of the most that is shown, from which on a quantity of the joint itself is taken instead."""
+
+
+def explained_by_means(turns: Array, lever: Array, values: Array) -> Array:
+    """(n,), squares (m²) of the error that the mean turns of each joint over groups of a covariate explain.
+
+    Between-group sum of squares less what chance would make of it (Ezekiel's correction of R², 1930).
+
+    Args:
+        turns: (n, M), rad. lever: (n, M), squared motion of the TCP for a unit turn (m²/rad²). values: (M,).
+    """
+    found, group = levels(values, DECIMALS)
+    groups, poses = min(len(found), GROUPS), len(values)
+    if len(found) > GROUPS:
+        group = np.argsort(np.argsort(values, kind="stable"), kind="stable") * GROUPS // poses
+    weight, moment = (np.stack([np.bincount(group, row) for row in of]) for of in (lever, lever * turns))
+    mean = moment.sum(axis=1) ** 2 / np.maximum(weight.sum(axis=1), 1e-30)
+    between = (moment**2 / np.maximum(weight, 1e-30)).sum(axis=1) - mean
+    within = (lever * turns**2).sum(axis=1) - mean - between
+    return np.asarray(between - (groups - 1) * within / max(poses - groups, 1))
+
+
+def shown_most(explained: Sequence[Array], known: Sequence[Covariate], joints: Sequence[int]) -> tuple[int, str]:
+    """The joint, and the name of the covariate, whose chart shows most.
+
+    Args:
+        explained: (n,), of every covariate of `known`. joints: those to choose from.
+    """
+    most = max(float(squares[joint]) for squares in explained for joint in joints)
+    near = [
+        (one.joint != joint, -float(squares[joint]), joint, one.name)
+        for squares, one in zip(explained, known, strict=True)
+        for joint in joints
+        if squares[joint] >= AS_MUCH * most
+    ]
+    *_, joint, name = min(near, default=(True, 0.0, joints[0], known[0].name))
+    return joint, name
