@@ -26,8 +26,9 @@ class EffectRate:
     """Rate of an effect.
 
     Attributes:
-        found: arms that have it, shares of unsure ones among them. arms: that could show it. rate, low, high: posterior
-            mean and 95 % interval of the part of the kind that has it.
+        found: arms that have it, shares of unsure ones among them. arms: that could show it.
+        rate: posterior mean of the part of the kind that has it, which takes part in what is known of all effects.
+        low, high: 95 % interval of that part by the count alone (Clopper & Pearson 1934), which holds found / arms.
     """
 
     name: str
@@ -66,7 +67,7 @@ def effect_rates(steps: Sequence[Sequence[Sequence[str]]], tested: Sequence[Sequ
     return (
         tuple(
             sorted(
-                (EffectRate(n, found[n], arms[n], rate[n], *_interval(found[n], arms[n], a, b)) for n in names),
+                (EffectRate(n, found[n], arms[n], rate[n], *exact_interval(found[n], arms[n])) for n in names),
                 key=lambda one: (-one.rate, one.name),
             )
         )
@@ -103,6 +104,8 @@ def _beta(found: Array, arms: Array) -> tuple[float, float]:
     return a * scale, b * scale
 
 
-def _interval(found: float, arms: int, a: float, b: float) -> tuple[float, float]:
-    low, high = (float(betaincinv(a + found, b + arms - found, tail)) for tail in ((1 - LEVEL) / 2, (1 + LEVEL) / 2))
-    return low, high
+def exact_interval(found: float, arms: int) -> tuple[float, float]:
+    """Exact 95 % interval of a share (Clopper & Pearson 1934) of which `found` of `arms` were seen; parts of arms, too."""
+    tails = (1 - LEVEL) / 2, (1 + LEVEL) / 2
+    low = float(betaincinv(found, arms - found + 1, tails[0])) if found > 0 else 0.0
+    return low, float(betaincinv(found + 1, arms - found, tails[1])) if found < arms else 1.0

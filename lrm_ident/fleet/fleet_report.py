@@ -150,12 +150,8 @@ def _link_words(link: TagAssociation) -> str:
 
 
 def _rates_table(known: FleetKnowledge) -> ResultTable:
-    rows = [
-        (one.name, one.found, one.arms, 100 * one.rate, one.interval)
-        for one in known.rates[:MOST_RATES]
-        if one.found > 0
-    ]
-    columns = ("effect", "found|.1f", "of arms|d", "of the kind %|.0f", "95 % interval, %|")
+    rows = [(one.name, one.found, one.arms, one.interval) for one in known.rates[:MOST_RATES] if one.found > 0]
+    columns = ("effect", "found|.1f", "of arms|d", "of the kind (95 %), %|")
     return ResultTable(columns, rows, "How often an effect is there")
 
 

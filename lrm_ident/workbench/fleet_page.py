@@ -28,7 +28,7 @@ BODY = """<header>
 <section>
 <h2>Which effect is missing in which arm</h2>
 <p class="lrm-soft">beside each name: in how many of the arms that could show it it was found, and how many of the kind
-will have it (95 % interval); hollow: one of several causes that this arm's data cannot tell apart</p>
+have it by that count (95 % interval); hollow: one of several causes that this arm's data cannot tell apart</p>
 <div id="lrm-effects" class="lrm-figure"></div>
 </section>
 <section>

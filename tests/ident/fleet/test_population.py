@@ -16,7 +16,7 @@ from lrm_ident.diagnosis.screening.linearised_fit import linearise
 from lrm_ident.fitting.priors import EffectRates
 from lrm_ident.fitting.progress import silent
 from lrm_ident.fleet import fleet_findings
-from lrm_ident.fleet.effect_rates import EffectRate, effect_rates
+from lrm_ident.fleet.effect_rates import EffectRate, effect_rates, exact_interval
 from lrm_ident.fleet.population import ArmEvidence, fit_population
 from lrm_math.arrays import Array
 
@@ -102,6 +102,34 @@ def test_a_rate_is_what_was_seen_and_in_whole_percents_what_that_says_of_the_kin
     assert re.fullmatch(r"3 of 3 arms \(of the kind: \d+ to \d+ %\)", rate.words)
     assert EffectRate("play", 3.0, 3, 0.8, 0.4512, 0.9968).words == "3 of 3 arms (of the kind: 45 to 100 %)"
     assert EffectRate("play", 0.5, 12, 0.05, 0.0007, 0.3044).words == "0.5 of 12 arms (of the kind: 0 to 30 %)"
+
+
+@given(st.integers(1, 200), st.floats(0.0, 1.0), st.integers(2, 10))
+def test_the_interval_of_a_rate_holds_the_share_that_was_seen_and_shrinks_with_arms(
+    arms: int, share: float, times: int
+) -> None:
+    """Also of parts of arms, and of none and of all."""
+    found = min(share * arms, arms)
+    low, high = exact_interval(found, arms)
+    assert 0.0 <= low <= found / arms <= high <= 1.0
+    less, more = exact_interval(times * found, times * arms)
+    assert more - less < high - low
+    assert exact_interval(arms - found, arms) == pytest.approx((1.0 - high, 1.0 - low), abs=1e-9)
+
+
+def test_the_interval_of_a_rate_against_tables() -> None:
+    """Clopper & Pearson: by their definition for all of n, and from published tables of 1 and 5 of 10."""
+    assert exact_interval(3, 3) == pytest.approx((0.025 ** (1 / 3), 1.0))
+    assert exact_interval(1, 10) == pytest.approx((0.0025, 0.4450), abs=5e-5)
+    assert exact_interval(5, 10) == pytest.approx((0.1871, 0.8129), abs=5e-5)
+
+
+def test_a_rare_effect_is_not_said_to_be_rarer_than_it_was_seen() -> None:
+    """One of three arms, among a hundred effects that no arm has."""
+    names = [f"backlash@joint{k}" for k in range(100)]
+    first, *_ = effect_rates([[[names[0]]], [], []], [names] * 3)
+    assert first.words == "1 of 3 arms (of the kind: 1 to 91 %)"
+    assert first.rate < 0.1, "what is known of all effects makes it rare for the next arm"
 
 
 def test_an_effect_that_is_expected_is_selected_before_one_that_predicts_as_well() -> None:
