@@ -186,7 +186,7 @@ class Session(_SessionError, LinearEffect):
         formula="a constant for each session after the first",
         source="one offset per session",
         claim="{place} stands differently in each session",
-        needs="two or more sessions",
+        needs="another session, with some of the same poses",
     )
 
     @property
