@@ -193,7 +193,8 @@ class WorkbenchSession(SessionState):
         elif isinstance(message, WorkResult):
             self._take_result(message.value)
         elif isinstance(message, WorkFailure):
-            self.failure, self.progress = message.words, None
+            self.progress = None
+            self.fail(message.words)
             if not isinstance(self._at_work, DiagnoseTask):
                 self._diagnose()
         elif isinstance(message, WorkDone):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -99,8 +100,8 @@ class SessionState:
         return DoneCommand(("workbench", files.model, files.data), files.effects_file, files.reading).text
 
     def fail(self, words: str) -> None:
-        """Tells why something could not be done."""
-        self.failure = words
+        """Tells why something could not be done; files that were dropped on the page have the names they came with."""
+        self.failure = re.sub(rf"{re.escape(str(self.folder))}/(dropped-\w+/)?", "", words)
         self._changed()
 
     def _ready(self) -> StepResult:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from typing import NamedTuple
 
 from nicegui import ui
 
@@ -13,6 +14,13 @@ from lrm_ident.workbench.work.messages import WorkProgress
 ADD_FIELD = "Add a field (not a cause)"
 SURE_AFTER_S = 1.0
 """s of work after which its rate says how long the rest takes."""
+
+
+class ChosenEffect(NamedTuple):
+    """The effect that Add would add: `effect@place`, and the same in plain words."""
+
+    name: str
+    title: str
 
 
 class CommandBar:
@@ -31,6 +39,8 @@ class CommandBar:
         self.task, self.begun = "", 0.0
         with ui.element("div").classes("lrm-head lrm-commands"):
             self.add = button("Add", add, "add the chosen effect and refit everything (A)")
+            with self.add:
+                self.name = ui.label().classes("lrm-name-of-effect")
             self.undo = button("Undo", session.undo, "take the last step back (U)")
             self.redo = button("Redo", session.redo, "take it again (R)")
             self.propose = button("Propose a law", session.propose, "where no known effect fits (P)")
@@ -54,7 +64,7 @@ class CommandBar:
                 button("Cancel", session.cancel, "end this work (Esc)")
             self.failure = ui.label().classes("lrm-failure").props('id="lrm-failure" role=alert')
 
-    def show(self, chosen: str | None) -> None:
+    def show(self, chosen: ChosenEffect | None) -> None:
         """Shows the work going on, and what may be done; `chosen`: the effect that Add would add."""
         session, now = self.session, self.session.progress
         self.work.set_visibility(now is not None)
@@ -64,7 +74,8 @@ class CommandBar:
             self.bar.set_value(now.done / now.of if now.of else 0.0)
         self.failure.set_text(session.failure)
         ready = session.step is not None and not session.busy
-        self.add.set_text(f"Add {chosen}" if chosen else "Add")
+        self.add.set_text(f"Add {chosen.title}" if chosen else "Add")
+        self.name.set_text(chosen.name if chosen else "")
         self.add.set_enabled(ready and chosen is not None)
         self.undo.set_enabled(session.can_undo)
         self.redo.set_enabled(session.can_redo)

@@ -19,7 +19,7 @@ Do = Callable[[Callable[[], object]], object]
 
 def law_dialog(law: LawResult, session: WorkbenchSession, do: Do) -> None:
     """Shows what the search for a law found, and the button that adds it."""
-    with _dialog("lrm-law", "lrm-wide") as dialog:
+    with _dialog("lrm-law", "proposed law", "lrm-wide") as dialog:
         ui.html(law.words, sanitize=False).classes("lrm-numbers")
         with _buttons(dialog, "close-law"):
             if law.file is not None:
@@ -31,7 +31,7 @@ def law_dialog(law: LawResult, session: WorkbenchSession, do: Do) -> None:
 def poses_dialog(poses: PosesResult) -> None:
     """Shows the next poses to measure and offers their file; or says why there are none."""
     title = "No poses were chosen after those of" if poses.problem else "Poses to measure after those of"
-    with _dialog("lrm-next-poses", "lrm-wide") as dialog:
+    with _dialog("lrm-next-poses", "next poses", "lrm-wide") as dialog:
         ui.label(f"{title} {poses.data}").classes("lrm-verdict")
         with _buttons(dialog, "close-poses"):
             if poses.table:
@@ -45,7 +45,7 @@ def save_dialog(session: WorkbenchSession, do: Do) -> None:
     """Asks where to write the model. Raises `LrmError` if there is none."""
     if session.step is None:
         raise LrmError("no model is open yet")
-    with _dialog("lrm-save") as dialog:
+    with _dialog("lrm-save", "save the model") as dialog:
         path = ui.input("Write the model to", value=str(Path.cwd() / "model.toml")).classes("lrm-full")
 
         def save() -> None:
@@ -61,18 +61,18 @@ def save_dialog(session: WorkbenchSession, do: Do) -> None:
 def commands_dialog(session: WorkbenchSession) -> None:
     """Shows the steps as commands."""
     text = commands_text(session.taken.done)
-    with _dialog("lrm-done", "lrm-wide") as dialog:
+    with _dialog("lrm-done", "commands", "lrm-wide") as dialog:
         ui.label("What was done here, as commands")
-        ui.label(text).classes("lrm-code lrm-full").props('id="lrm-commands"')
+        ui.label(text).classes("lrm-code lrm-full").props('id="lrm-commands" tabindex=0')
         with _buttons(dialog):
             _button("Copy", lambda: ui.clipboard.write(text))
 
 
 def live_dialog(session: WorkbenchSession, rover: RoverPanel, do: Do) -> None:
     """A file that grows, or a daemon, to be followed."""
-    with _dialog("lrm-live") as dialog:
+    with _dialog("lrm-live", "live data") as dialog:
         _of_file(session, lambda action: _closing(dialog, do, action))
-        _of_rover(rover, lambda action: _closing(dialog, do, action))
+        _of_rover(rover, dialog, lambda action: _closing(dialog, do, action))
 
 
 def _of_file(session: WorkbenchSession, do: Do) -> None:
@@ -84,19 +84,19 @@ def _of_file(session: WorkbenchSession, do: Do) -> None:
         ui.button("Stop following", on_click=lambda: do(session.stop_following)).props("no-caps flat")
 
 
-def _of_rover(rover: RoverPanel, do: Do) -> None:
+def _of_rover(rover: RoverPanel, dialog: ui.dialog, do: Do) -> None:
     ui.label("A running lrmd: where its arm is, and where the model thinks the tip is.").classes("lrm-small")
     robot = ui.input("Robot", value="rover").classes("lrm-full")
     endpoint = ui.input("zenoh endpoint", value="tcp/127.0.0.1:7447").classes("lrm-full")
-    with ui.row():
+    with _buttons(dialog):
         _button("Listen to the rover", lambda: do(lambda: rover.listen(robot.value, endpoint.value)))
         ui.button("Stop listening", on_click=lambda: do(rover.hang_up)).props("no-caps flat")
 
 
 @contextmanager
-def _dialog(name: str, classes: str = "") -> Iterator[ui.dialog]:
-    """A dialog with a card in it, opened once it is filled."""
-    with ui.dialog() as dialog, ui.card().classes(f"lrm-card {classes}").props(f'id="{name}"'):
+def _dialog(name: str, title: str, classes: str = "") -> Iterator[ui.dialog]:
+    """A dialog with a card in it, opened once it is filled. `title`: what a screen reader says of it."""
+    with ui.dialog().props(f'aria-label="{title}"') as dialog, ui.card().classes(f"lrm-card {classes}").props(f'id="{name}"'):
         yield dialog
     dialog.open()
 

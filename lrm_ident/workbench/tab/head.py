@@ -24,5 +24,6 @@ def head_html() -> str:
 {"".join(f'<script defer src="{one}"></script>' for one in scripts)}
 <script>{assets.THEME.read_text(encoding="utf-8")}
 document.documentElement.lang = "en";
+addEventListener("load", () => Quasar.LoadingBar.setDefaults({{ hijackFilter: () => false }}));
 addEventListener("load", () => Quasar.Dark.set(document.documentElement.dataset.theme === "dark"));
 window.lrmEmit = (name, value) => emitEvent(name, value);</script>"""

@@ -10,7 +10,7 @@ from nicegui import ui
 
 from lrm_ident.workbench.section import section_html
 from lrm_ident.workbench.session import WorkbenchSession
-from lrm_ident.workbench.tab.command_bar import CommandBar
+from lrm_ident.workbench.tab.command_bar import ChosenEffect, CommandBar
 from lrm_ident.workbench.tab.dialogs import commands_dialog, law_dialog, live_dialog, poses_dialog, save_dialog
 from lrm_ident.workbench.tab.file_notice import FileNotice
 from lrm_ident.workbench.tab.head import FOLDER, head_html
@@ -28,7 +28,7 @@ class WorkbenchPage:
     def __init__(self, session: WorkbenchSession, first_tab: bool, tour: bool) -> None:
         """Makes the elements, within the page."""
         self.session = session
-        self.chosen: str | None = None
+        self.chosen: ChosenEffect | None = None
         self.seen = self.drawn = -1
         self.law, self.poses = session.taken.law, session.poses
         ui.add_head_html(head_html())
@@ -128,14 +128,14 @@ class WorkbenchPage:
         if key in actions:
             self._do(actions[key])
 
-    def _choose(self, name: str | None) -> None:
-        self.chosen = name
-        self.bar.show(name)
+    def _choose(self, one: dict[str, str] | None) -> None:
+        self.chosen = None if one is None else ChosenEffect(one["name"], one["title"])
+        self.bar.show(self.chosen)
 
     def _add(self) -> None:
         if self.chosen is None:
             raise LrmError("choose an effect of the list first")
-        self.session.add(self.chosen)
+        self.session.add(self.chosen.name)
 
     def _save(self) -> None:
         save_dialog(self.session, self._do)

@@ -12,7 +12,7 @@ class TourDialog:
 
     def __init__(self) -> None:
         self.stop = -1
-        with ui.element("aside").classes("lrm-tour").props("role=dialog aria-label=tour") as self.card:
+        with ui.element("section").classes("lrm-tour").props("role=dialog aria-label=tour") as self.card:
             self.title = ui.html("", sanitize=False)
             self.words = ui.label()
             with ui.row().classes("q-mt-sm"):

@@ -199,6 +199,7 @@ def test_second_tab_bad_files_and_a_tab_closed_in_the_middle(
             "([name, text]) => lrmOpen([new File([text], name)])", [path.name, path.read_text(encoding="utf-8")]
         )
         says(page, "#lrm-failure", path.stem)
+        assert "dropped-" not in page.inner_text("#lrm-failure"), "the file has the name that it came with"
     assert page.evaluate("lrm.state.values.steps.length") == 1
     page.screenshot(path=SHOTS / "bad-file.png")
     second.close()

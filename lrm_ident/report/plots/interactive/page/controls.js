@@ -39,6 +39,12 @@ function lrmControls(page) {
     if (place("clear")) place("clear").onclick = () => page.brush(null);
   }
 
+  // Tells the page around the figures which effect may be added.
+  function tellChosen() {
+    const one = page.candidate();
+    emit("lrm_choose", one && { name: one.name, title: one.title });
+  }
+
   // The effect that may be added.
   function choose(name) {
     state.candidate = name;
@@ -52,7 +58,7 @@ function lrmControls(page) {
     page.drawCandidate();
     page.drawWhatIf();
     page.drawTurn();
-    emit("lrm_choose", name);
+    tellChosen();
   }
 
   function showStep(number) {
@@ -71,5 +77,5 @@ function lrmControls(page) {
     }
   }
 
-  return { fill, wireControls, choose, showStep, resize };
+  return { fill, wireControls, tellChosen, choose, showStep, resize };
 }

@@ -2,7 +2,7 @@
 // lrm.show(values) draws all that has a place (an element with the figure's id) on the page.
 "use strict";
 const lrm = (() => {
-  const page = lrmShared(), { state, emit, norm } = page;
+  const page = lrmShared(), { state, norm } = page;
   for (const part of [lrmSample, lrmQueue, lrmBrush, lrmCandidates, lrmWhatIf, lrmSteps, lrmField, lrmPose, lrmPicture, lrmTurn,
     lrmControls, lrmPrint]) Object.assign(page, part(page));
   const { choose, showStep, glide } = page;
@@ -40,7 +40,7 @@ const lrm = (() => {
     const from = before && before.steps[before.steps.length - 1].residual;
     redraw();
     if (same && before.steps.length !== values.steps.length && String(before.pose) === String(values.pose)) glide(from);
-    emit("lrm_choose", state.candidate);
+    page.tellChosen();
   }
 
   function load(address) {

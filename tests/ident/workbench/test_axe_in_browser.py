@@ -1,0 +1,84 @@
+"""axe-core on page and report with everything open: every dialog, notice and fold, at both ends of widths and themes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+
+from tests.support.browser import SHOTS, RunningWorkbench, axe_violations, idle, opened, says, wait_for
+
+SIZE, WIDTHS = {"width": 1280, "height": 900}, (390, 1440)
+RANKED = "lrm.state.values.ranking.length > 0"
+THEME = "document.documentElement.dataset.theme"
+SETTLED_MS = 600
+"""Until a dialog stands where it is to stand."""
+
+
+def faults(page: Any, name: str, turn: Callable[[], object]) -> list[tuple[object, ...]]:
+    """What axe-core finds in both themes at both widths; `turn`: from one theme to the other."""
+    found: list[tuple[object, ...]] = []
+    for _ in range(2):
+        theme = page.evaluate(THEME)
+        for width in WIDTHS:
+            page.set_viewport_size({"width": width, "height": 900})
+            page.wait_for_timeout(SETTLED_MS)
+            page.screenshot(path=SHOTS / f"axe-{name}-{theme}-{width}.png")
+            assert page.evaluate("document.documentElement.scrollWidth <= innerWidth"), (name, width)
+            found += [(name, theme, width, *fault) for fault in axe_violations(page)]
+        turn()
+        wait_for(page, f"{THEME} !== '{theme}'")
+    return found
+
+
+@pytest.mark.slow
+def test_axe_finds_nothing_in_any_dialog(browser: Any, small: RunningWorkbench) -> None:
+    page = opened(browser, small, SIZE)
+    idle(page, RANKED)
+    found: list[tuple[object, ...]] = []
+
+    def look(name: str) -> None:
+        found.extend(faults(page, name, lambda: page.evaluate("lrmTurnDark()")))
+        page.set_viewport_size(SIZE)
+
+    page.locator("#lrm-what-if-size").press("End")
+    for one in page.locator("details > summary").all():
+        if one.is_visible():
+            one.click()
+    look("what-if-and-explain")
+    for name in ("save…", "commands", "live…", "tour"):
+        page.click(f"[data-name='{name}']")
+        page.wait_for_timeout(SETTLED_MS)
+        look(name.strip("…"))
+        page.get_by_role("button", name="Close").locator("visible=true").last.click()
+        page.wait_for_timeout(SETTLED_MS)
+    for name, dialog, closing in (
+        ("next poses", "#lrm-next-poses", "close-poses"),
+        ("propose a law", "#lrm-law", "close-law"),
+    ):
+        page.click(f"[data-name='{name}']")
+        page.wait_for_selector(dialog)
+        look(name)
+        page.click(f"[data-name={closing}]")
+        page.wait_for_selector(dialog, state="hidden")
+    page.evaluate("lrmOpen([new File(['pose,q1_deg\\n1,nonsense\\n'], 'bad.csv')])")
+    says(page, "#lrm-failure", "bad")
+    page.keyboard.press("r")
+    says(page, "body", "nothing to redo")
+    look("errors")
+    page.context.close()
+    assert not found, "\n".join(map(str, found))
+
+
+@pytest.mark.slow
+def test_axe_finds_nothing_in_a_report_with_everything_unfolded(browser: Any, small: RunningWorkbench) -> None:
+    page = opened(browser, small, SIZE)
+    idle(page, RANKED)
+    page.goto(f"{small.origin}/lrm/report")
+    page.wait_for_selector("#lrm-ranking button")
+    page.locator("#lrm-what-if-size").press("End")
+    page.evaluate("for (const one of document.querySelectorAll('details')) one.open = true")
+    found = faults(page, "report", lambda: page.click("#lrm-theme"))
+    page.context.close()
+    assert not found, "\n".join(map(str, found))
