@@ -32,6 +32,10 @@ def cards(browser: Any, model: Path, text: str) -> list[str]:
     stdout_of("report", model, EXAMPLE, "-o", report)
     page.goto(report.as_uri())
     page.wait_for_selector("#lrm-cards article")
+    where = page.evaluate("lrm.state.values.where")
+    assert page.evaluate("lrm.state.candidate") is None
+    assert page.input_value("#lrm-joint") == str(where["joint"]), "it opens on what shows most"
+    assert page.input_value("#lrm-driver") == where["driver"]
     found = page.eval_on_selector_all("#lrm-cards > *", "(all) => all.map((one) => one.innerText)")
     page.close()
     return [str(one) for one in found]

@@ -21,12 +21,16 @@ from lrm_ident.fitting.loss import SQUARED
 from lrm_ident.fitting.model_fit import fit_model, nominal_model
 from lrm_ident.report.document import ListSection, ResultTable, heading
 from lrm_ident.report.document_html import blocks_html
+from lrm_ident.report.model_report import quick_report
 from lrm_ident.report.names.plain_names import PLAIN, plain_name
 from lrm_ident.report.plots.interactive.candidate_view import candidate_view, drivers_of
-from lrm_ident.report.plots.interactive.values import values_text
+from lrm_ident.report.plots.interactive.group_means import explained_by_means, shown_most
+from lrm_ident.report.plots.interactive.values import figure_values, values_text
 from lrm_ident.residual.covariates import Covariate, covariates
 from lrm_ident.residual.picture.error_field import MOST_DRAWN, arrow_scale, drawn_rows, error_field, joint_turns
 from lrm_math.effects import CATALOGUE, FREE_FORMS
+from lrm_math.model.derivatives import joint_levers
+from lrm_math.model.equilibrium import equilibrium
 from tests.conftest import EXAMPLE
 from tests.support.commands import stdout_of
 
@@ -145,6 +149,36 @@ def test_a_form_is_drawn_over_all_that_it_is_a_function_of(first: int, second: i
     x, y = known[first].values, known[second].values
     found = drivers_of(np.sin(3.0 * (x + y)) + np.cos(3.0 * (x - y)), known, first, np.ones(400, dtype=np.bool_))
     assert {one.joint for one in found} == {first, second}
+
+
+@given(st.integers(0, 5), st.integers(0, 5), st.sampled_from([5, 400]), st.integers(0, 10**6))
+def test_charts_open_on_the_joint_and_the_quantity_that_show_most(joint: int, of: int, stops: int, seed: int) -> None:
+    """A turn of one joint that follows one quantity, of few levels or of many, among noise of all joints."""
+    rng = np.random.default_rng(seed)
+    known = [Covariate("angle", rng.integers(0, stops, 400) / stops - 0.5, k) for k in range(6)]
+    turns, lever = 0.2 * rng.normal(size=(6, 400)), rng.uniform(0.5, 2.0, (6, 400))
+    turns[joint] += np.sin(6.0 * known[of].values)
+    shown = [explained_by_means(turns, lever, one.values) for one in known]
+    assert shown_most(shown, known, range(6)) == (joint, known[of].name)
+    assert shown[of][joint] < (lever[joint] * turns[joint] ** 2).sum(), "a part of all"
+
+
+@given(st.integers(0, 10**6))
+def test_noise_shows_nothing_on_average(seed: int) -> None:
+    """Within 4.5 standard errors of a mean of 200 χ² of 11 degrees of freedom, less their number."""
+    rng = np.random.default_rng(seed)
+    turns, ones = rng.normal(size=(200, 300)), np.ones((200, 300))
+    assert abs(explained_by_means(turns, ones, rng.normal(size=300)).mean()) < 4.5 * np.sqrt(22 / 200)
+
+
+@pytest.mark.slow
+def test_where_it_fails_is_where_the_error_is(data: Measurements) -> None:
+    """A turn of joint 4 that follows joint 3, which no fit of the geometry takes away."""
+    study = lrm.Study.of(data).fit().add("backlash@joint2")
+    lever = joint_levers(equilibrium(study.model, data.poses))[3].T
+    wrong = replace(data, tcp=data.tcp + 0.02 * np.sin(5.0 * data.poses.q[:, [2]]) * lever)
+    where = figure_values(quick_report(lrm.Study.of(wrong).fit().add("backlash@joint2")))["where"]
+    assert where == {"joint": 3, "driver": "angle of joint 3"}
 
 
 def test_every_effect_has_a_plain_name() -> None:

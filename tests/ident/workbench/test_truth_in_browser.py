@@ -131,6 +131,7 @@ def test_buttons_stay_the_verdict_is_of_the_step_shown_and_redo_gives_back(
     page = opened(browser, small, SIZE, seen)
     boxes = page.evaluate(BOXES)
     idle(page, RANKED)
+    assert page.inner_text("[data-name=add]").split("\n") == ["Add play in joint 2", "backlash@joint2"]
     before = page.evaluate("lrm.state.values.history[0].held")
     x, y = boxes["add"][0] + 20, boxes["add"][1] + 10
     under = f"document.elementFromPoint({x}, {y}).closest('[data-name]').dataset.name"
@@ -200,6 +201,37 @@ def test_the_report_on_paper(browser: Any, tmp_path: Path) -> None:
             assert apart, "two parts lie over one another on paper"
     page.evaluate("lrm.print(false)")
     assert page.evaluate("document.documentElement.dataset.theme") == "dark"
+    page.context.close()
+
+
+TEN = ("backlash@joint2", "cable_curve@joint1+joint2", "base_curve@base", *(f"eccentricity@joint{k}" for k in range(1, 7)))
+"""Effects that make a history of ten steps with the fit, some with many coefficients."""
+PAGE_MM, MARGIN_MM, MM_PER_PX = 297.0, 14.0, 25.4 / 96.0
+
+
+@pytest.mark.slow
+def test_of_ten_steps_the_first_card_is_on_page_one(browser: Any, tmp_path: Path) -> None:
+    """What stands above it fits with it on one page; and no card is more than half of one."""
+    data = part_of_example(tmp_path, 200)
+    study = lrm.Study.of(lrm.load(data)).fit()
+    for effect in TEN:
+        study = study.add(effect)
+    study.save(tmp_path / "m.toml")
+    stdout_of("report", tmp_path / "m.toml", data, "-o", tmp_path / "r.html")
+    page = browser.new_context(viewport=SIZE).new_page()
+    page.goto((tmp_path / "r.html").as_uri())
+    page.wait_for_selector("#lrm-card-9 .main-svg", state="attached")
+    assert page.evaluate("lrm.state.values.steps.length") == 10
+    page.pdf(path=SHOTS / "ten-steps.pdf")
+    page.emulate_media(media="print")
+    page.evaluate("lrm.print(true)")
+    cards = "[...document.querySelectorAll('.lrm-card-of-step')].map((one) => one.getBoundingClientRect())"
+    tops, heights = page.evaluate(f"[{cards}.map((box) => box.top + scrollY), {cards}.map((box) => box.height)]")
+    room = (PAGE_MM - 2 * MARGIN_MM) / MM_PER_PX
+    assert tops[0] + heights[0] <= room
+    assert max(heights) <= 0.5 * room
+    assert page.evaluate("getComputedStyle(document.querySelector('.lrm-card-of-step')).breakInside") == "avoid"
+    assert page.evaluate("[...document.querySelectorAll('.new-page')].every((one) => !one.querySelector('#lrm-cards'))")
     page.context.close()
 
 
