@@ -105,7 +105,7 @@ def _beta(found: Array, arms: Array) -> tuple[float, float]:
 
 
 def exact_interval(found: float, arms: int) -> tuple[float, float]:
-    """Exact 95 % interval of a share (Clopper & Pearson 1934) of which `found` of `arms` were seen; parts of arms, too."""
+    """Exact 95 % interval of a share (Clopper & Pearson 1934) where `found` of `arms` have it; parts of arms, too."""
     tails = (1 - LEVEL) / 2, (1 + LEVEL) / 2
     low = float(betaincinv(found, arms - found + 1, tails[0])) if found > 0 else 0.0
     return low, float(betaincinv(found + 1, arms - found, tails[1])) if found < arms else 1.0

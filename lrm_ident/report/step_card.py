@@ -154,10 +154,12 @@ def _shown(place: str, field: ErrorField, number: int, known: Sequence[Covariate
     """The joint and the driver whose chart shows most of what a step took away; of an effect at a joint, that joint."""
     own = place.removeprefix("joint")
     joints = [int(own) - 1] if own.isdigit() else range(len(field.lever))
-    before, after = (
-        [explained_by_means(field.steps[k].turns, field.lever, one.values) for one in known] for k in (number - 1, number)
-    )
-    return shown_most([b - a for b, a in zip(before, after, strict=True)], known, joints) if known else (joints[0], "")
+    before, after = field.steps[number - 1].turns, field.steps[number].turns
+    taken = [
+        explained_by_means(before, field.lever, one.values) - explained_by_means(after, field.lever, one.values)
+        for one in known
+    ]
+    return shown_most(taken, known, joints) if known else (joints[0], "")
 
 
 def _estimates(effect: Effect, entry: HistoryTable) -> dict[str, str]:

@@ -53,7 +53,8 @@ td { overflow-wrap: break-word; } ul { margin: 4px 0 8px; padding-left: 20px; } 
   .wide td:empty { min-width: 0; } }
 @media (max-width: 500px) { .tall { height: 400px; } }
 .lrm-paper body { max-width: none; padding: 0; font-size: 10pt; }
-.lrm-paper .two { display: block; } .lrm-paper h1 { font-size: 15px; font-weight: 600; } .lrm-paper header p { margin: 3px 0; }
+.lrm-paper .two { display: block; } .lrm-paper header p { margin: 3px 0; }
+.lrm-paper h1 { font-size: 15px; font-weight: 600; }
 .lrm-paper .verdict { font-size: 14px; } .lrm-paper h2 { font-size: 16px; margin: 3mm 0 1mm; }
 .lrm-paper .lrm-ladder { margin: 1mm 0; font-size: 9pt; font-weight: 400; }
 .lrm-paper .tall { height: 150mm; } .lrm-paper .medium { height: 80mm; } .lrm-paper .low { height: 38mm; }

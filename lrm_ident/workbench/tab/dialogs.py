@@ -96,7 +96,8 @@ def _of_rover(rover: RoverPanel, dialog: ui.dialog, do: Do) -> None:
 @contextmanager
 def _dialog(name: str, title: str, classes: str = "") -> Iterator[ui.dialog]:
     """A dialog with a card in it, opened once it is filled. `title`: what a screen reader says of it."""
-    with ui.dialog().props(f'aria-label="{title}"') as dialog, ui.card().classes(f"lrm-card {classes}").props(f'id="{name}"'):
+    dialog = ui.dialog().props(f'aria-label="{title}"')
+    with dialog, ui.card().classes(f"lrm-card {classes}").props(f'id="{name}"'):
         yield dialog
     dialog.open()
 

@@ -1,4 +1,4 @@
-"""axe-core on page and report with everything open: every dialog, notice and fold, at both ends of widths and themes."""
+"""axe-core on page and report with everything open: dialogs, notices and folds, narrow and wide, light and dark."""
 
 from __future__ import annotations
 

@@ -204,7 +204,12 @@ def test_the_report_on_paper(browser: Any, tmp_path: Path) -> None:
     page.context.close()
 
 
-TEN = ("backlash@joint2", "cable_curve@joint1+joint2", "base_curve@base", *(f"eccentricity@joint{k}" for k in range(1, 7)))
+TEN = (
+    "backlash@joint2",
+    "cable_curve@joint1+joint2",
+    "base_curve@base",
+    *(f"eccentricity@joint{k}" for k in range(1, 7)),
+)
 """Effects that make a history of ten steps with the fit, some with many coefficients."""
 PAGE_MM, MARGIN_MM, MM_PER_PX = 297.0, 14.0, 25.4 / 96.0
 

@@ -55,7 +55,7 @@ function lrmSteps(page) {
     const shapes = [], notes = [], floor = v.floor !== null ? v.floor : v.bound;
     if (floor !== null) {
       shapes.push({ type: "line", xref: "paper", x0: 0, x1: 1, y0: floor, y1: floor, line: { dash: "dot", color: colour("ink") } });
-      notes.push({ xref: "paper", x: 1, y: floor, xanchor: "right", yanchor: "top", showarrow: false, text: floorWords() });
+      notes.push({ xref: "paper", x: 0, y: floor, xanchor: "left", yanchor: "bottom", showarrow: false, text: floorWords() });
     }
     const most = Math.max(...h.map((one) => (one.here ? Math.max(one.fit, one.held || 0) : one.rms)));
     const wide = Math.min((place("history") || document.body).clientWidth, PAPER_PX), fits = Math.floor(wide / 7 / h.length) - 2; // letters
