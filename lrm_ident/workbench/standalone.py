@@ -47,10 +47,10 @@ h2 { font-size: 18px; border-bottom: 1px solid var(--grid); } h3 { font-size: 15
 table { border-collapse: collapse; margin: 8px 0 16px; font-size: 13px; font-variant-numeric: tabular-nums; }
 caption { text-align: left; font-weight: 600; padding: 4px 0; }
 th, td { padding: 2px 10px 2px 0; text-align: left; vertical-align: top; border-bottom: 1px solid var(--grid); }
-th.right, td.right { text-align: right; white-space: nowrap; }
+th.right, td.right { text-align: right; }
 td { overflow-wrap: break-word; } ul { margin: 4px 0 8px; padding-left: 20px; } h4 { margin: 12px 0 2px; }
-@media screen { .wide td:not(.right) { min-width: 7em; } .wide td:last-child:not(.right) { min-width: 12em; }
-  .wide td:empty { min-width: 0; } }
+@media screen { th.right, td.right { white-space: nowrap; } .wide td:not(.right) { min-width: 7em; }
+  .wide td:last-child:not(.right) { min-width: 12em; } .wide td:empty { min-width: 0; } }
 @media (max-width: 500px) { .tall { height: 400px; } }
 .lrm-paper body { max-width: none; padding: 0; font-size: 10pt; }
 .lrm-paper .two { display: block; } .lrm-paper header p { margin: 3px 0; }
