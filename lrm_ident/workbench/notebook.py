@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import tempfile
+from collections.abc import Iterable
 from functools import singledispatch
 from html import escape
 from pathlib import Path
@@ -28,6 +29,13 @@ FRAME = (
     'srcdoc="{page}"></iframe>'
 )
 
+STYLE = (
+    "<style>.lrm-shown table { border-collapse: collapse; margin: 4px 0 12px; font-variant-numeric: tabular-nums; } "
+    ".lrm-shown caption { text-align: left; font-weight: 600; } .lrm-shown :is(th, td) { text-align: left; "
+    "padding: 2px 10px 2px 0; vertical-align: top; } .lrm-shown :is(th, td).right { text-align: right; }</style>"
+)
+"""Of tables, which a notebook shows without the page's style."""
+
 
 @singledispatch
 def html_of(result: object) -> str:
@@ -37,30 +45,30 @@ def html_of(result: object) -> str:
 
 @html_of.register
 def _(result: ModelComparison) -> str:
-    return blocks_html(comparison_document(result).blocks) + _picture(result)
+    return _tables(comparison_document(result).blocks) + _picture(result)
 
 
 @html_of.register
 def _(result: DiagnosisReport) -> str:
-    return blocks_html(diagnosis_document(result).blocks) + _picture(result)
+    return _tables(diagnosis_document(result).blocks) + _picture(result)
 
 
 @html_of.register
 def _(result: AutoRun) -> str:
     taken = result.steps
     steps: list[Block] = [block for k, step in enumerate(taken) for block in step_blocks(k, step, taken[0])]
-    return blocks_html(steps) + html_of(report_of(result.confirmed))
+    return _tables(steps) + html_of(report_of(result.confirmed))
 
 
 @html_of.register
 def _(result: Fit) -> str:
-    return blocks_html([parameter_table(result)])
+    return _tables([parameter_table(result)])
 
 
 @html_of.register
 def _(result: Study) -> str:
     try:
-        return blocks_html([history_table(result.file)])
+        return _tables([history_table(result.file)])
     except LrmError as error:
         return f"<p>{escape(str(error))}</p>"
 
@@ -70,6 +78,10 @@ def page_of(study: Study) -> str:
     found = with_comparison(quick_report(study), study.compare())
     page = html_report(with_diagnosis(found, study.diagnose()))
     return FRAME.format(page=escape(page, quote=True))
+
+
+def _tables(blocks: Iterable[Block]) -> str:
+    return f'{STYLE}<div class="lrm-shown">{blocks_html(blocks)}</div>'
 
 
 def _picture(result: object) -> str:

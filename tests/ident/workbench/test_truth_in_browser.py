@@ -309,4 +309,8 @@ def test_a_study_draws_itself_in_a_notebook(browser: Any, tmp_path: Path) -> Non
     inside.locator("#lrm-field canvas").wait_for()
     assert "backlash" in inside.locator("#lrm-ranking").inner_text()
     page.screenshot(path=SHOTS / "notebook.png")
+    page.set_content(f"<!doctype html><body>{study._repr_html_()}{study.compare()._repr_html_()}")
+    sides = page.eval_on_selector_all("td.right", "(all) => all.map((one) => getComputedStyle(one).textAlign)")
+    assert set(sides) == {"right"}, "numbers are not under one another"
+    assert page.eval_on_selector("img", "(one) => one.naturalWidth") > 500
     page.close()
