@@ -21,7 +21,7 @@ from lrm_ident.fitting.loss import SQUARED
 from lrm_ident.fitting.model_fit import fit_model, nominal_model
 from lrm_ident.report.document import ListSection, ResultTable, heading
 from lrm_ident.report.document_html import blocks_html
-from lrm_ident.report.model_report import quick_report
+from lrm_ident.report.model_report import quick_report, with_diagnosis
 from lrm_ident.report.names.plain_names import PLAIN, plain_name
 from lrm_ident.report.plots.interactive.candidate_view import candidate_view, drivers_of
 from lrm_ident.report.plots.interactive.group_means import explained_by_means, shown_most
@@ -179,6 +179,19 @@ def test_where_it_fails_is_where_the_error_is(data: Measurements) -> None:
     wrong = replace(data, tcp=data.tcp + 0.02 * np.sin(5.0 * data.poses.q[:, [2]]) * lever)
     where = figure_values(quick_report(lrm.Study.of(wrong).fit().add("backlash@joint2")))["where"]
     assert where == {"joint": 3, "driver": "angle of joint 3"}
+
+
+@pytest.mark.slow
+def test_the_list_begins_with_what_the_verdict_names(data: Measurements) -> None:
+    """Also where one that the data cannot tell from others comes before one that has support of its own."""
+    study = lrm.Study.of(data.take(np.arange(100))).fit()
+    found = with_diagnosis(quick_report(study), study.diagnose())
+    assert found.diagnosis is not None
+    ranking = [dict(one) for one in found.diagnosis.values["ranking"]]  # type: ignore[attr-defined]
+    ranking[0]["verdict"], ranking[3]["verdict"] = "indistinguishable", "supported"
+    judged = replace(found.diagnosis, values={**found.diagnosis.values, "ranking": ranking})
+    shown = [one["name"] for one in figure_values(replace(found, diagnosis=judged))["ranking"]]
+    assert shown[:2] == [f"{one['effect']}@{one['place']}" for one in (ranking[0], ranking[3])]
 
 
 def test_every_effect_has_a_plain_name() -> None:

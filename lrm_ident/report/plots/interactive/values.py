@@ -185,14 +185,17 @@ def _where(found: ModelReport) -> dict[str, Any]:
 
 
 def _ranking(found: ModelReport, ranking: Any) -> list[dict[str, Any]]:
-    """The candidates: those with support first, in the order of `diagnose`, then by the error that they would leave."""
+    """The candidates: the one that the verdict names, others with support in the order of `diagnose`, then by the error
+    that they would leave."""
     views = {view.name: view for view in found.candidates}
     named = [(f"{advice['effect']}@{advice['place']}", advice) for advice in ranking]
     known = [(views[name], advice) for name, advice in named if name in views]
     first = known[0][1] if known else None
     weighted, order = found.poses.several_kinds, list(STANDINGS)
     out = [_candidate(view, advice, _standing(view, advice, first), weighted) for view, advice in known]
-    return sorted(out, key=lambda one: (order.index(one["standing"]), one["heldOut"] * (one["standing"] != SUPPORTED)))
+    named = 0 if first is None or first["verdict"] == "no_evidence" else 1
+    left = {one["name"]: one["heldOut"] * (one["standing"] != SUPPORTED) for one in out}
+    return out[:named] + sorted(out[named:], key=lambda one: (order.index(one["standing"]), left[one["name"]]))
 
 
 def _standing(view: CandidateView, advice: Mapping[str, Any], first: Mapping[str, Any] | None) -> str:
