@@ -7,8 +7,8 @@ function lrmField(page) {
   function drawField() {
     const both = state.beside !== null, scale = place("scale"), v = state.values;
     document.documentElement.classList.toggle("lrm-beside", both);
-    drawStep("field", state.step, !both);
-    if (both) drawStep("field-b", state.beside, true);
+    drawStep("field", both ? Math.min(state.step, state.beside) : state.step, !both); // before left, after right
+    if (both) drawStep("field-b", Math.max(state.step, state.beside), true);
     if (scale) scale.textContent = v.scale.words + (v.solids.shaped ? "" : "; links drawn as tubes: the arm's file has no shapes");
   }
 
