@@ -20,6 +20,8 @@ from lrm_math.errors import LrmError
 
 PANELS = FOLDER / "panels.html"
 REFRESH_S, ROVER_S = 0.1, 0.2
+SHOWN_MS = 300
+"""Until the browser shows the numbers that it was sent."""
 
 
 class WorkbenchPage:
@@ -94,6 +96,7 @@ class WorkbenchPage:
         ui.run_javascript(f"window.lrmGone = {json.dumps(_gone(session))}")
         ui.run_javascript(f"lrm.load('/lrm/values?n={session.drawn}')")
         self.numbers.set_content(self._numbers(shown.numbers))
+        ui.run_javascript(f"setTimeout(() => lrmGlossary(document.querySelector('.lrm-numbers')), {SHOWN_MS})")
         note = "" if shown.diagnosed else "the candidates appear when every effect has been tried"
         ui.run_javascript(f"document.getElementById('lrm-effect-note').textContent = {json.dumps(note)}")
 

@@ -14,18 +14,18 @@ const lrmGlossary = (() => {
 
   // Marks the first occurrence of every word in each block of an element.
   return function glossary(root) {
-    for (const block of root.querySelectorAll("p, li, th, h2, caption, span")) {
+    for (const block of root.querySelectorAll("p, li, th, td:first-child, h2, caption, span")) {
       if (block.querySelector("abbr") || block.closest("abbr, button")) continue;
       for (const node of [...block.childNodes].filter((one) => one.nodeType === Node.TEXT_NODE)) mark(node);
     }
   };
 
   function mark(node) {
-    const [before, word, ...rest] = node.textContent.split(ANY);
-    if (!word) return;
-    const term = document.createElement("abbr");
-    term.textContent = word;
-    term.title = WORDS[word];
-    node.replaceWith(before, term, rest.join(""));
+    const known = new Set();
+    node.replaceWith(...node.textContent.split(ANY).map((part) => {
+      if (!WORDS[part] || known.has(part)) return part;
+      known.add(part);
+      return Object.assign(document.createElement("abbr"), { textContent: part, title: WORDS[part] });
+    }));
   }
 })();
