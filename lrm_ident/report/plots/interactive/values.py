@@ -193,9 +193,9 @@ def _ranking(found: ModelReport, ranking: Any) -> list[dict[str, Any]]:
     first = known[0][1] if known else None
     weighted, order = found.poses.several_kinds, list(STANDINGS)
     out = [_candidate(view, advice, _standing(view, advice, first), weighted) for view, advice in known]
-    named = 0 if first is None or first["verdict"] == "no_evidence" else 1
+    top = 0 if first is None or first["verdict"] == "no_evidence" else 1
     left = {one["name"]: one["heldOut"] * (one["standing"] != SUPPORTED) for one in out}
-    return out[:named] + sorted(out[named:], key=lambda one: (order.index(one["standing"]), left[one["name"]]))
+    return out[:top] + sorted(out[top:], key=lambda one: (order.index(one["standing"]), left[one["name"]]))
 
 
 def _standing(view: CandidateView, advice: Mapping[str, Any], first: Mapping[str, Any] | None) -> str:
