@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
+from lrm_ident.data.csv_table import Column, CsvTable
 from lrm_ident.data.robot_files.rigid_motion import placement_motion, to_xyz_angles
 from lrm_math.arm.arm import Placement
 from lrm_math.arm.arm_file import MM
@@ -51,13 +54,22 @@ def rigid_motion(frame: FrameTable) -> tuple[Array, Array]:
     return T[:3, :3], T[:3, 3]
 
 
-def read_positions(reading: Reading, positions: Array) -> Array:
-    """(N, 3), positions of a file (m) in the arm's frame; in the file's own if that frame is not known yet."""
-    turned = positions if reading.axes is None else positions @ axes_matrix(reading.axes).T
+def motion_of(reading: Reading) -> tuple[Array, Array]:
+    """Rotation (3, 3), or mirror, and translation (3,), m, from a file's positions to the arm's frame.
+
+    To the file's own frame, with the arm's axes, as long as that frame is not known.
+    """
+    axes = np.eye(3) if reading.axes is None else axes_matrix(reading.axes)
     if not isinstance(reading.frame, FrameTable):
-        return turned
+        return axes, np.zeros(3)
     rotation, translation = rigid_motion(reading.frame)
-    return np.asarray(turned @ rotation.T + translation)
+    return rotation @ axes, translation
+
+
+def read_positions(reading: Reading, positions: Array) -> Array:
+    """(N, 3), positions of a file (m) as `motion_of` takes them."""
+    turn, shift = motion_of(reading)
+    return np.asarray(positions @ turn.T + shift)
 
 
 def read_joints(reading: Reading, columns: Array) -> Array:
@@ -66,7 +78,19 @@ def read_joints(reading: Reading, columns: Array) -> Array:
     return ordered if reading.joint_sign is None else ordered * np.array(reading.joint_sign, dtype=np.float64)
 
 
-def turn_of(how: Reading) -> Array:
-    """Rotation (3, 3), or mirror, by which a reading turns positions."""
-    origin, *unit = read_positions(how, np.concatenate([np.zeros((1, 3)), np.eye(3)]))
-    return np.asarray((np.array(unit) - origin).T)
+def in_joint_order(table: CsvTable, how: Reading) -> CsvTable:
+    """The table with the columns of joints named and signed as the arm has them."""
+    count = len(how.joint_order or how.joint_sign or ())
+    joints = zip(how.joint_order or range(1, count + 1), how.joint_sign or [1] * count, strict=True)
+    forms = ("q{}_deg", "q{}_meas_deg", "approach{}")
+    ours = {
+        form.format(theirs): (form.format(number), sign)
+        for number, (theirs, sign) in enumerate(joints, start=1)
+        for form in forms
+    }
+
+    def ordered(column: Column) -> Column:
+        name, sign = ours.get(column.name, (column.name, 1))
+        return replace(column, name=name, factor=column.factor * sign)
+
+    return replace(table, columns=tuple(map(ordered, table.columns)))

@@ -7,13 +7,14 @@ from __future__ import annotations
 
 import re
 from collections import defaultdict
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 from lrm_ident.data.apply_reading import ANGLE_UNITS, LENGTH_UNITS
-from lrm_ident.data.csv_table import CsvTable
+from lrm_ident.data.csv_table import Column, CsvTable
 from lrm_ident.data.table_text.csv_dialect import read_table
+from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_file import MM
 from lrm_math.errors import FileError
 from lrm_math.model.reading import AS_NAMED, Reading
@@ -21,7 +22,7 @@ from lrm_math.model.reading import AS_NAMED, Reading
 POSITION = ("x_mm", "y_mm", "z_mm")
 NO_UNIT = ("-", "1", "#")
 """Cells of a row of units below columns that have none."""
-ANGLES = re.compile(r"q\d+_deg")
+ANGLES = re.compile(r"q(\d+)_deg")
 UNIT_WORDS = {
     "mm": "mm", "millimeter": "mm", "millimeters": "mm", "millimetre": "mm", "millimetres": "mm",
     "cm": "cm", "centimeter": "cm", "centimeters": "cm",
@@ -84,58 +85,76 @@ def read_measurement_table(path: Path, how: Reading = AS_NAMED, joints: Sequence
 
     Raises `FileError`: two columns that are the same by name.
     """
-    table = _numbered(_from_zero(_named(_with_units(read_table(path), joints), joints)))
-    factors: dict[str, float] = {}
-    if how.unit:
-        factors |= dict.fromkeys((*POSITION, "distance_mm"), LENGTH_UNITS[how.unit] / MM)
-    if how.angle_unit:
-        names = [name for name in table.header if ANGLES.fullmatch(name)]
-        factors |= dict.fromkeys(names, ANGLE_UNITS[how.angle_unit] / ANGLE_UNITS["deg"])
-    return replace(table, factors={**table.factors, **factors})
+    table = _named(_with_units(read_table(path), joints), joints)
+    if "q0_deg" in table.header:
+        table = replace(table, columns=tuple(_from_one(column) for column in table.columns))
+    if "pose" not in table.header:
+        rows = tuple((str(number), *row) for number, row in enumerate(table.rows, start=1))
+        table = replace(table, columns=(Column("pose", "pose"), *table.columns), rows=rows)
+    return replace(table, columns=tuple(_in_unit(column, how) for column in table.columns))
 
 
-def in_joint_order(table: CsvTable, how: Reading) -> CsvTable:
-    """The table with the columns of joints named and signed as the arm has them."""
-    count = len(how.joint_order or how.joint_sign or ())
-    joints = zip(how.joint_order or range(1, count + 1), how.joint_sign or [1] * count, strict=True)
-    names, signs = dict[str, str](), dict[str, float]()
-    for number, (theirs, sign) in enumerate(joints, start=1):
-        for form in ("q{}_deg", "q{}_meas_deg", "approach{}"):
-            names[form.format(theirs)], signs[form.format(theirs)] = form.format(number), float(sign)
-    ours = [(names.get(name, name), name) for name in table.header]
-    return replace(
-        table,
-        header=tuple(own for own, _ in ours),
-        stated={own: table.stated.get(name, name) for own, name in ours},
-        factors={own: table.factors.get(name, 1.0) * signs.get(name, 1.0) for own, name in ours},
-    )
+def column_notices(table: CsvTable, known: Collection[str]) -> list[str]:
+    """Columns that are not used, and those that are read under another name or in another unit."""
+    unknown = [name for name in table.header if name and name not in known]
+    notices = [f"columns not used: {', '.join(unknown)}"] if unknown else []
+    taken = [
+        f"{own.name} = '{own.stated}'" + ("" if own.factor == 1.0 else f" times {own.factor:.6g}")
+        for own in table.columns
+        if own.name in known
+        and own.name != own.stated
+        and (own.factor != 1.0 or not own.stated.lower().startswith(own.name))
+    ]
+    return [*notices, f"read as: {', '.join(taken)}"] if taken else notices
+
+
+def stated_units(table: CsvTable) -> dict[str, str]:
+    """Units of the file's positions and angles, as fields of a `Reading`."""
+    factors = {column.name: column.factor for column in table.columns}
+    lengths = {metres / MM: unit for unit, metres in LENGTH_UNITS.items()}
+    turns = {radians / ANGLE_UNITS["deg"]: unit for unit, radians in ANGLE_UNITS.items()}
+    return {"unit": lengths[factors.get("x_mm", 1.0)], "angle_unit": turns[factors.get("q1_deg", 1.0)]}
+
+
+def joint_columns(table: CsvTable, arm: Arm, how: Reading) -> tuple[str, ...]:
+    """The columns of the arm's joints. Raises `FileError` if the file or the reading has another number of joints."""
+    for name, values in (("joint_sign", how.joint_sign), ("joint_order", how.joint_order)):
+        if values is not None and len(values) != arm.dof:
+            raise FileError(table.path, "", f"{name} has {len(values)} joints", f"{arm.name} has {arm.dof}")
+    stated, names = [name for name in table.header if ANGLES.fullmatch(name)], angle_columns(arm.dof)
+    if not {*stated} <= {*names}:
+        what = f"{len(stated)} joints, {arm.name} has {arm.dof}"
+        raise FileError(table.path, "header", what, "is this another arm?")
+    return names
+
+
+def angle_columns(dof: int) -> tuple[str, ...]:
+    """The columns of the angles of so many joints."""
+    return tuple(f"q{number}_deg" for number in range(1, dof + 1))
 
 
 def _named(table: CsvTable, joints: Sequence[str]) -> CsvTable:
     """The table with our names of its columns; the joints' own names count if all of them are there."""
     if not all(joints) or not {*joint_names(joints)} <= {words for name in table.header for words in bare_names(name)}:
         joints = ()
-    found = [ColumnName(name) if _is_ours(name) else column_name(name, joints) for name in table.header]
-    exact = {column.name for column, name in zip(found, table.header, strict=True) if column and column.name == name}
+    found = [
+        ColumnName(name) if _is_measured(name) or name == "pose" else column_name(name, joints) for name in table.header
+    ]
+    exact = {known.name for known, name in zip(found, table.header, strict=True) if known and known.name == name}
     same: defaultdict[str, list[str]] = defaultdict(list)
-    columns: list[ColumnName | None] = []
-    for column, name in zip(found, table.header, strict=True):
-        beside = column is not None and name != column.name and column.name in exact and not _is_measured(column.name)
-        columns.append(None if beside else column)
-        if column and not beside:
-            same[column.name].append(name)
+    columns = []
+    for known, name in zip(found, table.header, strict=True):
+        if known is None or (name != known.name and known.name in exact and not _is_measured(known.name)):
+            columns.append(Column(name, name))
+        else:
+            columns.append(Column(known.name, name, known.factor))
+            same[known.name].append(name)
     for ours, names in same.items():
         if len(names) > 1:
-            which = (
-                f"column {names[0]} stands twice" if len(set(names)) == 1 else f"{' and '.join(names)} are both {ours}"
-            )
+            twice = len(set(names)) == 1
+            which = f"column {names[0]} stands twice" if twice else f"{' and '.join(names)} are both {ours}"
             raise FileError(table.path, f"header, line {table.header_line}", which, "leave one, or rename the other")
-    return replace(
-        table,
-        header=tuple(column.name if column else name for column, name in zip(columns, table.header, strict=True)),
-        stated={c.name: name for c, name in zip(columns, table.header, strict=True) if c and c.name != name},
-        factors={column.name: column.factor for column in columns if column and column.factor != 1.0},
-    )
+    return replace(table, columns=tuple(columns))
 
 
 def _with_units(table: CsvTable, joints: Sequence[str]) -> CsvTable:
@@ -147,48 +166,35 @@ def _with_units(table: CsvTable, joints: Sequence[str]) -> CsvTable:
     units = [unit_word(word) for word in words]
     if not any(units) or any(word and not unit for word, unit in zip(words, units, strict=True)):
         return table
-    header = []
+    columns = []
     for name, unit in zip(table.header, units, strict=True):
         known = column_name(name, joints)
         own = known.unit if known else unit_word(name.rpartition("_")[2])
         if unit and own and own != unit:
             right = "leave the row of units out, or correct it"
             raise FileError(table.path, f"line {table.lines[0]}, column {name}", f"its unit is stated as {unit}", right)
-        header.append(f"{name} [{unit}]" if unit and not own else name)
-    return replace(table, header=tuple(header), rows=table.rows[1:], lines=table.lines[1:])
-
-
-def _numbered(table: CsvTable) -> CsvTable:
-    """The table with a column `pose`: 1, 2, 3 … if it has none."""
-    if "pose" in table.header:
-        return table
-    rows = tuple((str(number), *row) for number, row in enumerate(table.rows, start=1))
-    return replace(table, header=("pose", *table.header), rows=rows)
-
-
-def _is_ours(name: str) -> bool:
-    return _is_measured(name) or name == "pose"
+        stated = f"{name} [{unit}]" if unit and not own else name
+        columns.append(Column(stated, stated))
+    return replace(table, columns=tuple(columns), rows=table.rows[1:], lines=table.lines[1:])
 
 
 def _is_measured(name: str) -> bool:
     return name in POSITION or ANGLES.fullmatch(name) is not None
 
 
-def _from_zero(table: CsvTable) -> CsvTable:
-    """The table with joints numbered from 1 if the file numbers them from 0."""
-    if "q0_deg" not in table.header:
-        return table
+def _from_one(column: Column) -> Column:
+    """A column of a joint that the file numbers from 0, numbered from 1; any other as it is."""
+    joint = ANGLES.fullmatch(column.name)
+    return replace(column, name=f"q{int(joint[1]) + 1}_deg") if joint else column
 
-    def shifted(name: str) -> str:
-        return f"q{int(name[1:-4]) + 1}_deg" if ANGLES.fullmatch(name) else name
 
-    stated = {**{name: name for name in table.header if ANGLES.fullmatch(name)}, **table.stated}
-    return replace(
-        table,
-        header=tuple(map(shifted, table.header)),
-        stated={shifted(ours): name for ours, name in stated.items()},
-        factors={shifted(ours): factor for ours, factor in table.factors.items()},
-    )
+def _in_unit(column: Column, how: Reading) -> Column:
+    """A column of a position or an angle in the unit that `how` states; any other as it is."""
+    if how.unit and column.name in (*POSITION, "distance_mm"):
+        return replace(column, factor=LENGTH_UNITS[how.unit] / MM)
+    if how.angle_unit and ANGLES.fullmatch(column.name):
+        return replace(column, factor=ANGLE_UNITS[how.angle_unit] / ANGLE_UNITS["deg"])
+    return column
 
 
 def column_name(text: str, joints: Sequence[str] = ()) -> ColumnName | None:

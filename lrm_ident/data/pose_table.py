@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from lrm_ident.data.apply_reading import read_joints
-from lrm_ident.data.number_table import NumberTable
+from lrm_ident.data.csv_table import KnownColumns, NumberTable
+from lrm_ident.data.measurement_table import angle_columns
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_file import GRAM
 from lrm_math.arm.plausible_arm import total_mass
@@ -27,15 +27,11 @@ class BeyondLimits(FileError):
     """A joint angle beyond the limits of the arm."""
 
 
-def angle_columns(arm: Arm) -> list[str]:
-    """The columns of the joints' angles."""
-    return [f"q{i + 1}_deg" for i in range(arm.dof)]
-
-
-def pose_columns(arm: Arm) -> set[str]:
-    """All columns of commanded poses."""
-    sides = (f"approach{i + 1}" for i in range(arm.dof))
-    return {*angle_columns(arm), *sides, "pose", "t_s", "session", "temp_c", "payload_g", "approach"}
+def pose_columns(arm: Arm) -> KnownColumns:
+    """Columns of commanded poses."""
+    angles, sides = angle_columns(arm.dof), _side_columns(arm.dof)
+    names = {*angles, *sides, "pose", "t_s", "session", "temp_c", "payload_g", "approach"}
+    return KnownColumns(names, together={angles: ""}, plausible={"payload_g": _payload(arm)})
 
 
 def read_poses(table: NumberTable, arm: Arm, how: Reading, start: Array | None = None) -> Poses:
@@ -44,11 +40,9 @@ def read_poses(table: NumberTable, arm: Arm, how: Reading, start: Array | None =
     `start`: (n,), joint angles before the first one (rad).
     """
     q, n = read_angles(table, arm), len(table)
-    moves = directions(q, start, after_gap(table.whole("pose")) if "pose" in table else None)
+    moves = directions(q, start, after_gap(table.whole("pose")))
     sides = _approach(table, moves, how)
     straight = bool(np.all((sides == moves) | (moves == 0.0))) and "approach" not in table
-    if "payload_g" in table:
-        table.reject_implausible("payload_g", _payload(arm))
     t, session = table.columns.get("t_s"), table.columns.get("session")
     return Poses(
         q=q,
@@ -60,7 +54,12 @@ def read_poses(table: NumberTable, arm: Arm, how: Reading, start: Array | None =
         number=table.whole("pose"),
         friction=friction_states(q, moves, start) if straight else None,
         running=None if t is None else _running(t, np.zeros(n) if session is None else session),
+        sha256=table.cells.sha256,
     )
+
+
+def _side_columns(dof: int) -> tuple[str, ...]:
+    return tuple(f"approach{number}" for number in range(1, dof + 1))
 
 
 def _payload(arm: Arm) -> PlausibleSize:
@@ -80,7 +79,7 @@ def _running(t: Array, session: Array) -> Array:
 
 def read_angles(table: NumberTable, arm: Arm) -> Array:
     """(N, n) joint angles (rad), all within the arm's limits, by a full turn if need be. Raises `BeyondLimits`."""
-    q = full_turns(np.radians(table.stack(angle_columns(arm))), arm)[0]
+    q = full_turns(np.radians(table.together[angle_columns(arm.dof)]), arm)[0]
     for i, joint in enumerate(arm.joints):
         outside = (q[:, i] < joint.lower - LIMIT_TOLERANCE) | (q[:, i] > joint.upper + LIMIT_TOLERANCE)
         if outside.any():
@@ -102,12 +101,12 @@ def full_turns(q: Array, arm: Arm) -> tuple[Array, NDArray[np.bool_]]:
 
 def _approach(table: NumberTable, moves: Array, how: Reading) -> Array:
     """(N, n), approach directions: the columns `approach1` … or `approach`, else the moves."""
-    own = [f"approach{i + 1}" for i in range(moves.shape[1])]
+    own = _side_columns(moves.shape[1])
     if all(name in table for name in own):
-        return table.stack(own)
+        return np.stack([table.columns[name] for name in own], axis=1)
     if "approach" not in table:
         return moves
-    return read_joints(how, np.repeat(table.stack(["approach"]), moves.shape[1], axis=1))
+    return np.repeat(table.columns["approach"][:, None], moves.shape[1], axis=1) * (how.joint_sign or 1.0)
 
 
 def after_gap(number: NDArray[np.int64]) -> NDArray[np.bool_]:

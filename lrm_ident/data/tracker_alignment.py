@@ -12,10 +12,11 @@ from pathlib import Path
 
 import numpy as np
 
-from lrm_ident.data.csv_table import CsvTable, csv_text
-from lrm_ident.data.number_table import read_numbers
+from lrm_ident.data.csv_table import CsvTable, KnownColumns, read_numbers
+from lrm_ident.data.measurement_table import angle_columns
 from lrm_ident.data.pose_table import read_angles
 from lrm_ident.data.table_text.csv_dialect import read_csv
+from lrm_ident.data.table_text.csv_text import csv_text
 from lrm_ident.data.weights.rotations import rotation_matrix
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_file import MM
@@ -108,10 +109,10 @@ def measurements_from(path: Path, arm: Arm, deviation: Array) -> tuple[str, Trac
 
     Raises `FileError`: naming file, line and column of the first fault.
     """
-    angles = [f"q{i + 1}_deg" for i in range(arm.dof)]
+    angles = angle_columns(arm.dof)
     table = read_csv(path, ["pose", *angles, *BASE, *ORIENTATION, *TCP])
     tracked = _tracked(table, least=1)
-    read_angles(read_numbers(table, angles), arm)
+    read_angles(read_numbers(table, KnownColumns(angles, together={angles: ""})), arm)
     tcp = (tracked.in_base() - deviation) / MM
     columns = [("pose", table.numbers("pose"), 0)]
     columns += [(name, table.numbers(name), 3) for name in OPTIONAL if name in table.header]

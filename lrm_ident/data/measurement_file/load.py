@@ -2,45 +2,38 @@
 
 from __future__ import annotations
 
-import hashlib
-from collections.abc import Collection
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from lrm_ident.data.apply_reading import ANGLE_UNITS, LENGTH_UNITS, read_joints, read_positions, turn_of
-from lrm_ident.data.csv_table import CsvTable, require
-from lrm_ident.data.measurement_file.distance_columns import DISTANCE, DISTANCE_SD, read_distances
-from lrm_ident.data.measurement_file.metadata import NOTHING_STATED, Metadata, metadata_of
-from lrm_ident.data.measurement_file.pose_columns import (
-    QUATERNION,
-    SCATTER,
+from lrm_ident.data.apply_reading import in_joint_order, motion_of
+from lrm_ident.data.csv_table import KnownColumns, read_numbers, require, without_bad_rows
+from lrm_ident.data.measurement_file.metadata import NOTHING_STATED, metadata_of, sidecar_notices, start_angles
+from lrm_ident.data.measurement_file.row_checks import doubtful, numbered_rows, without_lost
+from lrm_ident.data.measurement_file.sensed_columns import (
+    DISTANCE,
     feedback_columns,
-    read_attitude,
-    read_covariance,
+    measured_columns,
     read_feedback,
+    with_sensed,
 )
-from lrm_ident.data.measurement_file.row_checks import doubtful, without_lost
-from lrm_ident.data.measurement_table import ANGLES, POSITION, in_joint_order, read_measurement_table
+from lrm_ident.data.measurement_table import (
+    POSITION,
+    angle_columns,
+    column_notices,
+    joint_columns,
+    read_measurement_table,
+    stated_units,
+)
 from lrm_ident.data.measurements import Measurements
-from lrm_ident.data.number_table import NumberTable, read_numbers, without_bad_rows
-from lrm_ident.data.output_files import is_something_else
-from lrm_ident.data.pose_table import angle_columns, pose_columns, read_poses
-from lrm_ident.data.table_text.csv_dialect import encoding_of, is_workbook
-from lrm_ident.data.weights.rotations import turned_covariance
+from lrm_ident.data.pose_table import full_turns, pose_columns, read_poses
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_file import MM
 from lrm_math.arrays import Array
 from lrm_math.errors import FileError
 from lrm_math.kinematics.poses import Poses
 from lrm_math.model.reading import AS_NAMED, Reading
-from lrm_math.toml_file import schema_of
-
-OWN = {*POSITION, *SCATTER, *QUATERNION, DISTANCE, DISTANCE_SD, "supply_v", "sd_mm", "repeat_of"}
-"""Columns of measurements beside those of poses and of joint feedback."""
 
 
 def load_measurements(path: Path, arm: Arm, reading: Reading | None = None) -> Measurements:
@@ -51,120 +44,41 @@ def load_measurements(path: Path, arm: Arm, reading: Reading | None = None) -> M
 
     Raises `FileError`: naming file, line and column of the first fault (`BeyondLimits`: of a joint).
     """
-    metadata = metadata_of(path) or NOTHING_STATED
+    metadata, beside = metadata_of(path) or NOTHING_STATED, sidecar_notices(path)
     how = (reading or AS_NAMED).over(metadata)
-    cells = read_measurement_table(path, how, [joint.name for joint in arm.joints])
-    positions = DISTANCE not in cells.header or bool({*POSITION} & {*cells.header})
-    cells = require(cells, [*_angle_columns(cells, arm, how), *(POSITION if positions else ())])
-    feedback = feedback_columns(arm)
-    gaps = {*QUATERNION, *feedback, DISTANCE, "repeat_of", *(POSITION if DISTANCE in cells.header else ())}
-    known = {*OWN, *pose_columns(arm), *feedback}
-    start, notices, stated = _start(path, metadata, arm, how), _notices(cells, known), _stated(cells, how)
-    cells = in_joint_order(cells, how)
-    cells, skipped = without_bad_rows(cells, known, gaps, how.bad_rows == "skip")
-    table = read_numbers(cells, known, gaps)
-    pose = table.whole("pose")
-    _check_once(table, pose)
-    tcp = np.full((len(table), 3), np.nan)
-    if positions:
-        table.reject_gaps(POSITION, "position")
-        tcp = read_positions(how, table.stack(POSITION) * MM)
-    noise = None if metadata.noise_sd_mm is None else metadata.noise_sd_mm * MM
-    parts, unused = _sensed_parts(table, arm, how, metadata, tcp, noise)
-    sha256 = hashlib.sha256(path.read_bytes()).hexdigest()
+    named = read_measurement_table(path, how, [joint.name for joint in arm.joints])
+    known, tips = measured_columns(arm), True
+    if DISTANCE in named.header:
+        known = replace(known, may_be_empty={*known.may_be_empty, *POSITION})
+        tips = bool({*POSITION} & {*named.header})
+    required = [*joint_columns(named, arm, how), *(POSITION if tips else ())]
+    notices, units = [*column_notices(named, known.names), *beside], stated_units(named)
+    whole = require(named, required)
+    start = start_angles(path, metadata, arm, how)
+    ordered = in_joint_order(whole, how)
+    turn, shift = motion_of(how)
+    cells = without_bad_rows(ordered, known, how.bad_rows == "skip")
+    table = read_numbers(cells, known)
+    pose, repeat_of = numbered_rows(table)
     data = Measurements(
-        poses=replace(read_poses(table, arm, how, start), sha256=sha256),
+        poses=read_poses(table, arm, how, start),
         pose=pose,
-        tcp=tcp,
-        noise_sd=noise,
-        repeat_of=_repeats(table, pose),
+        tcp=table.together[POSITION] * MM if tips else np.full((len(table), 3), np.nan),
+        sd=None,
+        noise_sd=None if metadata.noise_sd_mm is None else metadata.noise_sd_mm * MM,
+        repeat_of=repeat_of,
         path=path,
-        sha256=sha256,
-        notices=(*notices, *skipped, *doubtful(table, arm, metadata), *unused),
+        sha256=cells.sha256,
+        notices=(*notices, *cells.notices, *doubtful(table, arm, metadata)),
         arm=arm,
         reading=Reading(**how.said()),
-        stated=stated,
-        **parts,
+        stated=Reading(**{**units, **how.said()}),
     )
-    return without_lost(data, table) if positions else data
-
-
-def _sensed_parts(
-    table: NumberTable, arm: Arm, how: Reading, metadata: Metadata, tcp: Array, noise: float | None
-) -> tuple[dict[str, Any], tuple[str, ...]]:
-    """Parts measured beside positions `tcp`, and all scatter, as attributes of measurements; why some are not used.
-
-    `noise`: standard deviation of all positions (m).
-    """
-    sd = table.columns["sd_mm"] * MM if "sd_mm" in table else None
-    known = sd if sd is not None or noise is None else np.full(len(table), noise)
-    covariance = read_covariance(table, known)
-    weighed = covariance is not None or known is not None
-    found, notices = read_distances(table, metadata, how, tcp, weighed), list[str]()
-    if np.isnan(tcp).all():
-        notices.append("no positions: every error is that of a distance")
-        covariance, known, sd, weighed = None, None, found.sd, found.sd is not None
-    attitude, feedback, feedback_sd = read_attitude(table), read_feedback(table, arm), metadata.feedback_sd_deg
-    if attitude is not None and (covariance is None or np.isnan(covariance[0, 3, 3])):
-        attitude = None
-        notices.append("the orientation is not used: state its standard deviation in a column srot_deg")
-    if feedback is not None and (feedback_sd is None or not weighed):
-        feedback = None
-        needed = "state feedback_sd_deg in the file beside the data, and the positions' standard deviation"
-        notices.append(f"the joint feedback is not used: {needed} (sd_mm, noise_sd_mm)")
-    if covariance is None and known is not None and (feedback is not None or found.distance is not None):
-        covariance = np.full((len(known), 6, 6), np.nan)
-        covariance[:, :3, :3] = known[:, None, None] ** 2 * np.eye(3)
-    if covariance is not None:
-        turn = turn_of(how)
-        if np.linalg.det(turn) < 0 and attitude is not None:
-            raise table.fault("", "an orientation in a mirrored frame", "no rotation does that; check --axes")
-        covariance = turned_covariance(covariance, turn)
-        attitude = None if attitude is None else turn @ attitude
-        sd = np.sqrt(np.einsum("nii->n", covariance[:, :3, :3]) / 3.0)
-        if found.distance is not None and found.sd is not None:
-            sd = np.where(np.isnan(tcp[:, 0]), found.sd, sd)
-    return {
-        "sd": sd,
-        "covariance": covariance,
-        "attitude": attitude,
-        "feedback": feedback,
-        "feedback_sd": None if feedback is None or feedback_sd is None else float(np.radians(feedback_sd)),
-        "distance": found.distance,
-        "distance_sd": None if found.distance is None else found.sd,
-        "distance_from": found.start,
-    }, (*found.notices, *notices)
-
-
-def _stated(table: CsvTable, how: Reading) -> Reading:
-    """The reading with the units of the columns where it names none."""
-    units = {metres / MM: unit for unit, metres in LENGTH_UNITS.items()}
-    turns = {radians / ANGLE_UNITS["deg"]: unit for unit, radians in ANGLE_UNITS.items()}
-    unit, turn = units[table.factors.get("x_mm", 1.0)], turns[table.factors.get("q1_deg", 1.0)]
-    return Reading(**{"unit": unit, "angle_unit": turn, **how.said()})
-
-
-def _angle_columns(table: CsvTable, arm: Arm, how: Reading) -> list[str]:
-    """The columns of the arm's joints. Raises `FileError` if the file or the reading has another number of joints."""
-    for name, values in (("joint_sign", how.joint_sign), ("joint_order", how.joint_order)):
-        if values is not None and len(values) != arm.dof:
-            raise FileError(table.path, "", f"{name} has {len(values)} joints", f"{arm.name} has {arm.dof}")
-    angles = angle_columns(arm)
-    more = [name for name in table.header if ANGLES.fullmatch(name) and name not in angles]
-    if more:
-        count = sum(1 for name in table.header if ANGLES.fullmatch(name))
-        raise FileError(table.path, "header", f"{count} joints, {arm.name} has {arm.dof}", "is this another arm?")
-    return angles
-
-
-def _start(path: Path, metadata: Metadata, arm: Arm, how: Reading) -> Array | None:
-    """(n,), joint angles before the first pose (rad), or None. Raises `FileError`."""
-    if metadata.start_q_deg is None:
-        return None
-    if len(metadata.start_q_deg) != arm.dof:
-        what = f"{len(metadata.start_q_deg)} angles"
-        raise FileError(path.with_suffix(".toml"), "start_q_deg", what, f"should be {arm.dof}")
-    return read_joints(how, np.radians(metadata.start_q_deg))
+    sensed = with_sensed(data, table, metadata)
+    if np.linalg.det(turn) < 0 and sensed.attitude is not None:
+        raise FileError(path, "", "an orientation in a mirrored frame", "no rotation does that; check --axes")
+    placed = sensed.turned(turn, shift)
+    return without_lost(placed, table) if tips else placed
 
 
 def load_poses(file: str | Path, arm: Arm, reading: Reading | None = None) -> Poses:
@@ -177,14 +91,14 @@ def load_poses(file: str | Path, arm: Arm, reading: Reading | None = None) -> Po
     """
     path = Path(file)
     how = (reading or AS_NAMED).over(metadata_of(path))
-    cells = read_measurement_table(path, how, [joint.name for joint in arm.joints])
-    table = read_numbers(in_joint_order(require(cells, _angle_columns(cells, arm, how)), how), pose_columns(arm))
-    return replace(read_poses(table, arm, how), sha256=hashlib.sha256(path.read_bytes()).hexdigest())
+    named = read_measurement_table(path, how, [joint.name for joint in arm.joints])
+    cells = in_joint_order(require(named, joint_columns(named, arm, how)), how)
+    return read_poses(read_numbers(cells, pose_columns(arm)), arm, how)
 
 
 def says_measured(path: Path) -> bool:
     """Whether a file has columns of positions or distances, not commands alone. Raises `FileError`."""
-    return bool({*POSITION, DISTANCE} & set(read_measurement_table(path).header))
+    return bool({*POSITION, DISTANCE} & {*read_measurement_table(path).header})
 
 
 def read_pose_feedback(path: Path, arm: Arm) -> tuple[Array | None, float | None]:
@@ -192,57 +106,11 @@ def read_pose_feedback(path: Path, arm: Arm) -> tuple[Array | None, float | None
 
     Raises `FileError`.
     """
-    metadata, columns = metadata_of(path) or NOTHING_STATED, feedback_columns(arm)
+    metadata, angles, feedback = metadata_of(path) or NOTHING_STATED, angle_columns(arm.dof), feedback_columns(arm.dof)
     how = AS_NAMED.over(metadata)
-    cells = in_joint_order(read_measurement_table(path, how), how)
-    return read_feedback(read_numbers(cells, {*columns, *angle_columns(arm)}, columns), arm), metadata.feedback_sd_deg
-
-
-def _check_once(table: NumberTable, pose: NDArray[np.int64]) -> None:
-    first: dict[int, int] = {}
-    for row, number in enumerate(pose.tolist()):
-        if first.setdefault(number, row) != row:
-            what = f"pose {number} stands in line {table.cells.lines[first[number]]} already"
-            right = "each row has its own number; name a repetition in the column repeat_of"
-            raise table.fault(table.cells.at(row, "pose"), what, right)
-
-
-def _repeats(table: NumberTable, pose: NDArray[np.int64]) -> NDArray[np.int64]:
-    """(N,), number of the pose that each row repeats; its own where the cell is empty."""
-    if "repeat_of" not in table:
-        return pose
-    stated = table.columns["repeat_of"]
-    repeat = np.where(np.isnan(stated), pose, np.nan_to_num(stated)).astype(np.int64)
-    unknown = ~np.isin(repeat, pose)
-    if unknown.any():
-        row = int(np.argmax(unknown))
-        raise table.fault(table.cells.at(row, "repeat_of"), f"there is no pose {repeat[row]}")
-    return repeat
-
-
-def _converted(table: CsvTable, ours: str) -> str:
-    factor = table.factors.get(ours, 1.0)
-    return "" if factor == 1.0 else f" times {factor:.6g}"
-
-
-def _notices(table: CsvTable, known: Collection[str]) -> list[str]:
-    unknown = [name for name in table.header if name and name not in known]
-    notices = [f"columns not used: {', '.join(unknown)}"] if unknown else []
-    taken = {
-        ours: f"{ours} = '{name}'{_converted(table, ours)}"
-        for ours, name in table.stated.items()
-        if ours in known and (table.factors.get(ours, 1.0) != 1.0 or not name.lower().startswith(ours))
-    }
-    if taken:
-        notices.append("read as: " + ", ".join(taken.values()))
-    sidecar = table.path.with_suffix(".toml")
-    if sidecar.is_file() and is_something_else(sidecar):
-        notices.append(f"{sidecar.name} beside it is {schema_of(sidecar)}, so it says nothing of these data")
-    content = table.path.read_bytes()
-    if is_workbook(content):
-        return [*notices, "read from the first sheet of the workbook"]
-    if encoding_of(content) == "cp1252":
-        notices.append("read as Windows-1252 (Latin-1), as it is not UTF-8")
-    if not content.endswith(b"\n"):
-        notices.append("the last line does not end; is the file complete?")
-    return notices
+    named = read_measurement_table(path, how)
+    cells = in_joint_order(require(named, joint_columns(named, arm, how)), how)
+    known = KnownColumns({*feedback, *angles}, feedback, {angles: "", feedback: ""})
+    table = read_numbers(cells, known)
+    q, _ = full_turns(np.radians(table.together[angles]), arm)
+    return read_feedback(table, q), metadata.feedback_sd_deg

@@ -5,16 +5,19 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated, Literal
 
+import numpy as np
 from pydantic import Field, FiniteFloat
 
-from lrm_ident.data.number_table import PLAUSIBLE
+from lrm_ident.data.apply_reading import read_joints
+from lrm_ident.data.csv_table import PLAUSIBLE
 from lrm_ident.data.output_files import is_something_else
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_file import load_arm, shipped_arms
+from lrm_math.arrays import Array
 from lrm_math.errors import FileError
 from lrm_math.model.reading import Reading
 from lrm_math.plausibility import implausible_value
-from lrm_math.toml_file import read_toml
+from lrm_math.toml_file import read_toml, schema_of
 
 
 class Metadata(Reading):
@@ -56,6 +59,24 @@ def metadata_of(path: Path) -> Metadata | None:
         if found:
             raise FileError(file, key, found.what, found.right)
     return metadata
+
+
+def start_angles(path: Path, metadata: Metadata, arm: Arm, how: Reading) -> Array | None:
+    """(n,), joint angles before the first pose of a CSV file (rad), or None. Raises `FileError`."""
+    if metadata.start_q_deg is None:
+        return None
+    if len(metadata.start_q_deg) != arm.dof:
+        what = f"{len(metadata.start_q_deg)} angles"
+        raise FileError(path.with_suffix(".toml"), "start_q_deg", what, f"should be {arm.dof}")
+    return read_joints(how, np.radians(metadata.start_q_deg))
+
+
+def sidecar_notices(path: Path) -> tuple[str, ...]:
+    """A notice of a file beside a CSV file, of the name of its metadata, that is something else."""
+    sidecar = path.with_suffix(".toml")
+    if not sidecar.is_file() or not is_something_else(sidecar):
+        return ()
+    return (f"{sidecar.name} beside it is {schema_of(sidecar)}, so it says nothing of these data",)
 
 
 def arm_for(data: Path, arm: str | None) -> tuple[str, Arm]:

@@ -8,15 +8,16 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from lrm_ident.data.csv_table import NumberTable
 from lrm_ident.data.measurement_file.metadata import Metadata
-from lrm_ident.data.measurement_table import POSITION
+from lrm_ident.data.measurement_table import POSITION, angle_columns
 from lrm_ident.data.measurements import Measurements
-from lrm_ident.data.number_table import NumberTable
-from lrm_ident.data.pose_table import after_gap, angle_columns, full_turns
+from lrm_ident.data.pose_table import after_gap, full_turns
 from lrm_ident.data.wording import enumerate_words
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_file import MM
 from lrm_math.arm.plausible_arm import reach
+from lrm_math.errors import FileError
 from lrm_math.model.equilibrium import equilibrium
 from lrm_math.model.model import model_of
 
@@ -27,16 +28,36 @@ SAME_POSE = 1.0  # deg
 MOVED = 0.05  # share of the reach
 
 
+def numbered_rows(table: NumberTable) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Pose numbers (N,), and that of the pose that each row repeats, its own where the cell is empty.
+
+    Raises `FileError`: a number that stands twice, or a repetition of no pose.
+    """
+    pose, first = table.whole("pose"), dict[int, int]()
+    for row, number in enumerate(pose.tolist()):
+        if first.setdefault(number, row) != row:
+            what = f"pose {number} stands in line {table.cells.lines[first[number]]} already"
+            right = "each row has its own number; name a repetition in the column repeat_of"
+            raise FileError(table.cells.path, table.cells.at(row, "pose"), what, right)
+    stated = table.columns.get("repeat_of", pose)
+    repeat = np.where(np.isnan(stated), pose, np.nan_to_num(stated)).astype(np.int64)
+    unknown = ~np.isin(repeat, pose)
+    if unknown.any():
+        row = int(np.argmax(unknown))
+        raise FileError(table.cells.path, table.cells.at(row, "repeat_of"), f"there is no pose {repeat[row]}")
+    return pose, repeat
+
+
 def without_lost(data: Measurements, table: NumberTable) -> Measurements:
     """The measurements without positions that are exactly 0, 0, 0: a tracker writes them while it sees nothing.
 
     Raises `FileError` if all are.
     """
-    lost = (table.stack(POSITION) == 0.0).all(axis=1)
+    lost = (table.together[POSITION] == 0.0).all(axis=1)
     if not lost.any():
         return data
     if lost.all():
-        raise table.fault("", "every position is 0, 0, 0", "was the tracker on?")
+        raise FileError(data.path, "", "every position is 0, 0, 0", "was the tracker on?")
     count = f"{int(lost.sum())} positions are exactly 0, 0, 0, as of a lost tracker"
     words = f"{count}, and left out: {_poses(data.pose[lost])}"
     return replace(data.without(data.pose[lost].tolist()), notices=(*data.notices, words))
@@ -76,7 +97,7 @@ def doubtful(table: NumberTable, arm: Arm, metadata: Metadata) -> Iterator[str]:
 
 def _turns(table: NumberTable, arm: Arm) -> Iterator[str]:
     """Angles that were read a full turn away, as those of a file that counts from 0 to 360 deg."""
-    stated = np.radians(table.stack(angle_columns(arm)))
+    stated = np.radians(table.together[angle_columns(arm.dof)])
     q, turned = full_turns(stated, arm)
     for joint in np.flatnonzero(turned.any(axis=0)).tolist():
         row = int(np.argmax(turned[:, joint]))
@@ -99,7 +120,7 @@ def _repetitions(table: NumberTable, arm: Arm, number: NDArray[np.int64]) -> Ite
     """Repetitions that were commanded elsewhere than what they repeat."""
     if "repeat_of" not in table:
         return
-    q, first = table.stack(angle_columns(arm)), {int(pose): row for row, pose in enumerate(number)}
+    q, first = table.together[angle_columns(arm.dof)], {int(pose): row for row, pose in enumerate(number)}
     stated = np.nan_to_num(table.columns["repeat_of"], nan=-1.0)
     of = [first.get(int(pose), row) for row, pose in enumerate(stated)]
     away = np.abs(q - q[of]).max(axis=1) > SAME_POSE

@@ -2,13 +2,22 @@
 
 from __future__ import annotations
 
+from itertools import combinations_with_replacement
+
 import numpy as np
 
-from lrm_ident.data.csv_table import csv_text
-from lrm_ident.data.measurement_file.distance_columns import DISTANCE, DISTANCE_SD
-from lrm_ident.data.measurement_file.pose_columns import QUATERNION, covariance_columns
+from lrm_ident.data.measurement_file.sensed_columns import (
+    CROSS_COVARIANCE,
+    DEG,
+    DISTANCE,
+    DISTANCE_SD,
+    POSITION_COVARIANCE,
+    QUATERNION,
+    TURN_COVARIANCE,
+)
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.pose_table import after_gap
+from lrm_ident.data.table_text.csv_text import csv_text
 from lrm_ident.data.weights.rotations import quaternions
 from lrm_math.arm.arm_file import GRAM, MM
 from lrm_math.arrays import Array
@@ -36,7 +45,7 @@ def _scatter_columns(data: Measurements) -> list[tuple[str, Array, int]]:
     """Optional columns of scatter, orientation, feedback and distance."""
     out: list[tuple[str, Array, int]] = []
     if data.covariance is not None:
-        out += covariance_columns(data.covariance)
+        out += _covariance_columns(data.covariance)
     elif data.sd is not None and len(data.positions):
         out.append(("sd_mm", data.sd / MM, 6))
     if data.attitude is not None:
@@ -47,4 +56,18 @@ def _scatter_columns(data: Measurements) -> list[tuple[str, Array, int]]:
         out.append((DISTANCE, data.distance / MM, 6))
         if data.distance_sd is not None:
             out.append((DISTANCE_SD, data.distance_sd / MM, 6))
+    return out
+
+
+def _covariance_columns(covariance: Array) -> list[tuple[str, Array, int]]:
+    """Columns of a covariance (N, 6, 6), m and rad; those of the orientation only where it is stated."""
+    turns = not np.isnan(covariance[0, 3, 3])
+    units = np.array([MM] * 3 + [DEG] * 3)
+    scaled = covariance / np.outer(units, units)
+    upper = list(combinations_with_replacement(range(3), 2))
+    out = [(name, scaled[:, i, j], 9) for name, (i, j) in zip(POSITION_COVARIANCE, upper, strict=True)]
+    if turns:
+        crossed = [(i, 3 + j) for i in range(3) for j in range(3)]
+        out += [(name, scaled[:, i, j], 9) for name, (i, j) in zip(CROSS_COVARIANCE, crossed, strict=True)]
+        out += [(name, scaled[:, 3 + i, 3 + j], 9) for name, (i, j) in zip(TURN_COVARIANCE, upper, strict=True)]
     return out

@@ -7,8 +7,8 @@ from itertools import permutations
 
 import numpy as np
 
-from lrm_ident.data.apply_reading import turn_of
-from lrm_ident.data.measurement_file.pose_columns import QUATERNION
+from lrm_ident.data.apply_reading import motion_of
+from lrm_ident.data.measurement_file.sensed_columns import QUATERNION
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.registration.row_choice import spaced_rows
 from lrm_ident.data.weights.rotations import quaternions, rotation_matrix, rotation_vectors
@@ -41,7 +41,7 @@ def check_attitude(arm: Arm, data: Measurements) -> None:
     error = _usual_angle(measured @ drawn.transpose(0, 2, 1))
     if error <= FAR:
         return
-    found = min(_readings(measured, drawn, turn_of(data.reading)), key=lambda reading: reading[0])
+    found = min(_readings(measured, drawn, motion_of(data.reading)[0]), key=lambda reading: reading[0])
     what = f"the orientations miss those of {arm.name} by {np.degrees(error):.0f} deg"
     if found[0] < BETTER * error:
         raise FileError(data.path, ", ".join(QUATERNION), f"{what}; {found[1]}", f"then {np.degrees(found[0]):.1f} deg")

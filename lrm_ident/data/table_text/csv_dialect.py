@@ -7,12 +7,13 @@ commas and semicolons on computers whose language writes numbers so.
 from __future__ import annotations
 
 import csv
+import hashlib
 import re
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from lrm_ident.data.csv_table import CsvTable, require
+from lrm_ident.data.csv_table import Column, CsvTable, require
 from lrm_ident.data.table_text.workbook import sheet_text
 from lrm_math.errors import FileError
 from lrm_math.text_file import read_content
@@ -22,6 +23,8 @@ COMMENT = ("#", "%", "//")
 DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+(?:[eE][+-]?\d+)?")
 THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2}(?:,\d{3})+")
 """A number with commas that may divide thousands as well."""
+PACKED = b"PK\x03\x04"
+"""Begin of a packed file, as .xlsx is."""
 OLD_EXCEL = b"\xd0\xcf\x11\xe0"
 NO_TEXT = re.compile("[\x00-\x08\x0e-\x1f\ufffd]")
 TOOL_SCHEMA = re.compile(r"""^\s*"?schema"?\s*[=:]\s*"(lrm/\w+)/""", re.MULTILINE)
@@ -37,8 +40,12 @@ def read_csv(path: Path, required: Sequence[str]) -> CsvTable:
 
 def read_text(path: Path) -> str:
     """Text of a file in one of the encodings of `encoding_of`, or of a workbook's first sheet. Raises `FileError`."""
-    content = read_content(path)
-    if is_workbook(content):
+    return decoded(path, read_content(path))
+
+
+def decoded(path: Path, content: bytes) -> str:
+    """The same of a file's content."""
+    if content.startswith(PACKED):
         return sheet_text(path, content)
     if content.startswith(OLD_EXCEL):
         raise FileError(path, "", "an Excel file of before 2007", "save it as .xlsx or as CSV")
@@ -46,11 +53,6 @@ def read_text(path: Path) -> str:
     if NO_TEXT.search(text):
         raise FileError(path, "", "is no text", "a table: CSV, or an Excel workbook (.xlsx)")
     return text
-
-
-def is_workbook(content: bytes) -> bool:
-    """Whether these are the bytes of a packed file, as .xlsx is."""
-    return content.startswith(b"PK\x03\x04")
 
 
 def encoding_of(content: bytes) -> str:
@@ -70,7 +72,8 @@ def read_table(path: Path) -> CsvTable:
     Blank lines, comment lines and empty columns at the right are left out. Raises `FileError`: nothing in it, another
     kind of file, a row with more or fewer cells than the header, or commas that may mean two things.
     """
-    text = read_text(path)
+    content = read_content(path)
+    text = decoded(path, content)
     if schema := TOOL_SCHEMA.search(text):
         what = f"is a file of the schema {schema[1]}, no table"
         raise FileError(path, "", what, "the data are a CSV: do the arguments stand in another order?")
@@ -98,8 +101,27 @@ def read_table(path: Path) -> CsvTable:
                 right = "are these decimal commas? then divide the cells by semicolons or tabs"
             raise FileError(path, f"line {number}", f"{len(row)} cells, the header has {width}", right)
     header, *cut = (row[:width] for row in rows)
-    table = CsvTable(path, header, tuple(cut), tuple(numbers[1:]), header_line=numbers[0])
+    table = CsvTable(
+        path,
+        tuple(Column(name, name) for name in header),
+        tuple(cut),
+        tuple(numbers[1:]),
+        header_line=numbers[0],
+        sha256=hashlib.sha256(content).hexdigest(),
+        notices=tuple(_notices(content)),
+    )
     return table if delimiter == "," else _with_points(table)
+
+
+def _notices(content: bytes) -> Iterator[str]:
+    """What a person should know of how a file was read."""
+    if content.startswith(PACKED):
+        yield "read from the first sheet of the workbook"
+        return
+    if encoding_of(content) == "cp1252":
+        yield "read as Windows-1252 (Latin-1), as it is not UTF-8"
+    if not content.endswith(b"\n"):
+        yield "the last line does not end; is the file complete?"
 
 
 def _stated_delimiter(lines: list[str]) -> str | None:
