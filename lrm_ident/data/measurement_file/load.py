@@ -36,16 +36,16 @@ from lrm_math.kinematics.poses import Poses
 from lrm_math.model.reading import AS_NAMED, Reading
 
 
-def load_measurements(path: Path, arm: Arm, reading: Reading | None = None) -> Measurements:
+def load_measurements(path: Path, arm: Arm, reading: Reading = AS_NAMED, usual: Reading | None = None) -> Measurements:
     """Reads measurements of an arm.
 
     Args:
-        reading: how to read the numbers; what it leaves open, the file beside the data says, else the columns' names.
+        reading: how to read the numbers; then the file beside the data says, then `usual`, then the columns' names.
 
     Raises `FileError`: naming file, line and column of the first fault (`BeyondLimits`: of a joint).
     """
     metadata, beside = metadata_of(path) or NOTHING_STATED, sidecar_notices(path)
-    how = (reading or AS_NAMED).over(metadata)
+    how = reading.over(metadata).over(usual)
     named = read_measurement_table(path, how, [joint.name for joint in arm.joints])
     known, tips = measured_columns(arm), True
     if DISTANCE in named.header:
@@ -60,6 +60,7 @@ def load_measurements(path: Path, arm: Arm, reading: Reading | None = None) -> M
     cells = without_bad_rows(ordered, known, how.bad_rows == "skip")
     table = read_numbers(cells, known)
     pose, repeat_of = numbered_rows(table)
+    doubts = doubtful(table, arm, metadata)
     data = Measurements(
         poses=read_poses(table, arm, how, start),
         pose=pose,
@@ -69,7 +70,7 @@ def load_measurements(path: Path, arm: Arm, reading: Reading | None = None) -> M
         repeat_of=repeat_of,
         path=path,
         sha256=cells.sha256,
-        notices=(*notices, *cells.notices, *doubtful(table, arm, metadata)),
+        notices=(*notices, *cells.notices, *doubts),
         arm=arm,
         reading=Reading(**how.said()),
         stated=Reading(**{**units, **how.said()}),
@@ -81,7 +82,7 @@ def load_measurements(path: Path, arm: Arm, reading: Reading | None = None) -> M
     return without_lost(placed, table) if tips else placed
 
 
-def load_poses(file: str | Path, arm: Arm, reading: Reading | None = None) -> Poses:
+def load_poses(file: str | Path, arm: Arm, reading: Reading = AS_NAMED) -> Poses:
     """Reads commanded poses: `q1_deg` …, optional `payload_g`, `t_s`, `session`, `temp_c`, `approach`.
 
     Args:
@@ -90,7 +91,7 @@ def load_poses(file: str | Path, arm: Arm, reading: Reading | None = None) -> Po
     Raises `FileError`.
     """
     path = Path(file)
-    how = (reading or AS_NAMED).over(metadata_of(path))
+    how = reading.over(metadata_of(path))
     named = read_measurement_table(path, how, [joint.name for joint in arm.joints])
     cells = in_joint_order(require(named, joint_columns(named, arm, how)), how)
     return read_poses(read_numbers(cells, pose_columns(arm)), arm, how)

@@ -74,7 +74,7 @@ def with_sensed(data: Measurements, table: NumberTable, metadata: Metadata) -> M
     if not len(data.positions):
         notices.append("no positions: every error is that of a distance")
         covariance, known, sd, weighed = None, None, distance_sd, distance_sd is not None
-    attitude, feedback, feedback_sd = _attitude(table), read_feedback(table, data.poses.q), metadata.feedback_sd_deg
+    feedback, attitude, feedback_sd = read_feedback(table, data.poses.q), _attitude(table), metadata.feedback_sd_deg
     if attitude is not None and (covariance is None or np.isnan(covariance[0, 3, 3])):
         attitude = None
         notices.append("the orientation is not used: state its standard deviation in a column srot_deg")

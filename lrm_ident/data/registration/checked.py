@@ -10,7 +10,6 @@ import numpy as np
 
 from lrm_ident.data.apply_reading import frame_table, rigid_motion
 from lrm_ident.data.measurement_file.load import load_measurements
-from lrm_ident.data.measurement_file.metadata import metadata_of
 from lrm_ident.data.measurement_file.row_checks import without_frozen
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.pose_table import BeyondLimits
@@ -49,12 +48,12 @@ def load_checked(path: Path, arm: Arm, reading: Reading = AS_NAMED, usual: Readi
         FileError: naming file, line and column of the first fault.
         Misread: the numbers mean something else, or are of another arm.
     """
-    how = reading.over(metadata_of(path)).over(usual)
     try:
-        data = without_frozen(arm, load_measurements(path, arm, how))
+        read = load_measurements(path, arm, reading, usual)
     except BeyondLimits:
-        _check(arm, load_measurements(path, without_limits(arm), how))
+        _check(arm, load_measurements(path, without_limits(arm), reading, usual))
         raise
+    data = without_frozen(arm, read)
     notices = _check(arm, data)
     found = in_arm_frame(arm, replace(data, notices=(*data.notices, *notices)))
     check_attitude(arm, found)

@@ -11,7 +11,6 @@ import numpy as np
 
 from lrm_ident.data.csv_table import KnownColumns, read_numbers
 from lrm_ident.data.measurement_file.load import load_poses
-from lrm_ident.data.measurement_file.metadata import metadata_of
 from lrm_ident.data.measurement_table import read_measurement_table
 from lrm_math.arm.arm import Arm
 from lrm_math.arrays import Array
@@ -56,7 +55,7 @@ def lightest(poses: Sequence[PlannedPose], arm: Arm) -> PlannedPose:
 
 def load_plan(path: Path, arm: Arm) -> CampaignPlan:
     """Reads `pose, q1_deg …, payload_g, approach, repeat_of`, as `design` writes them. Raises `FileError`."""
-    poses = load_poses(path, arm, metadata_of(path))
+    poses = load_poses(path, arm)
     table = read_numbers(read_measurement_table(path), KnownColumns(("pose", "repeat_of", "approach")))
     number = table.whole("pose")
     if len(set(number.tolist())) < len(number):

@@ -13,7 +13,6 @@ from lrm_ident.data.apply_reading import read_positions
 from lrm_ident.data.atomic_write import write_text
 from lrm_ident.data.csv_table import KnownColumns, read_numbers
 from lrm_ident.data.measurement_file.load import load_poses
-from lrm_ident.data.measurement_file.metadata import metadata_of
 from lrm_ident.data.measurement_table import read_measurement_table
 from lrm_ident.data.table_text.csv_text import csv_text
 from lrm_ident.measuring.recordings.cells import read_cells
@@ -133,7 +132,7 @@ def _driven(path: Path, arm: Arm) -> DrivenPoses:
     if path.suffix in (".mat", ".txt"):
         found = read_mat_poses(path, arm.dof)
         return DrivenPoses(found.number, found.q, np.zeros(len(found.q)), found.number)
-    poses = load_poses(path, arm, metadata_of(path))
+    poses = load_poses(path, arm)
     table = read_numbers(read_measurement_table(path), KnownColumns(("pose", "repeat_of")))
     number = table.columns["pose"]
     return DrivenPoses(number, poses.q, poses.payload, table.columns.get("repeat_of", number))
