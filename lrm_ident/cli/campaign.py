@@ -177,7 +177,7 @@ def photo_poses(
 
 @dataclass(frozen=True)
 class PhotoDrive:
-    """How an arm is driven for photos: the options of the command."""
+    """Options by which an arm is driven for photos."""
 
     connect: str | None
     settle: float
@@ -202,7 +202,7 @@ def daemon_of(robot: str, connect: str | None, speed: float | None, model: Path 
 
 
 def state_after(stop: BaseException) -> str:
-    """What the arm does after an interruption, in words."""
+    """State of the arm after an interruption, in words."""
     return "its torque is released" if getattr(stop, "released", False) else "the arm holds"
 
 

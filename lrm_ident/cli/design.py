@@ -228,8 +228,8 @@ def identify_parameters(
     the_arm = load_arm(arm)
     start = start_model(the_arm, model)
     keys = fittable(start) if parameters == "all" else select_parameters(start, parameters)
-    rest = equilibrium(start, load_poses(poses, the_arm))
-    found = eliminate(rest, keys, one_of("units", units, UNITS), threshold, noise_mm * MM)
+    settled = equilibrium(start, load_poses(poses, the_arm))
+    found = eliminate(settled, keys, one_of("units", units, UNITS), threshold, noise_mm * MM)
     publish(elimination_document(start, found), json, figure, partial(draw_elimination, found))
 
 

@@ -205,7 +205,7 @@ def auto(
 
 
 def _with_field(study: Study) -> Study:
-    """With a residual field, or as it is and one line that says why."""
+    """Adds a residual field, or leaves the study as it is and prints one line that says why."""
     try:
         then = study.add_field()
     except NoBetterPrediction as refused:

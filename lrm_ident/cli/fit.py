@@ -132,15 +132,15 @@ def predict(
     asked = load_poses(poses, the_model.arm, how)
     here, left_out = at_data(the_model, poses, asked.sha256 or "")
     tell(left_out)
-    rest = equilibrium(here, asked)
-    table = _predictions(rest)
-    within, q = the_model.within, rest.poses.q
+    settled = equilibrium(here, asked)
+    table = _predictions(settled)
+    within, q = the_model.within, settled.poses.q
     if within is not None and (said := within.sentence(q)):
         notice(said)
     beyond = [] if within is None else (np.flatnonzero(within.outside(q).any(axis=1)) + 1).tolist()
     publish(Document([], "lrm/prediction/1", {"poses": table.records(), "outside_range": beyond}), json)
     write_text(output, table.csv())
-    show(f"{len(rest.tcp)} predictions written to {output}")
+    show(f"{len(settled.tcp)} predictions written to {output}")
 
 
 @command
@@ -210,9 +210,11 @@ def _start_model(data: Measurements, arm: Arm, effects: str | None, start: Path 
     return model_of(arm, model.effects, known)
 
 
-def _predictions(rest: Equilibrium) -> ResultTable:
-    q, n = np.degrees(rest.poses.q), rest.model.arm.dof
+def _predictions(settled: Equilibrium) -> ResultTable:
+    q, n = np.degrees(settled.poses.q), settled.model.arm.dof
     columns = [*(f"q{i + 1}_deg|.6f" for i in range(n)), "payload_g|.3f", "x_mm|.7f", "y_mm|.7f", "z_mm|.7f"]
     columns += ["tau_base_Nm|.10f", *(f"tau{i + 1}_Nm|.10f" for i in range(n))]
-    payload, base = rest.poses.payload[:, None] * 1e3, rest.base_moment[:, None]
-    return ResultTable(columns, np.concatenate([q, payload, rest.tcp * 1e3, base, rest.joint_torque], axis=1).tolist())
+    payload, base = settled.poses.payload[:, None] * 1e3, settled.base_moment[:, None]
+    return ResultTable(
+        columns, np.concatenate([q, payload, settled.tcp * 1e3, base, settled.joint_torque], axis=1).tolist()
+    )

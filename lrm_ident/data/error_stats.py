@@ -25,7 +25,7 @@ class ErrorStats:
     turn_rms: float | None = None
 
     def as_json(self) -> dict[str, float]:
-        """In mm and deg."""
+        """Values in mm and deg."""
         turn = {} if self.turn_rms is None else {"turn_rms_deg": float(np.degrees(self.turn_rms))}
         return {f"{name}_mm": getattr(self, name) * 1e3 for name in ("mean", "rms", "max", "sd")} | turn
 

@@ -21,6 +21,9 @@ from lrm_math.model.equilibrium import Equilibrium
 from lrm_math.model.reading import AS_NAMED, Reading
 from lrm_math.model.sensed import Sensed, encoder_angles, from_anchor, tool_rotation
 
+PER_POSE = ("pose", "tcp", "sd", "covariance", "attitude", "feedback", "distance", "distance_sd", "repeat_of")
+"""Arrays with a row for each pose."""
+
 
 @dataclass(frozen=True, eq=False)
 class Measurements:
@@ -141,44 +144,44 @@ class Measurements:
         """Rows with a position."""
         return np.flatnonzero(~np.isnan(self.tcp[:, 0]))
 
-    def position_error(self, rest: Equilibrium) -> Array:
+    def position_error(self, settled: Equilibrium) -> Array:
         """(N, 3), measured less predicted TCP (m); where only the distance was measured, what shows along it."""
-        error = self.tcp - rest.tcp
+        error = self.tcp - settled.tcp
         gone = np.isnan(error[:, 0])
         if self.distance is not None and gone.any():
-            line = from_anchor(rest, self._anchor)
+            line = from_anchor(settled, self._anchor)
             length = np.linalg.norm(line, axis=1)
             error[gone] = (((self.distance - length) / length)[:, None] * line)[gone]
         return error
 
-    def errors(self, rest: Equilibrium) -> ErrorStats:
+    def errors(self, settled: Equilibrium) -> ErrorStats:
         """Statistics of the errors of positions, and of orientations where there are any."""
-        return error_stats(self.position_error(rest), self.turn_error(rest))
+        return error_stats(self.position_error(settled), self.turn_error(settled))
 
-    def places(self, rest: Equilibrium) -> Array:
+    def places(self, settled: Equilibrium) -> Array:
         """(N, 3), where each TCP was measured, or is predicted where only a distance was (m)."""
-        return np.where(np.isnan(self.tcp), rest.tcp, self.tcp)
+        return np.where(np.isnan(self.tcp), settled.tcp, self.tcp)
 
-    def turn_error(self, rest: Equilibrium) -> Array:
+    def turn_error(self, settled: Equilibrium) -> Array:
         """(N, 3), measured less predicted orientation of the tool as rotation vectors (rad); NaN where not measured."""
         if self.attitude is None:
             return np.full((len(self), 3), np.nan)
-        return rotation_vectors(self.attitude @ tool_rotation(rest).transpose(0, 2, 1))
+        return rotation_vectors(self.attitude @ tool_rotation(settled).transpose(0, 2, 1))
 
-    def residual(self, rest: Equilibrium) -> Array:
-        """(N, R), what was measured less what the model has at rest: m, rad; zero where nothing was measured."""
-        parts = [self.tcp - rest.tcp]
+    def residual(self, settled: Equilibrium) -> Array:
+        """(N, R), what was measured less what the model predicts: m, rad; zero where nothing was measured."""
+        parts = [self.tcp - settled.tcp]
         if self.attitude is not None:
-            parts.append(self.turn_error(rest))
+            parts.append(self.turn_error(settled))
         if self.feedback is not None:
-            parts.append(self.feedback - encoder_angles(rest))
+            parts.append(self.feedback - encoder_angles(settled))
         if self.distance is not None:
-            length = np.linalg.norm(from_anchor(rest, self._anchor), axis=1)
+            length = np.linalg.norm(from_anchor(settled, self._anchor), axis=1)
             parts.append((self.distance - length)[:, None])
         return parts[0] if len(parts) == 1 else np.nan_to_num(np.concatenate(parts, axis=1))
 
     def turned(self, rotation: Array, translation: Array) -> Measurements:
-        """In another frame: positions to R p + t, with rotation R (3, 3) and translation t (3,), m."""
+        """Moves them to another frame: positions to R p + t, with rotation R (3, 3) and translation t (3,), m."""
         return replace(
             self,
             tcp=self.tcp @ rotation.T + translation,
@@ -193,22 +196,15 @@ class Measurements:
     def take(self, rows: ArrayLike) -> Measurements:
         """The given rows (indices or a mask)."""
         chosen = np.asarray(rows)
+        parts = {name: getattr(self, name) for name in PER_POSE}
         return replace(
             self,
+            **{name: part[chosen] for name, part in parts.items() if part is not None},
             poses=self.poses.take(chosen),
-            pose=self.pose[chosen],
-            tcp=self.tcp[chosen],
-            sd=None if self.sd is None else self.sd[chosen],
-            covariance=None if self.covariance is None else self.covariance[chosen],
-            attitude=None if self.attitude is None else self.attitude[chosen],
-            feedback=None if self.feedback is None else self.feedback[chosen],
-            distance=None if self.distance is None else self.distance[chosen],
-            distance_sd=None if self.distance_sd is None else self.distance_sd[chosen],
-            repeat_of=self.repeat_of[chosen],
         )
 
     def without(self, numbers: Sequence[int]) -> Measurements:
-        """Without the poses of these numbers, which `left_out` then names too."""
+        """Leaves the poses of these numbers out, which `left_out` then names too."""
         gone = np.isin(self.pose, numbers)
         return replace(self.take(~gone), left_out=tuple(sorted({*self.left_out, *self.pose[gone].tolist()})))
 

@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
+from lrm_math.arm.arm import Arm
+
 LEAST, MOST = 2, 6  # decimals
 SMALLEST_P = 1e-15
 SENSELESS = 1e5
@@ -65,3 +67,8 @@ def in_minutes(seconds: float) -> str:
 def enumerate_words(names: Sequence[str], most: int) -> str:
     """The first names, and how many more there are."""
     return ", ".join(names[:most]) + (f" and {len(names) - most} more" if len(names) > most else "")
+
+
+def joint_labels(arm: Arm) -> tuple[str, ...]:
+    """Names of an arm's joints as its own description has them, joint1, joint2 … where it has none."""
+    return tuple(joint.name or own for joint, own in zip(arm.joints, arm.joint_names, strict=True))

@@ -120,8 +120,8 @@ def random_poses_as_good(found: AdaptiveFindings, measured: Poses, every: Poses,
 
     By the covariance of the fitted parameters. None: not even all of them.
     """
-    rest, keys = equilibrium(found.model, every), found.model.free
-    columns = identification_jacobian(rest, keys)
+    settled, keys = equilibrium(found.model, every), found.model.free
+    columns = identification_jacobian(settled, keys)
     own = identification_jacobian(equilibrium(found.model, measured), keys)
     wanted = _uncertainty(own, columns, found.noise)
     rng, needed = np.random.default_rng(seed), []

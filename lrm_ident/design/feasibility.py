@@ -42,7 +42,7 @@ class FeasibleCriterion:
         return FeasibleScore(self, information, information.inverse @ gradient)
 
     def violation(self, theta: Array) -> Array:
-        """By how much identifications (…, m), whitened, break the bounds: 0 if they keep them."""
+        """Amount by which identifications (…, m), whitened, break the bounds: 0 if they keep them."""
         change = theta @ self.columns.unwhiten.T
         return np.asarray((np.maximum(self.lower - change, 0.0) + np.maximum(change - self.upper, 0.0)).sum(axis=-1))
 

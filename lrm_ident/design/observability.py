@@ -36,7 +36,7 @@ def _thesis_unit(word: str) -> float:
 
 
 def identification_jacobian(
-    rest: Equilibrium, keys: Sequence[str], units: Units = "scaled", whitening: Whitening = PLAIN
+    settled: Equilibrium, keys: Sequence[str], units: Units = "scaled", whitening: Whitening = PLAIN
 ) -> Array:
     """(N, 3, P), motion of the TCP (mm) for one unit of each parameter, through the equilibrium (thesis Eq 4.1).
 
@@ -46,9 +46,9 @@ def identification_jacobian(
     Args:
         units: "thesis" for mm/rad, mm/mm and mm/(rad/N·mm), "scaled" for mm per typical size of the parameter.
     """
-    chosen = [rest.model.parameters[rest.model.position(key)] for key in keys]
+    chosen = [settled.model.parameters[settled.model.position(key)] for key in keys]
     per_unit = np.array([unit_of(p, units) for p in chosen]) * MM_PER_M
-    return np.asarray(whitening.unit * whitening.jacobian(rest, keys) * per_unit)
+    return np.asarray(whitening.unit * whitening.jacobian(settled, keys) * per_unit)
 
 
 def singular_values(jacobian: Array) -> Array:

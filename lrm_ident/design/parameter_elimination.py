@@ -68,7 +68,7 @@ def fittable(model: Model) -> tuple[str, ...]:
 
 
 def eliminate(
-    rest: Equilibrium,
+    settled: Equilibrium,
     keys: Sequence[str],
     units: Units = "thesis",
     threshold: float = PUBLISHED_THRESHOLD,
@@ -77,15 +77,15 @@ def eliminate(
     """Removes parameters until every singular value reaches the threshold.
 
     Args:
-        rest: equilibrium at the poses, at the parameters to linearise about.
+        settled: equilibrium at the poses, at the parameters to linearise about.
         threshold: mm per unit, see `UNITS`.
         noise: m per axis, for the standard errors of the removed parameters.
 
     Raises:
         LrmError: no parameter is left.
     """
-    model, order = rest.model, selection_order(rest.model, keys)
-    by_units = {u: identification_jacobian(rest, order, u) for u in UNITS}
+    model, order = settled.model, selection_order(settled.model, keys)
+    by_units = {u: identification_jacobian(settled, order, u) for u in UNITS}
     columns = by_units[units].reshape(-1, len(order))
     _, triangle = np.linalg.qr(columns)
     kept, removals = list(range(len(order))), []
@@ -105,7 +105,7 @@ def eliminate(
     ]
     chosen = {order[j] for j in kept}
     return ParameterElimination(
-        poses=len(rest.poses),
+        poses=len(settled.poses),
         units=units,
         threshold=threshold,
         keys=tuple(keys),

@@ -128,16 +128,16 @@ def design(
         sided = _from_both_sides(candidates)
     else:  # random, so that other parameters do not absorb hysteresis
         sided = _sided(candidates, rng.choice([1.0, -1.0], len(candidates)))
-    rest = equilibrium(problem.model, sided)
+    settled = equilibrium(problem.model, sided)
     whitening = problem.weights(sided)
-    check_testable(rest, problem.rivals, whitening.sensed)
+    check_testable(settled, problem.rivals, whitening.sensed)
     noise = problem.noise if whitening.sd is None else whitening.unit
-    keys = problem.keys or select_identifiable(rest, fittable(problem.model), noise, whitening).kept
-    moved, measured = identification_jacobian(rest, keys), None
+    keys = problem.keys or select_identifiable(settled, fittable(problem.model), noise, whitening).kept
+    moved, measured = identification_jacobian(settled, keys), None
     if problem.measured is not None:
         own = problem.weights(problem.measured) if problem.measured_weights is None else problem.measured_weights
         measured = _weighted(problem, own, equilibrium(problem.model, problem.measured), keys)
-    weighted = _weighted(problem, whitening, rest, keys)
+    weighted = _weighted(problem, whitening, settled, keys)
     width, already = sum(part.shape[2] for part in weighted), 0 if problem.measured is None else len(problem.measured)
     check_count(problem.count, len(sided), width, already, int(np.max(whitening.measured)))
     criterion = _criterion(problem, weighted, measured)
@@ -180,11 +180,11 @@ def _side_matters(problem: DesignProblem, candidates: Poses) -> bool:
     return any(not np.allclose(columns[0::2], columns[1::2]) for columns in moved)
 
 
-def _weighted(problem: DesignProblem, whitening: Whitening, rest: Equilibrium, keys: Sequence[str]) -> Columns:
+def _weighted(problem: DesignProblem, whitening: Whitening, settled: Equilibrium, keys: Sequence[str]) -> Columns:
     """Columns as if all that is measured were positions with the problem's noise."""
     scale = 1.0 if whitening.sd is None else problem.noise / whitening.unit
-    rivals = rival_columns(problem.model, rest.poses, problem.rivals, keys, whitening.sensed)
-    fitted = identification_jacobian(rest, keys, whitening=whitening)
+    rivals = rival_columns(problem.model, settled.poses, problem.rivals, keys, whitening.sensed)
+    fitted = identification_jacobian(settled, keys, whitening=whitening)
     return [scale * fitted, *(scale * whitening.unit * whitening(part) for part in rivals)]
 
 

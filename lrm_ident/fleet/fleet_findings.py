@@ -56,7 +56,7 @@ class FleetOutlier:
 
     @property
     def sentence(self) -> str:
-        """In words, with what to look at."""
+        """The finding in words, with what to look at."""
         what, place, name = split_key(self.key)
         ratio = self.value / self.sisters if self.sisters else 0.0
         how = f"{ratio:.2g} times that of its sisters" if ratio >= 1.5 else "unlike its sisters"

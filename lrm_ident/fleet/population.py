@@ -136,8 +136,8 @@ def _stacked(arms: Sequence[ArmEvidence], count: int) -> _Stacked:
 
 
 def _expectation(stacked: _Stacked, spread: Array) -> tuple[Array, Array, Array, Array]:
-    """At these spreads: μ, its covariance, the expected sum of (θ_i − μ)² for each parameter, and each arm's precision
-    of μ (n, Q, Q)."""
+    """Expectation at these spreads: μ, its covariance, the expected sum of (θ_i − μ)² for each parameter, and each
+    arm's precision of μ (n, Q, Q)."""
     inverse = spread**-2
     covariance = np.linalg.inv(stacked.information + np.diag(inverse))
     precision = np.diag(inverse) - inverse[:, None] * covariance * inverse

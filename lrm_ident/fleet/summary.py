@@ -1,4 +1,4 @@
-"""From the results of the arms to the result of the fleet."""
+"""Result of the fleet from the results of the arms."""
 
 from __future__ import annotations
 

@@ -221,7 +221,7 @@ class Study(ModelOnData, ShownInNotebook):
         return self._instead(fitted, words)
 
     def named(self) -> Study:
-        """Without a residual field, as every diagnosis looks at the model: a field is no cause and may hide one."""
+        """The study without a residual field, as every diagnosis looks at it: a field is no cause and may hide one."""
         model = named_part(self.model)
         if model is self.model:
             return self

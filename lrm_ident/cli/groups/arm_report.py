@@ -26,8 +26,8 @@ def arm_document(arm: Arm, difference: float | None = None, q: Array | None = No
         q: (n,), joint angles (rad) at which torques are shown; None: zero.
     """
     angles = np.zeros(arm.dof) if q is None else q
-    rest = equilibrium(model_of(arm, ()), poses_of(angles))
-    torque, tcp = rest.joint_torque[0], rest.tcp[0] / MM
+    settled = equilibrium(model_of(arm, ()), poses_of(angles))
+    torque, tcp = settled.joint_torque[0], settled.tcp[0] / MM
     limits = np.degrees([(joint.lower, joint.upper) for joint in arm.joints])
     joints = ResultTable(
         ("joint", "name", "lower_deg|.1f", "upper_deg|.1f", "torque_Nm|.3f"),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from lrm_ident.data.wording import joint_labels
 from lrm_ident.measuring.recordings.encoder_checkup import MATTERS, Cause, EncoderCheckup, EncoderFinding
 from lrm_ident.report.document import Block, Document, ResultTable, section
 from lrm_math.arm.arm import Arm
@@ -25,7 +26,7 @@ WORDS: dict[Cause, str] = {
 
 def checkup_document(found: EncoderCheckup, arm: Arm, name: str) -> Document:
     """Result of `lrm-ident checkup`, schema `lrm/checkup/1`."""
-    names = [joint.name or f"joint{i}" for i, joint in enumerate(arm.joints, start=1)]
+    names = joint_labels(arm)
     before, after = np.degrees(found.before), np.degrees(found.after)
     rows = list(zip(names, before.tolist(), after.tolist(), strict=True))
     title = f"{name}: action − state at {found.rests} rests"

@@ -1,4 +1,4 @@
-"""What the video of a checkup adds: where the tip truly was, what explains it, and what is missing."""
+"""Findings of the video of a checkup: where the tip truly was, what explains it, and what is missing."""
 
 from __future__ import annotations
 

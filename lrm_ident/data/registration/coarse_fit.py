@@ -52,13 +52,13 @@ class CoarseFit:
 
 @dataclass(frozen=True, eq=False)
 class _Sizes:
-    """Parameters of the fit, their usual sizes and their bounds (SI), (P,) each; `stiff`: upper ones without sag."""
+    """Parameters of the fit, their usual sizes and their bounds (SI), (P,) each; `rigid_upper`: without sag."""
 
     keys: tuple[str, ...]
     sd: Array
     lower: Array
     upper: Array
-    stiff: Array
+    rigid_upper: Array
 
 
 def coarse_fit(arm: Arm, poses: Poses, tcp: Array, fixed_base: bool = False) -> CoarseFit:
@@ -75,23 +75,23 @@ def coarse_fit(arm: Arm, poses: Poses, tcp: Array, fixed_base: bool = False) -> 
     robust = overdetermined  # weights slow a fit that can follow anything, so such a one starts without
     for step in range(STEPS + 1):
         try:
-            rest = equilibrium(model.with_values_of(sizes.keys, z), poses)
+            settled = equilibrium(model.with_values_of(sizes.keys, z), poses)
         except NoEquilibrium:
             break
-        residual = tcp - rest.tcp
+        residual = tcp - settled.tcp
         distance = np.linalg.norm(residual, axis=1)
-        now = CoarseFit(rest.tcp, trimmed_rms(distance), overdetermined)
-        settled = best is not None and abs(now.score - best.score) < SETTLED * best.score
+        now = CoarseFit(settled.tcp, trimmed_rms(distance), overdetermined)
+        converged = best is not None and abs(now.score - best.score) < SETTLED * best.score
         best = now if best is None or now.score < best.score else best
-        if settled and robust:
+        if converged and robust:
             break
-        robust = robust or settled or step == STEPS // 2
+        robust = robust or converged or step == STEPS // 2
         weight = cauchy_weight(distance) if robust else np.ones_like(distance)
         root = np.sqrt(weight)[:, None] / max(now.score, SHARPEST)
-        J = (parameter_jacobian(rest, sizes.keys) * root[:, :, None]).reshape(-1, count)
+        J = (parameter_jacobian(settled, sizes.keys) * root[:, :, None]).reshape(-1, count)
         H = J.T @ J + np.diag(sizes.sd**-2)
         gradient = J.T @ (residual * root).reshape(-1) - z / sizes.sd**2
-        upper = sizes.upper if now.score < NEAR * reach(arm) else sizes.stiff
+        upper = sizes.upper if now.score < NEAR * reach(arm) else sizes.rigid_upper
         z = np.clip(z + np.linalg.solve(H, gradient), sizes.lower, upper)
     assert best is not None  # without any error the arm stands still
     return best
@@ -118,5 +118,5 @@ def _sizes(drawn: Equilibrium, fixed_base: bool) -> _Sizes:
             bound = ANGLE_BOUND if turns else max(LENGTH_BOUND, RELATIVE_BOUND * length)
             rows.append((key, ANGLE_SD if turns else max(LENGTH_SD, RELATIVE_SD * length), -bound, bound))
     keys, sd, lower, upper = zip(*rows, strict=True)
-    stiff = [0.0 if key.startswith("compliance.") else bound for key, bound in zip(keys, upper, strict=True)]
-    return _Sizes(keys, np.array(sd), np.array(lower), np.array(upper), np.array(stiff))
+    rigid = [0.0 if key.startswith("compliance.") else bound for key, bound in zip(keys, upper, strict=True)]
+    return _Sizes(keys, np.array(sd), np.array(lower), np.array(upper), np.array(rigid))

@@ -30,34 +30,34 @@ class DegenerateFit(LrmError):
     """A fit that lowers the error only by destroying the arm."""
 
 
-def check_arm(rest: Equilibrium, free: Sequence[str]) -> None:
+def check_arm(settled: Equilibrium, free: Sequence[str]) -> None:
     """Raises `DegenerateFit` if a fit does not describe the arm of the question.
 
     Args:
-        rest: equilibrium of the fitted model at the poses.
+        settled: equilibrium of the fitted model at the poses.
         free: keys of the fitted parameters.
     """
-    model = rest.model
-    nominal = nominal_tcp(model.arm, rest.poses)
+    model = settled.model
+    nominal = nominal_tcp(model.arm, settled.poses)
     if len(nominal) > len(free) and np.ptp(nominal, axis=0).max() > 0:
-        scale = robust_similarity(nominal, rest.tcp, mirrored=False).scale
+        scale = robust_similarity(nominal, settled.tcp, mirrored=False).scale
         if not LEAST_SCALE < scale < MOST_SCALE:
             verb = "shrinks" if scale < 1 else "stretches"
             raise DegenerateFit(f"the fit lowers the error only as it {verb} the arm to {in_percent(scale)} %; {CHECK}")
     for key, drawn, fitted in lengths(model, free):
-        if abs(drawn) > LONG * reach(model.arm) and fitted / drawn < LEFT and _own_motion(rest, free, key) > OWN:
+        if abs(drawn) > LONG * reach(model.arm) and fitted / drawn < LEFT and _own_motion(settled, free, key) > OWN:
             change = f"from {in_mm(drawn)} to {in_mm(fitted)} mm"
             raise DegenerateFit(f"the fit lets a length collapse: {key} goes {change}; {CHECK}")
 
 
-def _own_motion(rest: Equilibrium, free: Sequence[str], key: str) -> float:
+def _own_motion(settled: Equilibrium, free: Sequence[str], key: str) -> float:
     """RMS motion of the TCP for a unit of one length, without what the other fitted parameters can undo (m/m).
 
     The first joint's offset along its own axis, say, is nearly a shift of the base: what it takes while an effect is
     missing means nothing by itself, however small its standard error.
     """
-    rows = spaced_rows(len(rest.poses), LOOKED_AT)
-    J = parameter_jacobian(rest.take(rows), free).reshape(3 * len(rows), len(free))
+    rows = spaced_rows(len(settled.poses), LOOKED_AT)
+    J = parameter_jacobian(settled.take(rows), free).reshape(3 * len(rows), len(free))
     own, others = J[:, free.index(key)], np.delete(J, free.index(key), axis=1)
     scaled = others / np.maximum(np.linalg.norm(others, axis=0), 1e-300)
     left = own - scaled @ np.linalg.lstsq(scaled, own, rcond=None)[0]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Sequence
+from pathlib import Path
 
 import numpy as np
 
@@ -84,79 +85,5 @@ def _list(values: Sequence[float], unit: float) -> str:
 
 def template(name: str) -> str:
     """Text of a commented arm file of one's own, valid as it stands: an upright arm of six joints."""
-    return "\n".join([*_TEMPLATE_HEAD, *_template_joints(), *_TEMPLATE_TAIL]).replace("NAME", json.dumps(name)) + "\n"
-
-
-_TEMPLATE_HEAD = (
-    "# An arm of your own. Lengths in mm, angles in deg, masses in g. Is there a URDF? Then rather:",
-    "#   lrm-ident arm import robot.urdf -o arm.toml",
-    "# Check it with: lrm-ident arm show THIS_FILE",
-    f'schema = "{ARM_SCHEMA}"',
-    "name = NAME",
-    'source = "measured with a ruler"   # where the numbers are from',
-    "gravity_m_per_s2 = [0.0, 0.0, -9.81]   # in the frame of the measured positions; here their z points up",
-    "",
-    "# Where joint 1 stands in the frame of the measured positions: T(x, y, z), then turns about x, y, z. z is axis 1.",
-    "[base]",
-    "x_mm = 0.0",
-    "y_mm = 0.0",
-    "z_mm = 50.0",
-    "alpha_deg = 0.0",
-    "beta_deg = 0.0",
-    "gamma_deg = 0.0",
-    "",
-    "# Modified Denavit–Hartenberg: Rz(theta + q) Tz(d) Tx(a) Rx(alpha) leads from one joint's axis to the next.",
-    "# The number of [[joint]] tables is the number of joints, 1 to 10. q = 0 is what your controller calls zero;",
-    "# theta is where the model's zero is from there. limits_deg: the angles that the joint can be sent to.",
-)
-_LINKS = ((0, 60, 0, -90, "waist"), (-90, 0, 120, 0, "shoulder"), (90, 0, 0, 90, "elbow"), (0, 110, 0, -90, "roll"),
-          (0, 0, 0, 90, "pitch"), (0, 60, 0, 0, "wrist"))  # fmt: skip
-_TEMPLATE_TAIL = (
-    "",
-    "# From the end of the last link to the TCP, the point that is measured: turns about x, y, z, then T(x, y, z).",
-    "[tool]",
-    "x_mm = 0.0",
-    "y_mm = 0.0",
-    "z_mm = 40.0",
-    "alpha_deg = 0.0",
-    "beta_deg = 0.0",
-    "gamma_deg = 0.0",
-    "",
-    "# What is heavy: weigh the parts. com_mm: centre of mass in the frame at the far end of the link of `frame`.",
-    "# loads_joint: the first joint that carries it, most often the number in `frame`.",
-    "[[body]]",
-    'name = "upper arm"',
-    "mass_g = 120.0",
-    "com_mm = [-60.0, 0.0, 0.0]",
-    'frame = "joint2"',
-    "loads_joint = 2",
-    "",
-    "[[body]]",
-    'name = "forearm"',
-    "mass_g = 100.0",
-    "com_mm = [0.0, 50.0, 0.0]",
-    'frame = "joint4"',
-    "loads_joint = 4",
-    "",
-    "[[body]]",
-    'name = "hand"',
-    "mass_g = 80.0",
-    "com_mm = [0.0, 0.0, 0.0]",
-    'frame = "joint6"',
-    "loads_joint = 6",
-    "",
-    "# Where a load (payload_g of the measurements) hangs.",
-    "[[body]]",
-    'name = "load"',
-    "mass_g = 0.0",
-    "com_mm = [0.0, 0.0, 0.0]",
-    'frame = "tool"',
-    "loads_joint = 6",
-    "carries_payload = true",
-)
-
-
-def _template_joints() -> Iterator[str]:
-    for number, (theta, d, a, alpha, name) in enumerate(_LINKS, start=1):
-        yield from ("", f"[[joint]]   # {number}", f'name = "{name}"', f"theta_deg = {theta}.0", f"d_mm = {d}.0")
-        yield from (f"a_mm = {a}.0", f"alpha_deg = {alpha}.0", "limits_deg = [-90.0, 90.0]")
+    text = Path(__file__).with_name("template.toml").read_text(encoding="utf-8")
+    return text.replace('"my-arm"', json.dumps(name))

@@ -18,6 +18,7 @@ from lrm_ident.data.robot_files.rigid_motion import inverse, shift, turn
 from lrm_ident.data.robot_files.urdf import Urdf, UrdfJoint, parse_urdf
 from lrm_ident.data.robot_files.urdf_arm import axis_to_z, choose_tip, largest_difference
 from lrm_ident.data.robot_files.xml_elements import append_joint, numbers, set_origin
+from lrm_ident.data.wording import joint_labels
 from lrm_math.arm.arm import Arm
 from lrm_math.arrays import Array
 from lrm_math.effects import constant
@@ -78,7 +79,7 @@ def bare_urdf(arm: Arm) -> Urdf:
     """A URDF of an arm as drawn: links with their masses, no meshes."""
     chain = chain_frames(model_of(arm, ()))
     tree = ElementTree.Element("robot", name=arm.name)
-    names = [joint.name or f"joint{i}" for i, joint in enumerate(arm.joints, start=1)]
+    names = joint_labels(arm)
     links = ["base_link", *(f"link{i}" for i in range(1, arm.dof + 1)), "tcp"]
     for number, link in enumerate(links):
         _append_link(tree, arm, link, number)

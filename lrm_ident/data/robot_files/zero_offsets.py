@@ -6,6 +6,7 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from lrm_ident.data.robot_files.urdf_export import zero_offset
+from lrm_ident.data.wording import joint_labels
 from lrm_math.effects import split_key
 from lrm_math.errors import FileError, name_suggestion
 from lrm_math.model.model import Model
@@ -14,9 +15,8 @@ ZERO = "theta_rad"
 
 
 def zero_offsets(model: Model) -> dict[str, float]:
-    """By joint, its angle where it is commanded zero (rad), names as in the robot's own description."""
-    names = (joint.name or f"joint{i}" for i, joint in enumerate(model.arm.joints, start=1))
-    return {name: zero_offset(model, model.chain, i) for i, name in enumerate(names)}
+    """Angle of each joint where it is commanded zero (rad), names as in the robot's own description."""
+    return {name: zero_offset(model, model.chain, i) for i, name in enumerate(joint_labels(model.arm))}
 
 
 def beyond_zeros(model: Model) -> tuple[str, ...]:

@@ -114,7 +114,7 @@ def read_table(path: Path) -> CsvTable:
 
 
 def _notices(content: bytes) -> Iterator[str]:
-    """What a person should know of how a file was read."""
+    """Notices of how a file was read."""
     if content.startswith(PACKED):
         yield "read from the first sheet of the workbook"
         return

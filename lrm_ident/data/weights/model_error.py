@@ -23,7 +23,7 @@ HALVINGS = 60
 WORTH_SAYING = 2.0  # model error over stated noise
 
 
-def with_model_error(data: Measurements, rest: Equilibrium, parameters: int) -> Measurements:
+def with_model_error(data: Measurements, settled: Equilibrium, parameters: int) -> Measurements:
     """The measurements, weighed as a model with this equilibrium and so many fitted parameters can follow them.
 
     As they are where positions are alike by their noise, or weighed against orientations, feedback or distances.
@@ -31,7 +31,7 @@ def with_model_error(data: Measurements, rest: Equilibrium, parameters: int) -> 
     sd = data.sd
     if sd is None or data.several_kinds or data.distance is not None or sd.max() <= ALIKE * sd.min():
         return data
-    residual = data.position_error(rest)
+    residual = data.position_error(settled)
     distance = np.linalg.norm(residual, axis=1)
     near = distance <= TRIMMED * float(np.median(distance)) / CHI3_MEDIAN
     freedom = AXES * int(near.sum()) - parameters

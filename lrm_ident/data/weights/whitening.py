@@ -68,9 +68,9 @@ class Whitening:
             return rows / self.factor
         return np.asarray((np.linalg.pinv(self.root) @ rows[:, :, None])[:, :3, 0])
 
-    def jacobian(self, rest: Equilibrium, keys: Sequence[str]) -> Array:
+    def jacobian(self, settled: Equilibrium, keys: Sequence[str]) -> Array:
         """(N, R, P), whitened derivatives of what was measured with respect to parameters (SI)."""
-        return self(parameter_jacobian(rest, keys, self.sensed))
+        return self(parameter_jacobian(settled, keys, self.sensed))
 
 
 PLAIN = Whitening()

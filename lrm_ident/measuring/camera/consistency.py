@@ -135,7 +135,7 @@ def measured_covariance_of(camera: Array, mount: Array, seen: Array, own: Array)
 
 
 def board_scale(photos: PhotoRegression) -> tuple[float, float] | None:
-    """By what factor the board is larger than stated, and its standard error; None if it is as stated."""
+    """Factor by which the board is larger than stated, and its standard error; None if it is as stated."""
     (scale,), covariance, _ = photos.solved(photos.scale_columns)
     error = float(np.sqrt(covariance[0, 0]))
     # The residual is measured less nominal: measured positions too large by s shrink under a larger board by −s.

@@ -35,7 +35,7 @@ class HandEye:
 
 
 def hand_eye(tool: Array, boards: Sequence[BoardPose]) -> HandEye:
-    """From the nominal tool poses (N, 4, 4) in the arm's frame and the board's in the camera's.
+    """Solves for both poses from the nominal tool poses (N, 4, 4) in the arm's frame and the board's in the camera's.
 
     Raises `LrmError`: too few poses, or poses that have nothing to do with each other.
     """

@@ -9,6 +9,7 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
+from lrm_ident.data.wording import joint_labels
 from lrm_math.arm.arm import Arm
 from lrm_math.errors import LrmError, UnknownName
 
@@ -58,7 +59,7 @@ class LeRobotServos:
     @classmethod
     def of(cls, robot: Any, arm: Arm) -> LeRobotServos:
         """The servos of an arm's joints. Raises `LrmError`: they are not the robot's, or have no registers to read."""
-        names = tuple(joint.name or f"joint{i}" for i, joint in enumerate(arm.joints, start=1))
+        names = joint_labels(arm)
         have = [key.removesuffix(SUFFIX) for key in robot.action_features if key.endswith(SUFFIX)]
         if missing := [name for name in names if name not in have]:
             raise LrmError(f"{robot.name} has no '{missing[0]}' of {arm.name}; it has {', '.join(have)}")

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lrm_ident.data.table_text.csv_text import csv_text
+from lrm_ident.data.wording import joint_labels
 from lrm_math.arm.arm import Arm
 from lrm_math.arrays import Array
 from lrm_math.errors import FileError, LrmError
@@ -138,7 +139,7 @@ def _columns_of(folder: Path, info: Mapping[str, Any], feature: str, arm: Arm) -
     if not isinstance(names, list):
         raise FileError(path, feature, "no names of its columns", "shoulder_pan.pos, …")
     plain = [str(name).removesuffix(".pos").removeprefix("main_") for name in names]
-    wanted = [joint.name or f"joint{i}" for i, joint in enumerate(arm.joints, start=1)]
+    wanted = joint_labels(arm)
     missing = [name for name in wanted if name not in plain]
     if missing:
         what = f"no joint '{missing[0]}' among {', '.join(plain)}"

@@ -12,6 +12,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 
+from lrm_ident.data.wording import joint_labels
 from lrm_ident.measuring.servo_bus.bus import GarbledAnswer, NoAnswer, ServoHost
 from lrm_ident.measuring.servo_bus.kind import BusServoKind
 from lrm_ident.measuring.servo_bus.register import Register
@@ -115,7 +116,7 @@ def held_servos(name: str, host: ServoHost, arm: Arm, numbers: Sequence[int]) ->
 
     Raises `LrmError`: one is missing, there twice, of another kind; `NoAnswer`: the line is bad.
     """
-    joints = tuple(joint.name or f"joint{i}" for i, joint in enumerate(arm.joints, start=1))
+    joints = joint_labels(arm)
     try:
         limits = tuple(_limits(host, number) for number in numbers)
     except LrmError as error:

@@ -76,7 +76,7 @@ def draw_goals(arm: Arm, count: int, seed: int, area: Area | None = None) -> Arr
 
 
 def _task(arm: Arm, seed: int) -> tuple[PlacedGoal, ...]:
-    """From a drill hole to the basket and back, `ROUNDS` times, each at another place of its area."""
+    """Goals from a drill hole to the basket and back, `ROUNDS` times, each at another place of its area."""
     areas = {area.name: area for area in map(parse_area, default_study(arm.name).areas)}
     missing = [name for name in PLACES if name not in areas]
     if missing:
