@@ -58,22 +58,16 @@ def effect_rates(steps: Sequence[Sequence[Sequence[str]]], tested: Sequence[Sequ
     """
     names = sorted({name for known in tested for name in known})
     arms = {name: sum(name in known for known in tested) for name in names}
+    if not names:
+        return ()
     rate = dict.fromkeys(names, 0.5)
     found = dict.fromkeys(names, 0.0)
     for _ in range(ROUNDS):
         found = _counted(steps, rate)
         a, b = _beta(np.array([found[name] for name in names]), np.array([arms[name] for name in names]))
         rate = {name: (found[name] + a) / (arms[name] + a + b) for name in names}
-    return (
-        tuple(
-            sorted(
-                (EffectRate(n, found[n], arms[n], rate[n], *exact_interval(found[n], arms[n])) for n in names),
-                key=lambda one: (-one.rate, one.name),
-            )
-        )
-        if names
-        else ()
-    )
+    rates = (EffectRate(n, found[n], arms[n], rate[n], *exact_interval(found[n], arms[n])) for n in names)
+    return tuple(sorted(rates, key=lambda one: (-one.rate, one.name)))
 
 
 def _counted(steps: Sequence[Sequence[Sequence[str]]], rate: Mapping[str, float]) -> dict[str, float]:

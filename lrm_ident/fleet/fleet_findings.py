@@ -108,8 +108,7 @@ def outliers(records: Sequence[ArmRecord], estimates: Sequence[ArmEstimates]) ->
             if 2.0 * float(stdtr(len(rows) - 2, -distances[far])) * tests > SIGNIFICANCE:
                 break
             arm, value, _ = rows.pop(far)
-            parameter = estimates[arm].model.parameters[estimates[arm].model.position(key)]
-            scale = parameter.typical / parameter.si
+            scale = estimates[arm].typical_of(key)
             numbers = value * scale, float(middles[far]) * scale, float(spreads[far]) * scale
             found.append(FleetOutlier(records[arm].name, key, *numbers, float(distances[far])))
     return tuple(sorted(found, key=lambda one: -one.distance))
@@ -169,9 +168,7 @@ def _of_parameters(
         groups = [[value[arm] for arm in group if arm in value] for _, group in levels]
         full = [group for group in groups if len(group) >= FEWEST_OF_A_LEVEL]
         if len(full) >= 2 and np.ptp(np.concatenate(full)) > 0:
-            model = estimates[known[0][0]].model
-            parameter = model.parameters[model.position(key)]
-            scale = parameter.typical / parameter.si
+            scale = estimates[known[0][0]].typical_of(key)
             seen = ((level, group) for (level, _), group in zip(levels, groups, strict=True) if group)
             words = tuple((level, f"median {np.median(group) * scale:.3g}") for level, group in seen)
             yield TagAssociation(key, tag, _rank_test(full), words)

@@ -45,6 +45,11 @@ class ArmEstimates:
     mean: Array
     covariance: Array
 
+    def typical_of(self, key: str) -> float:
+        """Typical size of a parameter, in the unit of its key."""
+        parameter = self.model.parameters[self.model.position(key)]
+        return parameter.typical / parameter.si
+
 
 @dataclass(frozen=True, eq=False)
 class FleetKnowledge:

@@ -29,8 +29,8 @@ from lrm_ident.measuring.campaign.run import (
 )
 from lrm_ident.measuring.campaign.servo_arm import ServoArm, Servos
 from lrm_ident.measuring.campaign.zenoh_tracker import ZenohTracker
-from lrm_ident.measuring.dynamixel.kind import DYNAMIXEL
-from lrm_ident.measuring.feetech.kind import FEETECH
+from lrm_ident.measuring.dynamixel.memory_table import DYNAMIXEL
+from lrm_ident.measuring.feetech.memory_table import FEETECH
 from lrm_ident.measuring.servo_bus.servos import connected_bus
 from lrm_ident.measuring.tracker.frames import TargetNumbers, Tracker, TrackerFrame
 from lrm_ident.measuring.tracker.source import open_tracker

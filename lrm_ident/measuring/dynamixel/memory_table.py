@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from lrm_ident.measuring.dynamixel.packets import DynamixelPacket
+from lrm_ident.measuring.servo_bus.kind import BusServoKind
 from lrm_ident.measuring.servo_bus.register import Register, TwosComplement
 
 SIZE = 147
@@ -14,7 +16,6 @@ MODELS = {
 }  # fmt: skip
 POSITION_MODE, CURRENT_POSITION_MODE = 3, 5
 
-
 MODEL, FIRMWARE, ID = Register(0, 2), Register(6), Register(7)
 OPERATING_MODE, HOMING_OFFSET = Register(11), TwosComplement(20, 4)
 PWM_LIMIT, MAX_POSITION, MIN_POSITION = Register(36, 2), Register(48, 4), Register(52, 4)
@@ -24,6 +25,25 @@ MOVING, LOAD, POSITION = Register(122), TwosComplement(126, 2), TwosComplement(1
 TEMPERATURE = Register(146)
 READ_ONLY = frozenset({*range(7), *range(120, SIZE)})
 """Addresses that a host cannot write."""
+DYNAMIXEL = BusServoKind(
+    prefix="dynamixel:",
+    packet=DynamixelPacket,
+    baud=1_000_000,
+    models=MODELS,
+    modes=(POSITION_MODE, CURRENT_POSITION_MODE),
+    last_read=SIZE,
+    model=MODEL,
+    mode=OPERATING_MODE,
+    least=MIN_POSITION,
+    greatest=MAX_POSITION,
+    torque=TORQUE_ENABLE,
+    goal=GOAL_POSITION,
+    position=POSITION,
+    temperature=TEMPERATURE,
+    limit=GOAL_PWM,
+    most=PWM_LIMIT,
+)
+"""The servos as a bus knows them."""
 
 
 def factory_memory(number: int) -> bytearray:

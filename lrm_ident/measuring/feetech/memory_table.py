@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from lrm_ident.measuring.feetech.packets import FeetechPacket
+from lrm_ident.measuring.servo_bus.kind import BusServoKind
 from lrm_ident.measuring.servo_bus.register import Register
 
 SIZE = 88
 EEPROM_END = 40
 """Registers below keep their value without power if they were written while `LOCK` was 0."""
 MODEL_STS3215, MODEL_STS3250 = 777, 2825
-
 
 FIRMWARE_MAJOR, FIRMWARE_MINOR, MODEL = Register(0), Register(1), Register(3, 2)
 ID, BAUD_RATE, STATUS_LEVEL = Register(5), Register(6), Register(8)
@@ -27,6 +28,25 @@ LAST_READ = 71
 """Registers below say all of a servo's settings and state."""
 READ_ONLY = frozenset({*range(5), *range(56, 71)})
 """Addresses that a host cannot write."""
+FEETECH = BusServoKind(
+    prefix="feetech:",
+    packet=FeetechPacket,
+    baud=1_000_000,
+    models={MODEL_STS3215: "STS3215", MODEL_STS3250: "STS3250"},
+    modes=(0,),
+    last_read=LAST_READ,
+    model=MODEL,
+    mode=MODE,
+    least=MIN_POSITION,
+    greatest=MAX_POSITION,
+    torque=TORQUE_ENABLE,
+    goal=GOAL_POSITION,
+    position=POSITION,
+    temperature=TEMPERATURE,
+    limit=TORQUE_LIMIT,
+    most=MAX_TORQUE,
+)
+"""The servos as a bus knows them."""
 
 
 def factory_memory(number: int) -> bytearray:

@@ -130,8 +130,8 @@ def write_measurements(found: ImportedRows, output: Path, arm: str, source: str)
 
 def _driven(path: Path, arm: Arm) -> DrivenPoses:
     if path.suffix in (".mat", ".txt"):
-        found = read_mat_poses(path, arm.dof)
-        return DrivenPoses(found.number, found.q, np.zeros(len(found.q)), found.number)
+        number, q = read_mat_poses(path, arm.dof)
+        return DrivenPoses(number, q, np.zeros(len(q)), number)
     poses = load_poses(path, arm)
     table = read_numbers(read_measurement_table(path), KnownColumns(("pose", "repeat_of")))
     number = table.columns["pose"]

@@ -47,7 +47,18 @@ class LeRobotFrames:
 
     def rests(self, dwell: float) -> Iterator[Integers]:
         """Frames of the settled half of each stretch of one episode in which nothing moves for `dwell` s."""
-        return _rests(self.command, self.feedback, self.t, self.episode, dwell)
+        start, t = 0, self.t
+        for row in range(1, len(t) + 1):
+            if row == len(t) or self.episode[row] != self.episode[start] or self._strays(start, row):
+                rows = np.arange(start, row)
+                settled = rows[t[rows] >= t[start] + 0.5 * dwell] if len(rows) else rows
+                if len(settled) > 1 and t[rows[-1]] - t[start] >= dwell:
+                    yield settled
+                start = row
+
+    def _strays(self, start: int, row: int) -> bool:
+        moved = [np.abs(values[row] - values[start]).max() for values in (self.command, self.feedback)]
+        return bool(max(moved) > np.radians(STILL_DEG))
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,25 +107,6 @@ def read_lerobot(folder: Path, arm: Arm, dwell: float) -> LeRobotRests:
     middle = np.array([rows[len(rows) // 2] for rows in rests])
     commanded, read = (np.array([values[rows].mean(axis=0) for rows in rests]) for values in (command, feedback))
     return LeRobotRests(commanded, read, scatter, t[middle], episode[middle], middle)
-
-
-def _rests(command: Array, feedback: Array, t: Array, episode: Integers, dwell: float) -> Iterator[Integers]:
-    start = 0
-    for row in range(1, len(t) + 1):
-        ended = row == len(t) or episode[row] != episode[start] or _strays(command, feedback, start, row)
-        if ended:
-            rows = np.arange(start, row)
-            settled = rows[t[rows] >= t[start] + 0.5 * dwell] if len(rows) else rows
-            if len(settled) > 1 and t[rows[-1]] - t[start] >= dwell:
-                yield settled
-            start = row
-
-
-def _strays(command: Array, feedback: Array, start: int, row: int) -> bool:
-    most = np.radians(STILL_DEG)
-    return bool(
-        np.abs(command[row] - command[start]).max() > most or np.abs(feedback[row] - feedback[start]).max() > most
-    )
 
 
 def dataset_info(folder: Path) -> Mapping[str, Any]:

@@ -16,6 +16,7 @@ import numpy as np
 from lrm_ident.data.apply_reading import LENGTH_UNITS
 from lrm_ident.measuring.recordings.cells import Cells, column_numbers
 from lrm_ident.measuring.recordings.take import BodyTrack, RecordedTake, matrices
+from lrm_math.arrays import Array
 from lrm_math.errors import FileError
 
 UNITS = {"meters": "m", "centimeters": "cm", "millimeters": "mm"}
@@ -40,15 +41,14 @@ def read_motive(path: Path, cells: Cells) -> RecordedTake:
     if types is None:
         raise FileError(path, "header", "no rigid body and no marker", "export with Rigid Bodies switched on")
     names = cells[cells.index(types) + 1]
-    t, columns = column_numbers(path, cells, head + 1, 1), _Columns(axes, kinds, types, names)
-    bodies = {}
+    rows = zip(types, names, kinds, axes, strict=False)
+    place = {column[1:]: k for k, column in reversed(list(enumerate(rows))) if column[0] in BODIES}
+    t, bodies = column_numbers(path, cells, head + 1, 1), {}
     for name in dict.fromkeys(n for n, kind in zip(names, types, strict=False) if kind in BODIES and n):
-        position = columns.of(name, "Position", "XYZ")
-        if position is None:
+        places = _numbers(path, cells, head + 1, [place.get((name, "Position", axis)) for axis in "XYZ"])
+        if places is None:
             continue
-        places = np.stack([column_numbers(path, cells, head + 1, k) for k in position], axis=1)
-        turn = columns.of(name, "Rotation", "XYZW")
-        numbers = None if turn is None else np.stack([column_numbers(path, cells, head + 1, k) for k in turn], axis=1)
+        numbers = _numbers(path, cells, head + 1, [place.get((name, "Rotation", axis)) for axis in "XYZW"])
         why = f"its type is {about.get('Rotation Type', 'not said')}; export with Rotation Type Quaternion"
         bodies[name] = BodyTrack(places * scale, None if numbers is None else matrices(numbers), why)
     if not bodies:
@@ -56,19 +56,12 @@ def read_motive(path: Path, cells: Cells) -> RecordedTake:
     return RecordedTake(path, t, bodies)
 
 
-class _Columns:
-    """Finds columns of an export by type, name, kind and axis."""
-
-    def __init__(self, axes: Sequence[str], kinds: Sequence[str], types: Sequence[str], names: Sequence[str]) -> None:
-        rows = zip(types, names, kinds, axes, strict=False)
-        self._place = {
-            (name, kind, axis): k for k, (of, name, kind, axis) in reversed(list(enumerate(rows))) if of in BODIES
-        }
-
-    def of(self, name: str, kind: str, axes: str) -> list[int] | None:
-        """Places of the columns of some axes; None unless all are there."""
-        found = [self._place.get((name, kind, axis)) for axis in axes]
-        return None if None in found else [place for place in found if place is not None]
+def _numbers(path: Path, cells: Cells, first: int, columns: Sequence[int | None]) -> Array | None:
+    """(N, k), columns from the row `first` on side by side; None unless all are there."""
+    there = [k for k in columns if k is not None]
+    if len(there) < len(columns):
+        return None
+    return np.stack([column_numbers(path, cells, first, k) for k in there], axis=1)
 
 
 def _unit(path: Path, about: dict[str, str]) -> str:

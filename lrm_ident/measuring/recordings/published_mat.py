@@ -7,7 +7,6 @@ turns x and y of the positions ("to correct for base frame placed backwards").
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -22,25 +21,17 @@ AXES = "-x,-y,z"
 """Axes of the published positions that are the arm's."""
 
 
-@dataclass(frozen=True, eq=False)
-class NumberedAngles:
-    """Numbers (N,) and joint angles (N, n) in rad of poses."""
-
-    number: Array
-    q: Array
-
-
 def read_mat_positions(path: Path) -> Array:
     """(N, 3), positions (m) of a `.mat` file: of its only array with three columns. Raises `FileError`."""
     return _only(path, 3) * MM
 
 
-def read_mat_poses(path: Path, joints: int) -> NumberedAngles:
-    """Poses of a `.mat` file, or of a text file without a header. Raises `FileError`."""
+def read_mat_poses(path: Path, joints: int) -> tuple[Array, Array]:
+    """Numbers (N,) and joint angles (N, n), rad, of a `.mat` file or a text file without a header. Raises `FileError`."""
     rows = _text_rows(path, joints + 1) if path.suffix == ".txt" else _only(path, joints + 1)
     if not np.array_equal(rows[:, 0], np.round(rows[:, 0])) or len(set(rows[:, 0].tolist())) < len(rows):
         raise FileError(path, "first column", "not the numbers of the poses, each once")
-    return NumberedAngles(rows[:, 0], rows[:, 1:])
+    return rows[:, 0], rows[:, 1:]
 
 
 def _only(path: Path, columns: int) -> Array:
