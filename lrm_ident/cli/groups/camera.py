@@ -17,7 +17,7 @@ from lrm_ident.cli.command import command_of
 from lrm_ident.cli.common import notice, progress, show
 from lrm_ident.data.atomic_write import write_bytes, write_text
 from lrm_ident.data.measurement_file.load import load_poses, read_pose_feedback
-from lrm_ident.data.measurement_file.write import measurements_csv
+from lrm_ident.data.measurement_file.write import measurements_csv, metadata_toml
 from lrm_ident.measuring.camera.board import BoardTable, CharucoBoard, board_pdf, board_text, read_picture
 from lrm_ident.measuring.camera.capture import (
     ask_person,
@@ -161,7 +161,9 @@ def read(
     feedback, feedback_sd = read_pose_feedback(poses, the_arm)
     chosen = None if feedback is None else feedback[list(found.photos.rows)]
     write_text(output, measurements_csv(replace(found.data, feedback=chosen)))
-    write_text(output.with_suffix(".toml"), metadata_toml(name, f"camera, {photos}", feedback_sd))
+    write_text(
+        output.with_suffix(".toml"), metadata_toml(name, f"camera, {photos}", frame="arm", feedback_sd_deg=feedback_sd)
+    )
     write_text(session_file, _toml(found.session))
     _show(found, len(files), output)
 
@@ -201,13 +203,6 @@ def show_refused(lines: list[str]) -> None:
 
 def _why(refused: list[str]) -> str:
     return refused[0].partition(": ")[2]
-
-
-def metadata_toml(arm: str, source: str, feedback_sd_deg: float | None = None) -> str:
-    """The file beside measurements in the arm's frame."""
-    known = {} if feedback_sd_deg is None else {"feedback_sd_deg": feedback_sd_deg}
-    about = {"schema": "lrm/measurements/1", "arm": arm, "source": source, "frame": "arm"}
-    return tomli_w.dumps({**about, **known})
 
 
 def _toml(file: StrictSchema) -> str:

@@ -60,9 +60,8 @@ def checkup(
     if video is None or lens is None or output is None:
         publish(document, json)
         return
-    from lrm_ident.cli.groups.camera import metadata_toml
     from lrm_ident.cli.groups.video_report import studied, with_video
-    from lrm_ident.data.measurement_file.write import measurements_csv
+    from lrm_ident.data.measurement_file.write import measurements_csv, metadata_toml
     from lrm_ident.measuring.camera.lens import LensFile
     from lrm_ident.measuring.recordings.video_checkup import measure_video
     from lrm_ident.study.api import load
@@ -70,5 +69,6 @@ def checkup(
     with progress("looking at the rests") as tick:
         photos = measure_video(dataset, video, frames, dwell, the_arm, arm, read_toml(lens, LensFile), on_gripper, tick)
     write_text(output, measurements_csv(photos.data))
-    write_text(output.with_suffix(".toml"), metadata_toml(arm_name_for(arm, output.parent), f"video, {dataset.name}"))
+    named = arm_name_for(arm, output.parent)
+    write_text(output.with_suffix(".toml"), metadata_toml(named, f"video, {dataset.name}", frame="arm"))
     publish(with_video(document, photos, studied(load(output, arm)), output), json)

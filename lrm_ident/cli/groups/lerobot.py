@@ -5,10 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-import tomli_w
 
 from lrm_ident.cli.common import show
 from lrm_ident.data.atomic_write import write_text
+from lrm_ident.data.measurement_file.write import metadata_toml
 from lrm_ident.measuring.recordings.lerobot import read_lerobot, rests_csv
 from lrm_math.arm.arm_file import arm_name_for, load_arm
 
@@ -19,16 +19,11 @@ SO101 = "so101"
 def import_lerobot(dataset: Path, output: Path, arm: str | None, dwell: float) -> None:
     """Writes the rests of a dataset as poses, and a .toml file beside them. Raises `LrmError`."""
     name = arm or SO101
-    sidecar = output.with_suffix(".toml")
     rests = read_lerobot(dataset, load_arm(name), dwell)
-    metadata = {
-        "schema": "lrm/measurements/1",
-        "arm": arm_name_for(name, output.parent),
-        "source": f"LeRobot dataset {dataset.name}",
-        "feedback_sd_deg": round(float(np.degrees(rests.feedback_sd)), 5),
-    }
+    sd, source = round(float(np.degrees(rests.feedback_sd)), 5), f"LeRobot dataset {dataset.name}"
+    metadata = metadata_toml(arm_name_for(name, output.parent), source, feedback_sd_deg=sd)
     write_text(output, rests_csv(rests))
-    write_text(sidecar, tomli_w.dumps(metadata))
+    write_text(output.with_suffix(".toml"), metadata)
     off = np.degrees(rests.feedback - rests.command)
     worst = int(np.abs(off).mean(axis=0).argmax())
     show(

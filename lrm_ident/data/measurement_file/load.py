@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from lrm_ident.data.apply_reading import in_joint_order, motion_of
-from lrm_ident.data.csv_table import KnownColumns, read_numbers, require, without_bad_rows
+from lrm_ident.data.csv_table import CsvTable, KnownColumns, read_numbers, require, without_bad_rows
 from lrm_ident.data.measurement_file.metadata import NOTHING_STATED, metadata_of, sidecar_notices, start_angles
 from lrm_ident.data.measurement_file.row_checks import doubtful, numbered_rows, without_lost
 from lrm_ident.data.measurement_file.sensed_columns import (
@@ -92,9 +92,13 @@ def load_poses(file: str | Path, arm: Arm, reading: Reading = AS_NAMED) -> Poses
     """
     path = Path(file)
     how = reading.over(metadata_of(path))
+    return read_poses(read_numbers(_joint_table(path, arm, how), pose_columns(arm)), arm, how)
+
+
+def _joint_table(path: Path, arm: Arm, how: Reading) -> CsvTable:
+    """A table with the angles of the arm's joints, in their order and with their signs. Raises `FileError`."""
     named = read_measurement_table(path, how, [joint.name for joint in arm.joints])
-    cells = in_joint_order(require(named, joint_columns(named, arm, how)), how)
-    return read_poses(read_numbers(cells, pose_columns(arm)), arm, how)
+    return in_joint_order(require(named, joint_columns(named, arm, how)), how)
 
 
 def says_measured(path: Path) -> bool:
@@ -108,10 +112,7 @@ def read_pose_feedback(path: Path, arm: Arm) -> tuple[Array | None, float | None
     Raises `FileError`.
     """
     metadata, angles, feedback = metadata_of(path) or NOTHING_STATED, angle_columns(arm.dof), feedback_columns(arm.dof)
-    how = AS_NAMED.over(metadata)
-    named = read_measurement_table(path, how)
-    cells = in_joint_order(require(named, joint_columns(named, arm, how)), how)
     known = KnownColumns({*feedback, *angles}, feedback, {angles: "", feedback: ""})
-    table = read_numbers(cells, known)
+    table = read_numbers(_joint_table(path, arm, AS_NAMED.over(metadata)), known)
     q, _ = full_turns(np.radians(table.together[angles]), arm)
     return read_feedback(table, q), metadata.feedback_sd_deg

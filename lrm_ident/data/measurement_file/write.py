@@ -1,10 +1,11 @@
-"""Measurements as CSV text."""
+"""Measurements as CSV text, and the metadata beside them."""
 
 from __future__ import annotations
 
 from itertools import combinations_with_replacement
 
 import numpy as np
+import tomli_w
 
 from lrm_ident.data.measurement_file.sensed_columns import (
     CROSS_COVARIANCE,
@@ -39,6 +40,12 @@ def measurements_csv(data: Measurements) -> str:
     if data.poses.direction is not None and after_gap(data.pose).any():  # what the rows alone do not say any more
         columns += [(f"approach{i + 1}", side, 0) for i, side in enumerate(data.poses.direction.T)]
     return csv_text(columns)
+
+
+def metadata_toml(arm: str, source: str, **known: object) -> str:
+    """Text of the file beside measurements of an arm; `known`: what else it states, None for what it does not."""
+    about = {"schema": "lrm/measurements/1", "arm": arm, "source": source, **known}
+    return tomli_w.dumps({key: value for key, value in about.items() if value is not None})
 
 
 def _scatter_columns(data: Measurements) -> list[tuple[str, Array, int]]:

@@ -16,6 +16,7 @@ import tomli_w
 
 from lrm_ident.data.atomic_write import write_text
 from lrm_ident.data.measurement_file.metadata import Metadata
+from lrm_ident.data.measurement_file.write import metadata_toml
 from lrm_ident.data.table_text.csv_dialect import read_table
 from lrm_ident.measuring.campaign.plan import PlannedPose
 from lrm_ident.measuring.tracker.dwell import RestMean
@@ -59,9 +60,14 @@ class CampaignHead:
     def toml(self) -> str:
         """The metadata file."""
         angles = [round(math.degrees(q), 6) for q in self.start]
-        about = {"schema": "lrm/measurements/1", "arm": self.arm, "source": self.source, "start_q_deg": angles}
-        power = {"power_ons": [self.power_on]}
-        return tomli_w.dumps({**about, "poses_sha256": self.plan_sha256, "t0_s": self.started, **power})
+        return metadata_toml(
+            self.arm,
+            self.source,
+            start_q_deg=angles,
+            poses_sha256=self.plan_sha256,
+            t0_s=self.started,
+            power_ons=[self.power_on],
+        )
 
 
 class DataFile:

@@ -7,12 +7,12 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
-import tomli_w
 
 from lrm_ident.data.apply_reading import read_positions
 from lrm_ident.data.atomic_write import write_text
 from lrm_ident.data.csv_table import KnownColumns, read_numbers
 from lrm_ident.data.measurement_file.load import load_poses
+from lrm_ident.data.measurement_file.write import metadata_toml
 from lrm_ident.data.measurement_table import read_measurement_table
 from lrm_ident.data.table_text.csv_text import csv_text
 from lrm_ident.measuring.recordings.cells import read_cells
@@ -122,10 +122,8 @@ def _take(source: Path, order: RecordingOrder) -> RecordedTake:
 
 def write_measurements(found: ImportedRows, output: Path, arm: str, source: str) -> None:
     """Writes the measurements, and the metadata beside them. Raises `FileError`; then nothing is written."""
-    beside = output.with_suffix(".toml")
-    about = {"schema": "lrm/measurements/1", "arm": arm_name_for(arm, output.parent), "source": f"import: {source}"}
     write_text(output, found.csv())
-    write_text(beside, tomli_w.dumps(about))
+    write_text(output.with_suffix(".toml"), metadata_toml(arm_name_for(arm, output.parent), f"import: {source}"))
 
 
 def _driven(path: Path, arm: Arm) -> DrivenPoses:

@@ -27,7 +27,7 @@ def read_mat_positions(path: Path) -> Array:
 
 
 def read_mat_poses(path: Path, joints: int) -> tuple[Array, Array]:
-    """Numbers (N,) and joint angles (N, n), rad, of a `.mat` file or a text file without a header. Raises `FileError`."""
+    """Numbers (N,) and joint angles (N, n), rad, of a `.mat` file or of text without a header. Raises `FileError`."""
     rows = _text_rows(path, joints + 1) if path.suffix == ".txt" else _only(path, joints + 1)
     if not np.array_equal(rows[:, 0], np.round(rows[:, 0])) or len(set(rows[:, 0].tolist())) < len(rows):
         raise FileError(path, "first column", "not the numbers of the poses, each once")
