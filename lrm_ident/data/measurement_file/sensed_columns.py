@@ -82,13 +82,8 @@ def with_sensed(data: Measurements, table: NumberTable, metadata: Metadata) -> M
         feedback = None
         needed = "state feedback_sd_deg in the file beside the data, and the positions' standard deviation"
         notices.append(f"the joint feedback is not used: {needed} (sd_mm, noise_sd_mm)")
-    if covariance is None and known is not None and (feedback is not None or distance is not None):
-        covariance = np.full((len(known), 6, 6), np.nan)
-        covariance[:, :3, :3] = known[:, None, None] ** 2 * np.eye(3)
-    if covariance is not None:
-        sd = np.sqrt(np.einsum("nii->n", covariance[:, :3, :3]) / 3.0)
-        if distance is not None and distance_sd is not None:
-            sd = np.where(np.isnan(data.tcp[:, 0]), distance_sd, sd)
+    beside = feedback is not None or distance is not None
+    sd, covariance = _scatter(data.tcp, sd, distance_sd, known if beside else None, covariance)
     return replace(
         data,
         sd=sd,
@@ -97,10 +92,26 @@ def with_sensed(data: Measurements, table: NumberTable, metadata: Metadata) -> M
         feedback=feedback,
         feedback_sd=None if feedback is None or feedback_sd is None else float(np.radians(feedback_sd)),
         distance=distance,
-        distance_sd=None if distance is None else distance_sd,
+        distance_sd=distance_sd,
         distance_from=None if distance is None or start is None else np.array(start) * MM,
         notices=(*data.notices, *notices),
     )
+
+
+def _scatter(
+    tcp: Array, sd: Array | None, distance_sd: Array | None, alike: Array | None, covariance: Array | None
+) -> tuple[Array | None, Array | None]:
+    """Standard deviation (N,) and covariance (N, 6, 6) of positions `tcp` (N, 3), of lone distances else.
+
+    `alike`: (N,), standard deviation along every axis, where a covariance is needed and may not be stated.
+    """
+    if covariance is None and alike is not None:
+        covariance = np.full((len(alike), 6, 6), np.nan)
+        covariance[:, :3, :3] = alike[:, None, None] ** 2 * np.eye(3)
+    if covariance is None:
+        return sd, None
+    sd = np.sqrt(np.einsum("nii->n", covariance[:, :3, :3]) / 3.0)
+    return sd if distance_sd is None else np.where(np.isnan(tcp[:, 0]), distance_sd, sd), covariance
 
 
 def _distance(table: NumberTable, metadata: Metadata, tcp: Array, weighed: bool) -> tuple[Array | None, Array | None]:
@@ -113,7 +124,7 @@ def _distance(table: NumberTable, metadata: Metadata, tcp: Array, weighed: bool)
     if DISTANCE_SD in table:
         sd = table.columns[DISTANCE_SD] * MM
     if DISTANCE not in table:
-        return None, sd
+        return None, None
     distance, gone = table.columns[DISTANCE] * MM, np.isnan(tcp[:, 0])
     table.cells.reject(np.isnan(distance) & gone, DISTANCE, "empty, and the row has no position either")
     if gone.all() or (sd is not None and weighed):
