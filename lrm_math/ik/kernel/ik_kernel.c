@@ -893,7 +893,7 @@ static void along_fold(const Arm *a, const double *goal, const double *u, double
  * to both sides, first by `along`. Where what is missed changes sign, or turns, a solution is near. */
 static void curve_seeds(const Arm *a, const double *goal, const double *near, const double *old, const double *along,
                         const double *u, Found *found) {
-    const double first = 0.02, longest = 0.2, farthest = 2.5, most_missed = 0.05, seen = 1e-8;
+    const double first = 0.02, longest = 0.2, farthest = 4, most_missed = 0.05, seen = 1e-8;
     const int n = a->joints;
     State w;
     for (int way = -1; way <= 1; way += 2) {
@@ -913,10 +913,9 @@ static void curve_seeds(const Arm *a, const double *goal, const double *near, co
                 const double share = before != 0 ? lambda / (was - lambda) : 2 * slope / (slope - ahead[n]) - 1;
                 COPY(seed, s, a->slots), move_joints(a, ahead, crossed ? share * stride : 0, seed);
                 attempt(a, goal, near, seed, 1, found);
-                if (crossed) break;
             }
             if (x > 0) {
-                const double scale = off < 0.05 * stride ? 2 : off > 0.2 * stride ? 0.5 : 1;
+                const double scale = off < 0.02 * stride ? 2 : off > 0.08 * stride ? 0.5 : 1;
                 stride = clipped(scale * stride, first, longest), before = lambda;
             }
             lambda += stride * ahead[n];
