@@ -53,7 +53,7 @@ def newton(model: Model, goal: Array, q: Array, steps: int) -> tuple[Array, Arra
             damping = 1e-3 * (off**2).sum(axis=1)[:, None, None] + 1e-14
             normal, right = J.transpose(0, 2, 1) @ J + damping * np.eye(n), J.transpose(0, 2, 1) @ off[:, :, None]
             q = np.clip(q + np.clip(np.linalg.solve(normal, right)[:, :, 0], -0.5, 0.5), LOWER - 0.3, UPPER + 0.3)
-    return q, np.linalg.norm(off, axis=1), np.linalg.svd(J, compute_uv=False)[:, -1]
+    return q, np.asarray(np.linalg.norm(off, axis=1)), np.asarray(np.linalg.svd(J, compute_uv=False)[:, -1])
 
 
 def scaled(model: Model, share: float) -> Model:
