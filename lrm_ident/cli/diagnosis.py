@@ -48,7 +48,7 @@ from lrm_ident.report.effects import effect_blocks
 from lrm_ident.report.fit import error_blocks
 from lrm_ident.report.laws import proposal_document
 from lrm_ident.report.plots.diagnosis import draw_report
-from lrm_ident.residual.error_breakdown import HeldOutResidual
+from lrm_ident.residual.error_breakdown import NestedResidual
 from lrm_ident.study.error_summary import ErrorSummary
 from lrm_ident.study.field_step import WHAT_IT_IS, NoBetterPrediction
 from lrm_ident.study.inputs import arm_from, read_study
@@ -189,10 +189,10 @@ def auto(
         final = _with_field(final)
     final.save(output)
     show(f"Model written to {output}")
-    whole = HeldOutResidual(None, "not requested (--no-nested)")
+    whole = NestedResidual(None, "not requested (--no-nested)")
     expected = (monotonic() - begun) * (1 if cluster else rounds_of(FOLDS))
     if nested is None and expected > UNASKED_S:
-        whole = HeldOutResidual(None, f"it would take about {in_minutes(expected)}; ask for it with --nested")
+        whole = NestedResidual(None, f"it would take about {in_minutes(expected)}; ask for it with --nested")
     elif nested is not False:
         notice(f"choosing the effects anew in every fold: about {in_minutes(expected)}; Ctrl-C ends it")
         with kept_when_interrupted(output, taken), executor_for(cluster, effects_file, FOLDS) as pool, bars() as shown:

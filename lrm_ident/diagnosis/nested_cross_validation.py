@@ -16,7 +16,7 @@ from lrm_ident.fitting.executors import in_order
 from lrm_ident.fitting.loss import SQUARED, Loss
 from lrm_ident.fitting.priors import EffectRates
 from lrm_ident.fitting.progress import OnProgress, silent
-from lrm_ident.residual.error_breakdown import HeldOutResidual
+from lrm_ident.residual.error_breakdown import NestedResidual
 from lrm_math.arrays import Array
 from lrm_math.effects import CATALOGUE
 from lrm_math.errors import LrmError
@@ -33,7 +33,7 @@ def nested_held_out(
     progress: OnProgress = silent,
     loss: Loss = SQUARED,
     rates: EffectRates | None = None,
-) -> HeldOutResidual:
+) -> NestedResidual:
     """Each joint-space block predicted by an `auto` that selected its effects without it.
 
     There is none, with the reason, if a fold does not converge or its model does not settle at a held-out pose.
@@ -44,13 +44,14 @@ def nested_held_out(
     fold = joint_space_folds(data.poses.q, data.repeat_of)
     parts = [fold == number for number in range(int(fold.max()) + 1)]
     predict = partial(_predict, model, data, max_effects, catalogue, loss, rates)
-    residual = np.empty_like(data.tcp)
+    residual, chosen = np.empty_like(data.tcp), []
     try:
-        for out, left in zip(parts, in_order(executor, predict, parts, progress), strict=True):
+        for out, (left, names) in zip(parts, in_order(executor, predict, parts, progress), strict=True):
             residual[out] = left
+            chosen.append(names)
     except LrmError as error:
-        return HeldOutResidual(None, str(error))
-    return HeldOutResidual(residual)
+        return NestedResidual(None, str(error))
+    return NestedResidual(residual, chosen=tuple(chosen))
 
 
 def _predict(
@@ -61,7 +62,8 @@ def _predict(
     loss: Loss,
     rates: EffectRates | None,
     out: NDArray[np.bool_],
-) -> Array:
-    """(n, 3), measured − predicted TCP of the poses `out` (m), which the selection and the fit did not see."""
-    chosen = run_auto(model, data.take(~out), max_effects, catalogue, loss=loss, rates=rates).model
-    return data.take(out).position_error(equilibrium(chosen, data.poses.take(out)))
+) -> tuple[Array, tuple[str, ...]]:
+    """(n, 3), measured − predicted TCP of the poses `out` (m), which selection and fit did not see; effects chosen."""
+    run = run_auto(model, data.take(~out), max_effects, catalogue, loss=loss, rates=rates)
+    left = data.take(out).position_error(equilibrium(run.model, data.poses.take(out)))
+    return left, tuple(step.added for step in run.steps[1:])

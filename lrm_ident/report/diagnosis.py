@@ -18,7 +18,7 @@ from lrm_ident.diagnosis.inject_recover import InjectionTrial
 from lrm_ident.report.document import Block, Document, FoldedSection, ResultTable, heading, section
 from lrm_ident.report.fit import error_blocks, parameter_table
 from lrm_ident.report.names.plain_names import in_words, plain_name
-from lrm_ident.residual.error_breakdown import HeldOutResidual
+from lrm_ident.residual.error_breakdown import HeldOutResidual, NestedResidual
 from lrm_ident.residual.predictable_residual import PredictableResidual
 from lrm_ident.residual.residual_structure import noise_floor
 from lrm_ident.residual.thresholds import MIN_GAIN
@@ -288,7 +288,7 @@ def course_document(
     course: AutoRun,
     report: DiagnosisReport,
     held_out: HeldOutResidual,
-    nested: HeldOutResidual,
+    nested: NestedResidual,
     with_prior: ErrorSummary | None,
     with_field: ErrorSummary | None = None,
 ) -> Document:
@@ -298,9 +298,9 @@ def course_document(
     one was added.
     """
     what = "Held out, effects chosen anew in every fold (nested):"
-    last: Block = f"{what} none, because {nested.reason}"
+    last: list[Block] = [f"{what} none, because {nested.reason}"]
     if nested.error is not None:
-        last = heading(f"{what} mean {in_mm(nested.error.mean)}, RMS {in_mm(nested.error.rms)} mm")
+        last = [heading(f"{what} mean {in_mm(nested.error.mean)}, RMS {in_mm(nested.error.rms)} mm"), _chosen(nested)]
     values = {
         "steps": [
             {
@@ -319,10 +319,19 @@ def course_document(
         **left_values(report.left),
         "held_out_effects_fixed": held_out.error,
         "held_out": nested.error,
+        "chosen_in_folds": nested.frequency,
         **({} if with_prior is None else {"with_prior": with_prior}),
         **({} if with_field is None else {"with_residual_field_not_a_cause": with_field}),
     }
-    return Document([last, *diagnosis_document(report).blocks], "lrm/course/1", values)
+    return Document([*last, *diagnosis_document(report).blocks], "lrm/course/1", values)
+
+
+def _chosen(nested: NestedResidual) -> str:
+    """In how many folds each effect was chosen: what few choose is unstable."""
+    often = [f"{name} {count}" for name, count in nested.frequency.items() if count > 1]
+    once = sum(count == 1 for count in nested.frequency.values())
+    words = [*often, *([f"{once} more once each" if often else f"{once} once each"] if once else [])]
+    return f"In how many of the {len(nested.chosen)} folds each was chosen: {', '.join(words) or 'none in any'}"
 
 
 def selftest_document(poses: int, trials: Sequence[InjectionTrial], refused: Sequence[tuple[Effect, str]]) -> Document:

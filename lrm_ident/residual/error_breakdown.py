@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
+from itertools import chain, pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -75,6 +76,19 @@ class HeldOutResidual:
     def error(self) -> ErrorStats | None:
         """Its statistics."""
         return None if self.residual is None else error_stats(self.residual, held_out_turns(self.blocks))
+
+
+@dataclass(frozen=True, eq=False)
+class NestedResidual(HeldOutResidual):
+    """Held-out residual where the effects were chosen anew in every fold; `chosen`: those of each fold, in order."""
+
+    chosen: tuple[tuple[str, ...], ...] = ()
+
+    @property
+    def frequency(self) -> dict[str, int]:
+        """In how many folds each effect was chosen, the most often first (selection frequency, Meinshausen & Bühlmann
+        2010)."""
+        return dict(Counter(chain.from_iterable(self.chosen)).most_common())
 
 
 @dataclass(frozen=True, eq=False)

@@ -18,7 +18,7 @@ from lrm_ident.fitting.loss import SQUARED, Loss
 from lrm_ident.fitting.model_fit import DEFAULT_EFFECTS, fit_bounds, fit_model, nominal_model
 from lrm_ident.fitting.priors import EffectRates, load_prior, prior_name_for
 from lrm_ident.fitting.progress import Progress, unheard
-from lrm_ident.residual.error_breakdown import HeldOutResidual
+from lrm_ident.residual.error_breakdown import HeldOutResidual, NestedResidual
 from lrm_ident.study.model_history import as_written, auto_step_name, model_file, undo_step, write_model
 from lrm_ident.study.model_on_data import ModelOnData
 from lrm_ident.study.other_data import at_data
@@ -175,7 +175,7 @@ class Study(ModelOnData, ShownInNotebook):
 
     def nested_held_out(
         self, executor: Executor, max_effects: int = MAX_EFFECTS, rates: EffectRates | None = None
-    ) -> HeldOutResidual:
+    ) -> NestedResidual:
         """Held-out residual of `auto` itself, effects chosen anew in every fold; folds side by side on `executor`."""
         from lrm_ident.diagnosis.nested_cross_validation import nested_held_out
 

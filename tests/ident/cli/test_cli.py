@@ -102,6 +102,7 @@ def test_auto_names_the_hidden_play_stops_and_quotes_the_nested_error(folder: Pa
     course = json.loads((folder / "course.json").read_text())
     assert [step["added"] for step in course["steps"]] == ["", "backlash@joint2"]
     assert course["verdict"] == "nothing_missing"
+    assert course["chosen_in_folds"] == {"backlash@joint2": 10}
     assert course["held_out_effects_fixed"]["rms_mm"] <= course["held_out"]["rms_mm"] + 0.01 < 1.25 * 0.3 * 3**0.5
     assert [entry["step"] for entry in tomllib.loads((folder / "best.toml").read_text())["history"]] == [
         "fit",
