@@ -9,7 +9,7 @@ import numpy as np
 
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.notebook import ShownInNotebook
-from lrm_ident.diagnosis.confirm import ConfirmedDiagnosis, confirm
+from lrm_ident.diagnosis.confirm import ConfirmedDiagnosis, Refit, confirm
 from lrm_ident.diagnosis.diagnose import Diagnosis, Verdict, diagnose
 from lrm_ident.diagnosis.screening.score_test import ScoredCandidate
 from lrm_ident.fitting.levenberg_marquardt import Fit
@@ -86,6 +86,7 @@ def run_auto(
     loss: Loss = SQUARED,
     progress: OnProgress = silent,
     rates: EffectRates | None = None,
+    on_confirmed: Callable[[Refit], object] = lambda _: None,
 ) -> AutoRun:
     """Stepwise selection: diagnoses, adds the first supported effect as it was confirmed, and again.
 
@@ -93,6 +94,7 @@ def run_auto(
 
     Args:
         rates: how often arms of this kind have each effect, where that is known (`diagnose`).
+        on_confirmed: called with the refit of an effect before the diagnosis with it, which its step waits for.
 
     Raises:
         LrmError: the first diagnosis fails.
@@ -103,6 +105,7 @@ def run_auto(
     steps = [AutoStep("", now.diagnosis.fit, now.held_out, now.diagnosis.data)]
     on_step(steps[0])
     while now.first is not None and now.refit is not None and len(steps) <= max_effects:
+        on_confirmed(now.refit)
         added, refit, poses, before = _added(now, now.first), now.refit, now.diagnosis.data.pose, now.blocks
         del now  # a diagnosis holds the columns of every candidate: one at a time
         try:

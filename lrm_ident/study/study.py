@@ -31,6 +31,7 @@ from lrm_math.model.model_file import ModelFile, to_model
 
 if TYPE_CHECKING:  # loaded by the steps that need them: a fit does without
     from lrm_ident.diagnosis.auto import AutoRun, AutoStep
+    from lrm_ident.diagnosis.confirm import Refit
     from lrm_ident.diagnosis.diagnose import Diagnosis
     from lrm_ident.diagnosis.diagnosis_report import DiagnosisReport
     from lrm_ident.diagnosis.symbolic_regression.proposal import LawProposal
@@ -150,11 +151,13 @@ class Study(ModelOnData, ShownInNotebook):
         max_effects: int = MAX_EFFECTS,
         rates: EffectRates | None = None,
         on_step: Callable[[AutoStep, Study], object] = lambda *_: None,
+        on_confirmed: Callable[[Refit], object] = lambda _: None,
     ) -> tuple[AutoRun, Study]:
         """Adds effects as the diagnoses advise until they say stop: the run, and the study after it.
 
         Args:
-            on_step: called with the start, and with every step as soon as it is taken.
+            on_step: called with the start, and with every step as soon as it is taken. on_confirmed: with the refit of
+                an effect before the diagnosis with it, which its step waits for.
         """
         from lrm_ident.diagnosis.auto import run_auto
 
@@ -170,7 +173,7 @@ class Study(ModelOnData, ShownInNotebook):
             on_step(step, now)
 
         tick = partial(self.progress, "looking for what is missing")
-        run = run_auto(own.model, own.data, max_effects, own.catalogue, taken, own.loss, tick, rates)
+        run = run_auto(own.model, own.data, max_effects, own.catalogue, taken, own.loss, tick, rates, on_confirmed)
         return run, now
 
     def nested_held_out(

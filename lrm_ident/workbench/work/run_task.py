@@ -15,6 +15,7 @@ from lrm_ident.data.measurement_file.metadata import arm_for
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.wording import in_mm
 from lrm_ident.diagnosis.auto import AutoStep
+from lrm_ident.diagnosis.confirm import Refit
 from lrm_ident.diagnosis.diagnose import Diagnosis
 from lrm_ident.diagnosis.symbolic_regression.law_file import law_id
 from lrm_ident.fitting.effect_plugins import sha256_of
@@ -118,12 +119,17 @@ def add_effect(task: AddTask, send: Send) -> None:
 @run_task.register
 def follow_advice(task: AutoTask, send: Send) -> None:
     """Takes step after step and keeps each."""
-    numbers, errors, packed = count(task.number), list[str](), task.packed
+    numbers, errors, coming, packed = count(task.number), list[str](), list[str](), task.packed
+
+    def on_confirmed(refit: Refit) -> None:
+        """Notes the error that the step which is coming will have."""
+        coming[:] = [in_mm(refit.error.rms)]
 
     def on_step(step: AutoStep, study: Study) -> None:
         """Keeps the model of a step, and reports it to the page."""
         nonlocal packed
         errors.append(in_mm(error_stats(step.held_out).rms))
+        coming.clear()
         if step.added:
             kept = task.folder / kept_name(next(numbers))
             study.save(kept)
@@ -131,11 +137,12 @@ def follow_advice(task: AutoTask, send: Send) -> None:
 
     def on_progress(what: str, done: int, of: int) -> None:
         """Says which round it is, and how far the last one brought the error."""
-        fall = f": {' → '.join(errors[-2:])} mm" if errors else ""
-        send(WorkProgress(f"auto, round {max(len(errors), 1)} of at most {MAX_EFFECTS}{fall}; {what}", done, of))
+        known = [*errors, *coming]
+        fall = f": {' → '.join(known[-2:])} mm" if known else ""
+        send(WorkProgress(f"auto, round {max(len(known), 1)} of at most {MAX_EFFECTS}{fall}; {what}", done, of))
 
     study = replace(_study(task.files, send), progress=on_progress)
-    study.auto(on_step=on_step)
+    study.auto(on_step=on_step, on_confirmed=on_confirmed)
 
 
 @run_task.register

@@ -93,7 +93,10 @@ def test_progress_says_the_round_the_error_and_how_far_it_is(browser: Any, small
     idle(page, RANKED)
     before = page.evaluate("lrm.state.values.history[0].held.toFixed(2)")
     told = page.evaluate("[...told].filter((one) => one.includes('round'))")
-    assert any(re.search(rf"auto, round 1 of at most \d+: {before} mm; .*: \d+ of \d+", one) for one in told), told
+    assert any(re.search(r"auto, round 1 of at most \d+; .*: \d+ of \d+", one) for one in told), told
+    after = page.evaluate("lrm.state.values.history[1].held.toFixed(2)")
+    fall = f"{before} → {after} mm"
+    assert any(re.search(rf"auto, round 2 of at most \d+: {fall}; .*: \d+ of \d+", one) for one in told), told
     page.keyboard.press("u")
     wait_for(page, ONE_STEP)
     page.context.close()
