@@ -14,6 +14,7 @@ from lrm_ident.design.pose_design import CandidateSet, DesignProblem, ExpectedAc
 from lrm_ident.design.pose_selection import PoseSelection
 from lrm_ident.report.document import Block, Document, ResultTable
 from lrm_ident.report.fit import stats_in_mm
+from lrm_ident.report.names.plain_names import in_words
 from lrm_ident.report.names.symbols import symbol
 from lrm_math.effects import Effect
 from lrm_math.model.model import Model
@@ -68,7 +69,7 @@ def design_document(task: DesignProblem, offer: CandidateSet, found: PoseDesign)
         *(f"  refused: {count} with {rule}" for rule, count in offer.rejected.items() if count),
         _index_table(title, found.observability, found.random_baseline),
         _error_table(found),
-        *gains,
+        *map(in_words, gains),
         f"To measure: {len(found.poses)} poses, {repeats} of them again (repeat_of), in random order; come to each "
         "from the side in the column approach: +1 from smaller angles, -1 from larger ones, every joint.",
     ]

@@ -19,6 +19,7 @@ from lrm_ident.fitting.progress import Progress
 from lrm_ident.report.design import design_document, pose_table
 from lrm_ident.report.document import Document
 from lrm_ident.report.model_report import ModelReport
+from lrm_ident.report.names.plain_names import in_words
 from lrm_ident.study.study import Study
 from lrm_math.arm.arm_file import GRAM, MM
 from lrm_math.effects import effects_at
@@ -69,7 +70,7 @@ def next_poses(study: Study, found: ModelReport, progress: Progress) -> NextPose
         document = design_document(task, offer, chosen)
         arguments = (study.arm, *(("--separate", ",".join(names)) if names else ()))
         arguments += ("--noise-mm", f"{noise_mm:g}", "--loads-g", ",".join(f"{load:g}" for load in loads_g))
-        blocks = [*(f"Not for a stronger rival: {words}." for words in refused), *document.blocks]
+        blocks = [*(f"Not for a stronger rival: {in_words(words)}." for words in refused), *document.blocks]
         return NextPoses(replace(document, blocks=blocks), pose_table(chosen).csv(), arguments)
     raise LrmError("; ".join(refused))
 
