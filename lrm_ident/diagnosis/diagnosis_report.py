@@ -179,7 +179,8 @@ def _rank(scored: ScoredCandidate, confirmed: ConfirmedDiagnosis, before: ErrorS
     if equivalent or scored in supported:
         verdict = "indistinguishable" if equivalent else "supported"
         better = f"the held-out error falls {fall(before.rms, rms)} mm"
-        unsure = f"; these data cannot tell it from {', '.join(equivalent[:4])}" if equivalent else ""
+        rivals = f"{', '.join(equivalent[:4])}; several may be there"
+        unsure = f"; these data cannot tell it from {rivals}" if equivalent else ""
         why = f"{_describe_effect(scored, estimates)}: {better}{unsure}"
     elif scored.implausible:
         why = scored.implausible

@@ -239,7 +239,8 @@ def step_blocks(number: int, step: AutoStep, start: AutoStep) -> Iterator[Block]
     errors = f"fit {in_mm(error_stats(step.fit.residual).rms):>5s}  held out {in_mm(held_out * 1e-3):>5s} mm {bar}"
     yield f"{number:3d}  {step.added or 'start':27s} {len(step.fit.model.free):3d} parameters  {errors}"
     if step.equivalent:
-        yield Text(f"       or {enumerate_words(step.equivalent, RIVALS_SHOWN)}: these data cannot tell", style="dim")
+        rivals = enumerate_words(step.equivalent, RIVALS_SHOWN)
+        yield Text(f"       or {rivals}, or several of them: these data cannot tell", style="dim")
     if step.added:
         known = noise_floor(step.data, step.fit.rest).rms is not None
         present = [effect.name for effect in step.fit.model.effects]

@@ -11,6 +11,8 @@ from lrm_ident.report.document import Block, ListSection, ResultTable
 
 OPEN = 6
 """Lines of a list that are shown without unfolding it."""
+SENTENCE = 40
+"""Letters of a cell from which a last column holds sentences, which stand below their row on a narrow screen."""
 MOST_ROWS = 40  # of a table that is not folded
 
 
@@ -20,15 +22,17 @@ def blocks_html(blocks: Iterable[Block]) -> str:
 
 
 def table_html(table: ResultTable) -> str:
-    """One table; columns with a format are flush right."""
+    """One table; columns with a format are flush right. A narrow screen stacks rows that end in sentences."""
     right = ["|" in column for column in table.columns]
     head = "".join(_head(name, r) for name, r in zip(table.names, right, strict=True))
     rows = "".join(
         "<tr>" + "".join(f"<td{_side(r)}>{escape(cell)}</td>" for cell, r in zip(row, right, strict=True)) + "</tr>"
         for row in table.text()
     )
+    stacked = any(len(row[-1]) > SENTENCE for row in table.text()) and not right[-1]
     caption = f"<caption>{escape(table.title)}</caption>" if table.title else ""
-    html = f"<table>{caption}<thead><tr>{head}</tr></thead><tbody>{rows}</tbody></table>"
+    kind = ' class="stacked"' if stacked else ""
+    html = f"<table{kind}>{caption}<thead><tr>{head}</tr></thead><tbody>{rows}</tbody></table>"
     return f'<div class="wide" tabindex="0">{html}</div>'  # the keyboard scrolls it, too
 
 
