@@ -157,7 +157,7 @@ class NumberTable:
     def __contains__(self, name: str) -> bool:
         return name in self.columns
 
-    def whole(self, name: str) -> NDArray[np.int64]:
+    def integers(self, name: str) -> NDArray[np.int64]:
         """(N,), a column of whole numbers."""
         return self.columns[name].astype(np.int64)
 

@@ -40,7 +40,7 @@ def read_poses(table: NumberTable, arm: Arm, how: Reading, start: Array | None =
     `start`: (n,), joint angles before the first one (rad).
     """
     q, n = read_angles(table, arm), len(table)
-    moves = directions(q, start, after_gap(table.whole("pose")))
+    moves = directions(q, start, after_gap(table.integers("pose")))
     sides = _approach(table, moves, how)
     straight = bool(np.all((sides == moves) | (moves == 0.0))) and "approach" not in table
     t, session = table.columns.get("t_s"), table.columns.get("session")
@@ -51,7 +51,7 @@ def read_poses(table: NumberTable, arm: Arm, how: Reading, start: Array | None =
         t=t,
         session=session,
         temperature=table.columns.get("temp_c"),
-        number=table.whole("pose"),
+        number=table.integers("pose"),
         friction=friction_states(q, moves, start) if straight else None,
         running=None if t is None else _running(t, np.zeros(n) if session is None else session),
         sha256=table.cells.sha256,

@@ -21,7 +21,7 @@ from lrm_ident.diagnosis.screening.score_test import ScoredCandidate
 from lrm_ident.fitting.cross_validation import blocks_of_fit
 from lrm_ident.fitting.held_out import HeldOutBlock, held_out_rows, squared
 from lrm_ident.fitting.levenberg_marquardt import Fit
-from lrm_ident.residual.better_prediction import predicts_better
+from lrm_ident.residual.better_prediction import predicts_better, share_of_excess
 from lrm_ident.residual.thresholds import (
     EQUIVALENT_GAIN,
     FLOOR_RATIO,
@@ -34,8 +34,6 @@ from lrm_math.errors import LrmError
 
 MOST_REFUSED = 8
 """Effects that are refused before the rest is left as structure: a bound on time."""
-NEGLIGIBLE = 1e-3
-"""Part of the mean square that is no excess over the noise."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,9 +86,7 @@ class ConfirmedDiagnosis:
         """Share of the held-out mean square above the noise (all of it, where that is unknown) that the refit takes."""
         if self.refit is None:
             return 0.0
-        before, now = error_stats(self.held_out).rms ** 2, self.refit.error.rms**2
-        floor = self.diagnosis.floor.rms or 0.0
-        return (before - now) / max(before - floor**2, now * NEGLIGIBLE)
+        return share_of_excess(error_stats(self.held_out).rms, self.refit.error.rms, self.diagnosis.floor.rms or 0.0)
 
     @property
     def describes(self) -> bool:

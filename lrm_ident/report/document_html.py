@@ -23,13 +23,13 @@ def blocks_html(blocks: Iterable[Block]) -> str:
 
 def table_html(table: ResultTable) -> str:
     """One table; columns with a format are flush right. A narrow screen stacks rows that end in sentences."""
-    right = ["|" in column for column in table.columns]
+    right, body = ["|" in column for column in table.columns], list(table.text())
     head = "".join(_head(name, r) for name, r in zip(table.names, right, strict=True))
     rows = "".join(
         "<tr>" + "".join(f"<td{_side(r)}>{escape(cell)}</td>" for cell, r in zip(row, right, strict=True)) + "</tr>"
-        for row in table.text()
+        for row in body
     )
-    stacked = any(len(row[-1]) > SENTENCE for row in table.text()) and not right[-1]
+    stacked = any(len(row[-1]) > SENTENCE for row in body) and not right[-1]
     caption = f"<caption>{escape(table.title)}</caption>" if table.title else ""
     kind = ' class="stacked"' if stacked else ""
     html = f"<table{kind}>{caption}<thead><tr>{head}</tr></thead><tbody>{rows}</tbody></table>"

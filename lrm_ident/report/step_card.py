@@ -13,6 +13,7 @@ from lrm_ident.diagnosis.diagnosis_report import with_unit
 from lrm_ident.report.document import Document
 from lrm_ident.report.names.plain_names import step_title
 from lrm_ident.report.plots.interactive.group_means import explained_by_means, shown_most
+from lrm_ident.residual.better_prediction import share_of_excess
 from lrm_ident.residual.covariates import Covariate
 from lrm_ident.residual.picture.error_field import ErrorField
 from lrm_math.effects import FREE_FORMS, Effect
@@ -42,8 +43,9 @@ class ErrorFall:
 
     def share_of_excess(self, floor: float | None) -> float | None:
         """Share of the mean square above the noise floor (mm) that the step took away; None where that is not known."""
-        excess = 0.0 if floor is None else self.before**2 - floor**2
-        return float(np.clip((self.before**2 - self.after**2) / excess, 0.0, 1.0)) if excess > 0 else None
+        if floor is None or self.before <= floor:
+            return None
+        return float(np.clip(share_of_excess(self.before, self.after, floor), 0.0, 1.0))
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@ import numpy as np
 
 from lrm_ident.fitting.levenberg_marquardt import OUTLIER_DISTANCE
 from lrm_ident.fitting.loss import CHI3_MEDIAN
-from lrm_ident.residual.thresholds import Z_THRESHOLD
+from lrm_ident.residual.thresholds import NEGLIGIBLE, Z_THRESHOLD
 from lrm_math.arrays import Array
 
 
@@ -23,6 +23,11 @@ def saves(then: Array, now: Array, share: float, start: Array | None = None) -> 
     """Whether mean squares (N,) fall by what a share of the RMS of `start` (None: of `now`) amounts to."""
     whole = float((now if start is None else start).mean())
     return float(now.mean() - then.mean()) > (1.0 - (1.0 - share) ** 2) * whole
+
+
+def share_of_excess(before: float, after: float, floor: float) -> float:
+    """Share of the mean square above a noise floor that is taken away; RMS errors in one unit, a floor of 0: of all."""
+    return (before**2 - after**2) / max(before**2 - floor**2, NEGLIGIBLE * after**2)
 
 
 def paired_z(better: Array, worse: Array) -> float:

@@ -30,6 +30,8 @@ EQUIVALENT_GAIN, SIMILAR_GAIN = 0.5, 0.8
 SMALL_SHARE = 0.10
 """Share of the mean square above the noise below which a step, while much stays, describes and names no cause: local
 effects that spell one common cause took 3 to 8 % each."""
+NEGLIGIBLE = 1e-3
+"""Part of the mean square that is no excess over the noise: a guard against dividing by almost nothing."""
 VERY_STRONG = 10.0
 """Difference of Schwarz's criterion that is very strong evidence (Kass & Raftery 1995)."""
 MIN_DETECTABLE = 3.0

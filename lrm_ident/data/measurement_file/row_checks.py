@@ -33,7 +33,7 @@ def numbered_rows(table: NumberTable) -> tuple[NDArray[np.int64], NDArray[np.int
 
     Raises `FileError`: a number that stands twice, or a repetition of no pose.
     """
-    pose, first = table.whole("pose"), dict[int, int]()
+    pose, first = table.integers("pose"), dict[int, int]()
     for row, number in enumerate(pose.tolist()):
         if first.setdefault(number, row) != row:
             what = f"pose {number} stands in line {table.cells.lines[first[number]]} already"
@@ -79,7 +79,7 @@ def without_frozen(arm: Arm, data: Measurements) -> Measurements:
 
 def doubtful(table: NumberTable, arm: Arm, metadata: Metadata) -> Iterator[str]:
     """Notices about the order, the repetitions and the stated noise of a file."""
-    number = table.whole("pose")
+    number = table.integers("pose")
     if not any(name.startswith("approach") for name in table.columns):
         gap = after_gap(number)
         if gap.any():

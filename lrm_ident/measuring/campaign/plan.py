@@ -57,11 +57,11 @@ def load_plan(path: Path, arm: Arm) -> CampaignPlan:
     """Reads `pose, q1_deg …, payload_g, approach, repeat_of`, as `design` writes them. Raises `FileError`."""
     poses = load_poses(path, arm)
     table = read_numbers(read_measurement_table(path), KnownColumns(("pose", "repeat_of", "approach")))
-    number = table.whole("pose")
+    number = table.integers("pose")
     if len(set(number.tolist())) < len(number):
         raise FileError(path, "column pose", "a number stands twice")
-    repeats = table.whole("repeat_of") if "repeat_of" in table else number
-    approach = table.whole("approach") if "approach" in table else np.zeros_like(number)
+    repeats = table.integers("repeat_of") if "repeat_of" in table else number
+    approach = table.integers("approach") if "approach" in table else np.zeros_like(number)
     columns = (number, poses.q, poses.payload, approach, repeats)
     planned = (
         PlannedPose(int(n), tuple(q.tolist()), float(load), int(side), int(of))
