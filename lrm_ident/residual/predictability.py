@@ -19,24 +19,37 @@ from lrm_ident.data.wording import in_mm
 from lrm_ident.fitting.held_out import HeldOutBlock, held_out_rows
 from lrm_ident.fitting.progress import OnProgress, silent
 from lrm_ident.residual.better_prediction import saves, vuong_z
-from lrm_ident.residual.covariates import covariates
+from lrm_ident.residual.covariates import CONSTANT, covariates
 from lrm_ident.residual.thresholds import MIN_NAMELESS_GAIN, Z_THRESHOLD
 from lrm_math.arrays import Array
 
 SEARCH_ROWS, MOST_ROWS = 250, 1000  # evenly spaced training rows: for the search of a kernel, and to learn from
-REDUNDANT = 0.999  # correlation above which time says nothing beside the order of measurement
+REDUNDANT = 0.999  # correlation above which an input says nothing beside another, as time beside the order
 RELEVANT = 0.1  # of the most relevant input
 
 
-def pose_covariates(data: Measurements) -> dict[str, Array]:
-    """(N,) each, standardised, by symbol: angles, order, load, and time unless it runs along with the order."""
+def pose_covariates(data: Measurements, position: Array) -> dict[str, Array]:
+    """(N,) each, standardised, by symbol: all that is known of a pose, save what does not vary or repeats another.
+
+    Joint angles, order of measurement, load, time, and what angles tell only by a law that a process would have to
+    learn: direction of approach of every joint, and position.
+
+    Args:
+        position: (N, 3), of the TCP by a model (m): the measured one has the noise in it that is to be predicted.
+    """
     known = {one.symbol: one.values for one in covariates(data, np.empty((len(data), 0)))}
-    order = np.arange(len(data))
-    if "time" in known and np.corrcoef(order, known["time"])[0, 1] >= REDUNDANT:
-        del known["time"]
     angles = [symbol for symbol in known if symbol.startswith("q")]
-    used = [symbol for symbol in (*angles, "order", "load", "time") if symbol in known]
-    return {symbol: (known[symbol] - known[symbol].mean()) / known[symbol].std() for symbol in used}
+    inputs = {symbol: known[symbol] for symbol in (*angles, "order", "load", "time", "temperature") if symbol in known}
+    if data.poses.direction is not None:
+        inputs |= {f"the direction of q{joint + 1}": side for joint, side in enumerate(data.poses.direction.T)}
+    inputs |= {f"position {axis}": values for axis, values in zip("xyz", position.T, strict=True)}
+    out: dict[str, Array] = {}
+    for symbol, values in inputs.items():
+        if np.ptp(values) > CONSTANT:
+            x = (values - values.mean()) / values.std()
+            if all(abs(x @ other) < REDUNDANT * len(x) for other in out.values()):
+                out[symbol] = x
+    return out
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,9 +120,9 @@ def predictable_error(
     """
     from lrm_ident.residual.gaussian_process import Kernel, condition, fit_kernel  # loads half of scipy
 
-    known = pose_covariates(data)
-    names, x = tuple(known), np.stack(list(known.values()), axis=1)
     named, left = held_out_rows(blocks), np.empty_like(data.tcp)
+    known = pose_covariates(data, data.tcp - named)
+    names, x = tuple(known), np.stack(list(known.values()), axis=1)
     relevance, kernels, most = np.zeros(len(names)), [Kernel.start(len(names))] * 3, 0
     for number, block in enumerate(blocks):
         chosen = _spread(len(block.train), MOST_ROWS)
