@@ -13,7 +13,9 @@ GAIN_TOLERANCE = 1e-10  # predicted relative decrease of the objective
 IDLE_GAIN, IDLE_LIKELIHOOD = 1e-5, 0.3
 """A step that gains no more is idle: part of the objective, and of it over the squared noise."""
 POSTERIOR_TOLERANCE = 1e-6  # predicted increase of the log-posterior: parameters to a thousandth of their errors
-PENALISED_TOLERANCE = 1e-3  # the same where penalties of forms, known to a third, decide it: to a part of their errors
+PENALISED_TOLERANCE = (
+    1e-2  # the same where penalties of forms, known to a third, decide it: the last step leaves far less
+)
 
 
 class FitNotConverged(LrmError):
@@ -50,5 +52,5 @@ def is_well_known(quadratic: QuadraticModel) -> bool:
     objective, free = quadratic.objective, quadratic.free
     if objective.has_full_prior or not free.any():
         return True
-    hessian = objective.gauss_newton(quadratic.columns, quadratic.noise)[np.ix_(free, free)]
+    hessian = objective.gauss_newton(quadratic.rows.columns, quadratic.noise)[np.ix_(free, free)]
     return float(np.linalg.eigvalsh(hessian)[0]) * WEAK_SD**2 > objective.residual_sd(quadratic.iterate) ** 2

@@ -18,7 +18,7 @@ from lrm_ident.fitting.least_squares.convergence import (
 )
 from lrm_ident.fitting.least_squares.objective import Iterate, NoiseScale, NoiseUpdate, Objective
 from lrm_ident.fitting.least_squares.quadratic_model import QuadraticModel
-from lrm_ident.fitting.least_squares.smoothness import Smoothness
+from lrm_ident.fitting.least_squares.smoothness import MOST_UPDATES, Smoothness
 from lrm_ident.fitting.parameter_sets import Bounds
 from lrm_math.arrays import Array
 from lrm_math.model.equilibrium import Equilibrium
@@ -90,8 +90,10 @@ class LevenbergMarquardt:
                 continue
             update, smooth = problem._likelier(iterate, quadratic.free, noise)
             if update.estimated.close_to(noise, problem.objective.sigma_tolerance) and smooth.close_to(problem.smooth):
-                return Optimum(problem.objective, iterate, quadratic.columns, quadratic.free, noise, steps)
+                return Optimum(problem.objective, iterate, quadratic.rows.columns, quadratic.free, noise, steps)
             problem, noise, before = problem.with_smoothness(smooth), update.accelerated(before), update
+            if smooth.known:
+                problem, noise = problem._settled(iterate, noise)
             damping = min(damping, FIRST_DAMPING)
         raise FitNotConverged(most_steps, change)
 
@@ -101,12 +103,33 @@ class LevenbergMarquardt:
 
     def _likelier(self, iterate: Iterate, free: NDArray[np.bool_], noise: NoiseScale) -> tuple[NoiseUpdate, Smoothness]:
         """The noise and the penalties that follow from an iterate, which `noise` and the present ones led to."""
-        objective, parameters = self.objective, 0.0
-        covariance = np.zeros((len(free), len(free)))
-        if objective.prior is not None and free.any():
-            inverse = objective.inverse_hessian(objective.linearise(iterate, noise).columns, noise, free)
-            parameters = objective.effective_parameters(inverse, noise, free)
-            covariance[np.ix_(free, free)] = noise.sigma**2 * inverse
-        update = NoiseUpdate(noise, objective.noise_scale(iterate, parameters))
-        model = iterate.rest.model.with_free(objective.model.free)
-        return update, self.smooth.likelier(model, covariance * np.outer(objective.typical, objective.typical))
+        parameters, covariance = self._posterior(iterate, free, noise)
+        update = NoiseUpdate(noise, self.objective.noise_scale(iterate, parameters))
+        return update, self.smooth.likelier(iterate.rest.model.with_free(self.objective.model.free), covariance)
+
+    def _settled(self, iterate: Iterate, noise: NoiseScale) -> tuple[LevenbergMarquardt, NoiseScale]:
+        """The problem with the penalties, and the noise, that follow from each other on the objective's quadratic model
+        about an iterate, without further evaluations of the arm (performance iteration, Gu 1992)."""
+        problem, objective = self, self.objective
+        for _ in range(MOST_UPDATES):
+            quadratic = QuadraticModel.about(iterate, problem.objective, noise, self.bounds)
+            z = quadratic.minimum
+            parameters, covariance = problem._posterior(iterate, quadratic.free, noise)
+            before, noise = noise, objective.noise_scale(iterate, parameters, quadratic.squares(z))
+            model = objective.model.with_values_of(objective.model.free, z * objective.typical)
+            smooth = replace(problem.smooth.likelier(model, covariance), updates=self.smooth.updates)
+            settled = smooth.close_to(problem.smooth) and noise.close_to(before, objective.sigma_tolerance)
+            problem = self.with_smoothness(smooth)
+            if settled:
+                break
+        return problem, noise
+
+    def _posterior(self, iterate: Iterate, free: NDArray[np.bool_], noise: NoiseScale) -> tuple[float, Array]:
+        """Effective number of parameters that the data determine, and posterior covariance (P, P) of all (SI)."""
+        objective, covariance = self.objective, np.zeros((len(free), len(free)))
+        if objective.prior is None or not free.any():
+            return 0.0, covariance
+        inverse = objective.inverse_hessian(objective.linearise(iterate, noise).columns, noise, free)
+        covariance[np.ix_(free, free)] = noise.sigma**2 * inverse
+        scaled = covariance * np.outer(objective.typical, objective.typical)
+        return objective.effective_parameters(inverse, noise, free), scaled

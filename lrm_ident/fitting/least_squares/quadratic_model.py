@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from lrm_ident.fitting.least_squares.block_qr import CompressedRows
 from lrm_ident.fitting.least_squares.objective import Iterate, NoiseScale, Objective
 from lrm_ident.fitting.parameter_sets import Bounds
 from lrm_math.arrays import Array
@@ -23,7 +24,7 @@ class QuadraticModel:
 
     Attributes:
         bounds: of the scaled parameters.
-        columns: (R, P), compressed Jacobian. descent: (P,), negative gradient, times scale².
+        rows: the compressed Jacobian (R, P) and residual. descent: (P,), negative gradient, times scale².
         free: (P,), whether no bound holds a parameter against the descent.
     """
 
@@ -31,7 +32,7 @@ class QuadraticModel:
     bounds: Bounds
     iterate: Iterate
     noise: NoiseScale
-    columns: Array
+    rows: CompressedRows
     descent: Array
     free: NDArray[np.bool_]
 
@@ -41,7 +42,17 @@ class QuadraticModel:
         rows = objective.linearise(iterate, noise)
         descent = objective.negative_gradient(iterate, rows, noise)
         held = ((iterate.z <= bounds.lower) & (descent < 0)) | ((iterate.z >= bounds.upper) & (descent > 0))
-        return QuadraticModel(objective, bounds, iterate, noise, rows.columns, descent, ~held)
+        return QuadraticModel(objective, bounds, iterate, noise, rows, descent, ~held)
+
+    @property
+    def minimum(self) -> Array:
+        """(P,), scaled parameters of its minimum within the bounds."""
+        return self._minimum(self.objective.gauss_newton(self.rows.columns, self.noise))
+
+    def squares(self, z: Array) -> float:
+        """Weighted sum of squares that it predicts at scaled parameters."""
+        left = self.rows.residual - self.rows.columns @ (z - self.iterate.z)
+        return float(left @ left)
 
     def predicted(self, trial: Iterate) -> float:
         """Decrease of the objective to first order on the way to a trial."""
@@ -53,7 +64,7 @@ class QuadraticModel:
 
     def step(self, damping: float) -> tuple[Iterate, float]:
         """An iterate that does not increase the objective, and the next damping; the same iterate if there is none."""
-        A = self.objective.gauss_newton(self.columns, self.noise)
+        A = self.objective.gauss_newton(self.rows.columns, self.noise)
         diagonal = np.diag(np.maximum(np.diag(A), 1e-300))
         before = self.value(self.iterate)
         while damping < MAX_DAMPING:
