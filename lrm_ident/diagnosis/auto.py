@@ -109,7 +109,8 @@ def run_auto(
         added, refit, poses, before = _added(now, now.first), now.refit, now.diagnosis.data.pose, now.blocks
         del now  # a diagnosis holds the columns of every candidate: one at a time
         try:
-            found = diagnose(refit.fit.model, data, kinds, progress, loss, rates)
+            known = refit.fit if np.array_equal(poses, data.pose) else None
+            found = diagnose(refit.fit.model, data, kinds, progress, loss, rates, known)
             now = confirm(found, refit.blocks if np.array_equal(found.data.pose, poses) else (), refused=refused)
         except LrmError:  # nothing can be built on it: it is out, and what was found before stays
             refused = (*refused, added.name)

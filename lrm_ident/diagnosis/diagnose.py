@@ -125,6 +125,7 @@ def diagnose(
     progress: OnProgress = silent,
     loss: Loss = SQUARED,
     rates: EffectRates | None = None,
+    fitted: Fit | None = None,
 ) -> Diagnosis:
     """Finds what a model misses on measurements. The model's free parameters are refitted first, with this loss.
 
@@ -132,12 +133,13 @@ def diagnose(
 
     Args:
         rates: how often arms of this kind have each effect, where that is known.
+        fitted: the model's fit to these data with this loss, where that is known.
 
     Raises:
         LrmError: too few poses, or the fit does not converge.
     """
     kinds = tuple(catalogue)
-    found = screen(model, data, kinds, progress, loss)
+    found = screen(fitted or fit(model, data, loss=loss), data, kinds, progress)
     left_out: tuple[int, ...] = ()
     for _ in range(MOST_ROUNDS):
         numbers = found.outliers
@@ -146,8 +148,7 @@ def diagnose(
         left_out += numbers
         before, rest = found.fit.model, found.data.without(numbers)
         del found  # it holds the columns of every candidate
-        before = free_base_parameters(fit(before, rest, loss=loss), rest, loss).model  # before any name
-        found = screen(before, rest, kinds, progress, loss)
+        found = screen(free_base_parameters(fit(before, rest, loss=loss), rest, loss), rest, kinds, progress)
     selected = _select(replace(found, rates=rates), progress)
     if not left_out:
         return selected

@@ -64,18 +64,20 @@ def respond(settled: Equilibrium, sensed: Sensed = TCP_ONLY) -> Response:
     rigid = slot_jacobian(chain, geometry)
     if sensed != TCP_ONLY:
         rigid = _with_sensed(rigid, settled, geometry, sensed)
-    if not model.load_slots:
-        return _as_measured(Response(settled, geometry, rigid, np.empty((0, *rigid.shape[1:])), sensed))
-    H = statics.load_derivatives(chain, geometry, settled.weights, model.load_slots)
-    moving = list(model.binding.moving)
-    D = _elastic_compliance(settled)
-    system = np.eye(len(model.load_slots)) - np.einsum("ksn,sjn->nkj", H[:, moving], D)
-    deflected = np.einsum("scn,sjn->njc", rigid[moving], D)
+    acting = _Compliance.of(settled)
+    loads = np.zeros((len(model.load_slots), *rigid.shape[1:]))
+    if not acting.loads:
+        return _as_measured(Response(settled, geometry, rigid, loads, sensed))
+    H = statics.load_derivatives(chain, geometry, settled.weights, [model.load_slots[i] for i in acting.loads])
+    D, moving = acting.D, list(acting.moving)
+    system = np.eye(len(H)) - H[:, moving].transpose(2, 0, 1) @ D.transpose(2, 0, 1)
+    deflected = D.transpose(2, 1, 0) @ rigid[moving].transpose(2, 0, 1)
     if sensed.feedback:
-        _add_before_encoder(deflected, settled, sensed)
+        _add_before_encoder(deflected, settled, sensed, acting.loads)
     by_load = np.ascontiguousarray(np.linalg.solve(system.transpose(0, 2, 1), deflected).transpose(1, 2, 0))
+    loads[list(acting.loads)] = by_load
     total = rigid + np.einsum("kcn,ksn->scn", by_load, H)
-    return _as_measured(Response(settled, geometry, total, by_load, sensed))
+    return _as_measured(Response(settled, geometry, total, loads, sensed))
 
 
 def joint_levers(settled: Equilibrium) -> Array:
@@ -100,15 +102,15 @@ def _with_sensed(rigid: Array, settled: Equilibrium, geometry: ChainGeometry, se
     return np.concatenate(parts, axis=1)
 
 
-def _add_before_encoder(deflected: Array, settled: Equilibrium, sensed: Sensed) -> None:
-    """Adds to deflected (N, K, R) what loads do to the encoders' angles."""
+def _add_before_encoder(deflected: Array, settled: Equilibrium, sensed: Sensed, acting: Sequence[int]) -> None:
+    """Adds to deflected (N, A, R), of the `acting` loads, what loads do to the encoders' angles."""
     for bound in settled.model.binding.elastic:
-        if any(encoder is not None for encoder in bound.encoders):
+        if not bound.idle and any(encoder is not None for encoder in bound.encoders):
             rows = bound.by_loads(settled.poses, bound.own_loads(settled.tau))
             for i, amounts in zip(bound.loads, rows, strict=True):
                 for encoder, amount in zip(bound.encoders, amounts, strict=True):
                     if encoder is not None:
-                        deflected[:, i, sensed.first_feedback + encoder] += amount
+                        deflected[:, acting.index(i), sensed.first_feedback + encoder] += amount
 
 
 def _as_measured(response: Response) -> Response:
@@ -207,15 +209,28 @@ def _add_weight(out: Array, body: int, change: statics.WeightChange, response: R
         out += np.einsum("kcn,kn->cn", response.loads, load)
 
 
-def _elastic_compliance(settled: Equilibrium) -> Array:
-    """D = ∂E/∂tau: (M, K, N) for the M slots `binding.moving` and the K slots `load_slots` (rad/N·m or m/N·m)."""
-    model, moving = settled.model, settled.model.binding.moving
-    D = np.zeros((len(moving), len(model.load_slots), len(settled.poses)))
-    for bound in model.binding.elastic:
-        if bound.idle:
-            continue
-        rows = bound.by_loads(settled.poses, bound.own_loads(settled.tau))
-        for i, amounts in zip(bound.loads, rows, strict=True):
-            for k, amount in zip(bound.slots, amounts, strict=True):
-                D[moving.index(k), i] += amount
-    return D
+@dataclass(frozen=True, eq=False)
+class _Compliance:
+    """D = ∂E/∂tau (M, A, N) of the effects that act (rad/N·m or m/N·m).
+
+    Attributes:
+        moving: the M slots that they move. loads: places in the model's `load_slots` of the A loads that they read.
+    """
+
+    D: Array
+    moving: tuple[int, ...]
+    loads: tuple[int, ...]
+
+    @staticmethod
+    def of(settled: Equilibrium) -> _Compliance:
+        """At an equilibrium."""
+        acting = [bound for bound in settled.model.binding.elastic if not bound.idle]
+        moving = tuple(sorted({k for bound in acting for k in bound.slots}))
+        loads = tuple(sorted({i for bound in acting for i in bound.loads}))
+        D = np.zeros((len(moving), len(loads), len(settled.poses)))
+        for bound in acting:
+            rows = bound.by_loads(settled.poses, bound.own_loads(settled.tau))
+            for i, amounts in zip(bound.loads, rows, strict=True):
+                for k, amount in zip(bound.slots, amounts, strict=True):
+                    D[moving.index(k), loads.index(i)] += amount
+        return _Compliance(D, moving, loads)

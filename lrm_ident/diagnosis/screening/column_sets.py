@@ -1,7 +1,7 @@
 """Sets of columns side by side, and what a linearised fit explains of them: one of them a cause that may be missing.
 
 Every set is tried alone, so of the products of columns only those within a set are kept; sets of one size stand
-together, so that their normal equations are solved in one call.
+together, so that their normal equations are solved in one call. Rows stand fold by fold, so that a fold's are a slice.
 """
 
 from __future__ import annotations
@@ -20,13 +20,15 @@ class FoldSplit:
     """Rows that parameters are estimated from, and rows that the estimate is for: of a fold, or all from all.
 
     Attributes:
-        absent: (A,), rows left out of the estimate.
+        poses: those that are predicted.
+        absent: rows left out of the estimate.
         predicted_rows: T rows that are predicted.
         predictor: (T, p), what the amounts along p orthonormal directions of the estimate's rows predict.
     """
 
-    absent: NDArray[np.int64]
-    predicted_rows: NDArray[np.int64] | slice
+    poses: NDArray[np.int64]
+    absent: slice
+    predicted_rows: slice
     predictor: Array
 
 
@@ -56,7 +58,7 @@ class ColumnSets:
     """S sets of M columns in all, with a fit projected out.
 
     Attributes:
-        columns: (R N, M), without what the fitted parameters explain of them in all rows.
+        columns: (R N, M), fold by fold, without what the fitted parameters explain of them in all rows.
         explained: for each part (p, M), their amounts along its orthonormal directions.
         stacks: the sets by size, in the order of their columns.
         grams: for each stack (parts, n, m, m), products of each set's columns over the rows of the estimate, without
@@ -100,10 +102,11 @@ class ColumnSets:
     def products(self, parts: Sequence[FoldSplit], other: ColumnSets) -> list[Array]:
         """Products for each part (m, M) of the columns of the other, a single set, with these over the rows of the
         estimate, without what is explained of both."""
-        whole = other.columns.T @ self.columns
+        absent = [other.columns[part.absent].T @ self.columns[part.absent] for part in parts]
+        whole = sum(absent)
         return [
-            whole - other.columns[part.absent].T @ self.columns[part.absent] - theirs.T @ own
-            for part, theirs, own in zip(parts, other.explained, self.explained, strict=True)
+            whole - own - theirs.T @ amounts
+            for own, theirs, amounts in zip(absent, other.explained, self.explained, strict=True)
         ]
 
     def predicted(self, part: FoldSplit, amounts: Array, theta: Array) -> Array:
@@ -117,6 +120,11 @@ class ColumnSets:
                 np.einsum("rnm,nm->rn", sets, own, out=out[:, stack.places])
         found -= part.predictor @ along
         return found
+
+    def with_directions(self, counts: Sequence[int]) -> ColumnSets:
+        """The sets with only the first so many directions of each part explained; `grams` are not kept up."""
+        explained = tuple(rows[:count] for rows, count in zip(self.explained, counts, strict=True))
+        return replace(self, explained=explained)
 
     def with_explained(self, rows: Sequence[Array]) -> ColumnSets:
         """The sets with their amounts (k, M) along further directions of each part explained too."""
@@ -159,14 +167,12 @@ def column_sets(
     """Sets whose columns and explained amounts are known."""
     grams = []
     for stack in stacks:
-        whole = by_set(columns, stack)
-        gram = np.empty((len(parts), len(stack.numbers), stack.size, stack.size))
-        gram[:] = whole.transpose(0, 2, 1) @ whole
+        absent, known = np.empty((2, len(parts), len(stack.numbers), stack.size, stack.size))
         for number, (part, amounts) in enumerate(zip(parts, explained, strict=True)):
-            for rows in (columns[part.absent, stack.columns], amounts[:, stack.columns]):
-                alone = rows.reshape(len(rows), len(stack.numbers), stack.size).transpose(1, 0, 2)
-                gram[number] -= alone.transpose(0, 2, 1) @ alone
-        grams.append(gram)
+            for rows, out in ((columns[part.absent], absent), (amounts, known)):
+                alone = by_set(rows, stack)
+                np.matmul(alone.transpose(0, 2, 1), alone, out=out[number])
+        grams.append(absent.sum(axis=0) - absent - known)
     return ColumnSets(columns, explained, stacks, tuple(grams))
 
 

@@ -69,6 +69,7 @@ class LinearisedFit:
         residual: (R N,), what the fitted parameters leave (m), R rows of each of N poses.
         basis: (R N, P), orthonormal basis of their columns.
         parts: the whole sample, then every fold.
+        order: (R N,), the rows fold by fold, as those of all `ColumnSets` stand.
         sigma: m per axis, the noise against which the prior is weighed.
         rows: of each pose, R.
         taken: columns that were taken into the fit after it was linearised, one after the other.
@@ -77,6 +78,7 @@ class LinearisedFit:
     residual: Array
     basis: Array
     parts: tuple[FoldSplit, ...]
+    order: NDArray[np.int64]
     sigma: float
     rows: int = 3
     taken: tuple[SelectedColumns, ...] = ()
@@ -101,7 +103,13 @@ class LinearisedFit:
     @cached_property
     def own(self) -> ColumnSets:
         """The residual as a column."""
-        return self.up_to_date(self._known(self.residual[:, None], [1]))
+        return self.up_to_date(self._known(self.residual[self.order, None], [1]))
+
+    def pose_by_pose(self, rows: Array) -> Array:
+        """Rows (R N,) that stand fold by fold, pose by pose."""
+        out = np.empty_like(rows)
+        out[self.order] = rows
+        return out
 
     def project(self, C: Array) -> ColumnSets:
         """One set of columns C (R N, m) without what the fit explains of them."""
@@ -111,10 +119,11 @@ class LinearisedFit:
         """Sets of columns (R N, m), of these sizes, without what the fit explains of them."""
         columns, place = np.empty((len(self.residual), sum(sizes))), columns_of(stacks_of(sizes))
         for number, C in enumerate(sets):
-            columns[:, place[number]] = C
+            columns[:, place[number]] = C[self.order]
+        basis = self.basis[self.order]
         for start in range(0, columns.shape[1], AT_ONCE):
             some = columns[:, start : start + AT_ONCE]
-            some -= self.basis @ (self.basis.T @ some)
+            some -= basis @ (basis.T @ some)
         return self.up_to_date(self._known(columns, sizes))
 
     def _known(self, columns: Array, sizes: Sequence[int]) -> ColumnSets:
@@ -130,13 +139,24 @@ class LinearisedFit:
     def up_to_date(self, sets: ColumnSets) -> ColumnSets:
         """Columns that were projected before some others were taken: without what these explain too."""
         whole = sets.explained[0].shape[0]
-        for one in self.taken:
+        fresh = whole == 0 and len(self.taken) > 1
+        for one in self._together if fresh else self.taken:
             size = one.inverse_root.shape[1]
             whole -= size
             if whole < 0:
                 products = sets.products(self.parts, one.columns)
                 sets = sets.with_explained([W @ rows for W, rows in zip(one.inverse_root, products, strict=True)])
         return sets
+
+    @cached_property
+    def _together(self) -> tuple[SelectedColumns]:
+        """All that was taken, as if at once: the same directions, since the factor of Cholesky is triangular."""
+        size = sum(one.inverse_root.shape[1] for one in self.taken)
+        first = [
+            one.columns.with_directions([part.predictor.shape[1] - size for part in self.parts]) for one in self.taken
+        ]
+        columns = joined(first, self.parts, together=True)
+        return (SelectedColumns(columns, _inverse_root(columns.grams[0][:, 0], self.ridge)),)
 
     def beside(self, *sets: ColumnSets) -> LinearisedFit:
         """The fit with these columns too."""
@@ -154,7 +174,7 @@ class LinearisedFit:
     def now(self) -> LinearEstimate:
         """The fit as it is."""
         left = [self._left(number) for number in range(len(self.parts))]
-        return LinearEstimate(np.zeros(0), np.zeros(0), float(left[0] @ left[0]), self._by_pose(left)[0])
+        return LinearEstimate(np.zeros(0), np.zeros(0), float(left[0] @ left[0]), self._by_pose(left[1:])[0])
 
     def explain(self, sets: ColumnSets | None = None) -> LinearEstimate:
         """Linear estimate of a set of columns (none: the fit as it is)."""
@@ -167,7 +187,7 @@ class LinearisedFit:
         left = []
         for number, part in enumerate(self.parts):
             left.append(self._left(number)[:, None] - sets.predicted(part, sets.explained[number], theta[number]))
-        in_sample, held_out = (left[0] ** 2).sum(axis=0), self._by_pose(left)
+        in_sample, held_out = np.einsum("ts,ts->s", left[0], left[0]), self._by_pose(left[1:])
         held_out = np.minimum(held_out, np.maximum(outlier_bound(held_out)[:, None], self.now.held_out))
         found: list[LinearEstimate | None] = [None] * len(sets)
         ends = [*sets.starts[1:], sets.columns.shape[1]]
@@ -191,15 +211,14 @@ class LinearisedFit:
     def _left(self, number: int) -> Array:
         """(T,), what the fit leaves of the residual in the rows that a part predicts."""
         part = self.parts[number]
-        return np.asarray(self.residual[part.predicted_rows] - part.predictor @ self.own.explained[number][:, 0])
+        return np.asarray(self.own.columns[part.predicted_rows, 0] - part.predictor @ self.own.explained[number][:, 0])
 
     def _by_pose(self, left: Sequence[Array]) -> Array:
         """(S, N), squared 3-D distance of each pose from what is left (T, S) of the rows that the folds predict."""
         count = 1 if left[0].ndim == 1 else left[0].shape[1]
         held_out = np.empty((count, len(self.residual) // self.rows))
-        for part, rows in zip(self.folds, left[1:], strict=True):
-            squares = (rows.reshape(-1, self.rows, count) ** 2).sum(axis=1)
-            held_out[:, part.absent[:: self.rows] // self.rows] = squares.T
+        for part, rows in zip(self.folds, left, strict=True):
+            held_out[:, part.poses] = (rows.reshape(-1, self.rows, count) ** 2).sum(axis=1).T
         return held_out
 
 
@@ -207,17 +226,16 @@ def linearise(A: Array, residual: Array, test_poses: Sequence[NDArray[np.int64]]
     """Linearises a fit with the parameters' columns A (R N, P), residual (R N,) (m) and the test poses of each fold."""
     basis = _svd(A)[0]
     rows = len(residual) // sum(len(poses) for poses in test_poses)
-    every = np.arange(len(residual))
-    whole = FoldSplit(every[:0], slice(None), np.empty((len(every), 0)))
-    folds = (_fold(A, rows * poses[:, None] + np.arange(rows)) for poses in test_poses)
-    return LinearisedFit(residual - basis @ (basis.T @ residual), basis, (whole, *folds), sigma, rows)
-
-
-def _fold(A: Array, test: NDArray[np.int64]) -> FoldSplit:
-    """The part that predicts test rows (poses, R)."""
-    absent = test.reshape(-1)
-    inverse_factor = _svd(np.asarray(np.linalg.qr(np.delete(A, absent, axis=0), mode="r")))[1]
-    return FoldSplit(absent, absent, A[absent] @ inverse_factor)
+    order = np.concatenate([(rows * poses[:, None] + np.arange(rows)).reshape(-1) for poses in test_poses])
+    by_fold, start = A[order], 0
+    parts = [FoldSplit(order[::rows] // rows, slice(0), slice(None), np.empty((len(order), 0)))]
+    for poses in test_poses:
+        own = slice(start, start + rows * len(poses))
+        others = np.concatenate([by_fold[:start], by_fold[own.stop :]])
+        inverse_factor = _svd(np.asarray(np.linalg.qr(others, mode="r")))[1]
+        parts.append(FoldSplit(poses, own, own, by_fold[own] @ inverse_factor))
+        start = own.stop
+    return LinearisedFit(residual - basis @ (basis.T @ residual), basis, tuple(parts), order, sigma, rows)
 
 
 def _svd(A: Array) -> tuple[Array, Array]:

@@ -33,7 +33,8 @@ class ScoredCandidate:
 
     Attributes:
         shape: the effect's parameter vector at which it explains most, parameters other than shapes zero.
-        alone: what it explains if nothing else is added. implausible: why its estimate is impossible, or empty.
+        alone: what it explains if nothing else is added. added: (R N,), that, pose by pose (m).
+        implausible: why its estimate is impossible, or empty.
         p_value: after the scan over shapes, before Benjamini and Yekutieli.
     """
 
@@ -41,6 +42,7 @@ class ScoredCandidate:
     shape: tuple[float, ...]
     projected: ColumnSets
     alone: LinearEstimate
+    added: Array
     p_value: float
     implausible: str
 
@@ -83,7 +85,9 @@ def score_candidates(
             size = f"a typical size moves the TCP by only {each * 1e3:.2g} mm"
             undetectable.append((candidate.effect, f"{size} beyond what the fitted parameters already explain"))
         else:
-            scored.append(ScoredCandidate(candidate, shape, projected, alone, p_value, _implausible(candidate, alone)))
+            added = linear.pose_by_pose(projected.columns @ alone.theta)
+            why_not = _implausible(candidate, alone)
+            scored.append(ScoredCandidate(candidate, shape, projected, alone, added, p_value, why_not))
         progress(number + 1, 2 * len(found))
     return scored, undetectable
 

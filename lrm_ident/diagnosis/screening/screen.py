@@ -19,8 +19,8 @@ from lrm_ident.diagnosis.screening.linearised_fit import LinearisedFit, linearis
 from lrm_ident.diagnosis.screening.score_test import ScoredCandidate, score_candidates
 from lrm_ident.fitting.cross_validation import joint_space_folds
 from lrm_ident.fitting.identifiability import some_rows
-from lrm_ident.fitting.levenberg_marquardt import OUTLIER_DISTANCE, Fit, fit
-from lrm_ident.fitting.loss import Loss, robust_scale
+from lrm_ident.fitting.levenberg_marquardt import OUTLIER_DISTANCE, Fit
+from lrm_ident.fitting.loss import robust_scale
 from lrm_ident.fitting.priors import EffectRates
 from lrm_ident.fitting.progress import OnProgress
 from lrm_ident.residual.free_functions import FreeFunction, free_functions, lagged
@@ -29,7 +29,6 @@ from lrm_ident.residual.thresholds import SIGNIFICANCE
 from lrm_math.arrays import Array
 from lrm_math.effects import Effect
 from lrm_math.model.derivatives import Response, parameter_jacobian
-from lrm_math.model.model import Model
 
 MOST_FAR = 200  # outliers of a fit that are screened beside a part of the poses
 
@@ -105,11 +104,8 @@ class Screening:
         return floor.p_value(self.fit.sigma, self.data.measured_rows - len(self.fit.model.free)) > SIGNIFICANCE
 
 
-def screen(
-    model: Model, data: Measurements, kinds: Iterable[type[Effect]], progress: OnProgress, loss: Loss
-) -> Screening:
-    """Fits a model and tries every effect on what it leaves. Raises `LrmError`."""
-    whole = fit(model, data, loss=loss)
+def screen(whole: Fit, data: Measurements, kinds: Iterable[type[Effect]], progress: OnProgress) -> Screening:
+    """Tries every effect on what a fit to the data leaves. Raises `LrmError`."""
     screened = rows_to_screen(whole)
     fitted, part = whole.take(screened), data.take(screened)
     weigh = RowWeights(part.whitening, fitted.weight)

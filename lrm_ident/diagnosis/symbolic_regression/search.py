@@ -13,7 +13,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from lrm_ident.diagnosis.screening.column_sets import FoldSplit
 from lrm_ident.diagnosis.screening.linearised_fit import PRIOR_SD, LinearisedFit
 from lrm_ident.diagnosis.symbolic_regression.grammar import Law
 from lrm_ident.fitting.progress import OnProgress, silent
@@ -69,11 +68,11 @@ def search_laws(linear: LinearisedFit, groups: Sequence[LawColumns], progress: O
     noise = np.random.default_rng(SEED).normal(size=(rows, NULL_DRAWS)) * linear.sigma
     noise -= linear.basis @ (linear.basis.T @ noise)
     squares, fold_gain, gain, largest = [], [], [], np.full(NULL_DRAWS, -np.inf)
-    both = np.concatenate([linear.residual[:, None], noise], axis=1)
+    both = np.concatenate([linear.residual[:, None], noise], axis=1)[linear.order]
     for number, group in enumerate(groups):
         held_out, by_fold = np.empty((rows // linear.rows, len(group.laws))), np.empty((folds, len(group.laws)))
         projected = linear.project_each(group.motions.T[:, :, None], [1] * group.motions.shape[1])
-        motions, residual = projected.columns, linear.residual[:, None]
+        motions, residual = projected.columns, both[:, :1]
         whole = _products(motions, both, group)
         for k, fold in enumerate(linear.folds):
             amounts, known = projected.explained[k + 1], linear.own.explained[k + 1]
@@ -84,9 +83,9 @@ def search_laws(linear: LinearisedFit, groups: Sequence[LawColumns], progress: O
             predicted = test[:, group.first] * theta[0, :, 0]
             predicted[:, group.pairs] += test[:, group.second[group.pairs]] * theta[1, group.pairs, 0]
             left = residual[fold.predicted_rows] - fold.predictor @ known - predicted
-            held_out[_poses(fold, linear)] = (left**2).reshape(-1, linear.rows, left.shape[1]).sum(axis=1)
+            held_out[fold.poses] = (left**2).reshape(-1, linear.rows, left.shape[1]).sum(axis=1)
             squares_left = (residual**2).sum() - (residual[fold.absent] ** 2).sum() - (known**2).sum()
-            by_fold[k] = _bic_gain(explained, rows - len(fold.absent), squares_left, group)[:, 0]
+            by_fold[k] = _bic_gain(explained, rows - len(left), squares_left, group)[:, 0]
         gains = _bic_gain(_solve(whole, group, linear)[1], rows, (both**2).sum(axis=0), group)
         squares.append(held_out)
         fold_gain.append(by_fold)
@@ -96,8 +95,7 @@ def search_laws(linear: LinearisedFit, groups: Sequence[LawColumns], progress: O
     every, chosen = np.concatenate(squares, axis=1), np.concatenate(fold_gain, axis=1).argmax(axis=1)
     nested = np.empty(rows // linear.rows)
     for fold, law in zip(linear.folds, chosen.tolist(), strict=True):
-        poses = _poses(fold, linear)
-        nested[poses] = every[poses, law]
+        nested[fold.poses] = every[fold.poses, law]
     total = np.concatenate(gain)
     return LawSearch(
         laws=tuple(law for group in groups for law in group.laws),
@@ -144,8 +142,3 @@ def _bic_gain(explained: Array, count: int, total: Array | float, group: LawColu
     """(L, D), fall of the BIC by each law on D residuals of so many rows with total squares (D,)."""
     terms = np.array([len(law.terms) for law in group.laws])
     return np.asarray(-count * np.log1p(-np.minimum(explained / total, 1.0 - 1e-12)) - terms[:, None] * np.log(count))
-
-
-def _poses(fold: FoldSplit, linear: LinearisedFit) -> NDArray[np.int64]:
-    """Those that a fold predicts."""
-    return fold.absent[:: linear.rows] // linear.rows

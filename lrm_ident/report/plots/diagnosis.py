@@ -69,7 +69,7 @@ def _draw_evidence(axes: Axes, found: Diagnosis, first: RankedCandidate) -> None
     """
     scored = first.scored
     fitted, data = found.screened_subset
-    motion = RowWeights(data.whitening, fitted.weight).positions(scored.projected.columns @ scored.alone.theta) * 1e3
+    motion = RowWeights(data.whitening, fitted.weight).positions(scored.added) * 1e3
     residual = fitted.residual * 1e3
     for axis, (colour, marker) in enumerate(BANDS):
         label = f"along {'xyz'[axis]}"

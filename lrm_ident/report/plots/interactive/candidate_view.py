@@ -73,7 +73,7 @@ def candidate_view(
     weigh = RowWeights(data.whitening, fitted.weight)
     columns = scored.candidate.columns(scored.shape)
     alone = (columns @ scored.alone.theta).reshape(len(data), -1)[:, :3]
-    added = weigh.positions(scored.projected.columns @ scored.alone.theta)
+    added = weigh.positions(scored.added)
     turns = joint_turns(alone, found.joint_jacobian)
     lever = (found.joint_jacobian**2).sum(axis=1)
     joint = own_joint(scored.candidate.effect.place, (turns**2 * lever).sum(axis=1))
