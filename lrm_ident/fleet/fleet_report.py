@@ -6,17 +6,21 @@ import csv
 import io
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cache
 from importlib.util import find_spec
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from lrm_ident.data.wording import p_words
-from lrm_ident.fleet.fleet_findings import FleetOutlier, TagAssociation
-from lrm_ident.fleet.fleet_prior import ArmEstimates, FleetKnowledge
+from lrm_ident.fleet.fleet_findings import FleetOutlier, TagAssociation, outliers, tag_associations
+from lrm_ident.fleet.fleet_prior import ArmEstimates, FleetKnowledge, arm_estimates, fleet_knowledge
 from lrm_ident.fleet.identify_arm import ArmRecord
 from lrm_ident.fleet.manifest import FleetMember
 from lrm_ident.report.document import Block, Document, ResultTable, heading, section
+from lrm_math.errors import LrmError
+from lrm_math.model.model_file import arm_of
 
 MOST_RATES, MOST_CAUSES = 20, 2
 
@@ -180,3 +184,35 @@ def _values(known: FleetKnowledge) -> dict[str, dict[str, Any]]:
         }
         for j, key in enumerate(known.keys)
     }
+
+
+def fleet_result(members: Sequence[FleetMember], records: Sequence[ArmRecord], models: Path) -> FleetResult:
+    """Summary of the arms that have a model, and of those that stand out, which are left out of it.
+
+    Args:
+        models: folder of the model files.
+    """
+    arm_named = cache(lambda name: arm_of(models / "NAME.toml", name))
+    done, estimates = list[tuple[FleetMember, ArmRecord]](), list[ArmEstimates]()
+    for member, record in zip(members, records, strict=True):
+        if record.evidence is not None:
+            done.append((member, record))
+            estimates.append(arm_estimates(record.name, record.evidence, arm_named(record.evidence.arm)))
+    found = outliers([record for _, record in done], estimates)
+    odd = {one.arm for one in found}
+    kept = [number for number, (_, record) in enumerate(done) if record.name not in odd]
+    sisters, theirs = [done[number][1] for number in kept], [estimates[number] for number in kept]
+    known: FleetKnowledge | str
+    try:
+        known = fleet_knowledge(sisters, theirs)
+    except LrmError as error:
+        known = str(error)
+    rates = () if isinstance(known, str) else known.rates
+    return FleetResult(
+        members=tuple(members),
+        records=tuple(records),
+        estimates={record.name: one for (_, record), one in zip(done, estimates, strict=True)},
+        known=known,
+        links=tag_associations([done[number][0] for number in kept], sisters, theirs, rates) if sisters else (),
+        outliers=found,
+    )
