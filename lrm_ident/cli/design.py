@@ -13,14 +13,7 @@ from typer import Option
 
 from lrm_ident.cli import arguments as arg
 from lrm_ident.cli.command import command
-from lrm_ident.cli.common import (
-    one_of,
-    progress,
-    publish,
-    read_measurements,
-    show,
-    start_model,
-)
+from lrm_ident.cli.common import one_of, progress, publish, read_measurements, show, start_model
 from lrm_ident.data.atomic_write import write_text
 from lrm_ident.data.measurement_file.load import load_poses, says_measured
 from lrm_ident.data.measurement_file.metadata import arm_for

@@ -9,7 +9,7 @@ from contextlib import AbstractContextManager, ExitStack, contextmanager
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Self, TypeAlias
+from typing import TypeAlias
 
 from lrm_ident.design.adaptive_batch import StoppingGoal
 from lrm_ident.measuring.campaign.adaptive import AdaptiveCampaign
@@ -194,16 +194,13 @@ def power_on(rover: Rover) -> str:
     return f"{rover.boot_id}-{max(off, default=0)}"
 
 
-class ZenohTracker:
+class ZenohTracker(AbstractContextManager["ZenohTracker"]):
     """Listens on a key. What is no frame is counted in `garbage`, and otherwise ignored."""
 
     def __init__(self, rover: Rover, key: str) -> None:
         self.garbage = 0
         self._frames: list[TrackerFrame] = []
         self._subscriber = rover.listen(key, self._received)
-
-    def __enter__(self) -> Self:
-        return self
 
     def __exit__(self, *_: object) -> None:
         self._subscriber.undeclare()  # type: ignore[no-untyped-call]
