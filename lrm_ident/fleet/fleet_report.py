@@ -15,7 +15,7 @@ import numpy as np
 
 from lrm_ident.data.wording import p_words
 from lrm_ident.fleet.fleet_findings import FleetOutlier, TagAssociation, outliers, tag_associations
-from lrm_ident.fleet.fleet_prior import ArmEstimates, FleetKnowledge, arm_estimates, fleet_knowledge
+from lrm_ident.fleet.fleet_prior import ArmEstimates, FleetKnowledge, arm_estimates, fleet_knowledge, parameter_values
 from lrm_ident.fleet.identify_arm import ArmRecord
 from lrm_ident.fleet.manifest import FleetMember
 from lrm_ident.report.document import Block, Document, ResultTable, heading, section
@@ -68,7 +68,9 @@ def fleet_document(result: FleetResult) -> Document:
         rates if rates.cells else "\nNo arm has an effect beyond the plain model.",
         _population_table(result.known),
     ]
-    return Document(blocks, "lrm/fleet/1", {**values, "rates": result.known.rates, "population": _values(result.known)})
+    return Document(
+        blocks, "lrm/fleet/1", {**values, "rates": result.known.rates, "population": parameter_values(result.known)}
+    )
 
 
 def table_csv(result: FleetResult) -> str:
@@ -110,8 +112,7 @@ def _estimate(estimates: ArmEstimates | None, key: str) -> tuple[float | None, f
     """Value and standard error in the unit of the key."""
     if estimates is None or key not in estimates.keys:
         return None, None
-    j, parameter = estimates.keys.index(key), estimates.model.parameters[estimates.model.position(key)]
-    scale = parameter.typical / parameter.si
+    j, scale = estimates.keys.index(key), estimates.typical_of(key)
     return float(estimates.mean[j] * scale), float(np.sqrt(estimates.covariance[j, j]) * scale)
 
 
@@ -161,7 +162,7 @@ def _rates_table(known: FleetKnowledge) -> ResultTable:
 
 def _population_table(known: FleetKnowledge) -> ResultTable:
     rows = []
-    for key, table in _values(known).items():
+    for key, table in parameter_values(known).items():
         low, high = table["mean_interval"]
         least, most = table["spread_interval"]
         rows.append(
@@ -169,21 +170,6 @@ def _population_table(known: FleetKnowledge) -> ResultTable:
         )
     columns = ("parameter", "mean|.4g", "95 %|", "spread|.3g", "95 %|", "arms|d")
     return ResultTable(columns, rows, "What the arms have in common: mean, and spread from arm to arm")
-
-
-def _values(known: FleetKnowledge) -> dict[str, dict[str, Any]]:
-    found, scale = known.population, known.typical / known.units
-    means, spreads = found.mean_interval, found.spread_interval
-    return {
-        key: {
-            "mean": float(found.mean[j] * scale[j]),
-            "mean_interval": [float(side[j] * scale[j]) for side in means],
-            "spread": float(found.spread[j] * scale[j]),
-            "spread_interval": [float(side[j] * scale[j]) for side in spreads],
-            "arms": int(found.arms[j]),
-        }
-        for j, key in enumerate(known.keys)
-    }
 
 
 def fleet_result(members: Sequence[FleetMember], records: Sequence[ArmRecord], models: Path) -> FleetResult:

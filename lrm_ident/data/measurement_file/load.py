@@ -10,7 +10,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lrm_ident.data.apply_reading import in_joint_order, motion_of
-from lrm_ident.data.csv_table import CsvTable, KnownColumns, NumberTable, read_numbers, require, without_bad_rows
+from lrm_ident.data.csv_table import (
+    ANGLE,
+    FEEDBACK,
+    CsvTable,
+    KnownColumns,
+    NumberTable,
+    columns_of_joints,
+    read_numbers,
+    require,
+    without_bad_rows,
+)
 from lrm_ident.data.measurement_file.metadata import (
     NOTHING_STATED,
     Metadata,
@@ -20,14 +30,12 @@ from lrm_ident.data.measurement_file.metadata import (
 )
 from lrm_ident.data.measurement_file.sensed_columns import (
     DISTANCE,
-    feedback_columns,
     measured_columns,
     read_feedback,
     with_sensed,
 )
 from lrm_ident.data.measurement_table import (
     POSITION,
-    angle_columns,
     column_notices,
     joint_columns,
     read_measurement_table,
@@ -128,7 +136,8 @@ def read_pose_feedback(path: Path, arm: Arm) -> tuple[Array | None, float | None
 
     Raises `FileError`.
     """
-    metadata, angles, feedback = metadata_of(path) or NOTHING_STATED, angle_columns(arm.dof), feedback_columns(arm.dof)
+    metadata = metadata_of(path) or NOTHING_STATED
+    angles, feedback = (columns_of_joints(form, arm.dof) for form in (ANGLE, FEEDBACK))
     known = KnownColumns({*feedback, *angles}, feedback, {angles: "", feedback: ""})
     table = read_numbers(_joint_table(path, arm, AS_NAMED.over(metadata)), known)
     q, _ = full_turns(np.radians(table.together[angles]), arm)
@@ -204,7 +213,7 @@ def doubtful(table: NumberTable, arm: Arm, metadata: Metadata) -> Iterator[str]:
 
 def _turns(table: NumberTable, arm: Arm) -> Iterator[str]:
     """Angles that were read a full turn away, as those of a file that counts from 0 to 360 deg."""
-    stated = np.radians(table.together[angle_columns(arm.dof)])
+    stated = np.radians(table.together[columns_of_joints(ANGLE, arm.dof)])
     q, turned = full_turns(stated, arm)
     for joint in np.flatnonzero(turned.any(axis=0)).tolist():
         row = int(np.argmax(turned[:, joint]))
@@ -227,7 +236,7 @@ def _repetitions(table: NumberTable, arm: Arm, number: NDArray[np.int64]) -> Ite
     """Repetitions that were commanded elsewhere than what they repeat."""
     if "repeat_of" not in table:
         return
-    q, first = table.together[angle_columns(arm.dof)], {int(pose): row for row, pose in enumerate(number)}
+    q, first = table.together[columns_of_joints(ANGLE, arm.dof)], {int(pose): row for row, pose in enumerate(number)}
     stated = np.nan_to_num(table.columns["repeat_of"], nan=-1.0)
     of = [first.get(int(pose), row) for row, pose in enumerate(stated)]
     away = np.abs(q - q[of]).max(axis=1) > SAME_POSE
