@@ -9,9 +9,9 @@ from dataclasses import dataclass, field
 
 from examples.so101.feetech_bus import FeetechBus
 from examples.so101.feetech_servo import AMBIENT_C, FeetechServo
-from lrm_ident.measuring.dynamixel import memory_table as table
-from lrm_ident.measuring.dynamixel.packets import DynamixelPacket
-from lrm_ident.measuring.feetech import memory_table as shaft
+from lrm_ident.measuring.servo_bus import dynamixel as table
+from lrm_ident.measuring.servo_bus import feetech as shaft
+from lrm_ident.measuring.servo_bus.dynamixel import DynamixelPacket
 from lrm_ident.measuring.servo_bus.packets import Instruction, Packet, PacketReader
 
 MIRRORED = (

@@ -6,8 +6,8 @@ from collections.abc import Callable, Iterator, Sequence
 from itertools import zip_longest
 
 from examples.so101.feetech_servo import FeetechServo
-from lrm_ident.measuring.feetech import memory_table as table
-from lrm_ident.measuring.feetech.packets import FeetechPacket
+from lrm_ident.measuring.servo_bus import feetech as table
+from lrm_ident.measuring.servo_bus.feetech import FeetechPacket
 from lrm_ident.measuring.servo_bus.packets import BROADCAST, Instruction, Packet, PacketReader
 
 NO_ERROR = 0

@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 
-from lrm_ident.measuring.feetech import memory_table as table
+from lrm_ident.measuring.servo_bus import feetech as table
 from lrmd.sim.servo import ServoKind, remaining_travel, winding_rise
 
 STEP = 2.0 * math.pi / 4096.0

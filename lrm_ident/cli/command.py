@@ -13,7 +13,7 @@ from typer import Option, Typer
 
 from lrm_ident.cli.app import app
 from lrm_ident.cli.arguments import CompanionFiles
-from lrm_ident.data.output_files import check_outputs, is_something_else
+from lrm_ident.data.atomic_write import check_outputs, is_something_else
 from lrm_math.errors import LrmError
 from lrm_math.model.reading import Reading
 

@@ -60,7 +60,8 @@ def align(
     """Find how far the tracker's targets read from where they are, and take it off raw measurements."""
     if (raw is None) != (output is None):
         raise LrmError("--raw and -o go together: raw readings in, measurements out")
-    found = run_align(load_tracked(fixture), _position(known_mm) * MM)
+    known = parse_numbers("--known-mm", known_mm, "three numbers by commas, for instance 245,0,40", count=3)
+    found = run_align(load_tracked(fixture), np.array(known) * MM)
     publish(alignment_document(found), json)
     if raw and output:
         text, tracked = measurements_from(raw, load_arm(arm), found.deviation)
@@ -68,7 +69,3 @@ def align(
             log.print(f"notice: {raw.name}: the base target wanders by {in_mm(tracked.base_scatter())} mm RMS")
         write_text(output, text)
         show(f"{len(tracked.tcp)} measurements written to {output}")
-
-
-def _position(text: str) -> np.ndarray:
-    return np.array(parse_numbers("--known-mm", text, "three numbers by commas, for instance 245,0,40", count=3))

@@ -13,14 +13,7 @@ from typer import Option
 
 from lrm_ident.cli import arguments as arg
 from lrm_ident.cli.command import command
-from lrm_ident.cli.common import (
-    one_of,
-    progress,
-    publish,
-    read_measurements,
-    show,
-    start_model,
-)
+from lrm_ident.cli.common import one_of, progress, publish, read_measurements, show, start_model
 from lrm_ident.data.atomic_write import write_text
 from lrm_ident.data.measurement_file.load import load_poses, says_measured
 from lrm_ident.data.measurement_file.metadata import arm_for
@@ -28,12 +21,11 @@ from lrm_ident.data.measurement_file.write import measurements_csv
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.registration.anchor import with_anchor
 from lrm_ident.data.weights.whitening import PLAIN, Whitening, measured_alike
-from lrm_ident.design.candidate_poses import DEFAULT_LEVELS, ClearanceRules, parse_levels
+from lrm_ident.design.candidate_poses import DEFAULT_LEVELS, ClearanceRules, clear_poses, every_one, parse_levels
 from lrm_ident.design.observability import INDICES, UNITS
 from lrm_ident.design.parameter_elimination import PUBLISHED_THRESHOLD, eliminate, fittable
 from lrm_ident.design.pose_design import CandidateSet, DesignProblem
 from lrm_ident.design.pose_design import design as run_design
-from lrm_ident.design.pose_offer import clear_poses, every_one
 from lrm_ident.design.pose_selection import select_poses
 from lrm_ident.fitting.effect_plugins import catalogue_with
 from lrm_ident.fitting.executors import executor_for, in_this_process

@@ -15,17 +15,7 @@ from typer import Argument, Exit, Option
 
 from lrm_ident.cli import arguments as arg
 from lrm_ident.cli.command import command
-from lrm_ident.cli.common import (
-    LISTED,
-    bars,
-    identifiable,
-    notice,
-    opened,
-    progress,
-    publish,
-    show,
-    tell,
-)
+from lrm_ident.cli.common import LISTED, bars, identifiable, notice, opened, progress, publish, show, tell
 from lrm_ident.data.atomic_write import write_text
 from lrm_ident.data.measurement_file.load import load_poses
 from lrm_ident.data.wording import in_minutes
@@ -197,8 +187,9 @@ def auto(
         notice(f"choosing the effects anew in every fold: about {in_minutes(expected)}; Ctrl-C ends it")
         with kept_when_interrupted(output, taken), executor_for(cluster, effects_file, FOLDS) as pool, bars() as shown:
             whole = replace(study, progress=shown).nested_held_out(pool, max_effects, rates)
+    with_field = None if field_of(final.model) is None else final.errors
     publish(
-        course_document(course, report_of(course.confirmed), after.held_out, whole, with_prior, _field_errors(final)),
+        course_document(course, report_of(course.confirmed), after.held_out, whole, with_prior, with_field),
         json,
         most=None if show_all else LISTED,
     )
@@ -213,11 +204,6 @@ def _with_field(study: Study) -> Study:
         return study
     show(*error_blocks(then.errors, f"Then a residual field, {WHAT_IT_IS}"))
     return then
-
-
-def _field_errors(study: Study) -> ErrorSummary | None:
-    """Errors with a residual field; None without one."""
-    return None if field_of(study.model) is None else study.errors
 
 
 @contextmanager

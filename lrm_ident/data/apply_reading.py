@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from lrm_ident.data.csv_table import Column, CsvTable
+from lrm_ident.data.csv_table import ANGLE, FEEDBACK, SIDE, Column, CsvTable
 from lrm_ident.data.robot_files.rigid_motion import placement_motion, to_xyz_angles
 from lrm_math.arm.arm import Placement
 from lrm_math.arm.arm_file import MM
@@ -82,11 +82,10 @@ def in_joint_order(table: CsvTable, how: Reading) -> CsvTable:
     """The table with the columns of joints named and signed as the arm has them."""
     count = len(how.joint_order or how.joint_sign or ())
     joints = zip(how.joint_order or range(1, count + 1), how.joint_sign or [1] * count, strict=True)
-    forms = ("q{}_deg", "q{}_meas_deg", "approach{}")
     ours = {
         form.format(theirs): (form.format(number), sign)
         for number, (theirs, sign) in enumerate(joints, start=1)
-        for form in forms
+        for form in (ANGLE, FEEDBACK, SIDE)
     }
 
     def ordered(column: Column) -> Column:

@@ -23,6 +23,8 @@ from lrm_math.plausibility import PlausibleSize, implausible_value, times
 LISTED = 8
 ABOVE_ZERO = ("sd_mm", "sx_mm", "sy_mm", "sz_mm", "srot_deg", "distance_mm", "distance_sd_mm")
 WHOLE = ("pose", "repeat_of")
+ANGLE, FEEDBACK, SIDE = "q{}_deg", "q{}_meas_deg", "approach{}"
+"""Columns of each joint, by its number from 1."""
 SIDES = (-1.0, 0.0, 1.0)
 DATES = "seconds since the start, or dates as 2024-07-15T10:15:00"
 TIME = PlausibleSize("time since the start", "s", 0.0, 1e10, times(milliseconds=1e-3), DATES)
@@ -36,6 +38,11 @@ PLAUSIBLE = {
     **dict.fromkeys(("srot_deg", "feedback_sd_deg"), TURN_SD),
 }
 """Sizes that columns and keys of metadata can have, whatever the arm."""
+
+
+def columns_of_joints(form: str, dof: int) -> tuple[str, ...]:
+    """The columns of one form, as `ANGLE`, of so many joints."""
+    return tuple(form.format(number) for number in range(1, dof + 1))
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from lrm_ident.data.apply_reading import ANGLE_UNITS, LENGTH_UNITS
-from lrm_ident.data.csv_table import Column, CsvTable
+from lrm_ident.data.csv_table import ANGLE, Column, CsvTable, columns_of_joints
 from lrm_ident.data.table_text.csv_dialect import read_table
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_file import MM
@@ -121,16 +121,11 @@ def joint_columns(table: CsvTable, arm: Arm, how: Reading) -> tuple[str, ...]:
     for name, values in (("joint_sign", how.joint_sign), ("joint_order", how.joint_order)):
         if values is not None and len(values) != arm.dof:
             raise FileError(table.path, "", f"{name} has {len(values)} joints", f"{arm.name} has {arm.dof}")
-    stated, names = [name for name in table.header if ANGLES.fullmatch(name)], angle_columns(arm.dof)
+    stated, names = [name for name in table.header if ANGLES.fullmatch(name)], columns_of_joints(ANGLE, arm.dof)
     if not {*stated} <= {*names}:
         what = f"{len(stated)} joints, {arm.name} has {arm.dof}"
         raise FileError(table.path, "header", what, "is this another arm?")
     return names
-
-
-def angle_columns(dof: int) -> tuple[str, ...]:
-    """The columns of the angles of so many joints."""
-    return tuple(f"q{number}_deg" for number in range(1, dof + 1))
 
 
 def _named(table: CsvTable, joints: Sequence[str]) -> CsvTable:

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from lrm_ident.data.csv_table import KnownColumns, NumberTable
-from lrm_ident.data.measurement_table import angle_columns
+from lrm_ident.data.csv_table import ANGLE, SIDE, KnownColumns, NumberTable, columns_of_joints
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_file import GRAM
 from lrm_math.arm.plausible_arm import total_mass
@@ -29,7 +28,7 @@ class BeyondLimits(FileError):
 
 def pose_columns(arm: Arm) -> KnownColumns:
     """Columns of commanded poses."""
-    angles, sides = angle_columns(arm.dof), _side_columns(arm.dof)
+    angles, sides = (columns_of_joints(form, arm.dof) for form in (ANGLE, SIDE))
     names = {*angles, *sides, "pose", "t_s", "session", "temp_c", "payload_g", "approach"}
     return KnownColumns(names, together={angles: ""}, plausible={"payload_g": _payload(arm)})
 
@@ -58,10 +57,6 @@ def read_poses(table: NumberTable, arm: Arm, how: Reading, start: Array | None =
     )
 
 
-def _side_columns(dof: int) -> tuple[str, ...]:
-    return tuple(f"approach{number}" for number in range(1, dof + 1))
-
-
 def _payload(arm: Arm) -> PlausibleSize:
     """Sizes that a load has on an arm: of one much lighter than the arm nothing can be seen, so zero says it better."""
     mass = total_mass(arm) / GRAM
@@ -79,7 +74,7 @@ def _running(t: Array, session: Array) -> Array:
 
 def read_angles(table: NumberTable, arm: Arm) -> Array:
     """(N, n) joint angles (rad), all within the arm's limits, by a full turn if need be. Raises `BeyondLimits`."""
-    q = full_turns(np.radians(table.together[angle_columns(arm.dof)]), arm)[0]
+    q = full_turns(np.radians(table.together[columns_of_joints(ANGLE, arm.dof)]), arm)[0]
     for i, joint in enumerate(arm.joints):
         outside = (q[:, i] < joint.lower - LIMIT_TOLERANCE) | (q[:, i] > joint.upper + LIMIT_TOLERANCE)
         if outside.any():
@@ -101,7 +96,7 @@ def full_turns(q: Array, arm: Arm) -> tuple[Array, NDArray[np.bool_]]:
 
 def _approach(table: NumberTable, moves: Array, how: Reading) -> Array:
     """(N, n), approach directions: the columns `approach1` … or `approach`, else the moves."""
-    own = _side_columns(moves.shape[1])
+    own = columns_of_joints(SIDE, moves.shape[1])
     if all(name in table for name in own):
         return np.stack([table.columns[name] for name in own], axis=1)
     if "approach" not in table:

@@ -12,8 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from lrm_ident.data.csv_table import CsvTable, KnownColumns, read_numbers
-from lrm_ident.data.measurement_table import angle_columns
+from lrm_ident.data.csv_table import ANGLE, CsvTable, KnownColumns, columns_of_joints, read_numbers
 from lrm_ident.data.pose_table import read_angles
 from lrm_ident.data.table_text.csv_dialect import read_csv
 from lrm_ident.data.table_text.csv_text import csv_text
@@ -109,7 +108,7 @@ def measurements_from(path: Path, arm: Arm, deviation: Array) -> tuple[str, Trac
 
     Raises `FileError`: naming file, line and column of the first fault.
     """
-    angles = angle_columns(arm.dof)
+    angles = columns_of_joints(ANGLE, arm.dof)
     table = read_csv(path, ["pose", *angles, *BASE, *ORIENTATION, *TCP])
     tracked = _tracked(table, least=1)
     read_angles(read_numbers(table, KnownColumns(angles, together={angles: ""})), arm)

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.design.observability import identification_jacobian
 from lrm_ident.design.pose_design import DesignProblem, design
-from lrm_ident.diagnosis.auto import AutoRun, AutoStep
+from lrm_ident.diagnosis.auto import AutoStep
 from lrm_ident.diagnosis.diagnose import Verdict
 from lrm_ident.diagnosis.screening.linearised_fit import PRIOR_SD
 from lrm_ident.study.study import Study
@@ -89,7 +89,7 @@ def assess(data: Measurements, catalogue: Iterable[type[Effect]] = CATALOGUE) ->
         model=last.fit.model,
         named=tuple((step.added, *step.equivalent) for step in run.steps[1:]),
         rivals=() if unsure is None else _rivals(run.steps[unsure], kinds),
-        before=_before(run, unsure),
+        before=run.model if unsure is None else run.steps[max(unsure - 1, 0)].fit.model,
         verdict=run.verdict,
         held_out=float(np.sqrt(squares.mean())),
         bound=float(np.sqrt(squares.mean() + SURE * error)),
@@ -164,7 +164,3 @@ def _rivals(step: AutoStep, kinds: tuple[type[Effect], ...]) -> tuple[Effect, ..
     for name in (step.added, *step.equivalent)[:MOST_RIVALS]:
         found += effects_at(step.fit.model.arm, name, kinds)
     return tuple(found)
-
-
-def _before(run: AutoRun, unsure: int | None) -> Model:
-    return run.model if unsure is None else run.steps[max(unsure - 1, 0)].fit.model

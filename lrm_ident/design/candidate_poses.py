@@ -7,13 +7,14 @@ between its joints. Frames are those of the nominal arm: the margins have to cov
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
 
+from lrm_ident.design.pose_design import CandidateSet
 from lrm_math.arm.arm import Arm
 from lrm_math.arrays import Array
 from lrm_math.collision.distance import segment_to_box, segment_to_segment
@@ -21,10 +22,14 @@ from lrm_math.collision.scene import Scene, clearance_of
 from lrm_math.errors import LrmError, UnknownName
 from lrm_math.kinematics.chain import chain_of
 from lrm_math.kinematics.forward import frames
+from lrm_math.kinematics.poses import Poses
 
 DEFAULT_LEVELS = 5
 MAX_COMBINATIONS = 300_000
 NEAR_LINKS = 4  # the last links, which the tool can fold back upon but never leave; their shapes keep it clear
+MOST_CANDIDATES = 6000  # more are thinned out at random; the best index hardly changes
+Narrowing = Callable[[Array], tuple[Array, str]]
+"""From angles (N, n) in rad to those that may be used, and words on them that follow those on the others."""
 
 
 @dataclass(frozen=True)
@@ -130,3 +135,30 @@ def _tcp_to_boxes(scene: Scene, tcp: Array) -> Array:
         local = (tcp - centre) @ rotation
         nearest = np.minimum(nearest, segment_to_box(local, local, np.broadcast_to(half, local.shape)))
     return nearest
+
+
+def every_one(q: Array) -> tuple[Array, str]:
+    """Narrowing that keeps all."""
+    return q, ""
+
+
+def clear_poses(
+    arm: Arm,
+    levels: Sequence[Sequence[float]],
+    payloads: Sequence[float],
+    rules: ClearanceRules,
+    seed: int,
+    narrowed: Narrowing = every_one,
+) -> CandidateSet:
+    """The combinations of levels (rad) that keep the rules, each under every payload (kg). Raises `LrmError`."""
+    clear = candidate_grid(arm, levels, rules)
+    q, more = narrowed(clear.q)
+    words = f"{len(clear.q)} of {clear.tried} combinations of levels keep clear{more}"
+    most = MOST_CANDIDATES // len(payloads)
+    if len(q) > most:
+        q = q[np.sort(np.random.default_rng(seed).choice(len(q), most, replace=False))]
+        words += f"; {most} of them, drawn at random, are looked at"
+    if not arm.shapes.capsules:
+        words += "; the arm has no shapes, so only the lines between its joints were held to the rules"
+    every = Poses(np.tile(q, (len(payloads), 1)), np.repeat(payloads, len(q)))
+    return CandidateSet(every, words, clear.rejected)

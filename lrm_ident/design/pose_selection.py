@@ -9,9 +9,9 @@ import numpy as np
 from lrm_ident.data.error_stats import ErrorStats, error_stats
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.design.detmax import STARTS, check_count, exchange, maximise_criterion, o1_upper_bound
-from lrm_ident.design.feasibility import FeasibleCriterion
 from lrm_ident.design.fisher_information import Rows, whiten
 from lrm_ident.design.observability import MM_PER_M, Index, Observability, identification_jacobian, observability
+from lrm_ident.design.optimality import FeasibleCriterion
 from lrm_ident.fitting.levenberg_marquardt import Fit, fit
 from lrm_ident.fitting.parameter_sets import Bounds, bounds_of, no_bounds
 from lrm_ident.fitting.progress import OnProgress, silent

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import tomli_w
@@ -110,22 +111,29 @@ def prior_text(known: FleetKnowledge, name: str, source: str) -> str:
     return tomli_w.dumps(prior_file(known, name, source).model_dump(by_alias=True, exclude_none=True))
 
 
+def parameter_values(known: FleetKnowledge) -> dict[str, dict[str, Any]]:
+    """Mean and spread of every parameter with their intervals, in the unit of its key, and how many arms have it."""
+    found, scale = known.population, known.typical / known.units
+    return {
+        key: {
+            "mean": float(found.mean[j] * scale[j]),
+            "mean_interval": [float(side[j] * scale[j]) for side in found.mean_interval],
+            "spread": float(found.spread[j] * scale[j]),
+            "spread_interval": [float(side[j] * scale[j]) for side in found.spread_interval],
+            "arms": int(found.arms[j]),
+        }
+        for j, key in enumerate(known.keys)
+    }
+
+
 def prior_file(known: FleetKnowledge, name: str, source: str) -> PriorFile:
     """The prior of a fleet's next arm."""
-    found, scale = known.population, known.typical / known.units
-    covariance = found.predictive_covariance
-    columns = (found.mean, np.sqrt(np.diag(covariance)), *found.mean_interval, found.spread, *found.spread_interval)
-    parameters = {}
-    for number, key in enumerate(known.keys):
-        mean, sd, low, high, spread, least, most = (_rounded(column[number] * scale[number]) for column in columns)
-        parameters[key] = GaussianTable(
-            mean=mean,
-            sd=sd,
-            mean_interval=[low, high],
-            spread=spread,
-            spread_interval=[least, most],
-            arms=int(found.arms[number]),
-        )
+    covariance = known.population.predictive_covariance
+    sds = np.sqrt(np.diag(covariance)) * (known.typical / known.units)
+    parameters = {
+        key: GaussianTable(sd=_rounded(sd), **{field: _rounded(value) for field, value in values.items()})
+        for (key, values), sd in zip(parameter_values(known).items(), sds, strict=True)
+    }
     listed = [one for one in known.rates if one.found > 0 or one.rate > RARE]
     others = [one.rate for one in known.rates if one not in listed]
     return PriorFile(
@@ -147,5 +155,8 @@ def prior_file(known: FleetKnowledge, name: str, source: str) -> PriorFile:
     )
 
 
-def _rounded(value: float) -> float:
-    return float(f"{value:.{DIGITS}g}")
+def _rounded(value: Any) -> Any:
+    """Numbers with as many digits as a prior file has; counts as they are."""
+    if isinstance(value, list):
+        return list(map(_rounded, value))
+    return value if isinstance(value, int) else float(f"{value:.{DIGITS}g}")

@@ -6,17 +6,21 @@ import csv
 import io
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cache
 from importlib.util import find_spec
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from lrm_ident.data.wording import p_words
-from lrm_ident.fleet.fleet_findings import FleetOutlier, TagAssociation
-from lrm_ident.fleet.fleet_prior import ArmEstimates, FleetKnowledge
+from lrm_ident.fleet.fleet_findings import FleetOutlier, TagAssociation, outliers, tag_associations
+from lrm_ident.fleet.fleet_prior import ArmEstimates, FleetKnowledge, arm_estimates, fleet_knowledge, parameter_values
 from lrm_ident.fleet.identify_arm import ArmRecord
 from lrm_ident.fleet.manifest import FleetMember
 from lrm_ident.report.document import Block, Document, ResultTable, heading, section
+from lrm_math.errors import LrmError
+from lrm_math.model.model_file import arm_of
 
 MOST_RATES, MOST_CAUSES = 20, 2
 
@@ -64,7 +68,9 @@ def fleet_document(result: FleetResult) -> Document:
         rates if rates.cells else "\nNo arm has an effect beyond the plain model.",
         _population_table(result.known),
     ]
-    return Document(blocks, "lrm/fleet/1", {**values, "rates": result.known.rates, "population": _values(result.known)})
+    return Document(
+        blocks, "lrm/fleet/1", {**values, "rates": result.known.rates, "population": parameter_values(result.known)}
+    )
 
 
 def table_csv(result: FleetResult) -> str:
@@ -106,8 +112,7 @@ def _estimate(estimates: ArmEstimates | None, key: str) -> tuple[float | None, f
     """Value and standard error in the unit of the key."""
     if estimates is None or key not in estimates.keys:
         return None, None
-    j, parameter = estimates.keys.index(key), estimates.model.parameters[estimates.model.position(key)]
-    scale = parameter.typical / parameter.si
+    j, scale = estimates.keys.index(key), estimates.typical_of(key)
     return float(estimates.mean[j] * scale), float(np.sqrt(estimates.covariance[j, j]) * scale)
 
 
@@ -157,7 +162,7 @@ def _rates_table(known: FleetKnowledge) -> ResultTable:
 
 def _population_table(known: FleetKnowledge) -> ResultTable:
     rows = []
-    for key, table in _values(known).items():
+    for key, table in parameter_values(known).items():
         low, high = table["mean_interval"]
         least, most = table["spread_interval"]
         rows.append(
@@ -167,16 +172,33 @@ def _population_table(known: FleetKnowledge) -> ResultTable:
     return ResultTable(columns, rows, "What the arms have in common: mean, and spread from arm to arm")
 
 
-def _values(known: FleetKnowledge) -> dict[str, dict[str, Any]]:
-    found, scale = known.population, known.typical / known.units
-    means, spreads = found.mean_interval, found.spread_interval
-    return {
-        key: {
-            "mean": float(found.mean[j] * scale[j]),
-            "mean_interval": [float(side[j] * scale[j]) for side in means],
-            "spread": float(found.spread[j] * scale[j]),
-            "spread_interval": [float(side[j] * scale[j]) for side in spreads],
-            "arms": int(found.arms[j]),
-        }
-        for j, key in enumerate(known.keys)
-    }
+def fleet_result(members: Sequence[FleetMember], records: Sequence[ArmRecord], models: Path) -> FleetResult:
+    """Summary of the arms that have a model, and of those that stand out, which are left out of it.
+
+    Args:
+        models: folder of the model files.
+    """
+    arm_named = cache(lambda name: arm_of(models / "NAME.toml", name))
+    done, estimates = list[tuple[FleetMember, ArmRecord]](), list[ArmEstimates]()
+    for member, record in zip(members, records, strict=True):
+        if record.evidence is not None:
+            done.append((member, record))
+            estimates.append(arm_estimates(record.name, record.evidence, arm_named(record.evidence.arm)))
+    found = outliers([record for _, record in done], estimates)
+    odd = {one.arm for one in found}
+    kept = [number for number, (_, record) in enumerate(done) if record.name not in odd]
+    sisters, theirs = [done[number][1] for number in kept], [estimates[number] for number in kept]
+    known: FleetKnowledge | str
+    try:
+        known = fleet_knowledge(sisters, theirs)
+    except LrmError as error:
+        known = str(error)
+    rates = () if isinstance(known, str) else known.rates
+    return FleetResult(
+        members=tuple(members),
+        records=tuple(records),
+        estimates={record.name: one for (_, record), one in zip(done, estimates, strict=True)},
+        known=known,
+        links=tag_associations([done[number][0] for number in kept], sisters, theirs, rates) if sisters else (),
+        outliers=found,
+    )

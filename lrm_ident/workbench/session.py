@@ -5,8 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
-from lrm_ident.data.atomic_write import write_text
-from lrm_ident.data.output_files import check_outputs
+from lrm_ident.data.atomic_write import check_outputs, write_text
 from lrm_ident.workbench.last_session import note_session
 from lrm_ident.workbench.session_state import SessionState
 from lrm_ident.workbench.taken_steps import with_data, with_law, with_poses, with_step, with_undone, without_last

@@ -8,15 +8,54 @@ from collections.abc import Sequence
 from typing import Self
 
 from lrmd.api import router_process
-from lrmd.api.router_setup import router_setup
+from lrmd.api.router_process import EstopReplies, RouterSetup
 from lrmd.api.supervisor import ChildProcess, RestartLimitExceeded
-from lrmd.config import Config
+from lrmd.config import MS, Config
+from lrmd.control.state_machine import Mode
+from lrmd.errors import RequestError
 from lrmd.ik import entry as ik_entry
-from lrmd.messages.codec import new_boot_id
+from lrmd.messages.codec import HeaderSource, error_reply, new_boot_id
+from lrmd.messages.control import Reply
+from lrmd.messages.rate_limits import with_rate_limits
+from lrmd.messages.zenoh_session import GONE_KEY, key, router, wildcard_error
 from lrmd.ramp import process as ramp_process
-from lrmd.ramp.setup import ramp_setup
-from lrmd.ramp.shared_fd import SharedFd
+from lrmd.ramp.board_settings import BoardSettings, ServoOutput
+from lrmd.ramp.parent import SharedFd
+from lrmd.ramp.process import RampSetup
 from lrmd.ramp.shared_memory import SharedRecords
+
+
+def board_settings(config: Config, speed: float = 1.0) -> BoardSettings:
+    """Settings of the board, for a clock that runs at `speed` times real time."""
+    return BoardSettings(
+        servos=tuple(ServoOutput(servo.channel, servo.lowest, servo.highest) for servo in config.servos),
+        prescale=config.clock.prescale, count_s=config.clock.count_s, step=config.step, reply=config.reply,
+        pause=config.link.silence_ms * MS // 2, silence_ms=config.link.silence_ms, simulated=speed != 1.0,
+    )  # fmt: skip
+
+
+def ramp_setup(config: Config, speed: float, memory: SharedFd, estop: SharedFd) -> RampSetup:
+    """All of them. `speed`: ratio of a simulated board's clock to real time."""
+    return RampSetup(
+        board_settings(config, speed), config.link.port, config.link.baud, config.tick, config.realtime_priority, speed,
+        memory, estop,
+    )  # fmt: skip
+
+
+def estop_replies(query: str, boot_id: str) -> EstopReplies:
+    """The replies to the emergency stop on the key `query`."""
+    silent = "the ramp did not confirm the stop in time; it reads the signal as soon as it ticks"
+    stopped = Reply(**HeaderSource(boot_id).next(query), mode=Mode.ESTOP.value)
+    errors = RequestError("estop_unconfirmed", silent, retryable=True), wildcard_error(query)
+    return EstopReplies(stopped.model_dump(), *(error_reply(error, boot_id).model_dump() for error in errors))
+
+
+def router_setup(config: Config, memory: SharedFd, estop: SharedFd, boot_id: str) -> RouterSetup:
+    """Start arguments of the router process. Raises `FileError` for a zenoh configuration that cannot be read."""
+    query = key(config.robot, "rpc/estop")
+    keys = key(config.robot, "cmd/estop"), key("*", "cmd/estop")
+    zenoh = str(with_rate_limits(router(config.zenoh)))
+    return RouterSetup(zenoh, keys, query, GONE_KEY, estop_replies(query, boot_id), memory, estop)
 
 
 class ChildProcesses:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 
 from lrmd.config import SECOND
-from lrmd.control.events import ControllerEvent
+from lrmd.control.state import ControllerEvent
 
 BURST, WINDOW = 10, SECOND
 """Events of one code that pass within a window (ns) which begins with the first of them."""

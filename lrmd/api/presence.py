@@ -1,4 +1,4 @@
-"""Presence of daemons on the network, by zenoh's liveliness tokens: two of one name would both answer for the arm."""
+"""Presence on the network: other daemons of the name, and whether the daemon's own ik process answers there."""
 
 from __future__ import annotations
 
@@ -6,7 +6,13 @@ import threading
 
 import zenoh
 
+from lrmd.config import SECOND
+from lrmd.messages.codec import pack
+from lrmd.messages.kinematics import CancelRequest
 from lrmd.messages.zenoh_session import key
+
+RETRY, TIMEOUT_S = SECOND // 20, 1.0
+"""ns between two probes, and s until one is given up."""
 
 
 class Presence:
@@ -28,3 +34,22 @@ class Presence:
         with self._lock:
             here = sample.kind == zenoh.SampleKind.PUT and boot_id != self._boot_id
             self._others = self._others | {boot_id} if here else self._others - {boot_id}
+
+
+class IkProbe:
+    """Sends queries that change nothing until one is answered."""
+
+    def __init__(self, session: zenoh.Session, robot: str) -> None:
+        self._session, self._key = session, key(robot, "rpc/cancel")
+        self._data = pack(CancelRequest(id="readiness"))
+        self._asked_at = -RETRY
+        self.answered = False
+
+    def ask(self, now: int) -> None:
+        """Sends the next query, if it is due at `now` (ns)."""
+        if not self.answered and now - self._asked_at >= RETRY:
+            self._asked_at = now
+            self._session.get(self._key, self._on_reply, payload=self._data, timeout=TIMEOUT_S)
+
+    def _on_reply(self, reply: zenoh.Reply) -> None:
+        self.answered = self.answered or reply.ok is not None

@@ -17,24 +17,22 @@ from lrm_math.errors import FileError, LrmError
 from lrmd.api.children import ChildProcesses
 from lrmd.api.event_log import EventRing, EventThrottle
 from lrmd.api.model_reload import ActiveModel
-from lrmd.api.presence import Presence
+from lrmd.api.presence import IkProbe, Presence
 from lrmd.api.publisher import StatePublisher
-from lrmd.api.readiness import IkProbe
 from lrmd.api.supervisor import ChildProcess, RestartLimitExceeded, silence
 from lrmd.api.systemd_notify import notify, watchdog_s
 from lrmd.api.zenoh_server import ZenohServer
 from lrmd.config import SECOND, Config
-from lrmd.control.controller import Controller
-from lrmd.control.events import ControllerEvent, Level
+from lrmd.control.requests import Controller
+from lrmd.control.state import ControllerEvent, Level
 from lrmd.control.state_machine import Mode
 from lrmd.errors import RequestError
 from lrmd.ik.deployed_model import DeployedModel
 from lrmd.messages.codec import Message, error_reply, pack
 from lrmd.messages.control import DeployRequest, JogRequest, MoveRequest, ReloadRequest, UndeployRequest
 from lrmd.messages.zenoh_session import own_client
-from lrmd.persistence.background_writer import BackgroundWriter
+from lrmd.persistence.background_writer import BackgroundWriter, SaveSchedule
 from lrmd.persistence.restored_state import restored_state
-from lrmd.persistence.save_schedule import SaveSchedule
 from lrmd.safety.thermal_model import gravity_torques
 
 PERIOD, STANDBY_PERIOD = SECOND // 50, 4 * SECOND // 50

@@ -12,8 +12,8 @@ from lrm_math.effects import marked
 from lrmd.api.supervisor import ChildProcess
 from lrmd.config import SECOND, Config
 from lrmd.control.arming_pose import stored_angles
-from lrmd.control.controller import Controller
-from lrmd.control.events import ControllerEvent, RequestResult
+from lrmd.control.requests import Controller
+from lrmd.control.state import ControllerEvent, RequestResult
 from lrmd.ik.deployed_model import DeployedModel
 from lrmd.messages.codec import Header, HeaderSource
 from lrmd.messages.control import (

@@ -26,8 +26,7 @@ from zenoh.handlers import Callback
 from lrm_math.errors import LrmError
 from lrmd.heap import return_freed_memory
 from lrmd.messages.inbox import Inbox
-from lrmd.ramp.parent import die_with_parent
-from lrmd.ramp.shared_fd import SharedFd
+from lrmd.ramp.parent import SharedFd, die_with_parent
 from lrmd.ramp.shared_memory import SharedRecords
 
 HEARTBEAT_S = 0.2

@@ -10,7 +10,6 @@ import math
 import re
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Protocol
 
 from lrm_math.arm.arm_file import ARM_SCHEMA, load_arm, read_arm, shipped_arms
 from lrm_math.arm.servo_table import ServoTable
@@ -18,7 +17,7 @@ from lrm_math.atomic_file import write_atomically
 from lrm_math.errors import FileError, LrmError
 from lrm_math.toml_file import schema_of
 from lrmd.cli.parsing import parse_angle
-from lrmd.messages.control import InfoState, JointsState
+from lrmd.client import Rover
 
 HELP = """\
   +5, -2.5         change the pulse by so many us
@@ -27,20 +26,12 @@ HELP = """\
   q                stop; nothing is written"""
 
 
-class ServoMover(Protocol):
-    """The part of `lrmd.client.Rover` that the calibration uses."""
-
-    def move(self, *waypoints: dict[str, float]) -> float: ...
-    def joints(self) -> JointsState: ...
-    def info(self) -> InfoState: ...
-
-
 class CalibrationAborted(LrmError):
     """The operator aborted the calibration."""
 
 
 def calibrate_servo(
-    rover: ServoMover,
+    rover: Rover,
     servo: str,
     arm: str,
     output: Path,
@@ -64,7 +55,7 @@ def calibrate_servo(
     show(f"{output}: {servo} now has {len(pairs)} measured angles. Name this file as `arm` in lrmd.toml.")
 
 
-def _check(rover: ServoMover, servo: str, angles: Sequence[float]) -> None:
+def _check(rover: Rover, servo: str, angles: Sequence[float]) -> None:
     info, joints = rover.info(), rover.joints()
     if servo not in info.names:
         raise LrmError(f"unknown servo '{servo}'; valid: {', '.join(info.names)}")
@@ -75,7 +66,7 @@ def _check(rover: ServoMover, servo: str, angles: Sequence[float]) -> None:
 
 
 def _measure(
-    rover: ServoMover, servo: str, wanted: float, ask: Callable[[str], str], show: Callable[[str], None]
+    rover: Rover, servo: str, wanted: float, ask: Callable[[str], str], show: Callable[[str], None]
 ) -> tuple[float, float]:
     """One pair of measured angle (rad) and pulse (us)."""
     rover.move({servo: wanted})
@@ -95,12 +86,12 @@ def _measure(
             show(f"{error}\n{HELP}")
 
 
-def _pulse(rover: ServoMover, servo: str) -> float:
+def _pulse(rover: Rover, servo: str) -> float:
     joints = rover.joints()
     return joints.pulse_us[joints.names.index(servo)]
 
 
-def _nudge(rover: ServoMover, servo: str, us: float) -> None:
+def _nudge(rover: Rover, servo: str, us: float) -> None:
     info, joints = rover.info(), rover.joints()
     i = info.names.index(servo)
     table = ServoTable(tuple(info.tables_rad[i]), tuple(p * 1e-6 for p in info.tables_us[i]))

@@ -8,10 +8,9 @@ from collections.abc import Mapping
 from lrm_math.errors import LrmError
 from lrmd.config import SECOND, Config
 from lrmd.control import thermal_protection
-from lrmd.control.events import RequestResult
 from lrmd.control.pulses import Pulses, armed_index
 from lrmd.control.ramp_orders import Departure, Jog, Leg
-from lrmd.control.state import ControllerState
+from lrmd.control.state import ControllerState, RequestResult
 from lrmd.control.state_machine import Trigger, next_mode
 from lrmd.errors import RequestError
 from lrmd.messages.control import JogRequest

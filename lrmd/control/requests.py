@@ -7,11 +7,10 @@ from collections.abc import Callable, Sequence
 from lrmd.config import SECOND
 from lrmd.control import thermal_protection, updates
 from lrmd.control.arming_pose import arming_pulses
-from lrmd.control.events import RequestResult
 from lrmd.control.jogging import request_jog
 from lrmd.control.pulses import overlaid, pulses_of
 from lrmd.control.ramp_orders import Departure, Leg
-from lrmd.control.state import ControllerState
+from lrmd.control.state import ControllerState, RequestResult
 from lrmd.control.state_machine import LIVE, InvalidTransition, Mode, Trigger, next_mode
 from lrmd.errors import RequestError
 from lrmd.messages.codec import Message
@@ -137,13 +136,25 @@ HANDLERS: dict[type[Message], Callable[..., RequestResult]] = {
 }  # fmt: skip
 
 
-def handle(s: ControllerState, request: Message, now: int) -> RequestResult:
-    """Carries out a request. Raises an `LrmError` if it cannot; then nothing has changed but an expired lease."""
-    updates.expire_lease(s, now)
-    if type(request) not in HANDLERS:
-        raise RequestError("unknown_request", f"no such request: {type(request).__name__}")
-    if isinstance(request, ArmRequest) and s.other_daemons:  # before the lease: the other one gives its own
-        raise RequestError("name_taken", s.name_trouble, retryable=True)
-    if isinstance(request, CommandRequest):
-        s.leasehold.check(request.lease)
-    return HANDLERS[type(request)](s, request, now)
+class Controller(ControllerState):
+    """The arm controller without input and output: requests and ramp reports in; results, orders and events out.
+
+    The state and every operation on it; all times are monotonic ns. Not thread-safe: its owner keeps a lock. Servos
+    move only on request, with one exception that an event announces: thermal protection (`thermal_protection.py`).
+    """
+
+    observe = updates.observe
+    tick = updates.tick
+    others_seen = updates.others_seen
+    adopt_guard = updates.adopt_guard
+
+    def handle(self, request: Message, now: int) -> RequestResult:
+        """Carries out a request. Raises an `LrmError` if it cannot; then nothing has changed but an expired lease."""
+        updates.expire_lease(self, now)
+        if type(request) not in HANDLERS:
+            raise RequestError("unknown_request", f"no such request: {type(request).__name__}")
+        if isinstance(request, ArmRequest) and self.other_daemons:  # before the lease: the other one gives its own
+            raise RequestError("name_taken", self.name_trouble, retryable=True)
+        if isinstance(request, CommandRequest):
+            self.leasehold.check(request.lease)
+        return HANDLERS[type(request)](self, request, now)

@@ -1,15 +1,16 @@
-"""State of the arm controller, and the elementary operations on it."""
+"""State of the arm controller, what it gives beside its orders (events, latched faults, results), and the elementary
+operations on it."""
 
 from __future__ import annotations
 
 import errno
 import os
 from collections.abc import Sequence
+from dataclasses import dataclass, field
 from importlib.metadata import version
-from typing import Any
+from typing import Any, Literal
 
 from lrmd.config import Config
-from lrmd.control.events import ControllerEvent, Level
 from lrmd.control.lease import Lease
 from lrmd.control.motion_check import MotionCheck
 from lrmd.control.pulses import Pulses, angles, overlaid
@@ -18,12 +19,33 @@ from lrmd.control.state_machine import Mode, Trigger, next_mode
 from lrmd.errors import RequestError
 from lrmd.link.protocol import VERSION as PROTOCOL
 from lrmd.messages.control import FaultEntry
-from lrmd.persistence.arm_identity import arm_identity
+from lrmd.persistence.restored_state import arm_identity
 from lrmd.persistence.state_file import HOTTEST, StoredState
 from lrmd.ramp.shared_memory import RampOrder, RampReport
 from lrmd.safety.collision_guard import Guard
 from lrmd.safety.thermal_model import Torques
 from lrmd.safety.thermal_monitor import ThermalMonitor
+
+Level = Literal["info", "warning", "error"]
+
+
+@dataclass(frozen=True)
+class ControllerEvent:
+    """An event: published on zenoh and logged."""
+
+    code: str
+    level: Level
+    text: str
+    detail: dict[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class RequestResult:
+    """Result of a request: expected duration (s) where it is known, and the lease it granted."""
+
+    seconds: float | None = None
+    lease: Lease | None = None
+
 
 LEAD = 12
 """Ticks, 78 ms: how far ahead on the present motion another one begins; in the meantime it is checked and read."""

@@ -6,9 +6,8 @@ from dataclasses import dataclass, replace
 
 from lrm_math.errors import LrmError
 from lrmd.control import jogging, thermal_protection
-from lrmd.control.events import Level
 from lrmd.control.ramp_orders import Leg
-from lrmd.control.state import ControllerState
+from lrmd.control.state import ControllerState, Level
 from lrmd.control.state_machine import LIVE, Mode, Trigger
 from lrmd.link.protocol import VERSION as PROTOCOL
 from lrmd.messages.control import LEASE_LOST

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from lrmd.config import Config
-from lrmd.ramp.shared_fd import SharedFd
+from lrmd.ramp.parent import SharedFd
 
 
 def run(config: Config, memory: SharedFd, boot_id: str) -> None:

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lrm_math.arrays import Array
 from lrm_math.collision.rrt_connect import Check, NoPath, plan
@@ -69,7 +68,8 @@ class Planner:
         found = self._find_from(start, goals, seed, check_cancelled)
         if isinstance(found, JointPath):
             return found
-        clear = self._clear(np.array([start, *goals]))
+        apart = self.guard.separation(np.array([start, *goals]), self.payload)
+        clear = apart >= self.scene.margin + RESOLUTION  # both the rigid and the loaded arm
         if clear[0] or not clear[1:].any():
             return found
         direct = (q for q in goals if self._allows(np.array(start), np.array(q)))
@@ -124,10 +124,6 @@ class Planner:
             if self._allows(here, poses[k]):
                 return poses[k], bool(clear[k])
         return None, False
-
-    def _clear(self, q: Array) -> NDArray[np.bool_]:
-        """(N,), whether the rigid and the loaded arm keep the margin in poses (N, n), and a little more."""
-        return np.asarray(self.guard.separation(q, self.payload) >= self.scene.margin + RESOLUTION)
 
     def _find_from(
         self, start: Sequence[float], goals: Sequence[Sequence[float]], seed: int, check_cancelled: Callable[[], None]

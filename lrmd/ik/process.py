@@ -38,8 +38,7 @@ from lrmd.messages.kinematics import (
     PlanRequest,
 )
 from lrmd.messages.zenoh_session import GONE_KEY, key, own_client, reply_error, serve
-from lrmd.ramp.parent import die_with_parent
-from lrmd.ramp.shared_fd import SharedFd
+from lrmd.ramp.parent import SharedFd, die_with_parent
 from lrmd.ramp.shared_memory import NO_MODEL, SharedRecords
 
 QUEUE = 16_000

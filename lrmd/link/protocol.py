@@ -11,14 +11,7 @@ from enum import IntEnum, IntFlag
 from typing import Final
 
 from lrm_math.arm.pca9685 import COUNTS_PER_PERIOD, PRESCALE_MAX, PRESCALE_MIN
-from lrmd.link.frames import (
-    CHANNELS,
-    BadFrame,
-    BadFrameReason,
-    Frame,
-    FrameType,
-    ProtocolError,
-)
+from lrmd.link.frames import CHANNELS, BadFrame, BadFrameReason, Frame, FrameType, ProtocolError
 
 VERSION: Final = 1
 SILENCE_MS_MIN, SILENCE_MS_MAX, SILENCE_MS_DEFAULT = 50, 10_000, 1_000

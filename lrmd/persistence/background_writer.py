@@ -1,4 +1,4 @@
-"""Background writer: saves the newest state in a thread of its own, so that a slow disk does not block the daemon."""
+"""Writing of the state: when it is due, and in a thread of its own, so that a slow disk does not block the daemon."""
 
 from __future__ import annotations
 
@@ -8,6 +8,28 @@ from pathlib import Path
 
 from lrm_math.errors import FileError
 from lrmd.persistence.state_file import StoredState, save
+
+INTERVAL = 60_000_000_000
+"""ns after which it is saved without a change too."""
+
+
+class SaveSchedule:
+    """`moving_interval`: ns between two states that are saved during a motion."""
+
+    def __init__(self, moving_interval: int) -> None:
+        self._moving_interval = moving_interval
+        self._at = 0
+        self._state: tuple[object, ...] = ()
+        self._moving = False
+
+    def due(self, state: tuple[object, ...], moving: bool, now: int) -> bool:
+        """Whether to save at `now` (ns); if so, it is the saved state from now on."""
+        wait = self._moving_interval if moving and self._moving else 0
+        changed = state != self._state and now - self._at >= wait
+        if not changed and now - self._at <= INTERVAL:
+            return False
+        self._at, self._state, self._moving = now, state, moving
+        return True
 
 
 class BackgroundWriter:

@@ -17,8 +17,7 @@ from lrmd.link.serial_port import SerialPort
 from lrmd.ramp.board_settings import BoardSettings
 from lrmd.ramp.clock import MonotonicClock
 from lrmd.ramp.core import RampCore
-from lrmd.ramp.parent import die_with_parent
-from lrmd.ramp.shared_fd import SharedFd
+from lrmd.ramp.parent import SharedFd, die_with_parent
 from lrmd.ramp.shared_memory import BUCKET_NS, BUCKETS, LinkState, RampReport, SharedRecords
 from lrmd.ramp.stepping import next_due
 

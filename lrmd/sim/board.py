@@ -28,10 +28,6 @@ FrameListener: TypeAlias = Callable[[int, str, Mapping[int, int]], None]
 """Callback of (time in ns, `arm` | `setup` | `silence` | `power`, words by channel or by bit)."""
 
 
-def _ignore(*_: object) -> None:
-    return None
-
-
 class FrameRefused(Exception):
     """A frame that is answered by ERROR and has no effect."""
 
@@ -53,7 +49,7 @@ class SimulatedBoard:
 
     def __init__(self, chip: Pca9685Chip, random: Random, now: int = 0) -> None:
         self.chip = chip
-        self.listener: FrameListener = _ignore
+        self.listener: FrameListener = lambda *_: None
         self._random = random
         self.power_cycle(now)
 

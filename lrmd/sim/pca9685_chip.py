@@ -159,7 +159,8 @@ class Pca9685Chip:
         if before & SLEEP and not wanted & SLEEP:
             self._woken = now
         falls_asleep = wanted & SLEEP and not before & SLEEP
-        pending = self._any_on() if falls_asleep else bool(before & RESTART)
+        on = any(self._high(channel) for channel in range(CHANNELS))
+        pending = on if falls_asleep else bool(before & RESTART)
         runs = not (before | wanted) & SLEEP and now - self._woken >= START_NS
         if wanted & RESTART and runs:
             pending = False
@@ -171,6 +172,3 @@ class Pca9685Chip:
         if (on_high | off_high) & FULL:
             return None
         return ((off_high << 8 | off_low) - (on_high << 8 | on_low)) % COUNTS_PER_PERIOD or None
-
-    def _any_on(self) -> bool:
-        return any(self._high(channel) for channel in range(CHANNELS))

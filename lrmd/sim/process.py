@@ -11,7 +11,7 @@ import signal
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack, closing
 from functools import partial
 from pathlib import Path
@@ -19,20 +19,21 @@ from random import Random
 from typing import NoReturn
 
 from lrm_math.arm.arm_file import load_arm
-from lrm_math.errors import LrmError
+from lrm_math.errors import FileError, LrmError
 from lrm_math.model.model import Model, model_of
 from lrm_math.model.model_file import load_model
+from lrmd.link.pca9685 import CHANNELS
 from lrmd.ramp.clock import MonotonicClock
 from lrmd.sim.arm import SimulatedArm
 from lrmd.sim.board import SimulatedBoard
 from lrmd.sim.control_queries import QueryReply, answer_query
 from lrmd.sim.control_socket import ControlServer, control_path, query_board
 from lrmd.sim.faults import parse_fault
-from lrmd.sim.frame_log import FrameLog
 from lrmd.sim.pca9685_chip import Pca9685Chip
 from lrmd.sim.pty_port import PtyPort
 from lrmd.sim.simulation import SECOND, Simulation
 
+COLUMNS = ("t_ns", "event", "prescale", "silence_ms", *(f"ch{channel}" for channel in range(CHANNELS)))
 HELP = """\
 faults (--fault, or --ask while it runs; `at T` is in seconds of the board's clock):
   flip RATE | flip frame K     one bit arrives wrong       ... [in|out|both]: to the board, from it
@@ -46,6 +47,30 @@ faults (--fault, or --ask while it runs; `at T` is in seconds of the board's clo
 
 questions (--ask): tcp, measure, joints, status, payload GRAMS, or a fault
 """
+
+
+class FrameLog:
+    """A board's listener that writes the log. Cells absent from the frame are empty; a count of 0 is off.
+
+    Line-buffered, so a killed board leaves whole lines. Raises `FileError`.
+    """
+
+    def __init__(self, path: Path) -> None:
+        try:
+            self._file = path.open("w", encoding="utf-8", buffering=1)
+        except OSError as error:
+            raise FileError(path, "", f"cannot be written ({error.strerror})") from None
+        self._file.write(",".join(COLUMNS) + "\n")
+
+    def __call__(self, now: int, event: str, words: Mapping[int, int]) -> None:
+        """Writes one line; `words` by bit for `setup`, by channel for `arm`."""
+        setup, counts = (words, {}) if event == "setup" else ({}, words)
+        cells = [setup.get(bit, "") for bit in range(2)] + [counts.get(channel, "") for channel in range(CHANNELS)]
+        self._file.write(f"{now},{event},{','.join(map(str, cells))}\n")
+
+    def close(self) -> None:
+        """Closes the file."""
+        self._file.close()
 
 
 def serve(

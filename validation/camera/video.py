@@ -18,7 +18,7 @@ from lrm_ident.measuring.camera.detection import RejectedPhoto, find_corners
 from lrm_ident.measuring.camera.lens import Lens, LensFile, calibrate_lens
 from lrm_ident.measuring.camera.session import CameraMeasurements, measure, read_photos
 from lrm_ident.measuring.recordings.lerobot import read_frames
-from lrm_ident.measuring.recordings.video_checkup import measure_video
+from lrm_ident.measuring.recordings.lerobot_video import measure_video
 from lrm_ident.study.api import add, diagnose, fit, load
 from lrm_math.kinematics.poses import Poses
 from lrm_math.model.equilibrium import equilibrium

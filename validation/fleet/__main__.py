@@ -26,9 +26,9 @@ import numpy as np
 from lrm_ident.fitting.executors import executor_for, in_order
 from lrm_ident.fitting.priors import PriorFile
 from lrm_ident.fleet.fleet_prior import prior_text
+from lrm_ident.fleet.fleet_report import fleet_result
 from lrm_ident.fleet.manifest import read_manifest
 from lrm_ident.fleet.run_fleet import MODELS, run_fleet, task_of
-from lrm_ident.fleet.summary import fleet_result
 from lrm_math.errors import LrmError
 from lrm_math.toml_file import read_toml
 from validation.fleet.expected_errors import expected_errors

@@ -35,9 +35,10 @@ def arm_document(arm: Arm, difference: float | None = None, q: Array | None = No
         f"{arm.name}: {arm.dof} joints; gravity's torque on each",
     )
     links = ResultTable(("link", *DIMENSIONS), [_link_row(arm, i) for i in range(arm.dof)])
+    frames = ("base", *arm.joint_names, "tool")
     bodies = ResultTable(
         ("body", "mass_g|.1f", "com_x_mm|.2f", "com_y_mm|.2f", "com_z_mm|.2f", "frame", "loads joint|d"),
-        [(b.name, b.mass / GRAM, *(c / MM for c in b.com), _frame(arm, b.frame), b.loads_joint) for b in arm.bodies],
+        [(b.name, b.mass / GRAM, *(c / MM for c in b.com), frames[b.frame], b.loads_joint) for b in arm.bodies],
     )
     at = "at zero" if q is None else "at " + ", ".join(f"{angle:g}°" for angle in np.degrees(angles))
     x, y, z = tcp.tolist()
@@ -80,7 +81,3 @@ def _link_row(arm: Arm, i: int) -> tuple[object, ...]:
     theta, alpha, beta = np.degrees([joint.theta, joint.alpha, joint.beta]).tolist()
     extra = None if joint.extra_z is None else joint.extra_z / MM
     return str(i + 1), theta, joint.d / MM, joint.a / MM, alpha, beta if joint.beta else None, extra
-
-
-def _frame(arm: Arm, frame: int) -> str:
-    return ("base", *arm.joint_names, "tool")[frame]

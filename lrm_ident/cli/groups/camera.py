@@ -89,7 +89,7 @@ def calibrate(
         raise LrmError(f"{photos}: photos of {len(sizes)} sizes; a lens is calibrated for one")
     show_refused(refused)
     if not found:
-        raise LrmError(f"{photos}: the board is in none of the {len(files)} photos; {_why(refused)}")
+        raise LrmError(f"{photos}: the board is in none of the {len(files)} photos; {refused[0].partition(': ')[2]}")
     lens = calibrate_lens(found, the_board, next(iter(sizes)))
     write_text(output, _toml(lens))
     show(
@@ -199,10 +199,6 @@ def show_refused(lines: list[str]) -> None:
     """Prints why photos are of no use."""
     if lines:
         show(ListSection(f"{len(lines)} photos are of no use:", tuple(lines[:SHOWN])))
-
-
-def _why(refused: list[str]) -> str:
-    return refused[0].partition(": ")[2]
 
 
 def _toml(file: StrictSchema) -> str:

@@ -63,7 +63,7 @@ def checkup(
     from lrm_ident.cli.groups.video_report import studied, with_video
     from lrm_ident.data.measurement_file.write import measurements_csv, metadata_toml
     from lrm_ident.measuring.camera.lens import LensFile
-    from lrm_ident.measuring.recordings.video_checkup import measure_video
+    from lrm_ident.measuring.recordings.lerobot_video import measure_video
     from lrm_ident.study.api import load
 
     with progress("looking at the rests") as tick:

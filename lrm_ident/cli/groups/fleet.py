@@ -13,10 +13,9 @@ from lrm_ident.cli.common import LISTED, progress, publish, show
 from lrm_ident.data.atomic_write import check_replaceable, write_bytes, write_text
 from lrm_ident.fitting.executors import executor_for
 from lrm_ident.fleet.fleet_prior import FleetKnowledge, prior_text
-from lrm_ident.fleet.fleet_report import fleet_document, table_csv, table_parquet
+from lrm_ident.fleet.fleet_report import fleet_document, fleet_result, table_csv, table_parquet
 from lrm_ident.fleet.manifest import read_manifest
 from lrm_ident.fleet.run_fleet import MODELS, run_fleet
-from lrm_ident.fleet.summary import fleet_result
 from lrm_ident.workbench.fleet_page import fleet_page
 
 WRITTEN = ("fleet.csv", "fleet.parquet", "fleet.html", "prior.toml")

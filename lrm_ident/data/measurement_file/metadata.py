@@ -9,8 +9,8 @@ import numpy as np
 from pydantic import Field, FiniteFloat
 
 from lrm_ident.data.apply_reading import read_joints
+from lrm_ident.data.atomic_write import is_something_else
 from lrm_ident.data.csv_table import PLAUSIBLE
-from lrm_ident.data.output_files import is_something_else
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_file import load_arm, shipped_arms
 from lrm_math.arrays import Array

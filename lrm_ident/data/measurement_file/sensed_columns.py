@@ -11,7 +11,7 @@ from itertools import combinations_with_replacement
 
 import numpy as np
 
-from lrm_ident.data.csv_table import KnownColumns, NumberTable
+from lrm_ident.data.csv_table import FEEDBACK, KnownColumns, NumberTable, columns_of_joints
 from lrm_ident.data.measurement_file.metadata import Metadata
 from lrm_ident.data.measurement_table import POSITION
 from lrm_ident.data.measurements import Measurements
@@ -41,14 +41,9 @@ TOGETHER = {
 """Columns that are stated all or none, and what they are if a row states all of them or none."""
 
 
-def feedback_columns(dof: int) -> tuple[str, ...]:
-    """The columns of joint feedback."""
-    return tuple(f"q{number}_meas_deg" for number in range(1, dof + 1))
-
-
 def measured_columns(arm: Arm) -> KnownColumns:
     """Columns of a measurement file."""
-    commanded, feedback = pose_columns(arm), feedback_columns(arm.dof)
+    commanded, feedback = pose_columns(arm), columns_of_joints(FEEDBACK, arm.dof)
     alone = {TURN_SD, DISTANCE, DISTANCE_SD, "supply_v", "sd_mm", "repeat_of"}
     together = {**commanded.together, **TOGETHER, feedback: ""}
     names = {*commanded.names, *alone, *(name for group in together for name in group)}
@@ -201,7 +196,7 @@ def read_feedback(table: NumberTable, q: Array) -> Array | None:
 
     An encoder that counts from 0 to 360 deg is read in the turn of the command `q` (N, n).
     """
-    columns = table.together.get(feedback_columns(q.shape[1]))
+    columns = table.together.get(columns_of_joints(FEEDBACK, q.shape[1]))
     if columns is None:
         return None
     read, turn = np.radians(columns), 2.0 * np.pi

@@ -9,8 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from lrm_ident.data.apply_reading import frame_table, rigid_motion
-from lrm_ident.data.measurement_file.load import load_measurements
-from lrm_ident.data.measurement_file.row_checks import without_frozen
+from lrm_ident.data.measurement_file.load import load_measurements, without_frozen
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.pose_table import BeyondLimits
 from lrm_ident.data.registration.attitude_check import check_attitude
@@ -51,7 +50,8 @@ def load_checked(path: Path, arm: Arm, reading: Reading = AS_NAMED, usual: Readi
     try:
         read = load_measurements(path, arm, reading, usual)
     except BeyondLimits:
-        _check(arm, load_measurements(path, without_limits(arm), reading, usual))
+        free = tuple(replace(joint, lower=-math.inf, upper=math.inf) for joint in arm.joints)
+        _check(arm, load_measurements(path, replace(arm, joints=free), reading, usual))
         raise
     data = without_frozen(arm, read)
     notices = _check(arm, data)
@@ -92,11 +92,6 @@ def in_arm_frame(arm: Arm, data: Measurements) -> Measurements:
         stated=data.stated.model_copy(update={"frame": frame}),
         notices=(*data.notices, f"registered to the arm: turned by {angle:.1f} deg and moved by {distance:.1f} mm"),
     )
-
-
-def without_limits(arm: Arm) -> Arm:
-    """The arm, its joints free to turn by any angle."""
-    return replace(arm, joints=tuple(replace(joint, lower=-math.inf, upper=math.inf) for joint in arm.joints))
 
 
 def remedy(hypothesis: Hypothesis, stated: Reading) -> str:

@@ -127,7 +127,8 @@ def check_reading(arm: Arm, data: Measurements) -> ReadingCheck | None:
     """Compares measurements with the nominal arm; None if there are too few poses, or all are one."""
     rows = compared_rows(data)
     data = data.take(rows)
-    if len(rows) < LEAST_POSES or poses_are_equal(data.poses.q) or _spread(nominal_tcp(arm, data.poses)) == 0.0:
+    one_pose = np.ptp(data.poses.q, axis=0).max(initial=0.0) < SAME_POSE
+    if len(rows) < LEAST_POSES or one_pose or _spread(nominal_tcp(arm, data.poses)) == 0.0:
         return None
     points = PointSet(arm, data.poses, data.tcp, data.stated)
     read = points.scored(points.as_read)
@@ -141,11 +142,6 @@ def check_reading(arm: Arm, data: Measurements) -> ReadingCheck | None:
     simplest = min(scored.hypothesis.complexity for scored in alike)
     chosen = [s for s in alike if s.hypothesis.complexity == simplest and s.share <= PLAUSIBLE]
     return ReadingCheck(read, tuple(sorted(chosen, key=lambda scored: scored.share)))
-
-
-def poses_are_equal(q: Array) -> bool:
-    """Whether all joint angles (N, n), rad, are those of one pose."""
-    return bool(np.ptp(q, axis=0).max(initial=0.0) < SAME_POSE)
 
 
 def compared_rows(data: Measurements) -> NDArray[np.int64]:

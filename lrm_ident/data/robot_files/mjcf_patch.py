@@ -17,13 +17,7 @@ from numpy.typing import ArrayLike
 
 from lrm_ident.data.robot_files.mjcf import SPRINGS, MjcfFile, spring_stiffness
 from lrm_ident.data.robot_files.mjcf_robot import MjcfRobot
-from lrm_ident.data.robot_files.mjcf_weights import (
-    bends_own_weight,
-    carriers_of,
-    joints_before,
-    places_at_zero,
-    weigh,
-)
+from lrm_ident.data.robot_files.mjcf_weights import bends_own_weight, carriers_of, joints_before, places_at_zero, weigh
 from lrm_ident.data.robot_files.rigid_motion import inverse
 from lrm_ident.data.robot_files.urdf import UrdfJoint, parse_urdf
 from lrm_ident.data.robot_files.urdf_arm import choose_tip

@@ -15,8 +15,7 @@ from xml.etree import ElementTree
 import numpy as np
 
 from lrm_ident.data.robot_files.rigid_motion import homogeneous, inverse, shift, turn
-from lrm_ident.data.robot_files.urdf import Urdf, parse_urdf
-from lrm_ident.data.robot_files.xml_elements import append_joint, numbers
+from lrm_ident.data.robot_files.urdf import Urdf, append_joint, numbers, parse_urdf
 from lrm_ident.data.weights.rotations import rotation_matrix
 from lrm_math.arrays import Array
 from lrm_math.errors import FileError, LrmError

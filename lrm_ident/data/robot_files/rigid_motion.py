@@ -72,16 +72,7 @@ def placement_motion(p: Placement) -> Array:
     return shift((p.x, p.y, p.z)) @ about
 
 
-def base_placement(T: Array) -> Placement:
-    """A pose as T(x, y, z) Rx Ry Rz."""
-    return _placement(T[:3, 3], T[:3, :3])
-
-
-def tool_placement(T: Array) -> Placement:
-    """A pose as Rx Ry Rz T(x, y, z)."""
-    return _placement(T[:3, :3].T @ T[:3, 3], T[:3, :3])
-
-
-def _placement(shift: Array, R: Array) -> Placement:
+def placement(shift: Array, R: Array) -> Placement:
+    """A shift (3,), m, then a rotation (3, 3) as Rx Ry Rz: of a base; of a tool the shift comes after the rotation."""
     x, y, z = shift.tolist()
     return Placement(x, y, z, *to_xyz_angles(R))

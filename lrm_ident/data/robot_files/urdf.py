@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -11,7 +11,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 
-from lrm_ident.data.robot_files.rigid_motion import from_xyz_rpy, shift, turn
+from lrm_ident.data.robot_files.rigid_motion import from_xyz_rpy, shift, to_xyz_rpy, turn
 from lrm_math.arrays import Array, Vector3
 from lrm_math.errors import FileError, name_suggestion
 from lrm_math.text_file import read_utf8
@@ -221,3 +221,29 @@ def _numbers(
     if len(values) != count or not all(map(math.isfinite, values)):
         raise FileError(path, where, f'{name}="{text}"', f"should be {count} number{'s' * (count > 1)}")
     return values
+
+
+def numbers(values: Iterable[float]) -> str:
+    """Numbers by spaces, exact to round-off."""
+    return " ".join(repr(float(value)) for value in values)
+
+
+def append_joint(
+    tree: ElementTree.Element, name: str, kind: str, parent: str, child: str, origin: Array
+) -> ElementTree.Element:
+    """A `<joint>` more of a URDF, at `origin` (4, 4) in its parent link (m)."""
+    element = ElementTree.SubElement(tree, "joint", name=name, type=kind)
+    ElementTree.SubElement(element, "parent", link=parent)
+    ElementTree.SubElement(element, "child", link=child)
+    set_origin(element, origin)
+    return element
+
+
+def set_origin(element: ElementTree.Element, T: Array) -> None:
+    """Gives an element an `<origin>` (4, 4), m, or changes the one that it has."""
+    origin = element.find("origin")
+    if origin is None:
+        origin = ElementTree.Element("origin")
+        element.insert(0, origin)
+    for name, values in zip(("xyz", "rpy"), to_xyz_rpy(T), strict=True):
+        origin.set(name, numbers(values))

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from lrm_ident.data.robot_files.denavit_hartenberg import DhLink, dh_links
-from lrm_ident.data.robot_files.rigid_motion import base_placement, inverse, placement_motion, tool_placement, turn
+from lrm_ident.data.robot_files.rigid_motion import inverse, placement, placement_motion, turn
 from lrm_ident.data.robot_files.urdf import Urdf, UrdfJoint, UrdfMass, tip_pose
 from lrm_math.arm.arm import Arm, Body, Joint
 from lrm_math.arm.plausible_arm import implausible
@@ -70,10 +70,11 @@ def import_arm(robot: Urdf, base: str | None = None, tip: str | None = None, nam
     _check_serial(robot, path)
     turning = [joint for joint in path if joint.turns]
     axes = list(_axis_frames(path))
-    placed = replace(base_placement(axes[0]), gamma=0.0)
+    placed = replace(placement(axes[0][:3, 3], axes[0][:3, :3]), gamma=0.0)
     start = placement_motion(placed)
     links, last = dh_links(axes, start)
-    tool = tool_placement(inverse(last) @ tip_pose(path, [0.0] * len(turning)))
+    T = inverse(last) @ tip_pose(path, [0.0] * len(turning))
+    tool = placement(T[:3, :3].T @ T[:3, 3], T[:3, :3])
     notices: list[str] = []
     joints = tuple(_joint(joint, link, notices) for joint, link in zip(turning, [*links, None], strict=True))
     bodies = tuple(_bodies(robot, path, _far_frames(start, links)))

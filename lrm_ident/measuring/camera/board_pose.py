@@ -21,6 +21,7 @@ from lrm_math.arrays import Array
 STEPS = 20
 AMBIGUOUS = 25.0  # squared noise by which the better of the two poses must win
 POOR = 4.0  # times the lens's noise that corners may be off
+A_DEGREE_APART = 2.9996  # trace of the rotation from one pose to another
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,15 +70,11 @@ def board_pose(found: Corners, board: CharucoBoard, lens: Lens) -> BoardPose | R
         return RejectedPhoto("the board would be behind the camera")
     if noise > POOR * lens.noise:
         return RejectedPhoto(f"the corners are off by {noise:.2f} px; the lens was calibrated to {lens.noise:.2f} px")
-    worse = [one[2] - square for one in tried[1:] if _other(one[0], rotation)]
+    worse = [one[2] - square for one in tried[1:] if np.trace(one[0].T @ rotation) < A_DEGREE_APART]
     if worse and worse[0] < AMBIGUOUS * lens.noise**2:
         return RejectedPhoto("two poses of the board fit alike; lean it against the view, or come closer")
     covariance: Array = np.asarray(np.linalg.inv(information) * lens.noise**2)
     return BoardPose(rotation, position, covariance, noise, len(points))
-
-
-def _other(R: Array, S: Array) -> bool:
-    return float(np.trace(R.T @ S)) < 2.9996  # more than a degree apart
 
 
 def _refined(R: Array, t: Array, points: Array, pixels: Array, lens: Lens) -> tuple[Array, Array, float, Array]:

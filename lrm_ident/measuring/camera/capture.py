@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import re
 import sys
+from abc import abstractmethod
 from collections.abc import Callable
+from contextlib import AbstractContextManager
 from pathlib import Path
-from typing import Protocol, Self
 from urllib.error import URLError
 from urllib.request import urlopen
 
@@ -38,16 +39,15 @@ def _natural(path: Path) -> list[str | int]:
     return [int(part) if part.isdigit() else part for part in re.split(r"(\d+)", path.name)]
 
 
-class PhotoSource(Protocol):
+class PhotoSource(AbstractContextManager["PhotoSource"]):
     """A camera that is open; a context manager of what it holds."""
 
-    def __enter__(self) -> Self: ...
-    def __exit__(self, *_: object) -> None: ...
+    @abstractmethod
     def photo(self) -> Picture:
         """A grey picture (H, W) of now. Raises `LrmError`: it gives none."""
 
 
-class Webcam:
+class Webcam(PhotoSource):
     """A camera of this computer, by its number. Raises `LrmError`: there is none."""
 
     def __init__(self, device: int) -> None:
@@ -57,9 +57,6 @@ class Webcam:
             raise LrmError(f"camera {device} cannot be opened")
         self._camera.set(cv2.CAP_PROP_FRAME_WIDTH, 1920)
         self._camera.set(cv2.CAP_PROP_FRAME_HEIGHT, 1080)
-
-    def __enter__(self) -> Self:
-        return self
 
     def __exit__(self, *_: object) -> None:
         self._camera.release()
@@ -73,14 +70,11 @@ class Webcam:
         return np.asarray(opencv().cvtColor(picture, opencv().COLOR_BGR2GRAY), dtype=np.uint8)
 
 
-class WebPhotos:
+class WebPhotos(PhotoSource):
     """A camera on the network whose address gives a still picture, as phones' and microcontrollers' do."""
 
     def __init__(self, address: str) -> None:
         self._address = address
-
-    def __enter__(self) -> Self:
-        return self
 
     def __exit__(self, *_: object) -> None:
         return None

@@ -13,7 +13,6 @@ from lrm_ident.data.csv_table import KnownColumns, read_numbers
 from lrm_ident.data.measurement_file.load import load_poses
 from lrm_ident.data.measurement_table import read_measurement_table
 from lrm_math.arm.arm import Arm
-from lrm_math.arrays import Array
 from lrm_math.errors import FileError
 from lrm_math.kinematics.poses import poses_of
 from lrm_math.model.equilibrium import equilibrium
@@ -49,7 +48,7 @@ class CampaignPlan:
 
 def lightest(poses: Sequence[PlannedPose], arm: Arm) -> PlannedPose:
     """The pose that loads the joints least: smallest sum of squared gravity torques of the nominal arm."""
-    torque = _torques(arm, np.array([pose.q for pose in poses]))
+    torque = equilibrium(model_of(arm, ()), poses_of(np.array([pose.q for pose in poses]), 0.0)).joint_torque
     return poses[int(np.argmin((torque**2).sum(axis=1)))]
 
 
@@ -68,7 +67,3 @@ def load_plan(path: Path, arm: Arm) -> CampaignPlan:
         for n, q, load, side, of in zip(*columns, strict=True)
     )
     return CampaignPlan(tuple(planned), hashlib.sha256(path.read_bytes()).hexdigest())
-
-
-def _torques(arm: Arm, q: Array) -> Array:
-    return equilibrium(model_of(arm, ()), poses_of(q, 0.0)).joint_torque

@@ -1,4 +1,8 @@
-"""The arm of a campaign or a verification, driven by its daemon: planned ways, pulses in whole counts, cooling."""
+"""The arm of a campaign or a verification, driven by its daemon: planned ways, pulses in whole counts, cooling.
+
+The daemon says that the arm stands: the same before and after a rest, nobody has moved it or let it fall. Commands for
+goals of the tip come from its inverse kinematics.
+"""
 
 from __future__ import annotations
 
@@ -6,15 +10,29 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
+from typing import Self
 
 from lrm_ident.measuring.campaign.data_file import ArmState
 from lrm_ident.measuring.campaign.plan import PlannedPose
 from lrm_ident.measuring.campaign.run import Clock, Unreachable
-from lrm_ident.measuring.campaign.standing import Standing
+from lrm_ident.measuring.verification.goal_commands import NOMINAL, GoalCommand
 from lrm_math.arm.servo_table import ServoTable
 from lrm_math.errors import LrmError
-from lrmd.client import LEASE_LOST, InfoState, MotionInterrupted, PlanRequest, RequestRefused, Rover
+from lrmd.client import (
+    LEASE_LOST,
+    GoalEntry,
+    IkRequest,
+    InfoState,
+    MotionInterrupted,
+    PlanRequest,
+    RequestRefused,
+    Rover,
+)
 
+STILL = ("armed", "holding")
+"""Modes of an arm that stands with pulses on."""
+REACHED = 1e-5
+"""rad; commanded pulses are whole ns, 2e-6 rad."""
 APPROACH = math.radians(3.0)
 """rad: how far on the stated side a joint stands before it arrives from there."""
 COOLED_BY = 10.0
@@ -28,6 +46,45 @@ ATTEMPTS, LEASE_BACK_S = 5, 1.0
 """Attempts at a motion whose lease expires, and s until it is back: a busy computer, a slow network."""
 OVER = ("lease", "wrong_mode", "name_taken", "link", "not_armed")
 """Codes of refusals that end a campaign: the arm is somebody else's, or not armed any more."""
+DEADLINE_MS = 10_000.0
+
+
+@dataclass(frozen=True)
+class Standing:
+    """The daemon's start and the lease of the client that it says so to; its mode, why, since when (monotonic ns).
+
+    `q`: commanded angles (rad), `on`: whether there are pulses, of every servo.
+    """
+
+    boot_id: str
+    lease: str
+    mode: str
+    why: str
+    since: int
+    q: tuple[float, ...]
+    on: tuple[bool, ...]
+
+    @classmethod
+    def of(cls, rover: Rover) -> Self:
+        """The present one. Raises what a query raises, and `RequestRefused` if the lease is another client's."""
+        lease, mode, joints = rover.renew(), rover.mode(), rover.joints()
+        return cls(mode.boot_id, lease, mode.mode, mode.why, mode.since_mono_ns, tuple(joints.q_rad), tuple(joints.on))
+
+    def stands_at(self, goal: Sequence[float]) -> bool:
+        """Whether the arm stands at angles of its joints (rad)."""
+        there = all(abs(a - b) < REACHED for a, b in zip(self.q, goal, strict=False))
+        return self.mode in STILL and there and all(self.on[: len(goal)])
+
+    def changed_to(self, now: Standing) -> str:
+        """Differences from then, in words; empty if everything is."""
+        changes = {
+            "the daemon was restarted": self.boot_id != now.boot_id,
+            "the lease was acquired anew": self.lease != now.lease,
+            f"the arm is {now.mode} ({now.why})": (self.mode, self.since) != (now.mode, now.since),
+            "other angles are commanded": self.q != now.q,
+            "other servos have pulses": self.on != now.on,
+        }
+        return "; ".join(words for words, changed in changes.items() if changed)
 
 
 @dataclass
@@ -166,3 +223,33 @@ def last_directions(way: Sequence[Sequence[float]], before: Sequence[int]) -> tu
             if abs(b - a) > MOVED:
                 directions[joint] = 1 if b > a else -1
     return tuple(directions)
+
+
+@dataclass(frozen=True)
+class DaemonSolver:
+    """See `GoalSolver`: with the model that a daemon uses."""
+
+    rover: Rover
+    model: str
+    model_sha256: str
+
+    @classmethod
+    def of(cls, rover: Rover) -> DaemonSolver:
+        """The solver of a daemon."""
+        info = rover.info()
+        return cls(rover, info.model or NOMINAL, info.model_sha256)
+
+    def solve(self, goal: Sequence[float], near: Sequence[float], payload: float) -> GoalCommand | str:
+        """See `GoalSolver`."""
+        request = IkRequest(
+            goals=[GoalEntry(position_m=list(goal))],
+            near_rad=list(near),
+            payload_kg=payload,
+            round="best",
+            method="direct",
+            deadline_ms=DEADLINE_MS,
+        )
+        answer = self.rover.ik(request).answers[0]
+        if answer.rounded_q_rad is None:
+            return f"{answer.verdict}: {answer.text}"
+        return GoalCommand(tuple(answer.rounded_q_rad), answer.rounded_error_m or 0.0, answer.sd_m)

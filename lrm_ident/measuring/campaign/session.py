@@ -1,7 +1,8 @@
-"""Connects a campaign to a daemon and a tracker."""
+"""Connects a campaign to a daemon and a tracker; one whose datagrams come on a zenoh key too."""
 
 from __future__ import annotations
 
+import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, ExitStack, contextmanager
@@ -17,8 +18,7 @@ from lrm_ident.measuring.campaign.lerobot_robot import KIND as LEROBOT
 from lrm_ident.measuring.campaign.lerobot_robot import LeRobotServos, connected_robot
 from lrm_ident.measuring.campaign.plan import CampaignPlan, lightest
 from lrm_ident.measuring.campaign.release_key import asked_for_release, release_key
-from lrm_ident.measuring.campaign.rover_arm import RoverArm
-from lrm_ident.measuring.campaign.rover_solver import DaemonSolver
+from lrm_ident.measuring.campaign.rover_arm import DaemonSolver, RoverArm
 from lrm_ident.measuring.campaign.run import (
     CampaignArm,
     CampaignProgress,
@@ -28,10 +28,10 @@ from lrm_ident.measuring.campaign.run import (
     PoseTiming,
 )
 from lrm_ident.measuring.campaign.servo_arm import ServoArm, Servos
-from lrm_ident.measuring.campaign.zenoh_tracker import ZenohTracker
-from lrm_ident.measuring.dynamixel.memory_table import DYNAMIXEL
-from lrm_ident.measuring.feetech.memory_table import FEETECH
+from lrm_ident.measuring.servo_bus.dynamixel import DYNAMIXEL
+from lrm_ident.measuring.servo_bus.feetech import FEETECH
 from lrm_ident.measuring.servo_bus.servos import connected_bus
+from lrm_ident.measuring.tracker.dtrack import parse_dtrack
 from lrm_ident.measuring.tracker.frames import TargetNumbers, Tracker, TrackerFrame
 from lrm_ident.measuring.tracker.source import open_tracker
 from lrm_ident.measuring.verification.goal_commands import GoalSolver, ModelSolver
@@ -46,6 +46,8 @@ SERVOS_OFF = {"disarmed", "estop", "fault"}
 
 FIRST_FRAME_S, LOOK_S = 15.0, 0.25
 """s: how long to wait for the first frame, by how much at a time."""
+MOST_FRAMES = 100_000
+"""Frames that are kept of one rest."""
 
 
 class RealClock:
@@ -190,3 +192,28 @@ def power_on(rover: Rover) -> str:
     modes = [event for event in rover.events() if event.code == "mode"]
     off = [event.seq for event in modes if SERVOS_OFF & {str(event.detail.get(key)) for key in ("before", "mode")}]
     return f"{rover.boot_id}-{max(off, default=0)}"
+
+
+class ZenohTracker(AbstractContextManager["ZenohTracker"]):
+    """Listens on a key. What is no frame is counted in `garbage`, and otherwise ignored."""
+
+    def __init__(self, rover: Rover, key: str) -> None:
+        self.garbage = 0
+        self._frames: list[TrackerFrame] = []
+        self._subscriber = rover.listen(key, self._received)
+
+    def __exit__(self, *_: object) -> None:
+        self._subscriber.undeclare()  # type: ignore[no-untyped-call]
+
+    def frames(self, seconds: float) -> list[TrackerFrame]:
+        """See `Tracker`."""
+        self._frames = []
+        threading.Event().wait(seconds)
+        return list(self._frames)
+
+    def _received(self, data: bytes) -> None:
+        frame = parse_dtrack(data)
+        if frame is None:
+            self.garbage += 1
+        elif len(self._frames) < MOST_FRAMES:
+            self._frames.append(frame)

@@ -9,9 +9,8 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Protocol, TypeVar
 
-from lrm_ident.measuring.servo_bus.kind import BusServoKind
+from lrm_ident.measuring.servo_bus.kind import BusServoKind, Register
 from lrm_ident.measuring.servo_bus.packets import BROADCAST, Answer, Instruction, Packet, PacketReader
-from lrm_ident.measuring.servo_bus.register import Register
 from lrm_math.errors import LrmError
 
 ANSWER_S, LOOK_S = 0.5, 0.1

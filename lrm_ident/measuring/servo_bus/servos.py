@@ -14,8 +14,7 @@ from dataclasses import dataclass
 
 from lrm_ident.data.wording import joint_labels
 from lrm_ident.measuring.servo_bus.bus import GarbledAnswer, NoAnswer, ServoHost
-from lrm_ident.measuring.servo_bus.kind import BusServoKind
-from lrm_ident.measuring.servo_bus.register import Register
+from lrm_ident.measuring.servo_bus.kind import BusServoKind, Register
 from lrm_math.arm.arm import Arm
 from lrm_math.errors import LrmError
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import csv
 import math
 import time
+from contextlib import AbstractContextManager
 from pathlib import Path
-from typing import Self
 
 import numpy as np
 
@@ -19,7 +19,7 @@ POLL = 0.02
 """s between two looks at the file."""
 
 
-class GrowingCsv:
+class GrowingCsv(AbstractContextManager["GrowingCsv"]):
     """Follows the end of a file with the columns `t_s, x_mm, y_mm, z_mm`; its targets have the number `tool`.
 
     A line that is no frame is counted in `garbage`, and otherwise ignored; the last, unfinished one waits.
@@ -39,9 +39,6 @@ class GrowingCsv:
             self._file.close()
             raise FileError(path, "header", f"missing column {missing[0]}", f"required: {', '.join(COLUMNS)}")
         self._places = [header.index(name) for name in COLUMNS]
-
-    def __enter__(self) -> Self:
-        return self
 
     def __exit__(self, *_: object) -> None:
         self._file.close()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import socket
 import time
-from typing import Self
+from contextlib import AbstractContextManager
 
 from lrm_ident.measuring.tracker.dtrack import LONGEST, parse_dtrack
 from lrm_ident.measuring.tracker.frames import TrackerFrame
@@ -14,7 +14,7 @@ FLOOD = 100_000
 """Datagrams of one rest after which it ends: a port that is flooded must not hold the campaign."""
 
 
-class UdpTracker:
+class UdpTracker(AbstractContextManager["UdpTracker"]):
     """Listens on a port of an address. What is no frame is counted in `garbage`, and otherwise ignored."""
 
     def __init__(self, host: str, port: int) -> None:
@@ -26,9 +26,6 @@ class UdpTracker:
         except OSError as error:
             self._socket.close()
             raise LrmError(f"tracker {host}:{port}: cannot listen there ({error.strerror})") from None
-
-    def __enter__(self) -> Self:
-        return self
 
     def __exit__(self, *_: object) -> None:
         self._socket.close()

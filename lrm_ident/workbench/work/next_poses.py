@@ -12,9 +12,8 @@ import numpy as np
 
 from lrm_ident.data.error_stats import error_stats
 from lrm_ident.data.weights.whitening import measured_alike
-from lrm_ident.design.candidate_poses import ClearanceRules, parse_levels
+from lrm_ident.design.candidate_poses import ClearanceRules, clear_poses, parse_levels
 from lrm_ident.design.pose_design import DesignProblem, design
-from lrm_ident.design.pose_offer import clear_poses
 from lrm_ident.fitting.progress import Progress
 from lrm_ident.report.design import design_document, pose_table
 from lrm_ident.report.document import Document

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from lrmd.api.event_log import BURST, KEPT_EVENTS, WINDOW, EventRing, EventThrottle
-from lrmd.control.events import ControllerEvent
+from lrmd.control.state import ControllerEvent
 
 CODES = ["refused", "mode", "lease_taken"]
 

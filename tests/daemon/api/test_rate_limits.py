@@ -11,11 +11,11 @@ import zenoh
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from lrmd.api.router_setup import router_setup
+from lrmd.api.children import router_setup
 from lrmd.config import load_config
 from lrmd.messages.rate_limits import MESSAGES, RATE_HZ, neighbours, with_rate_limits
 from lrmd.messages.zenoh_session import client
-from lrmd.ramp.shared_fd import SharedFd
+from lrmd.ramp.parent import SharedFd
 from tests.support.daemon.daemon_process import DaemonSetup
 
 PUTS = 3000

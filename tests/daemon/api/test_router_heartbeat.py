@@ -9,7 +9,7 @@ import pytest
 
 from lrmd.api import router_process
 from lrmd.api.router_process import EstopReplies, RouterSetup
-from lrmd.ramp.shared_fd import SharedFd
+from lrmd.ramp.parent import SharedFd
 
 
 class Panicked(BaseException):

@@ -16,7 +16,7 @@ from lrmd.control.lease import Lease, LeaseError, LeaseState
 from lrmd.errors import RequestError
 from lrmd.messages.control import ArmRequest, LeaseRequest
 from lrmd.persistence import state_file
-from lrmd.persistence.arm_identity import arm_identity, of_this_arm
+from lrmd.persistence.restored_state import arm_identity, of_this_arm
 from lrmd.persistence.state_file import StoredState
 from tests.support.daemon.in_memory_daemon import CONFIG, SimulatedDaemon
 

@@ -8,12 +8,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from lrmd.api.children import board_settings
 from lrmd.config import MS, Config, load_config
 from lrmd.link import protocol
 from lrmd.link.frames import FrameType, encode
 from lrmd.ramp.core import RampCore
 from lrmd.ramp.process import STANDBY_TICKS
-from lrmd.ramp.setup import board_settings
 from lrmd.ramp.shared_memory import LinkState, RampFault, RampOrder
 from lrmd.ramp.stepping import Pace, Way, move
 from tests.support.daemon.in_memory_daemon import CONFIG

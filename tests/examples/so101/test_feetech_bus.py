@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 
 from examples.so101.feetech_bus import FeetechBus
 from examples.so101.feetech_servo import STEP, STS3215, FeetechServo
-from lrm_ident.measuring.feetech import memory_table as table
-from lrm_ident.measuring.feetech.packets import FeetechPacket
+from lrm_ident.measuring.servo_bus import feetech as table
+from lrm_ident.measuring.servo_bus.feetech import FeetechPacket
 from lrm_ident.measuring.servo_bus.packets import BROADCAST, Instruction, PacketReader
 
 PACKETS = st.builds(FeetechPacket, st.integers(0, 253), st.integers(0, 0x83), st.binary(max_size=40))

@@ -15,9 +15,9 @@ from serial import Serial
 from examples.so101.hidden_arm import ARM_FILE, JOINTS, hidden_truth, tip_after
 from examples.so101.launch import simulated_so101, simulated_tracker
 from lrm_ident.data.measurement_file.load import load_poses
-from lrm_ident.measuring.dynamixel.memory_table import DYNAMIXEL
-from lrm_ident.measuring.feetech.memory_table import FEETECH
 from lrm_ident.measuring.servo_bus.bus import ServoHost
+from lrm_ident.measuring.servo_bus.dynamixel import DYNAMIXEL
+from lrm_ident.measuring.servo_bus.feetech import FEETECH
 from lrm_ident.measuring.servo_bus.servos import STEP
 from lrm_math.arm.arm_file import load_arm
 from lrmd.sim.control_socket import query_board

@@ -16,10 +16,9 @@ from numpy.typing import NDArray
 
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.design.detmax import exchange, maximise_criterion, o1_upper_bound
-from lrm_ident.design.feasibility import FeasibleCriterion
 from lrm_ident.design.fisher_information import RankDeficient, fisher_information, whiten
 from lrm_ident.design.observability import INDICES, Index, identification_jacobian, observability, unit_of
-from lrm_ident.design.optimality import criterion_of
+from lrm_ident.design.optimality import FeasibleCriterion, criterion_of
 from lrm_ident.fitting.levenberg_marquardt import fit
 from lrm_ident.fitting.parameter_sets import TABLE_4_5, no_bounds, select_parameters
 from lrm_math.arm.arm import Arm

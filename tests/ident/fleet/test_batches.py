@@ -8,10 +8,9 @@ import numpy as np
 import pytest
 
 from lrm_ident.data.measurements import Measurements
-from lrm_ident.fleet.fleet_report import FleetResult
+from lrm_ident.fleet.fleet_report import FleetResult, fleet_result
 from lrm_ident.fleet.identify_arm import ArmRecord, evidence_of
 from lrm_ident.fleet.manifest import FleetMember
-from lrm_ident.fleet.summary import fleet_result
 from lrm_math.arm.arm_file import load_arm
 from lrm_math.effects import effects_at
 from lrm_math.kinematics.poses import poses_of

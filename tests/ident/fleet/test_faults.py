@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 
-from lrm_ident.data.output_files import is_something_else
+from lrm_ident.data.atomic_write import is_something_else
 from lrm_ident.fitting.executors import in_this_process
 from tests.support.commands import stderr_of, stdout_of
 from tests.support.full_disk import full_disk

@@ -6,11 +6,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from random import Random
 
+from lrmd.api.children import board_settings
 from lrmd.config import Config, load_config
-from lrmd.control.controller import Controller
+from lrmd.control.requests import Controller
 from lrmd.persistence.state_file import StoredState
 from lrmd.ramp.core import RampCore
-from lrmd.ramp.setup import board_settings
 from lrmd.ramp.shared_memory import LinkState, RampOrder, RampReport
 from lrmd.sim.board import SimulatedBoard
 from lrmd.sim.pca9685_chip import Pca9685Chip

@@ -12,12 +12,12 @@ from unittest import mock
 import zenoh
 
 from lrm_math.errors import LrmError
+from lrmd.api.children import estop_replies
 from lrmd.api.publisher import StatePublisher
 from lrmd.api.router_process import EstopServer
-from lrmd.api.router_setup import estop_replies
 from lrmd.api.supervisor import ChildProcess
 from lrmd.api.zenoh_server import ZenohServer
-from lrmd.control.events import ControllerEvent
+from lrmd.control.state import ControllerEvent
 from lrmd.messages.codec import Message, error_reply, pack
 from lrmd.messages.control import LeaseRequest
 from lrmd.messages.inbox import Inbox, Send

@@ -6,10 +6,10 @@ from dataclasses import replace
 from random import Random
 from typing import Any
 
+from lrmd.api.children import board_settings
 from lrmd.config import Config
 from lrmd.link.frames import Frame, FrameDecoder
 from lrmd.ramp.core import RampCore
-from lrmd.ramp.setup import board_settings
 from lrmd.ramp.shared_memory import HOLD_PULSE, LinkState, RampOrder
 from lrmd.ramp.stepping import Pace
 from lrmd.sim.board import SimulatedBoard

@@ -10,10 +10,9 @@ from examples.so101.dynamixel_bus import DynamixelBus, DynamixelServo
 from examples.so101.feetech_servo import STEP
 from lrm_ident.measuring.campaign.plan import PlannedPose
 from lrm_ident.measuring.campaign.servo_arm import TORQUE, ServoArm
-from lrm_ident.measuring.dynamixel import memory_table as table
-from lrm_ident.measuring.dynamixel.memory_table import DYNAMIXEL
-from lrm_ident.measuring.dynamixel.packets import DynamixelPacket
+from lrm_ident.measuring.servo_bus import dynamixel as table
 from lrm_ident.measuring.servo_bus.bus import ServoHost
+from lrm_ident.measuring.servo_bus.dynamixel import DYNAMIXEL, DynamixelPacket
 from lrm_ident.measuring.servo_bus.packets import Instruction, PacketReader
 from lrm_ident.measuring.servo_bus.servos import BusServos, held_servos
 from lrm_math.arm.arm_file import load_arm

@@ -13,9 +13,9 @@ from examples.so101.feetech_servo import STEP, FeetechServo
 from lrm_ident.measuring.campaign.plan import PlannedPose
 from lrm_ident.measuring.campaign.run import Unreachable
 from lrm_ident.measuring.campaign.servo_arm import SPEED, TICK_S, TORQUE, ServoArm
-from lrm_ident.measuring.feetech import memory_table as table
-from lrm_ident.measuring.feetech.memory_table import FEETECH
+from lrm_ident.measuring.servo_bus import feetech as table
 from lrm_ident.measuring.servo_bus.bus import ServoHost
+from lrm_ident.measuring.servo_bus.feetech import FEETECH
 from lrm_ident.measuring.servo_bus.servos import BusServos, held_servos
 from lrm_math.arm.arm_file import load_arm
 from lrm_math.errors import LrmError

@@ -1,1 +1,0 @@
-"""Feetech STS servos: packets, registers, and what a bus has to know of them."""

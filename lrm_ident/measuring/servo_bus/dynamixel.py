@@ -1,0 +1,105 @@
+"""Dynamixel's X series (e-Manual, XL330 and XL430): packets of protocol 2.0, and the control table.
+
+Packets begin with FF FF FD 00; the first parameter of a status is its error. Wherever FF FF FD stands in instruction
+and parameters, an FD is stuffed behind it, so that a header is one. The checksum is a CRC-16 (polynomial 8005, from 0,
+high bit first) of all bytes before it (Robotis, e-Manual, "DYNAMIXEL Protocol 2.0").
+"""
+
+from __future__ import annotations
+
+from lrm_ident.measuring.servo_bus.kind import BusServoKind, Register, TwosComplement
+from lrm_ident.measuring.servo_bus.packets import Answer, Instruction, Packet
+
+STUFFED = b"\xff\xff\xfd"
+POLYNOMIAL = 0x8005
+ALERT = 0x80
+"""Bit of the error of a servo that has shut down, or is about to; the others are of the question."""
+ERRORS = {
+    1: "it failed", 2: "unknown instruction", 3: "wrong CRC", 4: "out of range", 5: "wrong length",
+    6: "beyond its limit", 7: "not writable now",
+}  # fmt: skip
+
+
+class DynamixelPacket(Packet):
+    """See `Packet`. `LONGEST`: what fits a servo's buffer."""
+
+    HEADER, WORD, LONGEST = b"\xff\xff\xfd\x00", 2, 1024
+
+    @staticmethod
+    def checksum(before: bytes) -> int:
+        """See `Packet`."""
+        crc = 0
+        for byte in before:
+            crc ^= byte << 8
+            for _ in range(8):
+                crc = (crc << 1 ^ POLYNOMIAL if crc & 0x8000 else crc << 1) & 0xFFFF
+        return crc
+
+    @property
+    def answer(self) -> Answer | None:
+        """See `Packet`."""
+        if self.code != Instruction.STATUS or not self.parameters:
+            return None
+        error = self.parameters[0] & ~ALERT
+        return Answer(self.id, self.parameters[1:], ERRORS.get(error, f"error {error}") if error else "")
+
+    @staticmethod
+    def stuffed(body: bytes) -> bytes:
+        """See `Packet`."""
+        return body.replace(STUFFED, STUFFED + b"\xfd")
+
+    @staticmethod
+    def unstuffed(body: bytes) -> bytes:
+        """See `Packet`."""
+        return body.replace(STUFFED + b"\xfd", STUFFED)
+
+
+SIZE = 147
+"""Registers below say all of a servo's settings and state."""
+EEPROM_END = 64
+"""Registers below can be written without torque only."""
+MODELS = {
+    1190: "XL330-M077", 1200: "XL330-M288", 1230: "XC330-M181", 1240: "XC330-M288", 1060: "XL430-W250",
+    1070: "XC430-W150", 1080: "XC430-W240", 1020: "XM430-W350", 1030: "XM430-W210",
+}  # fmt: skip
+POSITION_MODE, CURRENT_POSITION_MODE = 3, 5
+
+MODEL, FIRMWARE, ID = Register(0, 2), Register(6), Register(7)
+OPERATING_MODE, HOMING_OFFSET = Register(11), TwosComplement(20, 4)
+PWM_LIMIT, MAX_POSITION, MIN_POSITION = Register(36, 2), Register(48, 4), Register(52, 4)
+TORQUE_ENABLE, STATUS_RETURN = Register(64), Register(68)
+GOAL_PWM, GOAL_POSITION = TwosComplement(100, 2), TwosComplement(116, 4)
+MOVING, LOAD, POSITION = Register(122), TwosComplement(126, 2), TwosComplement(132, 4)
+TEMPERATURE = Register(146)
+READ_ONLY = frozenset({*range(7), *range(120, SIZE)})
+"""Addresses that a host cannot write."""
+DYNAMIXEL = BusServoKind(
+    prefix="dynamixel:",
+    packet=DynamixelPacket,
+    baud=1_000_000,
+    models=MODELS,
+    modes=(POSITION_MODE, CURRENT_POSITION_MODE),
+    last_read=SIZE,
+    model=MODEL,
+    mode=OPERATING_MODE,
+    least=MIN_POSITION,
+    greatest=MAX_POSITION,
+    torque=TORQUE_ENABLE,
+    goal=GOAL_POSITION,
+    position=POSITION,
+    temperature=TEMPERATURE,
+    limit=GOAL_PWM,
+    most=PWM_LIMIT,
+)
+"""The servos as a bus knows them."""
+
+
+def factory_memory(number: int) -> bytearray:
+    """Memory of a new XL430 with an id."""
+    memory = bytearray(SIZE)
+    for register, value in (
+        (MODEL, 1060), (FIRMWARE, 45), (ID, number), (OPERATING_MODE, POSITION_MODE), (PWM_LIMIT, 885),
+        (MAX_POSITION, 4095), (STATUS_RETURN, 2), (GOAL_PWM, 885),
+    ):  # fmt: skip
+        register.write(memory, value)
+    return memory
