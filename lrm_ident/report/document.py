@@ -129,23 +129,35 @@ def plain(value: Any) -> Any:
 def write(console: Console, blocks: Iterable[Block], most: int | None = None) -> None:
     """Prints blocks: tables fitted to the console, at most so many lines of a list.
 
-    Sentences are wrapped at spaces on a terminal; elsewhere each is one line.
+    Sentences are wrapped at spaces, unless the console leaves that to the reader (`soft_wrap`): then each is one line.
     """
-    whole = not console.is_terminal
     for block in blocks:
         if isinstance(block, ResultTable):
-            console.print(block.grid())
-        elif isinstance(block, ListSection):
-            lines = (line if whole else _hanging(line, console.width) for line in block.shown(most))
-            text = Text.assemble((block.title, "bold"), *(f"\n{line}" for line in lines))
-            console.print(text, highlight=False, soft_wrap=whole)
-        else:
-            console.print(block, highlight=False, soft_wrap=whole, markup=False)
+            console.print(block.grid(), soft_wrap=False)
+            continue
+        parts = [block]
+        if isinstance(block, ListSection):
+            parts = [heading(block.title), *block.shown(most)]
+        for text in parts:
+            shown = text if console.soft_wrap else _wrapped(text, console.width)
+            console.print(shown, highlight=False, markup=False)
+
+
+def _wrapped(text: str | Text, width: int) -> Text:
+    """The lines of a text wrapped at spaces; one that begins with spaces goes on further in.
+
+    Text of several styles has no such lines: the console wraps it.
+    """
+    if isinstance(text, Text) and text.spans:
+        return text
+    plain, style = (text.plain, text.style) if isinstance(text, Text) else (text, "")
+    return Text("\n".join(_hanging(line, width) for line in plain.split("\n")), style)
 
 
 def _hanging(line: str, width: int) -> str:
-    """A line of a list, wrapped at spaces; what goes on stands further in."""
-    return fill(line, width, subsequent_indent="    ", break_long_words=False, break_on_hyphens=False)
+    indent = len(line) - len(line.lstrip(" "))
+    further = " " * (indent + 2) if indent else ""
+    return fill(line, width, subsequent_indent=further, break_long_words=False, break_on_hyphens=False)
 
 
 def heading(text: str) -> Text:
