@@ -54,7 +54,9 @@ const lrmChart = (() => {
     for (const figure of document.querySelectorAll(".js-plotly-plot")) {
       const size = begin ? { width: figure.clientWidth, height: figure.clientHeight, autosize: false }
         : { width: null, height: null, autosize: true };
-      if (window.Plotly && figure.clientWidth) Plotly.relayout(figure, size);
+      if (!window.Plotly || !figure.clientWidth) continue;
+      Plotly.relayout(figure, size);
+      Plotly.redraw(figure); // the legend's rows changed with the width, and with them the room above the chart
     }
   }
 
