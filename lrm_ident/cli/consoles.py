@@ -1,4 +1,4 @@
-"""Where commands print: results on stdout, notices and errors on stderr, both wrapped at spaces where a width is known."""
+"""Where commands print: results on stdout, notices and errors on stderr, wrapped at spaces where a width is known."""
 
 from __future__ import annotations
 

@@ -15,6 +15,9 @@ from rich.console import Console
 from rich.table import Table as Grid
 from rich.text import Text
 
+UNBOUNDED = 10_000
+"""Columns of a terminal on which every table has room."""
+
 
 @dataclass(frozen=True)
 class ResultTable:
@@ -50,6 +53,14 @@ class ResultTable:
         for row in self.text():
             out.add_row(*row)
         return out
+
+    def stacked(self) -> ListSection:
+        """Each row as one line that names its cells, for a terminal that is too narrow for the table."""
+        rows = (
+            (row[0], *(f"{name} {cell}" for name, cell in zip(self.names[1:], row[1:], strict=True)))
+            for row in self.text()
+        )
+        return ListSection(self.title, tuple(", ".join(row) for row in rows))
 
     def csv(self) -> str:
         """CSV text with a header; names and cells hold no commas."""
@@ -133,14 +144,26 @@ def write(console: Console, blocks: Iterable[Block], most: int | None = None) ->
     """
     for block in blocks:
         if isinstance(block, ResultTable):
-            console.print(block.grid(), soft_wrap=False)
+            _write_table(console, block)
             continue
-        parts = [block]
-        if isinstance(block, ListSection):
-            parts = [heading(block.title), *block.shown(most)]
+        parts: Iterable[str | Text] = (block,) if isinstance(block, str | Text) else _lines(block, most)
         for text in parts:
             shown = text if console.soft_wrap else _wrapped(text, console.width)
             console.print(shown, highlight=False, markup=False)
+
+
+def _lines(section: ListSection, most: int | None) -> Iterator[str | Text]:
+    yield heading(section.title)
+    yield from section.shown(most)
+
+
+def _write_table(console: Console, table: ResultTable) -> None:
+    grid = table.grid()
+    least = console.measure(grid, options=console.options.update(width=UNBOUNDED)).minimum
+    if console.soft_wrap or least <= console.width:
+        console.print(grid, soft_wrap=False)
+    else:
+        write(console, [table.stacked()])
 
 
 def _wrapped(text: str | Text, width: int) -> Text:

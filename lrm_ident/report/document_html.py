@@ -27,8 +27,7 @@ def table_html(table: ResultTable) -> str:
     right, body = ["|" in column for column in table.columns], list(table.text())
     head = "".join(_head(name, r) for name, r in zip(table.names, right, strict=True))
     rows = "".join(
-        "<tr>" + "".join(_cell(cell, r) for cell, r in zip(row, right, strict=True)) + "</tr>"
-        for row in body
+        "<tr>" + "".join(_cell(cell, r) for cell, r in zip(row, right, strict=True)) + "</tr>" for row in body
     )
     stacked = any(len(row[-1]) > SENTENCE for row in body) and not right[-1]
     caption = f"<caption>{escape(table.title)}</caption>" if table.title else ""

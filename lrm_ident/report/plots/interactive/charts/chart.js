@@ -12,7 +12,7 @@ const lrmChart = (() => {
       legend: { orientation: "h", x: 0, y: 1, yanchor: "bottom", font: { size: 11 } }, uirevision: "kept",
     };
     const out = Object.assign(base, extra);
-    for (const key of ["xaxis", "yaxis", "xaxis2", "yaxis2"]) if (out[key]) out[key] = Object.assign({}, axis, out[key]);
+    for (const key of Object.keys(out)) if (/^[xy]axis\d*$/.test(key)) out[key] = Object.assign({}, axis, out[key]);
     return out;
   }
 
