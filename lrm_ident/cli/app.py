@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Sequence
 from importlib import import_module
 from traceback import extract_tb
-from typing import Annotated, Any
+from typing import Annotated, Any, NoReturn
 
 import typer
 from typer.core import TyperGroup
@@ -38,6 +39,25 @@ class LazyGroup(TyperGroup):
                 formatter.write_dl([(f"{command.name:<{_WIDEST}}", command.summary) for command in section])
 
 
+class WrappedHelp(TyperGroup.context_class.formatter_class):  # type: ignore[name-defined,misc]
+    """Help of every command, wrapped at spaces only: a name such as lrm-rover stays in one piece."""
+
+    def write_text(self, text: str) -> None:
+        """A paragraph."""
+        super().write_text(text.replace("-", _HYPHEN))
+
+    def write_dl(self, rows: Sequence[tuple[str, str]], *sizes: int) -> None:
+        """A list of names and what they are."""
+        super().write_dl([(name, words.replace("-", _HYPHEN)) for name, words in rows], *sizes)
+
+    def getvalue(self) -> str:
+        """All that was written."""
+        return str(super().getvalue()).replace(_HYPHEN, "-")
+
+
+_HYPHEN = "\u2011"
+"""A hyphen where no line ends."""
+TyperGroup.context_class.formatter_class = WrappedHelp
 _WIDEST = max(map(len, COMMANDS))
 app = typer.Typer(
     cls=LazyGroup,
@@ -47,7 +67,7 @@ app = typer.Typer(
     rich_markup_mode=None,
     context_settings={"max_content_width": 110},
     help="Identify the model of a robot arm from measured TCP positions, see where it fails, find what is missing.\n\n"
-    "Start with: lrm-ident fit DATA.csv --arm lrm-lab -o model.toml, then lrm-ident diagnose model.toml DATA.csv",
+    "Start with:\n\n\b\n  lrm-ident fit DATA.csv --arm lrm-lab -o model.toml\n  lrm-ident diagnose model.toml DATA.csv",
 )
 
 
@@ -58,7 +78,7 @@ def _registered(name: str) -> Any:
             return get_group(group.typer_instance)
     for command in app.registered_commands:
         if command.callback is not None and (command.name or get_command_name(command.callback.__name__)) == name:
-            return get_command_from_info(command, pretty_exceptions_short=True, rich_markup_mode="rich")
+            return get_command_from_info(command, pretty_exceptions_short=True, rich_markup_mode=None)
     raise LookupError(f"{COMMANDS[name].module} registers no command '{name}'")
 
 
@@ -89,13 +109,18 @@ def run(application: typer.Typer) -> None:
     try:
         application()
     except LrmError as error:
-        print(f"error: {error}", file=sys.stderr)
-        sys.exit(2)
+        _fail(str(error))
     except Exception as error:
         if not is_numerical(error):
             raise
-        print(f"error: a computation failed: {_where(error)}; please report the command and its files", file=sys.stderr)
-        sys.exit(2)
+        _fail(f"a computation failed: {_where(error)}; please report the command and its files")
+
+
+def _fail(words: str) -> NoReturn:
+    from lrm_ident.cli.consoles import print_error
+
+    print_error(words)
+    sys.exit(2)
 
 
 def _where(error: Exception) -> str:

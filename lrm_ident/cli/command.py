@@ -36,13 +36,21 @@ def command(function: Callable[..., None]) -> Callable[..., None]:
     return command_of(app)(function)
 
 
+def command_group(name: str, summary: str) -> Typer:
+    """A group of commands of the application, as yet without any."""
+    group = Typer(no_args_is_help=True, rich_markup_mode=None, help=summary)
+    app.add_typer(group, name=name)
+    return group
+
+
 def command_of(group: Typer, name: str | None = None) -> Callable[[Callable[..., None]], Callable[..., None]]:
     """Registers a command of a group as `command` does."""
 
     def register(function: Callable[..., None]) -> Callable[..., None]:
         """Adds the function to the group under its own name."""
-        # `import_` is the command `import`
-        group.command(name or function.__name__.rstrip("_").replace("_", "-"))(_checked(function))
+        own = name or function.__name__.rstrip("_").replace("_", "-")  # `import_` is the command `import`
+        in_short = " ".join((inspect.getdoc(function) or "").partition("\n\n")[0].split())
+        group.command(own, short_help=in_short)(_checked(function))
         return function
 
     return register

@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 from typing import TypeVar
 
-from rich.console import Console
 from rich.progress import Progress as Bars
 from rich.progress import TaskID
 
+from lrm_ident.cli.consoles import log, out
 from lrm_ident.data.atomic_write import write_text
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.fitting.effect_plugins import Catalogue
@@ -27,8 +26,6 @@ from lrm_math.model.model import Model, model_of
 from lrm_math.model.model_file import ModelFile, load_model
 from lrm_math.model.reading import AS_NAMED, Reading
 
-out = Console(width=None if sys.stdout.isatty() else 100)
-log = Console(stderr=True)
 LISTED = 15  # lines of a list without --all
 Name = TypeVar("Name", bound=str)
 

@@ -10,7 +10,7 @@ from typer import Argument, Option
 
 from lrm_ident.cli import arguments as arg
 from lrm_ident.cli.command import command
-from lrm_ident.cli.common import log, publish, show
+from lrm_ident.cli.common import notice, publish, show
 from lrm_ident.data.atomic_write import write_text
 from lrm_ident.data.servo_stiffness import load_servo_test
 from lrm_ident.data.servo_stiffness import stiffness as run_stiffness
@@ -66,6 +66,6 @@ def align(
     if raw and output:
         text, tracked = measurements_from(raw, load_arm(arm), found.deviation)
         if tracked.base_scatter() > STILL * float(np.linalg.norm(found.noise)):
-            log.print(f"notice: {raw.name}: the base target wanders by {in_mm(tracked.base_scatter())} mm RMS")
+            notice(f"{raw.name}: the base target wanders by {in_mm(tracked.base_scatter())} mm RMS")
         write_text(output, text)
         show(f"{len(tracked.tcp)} measurements written to {output}")

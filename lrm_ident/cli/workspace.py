@@ -11,7 +11,7 @@ from typer import Option
 
 from lrm_ident.cli import arguments as arg
 from lrm_ident.cli.command import command
-from lrm_ident.cli.common import log, progress, publish
+from lrm_ident.cli.common import notice, progress, publish
 from lrm_ident.design.workspace.arm_variants import ArmVariant, parse_variant
 from lrm_ident.design.workspace.capability_map import CapabilityMap, capability_map, pose_solver
 from lrm_ident.design.workspace.orientation_grid import directions as directions_round
@@ -88,10 +88,10 @@ def reach(
     margin = None if margin_mm is None else margin_mm * MM
     searched = [each.name for each in compared if pose_solver(each.arm).form is None]
     if collisions and not checked:
-        log.print(f"notice: the file of {the_arm.name} has no shapes: collisions are not looked at")
+        notice(f"the file of {the_arm.name} has no shapes: collisions are not looked at")
     if searched:
-        log.print(
-            f"notice: no closed form for '{searched[0]}': {len(grid) * directions * rolls:,} goals are searched "
+        notice(
+            f"no closed form for '{searched[0]}': {len(grid) * directions * rolls:,} goals are searched "
             "for, a tenth of a millisecond each; take larger cells and fewer directions"
         )
     maps: list[CapabilityMap] = []

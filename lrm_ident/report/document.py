@@ -15,6 +15,9 @@ from rich.console import Console
 from rich.table import Table as Grid
 from rich.text import Text
 
+UNBOUNDED = 10_000
+"""Columns of a terminal on which every table has room."""
+
 
 @dataclass(frozen=True)
 class ResultTable:
@@ -50,6 +53,14 @@ class ResultTable:
         for row in self.text():
             out.add_row(*row)
         return out
+
+    def stacked(self) -> ListSection:
+        """Each row as one line that names its cells, for a terminal that is too narrow for the table."""
+        rows = (
+            (row[0], *(f"{name} {cell}" for name, cell in zip(self.names[1:], row[1:], strict=True)))
+            for row in self.text()
+        )
+        return ListSection(self.title, tuple(", ".join(row) for row in rows))
 
     def csv(self) -> str:
         """CSV text with a header; names and cells hold no commas."""
@@ -129,23 +140,47 @@ def plain(value: Any) -> Any:
 def write(console: Console, blocks: Iterable[Block], most: int | None = None) -> None:
     """Prints blocks: tables fitted to the console, at most so many lines of a list.
 
-    Sentences are wrapped at spaces on a terminal; elsewhere each is one line.
+    Sentences are wrapped at spaces, unless the console leaves that to the reader (`soft_wrap`): then each is one line.
     """
-    whole = not console.is_terminal
     for block in blocks:
         if isinstance(block, ResultTable):
-            console.print(block.grid())
-        elif isinstance(block, ListSection):
-            lines = (line if whole else _hanging(line, console.width) for line in block.shown(most))
-            text = Text.assemble((block.title, "bold"), *(f"\n{line}" for line in lines))
-            console.print(text, highlight=False, soft_wrap=whole)
-        else:
-            console.print(block, highlight=False, soft_wrap=whole, markup=False)
+            _write_table(console, block)
+            continue
+        parts: Iterable[str | Text] = (block,) if isinstance(block, str | Text) else _lines(block, most)
+        for text in parts:
+            shown = text if console.soft_wrap else _wrapped(text, console.width)
+            console.print(shown, highlight=False, markup=False)
+
+
+def _lines(section: ListSection, most: int | None) -> Iterator[str | Text]:
+    yield heading(section.title)
+    yield from section.shown(most)
+
+
+def _write_table(console: Console, table: ResultTable) -> None:
+    grid = table.grid()
+    least = console.measure(grid, options=console.options.update(width=UNBOUNDED)).minimum
+    if console.soft_wrap or least <= console.width:
+        console.print(grid, soft_wrap=False)
+    else:
+        write(console, [table.stacked()])
+
+
+def _wrapped(text: str | Text, width: int) -> Text:
+    """The lines of a text wrapped at spaces; one that begins with spaces goes on further in.
+
+    Text of several styles has no such lines: the console wraps it.
+    """
+    if isinstance(text, Text) and text.spans:
+        return text
+    plain, style = (text.plain, text.style) if isinstance(text, Text) else (text, "")
+    return Text("\n".join(_hanging(line, width) for line in plain.split("\n")), style)
 
 
 def _hanging(line: str, width: int) -> str:
-    """A line of a list, wrapped at spaces; what goes on stands further in."""
-    return fill(line, width, subsequent_indent="    ", break_long_words=False, break_on_hyphens=False)
+    indent = len(line) - len(line.lstrip(" "))
+    further = " " * (indent + 2) if indent else ""
+    return fill(line, width, subsequent_indent=further, break_long_words=False, break_on_hyphens=False)
 
 
 def heading(text: str) -> Text:

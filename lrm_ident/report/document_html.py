@@ -13,6 +13,7 @@ OPEN = 6
 """Lines of a list that are shown without unfolding it."""
 SENTENCE = 40
 """Letters of a cell from which a last column holds sentences, which stand below their row on a narrow screen."""
+BAR = "█"
 MOST_ROWS = 40  # of a table that is not folded
 
 
@@ -26,8 +27,7 @@ def table_html(table: ResultTable) -> str:
     right, body = ["|" in column for column in table.columns], list(table.text())
     head = "".join(_head(name, r) for name, r in zip(table.names, right, strict=True))
     rows = "".join(
-        "<tr>" + "".join(f"<td{_side(r)}>{escape(cell)}</td>" for cell, r in zip(row, right, strict=True)) + "</tr>"
-        for row in body
+        "<tr>" + "".join(_cell(cell, r) for cell, r in zip(row, right, strict=True)) + "</tr>" for row in body
     )
     stacked = any(len(row[-1]) > SENTENCE for row in body) and not right[-1]
     caption = f"<caption>{escape(table.title)}</caption>" if table.title else ""
@@ -57,6 +57,13 @@ def _list(section: ListSection) -> str:
 def _head(name: str, right: bool) -> str:
     """The head of a column; one without a name is no header."""
     return f'<th scope="col"{_side(right)}>{escape(name)}</th>' if name else f"<td{_side(right)}></td>"
+
+
+def _cell(cell: str, right: bool) -> str:
+    """A cell; of a bar of blocks, a drawn one."""
+    if cell and not cell.strip(BAR):
+        return f'<td><span class="lrm-share" style="width: {len(cell) / 2}em"></span></td>'
+    return f"<td{_side(right)}>{escape(cell)}</td>"
 
 
 def _side(right: bool) -> str:

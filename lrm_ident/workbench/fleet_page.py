@@ -45,8 +45,13 @@ have it by that count (95 % interval); hollow: one of several causes that this a
 """
 START = """
 document.getElementById("lrm-theme").onclick = () => lrmFleet.theme(lrmTheme());
-window.addEventListener("beforeprint", () => { lrmFleet.theme("light"); lrmChart.onPaper(true); });
-window.addEventListener("afterprint", () => lrmChart.onPaper(false));
+let lrmOnScreen = "light";
+window.addEventListener("beforeprint", () => {
+  lrmOnScreen = document.documentElement.dataset.theme;
+  lrmFleet.theme("light");
+  lrmChart.onPaper(true);
+});
+window.addEventListener("afterprint", () => { lrmChart.onPaper(false); lrmFleet.theme(lrmOnScreen); });
 """
 
 

@@ -123,5 +123,5 @@ def _ladder(found: ModelReport) -> str:
 
 def _summary(found: ModelReport) -> str:
     known = found.file.provenance
-    made = "" if known is None else f"; fitted {known.date} with {known.tool}"
+    made = "" if known is None else f"; fitted {known.date[:10]} with {known.tool}"
     return f"{found.field.poses} poses of {found.poses.path.name}{made}"

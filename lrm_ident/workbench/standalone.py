@@ -51,13 +51,21 @@ th.right, td.right { text-align: right; }
 td { overflow-wrap: break-word; } ul { margin: 4px 0 8px; padding-left: 20px; } h4 { margin: 12px 0 2px; }
 @media screen { th.right, td.right { white-space: nowrap; } .wide td:not(.right) { min-width: 7em; }
   .wide td:last-child:not(.right) { min-width: 12em; } .wide td:empty { min-width: 0; } }
-@media (max-width: 500px) { .tall { height: 400px; } }
+/* On a phone tables are smaller, with a shadow where more is beside. */
+@media screen and (max-width: 500px) {
+  .tall { height: 400px; } table { font-size: 12px; } th, td { padding-right: 6px; } th.right { white-space: normal; }
+  .wide td:last-child:not(.right) { min-width: 0; } .stacked td:last-child { overflow-wrap: anywhere; }
+  .wide { background: linear-gradient(to right, var(--paper) 30%, transparent) left / 24px 100% no-repeat local,
+    linear-gradient(to left, var(--paper) 30%, transparent) right / 24px 100% no-repeat local,
+    linear-gradient(to right, var(--line), transparent) left / 8px 100% no-repeat scroll,
+    linear-gradient(to left, var(--line), transparent) right / 8px 100% no-repeat scroll; }
+}
 .lrm-paper body { max-width: none; padding: 0; font-size: 10pt; }
 .lrm-paper .two { display: block; } .lrm-paper header p { margin: 3px 0; }
 .lrm-paper h1 { font-size: 15px; font-weight: 600; }
 .lrm-paper .verdict { font-size: 14px; } .lrm-paper h2 { font-size: 16px; margin: 3mm 0 1mm; }
 .lrm-paper .lrm-ladder { margin: 1mm 0; font-size: 9pt; font-weight: 400; }
-.lrm-paper .tall { height: 150mm; } .lrm-paper .medium { height: 80mm; } .lrm-paper .low { height: 38mm; }
+.lrm-paper .tall { height: 150mm; } .lrm-paper .medium { height: 72mm; } .lrm-paper .low { height: 38mm; }
 """
 
 

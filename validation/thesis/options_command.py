@@ -9,7 +9,8 @@ from typing import Annotated
 from typer import Argument, Option
 
 from lrm_ident.cli import arguments as arg
-from lrm_ident.cli.common import out, progress, publish, publish_figure, read_measurements, show
+from lrm_ident.cli.common import progress, publish, publish_figure, read_measurements, show
+from lrm_ident.cli.consoles import out
 from lrm_ident.data.measurement_file.metadata import arm_for
 from lrm_math.errors import LrmError
 from lrm_math.model.reading import AS_NAMED, Reading

@@ -7,11 +7,10 @@ from pathlib import Path
 from typing import Annotated
 
 import numpy as np
-from typer import Argument, Option, Typer
+from typer import Argument, Option
 
 from lrm_ident.cli import arguments as arg
-from lrm_ident.cli.app import app
-from lrm_ident.cli.command import command_of
+from lrm_ident.cli.command import command_group, command_of
 from lrm_ident.cli.common import notice, one_of, publish, read_model, show
 from lrm_ident.cli.groups.arm_export import writer_for
 from lrm_ident.cli.groups.arm_report import arm_document
@@ -32,8 +31,7 @@ from lrm_math.model.model_file import load_covariance
 from lrm_math.number_list import parse_numbers
 from lrm_math.toml_file import schema_of
 
-group = Typer(no_args_is_help=True, help="Describe an arm: from a URDF, to a corrected URDF or MJCF, by hand.")
-app.add_typer(group, name="arm")
+group = command_group("arm", "Describe an arm: from a URDF, to a corrected URDF or MJCF, by hand.")
 arm_command = command_of(group)
 
 OwnUrdf = Annotated[Path | None, Option("--urdf", metavar="URDF", help="Your robot's own: corrected, meshes and all.")]

@@ -8,12 +8,11 @@ from typing import Annotated
 
 import numpy as np
 import tomli_w
-from typer import Argument, Option, Typer
+from typer import Argument, Option
 
 from lrm_ident.cli import arguments as arg
-from lrm_ident.cli.app import app
 from lrm_ident.cli.campaign import AnyRobot, Connect, LoadCommand, PhotoDrive, Release, Settle, Speed, Take, photo_poses
-from lrm_ident.cli.command import command_of
+from lrm_ident.cli.command import command_group, command_of
 from lrm_ident.cli.common import notice, progress, show
 from lrm_ident.data.atomic_write import write_bytes, write_text
 from lrm_ident.data.measurement_file.load import load_poses, read_pose_feedback
@@ -36,9 +35,7 @@ from lrm_math.arm.arm_file import MM, arm_name_for, load_arm
 from lrm_math.errors import FileError, LrmError
 from lrm_math.toml_file import StrictSchema, read_toml
 
-group = Typer(no_args_is_help=True, help="Measure with a webcam and a printed board (extra: camera).")
-app.add_typer(group, name="camera")
-camera_command = command_of(group)
+camera_command = command_of(command_group("camera", "Measure with a webcam and a printed board (extra: camera)."))
 
 Columns = Annotated[int, Option(help="Squares along the board.")]
 Rows = Annotated[int, Option(help="Squares down the board.")]

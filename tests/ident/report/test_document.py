@@ -17,7 +17,7 @@ WIDTHS = st.integers(40, 120)
 def printed(block: Block, width: int, terminal: bool) -> str:
     """What a console of this width shows."""
     file = StringIO()
-    write(Console(file=file, width=width, force_terminal=terminal, color_system=None), [block])
+    write(Console(file=file, width=width, soft_wrap=not terminal, color_system=None), [block])
     return file.getvalue()
 
 

@@ -7,6 +7,7 @@ turn of one joint, against its own driver, and the residual around it. A form of
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import combinations
@@ -22,8 +23,9 @@ from lrm_ident.diagnosis.screening.score_test import ScoredCandidate
 from lrm_ident.residual.covariates import Covariate, scaled
 from lrm_ident.residual.picture.error_field import joint_turns
 from lrm_math.arrays import Array
-from lrm_math.effects import Description
+from lrm_math.effects import Description, Effect
 
+OF_TIME = ("order", "time", "temperature")
 SHARE = 0.2
 """Part of a joint's lever below which its turn cannot be observed at a pose, as a share of the RMS lever."""
 NO_FUNCTION, MUCH_BETTER = 0.1, 0.5
@@ -80,8 +82,9 @@ def candidate_view(
     around = turns[joint] + joint_turns(fitted.residual - added, found.joint_jacobian)[joint]
     observable = lever[joint] > SHARE**2 * lever[joint].mean()
     drawn = rows[rows >= 0]  # thousands of poses say no more of what a form follows
-    shown = [one.take(drawn) for one in known]
-    drivers = drivers_of(turns[joint][drawn], shown, joint, observable[drawn])
+    shown = [one.take(drawn) for one in known if _may_follow(scored.candidate.effect, one)]
+    own = _angles_of_law(scored.candidate.effect, shown)
+    drivers = own or drivers_of(turns[joint][drawn], shown, joint, observable[drawn])
     return CandidateView(
         name=scored.name,
         added=_drawn(added, rows),
@@ -89,7 +92,7 @@ def candidate_view(
         joint=joint,
         driver=drivers[0].name,
         second=drivers[1].name if len(drivers) > 1 else "",
-        function=_follows(turns[joint][drawn], drivers, observable[drawn]),
+        function=_follows(turns[joint][drawn][observable[drawn]], [one.take(observable[drawn]) for one in drivers]),
         refused=scored.implausible or found.unexplained.spurious.get(scored.name, ""),
         form=_drawn(turns[joint], rows),
         around=_drawn(around, rows),
@@ -97,6 +100,19 @@ def candidate_view(
         about=scored.candidate.effect.about,
         size=_size(scored),
     )
+
+
+def _may_follow(effect: Effect, known: Covariate) -> bool:
+    """Whether an effect may follow a covariate: the course of time moves only what depends on it."""
+    return known.kind not in OF_TIME or not {"time", "session"}.isdisjoint(effect.depends_on)
+
+
+def _angles_of_law(effect: Effect, known: Sequence[Covariate]) -> tuple[Covariate, ...]:
+    """Both angles of an effect that couples two joints, whose law says what it follows; else none."""
+    joints = re.findall(r"joint(\d+)", effect.place) if "angle" in effect.depends_on else []
+    angles = {one.joint: one for one in known if one.kind == "angle"}
+    found = tuple(angles[int(one) - 1] for one in joints if int(one) - 1 in angles)
+    return found if len(found) == 2 else ()
 
 
 def _size(scored: ScoredCandidate) -> tuple[float, str] | None:
@@ -137,30 +153,32 @@ def drivers_of(
     if ratios[first] <= NO_FUNCTION or len(shown) < 2:
         return (order[first],)
     pairs = list(combinations(range(len(seen)), 2))
-    over = [_roughness_over(shown, seen[i], seen[j]) for i, j in pairs]
+    over = [_roughness(shown, seen[i], seen[j]) for i, j in pairs]
     if not pairs or min(over) > MUCH_BETTER * least:
         return (order[first],)
     i, j = pairs[int(np.argmin(over))]
     return order[i], order[j]
 
 
-def _follows(form: Array, drivers: Sequence[Covariate], observable: NDArray[np.bool_]) -> bool:
-    """Whether a form is a function of its one driver, nearly; of two drivers a map shows what it is."""
-    if len(drivers) > 1:
-        return True
-    return _roughness(form[observable], scaled(drivers[0].values[observable])) <= NO_FUNCTION
+def _follows(form: Array, drivers: Sequence[Covariate]) -> bool:
+    """Whether a form is a function of its drivers, nearly."""
+    return _roughness(form, *(scaled(one.values) for one in drivers)) <= NO_FUNCTION
 
 
-def _roughness(form: Array, values: Array) -> float:
-    """Mean squared difference of neighbours in the order of `values`, over twice the variance; 0 for a function."""
-    by = np.argsort(values, kind="stable")
+def _roughness(form: Array, *drivers: Array) -> float:
+    """Mean squared difference of nearest neighbours in the drivers, over twice the variance; 0 for a function of these.
+
+    Poses that stand at the same place are neighbours of one another in no order: each of any other.
+    """
+    places, at, count = np.unique(drivers[0] + 1j * drivers[-1], return_inverse=True, return_counts=True)
     spread = float(form.var())
-    return float((np.diff(form[by]) ** 2).mean() / (2.0 * spread)) if spread > 0 and len(form) > 1 else 1.0
-
-
-def _roughness_over(form: Array, first: Array, second: Array) -> float:
-    """The same of nearest neighbours in the plane of two drivers."""
-    places = np.column_stack([first, second])
-    neighbour = np.asarray(cKDTree(places).query(places, k=2)[1])[:, 1]
-    spread = float(form.var())
-    return float(((form - form[neighbour]) ** 2).mean() / (2.0 * spread)) if spread > 0 else 1.0
+    if spread == 0.0 or len(places) < 2:
+        return 1.0
+    mean = np.bincount(at, form) / count
+    within = np.bincount(at, (form - mean[at]) ** 2) / count
+    lonely = count == 1
+    plane = np.column_stack([places.real, places.imag])
+    neighbour = np.asarray(cKDTree(plane).query(plane[lonely], k=2)[1])[:, 1]
+    apart = 2.0 * count / np.maximum(count - 1, 1) * within
+    apart[lonely] = (mean[lonely] - mean[neighbour]) ** 2 + within[neighbour]
+    return float((count @ apart) / (2.0 * len(form) * spread))

@@ -3,7 +3,7 @@
 function lrmCandidates(page) {
   const { state, place, element, draw, selected, poseOf, wireScatter } = page;
   const { colour, curve, range, at } = lrmChart;
-  const NARROW_PX = 480, AXES = ["x", "y", "z"], SYMBOLS = ["circle", "triangle-up", "square"];
+  const NARROW_PX = 480, AXES = ["x", "y", "z"], SYMBOLS = ["circle", "triangle-up", "square"], MOST_PANELS = 3;
   const candidate = () => state.values.ranking.find((one) => one.name === state.candidate) || null;
 
   function drawCandidate() {
@@ -13,7 +13,9 @@ function lrmCandidates(page) {
     if (!one) return;
     drawAdded(one);
     const axis = (name) => state.values.drivers.find((d) => d.name === name), driver = axis(one.driver), second = axis(one.second);
-    if (driver && second) drawMaps(one, driver, second);
+    const levels = second ? [...new Set(second.values)].sort((a, b) => a - b) : [];
+    if (second && levels.length <= MOST_PANELS) drawPanels(one, driver, second, levels);
+    else if (driver && second) drawMaps(one, driver, second);
     else if (driver) drawForm(one, driver);
   }
 
@@ -41,6 +43,24 @@ function lrmCandidates(page) {
           hoverinfo: "skip", marker: { symbol: "diamond", size: 6, color: colour("held") } },
     ], { xaxis: { title: { text: driver.label, standoff: 4 } },
       yaxis: { title: { text: `turn of joint ${one.joint + 1}, deg`, standoff: 4 }, range: range(one.around).limits } }, wireScatter);
+  }
+
+  // A form of two quantities of which one has few levels: a panel for each level.
+  function drawPanels(one, driver, second, levels) {
+    const shown = page.points(), traces = [], axes = {}, n = levels.length, limits = range(one.around).limits;
+    const style = one.function ? { mode: "lines", line: { color: colour("held"), width: 3 } }
+      : { mode: "markers", marker: { symbol: "diamond", size: 6, color: colour("held") } };
+    levels.forEach((level, k) => {
+      const rows = shown.filter((row) => second.values[row] === level), key = k ? k + 1 : "", on = { xaxis: "x" + key, showlegend: !k };
+      const form = one.function ? curve(at(driver.values, rows), at(one.form, rows)) : { x: at(driver.values, rows), y: at(one.form, rows) };
+      axes["xaxis" + key] = { domain: [(k + 0.04) / n, (k + 0.96) / n], anchor: "y", nticks: 4, tickangle: 0,
+        title: { text: k === (n - 1) >> 1 ? `${driver.label}<br>left to right: ${second.label} ${levels.join(", ")}` : "", standoff: 4, font: { size: 12 } } };
+      traces.push({ type: "scatter", mode: "markers", name: "data", x: at(driver.values, rows), y: at(one.around, rows), ...on,
+        selectedpoints: selected(rows), ...poseOf(rows), hovertemplate: "%{text}: %{y:.3f} deg<extra></extra>",
+        marker: { size: 5, color: colour("model"), opacity: 0.55 } },
+      { type: "scatter", name: one.function ? "its form" : "its form, which follows more", ...form, ...on, hoverinfo: "skip", ...style });
+    });
+    draw("form", traces, { ...axes, yaxis: { title: { text: `turn of joint ${one.joint + 1}, deg`, standoff: 4 }, range: limits } }, wireScatter);
   }
 
   // A form of two quantities: a map of the data and one of the form, on one scale of colours; one above the other where

@@ -12,7 +12,7 @@ const lrmChart = (() => {
       legend: { orientation: "h", x: 0, y: 1, yanchor: "bottom", font: { size: 11 } }, uirevision: "kept",
     };
     const out = Object.assign(base, extra);
-    for (const key of ["xaxis", "yaxis", "xaxis2", "yaxis2"]) if (out[key]) out[key] = Object.assign({}, axis, out[key]);
+    for (const key of Object.keys(out)) if (/^[xy]axis\d*$/.test(key)) out[key] = Object.assign({}, axis, out[key]);
     return out;
   }
 
@@ -54,7 +54,9 @@ const lrmChart = (() => {
     for (const figure of document.querySelectorAll(".js-plotly-plot")) {
       const size = begin ? { width: figure.clientWidth, height: figure.clientHeight, autosize: false }
         : { width: null, height: null, autosize: true };
-      if (window.Plotly && figure.clientWidth) Plotly.relayout(figure, size);
+      if (!window.Plotly || !figure.clientWidth) continue;
+      Plotly.relayout(figure, size);
+      Plotly.redraw(figure); // the legend's rows changed with the width, and with them the room above the chart
     }
   }
 

@@ -2,10 +2,11 @@
 "use strict";
 function lrmSteps(page) {
   const { state, place, element, draw, words } = page;
-  const { colour, binned, range, at } = lrmChart, PAPER_PX = 700, FEWEST_LETTERS = 8; // of a step's title, else its number stands alone
+  const { colour, binned, range, at } = lrmChart, PAPER_PX = 700, FEWEST_LETTERS = 12; // of a step's title, else its number stands alone
+  const inMm = (value) => `${words(Number(value))}\u00a0mm`; // no line ends before its unit
   const floorWords = () => {
     const v = state.values;
-    return v.floor !== null ? `noise ${words(v.floor)} mm` : v.bound !== null ? `noise at most ${words(v.bound)} mm` : "";
+    return v.floor !== null ? `noise ${inMm(v.floor)}` : v.bound !== null ? `noise at most ${inMm(v.bound)}` : "";
   };
 
   // One sentence and figure on the step shown; what it says and what is drawn are of the same step.
@@ -15,7 +16,7 @@ function lrmSteps(page) {
     const what = card ? named(card) : number ? v.steps[number].title : "Fitted to the data";
     const [from, to] = card ? [card.before, card.after] : [number ? v.steps[number - 1].rms : v.nominalRms, v.steps[number].rms];
     const kind = card && card.held ? "held-out RMS" : number ? "RMS on these data" : "from nominal to fitted, RMS";
-    const figure = element("span", `${words(Number(from))} → ${words(Number(to))} mm`, "lrm-fall-figure");
+    const figure = element("span", `${words(Number(from))} → ${inMm(to)}`, "lrm-fall-figure");
     box.replaceChildren(element("span", what + ": ", "lrm-fall-what"), figure, " ",
       element("span", [kind, floorWords()].filter(Boolean).join(", "), "lrm-soft"));
     lrmGlossary(box);
@@ -52,15 +53,13 @@ function lrmSteps(page) {
       traces.push({ ...line("fitted to other data, error on these", h.map((one) => (one.here ? null : one.rms)), "solid",
         "circle-open", colour("soft")), mode: "markers" });
     }
-    const shapes = [], notes = [], floor = v.floor !== null ? v.floor : v.bound;
-    if (floor !== null) {
-      shapes.push({ type: "line", xref: "paper", x0: 0, x1: 1, y0: floor, y1: floor, line: { dash: "dot", color: colour("ink") } });
-      notes.push({ xref: "paper", x: 0, y: floor, xanchor: "left", yanchor: "bottom", showarrow: false, text: floorWords() });
-    }
+    const floor = v.floor !== null ? v.floor : v.bound;
+    const shapes = floor === null ? [] : [{ type: "line", xref: "paper", x0: 0, x1: 1, y0: floor, y1: floor, name: floorWords(),
+      showlegend: true, line: { dash: "dot", color: colour("ink") } }];
     const most = Math.max(...h.map((one) => (one.here ? Math.max(one.fit, one.held || 0) : one.rms)));
     const wide = Math.min((place("history") || document.body).clientWidth, PAPER_PX), fits = Math.floor(wide / 7 / h.length) - 2; // letters
     const short = (name) => name.length > fits ? name.slice(0, fits - 1) + "…" : name;
-    draw("history", traces, { shapes, annotations: notes, dragmode: false,
+    draw("history", traces, { shapes, dragmode: false,
       xaxis: { tickvals: x, ticktext: fits < FEWEST_LETTERS ? x.map(String) : names.map(short), tickangle: 0,
         title: { text: `${v.poses} poses, data ${v.data.slice(0, 8)}`, font: { size: 11 }, standoff: 4 },
         range: [-0.4, Math.max(h.length - 0.6, 1.4)], fixedrange: true },
@@ -95,7 +94,7 @@ function lrmSteps(page) {
   }
 
   function article(card) {
-    const out = element("article", "", "lrm-card-of-step"), fall = `${words(card.before)} → ${words(card.after)} mm`;
+    const out = element("article", "", "lrm-card-of-step"), fall = `${words(card.before)}\u00a0→\u00a0${inMm(card.after)}`;
     const heading = element("h3", `${card.step}. ${named(card)}: ${fall}`);
     const share = card.share === null ? "" : `; ${Math.round(100 * card.share)} % of the mean square above the noise`;
     const says = element("div", "", "lrm-card-says");
@@ -108,7 +107,7 @@ function lrmSteps(page) {
     } else if (!card.unrivalled) says.append(element("p", others(card), "lrm-soft"));
     const figure = element("div", "", "lrm-figure lrm-card-figure"), more = element("details", "", "lrm-soft");
     figure.id = "lrm-card-" + card.step;
-    more.append(element("summary", `${card.estimates.length} coefficients of ${card.name}`), element("p", card.estimates.join(", ")));
+    more.append(element("summary", `${card.estimates.length} coefficient${card.estimates.length > 1 ? "s" : ""} of ${card.name}`), element("p", card.estimates.join(", ")));
     out.append(heading, says, figure, element("p", "", "lrm-sample lrm-soft"), ...(card.estimates.length ? [more] : []));
     return out;
   }

@@ -1,0 +1,17 @@
+"""Where commands print: results on stdout, notices and errors on stderr, wrapped at spaces where a width is known."""
+
+from __future__ import annotations
+
+from shutil import get_terminal_size
+
+from rich.console import Console
+
+COLUMNS = get_terminal_size((0, 0)).columns
+"""Columns of the terminal, or as the environment's COLUMNS says; 0 where nothing says it, as in a pipe."""
+out = Console(width=COLUMNS or 100, soft_wrap=not COLUMNS)
+log = Console(stderr=True)
+
+
+def print_error(words: str) -> None:
+    """One line on stderr, wrapped at spaces on a terminal."""
+    log.print(f"error: {words}", markup=False, highlight=False, soft_wrap=not (COLUMNS or log.is_terminal))
