@@ -46,28 +46,40 @@ def joint_space_folds(q: Array, repeat_of: NDArray[np.int64], count: int = FOLDS
 
     Raises `LrmError`: fewer distinct poses than folds.
     """
-    same = _groups(q, repeat_of)
+    same = _groups(q, repeat_of, count)
     first = np.unique(same, return_index=True)[1]
-    if len(first) < count:
-        raise LrmError(f"{len(first)} distinct poses for {count} folds; measure at least {count}")
     fold = np.empty(len(first), dtype=np.int64)
     for number, rows in enumerate(_bisect(q[first], np.arange(len(first)), count)):
         fold[rows] = number
     return fold[same]
 
 
-def _groups(q: Array, repeat_of: NDArray[np.int64]) -> NDArray[np.int64]:
-    """(N,), connected components of "equal angles or a repetition" (label propagation)."""
+def random_folds(q: Array, repeat_of: NDArray[np.int64], count: int = FOLDS, seed: int = 0) -> NDArray[np.int64]:
+    """(N,), fold of each pose, drawn at random; poses of equal angles and repetitions of a pose share a fold.
+
+    Such a fold is to the others as new poses of the same kind are to all; one of `joint_space_folds` lies beside them.
+
+    Raises `LrmError`: fewer distinct poses than folds.
+    """
+    same = _groups(q, repeat_of, count)
+    return np.asarray(np.random.default_rng(seed).permutation(int(same.max()) + 1) % count)[same]
+
+
+def _groups(q: Array, repeat_of: NDArray[np.int64], least: int) -> NDArray[np.int64]:
+    """(N,), connected components of "equal angles or a repetition" (label propagation); at least so many."""
     _, by_angle = np.unique(np.round(q, 6), axis=0, return_inverse=True)
     _, by_number = np.unique(repeat_of, return_inverse=True)
     label, before = np.arange(len(q)), np.full(len(q), -1)
     while not np.array_equal(label, before):
         before = label
         for group in (by_angle.reshape(-1), by_number.reshape(-1)):
-            least = np.full(len(q), len(q))
-            np.minimum.at(least, group, label)
-            label = least[group]
-    return np.unique(label, return_inverse=True)[1].reshape(-1)
+            lowest = np.full(len(q), len(q))
+            np.minimum.at(lowest, group, label)
+            label = lowest[group]
+    distinct, same = np.unique(label, return_inverse=True)
+    if len(distinct) < least:
+        raise LrmError(f"{len(distinct)} distinct poses for {least} folds; measure at least {least}")
+    return same.reshape(-1)
 
 
 def _bisect(q: Array, rows: NDArray[np.int64], count: int) -> Iterator[NDArray[np.int64]]:
@@ -90,8 +102,11 @@ def held_out_blocks(
     progress: OnProgress = silent,
     count: int = FOLDS,
     prior: Prior | None = None,
+    fold: NDArray[np.int64] | None = None,
 ) -> tuple[HeldOutBlock, ...]:
     """Each fold predicted by a fit of the free parameters to the other folds; residuals are measured − predicted TCP.
+
+    `fold`: (N,), of each pose, `count` in all; None: `joint_space_folds`.
 
     Of more than `MOST_AT_ONCE` poses the folds' fits are one step from the fit to all (`one_step_fits`). A residual
     field is learned anew in every fold, after the fit of what names a cause.
@@ -100,9 +115,9 @@ def held_out_blocks(
     """
     field = field_of(model)
     if field is not None and model.free:
-        named = held_out_blocks(named_part(model), data, bounds, loss, progress, count, prior)
+        named = held_out_blocks(named_part(model), data, bounds, loss, progress, count, prior, fold)
         return blocks_with_field(field, data, named)
-    tests = _tests(data, count)
+    tests = _tests(data, count, fold)
     if not model.free:
         return _blocks(data, tests, repeat(equilibrium(model, data.poses), count), progress)
     if len(data) <= MOST_AT_ONCE:
@@ -119,9 +134,10 @@ def blocks_of_fit(fitted: Fit, data: Measurements) -> tuple[HeldOutBlock, ...]:
     return _blocks(data, tests, one_step_fits(fitted, data, tests, prior=fitted.weak_prior))
 
 
-def _tests(data: Measurements, count: int) -> list[NDArray[np.int64]]:
+def _tests(data: Measurements, count: int, fold: NDArray[np.int64] | None = None) -> list[NDArray[np.int64]]:
     """Rows of each fold."""
-    fold = joint_space_folds(data.poses.q, data.repeat_of, count)
+    if fold is None:
+        fold = joint_space_folds(data.poses.q, data.repeat_of, count)
     return [np.flatnonzero(fold == number) for number in range(count)]
 
 

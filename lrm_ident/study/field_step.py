@@ -1,21 +1,29 @@
-"""The step that adds a residual field: only where the model predicts better with it, poses held out."""
+"""The step that adds a residual field: only where the model predicts better with it, poses held out.
+
+Folds drawn at random say whether it helps at new poses of the same kind, which is where it may speak. A block of joint
+space lies beside all that was measured: there a field fades, and what can be asked of it is that it does no harm.
+"""
 
 from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
 
 from lrm_ident.data.error_stats import error_stats
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.wording import in_mm
-from lrm_ident.fitting.cross_validation import held_out_blocks
+from lrm_ident.fitting.cross_validation import held_out_blocks, random_folds
 from lrm_ident.fitting.field.fit import blocks_with_field, check_positions, fit_with_field
-from lrm_ident.fitting.held_out import held_out_rows
+from lrm_ident.fitting.held_out import HeldOutBlock, held_out_rows
 from lrm_ident.fitting.levenberg_marquardt import fit
 from lrm_ident.fitting.loss import Loss
 from lrm_ident.fitting.priors import Prior
 from lrm_ident.fitting.progress import OnProgress
 from lrm_ident.residual.better_prediction import predicts_better
 from lrm_ident.residual.error_breakdown import HeldOutResidual
-from lrm_ident.residual.thresholds import MIN_NAMELESS_GAIN
+from lrm_ident.residual.thresholds import MIN_GAIN, MIN_NAMELESS_GAIN
 from lrm_ident.study.step import StudyStep
+from lrm_math.arrays import Array
 from lrm_math.effects import NOT_A_CAUSE
 from lrm_math.effects.field.residual_field import ResidualField
 from lrm_math.errors import LrmError
@@ -32,19 +40,34 @@ def field_step(model: Model, data: Measurements, loss: Loss, prior: Prior | None
     """The step from a model without a field to one with it.
 
     Raises:
-        NoBetterPrediction: held out it does not save a share worth naming, and more than by chance.
+        NoBetterPrediction: held out at random it does not save a share worth naming, and more than by chance; or in
+            blocks of joint space it surely does harm.
         LrmError: poses without a position, too few of them, or a fold that does not converge.
     """
     check_positions(data)
     field = ResidualField(model.arm, "tool")
-    without = held_out_blocks(model, data, loss=loss, progress=progress, prior=prior)
-    blocks = blocks_with_field(field, data, without)
-    now, then = held_out_rows(without), held_out_rows(blocks)
-    if not predicts_better((then**2).sum(axis=1), (now**2).sum(axis=1), MIN_NAMELESS_GAIN):
-        before, after = in_mm(error_stats(now).rms), in_mm(error_stats(then).rms)
-        raise NoBetterPrediction(
-            f"no residual field: it does not surely predict better ({before} mm held out, {after} mm with it)"
-        )
+
+    def held_out(fold: NDArray[np.int64] | None) -> tuple[Array, tuple[HeldOutBlock, ...]]:
+        """(N, 3), held-out residual without a field (m); blocks with one."""
+        without = held_out_blocks(model, data, loss=loss, progress=progress, prior=prior, fold=fold)
+        return held_out_rows(without), blocks_with_field(field, data, without)
+
+    now, random = held_out(random_folds(data.poses.q, data.repeat_of))
+    then = held_out_rows(random)
+    if not predicts_better(_squares(then), _squares(now), MIN_NAMELESS_GAIN):
+        raise NoBetterPrediction(f"no residual field: it does not surely predict better ({_words(now, then)})")
+    beside, blocks = held_out(None)
+    there = held_out_rows(blocks)
+    if predicts_better(_squares(beside), _squares(there), MIN_GAIN):
+        raise NoBetterPrediction(f"no residual field: beside the poses it predicts worse ({_words(beside, there)})")
     fitted = fit_with_field(fit(model, data, loss=loss, prior=prior), data)
-    held_out = HeldOutResidual(then, blocks=blocks)
-    return StudyStep(f"add {field.name}, {WHAT_IT_IS}", fitted, start=model, stated_prior=prior, held_out=held_out)
+    name = f"add {field.name}, {WHAT_IT_IS}"
+    return StudyStep(name, fitted, start=model, stated_prior=prior, held_out=HeldOutResidual(there, blocks=blocks))
+
+
+def _squares(residual: Array) -> Array:
+    return np.asarray((residual**2).sum(axis=1))
+
+
+def _words(now: Array, then: Array) -> str:
+    return f"{in_mm(error_stats(now).rms)} mm held out, {in_mm(error_stats(then).rms)} mm with it"

@@ -15,7 +15,7 @@ from rich.table import Table
 from lrm_ident.data.error_stats import error_stats
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.diagnosis.auto import run_auto
-from lrm_ident.fitting.cross_validation import FOLDS, joint_space_folds
+from lrm_ident.fitting.cross_validation import FOLDS, joint_space_folds, random_folds
 from lrm_ident.fitting.field.fit import blocks_with_field
 from lrm_ident.fitting.held_out import HeldOutBlock, held_out_rows
 from lrm_ident.fitting.levenberg_marquardt import fit
@@ -29,12 +29,6 @@ from lrm_math.model.model import Model
 Folds = NDArray[np.int64]
 Regression = Callable[[Array, Array, Array], Array]
 """Predictions at inputs (m, n), learned from inputs (k, n) and outputs (k, 3)."""
-
-
-def random_folds(data: Measurements, seed: int) -> Folds:
-    """(N,), folds drawn at random; repetitions of a pose share one."""
-    distinct, row = np.unique(data.repeat_of, return_inverse=True)
-    return np.asarray(np.random.default_rng(seed).permutation(len(distinct)) % FOLDS)[row.reshape(-1)]
 
 
 def nested_blocks(
@@ -116,6 +110,6 @@ def tables(data: Measurements) -> Iterator[Table]:
     """A table for blocks of joint space, and one for random folds."""
     for title, fold in (
         ("blocks of joint space", joint_space_folds(data.poses.q, data.repeat_of)),
-        ("random folds", random_folds(data, 0)),
+        ("random folds", random_folds(data.poses.q, data.repeat_of)),
     ):
         yield report(f"{len(data)} poses, {FOLDS} {title}", list(lines(data, fold)))

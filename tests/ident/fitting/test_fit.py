@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -13,7 +14,7 @@ from hypothesis import strategies as st
 from lrm_ident.data.error_stats import error_stats
 from lrm_ident.data.measurement_file.load import load_measurements
 from lrm_ident.data.measurements import Measurements
-from lrm_ident.fitting.cross_validation import held_out_residual, joint_space_folds
+from lrm_ident.fitting.cross_validation import held_out_residual, joint_space_folds, random_folds
 from lrm_ident.fitting.identifiability import fit_identifiable, select_identifiable
 from lrm_ident.fitting.least_squares.convergence import FitNotConverged
 from lrm_ident.fitting.levenberg_marquardt import fit
@@ -217,24 +218,32 @@ def test_a_fit_that_does_not_converge_says_so(lab: Arm, monkeypatch: pytest.Monk
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("folds_of", [joint_space_folds, random_folds])
 @given(st.integers(0, 500), st.integers(10, 60), st.integers(2, 10), st.integers(1, 7))
 def test_blocks_part_the_poses_evenly_and_keep_repetitions_together(
-    seed: int, count: int, folds: int, joints: int
+    folds_of: Callable[..., np.ndarray], seed: int, count: int, folds: int, joints: int
 ) -> None:
     rng = np.random.default_rng(seed)
     q = rng.uniform(-1, 1, (count, joints))
     twice = np.concatenate([q, q[: count // 3]])
     number = np.arange(len(twice))
-    fold = joint_space_folds(twice, number, folds)
+    fold = folds_of(twice, number, folds)
     assert set(fold.tolist()) == set(range(folds))
     np.testing.assert_array_equal(fold[count:], fold[: count // 3])
     sizes = np.bincount(fold[:count])
     assert sizes.max() - sizes.min() <= 2
     chained = number.copy()
     chained[1], chained[2] = 0, 1
-    named = joint_space_folds(twice, chained, folds) if count > folds + 2 else None
+    named = folds_of(twice, chained, folds) if count > folds + 2 else None
     if named is not None:
         assert named[0] == named[1]
+
+
+@pytest.mark.parametrize("folds_of", [joint_space_folds, random_folds])
+def test_fewer_poses_than_folds_are_refused(folds_of: Callable[..., np.ndarray]) -> None:
+    q = np.repeat(np.linspace(-1.0, 1.0, 4)[:, None], 3, axis=0)
+    with pytest.raises(LrmError, match="4 distinct poses for 5 folds; measure at least 5"):
+        folds_of(q, np.arange(len(q)), 5)
 
 
 def test_blocks_are_neighbourhoods(real: Measurements) -> None:
