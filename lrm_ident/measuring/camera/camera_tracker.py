@@ -33,8 +33,8 @@ class CameraTracker:
         self._camera.__enter__()
         return self
 
-    def __exit__(self, *given: object) -> None:
-        self._camera.__exit__(*given)
+    def __exit__(self, *_: object) -> None:
+        self._camera.__exit__(None, None, None)
 
     def frames(self, seconds: float) -> list[TrackerFrame]:
         """See `Tracker`. While the board is seen, as many as a mean needs, however long a slow camera takes to them."""
