@@ -25,7 +25,7 @@ from lrm_math.arrays import Array
 
 SEARCH_ROWS, MOST_ROWS = 250, 1000  # evenly spaced training rows: for the search of a kernel, and to learn from
 REDUNDANT = 0.999  # correlation above which an input says nothing beside another, as time beside the order
-RELEVANT = 0.1  # of the most relevant input
+RELEVANT, MOST_FOLLOWED = 0.1, 5  # of the most relevant input; inputs that are named
 
 
 def pose_covariates(data: Measurements, position: Array) -> dict[str, Array]:
@@ -41,7 +41,8 @@ def pose_covariates(data: Measurements, position: Array) -> dict[str, Array]:
     angles = [symbol for symbol in known if symbol.startswith("q")]
     inputs = {symbol: known[symbol] for symbol in (*angles, "order", "load", "time", "temperature") if symbol in known}
     if data.poses.direction is not None:
-        inputs |= {f"the direction of q{joint + 1}": side for joint, side in enumerate(data.poses.direction.T)}
+        sides = enumerate(data.poses.direction.T, start=1)
+        inputs |= {f"direction of approach of joint {joint}": side for joint, side in sides}
     inputs |= {f"position {axis}": values for axis, values in zip("xyz", position.T, strict=True)}
     out: dict[str, Array] = {}
     for symbol, values in inputs.items():
@@ -138,7 +139,7 @@ def predictable_error(
         progress(number + 1, len(blocks))
     ranked = sorted(zip(relevance.tolist(), names, strict=True), reverse=True)
     follows = tuple(name for value, name in ranked if value > RELEVANT * ranked[0][0])
-    return PredictableError(named, left, follows, most)
+    return PredictableError(named, left, follows[:MOST_FOLLOWED], most)
 
 
 def _spread(count: int, most: int) -> NDArray[np.int64]:

@@ -140,7 +140,7 @@ def test_a_law_of_the_direction_of_approach_is_predicted_and_is_named(seed: int,
     residual = noise + 0.001 * side[:, joint, None] * turned
     found = predictable_error(replace(data, tcp=data.tcp + residual), blocks_of(data, residual))
     assert found.more_to_find
-    assert f"the direction of q{joint + 1}" in found.follows[:2]
+    assert f"direction of approach of joint {joint + 1}" in found.follows[:2]
     assert found.error.rms < 1.3 * NOISE * np.sqrt(3.0)
 
 
