@@ -7,10 +7,19 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.fitting.cross_validation import one_step_fits
-from lrm_ident.fitting.least_squares.smoothness import LEAST, MOST, likelier_weights, penalties, with_penalties
+from lrm_ident.fitting.least_squares.smoothness import (
+    LEAST,
+    MOST,
+    SETTLED,
+    likelier_weights,
+    penalties,
+    with_penalties,
+)
 from lrm_ident.fitting.levenberg_marquardt import fit
 from lrm_ident.fitting.priors import weak_prior
 from lrm_ident.report.fit import comparison_document
@@ -94,6 +103,23 @@ def test_a_curve_of_which_the_data_show_nothing_is_drawn_to_zero(lab: Arm) -> No
         assert ((now >= LEAST) & (now <= MOST)).all()
     assert sizes[0] > 0.015
     assert sizes[1] < 5e-4
+
+
+@settings(max_examples=12, deadline=None)
+@given(st.integers(0, 10**6), st.floats(1e-4, 0.03))
+def test_a_fit_ends_where_noise_and_penalties_follow_from_it(lab: Arm, seed: int, size: float) -> None:
+    """Fixed point of the marginal likelihood, for waves of any size: weights change by what no longer matters, or are
+    at a bound."""
+    found = fit(curved(lab), wavy(lab, 90, 1.4, seed, size))
+    known = penalties(found.model)
+    assert found.prior is not None
+    order = [found.prior.keys.index(key) for key in known[0].keys]
+    precision = np.linalg.inv(found.prior.covariance)[np.ix_(order, order)]
+    stacked = np.stack([penalty.S.reshape(-1) for penalty in known], axis=1)
+    weights = np.linalg.lstsq(stacked, precision.reshape(-1))[0]
+    next_ones = likelier_weights(known, weights, found.model, found.covariance)
+    free = (weights > LEAST * 1.01) & (weights < MOST * 0.99)
+    assert (np.abs(np.log(next_ones / weights))[free] < SETTLED + 0.05).all()
 
 
 def test_the_range_goes_into_the_file_and_back(lab: Arm) -> None:
