@@ -60,8 +60,9 @@ def align(
     """Find how far the tracker's targets read from where they are, and take it off raw measurements."""
     if (raw is None) != (output is None):
         raise LrmError("--raw and -o go together: raw readings in, measurements out")
+    readings = load_tracked(fixture)
     known = parse_numbers("--known-mm", known_mm, "three numbers by commas, for instance 245,0,40", count=3)
-    found = run_align(load_tracked(fixture), np.array(known) * MM)
+    found = run_align(readings, np.array(known) * MM)
     publish(alignment_document(found), json)
     if raw and output:
         text, tracked = measurements_from(raw, load_arm(arm), found.deviation)
