@@ -16,10 +16,9 @@ from lrmd.errors import RequestError
 from lrmd.ik import entry as ik_entry
 from lrmd.messages.codec import HeaderSource, error_reply, new_boot_id
 from lrmd.messages.control import Reply
-from lrmd.messages.rate_limits import with_rate_limits
-from lrmd.messages.zenoh_session import GONE_KEY, key, router, wildcard_error
+from lrmd.messages.zenoh_session import GONE_KEY, key, router, wildcard_error, with_rate_limits
 from lrmd.ramp import process as ramp_process
-from lrmd.ramp.board_settings import BoardSettings, ServoOutput
+from lrmd.ramp.board_link import BoardSettings, ServoOutput
 from lrmd.ramp.parent import SharedFd
 from lrmd.ramp.process import RampSetup
 from lrmd.ramp.shared_memory import SharedRecords

@@ -13,8 +13,7 @@ from typing import Self, TypeVar
 import zenoh
 
 from lrm_math.errors import LrmError
-from lrmd.client.identity import Daemon, DaemonRestarted, QueryAnswer, SeveralDaemons, boot_ids
-from lrmd.client.subscription import Subscription
+from lrmd.client.identity import Daemon, DaemonRestarted, QueryAnswer, SeveralDaemons, Subscription, boot_ids
 from lrmd.messages.codec import ErrorReply, Header, Message, field_named, pack, unpack
 from lrmd.messages.control import LeaseRequest, Reply
 from lrmd.messages.zenoh_session import client, key

@@ -9,8 +9,7 @@ from lrmd.control.pulses import Pulses, angles, corners, overlaid
 from lrmd.control.ramp_orders import Leg
 from lrmd.errors import RequestError
 from lrmd.safety.collision_guard import ClearanceViolation, Guard
-from lrmd.safety.thermal_model import Torques
-from lrmd.safety.thermal_monitor import ThermalMonitor
+from lrmd.safety.thermal_model import ThermalMonitor, Torques
 
 
 class MotionCheck:

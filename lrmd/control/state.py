@@ -23,8 +23,7 @@ from lrmd.persistence.restored_state import arm_identity
 from lrmd.persistence.state_file import HOTTEST, StoredState
 from lrmd.ramp.shared_memory import RampOrder, RampReport
 from lrmd.safety.collision_guard import Guard
-from lrmd.safety.thermal_model import Torques
-from lrmd.safety.thermal_monitor import ThermalMonitor
+from lrmd.safety.thermal_model import ThermalMonitor, Torques
 
 Level = Literal["info", "warning", "error"]
 

@@ -17,8 +17,7 @@ from lrmd.control.state_machine import STATIONARY, Mode, Trigger
 from lrmd.errors import RequestError
 from lrmd.ramp.shared_memory import HOLD_PULSE
 from lrmd.ramp.stepping import Pace
-from lrmd.safety.thermal_model import ThermalLevel
-from lrmd.safety.thermal_monitor import LevelChange
+from lrmd.safety.thermal_model import LevelChange, ThermalLevel
 
 HOLD_TIME = 10 * SECOND
 """ns for which a `hold` keeps a hot arm where it is: somebody may be in its way to rest."""

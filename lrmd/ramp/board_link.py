@@ -12,18 +12,20 @@ half of the timeout, since it may come before a reply that was in time.
 
 `TABLE` says what a reply does. HELLO is sent while greeting, READ while reading, SETUP while setting up, ARM or HELLO
 when ready; a reply that is not listed for a state changes nothing.
+
+Here too are the facts that the ramp knows of the board and its servos: channels, limits, PWM clock and timeouts.
 """
 
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import Enum, auto
 
 from lrmd.link import protocol
 from lrmd.link.frames import Frame, FrameType
 from lrmd.link.protocol import BoardInfo, BoardStatus, ErrorCode
-from lrmd.ramp.board_settings import BoardSettings
 from lrmd.ramp.shared_memory import LinkState
 
 NUMBERS = 255
@@ -35,6 +37,43 @@ ANSWER = {
 STRAYS = 2
 """Replies in one tick that answer nothing and repeat no answer; with more of them somebody replays a recording, of
 which one may have the right number by chance: none of that tick counts."""
+
+
+@dataclass(frozen=True)
+class ServoOutput:
+    """A servo's `channel` of the board, lowest and highest pulse (ns)."""
+
+    channel: int
+    lowest: int
+    highest: int
+
+
+@dataclass(frozen=True)
+class BoardSettings:
+    """Servos, PWM clock and limits of the board. `step`: largest pulse change per tick, ns; `count_s`: s of a count.
+
+    `reply`: timeout, ns, of which one late tick counts at most half, since it may come before the reply.
+    `pause`: ns without a frame of our own after which the handshake is repeated.
+    `simulated`: the ramp's clock is not real time, so only a simulated board is accepted.
+    """
+
+    servos: tuple[ServoOutput, ...]
+    prescale: int
+    count_s: float
+    step: int
+    reply: int
+    pause: int
+    silence_ms: int
+    simulated: bool = False
+
+    def counts(self, outputs: int, position: Sequence[int]) -> tuple[int, ...]:
+        """OFF count per servo: its pulse `position` (ns) rounded to counts, 0 where its bit of `outputs` is clear."""
+        per_ns = 1e-9 / self.count_s
+        return tuple(int(p * per_ns + 0.5) if outputs >> i & 1 else 0 for i, p in enumerate(position))
+
+    def pulse(self, count: int) -> int:
+        """Pulse width (ns) of a count."""
+        return round(count * self.count_s * 1e9)
 
 
 class BoardReply(Enum):

@@ -19,12 +19,12 @@ from lrmd.ramp.board_link import (
     Action,
     BoardLink,
     BoardReply,
+    BoardSettings,
     SentFrame,
     reply_of_ack,
     reply_of_error,
     reply_of_info,
 )
-from lrmd.ramp.board_settings import BoardSettings
 from lrmd.ramp.shared_memory import AT_ONCE, HOLD_PULSE, LinkState, RampFault, RampOrder, RampReport
 from lrmd.ramp.stepping import Way, move
 

@@ -14,7 +14,7 @@ import signal
 from dataclasses import dataclass
 
 from lrmd.link.serial_port import SerialPort
-from lrmd.ramp.board_settings import BoardSettings
+from lrmd.ramp.board_link import BoardSettings
 from lrmd.ramp.clock import MonotonicClock
 from lrmd.ramp.core import RampCore
 from lrmd.ramp.parent import SharedFd, die_with_parent

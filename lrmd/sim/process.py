@@ -26,8 +26,7 @@ from lrmd.link.pca9685 import CHANNELS
 from lrmd.ramp.clock import MonotonicClock
 from lrmd.sim.arm import SimulatedArm
 from lrmd.sim.board import SimulatedBoard
-from lrmd.sim.control_queries import QueryReply, answer_query
-from lrmd.sim.control_socket import ControlServer, control_path, query_board
+from lrmd.sim.control_socket import ControlServer, QueryReply, answer_query, control_path, query_board
 from lrmd.sim.faults import parse_fault
 from lrmd.sim.pca9685_chip import Pca9685Chip
 from lrmd.sim.pty_port import PtyPort

@@ -17,7 +17,15 @@ from lrm_ident.cli.common import notice, progress, show
 from lrm_ident.data.atomic_write import write_bytes, write_text
 from lrm_ident.data.measurement_file.load import load_poses, read_pose_feedback
 from lrm_ident.data.measurement_file.write import measurements_csv, metadata_toml
-from lrm_ident.measuring.camera.board import BoardTable, CharucoBoard, board_pdf, board_text, read_picture
+from lrm_ident.measuring.camera.board import (
+    BoardTable,
+    CharucoBoard,
+    RejectedPhoto,
+    board_pdf,
+    board_text,
+    find_corners,
+    read_picture,
+)
 from lrm_ident.measuring.camera.capture import (
     ask_person,
     is_camera,
@@ -27,7 +35,6 @@ from lrm_ident.measuring.camera.capture import (
     photos_in,
     take_photos,
 )
-from lrm_ident.measuring.camera.detection import RejectedPhoto, find_corners
 from lrm_ident.measuring.camera.lens import Lens, LensFile, calibrate_lens
 from lrm_ident.measuring.camera.session import ENOUGH_TO_LEVEL, CameraMeasurements, measure, read_photos
 from lrm_ident.report.document import ListSection

@@ -12,8 +12,7 @@ import numpy as np
 
 from lrm_ident.data.robot_files.rigid_motion import homogeneous
 from lrm_ident.data.weights.rotations import skew
-from lrm_ident.measuring.camera.board import CharucoBoard
-from lrm_ident.measuring.camera.detection import Corners, RejectedPhoto
+from lrm_ident.measuring.camera.board import CharucoBoard, Corners, RejectedPhoto
 from lrm_ident.measuring.camera.lens import Lens
 from lrm_ident.measuring.camera.opencv import opencv
 from lrm_math.arrays import Array

@@ -9,10 +9,9 @@ from typing import Self
 import numpy as np
 
 from lrm_ident.data.robot_files.rigid_motion import inverse
-from lrm_ident.measuring.camera.board import CharucoBoard
+from lrm_ident.measuring.camera.board import CharucoBoard, RejectedPhoto, find_corners
 from lrm_ident.measuring.camera.board_pose import board_pose
 from lrm_ident.measuring.camera.capture import PhotoSource, Picture, open_camera
-from lrm_ident.measuring.camera.detection import RejectedPhoto, find_corners
 from lrm_ident.measuring.camera.lens import Lens
 from lrm_ident.measuring.camera.session import CameraSession, read_session
 from lrm_ident.measuring.tracker.dwell import LEAST

@@ -10,8 +10,7 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Field
 
-from lrm_ident.measuring.camera.board import BoardTable, CharucoBoard
-from lrm_ident.measuring.camera.detection import Corners
+from lrm_ident.measuring.camera.board import BoardTable, CharucoBoard, Corners
 from lrm_ident.measuring.camera.opencv import opencv
 from lrm_math.arrays import Array
 from lrm_math.errors import LrmError

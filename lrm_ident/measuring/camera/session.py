@@ -17,7 +17,7 @@ from lrm_ident.data.robot_files.rigid_motion import inverse, placement_motion
 from lrm_ident.data.weights.whitening import Whitening, whitening_of
 from lrm_ident.fitting.identifiability import fit_identifiable
 from lrm_ident.fitting.model_fit import nominal_model
-from lrm_ident.measuring.camera.board import CharucoBoard, read_picture
+from lrm_ident.measuring.camera.board import CharucoBoard, RejectedPhoto, find_corners, read_picture
 from lrm_ident.measuring.camera.board_pose import BoardPose, board_pose, information_of
 from lrm_ident.measuring.camera.capture import Picture
 from lrm_ident.measuring.camera.consistency import (
@@ -28,7 +28,6 @@ from lrm_ident.measuring.camera.consistency import (
     measured_covariance_of,
     photo_regression,
 )
-from lrm_ident.measuring.camera.detection import RejectedPhoto, find_corners
 from lrm_ident.measuring.camera.hand_eye import HandEye, hand_eye
 from lrm_ident.measuring.camera.lens import Lens, LensFile
 from lrm_math.arm.arm import BASE, Arm, Placement

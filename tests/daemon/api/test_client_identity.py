@@ -10,8 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from lrmd.client import NoReply, Rover, SeveralDaemons
-from lrmd.client.identity import Daemon, Origin, origin_of
-from lrmd.client.subscription import Subscription
+from lrmd.client.identity import Daemon, Origin, Subscription, origin_of
 from lrmd.config import load_config
 from lrmd.messages.codec import HeaderSource, pack
 from lrmd.messages.control import FaultsState
@@ -58,7 +57,7 @@ def test_states_are_delivered_once_and_in_order(sent: list[tuple[str, int]]) -> 
     """Until `info` is asked again: of one boot id, ascending, and each that is newer than those delivered before."""
     seen: list[Origin | None] = []
     subscription = Subscription(lambda data: seen.append(origin_of(data)), lambda: Daemon("boot1", 0, 0), mock.Mock())
-    with mock.patch("lrmd.client.subscription.threading.Thread"):
+    with mock.patch("lrmd.client.identity.threading.Thread"):
         for boot_id, t in sent:
             subscription.take("lrm/rover/state/faults", state(boot_id, t))
             subscription.take("lrm/*/state/faults", state("boot1", 2**62))
@@ -74,7 +73,7 @@ def test_states_are_delivered_once_and_in_order(sent: list[tuple[str, int]]) -> 
 def test_a_forged_time_holds_states_up_until_info_is_asked_again(forged: int, own: int) -> None:
     known, seen = [Daemon("boot1", 0, 0)], list[bytes]()
     subscription = Subscription(seen.append, lambda: known[0], mock.Mock())
-    with mock.patch("lrmd.client.subscription.threading.Thread"):
+    with mock.patch("lrmd.client.identity.threading.Thread"):
         subscription.take("k", state("boot1", forged))
         known[0] = Daemon("boot1", own, own)
         subscription.take("k", state("boot1", own + 1))

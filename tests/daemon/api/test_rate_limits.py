@@ -13,8 +13,7 @@ from hypothesis import strategies as st
 
 from lrmd.api.children import router_setup
 from lrmd.config import load_config
-from lrmd.messages.rate_limits import MESSAGES, RATE_HZ, neighbours, with_rate_limits
-from lrmd.messages.zenoh_session import client
+from lrmd.messages.zenoh_session import MESSAGES, RATE_HZ, client, neighbours, with_rate_limits
 from lrmd.ramp.parent import SharedFd
 from tests.support.daemon.daemon_process import DaemonSetup
 

@@ -11,8 +11,7 @@ from hypothesis import strategies as st
 from lrmd.config import Config, load_config
 from lrmd.errors import RequestError
 from lrmd.persistence.state_file import StoredState
-from lrmd.safety.thermal_model import ThermalLevel, ThermalModel
-from lrmd.safety.thermal_monitor import ThermalMonitor
+from lrmd.safety.thermal_model import ThermalLevel, ThermalModel, ThermalMonitor
 from tests.support.daemon.in_memory_daemon import CONFIG
 
 SECOND = 1_000_000_000

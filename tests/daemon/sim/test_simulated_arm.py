@@ -23,7 +23,7 @@ from lrmd.link import protocol
 from lrmd.link.frames import Frame, FrameDecoder, encode
 from lrmd.sim.arm import AMBIENT, SimulatedArm
 from lrmd.sim.board import SimulatedBoard
-from lrmd.sim.control_queries import answer_query
+from lrmd.sim.control_socket import answer_query
 from lrmd.sim.pca9685_chip import Pca9685Chip
 from lrmd.sim.servo import LARGE_SERVO, SMALL_SERVO, ServoKind, backdrive_speed, remaining_travel, winding_rise
 from lrmd.sim.simulation import Simulation

@@ -17,7 +17,7 @@ from examples.so101.demo import HIDDEN as SHOWN
 from examples.so101.demo import camera_noise_mm, goals_in_view, main, table
 from examples.so101.hidden_arm import ARM_FILE, HIDDEN, NAMED, SIMPLER, HiddenSo101, hidden_truth
 from examples.so101.true_tool import tools_after
-from lrm_ident.measuring.camera.detection import Corners, find_corners
+from lrm_ident.measuring.camera.board import Corners, find_corners
 from lrm_ident.measuring.camera.opencv import opencv
 from lrm_ident.measuring.camera.session import tool_poses
 from lrm_math.effects import ALL_EFFECTS

@@ -22,8 +22,7 @@ from typing import IO, Any, Self
 
 from lrmd.client import Rover
 from lrmd.messages.zenoh_session import key
-from lrmd.sim.control_queries import QueryReply
-from lrmd.sim.control_socket import query_board
+from lrmd.sim.control_socket import QueryReply, query_board
 
 ROOT = Path(__file__).resolve().parents[3]
 TIMEOUT, START_TIMEOUT = 10.0, 60.0

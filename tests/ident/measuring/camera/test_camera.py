@@ -24,9 +24,8 @@ from tests.support.commands import stderr_of, stdout_of
 
 pytest.importorskip("cv2", reason="OpenCV is not installed (extra 'camera')")
 
-from lrm_ident.measuring.camera.board import PIXELS, board_pdf
+from lrm_ident.measuring.camera.board import PIXELS, Corners, RejectedPhoto, board_pdf, find_corners
 from lrm_ident.measuring.camera.board_pose import BoardPose, board_pose
-from lrm_ident.measuring.camera.detection import Corners, RejectedPhoto, find_corners
 from lrm_ident.measuring.camera.lens import LensFile
 from lrm_ident.measuring.camera.opencv import opencv
 from lrm_ident.measuring.camera.session import (

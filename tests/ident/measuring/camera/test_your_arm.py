@@ -20,9 +20,8 @@ pytest.importorskip("cv2", reason="OpenCV is not installed (extra 'camera')")
 from lrm_ident.cli.groups import camera as commands
 from lrm_ident.data.robot_files.urdf import read_urdf
 from lrm_ident.data.robot_files.urdf_export import bare_urdf
-from lrm_ident.measuring.camera.board import CharucoBoard
+from lrm_ident.measuring.camera.board import CharucoBoard, Corners
 from lrm_ident.measuring.camera.board_pose import BoardPose, board_pose
-from lrm_ident.measuring.camera.detection import Corners
 from lrm_ident.measuring.camera.lens import Lens
 from lrm_ident.measuring.camera.session import PhotoSet
 from validation.camera.rendered_photos import WEBCAM, PhotoScene
