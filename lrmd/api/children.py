@@ -1,4 +1,4 @@
-"""The child processes of the daemon, and the memory that they share with the api process."""
+"""The child processes of the daemon, their start arguments, and the memory that they share with the api process."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def board_settings(config: Config, speed: float = 1.0) -> BoardSettings:
 
 
 def ramp_setup(config: Config, speed: float, memory: SharedFd, estop: SharedFd) -> RampSetup:
-    """All of them. `speed`: ratio of a simulated board's clock to real time."""
+    """Start arguments of the ramp process. `speed`: ratio of a simulated board's clock to real time."""
     return RampSetup(
         board_settings(config, speed), config.link.port, config.link.baud, config.tick, config.realtime_priority, speed,
         memory, estop,

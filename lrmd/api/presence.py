@@ -1,4 +1,7 @@
-"""Presence on the network: other daemons of the name, and whether the daemon's own ik process answers there."""
+"""Presence of daemons on the network, by zenoh's liveliness tokens: two of one name would both answer for the arm.
+
+And readiness of the own ik process: it counts once a query has reached it through the router and was answered.
+"""
 
 from __future__ import annotations
 

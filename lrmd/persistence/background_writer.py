@@ -1,4 +1,7 @@
-"""Writing of the state: when it is due, and in a thread of its own, so that a slow disk does not block the daemon."""
+"""Writing of the state, in a thread of its own, so that a slow disk does not block the daemon.
+
+It is saved on change, at least once a minute, and during a motion only at an interval.
+"""
 
 from __future__ import annotations
 

@@ -49,7 +49,9 @@ questions (--ask): tcp, measure, joints, status, payload GRAMS, or a fault
 
 
 class FrameLog:
-    """A board's listener that writes the log. Cells absent from the frame are empty; a count of 0 is off.
+    """A board's listener that writes a CSV log: one line per accepted frame, stop on silence and power-on.
+
+    Cells absent from the frame are empty; a count of 0 is off.
 
     Line-buffered, so a killed board leaves whole lines. Raises `FileError`.
     """

@@ -1,4 +1,7 @@
-"""Measurement files: `NAME.csv`, one row per pose in measured order, and its metadata `NAME.toml`."""
+"""Measurement files: `NAME.csv`, one row per pose in measured order, and its metadata `NAME.toml`.
+
+Rows that cannot be what they say are left out or told: a lost tracker, another order, repetitions elsewhere.
+"""
 
 from __future__ import annotations
 

@@ -2,7 +2,8 @@
 
 Frames are corrected as those of a URDF. A joint's compliance k is its position actuator with kp = 1/k. What else bends
 is a hinge more with stiffness 1/k, play b one with the range ±b/2 and no spring. Hysteresis h behind a servo that lags
-is dry friction of ½|h|/k: what the servo's spring must overcome. Weights are those that the model was fitted with.
+is dry friction of ½|h|/k: what the servo's spring must overcome. Weights are those that the model was fitted with,
+without which its springs would bend otherwise.
 """
 
 from __future__ import annotations
