@@ -43,6 +43,8 @@ class PhotoSource(AbstractContextManager["PhotoSource"]):
     """A camera that is open; a context manager of what it holds."""
 
     @abstractmethod
+    def __exit__(self, *_: object) -> None: ...
+    @abstractmethod
     def photo(self) -> Picture:
         """A grey picture (H, W) of now. Raises `LrmError`: it gives none."""
 
