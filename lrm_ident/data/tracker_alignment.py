@@ -13,9 +13,9 @@ from pathlib import Path
 import numpy as np
 
 from lrm_ident.data.csv_table import ANGLE, CsvTable, KnownColumns, columns_of_joints, read_numbers
+from lrm_ident.data.measurement_file.write import csv_text
 from lrm_ident.data.pose_table import read_angles
 from lrm_ident.data.table_text.csv_dialect import read_csv
-from lrm_ident.data.table_text.csv_text import csv_text
 from lrm_ident.data.weights.rotations import rotation_matrix
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_file import MM

@@ -19,8 +19,7 @@ from lrmd.control.state_machine import Mode, Trigger, next_mode
 from lrmd.errors import RequestError
 from lrmd.link.protocol import VERSION as PROTOCOL
 from lrmd.messages.control import FaultEntry
-from lrmd.persistence.restored_state import arm_identity
-from lrmd.persistence.state_file import HOTTEST, StoredState
+from lrmd.persistence.state_file import HOTTEST, StoredState, arm_identity
 from lrmd.ramp.shared_memory import RampOrder, RampReport
 from lrmd.safety.collision_guard import Guard
 from lrmd.safety.thermal_model import ThermalMonitor, Torques

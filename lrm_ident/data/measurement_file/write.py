@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Iterable
 from itertools import combinations_with_replacement
 
 import numpy as np
@@ -18,10 +20,23 @@ from lrm_ident.data.measurement_file.sensed_columns import (
 )
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.pose_table import after_gap
-from lrm_ident.data.table_text.csv_text import csv_text
 from lrm_ident.data.weights.rotations import quaternions
 from lrm_math.arm.arm_file import GRAM, MM
 from lrm_math.arrays import Array
+
+
+def csv_text(columns: Iterable[tuple[str, Array, int]]) -> str:
+    """CSV text of (name, values (N,), decimals)."""
+    named = list(columns)
+    head = ",".join(name for name, _, _ in named)
+    lines = (
+        ",".join(
+            "" if math.isnan(value) else f"{value:.{decimals}f}"
+            for value, (_, _, decimals) in zip(row, named, strict=True)
+        )
+        for row in zip(*(values for _, values, _ in named), strict=True)
+    )
+    return "\n".join([head, *lines]) + "\n"
 
 
 def measurements_csv(data: Measurements) -> str:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from lrm_ident.data.table_text.csv_text import csv_text
+from lrm_ident.data.measurement_file.write import csv_text
 from lrm_ident.measuring.campaign.data_file import ArmState
 from lrm_ident.measuring.campaign.plan import PlannedPose, lightest
 from lrm_ident.measuring.campaign.run import Clock, PoseTiming, Unreachable

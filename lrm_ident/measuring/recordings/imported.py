@@ -12,9 +12,8 @@ from lrm_ident.data.apply_reading import read_positions
 from lrm_ident.data.atomic_write import write_text
 from lrm_ident.data.csv_table import KnownColumns, read_numbers
 from lrm_ident.data.measurement_file.load import load_poses
-from lrm_ident.data.measurement_file.write import metadata_toml
+from lrm_ident.data.measurement_file.write import csv_text, metadata_toml
 from lrm_ident.data.measurement_table import read_measurement_table
-from lrm_ident.data.table_text.csv_text import csv_text
 from lrm_ident.measuring.recordings.cells import read_cells
 from lrm_ident.measuring.recordings.mcap_file import SUFFIX as MCAP
 from lrm_ident.measuring.recordings.mcap_file import read_joints, read_mcap

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lrm_ident.data.table_text.csv_text import csv_text
+from lrm_ident.data.measurement_file.write import csv_text
 from lrm_ident.data.wording import joint_labels
 from lrm_math.arm.arm import Arm
 from lrm_math.arrays import Array

@@ -16,8 +16,7 @@ from lrmd.control.lease import Lease, LeaseError, LeaseState
 from lrmd.errors import RequestError
 from lrmd.messages.control import ArmRequest, LeaseRequest
 from lrmd.persistence import state_file
-from lrmd.persistence.restored_state import arm_identity, of_this_arm
-from lrmd.persistence.state_file import StoredState
+from lrmd.persistence.state_file import StoredState, arm_identity, of_this_arm
 from tests.support.daemon.in_memory_daemon import CONFIG, SimulatedDaemon
 
 MS = 1_000_000

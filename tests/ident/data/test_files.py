@@ -12,10 +12,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from lrm_ident.data.measurement_file.load import load_measurements, load_poses, read_pose_feedback
-from lrm_ident.data.measurement_file.write import measurements_csv
+from lrm_ident.data.measurement_file.write import csv_text, measurements_csv
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.pose_table import directions
-from lrm_ident.data.table_text.csv_text import csv_text
 from lrm_ident.study.model_history import model_text
 from lrm_math.arm.arm import Arm, Placement
 from lrm_math.arm.arm_file import ArmFile, load_arm, read_arm, shipped_arms
