@@ -9,7 +9,6 @@ from pathlib import Path
 
 import pytest
 
-from lrm_ident.cli.command_list import COMMANDS
 from tests.conftest import EXAMPLE, ROOT
 
 
@@ -27,7 +26,7 @@ def words_of(text: str) -> list[str]:
     return sorted(word for word in text.split() if word.strip("─"))
 
 
-@pytest.mark.parametrize("command", COMMANDS)
+@pytest.mark.parametrize("command", ["fit", "design", "arm", "reach"])
 def test_help_is_wrapped_at_spaces(command: str, tmp_path: Path) -> None:
     wide, narrow = (printed(columns, command, "--help", cwd=tmp_path) for columns in (110, 80))
     assert all(len(line) <= 80 for line in narrow.splitlines())
