@@ -15,9 +15,6 @@ from rich.console import Console
 from rich.table import Table as Grid
 from rich.text import Text
 
-UNBOUNDED = 10_000
-"""Columns of a terminal on which every table has room."""
-
 
 @dataclass(frozen=True)
 class ResultTable:
@@ -53,6 +50,15 @@ class ResultTable:
         for row in self.text():
             out.add_row(*row)
         return out
+
+    @property
+    def least_width(self) -> int:
+        """Columns of the narrowest terminal that shows the table: numbers whole, text wrapped at spaces."""
+        width = 1
+        for column, *cells in zip(self.columns, self.names, *self.text(), strict=True):
+            whole = cells if "|" in column else [word for cell in cells for word in cell.split()]
+            width += 1 + max(map(len, whole), default=0)
+        return width
 
     def stacked(self) -> ListSection:
         """Each row as one line that names its cells, for a terminal that is too narrow for the table."""
@@ -158,10 +164,8 @@ def _lines(section: ListSection, most: int | None) -> Iterator[str | Text]:
 
 
 def _write_table(console: Console, table: ResultTable) -> None:
-    grid = table.grid()
-    least = console.measure(grid, options=console.options.update(width=UNBOUNDED)).minimum
-    if console.soft_wrap or least <= console.width:
-        console.print(grid, soft_wrap=False)
+    if console.soft_wrap or table.least_width <= console.width:
+        console.print(table.grid(), soft_wrap=False)
     else:
         write(console, [table.stacked()])
 

@@ -96,6 +96,22 @@ def test_axe_finds_nothing_on_the_page_and_it_fits_every_screen(identified: tupl
 
 
 @pytest.mark.slow
+def test_on_paper_no_legend_lies_over_a_chart_and_the_screen_is_as_before(identified: tuple[Path, str]) -> None:
+    with chromium() as browser:
+        page = browser.new_page(color_scheme="dark", viewport={"width": 390, "height": 844})
+        page.goto((identified[0] / "fleet.html").as_uri())
+        page.select_option("#lrm-tag", "batch")
+        page.wait_for_selector("#lrm-parameter .main-svg", state="attached")
+        page.evaluate("dispatchEvent(new Event('beforeprint'))")
+        assert page.evaluate("document.documentElement.dataset.theme") == "light"
+        box = "document.querySelector('#lrm-errors {}').getBoundingClientRect()"
+        legend, chart = (page.evaluate(box.format(part) + ".toJSON()") for part in (".legend", ".gridlayer"))
+        assert legend["bottom"] <= chart["top"] + 1
+        page.evaluate("dispatchEvent(new Event('afterprint'))")
+        assert page.evaluate("document.documentElement.dataset.theme") == "dark"
+
+
+@pytest.mark.slow
 def test_fleet_from_manifest_to_prior(manifest: Path, identified: tuple[Path, str]) -> None:
     out, text = identified
     assert f"{ARMS} of {ARMS + 1} arms identified" in text

@@ -40,3 +40,17 @@ def test_numbers_of_a_table_are_never_wrapped(values: list[float], words: list[s
     lines = printed(table, 80, terminal=True).splitlines()
     shown = [line.split()[0] for line in lines if line[1:12].strip().startswith(("+", "-"))]
     assert shown == [f"{value:+.2f}" for value in values]
+
+
+@given(st.lists(st.floats(-1e4, 1e4), min_size=1, max_size=5), WORDS, WIDTHS)
+def test_a_table_is_never_wider_than_the_terminal_and_its_words_stay_whole(
+    values: list[float], words: list[str], width: int
+) -> None:
+    """It is stacked where it has no room: the same cells, each with the name of its column."""
+    table = ResultTable(("the parameter", "value|+.2f", "its error|+.2f"), [(" ".join(words), v, v) for v in values])
+    shown = printed(table, width, terminal=True)
+    assert all(len(line) <= width for line in shown.splitlines())
+    cells = [f"{value:+.2f}" for value in values for _ in range(2)]
+    found = [word.rstrip(",") for word in shown.split()]
+    assert [one for one in found if one.startswith(("+", "-"))] == cells
+    assert {word.rstrip(",") for word in words} <= set(found)

@@ -23,7 +23,7 @@ from lrm_ident.report.document import ListSection, ResultTable, heading
 from lrm_ident.report.document_html import blocks_html
 from lrm_ident.report.model_report import quick_report, with_diagnosis
 from lrm_ident.report.names.plain_names import PLAIN, plain_name
-from lrm_ident.report.plots.interactive.candidate_view import candidate_view, drivers_of
+from lrm_ident.report.plots.interactive.candidate_view import candidate_view, drivers_of, follows
 from lrm_ident.report.plots.interactive.group_means import explained_by_means, shown_most
 from lrm_ident.report.plots.interactive.values import figure_values, values_text
 from lrm_ident.residual.covariates import Covariate, covariates
@@ -149,6 +149,19 @@ def test_a_form_is_drawn_over_all_that_it_is_a_function_of(first: int, second: i
     x, y = known[first].values, known[second].values
     found = drivers_of(np.sin(3.0 * (x + y)) + np.cos(3.0 * (x - y)), known, first, np.ones(400, dtype=np.bool_))
     assert {one.joint for one in found} == {first, second}
+
+
+@given(st.integers(2, 4), st.integers(0, 10**6))
+def test_poses_that_stand_alike_have_no_order(stops: int, seed: int) -> None:
+    """A form that runs with the order of measurement is no function of a joint of few levels; nor is their order."""
+    rng = np.random.default_rng(seed)
+    level, form = np.repeat(np.arange(float(stops)), 60), np.tile(np.linspace(-1.0, 1.0, 60), stops)
+    shuffled = rng.permutation(len(form))
+    few = Covariate("angle", level, 0)
+    assert not follows(form, [few])
+    assert not follows(form[shuffled], [few.take(shuffled)])
+    assert follows(level**2, [few])
+    assert follows(level + form, [few, Covariate("torque", form, 0)])
 
 
 @given(st.integers(0, 5), st.integers(0, 5), st.sampled_from([5, 400]), st.integers(0, 10**6))

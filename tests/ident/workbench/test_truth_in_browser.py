@@ -101,6 +101,15 @@ def test_the_form_of_two_quantities_is_a_map(browser: Any, small: RunningWorkben
     wait_for(page, "document.getElementById('lrm-form').layout.xaxis2")
     traces = page.evaluate("document.getElementById('lrm-form').data.map((t) => [t.name, t.mode])")
     assert traces == [["data", "markers"], ["its form", "markers"]]
+    page.evaluate("""(() => {
+      const values = structuredClone(lrm.state.values);
+      values.ranking[0].second = "load";
+      values.ranking[0].function = false;
+      lrm.show(values);
+    })()""")
+    wait_for(page, "document.getElementById('lrm-form').data.length === 4")
+    panels = page.evaluate("document.getElementById('lrm-form').data.map((t) => [t.xaxis, t.mode])")
+    assert panels == [["x", "markers"], ["x", "markers"], ["x2", "markers"], ["x2", "markers"]], "a panel for each load"
     page.screenshot(path=SHOTS / "map.png")
     page.context.close()
 
@@ -281,6 +290,21 @@ def test_the_page_on_a_phone_and_for_a_screen_reader(browser: Any, small: Runnin
     wait_for(page, "window.lrm && lrm.state.values")
     assert page.evaluate("document.documentElement.dataset.theme") == turned, "the theme is not remembered"
     page.screenshot(path=SHOTS / f"phone-{turned}.png", full_page=True)
+    page.context.close()
+
+
+@pytest.mark.slow
+def test_a_report_remembers_its_theme(browser: Any, tmp_path: Path) -> None:
+    data = part_of_example(tmp_path, 60)
+    stdout_of("fit", data, "-o", tmp_path / "m.toml")
+    stdout_of("report", tmp_path / "m.toml", data, "-o", tmp_path / "r.html")
+    page = browser.new_context(viewport=SIZE, color_scheme="light").new_page()
+    page.goto((tmp_path / "r.html").as_uri())
+    page.click("#lrm-theme")
+    wait_for(page, "document.documentElement.dataset.theme === 'dark'")
+    page.reload()
+    assert page.evaluate("document.documentElement.dataset.theme") == "dark"
+    assert page.evaluate("getComputedStyle(document.body).backgroundColor") == "rgb(13, 17, 23)"
     page.context.close()
 
 

@@ -92,7 +92,7 @@ def candidate_view(
         joint=joint,
         driver=drivers[0].name,
         second=drivers[1].name if len(drivers) > 1 else "",
-        function=_follows(turns[joint][drawn][observable[drawn]], [one.take(observable[drawn]) for one in drivers]),
+        function=follows(turns[joint][drawn][observable[drawn]], [one.take(observable[drawn]) for one in drivers]),
         refused=scored.implausible or found.unexplained.spurious.get(scored.name, ""),
         form=_drawn(turns[joint], rows),
         around=_drawn(around, rows),
@@ -160,7 +160,7 @@ def drivers_of(
     return order[i], order[j]
 
 
-def _follows(form: Array, drivers: Sequence[Covariate]) -> bool:
+def follows(form: Array, drivers: Sequence[Covariate]) -> bool:
     """Whether a form is a function of its drivers, nearly."""
     return _roughness(form, *(scaled(one.values) for one in drivers)) <= NO_FUNCTION
 

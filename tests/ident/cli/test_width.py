@@ -1,0 +1,42 @@
+"""What commands print is as wide as the terminal, or as COLUMNS says, and breaks at spaces."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from tests.conftest import EXAMPLE, ROOT
+
+
+def printed(columns: int | None, *words: object, cwd: Path) -> str:
+    """Stdout of `lrm-ident WORDS` in a pipe."""
+    environment = {name: value for name, value in os.environ.items() if name != "COLUMNS"} | {"PYTHONPATH": str(ROOT)}
+    if columns is not None:
+        environment["COLUMNS"] = str(columns)
+    command = [sys.executable, "-m", "lrm_ident", *map(str, words)]
+    return subprocess.run(command, capture_output=True, text=True, cwd=cwd, env=environment, check=True).stdout
+
+
+def words_of(text: str) -> list[str]:
+    """Words and numbers, without the lines of tables."""
+    return sorted(word for word in text.split() if word.strip("─"))
+
+
+@pytest.mark.parametrize("command", ["fit", "design", "arm", "reach"])
+def test_help_is_wrapped_at_spaces(command: str, tmp_path: Path) -> None:
+    wide, narrow = (printed(columns, command, "--help", cwd=tmp_path) for columns in (110, 80))
+    assert all(len(line) <= 80 for line in narrow.splitlines())
+    assert words_of(narrow) == words_of(wide)
+
+
+@pytest.mark.parametrize("columns", [80, 100])
+def test_results_are_wrapped_at_spaces_where_a_width_is_known(columns: int, tmp_path: Path) -> None:
+    fit = ("fit", EXAMPLE, "-o", "model.toml")
+    free, narrow = printed(None, *fit, cwd=tmp_path), printed(columns, *fit, cwd=tmp_path)
+    assert all(len(line) <= columns for line in narrow.splitlines())
+    assert words_of(narrow) == words_of(free)
+    assert max(map(len, free.splitlines())) > 100, "in a pipe a sentence is one line"
