@@ -1,8 +1,8 @@
 """`python -m validation.residual_field.demo_loop`: the loop of the demo, daemon and all, with a field and without.
 
 As `make demo`, of an arm with two effects outside the catalogue, measured at more poses; `auto` names what it can, and
-a field is added if the tool finds that it helps. The tip is sent to the same goals with both models, twice each: named,
-field, field, named.
+a field is added if the tool finds that it helps. The tip is sent to the same goals with both models, twice each. Every
+visit has a board and a daemon of its own, so that a fault of one, as on a busy computer, costs that visit alone.
 
 A goal of the tip leaves three joints free, and the inverse takes the command nearest to where the arm comes from. From
 where it happens to stand, each model goes through the goals by poses of its own, which decide more than the model: it
@@ -14,10 +14,16 @@ from __future__ import annotations
 import argparse
 import contextlib
 import io
+import shlex
+import subprocess
+import sys
 import tempfile
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 
@@ -39,9 +45,12 @@ from lrmd.client import Rover
 from validation.residual_field.closed_loop import unfamiliar
 
 POSES, REPEATS, GOALS, VISITS = 240, 8, 72, 2
+TRIES = 6
+"""Of measuring, which goes on, and of a visit: the simulated board of a busy computer does not answer in time."""
 TRACKER = "validation.residual_field.unfamiliar_tracker"
 MM2 = 1e6
 """mm² in a m²."""
+Tried = TypeVar("Tried")
 
 
 class FieldSteps(DemoSteps):
@@ -139,28 +148,53 @@ class Landed:
 
 
 def landed(seed: int, poses: int, goals: int) -> Landed:
-    """Where the tip lands: of each model twice over the goals, in an order in which a slow change of the arm harms none
-    more."""
+    """Where the tip lands with either model, each `VISITS` times over the goals."""
+    visits = GoalVisits.of(goals, seed)
+    with tempfile.TemporaryDirectory(prefix="lrm-field-") as out:
+        steps = FieldSteps(Path(out), (), seed, str(goals))
+        steps.write_poses(pose_table(load_arm(ARM), poses, REPEATS, seed))
+
+        def measure() -> None:
+            """Goes on where it was interrupted."""
+            with world_of(seed) as world:
+                arm = *world.daemon, "--tracker", f"dtrack:{world.tracker_port}"
+                replace(steps, arm=arm).measure("--load-command", world.load_command)
+
+        def visit(model: str, number: int) -> Array:
+            """See `GoalVisits.visit`, with a model of the folder."""
+            with world_of(seed) as world:
+                subprocess.run([*shlex.split(world.load_command), f"{LOAD_G:g}"], check=True)
+                steps.deploy(f"{model}.toml", *world.daemon)
+                return visits.visit(world, number)
+
+        def reached(model: str) -> Array:
+            """Squared distances of all visits."""
+            return np.concatenate([_tried(partial(visit, model, number)) for number in range(VISITS)])
+
+        _tried(measure)
+        steps.fit()
+        steps.name_all()
+        field = reached("field") if steps.add_field() else None
+        return Landed(reached("named"), field)
+
+
+@contextmanager
+def world_of(seed: int) -> Iterator[World]:
+    """The arm of a seed, with files of its own."""
     with (
-        tempfile.TemporaryDirectory(prefix="lrm-field-") as out,
         tempfile.TemporaryDirectory(prefix="lrm-demo-") as private,
         simulated_world(Path(private), seed, TRACKER) as world,
     ):
-        steps = FieldSteps(Path(out), (*world.daemon, "--tracker", f"dtrack:{world.tracker_port}"), seed, str(goals))
-        steps.write_poses(pose_table(load_arm(ARM), poses, REPEATS, seed))
-        steps.measure("--load-command", world.load_command)  # the load of the last poses stays on
-        steps.fit()
-        steps.name_all()
-        steps.deploy("named.toml", *world.daemon)
-        visits = GoalVisits.of(goals, seed)
-        first = visits.visit(world, 0)
-        if not steps.add_field():
-            return Landed(first, None)
-        steps.deploy("field.toml", *world.daemon)
-        field = [visits.visit(world, number) for number in range(VISITS)]
-        steps.deploy("named.toml", *world.daemon)
-        named = [first, *(visits.visit(world, number) for number in range(1, VISITS))]
-        return Landed(np.concatenate(named), np.concatenate(field))
+        yield world
+
+
+def _tried(piece: Callable[[], Tried]) -> Tried:
+    for _ in range(TRIES - 1):
+        try:
+            return piece()
+        except LrmError as error:
+            print(f"once more: {error}", file=sys.stderr, flush=True)
+    return piece()
 
 
 def _rms_mm(squares: Array) -> float:
