@@ -152,7 +152,7 @@ def test_buttons_stay_the_verdict_is_of_the_step_shown_and_redo_gives_back(
     idle(page, RANKED)
     assert page.evaluate(BOXES) == boxes
     after = page.evaluate("lrm.state.values.history[1].held")
-    fall = page.inner_text("#lrm-fall")
+    fall = page.inner_text("#lrm-fall").replace("\xa0", " ")
     assert fall.startswith("Play in joint 2")
     assert f"{before:.2f} → {after:.2f} mm" in fall
     last = page.inner_text("#lrm-verdict")
