@@ -13,9 +13,7 @@ GAIN_TOLERANCE = 1e-10  # predicted relative decrease of the objective
 IDLE_GAIN, IDLE_LIKELIHOOD = 1e-5, 0.3
 """A step that gains no more is idle: part of the objective, and of it over the squared noise."""
 POSTERIOR_TOLERANCE = 1e-6  # predicted increase of the log-posterior: parameters to a thousandth of their errors
-PENALISED_TOLERANCE = (
-    1e-2  # the same where penalties of forms, known to a third, decide it: the last step leaves far less
-)
+PENALISED_TOLERANCE = 1e-3  # the same where penalties of forms, known to a third, decide it: to a part of their errors
 
 
 class FitNotConverged(LrmError):
