@@ -100,26 +100,26 @@ def held_out_blocks(
     bounds: Bounds | None = None,
     loss: Loss = SQUARED,
     progress: OnProgress = silent,
-    count: int = FOLDS,
     prior: Prior | None = None,
     fold: NDArray[np.int64] | None = None,
 ) -> tuple[HeldOutBlock, ...]:
     """Each fold predicted by a fit of the free parameters to the other folds; residuals are measured − predicted TCP.
 
-    `fold`: (N,), of each pose, `count` in all; None: `joint_space_folds`.
-
     Of more than `MOST_AT_ONCE` poses the folds' fits are one step from the fit to all (`one_step_fits`). A residual
     field is learned anew in every fold, after the fit of what names a cause.
+
+    Args:
+        bounds, prior: of the free parameters. fold: (N,), of each pose, from 0; None: `joint_space_folds`.
 
     Raises `LrmError`: too few poses, or a fold that does not converge.
     """
     field = field_of(model)
     if field is not None and model.free:
-        named = held_out_blocks(named_part(model), data, bounds, loss, progress, count, prior, fold)
+        named = held_out_blocks(named_part(model), data, bounds, loss, progress, prior, fold)
         return blocks_with_field(field, data, named)
-    tests = _tests(data, count, fold)
+    tests = _tests(data, fold)
     if not model.free:
-        return _blocks(data, tests, repeat(equilibrium(model, data.poses), count), progress)
+        return _blocks(data, tests, repeat(equilibrium(model, data.poses), len(tests)), progress)
     if len(data) <= MOST_AT_ONCE:
         return _blocks(data, tests, _refitted(model, data, tests, bounds, loss, prior), progress)
     fitted = fit(model, data, bounds, loss, prior)
@@ -130,15 +130,15 @@ def blocks_of_fit(fitted: Fit, data: Measurements) -> tuple[HeldOutBlock, ...]:
     """`held_out_blocks` of a model that was fitted to these data within the bounds that its effects state."""
     if len(data) <= MOST_AT_ONCE or not fitted.model.free:
         return held_out_blocks(fitted.model, data, loss=fitted.loss, prior=fitted.weak_prior)
-    tests = _tests(data, FOLDS)
+    tests = _tests(data)
     return _blocks(data, tests, one_step_fits(fitted, data, tests, prior=fitted.weak_prior))
 
 
-def _tests(data: Measurements, count: int, fold: NDArray[np.int64] | None = None) -> list[NDArray[np.int64]]:
+def _tests(data: Measurements, fold: NDArray[np.int64] | None = None) -> list[NDArray[np.int64]]:
     """Rows of each fold."""
     if fold is None:
-        fold = joint_space_folds(data.poses.q, data.repeat_of, count)
-    return [np.flatnonzero(fold == number) for number in range(count)]
+        fold = joint_space_folds(data.poses.q, data.repeat_of)
+    return [np.flatnonzero(fold == number) for number in range(int(fold.max()) + 1)]
 
 
 def _blocks(
@@ -226,8 +226,7 @@ def held_out_residual(
     bounds: Bounds | None = None,
     loss: Loss = SQUARED,
     progress: OnProgress = silent,
-    count: int = FOLDS,
     prior: Prior | None = None,
 ) -> Array:
     """(N, 3), the residual of every pose in the fold that held it out (m). As `held_out_blocks`."""
-    return held_out_rows(held_out_blocks(model, data, bounds, loss, progress, count, prior))
+    return held_out_rows(held_out_blocks(model, data, bounds, loss, progress, prior))

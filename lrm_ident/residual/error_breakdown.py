@@ -88,7 +88,7 @@ class NestedResidual(HeldOutResidual):
     def frequency(self) -> dict[str, int]:
         """In how many folds each effect was chosen, the most often first (selection frequency, Meinshausen & Bühlmann
         2010)."""
-        return dict(Counter(chain.from_iterable(map(set, self.chosen))).most_common())
+        return dict(Counter(chain.from_iterable(map(dict.fromkeys, self.chosen))).most_common())
 
 
 @dataclass(frozen=True, eq=False)

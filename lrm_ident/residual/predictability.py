@@ -31,8 +31,8 @@ RELEVANT, MOST_FOLLOWED = 0.1, 5  # of the most relevant input; inputs that are 
 def pose_covariates(data: Measurements, position: Array) -> dict[str, Array]:
     """(N,) each, standardised, by symbol: all that is known of a pose, save what does not vary or repeats another.
 
-    Joint angles, order of measurement, load, time, and what angles tell only by a law that a process would have to
-    learn: direction of approach of every joint, and position.
+    Joint angles, order of measurement, load, time, temperature, and what angles tell only by a law that a process would
+    have to learn: direction of approach of every joint, and position.
 
     Args:
         position: (N, 3), of the TCP by a model (m): the measured one has the noise in it that is to be predicted.

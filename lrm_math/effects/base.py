@@ -300,6 +300,11 @@ def linear_combination(p: Sequence[float], basis: Sequence[Amounts], targets: in
     return tuple(out)
 
 
+def joint_numbers(place: str) -> tuple[int, ...]:
+    """Numbers from 0 of the joints that a place names, in its order."""
+    return tuple(joint_number(name) for name in re.findall(r"joint\d+", place))
+
+
 @lru_cache(maxsize=256)
 def joint_number(place: str) -> int:
     """Number from 0 of `jointN`."""

@@ -37,7 +37,7 @@ POSES, NEW = 240, 2000
 
 
 @dataclass(frozen=True)
-class Gain:
+class PairedErrors:
     """Errors (N, 3) of the same poses with names alone and with a field too (m)."""
 
     without: Array
@@ -62,7 +62,7 @@ def true_tips(seed: int, q: Array, payload: Array) -> Array:
     return np.asarray(true_state(arm, true_arm(unfamiliar(seed), seed, arm), q, payload).tcp_m)
 
 
-def measured(seed: int, poses: int) -> Measurements:
+def simulated_measurements(seed: int, poses: int) -> Measurements:
     """Poses that keep clear of everything, the first half without a load, with the error of a tracker's rest."""
     arm, rng = load_arm("lrm-lab"), np.random.default_rng([seed, 7])
     q, number = clear_poses(arm, poses, rng), np.arange(1, poses + 1)
@@ -72,20 +72,20 @@ def measured(seed: int, poses: int) -> Measurements:
     return Measurements(poses_of(q, payload), number, tcp, None, REST_SD_M, number, Path("none"), made, arm=arm)
 
 
-def gains(seed: int, poses: int) -> Iterator[Gain]:
+def paired_errors(seed: int, poses: int) -> Iterator[PairedErrors]:
     """In folds at random, in blocks of joint space, and at new poses."""
-    study = Study.of(measured(seed, poses)).fit().auto()[1]
+    study = Study.of(simulated_measurements(seed, poses)).fit().auto()[1]
     data, arm = study.data, study.model.arm
     for fold in (random_folds(data.poses.q, data.repeat_of), None):
         blocks = held_out_blocks(study.model, data, fold=fold)
         field = ResidualField(arm, "tool")
-        yield Gain(held_out_rows(blocks), held_out_rows(blocks_with_field(field, data, blocks)))
+        yield PairedErrors(held_out_rows(blocks), held_out_rows(blocks_with_field(field, data, blocks)))
     q = clear_poses(arm, NEW, np.random.default_rng([seed, 9]))
     payload = np.full(NEW, LOAD_G * GRAM)
     tips, new = true_tips(seed, q, payload), poses_of(q, payload)
     models = study.model, fit_with_field(study.taken.fit, data).model
     without, with_field = (tips - equilibrium(model, new).tcp for model in models)
-    yield Gain(without, with_field)
+    yield PairedErrors(without, with_field)
 
 
 def main() -> None:
@@ -98,7 +98,7 @@ def main() -> None:
     print("| seed | hidden | at random, RMS mm | gain | z | blocks | gain | z | new poses | gain | z |")
     print("|---|---|---|---|---|---|---|---|---|---|---|")
     for seed in range(known.first, known.first + known.seeds):
-        words = " | ".join(gain.words for gain in gains(seed, known.poses))
+        words = " | ".join(errors.words for errors in paired_errors(seed, known.poses))
         print(f"| {seed} | {unfamiliar(seed).name} | {words} |", flush=True)
 
 

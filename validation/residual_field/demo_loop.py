@@ -72,7 +72,7 @@ class FieldSteps(DemoSteps):
 
 
 @dataclass(frozen=True)
-class SolverFrom:
+class FixedStartSolver:
     """A solver that answers each goal from a pose of its own (rad), wherever the arm stands."""
 
     solver: GoalSolver
@@ -117,7 +117,7 @@ class GoalVisits:
             connected(rover, f"dtrack:{world.tracker_port}", targets) as tracker,
             by_daemon(rover, take=False)(clock := RealClock(), lambda _: None) as driven,
         ):
-            solver = SolverFrom(driven.solver(None), start)
+            solver = FixedStartSolver(driven.solver(None), start)
             run = GoalRun(driven.arm, solver, load_arm(ARM), tracker, targets, clock, timing, LOAD_G * GRAM)
             found = run.visit([PlacedGoal(goal) for goal in goals], lambda *_: None)
         squares = np.full(len(goals), np.nan)
@@ -127,7 +127,7 @@ class GoalVisits:
 
 
 @dataclass(frozen=True)
-class Landed:
+class GoalErrors:
     """Squared distances (visits × goals,) from the goals with names alone, and with a field too (m²); None: not added.
 
     NaN where a goal was not reached.
@@ -147,7 +147,7 @@ class Landed:
         return f"{_rms_mm(named):.2f} | {_rms_mm(field):.2f} | {z:.1f} | {int((~both).sum())} |"
 
 
-def landed(seed: int, poses: int, goals: int) -> Landed:
+def goal_errors(seed: int, poses: int, goals: int) -> GoalErrors:
     """Where the tip lands with either model, each `VISITS` times over the goals."""
     visits = GoalVisits.of(goals, seed)
     with tempfile.TemporaryDirectory(prefix="lrm-field-") as out:
@@ -175,7 +175,7 @@ def landed(seed: int, poses: int, goals: int) -> Landed:
         steps.fit()
         steps.name_all()
         field = reached("field") if steps.add_field() else None
-        return Landed(reached("named"), field)
+        return GoalErrors(reached("named"), field)
 
 
 @contextmanager
@@ -214,7 +214,7 @@ def main() -> None:
     )
     for seed in range(known.first, known.first + known.seeds):
         with contextlib.redirect_stdout(io.StringIO()):
-            found = landed(seed, known.poses, known.goals)
+            found = goal_errors(seed, known.poses, known.goals)
         print(f"| {seed} | {unfamiliar(seed).name} | {found.words}", flush=True)
 
 

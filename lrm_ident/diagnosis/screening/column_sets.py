@@ -121,11 +121,6 @@ class ColumnSets:
         found -= part.predictor @ along
         return found
 
-    def with_directions(self, counts: Sequence[int]) -> ColumnSets:
-        """The sets with only the first so many directions of each part explained; `grams` are not kept up."""
-        explained = tuple(rows[:count] for rows, count in zip(self.explained, counts, strict=True))
-        return replace(self, explained=explained)
-
     def with_explained(self, rows: Sequence[Array]) -> ColumnSets:
         """The sets with their amounts (k, M) along further directions of each part explained too."""
         less = []

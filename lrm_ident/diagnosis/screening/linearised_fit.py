@@ -139,24 +139,13 @@ class LinearisedFit:
     def up_to_date(self, sets: ColumnSets) -> ColumnSets:
         """Columns that were projected before some others were taken: without what these explain too."""
         whole = sets.explained[0].shape[0]
-        fresh = whole == 0 and len(self.taken) > 1
-        for one in self._together if fresh else self.taken:
+        for one in self.taken:
             size = one.inverse_root.shape[1]
             whole -= size
             if whole < 0:
                 products = sets.products(self.parts, one.columns)
                 sets = sets.with_explained([W @ rows for W, rows in zip(one.inverse_root, products, strict=True)])
         return sets
-
-    @cached_property
-    def _together(self) -> tuple[SelectedColumns]:
-        """All that was taken, as if at once: the same directions, since the factor of Cholesky is triangular."""
-        size = sum(one.inverse_root.shape[1] for one in self.taken)
-        first = [
-            one.columns.with_directions([part.predictor.shape[1] - size for part in self.parts]) for one in self.taken
-        ]
-        columns = joined(first, self.parts, together=True)
-        return (SelectedColumns(columns, _inverse_root(columns.grams[0][:, 0], self.ridge)),)
 
     def beside(self, *sets: ColumnSets) -> LinearisedFit:
         """The fit with these columns too."""

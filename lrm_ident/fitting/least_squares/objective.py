@@ -225,28 +225,27 @@ class Objective:
         """(N,), weight of each pose in the loss."""
         return self.loss.weight(iterate.distance / self._scale(iterate))
 
-    def residual_sd(self, iterate: Iterate, parameters: float = 0.0) -> float:
-        """Weighted residual standard deviation per axis, in units of the noise; `parameters`: effective number."""
-        return self._sd(iterate, float((self.weight(iterate)[:, None] * iterate.residual**2).sum()), parameters)
+    def residual_sd(self, iterate: Iterate, parameters: float = 0.0, squares: float | None = None) -> float:
+        """Weighted residual standard deviation per axis, in units of the noise.
 
-    def _sd(self, iterate: Iterate, squares: float, parameters: float) -> float:
-        freedom = float((self.data.whitening.measured * self.weight(iterate)).sum()) - parameters
+        Args:
+            parameters: effective number of those fitted.
+            squares: weighted sum of squares, where it is not the residual's.
+        """
+        weight = self.weight(iterate)
+        freedom = float((self.data.whitening.measured * weight).sum()) - parameters
+        if squares is None:
+            squares = float((weight[:, None] * iterate.residual**2).sum())
         return float(np.sqrt(squares / freedom)) if freedom > 0 else np.nan
 
     def noise_scale(self, iterate: Iterate, parameters: float = 0.0, squares: float | None = None) -> NoiseScale:
-        """Estimate from the residual.
-
-        Args:
-            parameters: effective number of those fitted to it.
-            squares: weighted sum of squares to count with; None: of the residual.
-        """
+        """Estimate from the residual; arguments as of `residual_sd`."""
         scale = self._scale(iterate)
         if self.prior is None:
             return NoiseScale(scale, 0.0)
         sd = self.data.whitening.sd
         least = MIN_SIGMA / (1.0 if sd is None else float(sd.mean()))
-        sigma = self.residual_sd(iterate, parameters) if squares is None else self._sd(iterate, squares, parameters)
-        return NoiseScale(scale, max(sigma, least))
+        return NoiseScale(scale, max(self.residual_sd(iterate, parameters, squares), least))
 
     def _scale(self, iterate: Iterate) -> float:
         return 1.0 if self.loss.name == "squared" else max(robust_scale(iterate.distance), MIN_SCALE)

@@ -7,7 +7,7 @@ high bit first) of all bytes before it (Robotis, e-Manual, "DYNAMIXEL Protocol 2
 
 from __future__ import annotations
 
-from lrm_ident.measuring.servo_bus.kind import BusServoKind, Register, TwosComplement
+from lrm_ident.measuring.servo_bus.kind import BusServoKind, Register, TwosComplement, memory_of
 from lrm_ident.measuring.servo_bus.packets import Answer, Instruction, Packet
 
 STUFFED = b"\xff\xff\xfd"
@@ -96,10 +96,8 @@ DYNAMIXEL = BusServoKind(
 
 def factory_memory(number: int) -> bytearray:
     """Memory of a new XL430 with an id."""
-    memory = bytearray(SIZE)
-    for register, value in (
+    values = (
         (MODEL, 1060), (FIRMWARE, 45), (ID, number), (OPERATING_MODE, POSITION_MODE), (PWM_LIMIT, 885),
         (MAX_POSITION, 4095), (STATUS_RETURN, 2), (GOAL_PWM, 885),
-    ):  # fmt: skip
-        register.write(memory, value)
-    return memory
+    )  # fmt: skip
+    return memory_of(SIZE, values)

@@ -7,7 +7,7 @@ bytes between header and itself (Feetech, "Communication protocol user manual"; 
 
 from __future__ import annotations
 
-from lrm_ident.measuring.servo_bus.kind import BusServoKind, Register
+from lrm_ident.measuring.servo_bus.kind import BusServoKind, Register, memory_of
 from lrm_ident.measuring.servo_bus.packets import Answer, Packet
 
 
@@ -72,11 +72,9 @@ FEETECH = BusServoKind(
 
 def factory_memory(number: int) -> bytearray:
     """Memory of a new servo with an id."""
-    memory = bytearray(SIZE)
-    for register, value in (
+    values = (
         (FIRMWARE_MAJOR, 3), (FIRMWARE_MINOR, 10), (MODEL, MODEL_STS3215), (ID, number), (STATUS_LEVEL, 1),
         (MAX_POSITION, 4095), (MAX_TEMPERATURE, 70), (MAX_TORQUE, 1000), (P_GAIN, 32), (D_GAIN, 32),
         (TORQUE_LIMIT, 1000), (LOCK, 1), (VOLTAGE, 120),
-    ):  # fmt: skip
-        register.write(memory, value)
-    return memory
+    )  # fmt: skip
+    return memory_of(SIZE, values)

@@ -167,10 +167,10 @@ def test_one_place_writes() -> None:
             method = node.func.attr if isinstance(node.func, ast.Attribute) else ""
             texts = (a.value for a in node.args[:2] if isinstance(a, ast.Constant) and isinstance(a.value, str))
             mode = next(texts, "")
-            if method in WRITES or (method == "open" and set(mode) & set("wax+")):
+            of_base = isinstance(node.func, ast.Attribute) and ast.unparse(node.func.value) == "super()"  # no path
+            if (method in WRITES and not of_base) or (method == "open" and set(mode) & set("wax+")):
                 found.append(f"{path.relative_to(ROOT)}:{node.lineno}")
     assert {place.split(":")[0] for place in found} <= {
-        "lrm_ident/cli/app.py",  # paragraphs of help into click's formatter
         "lrm_ident/measuring/campaign/data_file.py",  # appends to a campaign's own file
         "lrm_ident/report/plots/style.py",  # draws into memory
     }, found

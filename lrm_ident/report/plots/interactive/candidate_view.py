@@ -7,7 +7,6 @@ turn of one joint, against its own driver, and the residual around it. A form of
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import combinations
@@ -24,6 +23,7 @@ from lrm_ident.residual.covariates import Covariate, scaled
 from lrm_ident.residual.picture.error_field import joint_turns
 from lrm_math.arrays import Array
 from lrm_math.effects import Description, Effect
+from lrm_math.effects.base import joint_numbers
 
 OF_TIME = ("order", "time", "temperature")
 SHARE = 0.2
@@ -109,9 +109,9 @@ def _may_follow(effect: Effect, known: Covariate) -> bool:
 
 def _angles_of_law(effect: Effect, known: Sequence[Covariate]) -> tuple[Covariate, ...]:
     """Both angles of an effect that couples two joints, whose law says what it follows; else none."""
-    joints = re.findall(r"joint(\d+)", effect.place) if "angle" in effect.depends_on else []
+    joints = joint_numbers(effect.place) if "angle" in effect.depends_on else ()
     angles = {one.joint: one for one in known if one.kind == "angle"}
-    found = tuple(angles[int(one) - 1] for one in joints if int(one) - 1 in angles)
+    found = tuple(angles[joint] for joint in joints if joint in angles)
     return found if len(found) == 2 else ()
 
 
