@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lrm_ident.diagnosis.screening.candidates import FORM, REFINEMENT
-from lrm_ident.diagnosis.screening.column_sets import ColumnSets, joined
+from lrm_ident.diagnosis.screening.column_sets import ColumnSets
 from lrm_ident.diagnosis.screening.linearised_fit import LinearEstimate, LinearisedFit, cosine_of_bases
 from lrm_ident.diagnosis.screening.score_test import ScoredCandidate
 from lrm_ident.fitting.progress import OnProgress
@@ -52,11 +52,12 @@ class Selection:
 
 
 def forward_select(
-    ranked: Sequence[ScoredCandidate],
+    screened: Sequence[ScoredCandidate],
+    sets: ColumnSets,
     linear: LinearisedFit,
     progress: OnProgress,
     weights: Mapping[str, float] | None = None,
-    others: Sequence[ScoredCandidate] = (),
+    possible: Sequence[ScoredCandidate] | None = None,
 ) -> Selection:
     """Adds the best effect, one after the other, as long as one is significant, plausible, and predicts better.
 
@@ -64,13 +65,14 @@ def forward_select(
     explain what they do not: a formula that does not fit is no new cause.
 
     Args:
+        sets: the projected columns of all that were screened, in their order.
         weights: of the candidates' p values (`EffectRates.weights`): what is expected needs less evidence. Of
             those that predict alike, the one with the larger weight is taken. None: all alike.
-        others: candidates that are tried at every step but not selected.
+        possible: candidates that may be selected, the best first; the others are only tried. None: all.
     """
     selected: list[ScoredCandidate] = []
-    steps = []
-    for step in _steps((*ranked, *others), linear, selected):
+    steps, ranked = [], screened if possible is None else possible
+    for step in _steps(screened, sets, linear, selected):
         steps.append(step)
         progress(1 + len(selected), MAX_EFFECTS)
         chosen = _next(ranked, selected, step, linear.now, weights or {}) if len(selected) < MAX_EFFECTS else None
@@ -80,15 +82,16 @@ def forward_select(
 
 
 def _steps(
-    candidates: Sequence[ScoredCandidate], fit: LinearisedFit, selected: Sequence[ScoredCandidate]
+    screened: Sequence[ScoredCandidate], sets: ColumnSets, fit: LinearisedFit, selected: Sequence[ScoredCandidate]
 ) -> Iterator[SelectionStep]:
     """Steps for as long as `selected` grows between them; what is selected is projected out of all candidates once."""
-    yield SelectionStep(fit, {one.name: one.alone for one in candidates})
-    sets: ColumnSets | None = None
-    while len(selected) > len(fit.taken):
+    yield SelectionStep(fit, {one.name: one.alone for one in screened})
+    for number in range(1, MAX_EFFECTS + 1):
+        if len(selected) < number:
+            break
         fit = fit.beside(selected[-1].projected)
-        sets = fit.up_to_date(sets or joined([one.projected for one in candidates], fit.parts))
-        yield SelectionStep(fit, dict(zip((one.name for one in candidates), fit.explain_each(sets), strict=True)))
+        sets = fit.up_to_date(sets)
+        yield SelectionStep(fit, dict(zip((one.name for one in screened), fit.explain_each(sets), strict=True)))
 
 
 def _next(

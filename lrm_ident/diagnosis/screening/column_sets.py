@@ -14,6 +14,8 @@ from numpy.typing import NDArray
 
 from lrm_math.arrays import Array
 
+NO_ROWS = slice(0)
+
 
 @dataclass(frozen=True, eq=False)
 class FoldSplit:
@@ -23,13 +25,17 @@ class FoldSplit:
         poses: those that are predicted.
         absent: rows left out of the estimate.
         predicted_rows: T rows that are predicted.
-        predictor: (T, p), what the amounts along p orthonormal directions of the estimate's rows predict.
+        fitted: (T, P), what amounts along orthonormal directions of the fitted parameters predict.
+        predictor: (T, p), what amounts along p directions of what was taken into the fit later predict.
+        left: (T,), what the estimate leaves of the residual.
     """
 
     poses: NDArray[np.int64]
     absent: slice
     predicted_rows: slice
+    fitted: Array
     predictor: Array
+    left: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,15 +65,18 @@ class ColumnSets:
 
     Attributes:
         columns: (R N, M), fold by fold, without what the fitted parameters explain of them in all rows.
-        explained: for each part (p, M), their amounts along its orthonormal directions.
+        held_out: (R N, M), without what these explain if they are estimated from the other folds.
+        explained: (parts, p, M), their amounts along each part's directions of what was taken later.
         stacks: the sets by size, in the order of their columns.
-        grams: for each stack (parts, n, m, m), products of each set's columns over the rows of the estimate, without
-            what is explained.
+        along: (parts, M), products with the residual over the rows of the estimate, without what is explained of both.
+        grams: for each stack (parts, n, m, m), the same of each set's columns.
     """
 
     columns: Array
-    explained: tuple[Array, ...]
+    held_out: Array
+    explained: Array
     stacks: tuple[EqualSizedSets, ...]
+    along: Array
     grams: tuple[Array, ...]
 
     def __len__(self) -> int:
@@ -81,13 +90,13 @@ class ColumnSets:
             stack, i = of_number[number]
             alone = EqualSizedSets(np.zeros(1, dtype=np.int64), 0, 0, stack.size)
             own = slice(stack.start + i * stack.size, stack.start + (i + 1) * stack.size)
-            explained = tuple(part[:, own] for part in self.explained)
-            yield ColumnSets(self.columns[:, own], explained, (alone,), (grams[stack][:, [i]],))
+            rows = self.columns[:, own], self.held_out[:, own], self.explained[:, :, own]
+            yield ColumnSets(*rows, (alone,), self.along[:, own], (grams[stack][:, i : i + 1],))
 
     def copy(self) -> ColumnSets:
         """Arrays of their own: what the sets were taken from can be forgotten."""
-        explained = tuple(part.copy() for part in self.explained)
-        return ColumnSets(self.columns.copy(), explained, self.stacks, self.grams)
+        rows = self.columns.copy("F"), self.held_out.copy("F"), self.explained.copy()
+        return ColumnSets(*rows, self.stacks, self.along.copy(), tuple(gram.copy() for gram in self.grams))
 
     @property
     def starts(self) -> NDArray[np.int64]:
@@ -99,20 +108,23 @@ class ColumnSets:
         """(S,), number of each set, in the order of the columns."""
         return np.concatenate([stack.numbers for stack in self.stacks])
 
-    def products(self, parts: Sequence[FoldSplit], other: ColumnSets) -> list[Array]:
-        """Products for each part (m, M) of the columns of the other, a single set, with these over the rows of the
-        estimate, without what is explained of both."""
-        absent = [other.columns[part.absent].T @ self.columns[part.absent] for part in parts]
-        whole = sum(absent)
-        return [
-            whole - own - theirs.T @ amounts
-            for own, theirs, amounts in zip(absent, other.explained, self.explained, strict=True)
-        ]
+    def products(self, parts: Sequence[FoldSplit], columns: Array) -> Array:
+        """(parts, m, M), products of others' `columns` (R N, m) with these over the rows of each part's estimate,
+        without what the fitted parameters explain.
+
+        Of columns orthogonal to the parameters in all rows a fold's estimate has those of all rows, less those of its
+        own rows as they are with these as the estimate predicts them (Sherman-Morrison-Woodbury)."""
+        whole = columns.T @ self.columns
+        return np.stack([whole - columns[part.absent].T @ self.held_out[part.absent] for part in parts])
+
+    def left_of(self, part: FoldSplit) -> Array:
+        """(T, M), the rows that a part predicts, without what its estimate of the fitted parameters explains."""
+        return self.columns if part.absent == NO_ROWS else self.held_out[part.predicted_rows]
 
     def predicted(self, part: FoldSplit, amounts: Array, theta: Array) -> Array:
         """(T, S), what each set says of the rows that a part predicts. amounts: (p, M), theta: (M,)."""
-        columns = self.columns[part.predicted_rows]
-        along, found = np.empty((len(amounts), len(self))), np.empty((len(columns), len(self)))
+        columns = self.left_of(part)
+        along, found = np.empty((len(amounts), len(self))), np.empty((len(columns), len(self)), order="F")
         for stack in self.stacks:
             own = theta[stack.columns].reshape(-1, stack.size)
             for rows, out in ((columns, found), (amounts, along)):
@@ -121,20 +133,22 @@ class ColumnSets:
         found -= part.predictor @ along
         return found
 
-    def with_explained(self, rows: Sequence[Array]) -> ColumnSets:
-        """The sets with their amounts (k, M) along further directions of each part explained too."""
+    def with_explained(self, rows: Array, of_residual: Array) -> ColumnSets:
+        """The sets with their amounts (parts, k, M) along further directions explained too; `of_residual` (parts, k):
+        the residual's."""
         less = []
         for stack, gram in zip(self.stacks, self.grams, strict=True):
-            taken = np.stack([by_set(part, stack) for part in rows])
-            less.append(gram - taken.transpose(0, 1, 3, 2) @ taken)
-        explained = tuple(np.concatenate(both) for both in zip(self.explained, rows, strict=True))
-        return replace(self, explained=explained, grams=tuple(less))
+            taken = by_set(rows, stack)
+            less.append(gram - np.swapaxes(taken, -1, -2) @ taken)
+        along = self.along - (of_residual[:, None, :] @ rows)[:, 0]
+        explained = np.concatenate([self.explained, rows], axis=1)
+        return replace(self, explained=explained, along=along, grams=tuple(less))
 
 
 def by_set(rows: Array, stack: EqualSizedSets) -> Array:
-    """(n, rows, m), columns of a stack's sets."""
-    own = rows[:, stack.columns]
-    return own.reshape(len(own), len(stack.numbers), stack.size).transpose(1, 0, 2)
+    """(..., n, r, m), columns (..., r, M) of a stack's sets."""
+    own = rows[..., stack.columns]
+    return np.moveaxis(own.reshape(*own.shape[:-1], len(stack.numbers), stack.size), -2, -3)
 
 
 def stacks_of(sizes: Sequence[int]) -> tuple[EqualSizedSets, ...]:
@@ -157,26 +171,47 @@ def columns_of(stacks: Sequence[EqualSizedSets]) -> dict[int, slice]:
 
 
 def column_sets(
-    columns: Array, explained: tuple[Array, ...], stacks: tuple[EqualSizedSets, ...], parts: Sequence[FoldSplit]
+    columns: Array, residual: Array, stacks: tuple[EqualSizedSets, ...], parts: Sequence[FoldSplit]
 ) -> ColumnSets:
-    """Sets whose columns and explained amounts are known."""
-    grams = []
-    for stack in stacks:
-        absent, known = np.empty((2, len(parts), len(stack.numbers), stack.size, stack.size))
-        for number, (part, amounts) in enumerate(zip(parts, explained, strict=True)):
-            for rows, out in ((columns[part.absent], absent), (amounts, known)):
-                alone = by_set(rows, stack)
-                np.matmul(alone.transpose(0, 2, 1), alone, out=out[number])
-        grams.append(absent.sum(axis=0) - absent - known)
-    return ColumnSets(columns, explained, stacks, tuple(grams))
+    """Sets of columns (R N, M) that, as the residual (R N,), are orthogonal to the fitted parameters."""
+    held_out = np.empty_like(columns)
+    for part in parts[1:]:
+        own = columns[part.predicted_rows]
+        held_out[part.predicted_rows] = own + np.linalg.multi_dot([part.fitted, part.fitted.T, own])
+    along = np.tile(residual @ columns, (len(parts), 1))
+    for row, part in zip(along, parts, strict=True):
+        row -= residual[part.absent] @ held_out[part.absent]
+    none = np.empty((len(parts), 0, columns.shape[1]))
+    return _with_grams(columns, held_out, none, along, stacks, parts)
 
 
 def joined(sets: Sequence[ColumnSets], parts: Sequence[FoldSplit], together: bool = False) -> ColumnSets:
     """Sets of the same fit side by side, in this order; `together`: as one set."""
     sizes = [one.columns.shape[1] for one in sets]
     order = range(len(sets)) if together else [int(i) for stack in stacks_of(sizes) for i in stack.numbers]
-    columns = np.concatenate([sets[i].columns for i in order], axis=1)
-    explained = tuple(
-        np.concatenate([sets[i].explained[number] for i in order], axis=1) for number in range(len(parts))
+    columns, held_out = (
+        np.concatenate([rows[i].T for i in order]).T
+        for rows in ([one.columns for one in sets], [one.held_out for one in sets])
     )
-    return column_sets(columns, explained, stacks_of([sum(sizes)] if together else sizes), parts)
+    explained = np.concatenate([sets[i].explained for i in order], axis=2)
+    along = np.concatenate([sets[i].along for i in order], axis=1)
+    return _with_grams(columns, held_out, explained, along, stacks_of([sum(sizes)] if together else sizes), parts)
+
+
+def _with_grams(
+    columns: Array,
+    held_out: Array,
+    explained: Array,
+    along: Array,
+    stacks: tuple[EqualSizedSets, ...],
+    parts: Sequence[FoldSplit],
+) -> ColumnSets:
+    grams = []
+    for stack in stacks:
+        every, known = by_set(columns, stack), by_set(explained, stack)
+        found = np.swapaxes(every, -1, -2) @ every - np.swapaxes(known, -1, -2) @ known
+        for part, out in zip(parts, found, strict=True):
+            own, left = by_set(columns[part.absent], stack), by_set(held_out[part.absent], stack)
+            out -= np.swapaxes(own, -1, -2) @ left
+        grams.append(found)
+    return ColumnSets(columns, held_out, explained, stacks, along, tuple(grams))

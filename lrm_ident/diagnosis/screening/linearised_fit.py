@@ -18,7 +18,15 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from lrm_ident.diagnosis.screening.column_sets import ColumnSets, FoldSplit, column_sets, columns_of, joined, stacks_of
+from lrm_ident.diagnosis.screening.column_sets import (
+    NO_ROWS,
+    ColumnSets,
+    FoldSplit,
+    column_sets,
+    columns_of,
+    joined,
+    stacks_of,
+)
 from lrm_ident.residual.better_prediction import outlier_bound
 from lrm_math.arrays import Array
 
@@ -50,15 +58,37 @@ class LinearEstimate:
 
 
 @dataclass(frozen=True, eq=False)
-class SelectedColumns:
-    """Columns that are in the fit too, with what was known of them before.
+class TakenColumns:
+    """K columns that were taken into a fit after it was linearised, set after set.
 
     Attributes:
-        columns: one set. inverse_root: for each part (m, m), W with WᵀW the inverse of its normal equations' matrix.
+        columns: (R N, K), fold by fold, without what the fitted parameters explain of them in all rows.
+        amounts: (parts, K, K), of each column along the directions of the sets before.
+        inverse_root: (parts, K, K), W with WᵀW the inverse of their normal equations' matrix, triangular by sets.
+        residual: (parts, K), amounts of the residual along their directions.
     """
 
-    columns: ColumnSets
+    columns: Array
+    amounts: Array
     inverse_root: Array
+    residual: Array
+
+    @staticmethod
+    def none(rows: int, parts: int) -> TakenColumns:
+        """Before any was taken."""
+        nothing = np.empty((parts, 0, 0))
+        return TakenColumns(np.empty((rows, 0)), nothing, nothing, np.empty((parts, 0)))
+
+    def with_set(self, one: ColumnSets, inverse_root: Array) -> TakenColumns:
+        """With one set more, of which all that was taken before is known; `inverse_root` (parts, m, m): of its own."""
+        columns = np.concatenate([self.columns.T, one.columns.T]).T
+        known, size = self.columns.shape[1], columns.shape[1]
+        amounts, root = np.zeros((2, len(inverse_root), size, size))
+        amounts[:, :known, :known], amounts[:, :known, known:] = self.amounts, one.explained
+        root[:, :known, :known], root[:, known:, known:] = self.inverse_root, inverse_root
+        root[:, known:, :known] = -inverse_root @ np.swapaxes(one.explained, 1, 2) @ self.inverse_root
+        residual = (inverse_root @ one.along[:, :, None])[:, :, 0]
+        return TakenColumns(columns, amounts, root, np.concatenate([self.residual, residual], axis=1))
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,7 +102,6 @@ class LinearisedFit:
         order: (R N,), the rows fold by fold, as those of all `ColumnSets` stand.
         sigma: m per axis, the noise against which the prior is weighed.
         rows: of each pose, R.
-        taken: columns that were taken into the fit after it was linearised, one after the other.
     """
 
     residual: Array
@@ -80,8 +109,8 @@ class LinearisedFit:
     parts: tuple[FoldSplit, ...]
     order: NDArray[np.int64]
     sigma: float
-    rows: int = 3
-    taken: tuple[SelectedColumns, ...] = ()
+    rows: int
+    taken: TakenColumns
 
     @property
     def folds(self) -> tuple[FoldSplit, ...]:
@@ -97,13 +126,7 @@ class LinearisedFit:
     def degrees_of_freedom(self) -> int:
         """Measured rows less fitted parameters."""
         measured = (self.residual != 0.0) | self.basis.any(axis=1)
-        columns: int = sum(one.inverse_root.shape[1] for one in self.taken)
-        return int(np.count_nonzero(measured)) - int(self.basis.shape[1] + columns)
-
-    @cached_property
-    def own(self) -> ColumnSets:
-        """The residual as a column."""
-        return self.up_to_date(self._known(self.residual[self.order, None], [1]))
+        return int(np.count_nonzero(measured) - self.basis.shape[1] - self.taken.columns.shape[1])
 
     def pose_by_pose(self, rows: Array) -> Array:
         """Rows (R N,) that stand fold by fold, pose by pose."""
@@ -117,35 +140,24 @@ class LinearisedFit:
 
     def project_each(self, sets: Iterable[Array], sizes: Sequence[int]) -> ColumnSets:
         """Sets of columns (R N, m), of these sizes, without what the fit explains of them."""
-        columns, place = np.empty((len(self.residual), sum(sizes))), columns_of(stacks_of(sizes))
+        stacks, columns = stacks_of(sizes), np.empty((len(self.residual), sum(sizes)), order="F")
+        place = columns_of(stacks)
         for number, C in enumerate(sets):
             columns[:, place[number]] = C[self.order]
         basis = self.basis[self.order]
         for start in range(0, columns.shape[1], AT_ONCE):
             some = columns[:, start : start + AT_ONCE]
             some -= basis @ (basis.T @ some)
-        return self.up_to_date(self._known(columns, sizes))
-
-    def _known(self, columns: Array, sizes: Sequence[int]) -> ColumnSets:
-        """Columns orthogonal to the fitted parameters': what a fold's training rows have in common with these is what
-        its test rows lack."""
-        later = sum(one.inverse_root.shape[1] for one in self.taken)
-        explained = []
-        for part in self.parts:
-            fitted = part.predictor[:, : part.predictor.shape[1] - later]
-            explained.append(-fitted.T @ columns[part.predicted_rows])
-        return column_sets(columns, tuple(explained), stacks_of(sizes), self.parts)
+        return self.up_to_date(column_sets(columns, self.residual[self.order], stacks, self.parts))
 
     def up_to_date(self, sets: ColumnSets) -> ColumnSets:
         """Columns that were projected before some others were taken: without what these explain too."""
-        whole = sets.explained[0].shape[0]
-        for one in self.taken:
-            size = one.inverse_root.shape[1]
-            whole -= size
-            if whole < 0:
-                products = sets.products(self.parts, one.columns)
-                sets = sets.with_explained([W @ rows for W, rows in zip(one.inverse_root, products, strict=True)])
-        return sets
+        taken, known = self.taken, sets.explained.shape[1]
+        if known == taken.columns.shape[1]:
+            return sets
+        along = sets.products(self.parts, taken.columns[:, known:])
+        along -= np.swapaxes(taken.amounts[:, :known, known:], 1, 2) @ sets.explained
+        return sets.with_explained(taken.inverse_root[:, known:, known:] @ along, taken.residual[:, known:])
 
     def beside(self, *sets: ColumnSets) -> LinearisedFit:
         """The fit with these columns too."""
@@ -153,17 +165,21 @@ class LinearisedFit:
             return self
         columns = self.up_to_date(joined(sets, self.parts, together=True))
         root = _inverse_root(columns.grams[0][:, 0], self.ridge)
+        taken, known = self.taken.with_set(columns, root), self.taken.columns.shape[1]
         parts = []
-        for part, W, amounts in zip(self.parts, root, columns.explained, strict=True):
-            left = columns.columns[part.predicted_rows] - part.predictor @ amounts
-            parts.append(replace(part, predictor=np.concatenate([part.predictor, left @ W.T], axis=1)))
-        return replace(self, parts=tuple(parts), taken=(*self.taken, SelectedColumns(columns, root)))
+        for number, part in enumerate(self.parts):
+            left = columns.left_of(part) - part.predictor @ columns.explained[number]
+            directions = left @ root[number].T
+            predictor = np.concatenate([part.predictor, directions], axis=1)
+            rest = part.left - directions @ taken.residual[number, known:]
+            parts.append(replace(part, predictor=predictor, left=rest))
+        return replace(self, parts=tuple(parts), taken=taken)
 
     @cached_property
     def now(self) -> LinearEstimate:
         """The fit as it is."""
-        left = [self._left(number) for number in range(len(self.parts))]
-        return LinearEstimate(np.zeros(0), np.zeros(0), float(left[0] @ left[0]), self._by_pose(left[1:])[0])
+        whole, *folds = (part.left for part in self.parts)
+        return LinearEstimate(np.zeros(0), np.zeros(0), float(whole @ whole), self._by_pose(folds)[0])
 
     def explain(self, sets: ColumnSets | None = None) -> LinearEstimate:
         """Linear estimate of a set of columns (none: the fit as it is)."""
@@ -174,8 +190,8 @@ class LinearisedFit:
         sets = self.up_to_date(sets)
         theta, inverse = self._estimates(sets)
         left = []
-        for number, part in enumerate(self.parts):
-            left.append(self._left(number)[:, None] - sets.predicted(part, sets.explained[number], theta[number]))
+        for part, amounts, own in zip(self.parts, sets.explained, theta, strict=True):
+            left.append(part.left[:, None] - sets.predicted(part, amounts, own))
         in_sample, held_out = np.einsum("ts,ts->s", left[0], left[0]), self._by_pose(left[1:])
         held_out = np.minimum(held_out, np.maximum(outlier_bound(held_out)[:, None], self.now.held_out))
         found: list[LinearEstimate | None] = [None] * len(sets)
@@ -188,7 +204,7 @@ class LinearisedFit:
 
     def _estimates(self, sets: ColumnSets) -> tuple[Array, Array]:
         """(parts, M), ridge estimates of every set alone; (M,), diagonal of the inverse normal matrix of the sample."""
-        along = np.stack([rows[0] for rows in sets.products(self.parts, self.own)])
+        along = sets.along
         theta, inverse = np.empty_like(along), np.empty(along.shape[1])
         for stack, gram in zip(sets.stacks, sets.grams, strict=True):
             normal = gram + self.ridge * np.eye(stack.size)
@@ -196,11 +212,6 @@ class LinearisedFit:
             theta[:, stack.columns] = np.linalg.solve(normal, right).reshape(len(along), -1)
             inverse[stack.columns] = np.diagonal(np.linalg.inv(normal[0]), axis1=1, axis2=2).reshape(-1)
         return theta, inverse
-
-    def _left(self, number: int) -> Array:
-        """(T,), what the fit leaves of the residual in the rows that a part predicts."""
-        part = self.parts[number]
-        return np.asarray(self.own.columns[part.predicted_rows, 0] - part.predictor @ self.own.explained[number][:, 0])
 
     def _by_pose(self, left: Sequence[Array]) -> Array:
         """(S, N), squared 3-D distance of each pose from what is left (T, S) of the rows that the folds predict."""
@@ -214,17 +225,20 @@ class LinearisedFit:
 def linearise(A: Array, residual: Array, test_poses: Sequence[NDArray[np.int64]], sigma: float) -> LinearisedFit:
     """Linearises a fit with the parameters' columns A (R N, P), residual (R N,) (m) and the test poses of each fold."""
     basis = _svd(A)[0]
+    residual = residual - basis @ (basis.T @ residual)
     rows = len(residual) // sum(len(poses) for poses in test_poses)
     order = np.concatenate([(rows * poses[:, None] + np.arange(rows)).reshape(-1) for poses in test_poses])
-    by_fold, start = A[order], 0
-    parts = [FoldSplit(order[::rows] // rows, slice(0), slice(None), np.empty((len(order), 0)))]
+    by_fold, own, start, none = A[order], residual[order], 0, np.empty((len(order), 0))
+    parts = [FoldSplit(order[::rows] // rows, NO_ROWS, slice(None), none, none, own)]
     for poses in test_poses:
-        own = slice(start, start + rows * len(poses))
-        others = np.concatenate([by_fold[:start], by_fold[own.stop :]])
-        inverse_factor = _svd(np.asarray(np.linalg.qr(others, mode="r")))[1]
-        parts.append(FoldSplit(poses, own, own, by_fold[own] @ inverse_factor))
-        start = own.stop
-    return LinearisedFit(residual - basis @ (basis.T @ residual), basis, tuple(parts), order, sigma, rows)
+        test = slice(start, start + rows * len(poses))
+        others = np.concatenate([by_fold[:start], by_fold[test.stop :]])
+        fitted = by_fold[test] @ _svd(np.asarray(np.linalg.qr(others, mode="r")))[1]
+        left = own[test] + fitted @ (fitted.T @ own[test])
+        parts.append(FoldSplit(poses, test, test, fitted, none[test], left))
+        start = test.stop
+    taken = TakenColumns.none(len(order), len(parts))
+    return LinearisedFit(residual, basis, tuple(parts), order, sigma, rows, taken)
 
 
 def _svd(A: Array) -> tuple[Array, Array]:

@@ -72,19 +72,15 @@ def search_laws(linear: LinearisedFit, groups: Sequence[LawColumns], progress: O
     for number, group in enumerate(groups):
         held_out, by_fold = np.empty((rows // linear.rows, len(group.laws))), np.empty((folds, len(group.laws)))
         projected = linear.project_each(group.motions.T[:, :, None], [1] * group.motions.shape[1])
-        motions, residual = projected.columns, both[:, :1]
-        whole = _products(motions, both, group)
+        whole, residual = _products(projected.columns, projected.columns, both, group), both[:, 0]
         for k, fold in enumerate(linear.folds):
-            amounts, known = projected.explained[k + 1], linear.own.explained[k + 1]
-            train = whole.less(_products(motions[fold.absent], residual[fold.absent], group))
-            train = train.less(_products(amounts, known, group))
-            theta, explained = _solve(train, group, linear)
-            test = motions[fold.predicted_rows] - fold.predictor @ amounts
+            own, test = projected.columns[fold.absent], projected.left_of(fold)
+            theta, explained = _solve(whole.less(_products(own, test, fold.left[:, None], group)), group, linear)
             predicted = test[:, group.first] * theta[0, :, 0]
             predicted[:, group.pairs] += test[:, group.second[group.pairs]] * theta[1, group.pairs, 0]
-            left = residual[fold.predicted_rows] - fold.predictor @ known - predicted
+            left = fold.left[:, None] - predicted
             held_out[fold.poses] = (left**2).reshape(-1, linear.rows, left.shape[1]).sum(axis=1)
-            squares_left = (residual**2).sum() - (residual[fold.absent] ** 2).sum() - (known**2).sum()
+            squares_left = residual @ residual - residual[fold.absent] @ fold.left
             by_fold[k] = _bic_gain(explained, rows - len(left), squares_left, group)[:, 0]
         gains = _bic_gain(_solve(whole, group, linear)[1], rows, (both**2).sum(axis=0), group)
         squares.append(held_out)
@@ -120,10 +116,11 @@ class _Products:
         return _Products(along, self.square - absent.square, self.cross - absent.cross)
 
 
-def _products(motions: Array, residuals: Array, group: LawColumns) -> _Products:
+def _products(motions: Array, others: Array, residuals: Array, group: LawColumns) -> _Products:
+    """Of motions (r, M) with residuals (r, D), and with the same motions as something else leaves them (r, M)."""
     a, b = group.first[group.pairs], group.second[group.pairs]
-    cross = np.einsum("rp,rp->p", motions[:, a], motions[:, b])
-    return _Products(motions.T @ residuals, np.einsum("rm,rm->m", motions, motions), cross)
+    cross = np.einsum("rp,rp->p", motions[:, a], others[:, b])
+    return _Products(motions.T @ residuals, np.einsum("rm,rm->m", motions, others), cross)
 
 
 def _solve(products: _Products, group: LawColumns, linear: LinearisedFit) -> tuple[Array, Array]:
