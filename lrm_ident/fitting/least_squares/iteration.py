@@ -74,7 +74,7 @@ class LevenbergMarquardt:
         if not len(free):
             return Optimum(self.objective, iterate, np.empty((0, 0)), free, noise, 0)
         if self.smooth.begun:
-            first, smooth = self._likelier(iterate, free, noise)
+            first, smooth = self._likelier(iterate, self.objective.linearise(iterate, noise).columns, free, noise)
             noise, problem = first.estimated, self.with_smoothness(smooth)
         before: NoiseUpdate | None = None
         damping, change, idle = FIRST_DAMPING, np.inf, 0
@@ -88,7 +88,7 @@ class LevenbergMarquardt:
                 raise FitNotConverged(steps, change)
             if idle < self.idle_steps and not is_last(quadratic, iterate, tolerance):
                 continue
-            update, smooth = problem._likelier(iterate, quadratic.free, noise)
+            update, smooth = problem._likelier(iterate, quadratic.rows.columns, quadratic.free, noise)
             if update.estimated.close_to(noise, problem.objective.sigma_tolerance) and smooth.close_to(problem.smooth):
                 return Optimum(problem.objective, iterate, quadratic.rows.columns, quadratic.free, noise, steps)
             problem, noise, before = problem.with_smoothness(smooth), update.accelerated(before), update
@@ -101,9 +101,13 @@ class LevenbergMarquardt:
         z = self.objective.model.values[self.objective.columns] / self.objective.typical
         return self.objective.at(np.clip(z, self.bounds.lower, self.bounds.upper), self.near)
 
-    def _likelier(self, iterate: Iterate, free: NDArray[np.bool_], noise: NoiseScale) -> tuple[NoiseUpdate, Smoothness]:
-        """The noise and the penalties that follow from an iterate, which `noise` and the present ones led to."""
-        parameters, covariance = self._posterior(iterate, free, noise)
+    def _likelier(
+        self, iterate: Iterate, columns: Array, free: NDArray[np.bool_], noise: NoiseScale
+    ) -> tuple[NoiseUpdate, Smoothness]:
+        """The noise and the penalties that follow from an iterate, which `noise` and the present ones led to.
+
+        `columns`: the compressed Jacobian there, or before a step that changed nothing."""
+        parameters, covariance = self._posterior(columns, free, noise)
         update = NoiseUpdate(noise, self.objective.noise_scale(iterate, parameters))
         return update, self.smooth.likelier(iterate.rest.model.with_free(self.objective.model.free), covariance)
 
@@ -114,7 +118,7 @@ class LevenbergMarquardt:
         for _ in range(MOST_UPDATES):
             quadratic = QuadraticModel.about(iterate, problem.objective, noise, self.bounds)
             z = quadratic.minimum
-            parameters, covariance = problem._posterior(iterate, quadratic.free, noise)
+            parameters, covariance = problem._posterior(quadratic.rows.columns, quadratic.free, noise)
             before, noise = noise, objective.noise_scale(iterate, parameters, quadratic.squares(z))
             model = objective.model.with_values_of(objective.model.free, z * objective.typical)
             smooth = replace(problem.smooth.likelier(model, covariance), updates=self.smooth.updates)
@@ -124,12 +128,12 @@ class LevenbergMarquardt:
                 break
         return problem, noise
 
-    def _posterior(self, iterate: Iterate, free: NDArray[np.bool_], noise: NoiseScale) -> tuple[float, Array]:
+    def _posterior(self, columns: Array, free: NDArray[np.bool_], noise: NoiseScale) -> tuple[float, Array]:
         """Effective number of parameters that the data determine, and posterior covariance (P, P) of all (SI)."""
         objective, covariance = self.objective, np.zeros((len(free), len(free)))
         if objective.prior is None or not free.any():
             return 0.0, covariance
-        inverse = objective.inverse_hessian(objective.linearise(iterate, noise).columns, noise, free)
+        inverse = objective.inverse_hessian(columns, noise, free)
         covariance[np.ix_(free, free)] = noise.sigma**2 * inverse
         scaled = covariance * np.outer(objective.typical, objective.typical)
         return objective.effective_parameters(inverse, noise, free), scaled
