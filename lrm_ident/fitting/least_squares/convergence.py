@@ -5,11 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from lrm_ident.fitting.least_squares.objective import Iterate
-from lrm_ident.fitting.least_squares.quadratic_model import STEP_TOLERANCE, QuadraticModel
+from lrm_ident.fitting.least_squares.quadratic_model import GAIN_TOLERANCE, STEP_TOLERANCE, QuadraticModel
 from lrm_ident.fitting.priors import WEAK_SD
 from lrm_math.errors import LrmError
 
-GAIN_TOLERANCE = 1e-10  # predicted relative decrease of the objective
 IDLE_GAIN, IDLE_LIKELIHOOD = 1e-5, 0.3
 """A step that gains no more is idle: part of the objective, and of it over the squared noise."""
 POSTERIOR_TOLERANCE = 1e-6  # predicted increase of the log-posterior: parameters to a thousandth of their errors

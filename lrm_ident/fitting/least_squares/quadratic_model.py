@@ -15,6 +15,7 @@ from lrm_math.errors import NoEquilibrium
 
 MUCH_SHORTER = 0.75  # part of a step
 STEP_TOLERANCE = 1e-8  # of the typical sizes
+GAIN_TOLERANCE = 1e-10  # predicted relative decrease of the objective
 MAX_DAMPING = 1e12
 
 
@@ -76,8 +77,8 @@ class QuadraticModel:
                 continue
             if self.value(trial) <= before:
                 return self._shortened(trial), damping * 0.1
-            if np.abs(z - self.iterate.z).max() < STEP_TOLERANCE:
-                break
+            if np.abs(z - self.iterate.z).max() < STEP_TOLERANCE or self.predicted(trial) < GAIN_TOLERANCE * before:
+                break  # a shorter step would gain no more
             damping *= 10.0
         return self.iterate, damping
 
