@@ -81,7 +81,7 @@ def comparisons() -> list[Comparison]:
     }
     bent: dict[str, Callable[[], object]] = {OURS: lambda: equilibrium(fitted, data.poses, tolerance=TOLERANCE)}
     jacobian: dict[str, Callable[[], object]] = {
-        OURS: lambda: parameter_jacobian(rest),
+        OURS: lambda: parameter_jacobian(replace(rest)),  # a copy: the response of the last ones asked is kept
         "differences": lambda: differences(fitted, data.poses),
     }
     pinocchio = _pinocchio()
