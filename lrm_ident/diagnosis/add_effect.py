@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -47,16 +47,39 @@ def add_effects(
     new = [key for key, parameter in own.items() if parameter.fixed is None and key not in model.free]
     if not new:
         raise LrmError(f"{names}: in the model already, with all parameters fitted")
-    keys = [*model.free, *new]
-    best = fit_identifiable(extended, data, keys, loss).fit
+    best = _with_shapes(extended, data, effects, [*model.free, *new], loss)
     if not set(new) & set(best.model.free):
         raise LrmError(f"{names}: these poses cannot tell it from what the model has already")
-    for effect in effects:
-        for name, values in effect.shapes_to_try(data.poses).items():
-            key = f"{effect.id}.{effect.place}.{name}"
-            moment = best.model.parameters[best.model.position(key)].unit == "pose"
-            best = _fit_moment(best, data, key, loss) if moment else _fit_shape(best, data, key, values, loss)
+    for key, _ in _searched(effects, data, moments=True):
+        best = _fit_moment(best, data, key, loss)
     return free_base_parameters(best, data, loss)
+
+
+def _with_shapes(model: Model, data: Measurements, effects: Sequence[Effect], keys: Sequence[str], loss: Loss) -> Fit:
+    """The fit of what is identifiable among `keys` at the effects' best shapes.
+
+    Of thousands of poses a part is searched, and what it can tell then freed; then all are fitted, once.
+    """
+    part = data.take(some_rows(len(data)))
+    best = fit_identifiable(model, part, keys, loss).fit
+    told = {name_of_key(key) for key in best.model.free}
+    for key, tried in _searched([effect for effect in effects if effect.name in told], part):
+        best = _fit_shape(best, part, key, tried, loss)
+    if len(part) == len(data):
+        return best
+    found = free_base_parameters(best, part, loss).model
+    return fit_identifiable(found, data, [*keys, *(key for key in found.free if key not in keys)], loss).fit
+
+
+def _searched(
+    effects: Sequence[Effect], data: Measurements, moments: bool = False
+) -> Iterator[tuple[str, tuple[float, ...]]]:
+    """Keys of the effects' shapes that are searched, or of `moments`, with the values to try."""
+    for effect in effects:
+        tried = effect.shapes_to_try(data.poses)
+        for key, parameter in zip(effect.keys, effect.parameters, strict=True):
+            if parameter.name in tried and (parameter.unit == "pose") == moments:
+                yield key, tried[parameter.name]
 
 
 def free_base_parameters(fitted: Fit, data: Measurements, loss: Loss = SQUARED) -> Fit:
@@ -96,16 +119,9 @@ def _with_effect(model: Model, effect: Effect, shape: Sequence[float] | None) ->
 
 
 def _fit_shape(best: Fit, data: Measurements, key: str, tried: Sequence[float], how: Loss) -> Fit:
-    """The best fit over a shape parameter, between the neighbours of its present value among those that are tried.
-
-    Of thousands of poses a part is searched, then all are fitted.
-    """
+    """The best fit over a shape parameter, between the neighbours of its present value among those that are tried."""
     from scipy.optimize import minimize_scalar  # takes a quarter of a second to load
 
-    part = data.take(some_rows(len(data)))
-    if len(part) < len(data):
-        found = _fit_shape(fit(best.model, part, loss=how), part, key, tried, how)
-        return fit(found.model, data, loss=how)
     places = np.arange(len(tried))
 
     def rms_at(place: float) -> float:
