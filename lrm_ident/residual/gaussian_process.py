@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.linalg import cho_solve, cholesky, solve_triangular
+from scipy.linalg.blas import dsymm
 from scipy.linalg.lapack import dpotri
 
 from lrm_math.arrays import Array
@@ -49,10 +50,10 @@ class Kernel:
     def covariance(self, A: Array, B: Array) -> Array:
         """(n, m), covariance of f at the rows of A (n, D) and of B (m, D)."""
         a, b = A / self.lengths, B / self.lengths
-        out = (a**2).sum(axis=1)[:, None] + (b**2).sum(axis=1)  # squared distances; in place, a matrix is large
-        out -= 2.0 * (a @ b.T)
-        np.maximum(out, 0.0, out=out)
-        out *= -0.5
+        out = a @ b.T  # in place from here, a matrix is large: minus half the squared distances
+        out -= 0.5 * (a**2).sum(axis=1)[:, None]
+        out -= 0.5 * (b**2).sum(axis=1)
+        np.minimum(out, 0.0, out=out)
         np.exp(out, out=out)
         out *= self.signal**2
         return np.asarray(out)
@@ -90,12 +91,13 @@ def log_marginal_likelihood(kernel: Kernel, inputs: Array, output: Array) -> tup
     factor = _factor(kernel, smooth)
     weights = cho_solve((factor, True), output)
     value = -0.5 * float(output @ weights) - float(np.log(np.diag(factor)).sum()) - 0.5 * n * np.log(2.0 * np.pi)
-    lower = np.tril(dpotri(factor, lower=1)[0])
-    inverse = lower + np.tril(lower, -1).T
-    missing = np.outer(weights, weights) - inverse  # 2 ∂/∂K of the value
-    weighted, scaled = missing * smooth, inputs / kernel.lengths
-    by_length = weighted.sum(axis=1) @ scaled**2 - np.einsum("nd,nd->d", scaled, weighted @ scaled)
-    return value, np.array([*by_length, weighted.sum(), kernel.noise**2 * np.trace(missing)])
+    missing = np.outer(weights, weights).T - dpotri(factor, lower=1, overwrite_c=1)[0]  # 2 ∂/∂K of the value
+    noisy = kernel.noise**2 * np.trace(missing)
+    missing *= smooth.T
+    scaled = np.column_stack([inputs / kernel.lengths, np.ones(n)])
+    weighted = dsymm(1.0, missing, scaled, lower=1)  # of the inverse, and so of all, the lower triangle is known
+    by_length = weighted[:, -1] @ scaled[:, :-1] ** 2 - np.einsum("nd,nd->d", scaled[:, :-1], weighted[:, :-1])
+    return value, np.array([*by_length, weighted[:, -1].sum(), noisy])
 
 
 def fit_kernel(inputs: Array, output: Array, start: Kernel) -> Kernel:
@@ -128,4 +130,4 @@ def _factor(kernel: Kernel, smooth: Array) -> Array:
     """Lower Cholesky factor of the outputs' covariance; the noise, which has a lower bound, keeps it definite."""
     outputs = smooth.copy()
     outputs.flat[:: len(outputs) + 1] += kernel.noise**2
-    return np.asarray(cholesky(outputs, lower=True, overwrite_a=True, check_finite=False))
+    return np.asarray(cholesky(outputs.T, lower=True, overwrite_a=True, check_finite=False))  # LAPACK's order of memory
