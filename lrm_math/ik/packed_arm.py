@@ -141,7 +141,7 @@ class PackedArm:
 
     def unloaded_slots(self, q: Array) -> Array:
         """(K, V), slot amounts of the arm without loads at commands (K, n)."""
-        out = np.tile(self.errors.constants, (len(q), 1))
+        out = np.repeat(self.errors.constants[None], len(q), axis=0)
         out[:, self.errors.moving.joints] += q
         return out
 
