@@ -22,17 +22,19 @@ OF_THE_ANGLE = ("servo_gain", "eccentricity", "angle_curve", "cable_spring")
 
 def parameter_hints(fitted: Fit) -> tuple[str, ...]:
     """One question for each pattern in the estimates: a scale of all lengths, a turned frame, joints at few levels."""
-    return (*_scale(fitted), *_turned_frame(fitted), *_few_levels(fitted))
+    columns = parameter_jacobian(fitted.rest, fitted.model.free).reshape(-1, len(fitted.model.free))
+    return (*_scale(fitted, columns), *_turned_frame(fitted, columns), *_few_levels(fitted))
 
 
-def _scale(fitted: Fit) -> Iterator[str]:
+def _scale(fitted: Fit, columns: Array) -> Iterator[str]:
     """Whether the fitted lengths together stretch the arm as a tracker of another unit would."""
-    model = fitted.model
-    lengths = [key for key in model.free if key.startswith("offsets.") and key.endswith("_mm") and ".base." not in key]
-    others = [key for key in model.free if key not in lengths]
-    moved, stretch = _beside(fitted, others, _motion(fitted, lengths), fitted.rest.true_tcp.reshape(-1, 1))
+    lengths = [
+        key.startswith("offsets.") and key.endswith("_mm") and ".base." not in key for key in fitted.model.free
+    ]
+    others = columns[:, np.logical_not(lengths)]
+    moved, stretch = _beside(others, _motion(fitted, columns, lengths), fitted.rest.true_tcp.reshape(-1, 1))
     share, likeness, error = _along(moved, stretch[:, 0], fitted.sigma)
-    if len(lengths) > 2 and likeness > LIKENESS and abs(share) > SURELY * error:
+    if sum(lengths) > 2 and likeness > LIKENESS and abs(share) > SURELY * error:
         longer = "longer" if share > 0 else "shorter"
         yield (
             f"all lengths are {quantity(abs(share) * 100, error * 100)} % {longer} than drawn, by the same share: "
@@ -40,12 +42,13 @@ def _scale(fitted: Fit) -> Iterator[str]:
         )
 
 
-def _turned_frame(fitted: Fit) -> Iterator[str]:
+def _turned_frame(fitted: Fit, columns: Array) -> Iterator[str]:
     """Whether the base's offsets together are a rotation about the origin of the tracker's frame."""
-    base = [key for key in fitted.model.free if key.startswith("offsets.base.")]
-    if not any(key.endswith("_rad") for key in base) or not any(key.endswith("_mm") for key in base):
+    base = [key.startswith("offsets.base.") for key in fitted.model.free]
+    units = {key.rsplit("_", 1)[1] for key, chosen in zip(fitted.model.free, base, strict=True) if chosen}
+    if not {"rad", "mm"} <= units:
         return
-    moved, tcp = _motion(fitted, base), fitted.rest.true_tcp
+    moved, tcp = _motion(fitted, columns, base), fitted.rest.true_tcp
     turns = np.stack([np.cross(axis, tcp).reshape(-1) for axis in np.eye(3)], axis=1)
     angles = np.linalg.lstsq(turns, moved, rcond=None)[0]
     angle = float(np.linalg.norm(angles))
@@ -66,15 +69,14 @@ def _few_levels(fitted: Fit) -> Iterator[str]:
             yield f"{kinds} of {name} rest on {levels} levels of the joint: at others it may err differently"
 
 
-def _motion(fitted: Fit, keys: Sequence[str]) -> Array:
-    """(3 N,), how the fitted values of these parameters move the TCP (m)."""
-    J = parameter_jacobian(fitted.rest, keys)
-    return np.asarray((J @ np.array([fitted.model.value(key) for key in keys])).reshape(-1))
+def _motion(fitted: Fit, columns: Array, chosen: Sequence[bool]) -> Array:
+    """(3 N,), how the fitted values of the chosen parameters, of columns (3 N, P), move the TCP (m)."""
+    values = np.array([fitted.model.value(key) for key in fitted.model.free])
+    return np.asarray(columns[:, chosen] @ values[list(chosen)])
 
 
-def _beside(fitted: Fit, keys: Sequence[str], moved: Array, columns: Array) -> tuple[Array, Array]:
-    """A motion (3 N,) and columns (3 N, m) with those of other parameters projected out."""
-    A = parameter_jacobian(fitted.rest, keys).reshape(-1, len(keys))
+def _beside(A: Array, moved: Array, columns: Array) -> tuple[Array, Array]:
+    """A motion (3 N,) and columns (3 N, m) with other parameters' A (3 N, k) projected out."""
     scaled = A / np.maximum(np.linalg.norm(A, axis=0), 1e-300)
     basis = np.linalg.svd(scaled, full_matrices=False)[0]
     return moved - basis @ (basis.T @ moved), columns - basis @ (basis.T @ columns)

@@ -28,6 +28,9 @@ from lrm_math.model.effect_binding import BoundEffect, anchor_shift, bind_effect
 from lrm_math.model.equilibrium import Equilibrium
 from lrm_math.model.sensed import TCP_ONLY, Sensed, along_distance
 
+BLOCK = 2000
+"""Poses whose Jacobian is computed at once: memory grows with the poses only by what is returned."""
+
 
 def slot_jacobian(chain: Chain, geometry: ChainGeometry) -> Array:
     """Geometric Jacobian of the TCP for every slot, rigid arm: (S, 3, N), m/rad or 1."""
@@ -136,6 +139,9 @@ def parameter_jacobian(settled: Equilibrium, keys: Sequence[str] | None = None, 
 
     (N, R, P) with what else is `sensed`.
     """
+    if (count := len(settled.poses)) > BLOCK:
+        blocks = np.split(np.arange(count), range(BLOCK, count, BLOCK))
+        return np.concatenate([parameter_jacobian(settled.take(rows), keys, sensed) for rows in blocks])
     model, response = settled.model, respond(settled, sensed)
     position = {key: column for column, key in enumerate(model.keys if keys is None else keys)}
     out = np.zeros((len(position), response.slots.shape[1], len(settled.poses)))

@@ -15,9 +15,8 @@ from numpy.typing import NDArray
 
 from lrm_ident.data.weights.whitening import Whitening
 from lrm_math.arrays import Array
+from lrm_math.model.derivatives import BLOCK
 from lrm_math.model.equilibrium import Equilibrium
-
-BLOCK = 2000  # poses
 
 
 @dataclass(frozen=True, eq=False)
