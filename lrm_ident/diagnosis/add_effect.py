@@ -128,7 +128,8 @@ def _fit_shape(best: Fit, data: Measurements, key: str, tried: Sequence[float], 
         """RMS of the fit with the shape held at this place between the values that are tried (m)."""
         nonlocal best
         try:
-            found = fit(best.model.with_values_of([key], np.interp(place, places, tried)), data, loss=how)
+            model = best.model.with_values_of([key], np.interp(place, places, tried))
+            found = fit(model, data, loss=how, near=best.rest)
         except (NoEquilibrium, FitNotConverged, DegenerateFit):
             return np.inf
         best = min(best, found, key=lambda one: error_stats(one.residual).rms)
