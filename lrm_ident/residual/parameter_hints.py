@@ -28,9 +28,7 @@ def parameter_hints(fitted: Fit) -> tuple[str, ...]:
 
 def _scale(fitted: Fit, columns: Array) -> Iterator[str]:
     """Whether the fitted lengths together stretch the arm as a tracker of another unit would."""
-    lengths = [
-        key.startswith("offsets.") and key.endswith("_mm") and ".base." not in key for key in fitted.model.free
-    ]
+    lengths = [key.startswith("offsets.") and key.endswith("_mm") and ".base." not in key for key in fitted.model.free]
     others = columns[:, np.logical_not(lengths)]
     moved, stretch = _beside(others, _motion(fitted, columns, lengths), fitted.rest.true_tcp.reshape(-1, 1))
     share, likeness, error = _along(moved, stretch[:, 0], fitted.sigma)

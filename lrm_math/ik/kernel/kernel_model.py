@@ -265,5 +265,5 @@ def _address(argument: Any) -> Any:
     """Address of an array or a structure; anything else as it is."""
     if isinstance(argument, np.ndarray):
         lent = argument.flags.writeable and argument.size  # a fifth of the time of `ctypes`, thirty times a query
-        return ctypes.addressof(ctypes.c_byte.from_buffer(argument)) if lent else argument.ctypes.data
+        return ctypes.addressof(ctypes.c_byte.from_buffer(argument.data)) if lent else argument.ctypes.data
     return ctypes.addressof(argument) if isinstance(argument, ctypes.Structure) else argument
