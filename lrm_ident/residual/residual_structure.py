@@ -63,8 +63,8 @@ def noise_floor(data: Measurements, rest: Equilibrium) -> NoiseFloor:
     left = data.residual(rest)
     left = left[:, -1:] if alone else left[:, :axes]
     rows = np.flatnonzero(~np.isnan(measured[:, 0]))
-    groups = [rows[data.repeat_of[rows] == number] for number in np.unique(data.repeat_of[rows])]
-    repeats = [rows for rows in groups if len(rows) > 1]
+    numbers, count = np.unique(data.repeat_of[rows], return_counts=True)
+    repeats = [rows[data.repeat_of[rows] == number] for number in numbers[count > 1]]
     if repeats:
         squares = sum(float(((left[rows] - left[rows].mean(axis=0)) ** 2).sum()) for rows in repeats)
         degrees_of_freedom = axes * sum(len(rows) - 1 for rows in repeats)
