@@ -17,6 +17,7 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg.blas import dgemm
 
 from lrm_ident.diagnosis.screening.column_sets import (
     NO_ROWS,
@@ -144,10 +145,10 @@ class LinearisedFit:
         place = columns_of(stacks)
         for number, C in enumerate(sets):
             columns[:, place[number]] = C[self.order]
-        basis = self.basis[self.order]
+        basis = np.asfortranarray(self.basis[self.order])
         for start in range(0, columns.shape[1], AT_ONCE):
             some = columns[:, start : start + AT_ONCE]
-            some -= basis @ (basis.T @ some)
+            dgemm(-1.0, basis, basis.T @ some, 1.0, some, overwrite_c=1)  # some -= basis @ (basis.T @ some), in place
         return self.up_to_date(column_sets(columns, self.residual[self.order], stacks, self.parts))
 
     def up_to_date(self, sets: ColumnSets) -> ColumnSets:
