@@ -167,7 +167,7 @@ def _select(scores: Screening, progress: OnProgress, refused: Collection[str] = 
     possible = [one for one in ranked if one.name not in refused]
     tried = [one for one in possible if not scores.like_noise or one.candidate.standing == REFINEMENT]
     weights = None if scores.rates is None else scores.rates.weights([one.name for one in tried])
-    selection = forward_select(ranked, scores.sets, linear, progress, weights, tried)
+    selection = forward_select(scores.scored, scores.sets, linear, progress, weights, tried)
     selected = selection.effects
     return Diagnosis(
         fit=whole,

@@ -170,6 +170,13 @@ def columns_of(stacks: Sequence[EqualSizedSets]) -> dict[int, slice]:
     }
 
 
+def side_by_side(sets: Sequence[Array], rows: int) -> tuple[Array, tuple[EqualSizedSets, ...]]:
+    """(rows, M), sets of columns (rows, m) that stand by size, and where each stands."""
+    stacks = stacks_of([one.shape[1] for one in sets])
+    order = [int(number) for stack in stacks for number in stack.numbers]
+    return np.concatenate([np.empty((0, rows)), *(sets[number].T for number in order)]).T, stacks
+
+
 def column_sets(
     columns: Array, residual: Array, stacks: tuple[EqualSizedSets, ...], parts: Sequence[FoldSplit]
 ) -> ColumnSets:

@@ -22,7 +22,9 @@ from scipy.linalg.blas import dgemm
 from lrm_ident.diagnosis.screening.column_sets import (
     NO_ROWS,
     ColumnSets,
+    EqualSizedSets,
     FoldSplit,
+    by_set,
     column_sets,
     columns_of,
     joined,
@@ -129,6 +131,11 @@ class LinearisedFit:
         measured = (self.residual != 0.0) | self.basis.any(axis=1)
         return int(np.count_nonzero(measured) - self.basis.shape[1] - self.taken.columns.shape[1])
 
+    @cached_property
+    def squares(self) -> float:
+        """Residual sum of squares (m²) that the fitted parameters leave."""
+        return float(self.residual @ self.residual)
+
     def pose_by_pose(self, rows: Array) -> Array:
         """Rows (R N,) that stand fold by fold, pose by pose."""
         out = np.empty_like(rows)
@@ -141,15 +148,34 @@ class LinearisedFit:
 
     def project_each(self, sets: Iterable[Array], sizes: Sequence[int]) -> ColumnSets:
         """Sets of columns (R N, m), of these sizes, without what the fit explains of them."""
-        stacks, columns = stacks_of(sizes), np.empty((len(self.residual), sum(sizes)), order="F")
+        stacks = stacks_of(sizes)
+        return self.up_to_date(self.sets_of(self.orthogonal(sets, stacks), stacks))
+
+    def sets_of(self, columns: Array, stacks: tuple[EqualSizedSets, ...]) -> ColumnSets:
+        """Sets of `orthogonal` columns, beside which nothing was taken."""
+        return column_sets(columns, self.residual[self.order], stacks, self.parts)
+
+    def orthogonal(self, sets: Iterable[Array], stacks: tuple[EqualSizedSets, ...]) -> Array:
+        """(R N, M), sets of columns (R N, m) side by side, fold by fold, without what the fitted parameters explain."""
         place = columns_of(stacks)
+        columns = np.empty((len(self.residual), stacks[-1].columns.stop if stacks else 0), order="F")
         for number, C in enumerate(sets):
             columns[:, place[number]] = C[self.order]
         basis = np.asfortranarray(self.basis[self.order])
         for start in range(0, columns.shape[1], AT_ONCE):
             some = columns[:, start : start + AT_ONCE]
             dgemm(-1.0, basis, basis.T @ some, 1.0, some, overwrite_c=1)  # some -= basis @ (basis.T @ some), in place
-        return self.up_to_date(column_sets(columns, self.residual[self.order], stacks, self.parts))
+        return columns
+
+    def left_in_sample(self, columns: Array, stacks: tuple[EqualSizedSets, ...]) -> Array:
+        """(S,), residual sum of squares (m²) that each set of `orthogonal` columns alone leaves in the sample."""
+        along, left = self.residual[self.order] @ columns, np.full(stacks[-1].places.stop, self.squares)
+        for stack in stacks:
+            own = by_set(columns, stack)
+            gram, right = np.swapaxes(own, 1, 2) @ own, along[stack.columns].reshape(-1, stack.size, 1)
+            theta = np.linalg.solve(gram + self.ridge * np.eye(stack.size), right)
+            left[stack.numbers] -= (theta * (2.0 * right - gram @ theta)).sum(axis=(1, 2))
+        return left
 
     def up_to_date(self, sets: ColumnSets) -> ColumnSets:
         """Columns that were projected before some others were taken: without what these explain too."""

@@ -10,7 +10,7 @@ import numpy as np
 
 from lrm_ident.data.weights.row_weights import RowWeights
 from lrm_ident.diagnosis.screening.candidates import Candidate
-from lrm_ident.diagnosis.screening.column_sets import ColumnSets
+from lrm_ident.diagnosis.screening.column_sets import ColumnSets, columns_of, side_by_side, stacks_of
 from lrm_ident.diagnosis.screening.linearised_fit import (
     AT_ONCE,
     LinearEstimate,
@@ -23,8 +23,6 @@ from lrm_ident.residual.significance import f_test_p_value
 from lrm_ident.residual.thresholds import MIN_DETECTABLE, SIGNIFICANCE, Z_THRESHOLD
 from lrm_math.arrays import Array
 from lrm_math.effects import Effect
-
-Trials = list[tuple[LinearEstimate, tuple[float, ...], ColumnSets, Array]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,44 +62,62 @@ class ScoredCandidate:
 
 def score_candidates(
     found: Sequence[Candidate], linear: LinearisedFit, weigh: RowWeights, progress: OnProgress
-) -> tuple[list[ScoredCandidate], list[tuple[Effect, str]]]:
+) -> tuple[list[ScoredCandidate], ColumnSets, list[tuple[Effect, str]]]:
     """Scores every candidate; those not detectable at their typical size, and not significant, come apart, with the
-    reason.
+    reason. The projected columns of the scored ones come side by side.
 
     Args:
         weigh: relative weights of the rows.
     """
-    scored, undetectable = [], []
-    for number, (candidate, tried) in enumerate(_tried(found, linear, weigh)):
-        alone, shape, projected, columns = min(tried, key=lambda one: one[0].in_sample)
-        rank, projected = projected_rank(projected.columns, columns), projected.copy()
-        moved = float(np.linalg.norm(projected.columns))
-        p_value = (
-            f_test_p_value(linear.now.in_sample, alone.in_sample, rank, linear.degrees_of_freedom) if rank else 1.0
-        )
-        p_value = min(1.0, p_value * len(tried))
-        if rank == 0 or (moved < MIN_DETECTABLE * linear.sigma and p_value > SIGNIFICANCE):
+    detectable, undetectable = [], []
+    for number, trial in enumerate(_at_best_shapes(found, linear, weigh)):
+        moved = float(np.linalg.norm(trial.columns))
+        p_value = 1.0
+        if trial.rank:
+            p_value = f_test_p_value(linear.squares, trial.in_sample, trial.rank, linear.degrees_of_freedom)
+        p_value = min(1.0, p_value * len(trial.candidate.shapes))
+        if trial.rank == 0 or (moved < MIN_DETECTABLE * linear.sigma and p_value > SIGNIFICANCE):
             each = moved / np.sqrt(len(linear.residual) / linear.rows)
             size = f"a typical size moves the TCP by only {each * 1e3:.2g} mm"
-            undetectable.append((candidate.effect, f"{size} beyond what the fitted parameters already explain"))
+            undetectable.append((trial.candidate.effect, f"{size} beyond what the fitted parameters already explain"))
         else:
-            added = linear.pose_by_pose(projected.columns @ alone.theta)
-            why_not = _implausible(candidate, alone)
-            scored.append(ScoredCandidate(candidate, shape, projected, alone, added, p_value, why_not))
+            detectable.append((trial, p_value))
         progress(number + 1, 2 * len(found))
-    return scored, undetectable
+    sets = linear.sets_of(*side_by_side([trial.columns for trial, _ in detectable], len(linear.residual)))
+    scored = []
+    for (trial, p_value), projected, alone in zip(detectable, sets, linear.explain_each(sets), strict=True):
+        added, why_not = linear.pose_by_pose(projected.columns @ alone.theta), _implausible(trial.candidate, alone)
+        scored.append(ScoredCandidate(trial.candidate, trial.shape, projected, alone, added, p_value, why_not))
+    return scored, sets, undetectable
 
 
-def _tried(found: Sequence[Candidate], linear: LinearisedFit, weigh: RowWeights) -> Iterator[tuple[Candidate, Trials]]:
-    """Estimate of every candidate alone at each of its shapes; `AT_ONCE` columns or more are projected together."""
+@dataclass(frozen=True, eq=False)
+class _Trial:
+    """A candidate at the shape at which it explains most in the sample: its columns (R N, m) without what the fitted
+    parameters explain, their rank, and the residual sum of squares that they leave (m²)."""
+
+    candidate: Candidate
+    shape: tuple[float, ...]
+    columns: Array
+    rank: int
+    in_sample: float
+
+
+def _at_best_shapes(found: Sequence[Candidate], linear: LinearisedFit, weigh: RowWeights) -> Iterator[_Trial]:
+    """Every candidate at its best shape; `AT_ONCE` columns or more are projected together."""
     ends = np.cumsum([len(one.rows) * len(one.shapes) for one in found])
     for number in np.unique(ends // AT_ONCE):
         together = [one for one, end in zip(found, ends, strict=True) if end // AT_ONCE == number]
         every = [weigh(one.columns(shape)) for one in together for shape in one.shapes]
-        sets = linear.project_each(every, [C.shape[1] for C in every])
-        ready = zip(linear.explain_each(sets), sets, every, strict=True)
+        stacks = stacks_of([C.shape[1] for C in every])
+        columns, place, first = linear.orthogonal(every, stacks), columns_of(stacks), 0
+        left = linear.left_in_sample(columns, stacks)
         for one in together:
-            yield one, [(alone, shape, own, C) for shape, (alone, own, C) in zip(one.shapes, ready)]  # noqa: B905
+            best = first + int(np.argmin(left[first : first + len(one.shapes)]))
+            own = columns[:, place[best]].copy("F")
+            rank = projected_rank(own, every[best])
+            yield _Trial(one, one.shapes[best - first], own, rank, float(left[best]))
+            first += len(one.shapes)
 
 
 def _implausible(candidate: Candidate, alone: LinearEstimate) -> str:

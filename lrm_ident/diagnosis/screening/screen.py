@@ -6,7 +6,7 @@ Of thousands of poses a part is screened, drawn at random, with those that the f
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.weights.row_weights import RowWeights
 from lrm_ident.diagnosis.screening.candidates import differentiate_candidates, split_testable, unfitted_effects
-from lrm_ident.diagnosis.screening.column_sets import ColumnSets, joined
+from lrm_ident.diagnosis.screening.column_sets import ColumnSets
 from lrm_ident.diagnosis.screening.linearised_fit import LinearisedFit, linearise
 from lrm_ident.diagnosis.screening.score_test import ScoredCandidate, score_candidates
 from lrm_ident.fitting.cross_validation import joint_space_folds
@@ -40,7 +40,7 @@ class Screening:
 
     Attributes:
         weigh, linear: relative weights of the screened rows, and the fit linearised there.
-        response: of the model with every candidate in it. ranked: the testable candidates, best first.
+        response: of the model with every candidate in it. scored: the testable candidates.
         sets: their projected columns, side by side.
         rates: how often arms of this kind have each effect, where that is known.
     """
@@ -51,10 +51,15 @@ class Screening:
     weigh: RowWeights
     linear: LinearisedFit
     response: Response
-    ranked: list[ScoredCandidate]
+    scored: list[ScoredCandidate]
     sets: ColumnSets
     not_testable: tuple[tuple[Effect, str], ...]
     rates: EffectRates | None = None
+
+    @cached_property
+    def ranked(self) -> list[ScoredCandidate]:
+        """The testable candidates, best first."""
+        return sorted(self.scored, key=lambda one: one.alone.rms)
 
     @cached_property
     def subset(self) -> tuple[Fit, Measurements]:
@@ -116,11 +121,8 @@ def screen(whole: Fit, data: Measurements, kinds: Iterable[type[Effect]], progre
     sensed = part.whitening.sensed
     testable, not_testable = split_testable(unfitted_effects(fitted.model, kinds), fitted.rest, sensed)
     response, found = differentiate_candidates(fitted.rest, testable, sensed)
-    scored, undetectable = score_candidates(found, linear, weigh, progress)
-    ranked = sorted(scored, key=lambda one: one.alone.rms)
-    sets = joined([one.projected for one in ranked], linear.parts)
-    ranked = [replace(one, projected=own) for one, own in zip(ranked, sets, strict=True)]  # no copies of the columns
-    return Screening(whole, data, screened, weigh, linear, response, ranked, sets, (*not_testable, *undetectable))
+    scored, sets, undetectable = score_candidates(found, linear, weigh, progress)
+    return Screening(whole, data, screened, weigh, linear, response, scored, sets, (*not_testable, *undetectable))
 
 
 def rows_to_screen(fitted: Fit) -> NDArray[np.int64]:
