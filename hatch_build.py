@@ -77,7 +77,7 @@ class CustomBuildHook(BuildHookInterface):  # type: ignore[type-arg]
     """Hatchling's hook of that name."""
 
     def dependencies(self) -> list[str]:
-        """What the build needs beside hatchling."""
+        """Requirements of the build beside hatchling."""
         needed = self.target_name == "wheel" and (target() or machine_compiler() is None)
         return [ZIGLANG] if needed else []
 

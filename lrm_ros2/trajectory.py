@@ -99,8 +99,8 @@ def _speed(points: Sequence[Mapping[str, float]], times: Sequence[float], rates:
         for name, angle in points[k].items():
             rate = abs(angle - points[k - 1][name]) / (times[k] - times[k - 1])
             if rate > rates[name] * (1.0 + 1e-9):
-                ask, most = math.degrees(rate), math.degrees(rates[name])
-                raise LrmError(f"point {k}: {name} would need {ask:.1f} deg/s; its most is {most:.1f} deg/s")
+                rate_deg, most = math.degrees(rate), math.degrees(rates[name])
+                raise LrmError(f"point {k}: {name} would need {rate_deg:.1f} deg/s; its most is {most:.1f} deg/s")
             needed = max(needed, rate / rates[name])
     return min(needed, 1.0)
 

@@ -1,4 +1,4 @@
-"""What several tests share: arms, the folder of real measurements."""
+"""Fixtures of several tests: arms, the folder of real measurements."""
 
 from __future__ import annotations
 

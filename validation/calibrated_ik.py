@@ -141,9 +141,9 @@ def one_cube(solver: CalibratedSolver, tools: Array) -> float:
     """Median time (s) of a single cube: one correction, 11³ goals by the nominal inverse, the arm at rest at each."""
     once, took = Cube(moves=0, guesses=1), []
     for tool in tools:
-        ask = IkQuery(pose(tool[:3, 3], tool[:3, :3]), PAYLOAD)
+        query = IkQuery(pose(tool[:3, 3], tool[:3, :3]), PAYLOAD)
         started = time.perf_counter()
-        once.search(solver.arm, ask)
+        once.search(solver.arm, query)
         took.append(time.perf_counter() - started)
     return float(np.median(took))
 

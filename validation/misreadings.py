@@ -147,7 +147,7 @@ def of_its_stiffness(name: str, truth: synthetic.GroundTruth) -> synthetic.Groun
 
 
 def print_misreadings(seeds: Sequence[int]) -> None:
-    """How many misreadings are understood, and which are not."""
+    """Prints how many misreadings are understood, and which are not."""
     missed, shares = [], []
     for name, kind, seed in product(ARMS, KINDS, seeds):
         case = misread(name, kind, seed)
@@ -161,7 +161,7 @@ def print_misreadings(seeds: Sequence[int]) -> None:
 
 
 def print_healthy(seeds: Sequence[int]) -> None:
-    """How many healthy data sets are refused, and which."""
+    """Prints how many healthy data sets are refused, and which."""
     refused, shares = [], []
     for name, seed in product(HEALTHY, seeds):
         check = check_reading(load_arm(name), healthy_data(name, seed))

@@ -18,7 +18,7 @@ NOISE = 3e-4
 def measured(
     arm: synthetic.ArmDescription, truth: synthetic.GroundTruth, q: Array, seed: int, load: float = 0.0
 ) -> Measurements:
-    """What a tracker measures at poses (N, n) with a load (kg)."""
+    """Measurements of a tracker at poses (N, n) with a load (kg)."""
     number = np.arange(1, len(q) + 1)
     tcp = synthetic.measure(arm, truth, q, load, NOISE, seed)
     return Measurements(poses_of(q, load), number, tcp, None, NOISE, number, Path("synthetic"), "")

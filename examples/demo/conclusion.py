@@ -16,7 +16,7 @@ from lrm_ident.report.document import ResultTable
 
 @dataclass(frozen=True)
 class DemoTruth:
-    """What a seed hides: the effect by the tool's name, and in words. `simpler`: the same cause with less in it."""
+    """Hidden effect of a seed: its name by the tool's name, and in words. `simpler`: the same cause with less in it."""
 
     seed: int
     effect: str

@@ -1,4 +1,4 @@
-"""What the simulated arm is really like: drawn by a seed from the independent generator, unknown to the model."""
+"""True parameters of the simulated arm: drawn by a seed from the independent generator, unknown to the model."""
 
 from __future__ import annotations
 

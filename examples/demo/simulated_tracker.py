@@ -43,7 +43,7 @@ BASE_IN_ROOM = TargetPose(
 
 @dataclass(frozen=True, eq=False)
 class BoardState:
-    """What the board says: servo angles (n,) in rad, load (kg), its time (s), power-on session."""
+    """State of the board: servo angles (n,) in rad, load (kg), its time (s), power-on session."""
 
     q: Array
     payload: float

@@ -25,7 +25,7 @@ TIMING = ("--settle", str(SETTLE_S), "--dwell", str(DWELL_S))
 
 @dataclass(frozen=True)
 class NamedEffect:
-    """What `diagnose` found: its verdict, the effect that it would add, those that the data cannot tell from it."""
+    """Finding of `diagnose`: its verdict, the effect that it would add, those that the data cannot tell from it."""
 
     verdict: str
     name: str
@@ -39,7 +39,7 @@ class NamedEffect:
 
     @property
     def words(self) -> str:
-        """For a person."""
+        """Sentence for a person."""
         if not self.to_add:
             return self.verdict.replace("_", " ")
         return f"{self.name}, or {', '.join(self.rivals)}" if self.rivals else self.name
@@ -97,11 +97,11 @@ class DemoSteps:
         self._ident("fit", self.file("measured.csv"), *more, "-o", self.file("fitted.toml"))
 
     def compare(self) -> None:
-        """Where it fails."""
+        """Figures of where the model fails."""
         self._ident("compare", self.file("fitted.toml"), self.file("measured.csv"))
 
     def diagnose(self) -> NamedEffect:
-        """What it misses."""
+        """Diagnosis of what the model misses."""
         result = self.file("diagnosis.json")
         self._ident("diagnose", self.file("fitted.toml"), self.file("measured.csv"), "--json", result)
         found = read_json(Path(result))

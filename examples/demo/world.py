@@ -37,7 +37,7 @@ HOME = (0.0,) * 6
 
 @dataclass(frozen=True)
 class World:
-    """Where the simulated rover is: its zenoh endpoint, the board's link, the tracker's UDP port."""
+    """Addresses of the simulated rover: its zenoh endpoint, the board's link, the tracker's UDP port."""
 
     endpoint: str
     board: Path
@@ -50,7 +50,7 @@ class World:
 
     @property
     def load_command(self) -> str:
-        """What puts a load on the simulated tool; its last word are grams."""
+        """Command that puts a load on the simulated tool; its last word are grams."""
         return f"{sys.executable} -m examples.demo.load {self.board}"
 
 

@@ -77,7 +77,7 @@ class DynamixelBus(FeetechBus):
         return PacketReader[Packet](DynamixelPacket)
 
     def status(self, number: int, error: int = 0, data: bytes = b"") -> bytes:
-        """What a servo of a number answers: an error byte, then the data."""
+        """Answer of a servo by its number: an error byte, then the data."""
         return DynamixelPacket(number, Instruction.STATUS, bytes([error]) + data).encoded()
 
     def pinged(self, servo: FeetechServo) -> bytes:

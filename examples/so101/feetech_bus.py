@@ -39,11 +39,11 @@ class FeetechBus:
         return PacketReader[Packet](FeetechPacket)
 
     def status(self, number: int, error: int = NO_ERROR, data: bytes = b"") -> bytes:
-        """What a servo of a number answers."""
+        """Answer of a servo by its number."""
         return FeetechPacket(number, error, data).encoded()
 
     def pinged(self, servo: FeetechServo) -> bytes:
-        """What a servo answers when it is asked whether it is there."""
+        """Answer of a servo to a ping."""
         return self.status(servo.id)
 
     def _word(self, given: bytes, place: int = 0) -> int:
@@ -59,7 +59,7 @@ class FeetechBus:
             self._on_change()
 
     def feed(self, data: bytes, now: float) -> bytes:
-        """What the servos answer to bytes that arrive at a time (s)."""
+        """Answers of the servos to bytes that arrive at a time (s)."""
         self.advance(now)
         return b"".join(self._answer(packet) for packet in self._reader.feed(data))
 
@@ -100,7 +100,7 @@ class FeetechBus:
         return self.status(servo.id, servo.error) if level >= ALL else b""
 
     def _said(self, servo: FeetechServo, given: bytes) -> bytes:
-        """What it answers when asked for a length of bytes from an address."""
+        """Answer to a request for a length of bytes from an address."""
         data = servo.read(self._word(given), self._word(given, 1))
         return self.status(servo.id, servo.error, data)
 
@@ -135,7 +135,7 @@ def _ids(servos: Sequence[FeetechServo]) -> Iterator[int]:
 
 
 def garbled(answers: Sequence[bytes]) -> bytes:
-    """What arrives of answers that are sent at once: a wire that anyone pulls low is low."""
+    """Bytes that arrive of answers sent at once: a wire that anyone pulls low is low."""
     out = bytearray()
     for together in zip_longest(*answers, fillvalue=0xFF):
         byte = 0xFF

@@ -47,7 +47,7 @@ class FeetechServo:
 
     @property
     def id(self) -> int:
-        """On the bus."""
+        """Number on the bus."""
         return table.ID.read(self.memory)
 
     @property
@@ -75,7 +75,7 @@ class FeetechServo:
 
     @property
     def count(self) -> int:
-        """What its encoder reads, less the homing offset."""
+        """Reading of its encoder, less the homing offset."""
         return round(self.angle / STEP) + MIDDLE - table.HOMING_OFFSET.read(self.memory)
 
     def advance(self, dt: float) -> None:

@@ -1,4 +1,4 @@
-"""Where commands print: results on stdout, notices and errors on stderr, wrapped at spaces where a width is known."""
+"""Consoles of the commands: results on stdout, notices and errors on stderr, wrapped at spaces to a known width."""
 
 from __future__ import annotations
 

@@ -137,7 +137,7 @@ def _tcp_to_boxes(scene: Scene, tcp: Array) -> Array:
     return nearest
 
 
-def every_one(q: Array) -> tuple[Array, str]:
+def all_poses(q: Array) -> tuple[Array, str]:
     """Narrowing that keeps all."""
     return q, ""
 
@@ -148,7 +148,7 @@ def clear_poses(
     payloads: Sequence[float],
     rules: ClearanceRules,
     seed: int,
-    narrowed: Narrowing = every_one,
+    narrowed: Narrowing = all_poses,
 ) -> CandidateSet:
     """The combinations of levels (rad) that keep the rules, each under every payload (kg). Raises `LrmError`."""
     clear = candidate_grid(arm, levels, rules)

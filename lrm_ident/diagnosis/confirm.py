@@ -50,7 +50,7 @@ class Refit:
 
     @property
     def error(self) -> ErrorStats:
-        """Its held-out error."""
+        """Held-out error."""
         return error_stats(self.held_out)
 
 

@@ -282,7 +282,7 @@ def _fit_from_part(model: Model, data: Measurements, bounds: Bounds, loss: Loss)
 
 
 def some_rows(count: int, most: int | None = None) -> NDArray[np.int64]:
-    """At most so many rows (`MOST_AT_ONCE`) drawn from `count` without replacement, ascending, always the same."""
+    """Rows, at most `MOST_AT_ONCE`, drawn from `count` without replacement, ascending, always the same."""
     return drawn_rows(count, MOST_AT_ONCE if most is None else most)
 
 

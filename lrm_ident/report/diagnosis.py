@@ -328,7 +328,7 @@ def course_document(
 
 
 def _chosen(nested: NestedResidual) -> str:
-    """In how many folds each effect was chosen: what few choose is unstable."""
+    """Number of folds in which each effect was chosen: what few choose is unstable."""
     often = [f"{name} {count}" for name, count in nested.frequency.items() if count > 1]
     once = sum(count == 1 for count in nested.frequency.values())
     words = [*often, *([f"{once} more once each" if often else f"{once} once each"] if once else [])]

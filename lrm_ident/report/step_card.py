@@ -50,7 +50,7 @@ class ErrorFall:
 
 @dataclass(frozen=True)
 class StepCard:
-    """What stays of a step that was taken.
+    """Record of a step that was taken.
 
     Attributes:
         number: of the step in the history. name: `effect@place`, or the step's own. title: the same in plain words.
@@ -79,7 +79,7 @@ class StepCard:
 
 
 def judgement(diagnosis: Document) -> EarlierDiagnosis:
-    """What stays of a diagnosis once an effect has been added."""
+    """Record of a diagnosis once an effect has been added."""
     ranking: Sequence[Mapping[str, str]] = diagnosis.values["ranking"]  # type: ignore[assignment]
     why = {f"{one['effect']}@{one['place']}": str(one["why"]) for one in ranking}
     return EarlierDiagnosis(str(diagnosis.blocks[0]), why)

@@ -81,7 +81,7 @@ class Covariate:
         return bool(np.ptp(self.values) > 0)
 
     def take(self, rows: NDArray[np.int64]) -> Covariate:
-        """At some poses."""
+        """The covariate at some poses."""
         return replace(self, values=self.values[rows])
 
     def legendre_basis(self, degree: int) -> Array:

@@ -74,7 +74,7 @@ class HeldOutResidual:
 
     @property
     def error(self) -> ErrorStats | None:
-        """Its statistics."""
+        """Error statistics of the group."""
         return None if self.residual is None else error_stats(self.residual, held_out_turns(self.blocks))
 
 
@@ -86,8 +86,7 @@ class NestedResidual(HeldOutResidual):
 
     @property
     def frequency(self) -> dict[str, int]:
-        """In how many folds each effect was chosen, the most often first (selection frequency, Meinshausen & Bühlmann
-        2010)."""
+        """Folds in which each effect was chosen, most first (selection frequency, Meinshausen & Bühlmann 2010)."""
         return dict(Counter(chain.from_iterable(map(dict.fromkeys, self.chosen))).most_common())
 
 

@@ -57,7 +57,7 @@ class FreeFunction:
 
     @property
     def place(self) -> str:
-        """Where it acts, in words."""
+        """Site in words."""
         return self.common if self.joint is None else f"joint {self.joint + 1}"
 
     @property

@@ -37,7 +37,7 @@ class Kernel:
 
     @staticmethod
     def of_log(values: Array) -> Kernel:
-        """From logarithms (D + 2,)."""
+        """Hyperparameters from their logarithms (D + 2,)."""
         found = np.exp(values)
         return Kernel(found[:-2], float(found[-2]), float(found[-1]))
 

@@ -91,7 +91,7 @@ class PredictableError:
 
     @property
     def sentence(self) -> str:
-        """Its prediction of the residual, and the inputs that it follows."""
+        """Prediction of the residual in words, and the inputs that it follows."""
         before, after = in_mm(error_stats(self.named).rms), in_mm(self.error.rms)
         if not self.more_to_find:
             return f"A model without names (a Gaussian process on the residual) predicts no better: {after} mm."

@@ -1,4 +1,4 @@
-"""What a person does with the workbench, without its page: steps that are begun, and what comes back of them."""
+"""Session of a person with the workbench, without its page: steps that are begun, and what comes back of them."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ NOTICES_KEPT = 8
 
 
 class WorkbenchSession(SessionState):
-    """What a person does with one model on one set of measurements, and what comes back of it."""
+    """Steps of a person with one model on one set of measurements, and their results."""
 
     # ---- what a person does
 

@@ -90,7 +90,7 @@ def with_undone(taken: TakenSteps) -> TakenSteps:
 
 
 def with_data(taken: TakenSteps, data: Path) -> TakenSteps:
-    """With the same measurements from another file."""
+    """Steps on the same measurements from another file."""
     last = taken.steps[-1]
     return replace(taken, steps=(*taken.steps[:-1], replace(last, files=replace(last.files, data=data))), undone=None)
 

@@ -229,7 +229,7 @@ class _Compliance:
 
     @staticmethod
     def of(settled: Equilibrium) -> _Compliance:
-        """At an equilibrium."""
+        """Derivatives at an equilibrium."""
         acting = [bound for bound in settled.model.binding.elastic if not bound.idle]
         moving = tuple(sorted({k for bound in acting for k in bound.slots}))
         loads = tuple(sorted({i for bound in acting for i in bound.loads}))

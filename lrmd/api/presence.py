@@ -48,7 +48,7 @@ class IkProbe:
         self._asked_at = -RETRY
         self.answered = False
 
-    def ask(self, now: int) -> None:
+    def query(self, now: int) -> None:
         """Sends the next query, if it is due at `now` (ns)."""
         if not self.answered and now - self._asked_at >= RETRY:
             self._asked_at = now

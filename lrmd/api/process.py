@@ -132,7 +132,7 @@ class ApiProcess:
 
     def _ready(self, probe: IkProbe, now: int) -> bool:
         """Whether all processes work: the ramp ticks, and the ik process has the model and answers."""
-        probe.ask(now)
+        probe.query(now)
         ik = probe.answered and self._shared.ik[0] > 0 and self._shared.values.ik_model == self._shared.values.model
         return ik and self._shared.read_report() is not None
 

@@ -36,7 +36,7 @@ def calibrate_servo(
     arm: str,
     output: Path,
     angles: Sequence[float],
-    ask: Callable[[str], str] = input,
+    prompt: Callable[[str], str] = input,
     show: Callable[[str], None] = print,
 ) -> None:
     """Guides the operator through one servo and writes `arm` with its new table to `output`. Raises `LrmError`."""
@@ -49,7 +49,7 @@ def calibrate_servo(
     if output.exists() and schema_of(output) != ARM_SCHEMA:
         raise FileError(output, "", "exists and is no arm file", "name another file")
     show(f"{servo}: put the protractor on. The arm will turn this servo to {len(angles)} places.\n{HELP}")
-    pairs = sorted(_measure(rover, servo, angle, ask, show) for angle in sorted(angles))
+    pairs = sorted(_measure(rover, servo, angle, prompt, show) for angle in sorted(angles))
     table = ServoTable(tuple(a for a, _ in pairs), tuple(p * 1e-6 for _, p in pairs))
     write_atomically(output, replace_table(text, servo, table).encode(), check=read_arm)
     show(f"{output}: {servo} now has {len(pairs)} measured angles. Name this file as `arm` in lrmd.toml.")
@@ -66,13 +66,13 @@ def _check(rover: Rover, servo: str, angles: Sequence[float]) -> None:
 
 
 def _measure(
-    rover: Rover, servo: str, wanted: float, ask: Callable[[str], str], show: Callable[[str], None]
+    rover: Rover, servo: str, wanted: float, prompt: Callable[[str], str], show: Callable[[str], None]
 ) -> tuple[float, float]:
     """One pair of measured angle (rad) and pulse (us)."""
     rover.move({servo: wanted})
     while True:
         pulse = _pulse(rover, servo)
-        word = ask(f"{servo} {math.degrees(wanted):g} deg, {pulse:.1f} us > ").strip()
+        word = prompt(f"{servo} {math.degrees(wanted):g} deg, {pulse:.1f} us > ").strip()
         if word == "":
             return wanted, pulse
         if word == "q":

@@ -128,10 +128,10 @@ class Subscription:
             self._newest = origin.t_mono_ns
             self._callback(data)
         elif self._asking.acquire(blocking=False):
-            threading.Thread(target=self._ask, daemon=True).start()
+            threading.Thread(target=self._confirm_and_pause, daemon=True).start()
 
-    def _ask(self) -> None:
-        """Asks, in a thread of its own: zenoh's must not wait for a reply."""
+    def _confirm_and_pause(self) -> None:
+        """Confirms who the daemon is, in a thread of its own: zenoh's must not wait for a reply."""
         with suppress(LrmError):
             self._confirm()
         threading.Event().wait(PAUSE_S)

@@ -174,7 +174,7 @@ class RoverSession:
         Raises `RequestRefused` on its error reply, `NoReply` without a reply of it, and `SeveralDaemons`.
         """
         known = self._daemon if tail in STOPS else self._identified()
-        answers = self._ask(tail, payload, timeout, source)
+        answers = self._query_all(tail, payload, timeout, source)
         if tail == EVENTS and known is not None:
             known = replace(known, seen=0)
         own = self._of_daemon(answers, known)
@@ -189,7 +189,7 @@ class RoverSession:
             raise self._several(tail, own)
         return [own[0].data]
 
-    def _ask(
+    def _query_all(
         self, tail: str, payload: bytes, timeout: float, source: zenoh.SourceInfo | None = None
     ) -> list[QueryAnswer]:
         """Replies of everybody. Asked are all: who declares that he alone has the whole answer is not believed."""
@@ -227,7 +227,7 @@ class RoverSession:
     def _confirm(self) -> Daemon:
         """Asks `info` which start of the daemon is there. Raises `NoReply`, `SeveralDaemons`."""
         with self._confirming:
-            answers = self._ask("info", b"", self._timeout)
+            answers = self._query_all("info", b"", self._timeout)
             before = "" if self._daemon is None else self._daemon.boot_id
             named = [a for a in answers if a.origin is not None and not a.refused]
             own = [a for a in named if a.origin is not None and a.origin.boot_id == before] or named

@@ -66,7 +66,7 @@ def _extend(s: ControllerState, jog: Jog, leg: Leg, departure: Departure, now: i
 
 
 def _leg(s: ControllerState, rates: Mapping[str, float], start: Pulses, ticks: int) -> Leg:
-    """So many ticks at rates (rad/s) by servo from pulses (ns), or up to the limits. Raises `LrmError`."""
+    """Leg of so many ticks at rates (rad/s) by servo from pulses (ns), or up to the limits. Raises `LrmError`."""
     config = s.config
     target, stride = [HOLD_PULSE] * len(config.servos), [config.step] * len(config.servos)
     for name, rate in rates.items():

@@ -1,4 +1,4 @@
-"""What the demo hides: by every seed an effect that the tool has a name for, and that a rover can compensate."""
+"""Hidden effects of the demo: by every seed an effect that the tool has a name for, and that a rover can compensate."""
 
 from __future__ import annotations
 

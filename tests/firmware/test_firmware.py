@@ -29,7 +29,7 @@ ERRORS = {BadFrameReason.COBS: 1, BadFrameReason.LENGTH: 1, BadFrameReason.CRC: 
 
 
 def frames_of(text: bytes) -> list[Any]:
-    """What the host's decoder makes of it, said as the firmware says it."""
+    """Frames by the host's decoder, said as the firmware says it."""
     events = FrameDecoder().feed(text)
     return [ERRORS[e.reason] if isinstance(e, BadFrame) else (e.type, e.seq, e.mask, e.words) for e in events]
 
@@ -110,7 +110,7 @@ def test_decoding_is_independent_of_chunking(text: bytes, size: int) -> None:
 
 
 def host_frame(rng: random.Random) -> Frame:
-    """What a host may send, with a number out of range now and then."""
+    """Frames that a host may send, with a number out of range now and then."""
     seq, mask = rng.randrange(256), rng.randrange(1, 1 << 16) & rng.randrange(1 << 16)
     counts = {bit: rng.choice((0, rng.randrange(4096), rng.randrange(4096))) for bit in bits_of(mask)}
     draw = rng.random()
@@ -155,7 +155,7 @@ def test_the_firmware_does_what_the_simulated_board_does(seed: int) -> None:
 
 
 def registers(chip: Pca9685Chip, set_up: bool) -> bytes:
-    """What both boards promise of their chips: the channels and the prescale, the modes once set up."""
+    """Registers as both boards promise them: the channels and the prescale, the modes once set up."""
     answers, chip.answers = chip.answers, True
     out = b"".join(chip.read(pca9685.LED0 + n) for n in range(64)) + chip.read(pca9685.PRESCALE)
     if set_up:

@@ -16,7 +16,7 @@ from tests.support.daemon.firmware_board import FIRMWARE, MS, FakeI2cBus, firmwa
 
 
 class Pico:
-    """As much of a Pico as main.py touches: `LOOPS` times round of 5 ms each, then the cable is pulled."""
+    """Pico as far as main.py touches it: `LOOPS` times round of 5 ms each, then the cable is pulled."""
 
     LOOPS = 120
 

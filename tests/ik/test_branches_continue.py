@@ -63,7 +63,7 @@ def scaled(model: Model, share: float) -> Model:
 
 
 def continued(model: Model, goal: Array, q: Array) -> Array | None:
-    """Where a branch without the field is with it; None if the path passes a singularity on the way."""
+    """A branch without the field, followed to where it is with it; None if the path passes a singularity on the way."""
     for share in np.linspace(0.0, 1.0, STEPS + 1):
         there, off, speed = newton(scaled(model, share), goal, q[None], 4)
         if off[0] > REACHED or speed[0] < REGULAR or np.abs(there[0] - q).max() > JUMP:

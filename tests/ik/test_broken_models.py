@@ -33,7 +33,7 @@ GOALS = (pose((0.2, 0.05, 0.25), np.eye(3)), point((0.2, 0.0, 0.2)), point((9.0,
 
 
 def answered(text: str) -> list[str]:
-    """What a solver says of a model file: the words of its answers, or of its one error."""
+    """Answer of a solver to a model file: the words of its answers, or of its one error."""
     with TemporaryDirectory() as folder:
         file = Path(folder, "model.toml")
         file.write_text(text, encoding="utf-8")
@@ -44,7 +44,7 @@ def answered(text: str) -> list[str]:
 
 
 def words(model: Model) -> list[str]:
-    """Of answers to a few goals, all of whose numbers are finite."""
+    """Words of answers to a few goals, all of whose numbers are finite."""
     solver, out = CalibratedSolver.of(model), []
     for goal in GOALS:
         try:

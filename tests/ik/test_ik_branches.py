@@ -91,7 +91,7 @@ def test_unreachable_goals_have_no_branches() -> None:
 @settings(max_examples=8)
 @given(arm=arms.filter(lambda arm: arm.dof >= 4))
 def test_solutions_on_any_arm_reach_the_goal_and_are_distinct(arm: Arm) -> None:
-    """With and without a closed form, with fewer and more joints than six."""
+    """Arms with and without a closed form, with fewer and more joints than six."""
     model = model_of(arm, effects_at(arm, "compliance"), {})
     calibrated = CalibratedSolver.of(model).arm
     _, tools = reachable(model, 3, 34, PAYLOAD)

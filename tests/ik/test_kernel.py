@@ -229,7 +229,7 @@ def test_a_law_that_is_held_beyond_its_range_is_held_in_the_kernel(seed: int, ed
 @settings(max_examples=10)
 @given(seed=st.integers(0, 10_000), payload=st.floats(0.0, 0.1))
 def test_equilibria_and_commands_are_those_of_the_model(seed: int, payload: float) -> None:
-    """With every law at once, links that bend, and sides of arrival."""
+    """Takes every law at once, links that bend, and sides of arrival."""
     model = random_model(load_arm("lrm-rover"), (*ON_JOINTS, *FLEXIBLE[2:]), seed, 0.15)
     laws, kernel, rng = JointErrorModel(model), flat(model, payload), np.random.default_rng(seed)
     q, side = rng.uniform(-1.5, 1.5, (6, 6)), rng.choice([-1.0, 0.0, 1.0], (6, 6))
@@ -273,7 +273,7 @@ def test_an_arm_beyond_the_fixed_maxima_is_one_clear_error() -> None:
     ],
 )
 def test_a_model_packed_wrongly_is_one_clear_error(wrong: dict[str, list[float]], says: str) -> None:
-    """Of every array that the kernel finds its way by."""
+    """Corrupts every array that the kernel finds its way by."""
     arm = flat(random_model(load_arm("lrm-rover"), ON_JOINTS, 0), 0.0)
     with pytest.raises(LrmError, match=says):
         arm.with_(**wrong)
@@ -311,7 +311,7 @@ def test_a_missing_stale_or_foreign_library_is_one_clear_error(tmp_path: Path, m
 
 
 def test_a_settled_command_too_soft_is_not_at_rest() -> None:
-    """As in `equilibrium`: deflections above 0.5 rad are refused."""
+    """The rule of `equilibrium`: deflections above 0.5 rad are refused."""
     arm = load_arm("lrm-rover")
     model = model_of(arm, effects_at(arm, "compliance"), {"compliance.joint2.k_rad_per_Nm": 3.0})
     context = CalibratedSolver.of(model).arm

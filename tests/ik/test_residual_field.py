@@ -130,7 +130,7 @@ def test_all_branches_with_a_field_that_was_learned() -> None:
 
 @pytest.mark.parametrize("names", [("compliance",), KNOWN], ids=["plain", "laws"])
 def test_nearly_all_branches_with_rough_fields(names: tuple[str, ...]) -> None:
-    """Of millimetres at the shortest waves, which fade within the limits: such a field folds the workspace anew."""
+    """Fields of millimetres at the shortest waves fade within the limits: such a field folds the workspace anew."""
     counts = np.array([beside_many_starts(with_field(names, seed), seed + 50, 30) for seed in range(4)])
     known, lacking = counts.sum(axis=0)
     assert known > 150
@@ -186,7 +186,7 @@ def test_the_uncertainty_of_an_answer_is_that_of_drawn_models(share: float) -> N
 
 
 def test_the_uncertainty_of_an_answer_has_the_variance_of_the_field_there() -> None:
-    """Where nothing else is uncertain, it is the root of F C Fᵀ by the functions of the regression."""
+    """Nothing else is uncertain: it is the root of F C Fᵀ by the functions of the regression."""
     model, covariance = learned(11)
     field = field_of(model)
     assert field is not None

@@ -18,7 +18,7 @@ pytest.importorskip("scservo_sdk", reason="feetech-servo-sdk is not installed")
 import lerobot_robot_lrm  # noqa: F401  (registers, where it is not installed for LeRobot to find)
 from examples.so101.launch import simulated_so101
 from validation.lerobot_robot.closed_loop import closed_loop
-from validation.lerobot_robot.simulated_follower import MOTORS, follower, patiently
+from validation.lerobot_robot.simulated_follower import MOTORS, follower, with_retries
 
 MODEL = """\
 schema = "lrm/model/1"
@@ -56,14 +56,14 @@ def test_wishes_go_out_corrected_and_come_back_as_true_angles(
     with caplog.at_level(logging.WARNING), follower(link, KIND, model=str(model)) as robot:
         assert robot.name == "so_follower_calibrated"
         assert robot.bus is robot.robot.bus
-        sent = patiently(robot, lambda: robot.send_action(wish))
+        sent = with_retries(robot, lambda: robot.send_action(wish))
         assert {name: pytest.approx(value) for name, value in wish.items()} == sent
-        goal = patiently(robot, lambda: robot.bus.sync_read("Goal_Position"))
+        goal = with_retries(robot, lambda: robot.bus.sync_read("Goal_Position"))
         assert abs(goal["shoulder_lift"] - 20.0) > 0.5
         assert goal["gripper"] == pytest.approx(40.0, abs=0.1)
-        while any(patiently(robot, lambda: robot.bus.sync_read("Moving")).values()):
+        while any(with_retries(robot, lambda: robot.bus.sync_read("Moving")).values()):
             pass
-        seen = patiently(robot, robot.get_observation)
+        seen = with_retries(robot, robot.get_observation)
     for name in MOTORS[:-1]:
         assert seen[f"{name}.pos"] == pytest.approx(wish[f"{name}.pos"], abs=0.4)
     assert sum("drift@joint1" in text for text in caplog.messages) == 1
@@ -71,7 +71,7 @@ def test_wishes_go_out_corrected_and_come_back_as_true_angles(
 
 def test_a_clipped_command_is_remembered_and_reported_as_it_was_sent(link: Path, model: Path) -> None:
     with follower(link, KIND, model=str(model), max_relative_target="5.0") as robot:
-        sent = patiently(robot, lambda: robot.send_action(action_of(30.0, 30.0, 30.0, 30.0, 30.0)))
+        sent = with_retries(robot, lambda: robot.send_action(action_of(30.0, 30.0, 30.0, 30.0, 30.0)))
         assert max(abs(sent[f"{name}.pos"]) for name in MOTORS[:-1]) < 9.0
 
 

@@ -180,7 +180,7 @@ def test_what_cannot_be_corrected_is_named() -> None:
 
 
 def test_a_residual_field_is_corrected_too() -> None:
-    """As far as springs alone are; it is on no list of what is left."""
+    """Corrected as far as springs alone are; it is on no list of what is left."""
     model, rng = with_field(("compliance",), 4), np.random.default_rng(2)
     made, off, moved = Correction.of(model), [], []
     assert made.left_out == ()

@@ -42,7 +42,7 @@ HASHES = {  # as `ros2 topic info --verbose` prints it
 
 
 class RosPeer:
-    """What a node of ROS 2 would be on the router: raw samples by topic."""
+    """Stand-in for a node of ROS 2 on the router: raw samples by topic."""
 
     def __init__(self, session: zenoh.Session) -> None:
         self.session, self.samples = session, dict[str, zenoh.Sample]()

@@ -30,7 +30,7 @@ AXE = Path(os.environ.get("AXE_CORE", ROOT / "node_modules" / "axe-core" / "axe.
 
 @dataclass
 class BrowserLog:
-    """What a page said and asked for while it was open."""
+    """Messages and requests of a page for while it was open."""
 
     errors: list[str] = field(default_factory=list)
     addresses: list[str] = field(default_factory=list)
@@ -76,7 +76,7 @@ class RunningWorkbench:
         return self.address.split("/?")[0]
 
     def stop(self) -> None:
-        """As Ctrl-C does."""
+        """Stops it as Ctrl-C does."""
         self.process.send_signal(signal.SIGINT)
         self.process.wait(timeout=30)
 

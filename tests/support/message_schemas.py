@@ -32,7 +32,7 @@ def every_message() -> dict[str, type[Part]]:
 
 
 def contents(kind: type[Part]) -> st.SearchStrategy[Content]:
-    """What may be sent as a message, drawn from its JSON schema, with fields that go together."""
+    """Contents that may be sent as a message, drawn from its JSON schema, with fields that go together."""
     schema = kind.model_json_schema()
 
     def consistent(content: Content) -> bool:

@@ -66,7 +66,7 @@ class Bench:
         return max(self.data.read_bytes().count(b"\n") - 1, 0) if self.data.exists() else 0
 
     def measured(self) -> Measurements:
-        """What is in the file."""
+        """Content of the file."""
         return load_measurements(self.data, load_arm("lrm-rover"))
 
 

@@ -1,4 +1,4 @@
-"""What foreign clients and foreign files may not do to the daemon: flood its events, stop it by accident, fool it."""
+"""Foreign clients and foreign files may not flood its events, stop it by accident, fool it."""
 
 from __future__ import annotations
 

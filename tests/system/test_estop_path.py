@@ -72,7 +72,7 @@ def test_what_is_put_on_everything_is_no_emergency_stop(harness: DaemonHarness) 
 
 
 def test_the_reply_says_that_the_ramp_has_it(harness: DaemonHarness) -> None:
-    """With the ramp stopped there is no confirmation; the signal waits for the ramp, or for the one after it."""
+    """While the ramp is stopped, there is no confirmation; the signal waits for the ramp, or for the one after it."""
     with harness.rover.control("test", take=True):
         harness.arm()
         os.kill(harness.daemon.child("ramp"), signal.SIGSTOP)

@@ -1,4 +1,4 @@
-"""What keeps an arm from being armed: a board with another protocol, and another daemon of the same name."""
+"""Reasons not to arm: a board with another protocol, and another daemon of the same name."""
 
 from __future__ import annotations
 

@@ -141,7 +141,7 @@ def system_calls_denied(unit: str, names: list[str]) -> list[str]:
 
 
 def test_filter_lets_the_daemon_work() -> None:
-    """What the three processes cannot do without, in real time or not; and what none of them has any business with."""
+    """System calls that the three processes need, in real time or not; and those that none of them needs."""
     needed = ["mlockall", "memfd_create", "clone3", "execve", "epoll_wait", "eventfd2", "prlimit64", "ioctl", "prctl"]
     needed += ["sched_getaffinity", "fdatasync", "rename", "pidfd_open", "futex", "accept4", "clock_nanosleep"]
     forbidden = ["mount", "ptrace", "init_module", "reboot", "bpf", "clock_settime", "kexec_load"]

@@ -49,7 +49,7 @@ def until(condition: Callable[[], bool]) -> bool:
 
 
 class Robot:
-    """What a daemon does on zenoh: remembers commands, answers questions, says that it is alive."""
+    """Stand-in for a daemon on zenoh: remembers commands, answers questions, says that it is alive."""
 
     def __init__(self, session: zenoh.Session, name: str) -> None:
         self.session, self.name = session, name

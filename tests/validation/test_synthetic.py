@@ -191,7 +191,7 @@ def test_bending_equilibrium_has_the_least_energy(lawful: ArmDescription) -> Non
 
 
 def _strain_energy(deflection: Array, turn: Array, length: float, rigidity: float) -> Array:
-    """Of a cantilever whose end is shifted and turned (its stiffness matrix is textbook knowledge)."""
+    """Strain energy of a cantilever whose end is shifted and turned (its stiffness matrix is textbook knowledge)."""
     w, t = deflection / length, turn
     return 2.0 * rigidity / length * (3.0 * w**2 - 3.0 * w * t + t**2)
 

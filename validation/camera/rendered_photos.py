@@ -28,7 +28,7 @@ WEBCAM = Lens(
 
 @dataclass(frozen=True)
 class PhotoScene:
-    """How photos are taken.
+    """Conditions of photos.
 
     Attributes:
         lens: the camera. blur: px, standard deviation. noise: grey levels. gain: exposure.

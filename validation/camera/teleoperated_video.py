@@ -23,7 +23,7 @@ CAMERA = "observation.images.front"
 
 @dataclass(frozen=True)
 class FilmedStops:
-    """How stops are filmed: frames a second, of a stop and of a move; codec with its options (LeRobot's); episodes."""
+    """Conditions of filmed stops: frames a second, of a stop and of a move; LeRobot's codec and options; episodes."""
 
     fps: int = 30
     rest: int = 30

@@ -1,1 +1,1 @@
-"""How fast and how punctual the daemon is, and how it takes faults: real processes on a simulated board."""
+"""Speed, punctuality and faults of the daemon: real processes on a simulated board."""

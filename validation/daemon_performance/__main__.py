@@ -1,4 +1,4 @@
-"""How fast and how punctual the daemon is, in real processes on a simulated board.
+"""Speed and punctuality of the daemon, in real processes on a simulated board.
 
 `python -m validation.daemon_performance [--minutes 10] [--kills 100] [--only PART]`: the worst value counts.
 """
@@ -21,7 +21,7 @@ from validation.daemon_performance.measurement import PerformanceFigure
 
 
 def parts(minutes: float, kills: int) -> Mapping[str, Callable[[], list[PerformanceFigure]]]:
-    """What there is to measure."""
+    """Parts of the measurement by name."""
     return {
         "starts": lambda: timing.starts(5),
         "idle": lambda: timing.idle(20),

@@ -1,4 +1,4 @@
-"""How the daemon takes what goes wrong while the arm moves: stops, cables, clients and processes that die."""
+"""Faults while the arm moves: stops, cables, clients and processes that die."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ from validation.daemon_performance.measurement import (
 
 
 def estops(n: int) -> list[PerformanceFigure]:
-    """From a put on cmd/estop by a client without lease to the frame that switches everything off."""
+    """Time from a put on cmd/estop by a client without lease to the frame that switches everything off."""
     requested = []
     with running_harness() as h, h.rover.control("bench"), zenoh.open(client([h.setup.endpoint])) as stranger:
         stop = stranger.declare_publisher(h.setup.key("cmd/estop"), express=True)
@@ -100,15 +100,15 @@ def leases(n: int) -> list[PerformanceFigure]:
     last = []
     with running_harness() as h, zenoh.open(client([h.setup.endpoint])) as session:
         for k in range(n):
-            token = _ask(session, h.setup, "rpc/lease", LeaseRequest(action="acquire", holder="bench")).lease or ""
+            token = _request(session, h.setup, "rpc/lease", LeaseRequest(action="acquire", holder="bench")).lease or ""
             if not k:
                 h.armed_at.append(time.monotonic_ns())
-                _ask(session, h.setup, "rpc/arm", ArmRequest(lease=token, where="given", q_rad=HOME))
+                _request(session, h.setup, "rpc/arm", ArmRequest(lease=token, where="given", q_rad=HOME))
                 time.sleep(0.25)
-            _ask(session, h.setup, "rpc/lease", LeaseRequest(action="renew", lease=token))
-            _ask(session, h.setup, "rpc/move", MoveRequest(lease=token, waypoints=[FAR if k % 2 else NEAR]))
+            _request(session, h.setup, "rpc/lease", LeaseRequest(action="renew", lease=token))
+            _request(session, h.setup, "rpc/move", MoveRequest(lease=token, waypoints=[FAR if k % 2 else NEAR]))
             last.append(time.monotonic_ns())
-            _ask(session, h.setup, "rpc/lease", LeaseRequest(action="renew", lease=token))
+            _request(session, h.setup, "rpc/lease", LeaseRequest(action="renew", lease=token))
             h.wait_for_mode("holding")
             time.sleep(1.0)  # so that the next move begins after the second in which this one ended
         changed = [b.t for a, b in itertools.pairwise(h.frames()) if a.counts != b.counts]
@@ -117,7 +117,7 @@ def leases(n: int) -> list[PerformanceFigure]:
         return [PerformanceFigure("last sign of life to hold", held, "ms", 500), h.step()]
 
 
-def _ask(session: zenoh.Session, setup: DaemonSetup, tail: str, request: Message) -> Reply:
+def _request(session: zenoh.Session, setup: DaemonSetup, tail: str, request: Message) -> Reply:
     for reply in session.get(setup.key(tail), payload=pack(request), timeout=5.0):
         if reply.ok is not None:
             return unpack(Reply, reply.ok.payload.to_bytes())

@@ -1,4 +1,4 @@
-"""What the measurements of the daemon share: a figure, a harness of real processes, and times on one clock."""
+"""Common parts of the daemon's measurements: a figure, a harness of real processes, and times on one clock."""
 
 from __future__ import annotations
 

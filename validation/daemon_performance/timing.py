@@ -30,7 +30,7 @@ REST = {"joint2": math.radians(-60.0)}
 
 
 def starts(n: int) -> list[PerformanceFigure]:
-    """From the start of the program to READY=1, when kinematics are answered; beside a bare start of Python."""
+    """Time from the start of the program to READY=1, when kinematics are answered; beside a bare start of Python."""
     took, used, bare = [], [], []
     with setup_with_board() as (setup, _):
         for _ in range(n):
@@ -55,7 +55,7 @@ def bare_start() -> float:
 
 
 def cpu_seconds(pid: int) -> float:
-    """What a process has used of a core."""
+    """Processor time of a process (s)."""
     used = Path(f"/proc/{pid}/stat").read_text(encoding="ascii").rpartition(")")[2].split()
     return (int(used[11]) + int(used[12])) / os.sysconf("SC_CLK_TCK")
 
@@ -86,7 +86,7 @@ def idle(seconds: float) -> list[PerformanceFigure]:
 
 
 def lateness(minutes: float) -> list[PerformanceFigure]:
-    """How late the ramp's ticks are while the arm moves and a client sends 200 IK queries a second."""
+    """Lateness of the ramp's ticks while the arm moves and a client sends 200 IK queries a second."""
     with running_harness() as h, h.rover.control("bench"), zenoh.open(client([h.setup.endpoint])) as session:
         h.arm()
         h.rover.move(REST)
@@ -107,7 +107,7 @@ def swing_joint6(rover: Rover, seconds: float) -> None:
 
 
 def lateness_figures(m: MetricsState) -> list[PerformanceFigure]:
-    """How late the ramp was."""
+    """Figures of the ramp's lateness."""
     return [
         PerformanceFigure(
             f"lateness of {m.ticks} ticks, {'' if m.realtime else 'no '}SCHED_FIFO: p50", (m.late_p50_us,), "us"
@@ -160,7 +160,7 @@ class QueryLoad:
         self._thread.join()
 
     def figures(self, seconds: float) -> list[PerformanceFigure]:
-        """How long the answers took."""
+        """Figures of the answers' times."""
         trips = sorted(self.took)
         p50, p99, p999 = (trips[int(len(trips) * share)] for share in (0.5, 0.99, 0.999))
         return [
@@ -176,10 +176,10 @@ class QueryLoad:
     def _run(self) -> None:
         due, n = time.monotonic(), 0
         while not self._over.wait(max(0.0, due - time.monotonic())):
-            self._ask(self._requests[n % len(self._requests)])
+            self._query(self._requests[n % len(self._requests)])
             due, n = due + self._period, n + 1
 
-    def _ask(self, request: bytes) -> None:
+    def _query(self, request: bytes) -> None:
         sent = time.monotonic_ns()
 
         def answered(reply: zenoh.Reply) -> None:

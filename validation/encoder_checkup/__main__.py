@@ -19,7 +19,7 @@ DWELL_S = 0.5
 
 
 def named(arm: FollowingArm, seed: int, version: str) -> tuple[EncoderFinding, ...]:
-    """What is named in a recording of an arm, through its files."""
+    """Effects named in a recording of an arm, through its files."""
     with tempfile.TemporaryDirectory(prefix="lrm-") as folder:
         data = write_dataset(Path(folder) / "data", recorded(arm, np.random.default_rng([seed, 1])), version)
         return checkup(read_frames(data, load_arm("so101")), load_arm("so101"), DWELL_S).findings

@@ -22,7 +22,7 @@ CAUSES = ("droop", "dead band", "offset", "drift", "slip")
 
 @dataclass(frozen=True)
 class FollowingArm:
-    """What follows the leader, by joint: `droop` (deg/N·m), `band` (deg, from side to side), `offset` (deg), `warming`
+    """Follower of a leader, by joint: `droop` (deg/N·m), `band` (deg, from side to side), `offset` (deg), `warming`
     (deg in the end), `slip` (deg, from time `slipped_s` on)."""
 
     droop: Array

@@ -1,4 +1,4 @@
-"""What a prior could do at best: expected error of the tip if the population's true spreads were the prior.
+"""Bound on what a prior can do: expected error of the tip if the population's true spreads were the prior.
 
 Linear Bayesian design (Chaloner & Verdinelli 1995): the posterior covariance of poses and prior together, propagated to
 the goals. No method can do better on arms of that kind, so it says which goals a fleet of it can reach at all.
@@ -50,7 +50,7 @@ class ExpectedErrors(NamedTuple):
 def expected_errors(
     arm: ArmOfKind, few: int, many: int, own: float, effects: Sequence[EffectOfKind] = EFFECTS
 ) -> ExpectedErrors:
-    """Of an arm with every effect of the kind, about the kind's mean; the formulas of the effects taken as exact."""
+    """Errors of an arm with every effect of the kind, about the kind's mean; the effects' formulas taken as exact."""
     described = load_arm("lrm-lab")
     names = ("offsets", "compliance", *(effect.name for effect in effects))
     model = model_of(described, [effect for name in names for effect in effects_at(described, name)])

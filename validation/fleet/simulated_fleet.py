@@ -66,7 +66,7 @@ class ArmOfKind:
 
     @property
     def name(self) -> str:
-        """As in the manifest."""
+        """Name in the manifest."""
         return f"arm{self.number:03d}"
 
     def write_data(self, folder: Path, poses: int) -> Path:

@@ -24,7 +24,7 @@ NEAR_FLOOR, ABOVE_FLOOR = 1.10, 1.15
 
 @dataclass(frozen=True)
 class AutoOutcome:
-    """What `auto` ended with.
+    """Outcome of `auto`.
 
     steps: for each step its name (a form counts as the effect that it refines) and all that the data cannot tell from
     it. ratio: RMS error at unseen poses with the noise of a measurement added, over that noise. trouble: what failed,
@@ -41,12 +41,12 @@ class AutoOutcome:
 
     @property
     def of(self) -> UnfamiliarCase:
-        """Its case."""
+        """Outcome of a case."""
         return UNFAMILIAR[self.case]
 
     @property
     def truths_named(self) -> int:
-        """How many of the hidden effects a step names, or has in its class."""
+        """Number of the hidden effects that a step names, or has in its class."""
         return sum(any(right & set(step) for step in self.steps) for right in self.of.truths or ())
 
     @property
@@ -73,7 +73,7 @@ class AutoOutcome:
 
     @property
     def falsely_content(self) -> bool:
-        """It says that nothing is missing while much more than the noise is left."""
+        """Whether it says that nothing is missing while much more than the noise is left."""
         return self.verdict == NOTHING_MISSING and self.ratio is not None and self.ratio > ABOVE_FLOOR
 
 

@@ -126,7 +126,7 @@ def _troubles(outcomes: Iterable[CaseOutcome]) -> list[str]:
 
 
 def share(flags: Iterable[bool]) -> str:
-    """How many, and what percentage."""
+    """Count and percentage."""
     values = list(flags)
     return f"{sum(values)} ({100.0 * sum(values) / len(values):.0f} %)"
 

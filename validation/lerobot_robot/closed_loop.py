@@ -11,7 +11,7 @@ from examples.so101.hidden_arm import ARM_FILE, JOINTS, hidden_truth
 from examples.so101.launch import simulated_so101
 from lrm_math.arrays import Array
 from validation.lerobot_robot.fitted_model import fit_hidden
-from validation.lerobot_robot.simulated_follower import angles_of, follower, patiently, rest_at
+from validation.lerobot_robot.simulated_follower import angles_of, follower, rest_at, with_retries
 from validation.synthetic import ArmDescription, GroundTruth, Schedule, load_arm, random_poses, true_state
 
 GOALS, LIMIT_DEG = 8, 50.0
@@ -47,7 +47,7 @@ def closed_loop(effect: str, seed: int, folder: Path) -> TipErrors:
             rests, seen = [], []
             for q in path:
                 rests.append(rest_at(robot, link, q)[1])
-                seen.append(angles_of(patiently(robot, robot.get_observation)) - q)
+                seen.append(angles_of(with_retries(robot, robot.get_observation)) - q)
     goals = slice(1, None, 2)
     errors = (_rms(np.array(tips) - drawn, goals) for tips in (without, rests, floor))
     return TipErrors(*errors, float(np.sqrt(np.mean(np.square(seen)[goals]))))

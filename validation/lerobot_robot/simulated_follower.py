@@ -27,7 +27,7 @@ Answer = TypeVar("Answer")
 
 @dataclass
 class Parsed:
-    """What LeRobot's commands parse, as far as it is needed."""
+    """Arguments that LeRobot's commands parse, as far as needed."""
 
     robot: RobotConfig
 
@@ -44,39 +44,39 @@ def follower(link: Path, kind: str, **options: str) -> Iterator[Any]:
     given = {"type": kind, "port": str(link), "id": ROBOT_ID, "calibration_dir": str(link.parent), **options}
     config = draccus.parse(Parsed, args=[f"--robot.{name}={value}" for name, value in given.items()]).robot
     robot = make_robot_from_config(config)
-    patiently(robot, lambda: _connect(robot))
-    patiently(robot, lambda: robot.bus.write_calibration(robot.calibration))
+    with_retries(robot, lambda: _connect(robot))
+    with_retries(robot, lambda: robot.bus.write_calibration(robot.calibration))
     try:
         yield robot
     finally:
-        patiently(robot, robot.disconnect)
+        with_retries(robot, robot.disconnect)
 
 
 def rest_at(robot: Any, link: Path, angles: Array) -> tuple[dict[str, Any], Array]:
     """Sends joint angles (n,), rad, waits until nothing moves; what was sent, and the true tip (3,), m."""
     goals = query_board(link, "joints")["goals"]
     action = {f"{name}.pos": float(q) for name, q in zip(MOTORS, np.degrees(angles), strict=False)}
-    sent = patiently(robot, lambda: robot.send_action({**action, "gripper.pos": 50.0}))
+    sent = with_retries(robot, lambda: robot.send_action({**action, "gripper.pos": 50.0}))
     while (joints := query_board(link, "joints"))["moving"] or joints["goals"] == goals:
         time.sleep(0.02)
     return sent, np.array(query_board(link, "tip")["tip_m"])
 
 
-def patiently(robot: Any, ask: Callable[[], Answer]) -> Answer:
-    """Asks again where a busy machine made LeRobot's 50 ms for an answer too short, without what came too late.
+def with_retries(robot: Any, request: Callable[[], Answer]) -> Answer:
+    """Repeats a request where a busy machine made LeRobot's 50 ms for an answer too short, without what came too late.
 
     The simulated bus answers one request after the other: once it has answered two at its other door, all that
     were sent on the wire before are answered.
     """
     for _ in range(TRIES - 1):
         try:
-            return ask()
+            return request()
         except (ConnectionError, RuntimeError):
             for _ in range(2):
                 query_board(Path(robot.bus.port), "joints")
             if robot.bus.port_handler.is_open:
                 robot.bus.port_handler.ser.reset_input_buffer()
-    return ask()
+    return request()
 
 
 def _connect(robot: Any) -> None:

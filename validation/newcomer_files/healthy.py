@@ -21,7 +21,7 @@ NOISE = 3e-4  # m
 
 @dataclass(frozen=True)
 class NewcomerFiles:
-    """What a person hands in: cells of the measurements (the header first), the file beside them, the arm file.
+    """Files that a person hands in: cells of the measurements (the header first), the file beside them, the arm file.
 
     `encoded`: the bytes of the measurements where they are not plain CSV text. `named`: the arm's own joint names.
     """
@@ -47,7 +47,7 @@ class NewcomerFiles:
         return self.header.index(name)
 
     def with_rows(self, rows: list[list[str]], header: list[str] | None = None) -> NewcomerFiles:
-        """With other rows, and perhaps another header."""
+        """The files with other rows, and perhaps another header."""
         return replace(self, table=(tuple(header or self.header), *map(tuple, rows)))
 
     def text(self, delimiter: str = ",") -> str:

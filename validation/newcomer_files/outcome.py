@@ -1,4 +1,4 @@
-"""What `fit` makes of changed files: refused by name, said, healthy all the same, or silently wrong."""
+"""Outcomes of `fit` on changed files: refused by name, said, healthy all the same, or silently wrong."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ TOLERANCE = 3e-4
 
 @dataclass(frozen=True)
 class ChangeOutcome:
-    """What became of a change; `difference`: of the predictions from those of the healthy fit (m), if there is one."""
+    """Outcome of a change; `difference`: of the predictions from those of the healthy fit (m), if there is one."""
 
     kind: str
     arm: str

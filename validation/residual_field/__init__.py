@@ -1,1 +1,1 @@
-"""What a residual field is worth, and what it must not do."""
+"""Benefit and harm of a residual field."""

@@ -45,7 +45,7 @@ class PairedErrors:
 
     @property
     def share(self) -> float:
-        """Of the RMS that the field takes."""
+        """Share of the RMS that the field takes."""
         return 1.0 - error_stats(self.with_field).rms / error_stats(self.without).rms
 
     @property
@@ -73,7 +73,7 @@ def simulated_measurements(seed: int, poses: int) -> Measurements:
 
 
 def paired_errors(seed: int, poses: int) -> Iterator[PairedErrors]:
-    """In folds at random, in blocks of joint space, and at new poses."""
+    """Errors in folds at random, in blocks of joint space, and at new poses."""
     study = Study.of(simulated_measurements(seed, poses)).fit().auto()[1]
     data, arm = study.data, study.model.arm
     for fold in (random_folds(data.poses.q, data.repeat_of), None):

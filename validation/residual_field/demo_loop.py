@@ -80,12 +80,12 @@ class FixedStartSolver:
 
     @property
     def model(self) -> str:
-        """Of the solver."""
+        """Model of the solver."""
         return self.solver.model
 
     @property
     def model_sha256(self) -> str:
-        """Of the solver."""
+        """Hash of the model of the solver."""
         return self.solver.model_sha256
 
     def solve(self, goal: Sequence[float], near: Sequence[float], payload: float) -> GoalCommand | str:
@@ -102,7 +102,7 @@ class GoalVisits:
 
     @classmethod
     def of(cls, count: int, seed: int) -> GoalVisits:
-        """As `verify` draws them; poses that keep clear of everything."""
+        """Goals as `verify` draws them; poses that keep clear of everything."""
         arm = load_arm(ARM)
         rng = np.random.default_rng([seed, 8])
         return cls(draw_goals(arm, count, seed), tuple(clear_poses(arm, count, rng) for _ in range(VISITS)))
@@ -148,7 +148,7 @@ class GoalErrors:
 
 
 def goal_errors(seed: int, poses: int, goals: int) -> GoalErrors:
-    """Where the tip lands with either model, each `VISITS` times over the goals."""
+    """Errors of the tip with either model, each `VISITS` times over the goals."""
     visits = GoalVisits.of(goals, seed)
     with tempfile.TemporaryDirectory(prefix="lrm-field-") as out:
         steps = FieldSteps(Path(out), (), seed, str(goals))

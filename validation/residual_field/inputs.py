@@ -63,7 +63,7 @@ class _Fitted:
 
     @staticmethod
     def of(field: Array, further: Array, y: Array) -> _Fitted:
-        """For kernels (N, N) and outputs y (N,) of unit mean square."""
+        """Regression with kernels (N, N) and outputs y (N,) of unit mean square."""
 
         def loss(log: Array) -> float:
             a, b, noise = np.exp(log)

@@ -1,4 +1,4 @@
-"""What a residual field must not do: appear where nothing is left, or mislead beyond its data."""
+"""Promises of a residual field: not to appear where nothing is left, nor to mislead beyond its data."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from validation.residual_field.nameless_arm import measured
 
 
 def refused_on_null_data(seeds: int) -> int:
-    """How many arms without anything left get no field."""
+    """Number of arms without anything left that get no field."""
     refused = 0
     for seed in range(100, 100 + seeds):
         try:

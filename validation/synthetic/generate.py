@@ -18,7 +18,7 @@ from .statics import TrueState, equilibrium
 
 @dataclass(frozen=True)
 class Schedule:
-    """When P poses are measured: time_s (P,), session (P,) from 1, and the start pose (N,) in rad."""
+    """Times of P measured poses: time_s (P,), session (P,) from 1, and the start pose (N,) in rad."""
 
     time_s: Array
     session: Array

@@ -34,7 +34,7 @@ class Deviations:
 
     @classmethod
     def named(cls, joints: int, values: Mapping[str, float]) -> Deviations:
-        """From names such as "joint2.theta_rad", "base.x_m" or "tool.gamma_rad"; others zero. Raises `ValueError`."""
+        """Reads names such as "joint2.theta_rad", "base.x_m" or "tool.gamma_rad"; others zero. Raises `ValueError`."""
         left = dict(values)
 
         def take(place: str, keys: tuple[str, ...]) -> Components:

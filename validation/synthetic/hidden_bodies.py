@@ -116,7 +116,7 @@ class WrongBody(HiddenEffect):
         return np.asarray(super().added_masses(poses) + np.array(mass))
 
     def added_com_shifts(self, poses: CommandedPoses) -> Array:
-        """In all poses. Not for the body that carries the payload, whose centre would shift too."""
+        """Shifts in all poses. Not for the body that carries the payload, whose centre would shift too."""
         shifts = super().added_com_shifts(poses)
         shifts[:, [body.name == self.body for body in poses.arm.bodies]] = self.shift_m
         return shifts

@@ -41,7 +41,7 @@ class StickSlip(HiddenEffect):
     growth_per_nm: float
 
     def added_angles(self, load: JointLoad) -> Array:
-        """What stays behind after each move, in measured order."""
+        """Angles left behind after each move, in measured order."""
         q = load.poses.q_rad[:, self.joint - 1]
         behind = np.empty_like(q)
         now = -self.slip_rad * load.poses.direction[0, self.joint - 1]
@@ -106,7 +106,7 @@ class HardStop(HiddenEffect):
     corner_rad: float
 
     def added_angles(self, load: JointLoad) -> Array:
-        """What is missing beyond the stop, with a rounded corner."""
+        """Angles missing beyond the stop, with a rounded corner."""
         beyond = self.side * (load.poses.q_rad[:, self.joint - 1] - self.at_rad)
         past = 0.5 * (beyond + np.hypot(beyond, self.corner_rad))
         return at_joint(self.joint, -self.side * (1.0 - self.give) * past, load.tau_nm)

@@ -1,4 +1,4 @@
-"""How fast the workbench is in a headless Chromium: `python -m validation.workbench.speed [MODEL] [DATA]`.
+"""Speed of the workbench in a headless Chromium: `python -m validation.workbench.speed [MODEL] [DATA]`.
 
 Prints one line per figure, with what is wanted of 393 poses; then the same page with 10 000. The browser runs already,
 and the package is compiled, as an installed one is.

@@ -40,7 +40,7 @@ class ProposedLaw(Effect):
 
 
 def law_id(law: Law) -> str:
-    """Its id, for instance `law_q1_q4`, or `law_d_time` where a length grows."""
+    """Id of the law, for instance `law_q1_q4`, or `law_d_time` where a length grows."""
     return "_".join(["law", *([] if law.rotates else [law.slot]), *(quantity.name for quantity in law.quantities)])
 
 

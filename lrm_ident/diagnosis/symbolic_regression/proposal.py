@@ -49,7 +49,7 @@ class RefittedLaw:
 
     @property
     def error(self) -> ErrorStats:
-        """Its held-out error."""
+        """Held-out error."""
         return error_stats(self.held_out)
 
 

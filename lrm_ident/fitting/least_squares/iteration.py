@@ -28,7 +28,7 @@ FIRST_DAMPING = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class Optimum:
-    """Where an iteration ended.
+    """End of an iteration.
 
     Attributes:
         columns: compressed Jacobian before the last step, which changed nothing.

@@ -61,7 +61,7 @@ class Iterate:
 
 @dataclass(frozen=True)
 class NoiseScale:
-    """In units of the noise: the robust `scale` of the loss, and the `sigma` that weighs data against the prior."""
+    """Scales of the noise: the robust `scale` of the loss, and the `sigma` that weighs data against the prior."""
 
     scale: float
     sigma: float

@@ -103,8 +103,10 @@ class Smoothness:
         return with_penalties(self.stated, self.known, self.weights)
 
     def likelier(self, model: Model, covariance: Array) -> Smoothness:
-        """With the next weights towards the largest marginal likelihood, until they have been estimated often enough:
-        arguments as `likelier_weights`'."""
+        """Smoothness with the next weights towards the largest marginal likelihood, until estimated often enough.
+
+        Arguments as `likelier_weights`'.
+        """
         if not self.known or self.updates == MOST_UPDATES:
             return self
         weights = likelier_weights(self.known, self.weights, model, covariance)

@@ -50,7 +50,7 @@ DEADLINE_MS = 10_000.0
 
 
 @dataclass(frozen=True)
-class Standing:
+class ControlState:
     """The daemon's start and the lease of the client that it says so to; its mode, why, since when (monotonic ns).
 
     `q`: commanded angles (rad), `on`: whether there are pulses, of every servo.
@@ -70,12 +70,12 @@ class Standing:
         lease, mode, joints = rover.renew(), rover.mode(), rover.joints()
         return cls(mode.boot_id, lease, mode.mode, mode.why, mode.since_mono_ns, tuple(joints.q_rad), tuple(joints.on))
 
-    def stands_at(self, goal: Sequence[float]) -> bool:
+    def holds(self, goal: Sequence[float]) -> bool:
         """Whether the arm stands at angles of its joints (rad)."""
         there = all(abs(a - b) < REACHED for a, b in zip(self.q, goal, strict=False))
         return self.mode in STILL and there and all(self.on[: len(goal)])
 
-    def changed_to(self, now: Standing) -> str:
+    def differences_to(self, now: ControlState) -> str:
         """Differences from then, in words; empty if everything is."""
         changes = {
             "the daemon was restarted": self.boot_id != now.boot_id,
@@ -97,7 +97,7 @@ class RoverArm:
     session: int
     info: InfoState = field(init=False)
     direction: tuple[int, ...] = field(init=False)
-    standing: Standing | None = field(init=False, default=None)
+    at_pose: ControlState | None = field(init=False, default=None)
 
     def __post_init__(self) -> None:
         self.info = self.rover.info()
@@ -119,9 +119,9 @@ class RoverArm:
             self._move(self._within(beside), pose.payload)
         self._move(goal, pose.payload)
         temperature = max(self.rover.thermal().temperature_c)
-        self.standing = self._standing()
-        if self.standing is not None and not self.standing.stands_at(goal):
-            raise MotionInterrupted(self.standing.mode, self.standing.why)
+        self.at_pose = self._control_state()
+        if self.at_pose is not None and not self.at_pose.holds(goal):
+            raise MotionInterrupted(self.at_pose.mode, self.at_pose.why)
         return ArmState(goal, self.direction, temperature, self.session)
 
     def commanded(self) -> tuple[float, ...]:
@@ -131,15 +131,15 @@ class RoverArm:
     def disturbed(self) -> str:
         """See `CampaignArm`."""
         try:
-            now = Standing.of(self.rover)
+            now = ControlState.of(self.rover)
         except LrmError as error:
             return str(error)
-        return "the lease had expired" if self.standing is None else self.standing.changed_to(now)
+        return "the lease had expired" if self.at_pose is None else self.at_pose.differences_to(now)
 
-    def _standing(self) -> Standing | None:
+    def _control_state(self) -> ControlState | None:
         """None while the lease has expired: then nobody knows what happens until it is there again."""
         try:
-            return Standing.of(self.rover)
+            return ControlState.of(self.rover)
         except RequestRefused as error:
             if error.code != "lease":
                 raise

@@ -89,7 +89,7 @@ class ServoArm:
         self.direction = (0,) * self.arm.dof
         self._target = self._rest = self.seen()
         self.temperature()
-        self._patiently(lambda: self.servos.bound_torque(TORQUE))
+        self._with_retries(lambda: self.servos.bound_torque(TORQUE))
 
     def go(self, pose: PlannedPose) -> ArmState:
         """See `CampaignArm`."""
@@ -109,7 +109,7 @@ class ServoArm:
 
     def disturbed(self) -> str:
         """See `CampaignArm`."""
-        limp = [name for name, powered in self._patiently(self.servos.powered).items() if not powered]
+        limp = [name for name, powered in self._with_retries(self.servos.powered).items() if not powered]
         if limp:
             return f"{limp[0]} has no torque"
         off = [abs(a - b) for a, b in zip(self.seen(), self._rest, strict=True)]
@@ -117,7 +117,7 @@ class ServoArm:
 
     def too_warm(self) -> str:
         """See `CampaignArm`."""
-        heat = self._patiently(self.servos.temperature)
+        heat = self._with_retries(self.servos.temperature)
         hot = next((name for name, degrees in heat.items() if degrees >= HOT_C), None)
         return "" if hot is None else f"{hot} is {heat[hot]:g} °C"
 
@@ -133,7 +133,7 @@ class ServoArm:
 
     def temperature(self) -> float:
         """Temperature of the hottest servo (degC). Raises `LrmError`: the robot has no thermometers."""
-        return float(max(self._patiently(self.servos.temperature).values()))
+        return float(max(self._with_retries(self.servos.temperature).values()))
 
     def rounded(self, q: Sequence[float]) -> tuple[float, ...]:
         """(n,), the nearest angles (rad) that can be commanded; within the limits for angles (n,) that are."""
@@ -192,7 +192,7 @@ class ServoArm:
 
     def _send(self, q: Sequence[float]) -> None:
         target = self.rounded(q)
-        self._patiently(lambda: self.servos.command(target))
+        self._with_retries(lambda: self.servos.command(target))
         self._target = target
 
     def commanded(self) -> tuple[float, ...]:
@@ -201,17 +201,17 @@ class ServoArm:
 
     def seen(self) -> tuple[float, ...]:
         """(n,), what the encoders read (rad)."""
-        return self._patiently(self.servos.angles)
+        return self._with_retries(self.servos.angles)
 
-    def _patiently(self, ask: Callable[[], Answer]) -> Answer:
-        """Asks again where an answer came too late, and forgets that one. Raises `LrmError`: none comes."""
+    def _with_retries(self, request: Callable[[], Answer]) -> Answer:
+        """Sends a request again where an answer came too late, and forgets that one. Raises `LrmError`: none comes."""
         why = ""
         for attempt in range(READS):
             try:
                 if attempt:
                     self.clock.sleep(GLANCE_S)
                     self.servos.forget_late_answers()
-                return ask()
+                return request()
             except (ConnectionError, RuntimeError) as error:
                 why = " ".join(str(error).split())
         raise LrmError(f"{self.servos.name} does not answer: {why}")

@@ -58,7 +58,7 @@ class ServoHost:
         found = b""
         at = self.kind.position.address
         for address, length in ((at, 1), (at + 1, 1), (0, self.kind.last_read)):
-            found = _patiently(partial(self._read, number, address, length))
+            found = _with_retries(partial(self._read, number, address, length))
         return found
 
     def read_all(self, numbers: Sequence[int], register: Register) -> dict[int, int]:
@@ -71,13 +71,13 @@ class ServoHost:
     def write(self, number: int, register: Register, value: int) -> None:
         """Writes a register, and waits until the servo says so. Raises `NoAnswer`; `LrmError`: it refuses."""
         parameters = self.kind.packet.words(register.address) + _bytes_of(register, value)
-        answer = self._ask(number, Instruction.WRITE, parameters)
+        answer = self._transfer(number, Instruction.WRITE, parameters)
         if answer.refused:
             raise LrmError(f"servo {number} refuses {value} at address {register.address}: {answer.refused}")
 
-    def write_patiently(self, number: int, register: Register, value: int) -> None:
+    def write_with_retries(self, number: int, register: Register, value: int) -> None:
         """Writes a register, and again where no answer came. Raises as `write` does."""
-        _patiently(lambda: self.write(number, register, value))
+        _with_retries(lambda: self.write(number, register, value))
 
     def move(self, goals: Mapping[int, int]) -> None:
         """Gives servos their goals (counts) by number, all in one packet that nobody answers."""
@@ -98,7 +98,7 @@ class ServoHost:
 
     def _answers(self, number: int) -> bool:
         try:
-            self._ask(number, Instruction.PING, b"", LOOK_S)
+            self._transfer(number, Instruction.PING, b"", LOOK_S)
         except GarbledAnswer:
             return True
         except NoAnswer:
@@ -106,12 +106,12 @@ class ServoHost:
         return True
 
     def _read(self, number: int, address: int, length: int) -> bytes:
-        data = self._ask(number, Instruction.READ, self.kind.packet.words(address, length)).data
+        data = self._transfer(number, Instruction.READ, self.kind.packet.words(address, length)).data
         if len(data) != length:
             raise GarbledAnswer(f"servo {number} answers {len(data)} bytes in place of {length}")
         return data
 
-    def _ask(self, number: int, what: Instruction, parameters: bytes, patience: float = ANSWER_S) -> Answer:
+    def _transfer(self, number: int, what: Instruction, parameters: bytes, patience: float = ANSWER_S) -> Answer:
         """The answer of one servo within a time (s). Raises `NoAnswer`."""
         return self._heard(self.kind.packet(number, what, parameters), [number], patience)[number]
 
@@ -146,14 +146,14 @@ def _line_is_there() -> Iterator[None]:
         raise NoAnswer(f"the serial line is gone ({' '.join(str(error).split())})") from None
 
 
-def _patiently(ask: Callable[[], Said]) -> Said:
-    """Asks again where no answer came. Raises `NoAnswer`."""
+def _with_retries(request: Callable[[], Said]) -> Said:
+    """Sends a request again where no answer came. Raises `NoAnswer`."""
     for _ in range(ATTEMPTS - 1):
         try:
-            return ask()
+            return request()
         except NoAnswer:
             continue
-    return ask()
+    return request()
 
 
 def _bytes_of(register: Register, value: int) -> bytes:

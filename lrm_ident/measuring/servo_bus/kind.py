@@ -20,7 +20,7 @@ class Register:
     sign: int | None = None
 
     def read(self, memory: bytes | bytearray) -> int:
-        """Its value."""
+        """Value of the register."""
         raw = int.from_bytes(memory[self.address : self.address + self.length], "little")
         if self.sign is None:
             return raw
@@ -39,7 +39,7 @@ class TwosComplement(Register):
     """A signed number as two's complement."""
 
     def read(self, memory: bytes | bytearray) -> int:
-        """Its value."""
+        """Value of the register."""
         return int.from_bytes(memory[self.address : self.address + self.length], "little", signed=True)
 
     def write(self, memory: bytearray, value: int) -> None:

@@ -67,7 +67,7 @@ class Packet(ABC):
         return b"".join(number.to_bytes(cls.WORD, "little") for number in numbers)
 
     def encoded(self) -> bytes:
-        """Its bytes."""
+        """Bytes of the packet."""
         body = self.stuffed(bytes([self.code]) + self.parameters)
         whole = self.HEADER + bytes([self.id]) + self.words(len(body) + self.WORD) + body
         return whole + self.words(self.checksum(whole))

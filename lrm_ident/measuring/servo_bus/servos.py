@@ -76,7 +76,7 @@ class BusServos:
         silent = []
         for number in self.numbers:
             try:
-                self.host.write_patiently(number, self.host.kind.torque, 0)
+                self.host.write_with_retries(number, self.host.kind.torque, 0)
             except NoAnswer as error:
                 silent.append(str(error))
         if silent:

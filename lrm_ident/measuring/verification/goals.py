@@ -44,7 +44,7 @@ class PlacedGoal:
 
 
 def goals_named(text: str, arm: Arm, seed: int) -> tuple[PlacedGoal, ...]:
-    """So many random goals, those of a CSV with `x_mm, y_mm, z_mm`, or those of `TASK`, in order. Raises `LrmError`."""
+    """Goals: so many at random, those of a CSV with `x_mm, y_mm, z_mm`, or of `TASK`, in order. Raises `LrmError`."""
     if text == TASK:
         return _task(arm, seed)
     if text.isdecimal() and 0 < int(text) <= 1000:

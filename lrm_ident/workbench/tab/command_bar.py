@@ -86,7 +86,7 @@ class CommandBar:
         self.diagnose.set_enabled(session.can_diagnose)
 
     def _words(self, now: WorkProgress) -> str:
-        """What is being done, how far it is, and how long the rest takes at this rate."""
+        """The running task, how far it is, and how long the rest takes at this rate."""
         clock = time.monotonic()
         if now.what != self.task or now.done == 0:
             self.task, self.begun = now.what, clock

@@ -1,4 +1,4 @@
-"""What to decide about files: measurements that changed on disk, and the session before this one."""
+"""Decisions about files: measurements that changed on disk, and the session before this one."""
 
 from __future__ import annotations
 

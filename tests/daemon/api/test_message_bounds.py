@@ -1,4 +1,4 @@
-"""What is larger than any valid message of its kind is refused before it takes memory; the largest valid one fits."""
+"""Bounds of messages: a larger one than any valid one of its kind is refused before it takes memory."""
 
 from __future__ import annotations
 

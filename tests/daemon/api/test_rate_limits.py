@@ -1,4 +1,4 @@
-"""Of the messages that only happen to match the emergency stop's keys, a flood does not reach its callbacks."""
+"""A flood of messages that only happen to match the emergency stop's keys does not reach its callbacks."""
 
 from __future__ import annotations
 

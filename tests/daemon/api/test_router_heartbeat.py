@@ -13,7 +13,7 @@ from lrmd.ramp.parent import SharedFd
 
 
 class Panicked(BaseException):
-    """As zenoh's PanicException, which is no Exception."""
+    """Stand-in for zenoh's PanicException, which is no Exception."""
 
 
 def test_a_router_whose_zenoh_panicked_ends_and_is_no_longer_alive() -> None:

@@ -145,7 +145,7 @@ class Clients(RuleBasedStateMachine):
 
     @rule(client=CLIENTS, data=st.data())
     def prove(self, client: str, data) -> None:
-        """With any token that it ever had."""
+        """Renews with any token that it ever had."""
         proof = data.draw(st.sampled_from(self.tokens.get(client, ["forged"])))
         before, last = self.present, self.sim.core.leasehold
         try:
@@ -167,7 +167,7 @@ class Clients(RuleBasedStateMachine):
 
     @rule(client=CLIENTS, data=st.data(), kind=st.sampled_from(["move", "jog", "disarm"]))
     def command(self, client: str, data, kind: str) -> None:
-        """With any token that it ever had, or a forged one: only the present one is obeyed."""
+        """Commands with any token that it ever had, or a forged one: only the present one is obeyed."""
         token = data.draw(st.sampled_from([*self.tokens.get(client, []), "forged"]))
         self.sim.settle()
         before, ordered = self.present, self.sim.core.order.number

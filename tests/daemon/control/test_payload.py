@@ -1,4 +1,4 @@
-"""What the gripper carries is one figure for the move, the guard, the jog, the way to rest and the planner."""
+"""Payload: what the gripper carries is one figure for the move, the guard, the jog, the way to rest and the planner."""
 
 from __future__ import annotations
 

@@ -354,7 +354,7 @@ def test_a_direction_leaves_equations_without_a_unique_answer_which_is_no_reason
 @settings(max_examples=25)
 @given(seed=st.integers(0, 10_000), payload=st.floats(0.3, 2.0))
 def test_an_answer_for_an_overloaded_arm_is_a_unique_equilibrium(seed: int, payload: float) -> None:
-    """What is answered is where the model has the arm rest when nothing is known of how it got there."""
+    """The answer is where the model has the arm rest when nothing is known of how it got there."""
     tool = bent(anywhere(seed)[None], 0.0)[0, -1]
     (answer,) = solve_goals(pose_goal(tool), payload_kg=payload, method="direct")
     assert answer.text
@@ -426,7 +426,7 @@ def test_wrong_shapes_and_units_are_one_line_that_names_the_field(
 
 
 def test_a_question_is_answered_goal_by_goal() -> None:
-    """What is asked for next is computed next, so that a long question can wait for others between two goals."""
+    """The next question is computed next, so that a long question can wait for others between two goals."""
     good = GoalEntry(position_m=[0.2, 0.1, 0.3])
     answers = service().inverse(IkRequest(goals=[good] * 1000, method="direct"))
     assert [next(answers).verdict for _ in range(2)] == ["solved"] * 2

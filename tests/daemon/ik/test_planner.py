@@ -229,7 +229,7 @@ def sagging_pose(place: Workcell) -> tuple[Array, float, float]:
 
 @pytest.mark.slow
 def test_a_goal_that_only_the_sagging_arm_touches_is_refused_with_the_reason(place: Workcell) -> None:
-    """With a margin between the distances that the rigid arm and the bent one have in some pose."""
+    """Takes a margin between the distances that the rigid arm and the bent one have in some pose."""
     end, apart, sunk = sagging_pose(place)
     ask = PlanRequest(from_rad=end.tolist(), to_rad=end.tolist(), payload_kg=LOAD)
     found = with_margin(place, 0.5 * (apart + sunk)).plan(ask, limited())
@@ -239,7 +239,7 @@ def test_a_goal_that_only_the_sagging_arm_touches_is_refused_with_the_reason(pla
 
 @pytest.mark.slow
 def test_an_arm_that_stands_within_the_margin_is_led_out_of_it(place: Workcell) -> None:
-    """As after a new model was deployed that knows more of the sag: before, it could go nowhere."""
+    """Happens after a new model was deployed that knows more of the sag: before, it could go nowhere."""
     pose, _, sunk = sagging_pose(place)
     margin = sunk + 2e-3
     service = with_margin(place, margin)

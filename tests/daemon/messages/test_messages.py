@@ -107,7 +107,7 @@ def test_a_wrong_type_or_value_is_named(name: str, field: str, wrong: object) ->
 
 
 def leaves(value: Any, path: tuple[Any, ...] = ()) -> Iterator[tuple[Any, ...]]:
-    """Where the floats of a content are."""
+    """Places of the floats in a content."""
     if isinstance(value, float):
         yield path
     inner = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()

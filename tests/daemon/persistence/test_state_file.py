@@ -202,7 +202,7 @@ OTHER_ARM = replace(CONFIGURED, arm=replace(CONFIGURED.arm, name="lrm-lab"))
 
 
 def saved_by(config: Config) -> StoredState:
-    """What a controller of that configuration stores."""
+    """State that a controller of that configuration stores."""
     sim = SimulatedDaemon(config)
     sim.core.payload = 0.2
     state = sim.core.saved(1)

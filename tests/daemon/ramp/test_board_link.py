@@ -47,7 +47,7 @@ def moving(config: Config) -> RampWithBoard:
 
 
 def count(line: RampWithBoard) -> int:
-    """Of the first servo, out of the board."""
+    """Pulse count of the first servo, out of the board."""
     return frames(line.board.feed(encode(protocol.read(200, [0])), line.now))[0].words[0]
 
 

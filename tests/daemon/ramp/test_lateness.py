@@ -28,7 +28,7 @@ def daemon() -> InMemoryDaemon:
 
 
 def metrics_of(daemon: InMemoryDaemon, late: list[int]) -> MetricsState:
-    """What the daemon says after ticks that were so late (ns)."""
+    """Metrics of the daemon after ticks that were so late (ns)."""
     daemon.shared.lateness[:] = memoryview(bytes(8 * BUCKETS)).cast("Q")
     for ns in late:
         daemon.shared.lateness[min(ns // BUCKET_NS, BUCKETS - 1)] += 1

@@ -184,7 +184,7 @@ class LinkUnderAttack(RuleBasedStateMachine):
 
     @rule(registers=st.booleans(), ticks=st.integers(1, 40))
     def replay_of_one_type(self, registers: bool, ticks: int) -> None:
-        """Of the handshake, all at once, where it is repeated."""
+        """Replays the handshake, all at once, where it is repeated."""
         kind = FrameType.STATE if registers else FrameType.INFO
         self.lost_out = 20
         for _ in range(ticks):

@@ -167,7 +167,7 @@ def test_a_motion_begins_exactly_where_it_was_checked_from() -> None:
 @settings(max_examples=12)
 @given(st.integers(0, 10_000), st.booleans())
 def test_a_way_out_is_offered_if_one_exists(seed: int, soft: bool) -> None:
-    """For arms within the margin or in overlap: where a straight way out is allowed, the planner has a path, too."""
+    """Arms within the margin or in overlap: where a straight way out is allowed, the planner has a path, too."""
     rng, arm = np.random.default_rng(seed), cluttered_arm(seed)
     guard = CollisionGuard(Scene.of(arm), soft_model(arm, rng) if soft else None)
     poses = rng.uniform(-1.5, 1.5, (100, JOINTS))

@@ -184,7 +184,7 @@ def test_the_makers_sdk_speaks_with_it() -> None:
     scs = pytest.importorskip("scservo_sdk", reason="feetech-servo-sdk is not installed")
 
     class Port:
-        """As much of the SDK's `PortHandler` as its packets need."""
+        """Port with as much of the SDK's `PortHandler` as its packets need."""
 
         is_using = False
 

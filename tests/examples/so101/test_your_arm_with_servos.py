@@ -30,7 +30,7 @@ def commands_of(page: Path) -> list[str]:
 
 @pytest.mark.slow
 def test_every_command_with_servos_runs_as_it_stands(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """With fewer poses and goals, and faster; the model is fitted to poses of the same arm that are not driven to."""
+    """Fewer poses and goals, and faster; the model is fitted to poses of the same arm that are not driven to."""
     monkeypatch.chdir(tmp_path)
     fit_hidden(hidden_truth(load_arm(ARM_FILE), "gain", 1), "gain", 1, tmp_path).rename("best.toml")
     commands = [line for line in commands_of(ROOT / "docs" / "your-arm.md") if not line.startswith("camera")]
@@ -55,7 +55,7 @@ def test_every_command_with_servos_runs_as_it_stands(tmp_path: Path, monkeypatch
 
 @pytest.mark.slow
 def test_the_camera_takes_its_photos_by_itself(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """With ten poses, and a lens that is known."""
+    """Takes ten poses, and a lens that is known."""
     pytest.importorskip("cv2", reason="OpenCV is not installed (extra 'camera')")
     from examples.so101.camera import poses_for_photos
     from examples.so101.demo import table

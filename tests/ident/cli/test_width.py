@@ -1,4 +1,4 @@
-"""What commands print is as wide as the terminal, or as COLUMNS says, and breaks at spaces."""
+"""Width of output: as wide as the terminal, or as COLUMNS says, and breaks at spaces."""
 
 from __future__ import annotations
 

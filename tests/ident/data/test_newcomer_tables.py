@@ -1,4 +1,4 @@
-"""What newcomers' files hold: workbooks, Latin-1, rows of units, angles from 0 to 360, cells that are no numbers."""
+"""Files of newcomers: workbooks, Latin-1, rows of units, angles from 0 to 360, cells that are no numbers."""
 
 from __future__ import annotations
 

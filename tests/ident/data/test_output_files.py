@@ -20,7 +20,7 @@ def data(tmp_path: Path) -> Path:
 
 
 def refused(data: Path, *words: object) -> str:
-    """What a fit says that must be refused, and that it touched no file."""
+    """Message of a fit that must be refused, and that it touched no file."""
     before = {path.name: path.read_bytes() for path in data.parent.iterdir() if path.is_file()}
     said = stderr_of("fit", data, *words)
     assert {path.name: path.read_bytes() for path in data.parent.iterdir() if path.is_file()} == before

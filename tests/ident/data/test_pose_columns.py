@@ -166,7 +166,7 @@ def test_a_round_covariance_is_a_standard_deviation(so101: Arm) -> None:
 
 @pytest.mark.slow
 def test_depth_that_is_poorly_measured_is_weighted_down(so101: Arm) -> None:
-    """With the covariance the tip is known better than with one standard deviation, with orientations better still."""
+    """The covariance makes the tip better known than one standard deviation, with orientations better still."""
     truth = hidden(so101)
     C = np.diag([3e-4, 3e-4, 3e-3, 1e-3, 1e-3, 1e-3]) ** 2
     elsewhere = poses_of(np.random.default_rng(9).uniform(-1, 1, (100, 5)))

@@ -1,4 +1,4 @@
-"""What all that is measured does together is named as such, and nothing is named for it at a joint."""
+"""Faults of measuring: what all poses do together is named as such, and nothing is named for it at a joint."""
 
 from __future__ import annotations
 

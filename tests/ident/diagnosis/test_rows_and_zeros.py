@@ -85,7 +85,7 @@ def test_shifted_rows_are_said_and_no_name_takes_what_came_free_without_them(lab
 @settings(max_examples=5)
 @given(st.integers(0, 1000))
 def test_the_probability_of_zero_is_that_of_the_students_deviations(lab: Arm, seed: int) -> None:
-    """Of one parameter: two deviations are the limit. Of none: certain."""
+    """One parameter: two deviations are the limit. Of none: certain."""
     model = model_of(lab, effects_at(lab, "offsets"))
     fitted = fit_identifiable(model, measured(seed, 80), model.keys).fit
     for key, error in zip(fitted.model.free, fitted.standard_error, strict=True):

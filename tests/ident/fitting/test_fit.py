@@ -102,7 +102,7 @@ def test_an_arm_of_the_generator_is_fitted_to_the_noise(lab: Arm, seed: int) -> 
 
 @pytest.mark.slow
 def test_the_shipped_example_names_its_hidden_joint(lab: Arm) -> None:
-    """What compare shows without knowing: the residual follows the torque of joint 2; play in it explains most."""
+    """Compare shows without knowing: the residual follows the torque of joint 2; play in it explains most."""
     data = load_measurements(EXAMPLE, lab)
     model = base_model(lab)
     plain = fit_identifiable(model, data, model.keys).fit

@@ -311,7 +311,7 @@ def test_poses_too_few_for_elimination_are_enough_for_a_prior(tmp_path: Path) ->
 
 
 def test_a_prior_may_name_parameters_of_forms(lab: Arm) -> None:
-    """As a fleet's does where some of its arms needed another form of an effect."""
+    """A fleet's does where some of its arms needed another form of an effect."""
     tables = {"schema": "lrm/prior/1", "name": "x", "parameters": {"torque_curve.joint2.u1_rad": {"sd": 0.1}}}
     model = model_of(lab, effects_at(lab, "compliance"))
     assert to_prior(Path("x.toml"), PriorFile.model_validate(tables), model).keys == model.keys

@@ -15,7 +15,7 @@ WIDTHS = st.integers(40, 120)
 
 
 def printed(block: Block, width: int, terminal: bool) -> str:
-    """What a console of this width shows."""
+    """Text on a console of this width."""
     file = StringIO()
     write(Console(file=file, width=width, soft_wrap=not terminal, color_system=None), [block])
     return file.getvalue()

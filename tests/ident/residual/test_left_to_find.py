@@ -1,4 +1,4 @@
-"""What is left to find: Gaussian process, predictable error in held-out blocks, and regimes."""
+"""Predictable residual: Gaussian process, predictable error in held-out blocks, and regimes."""
 
 from __future__ import annotations
 

@@ -22,7 +22,7 @@ SAID = "loss huber; 3 poses left out: 7, 20, 21"
 
 
 def noticed(*words: object) -> str:
-    """What a command that succeeds says on stderr, on one line."""
+    """Stderr of a command that succeeds, on one line."""
     code, _, stderr = run_command(*words)
     assert code == 0, stderr
     return " ".join(stderr.split())

@@ -1,4 +1,4 @@
-"""What names no cause says so at every door that lists effects, by one mark."""
+"""Effects that name no cause say so at every door that lists effects, by one mark."""
 
 from __future__ import annotations
 
@@ -96,7 +96,7 @@ def test_compare_says_it_and_where_it_speaks(study: Study) -> None:
 
 
 def test_poses_beyond_its_range_are_told(file: Path) -> None:
-    """Of a model that is read from its file, on other data."""
+    """Reads the model from its file, on other data."""
     far = measured(5, 0.0)
     q = far.poses.q.copy()
     q[:20, 0] = 2.0 * WIDEST

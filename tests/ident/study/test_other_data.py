@@ -153,7 +153,7 @@ def test_the_commands_say_what_they_leave_out(tmp_path: Path) -> None:
 
 
 def test_a_fit_knows_its_data_at_every_step() -> None:
-    """Of a fit in this process as of one from a file: steps on the same measurements keep what belongs to them."""
+    """A fit in this process and one from a file: steps on the same measurements keep what belongs to them."""
     data = replace(IN_ORDER, sha256=HERE)
     study = Study.of(data, (*LASTING, "change_point@joint2")).fit("offsets.joint1.theta_rad")
     assert study.model.fitted_to == HERE

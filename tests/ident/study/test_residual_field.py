@@ -146,7 +146,7 @@ def test_the_command_adds_it_and_says_that_it_is_no_cause(real: Measurements, tm
 
 
 def test_a_diagnosis_of_it_goes_between_processes(with_field: Study) -> None:
-    """As the workbench sends it: the blocks of the held-out error are made anew without what made them."""
+    """The workbench sends it: the blocks of the held-out error are made anew without what made them."""
     blocks = with_field.held_out.blocks
     again = pickle.loads(pickle.dumps(blocks))
     for one, other in zip(blocks, again, strict=True):

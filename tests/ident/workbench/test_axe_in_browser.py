@@ -17,7 +17,7 @@ SETTLED_MS = 600
 
 
 def faults(page: Any, name: str, turn: Callable[[], object]) -> list[tuple[object, ...]]:
-    """What axe-core finds in both themes at both widths; `turn`: from one theme to the other."""
+    """Findings of axe-core in both themes at both widths; `turn`: from one theme to the other."""
     found: list[tuple[object, ...]] = []
     for _ in range(2):
         theme = page.evaluate(THEME)

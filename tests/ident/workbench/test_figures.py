@@ -1,4 +1,4 @@
-"""What the interactive figures show: laws of the error field and of a candidate beside the data; the report's size."""
+"""Interactive figures: laws of the error field and of a candidate beside the data; the report's size."""
 
 from __future__ import annotations
 

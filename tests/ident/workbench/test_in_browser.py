@@ -129,7 +129,7 @@ def test_pages_of_other_shapes(browser: Any, running: RunningWorkbench) -> None:
 
 @pytest.mark.slow
 def test_same_numbers_everywhere(browser: Any, tmp_path: Path) -> None:
-    """Of the first fit: the page, the report, the JSON files and the printed tables."""
+    """Numbers of the first fit: the page, the report, the JSON files and the printed tables."""
     data = part_of_example(tmp_path, 100)
     with workbench(data, cwd=tmp_path) as running:
         page = opened(browser, running, SMALL_SIZE)

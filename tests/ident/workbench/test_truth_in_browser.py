@@ -1,4 +1,4 @@
-"""What the page promises to who looks at it: each number with its data, nothing moves away, nothing is lost."""
+"""Promises of the page: each number with its data, nothing moves away, nothing is lost."""
 
 from __future__ import annotations
 
@@ -225,7 +225,7 @@ PAGE_MM, MARGIN_MM, MM_PER_PX = 297.0, 14.0, 25.4 / 96.0
 
 @pytest.mark.slow
 def test_of_ten_steps_the_first_card_is_on_page_one(browser: Any, tmp_path: Path) -> None:
-    """What stands above it fits with it on one page; and no card is more than half of one."""
+    """All that stands above it fits with it on one page; and no card is more than half of one."""
     data = part_of_example(tmp_path, 200)
     study = lrm.Study.of(lrm.load(data)).fit()
     for effect in TEN:

@@ -1,4 +1,4 @@
-"""What if the chosen effect had a size: linear, before any refit; and what the page says of the effect."""
+"""Chosen effect of another size: linear, before any refit; and what the page says of the effect."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What an effect does beyond the range that it was fitted on: the class that its contract states, for all of them."""
+"""Effects beyond the range that they were fitted on: the class that its contract states, for all of them."""
 
 from __future__ import annotations
 
@@ -78,7 +78,7 @@ def test_a_held_form_is_at_twice_its_range_what_it_is_at_the_edge(kind: type[Eff
 @settings(max_examples=15, deadline=None)
 @given(seed=st.integers(0, 10_000))
 def test_a_law_grows_no_faster_than_in_proportion(kind: type[Effect], seed: int) -> None:
-    """What each of its parameters does, by itself."""
+    """Each of its parameters is taken by itself."""
     share = np.linspace(0.0, 1.0, COUNT)
     for effect in every_place(kind):
         driven = Driven(effect, seed)

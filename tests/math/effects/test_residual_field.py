@@ -158,7 +158,7 @@ def test_every_product_of_few_joints_is_there_once(joints: int) -> None:
 
 
 def test_its_axes_turn_with_joint_1() -> None:
-    """With constants alone for coefficients, it is fixed to what joint 1 turns."""
+    """Constants alone for coefficients: it is fixed to what joint 1 turns."""
     p = np.zeros(len(FIELD.parameters))
     constants = [row for row, parameter in enumerate(FIELD.parameters) if parameter.name[1:] == "0" * LAB.dof + "_mm"]
     p[constants] = 1e-3, 2e-3, 3e-3

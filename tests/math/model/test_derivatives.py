@@ -43,7 +43,7 @@ def some_poses(arm: Arm, seed: int, count: int) -> Poses:
 
 
 def assert_parameter_derivatives(model: Model, poses: Poses, first: int = 0, every: int = 1) -> None:
-    """Of all parameters, or of every n-th after the `first` one."""
+    """Checks all parameters, or of every n-th after the `first` one."""
     rest = equilibrium(model, poses, tolerance=TIGHT)
     J = parameter_jacobian(rest)
     for j in range(first % every, len(model.keys), every):

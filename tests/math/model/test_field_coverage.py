@@ -1,4 +1,4 @@
-"""Where a residual field speaks: where its predictive variance says so, and what share of the reach that is."""
+"""Coverage of a residual field: where its predictive variance says so, and the share of the reach."""
 
 from __future__ import annotations
 

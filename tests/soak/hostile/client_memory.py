@@ -39,7 +39,7 @@ class DaemonMemory:
 
     @classmethod
     def now(cls, pid: int) -> DaemonMemory:
-        """Of the daemon with this process number."""
+        """Memory of the daemon with this process number."""
         return cls(tuple(map(resident, [pid, *sorted(children(pid))])), sum(_sizes(Path("/dev/shm"))) / 1e6)
 
     def growth(self, before: DaemonMemory) -> float:

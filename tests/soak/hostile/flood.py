@@ -114,7 +114,7 @@ def deploy(session: zenoh.Session, robot: str, rng: random.Random) -> None:
 
 
 def stuff(session: zenoh.Session, robot: str, rng: random.Random) -> None:
-    """What is no message, of many parts, eight times at once, where even an empty message would be harmless."""
+    """Queries that are no message, of many parts, eight at once, where even an empty message would be harmless."""
     content = rng.choice([*CONTENTS.values()])()
     for _ in range(8 if len(content) < 10_000_000 else 1):
         tail = rng.choice(["rpc/hold", "rpc/move", "rpc/ik", "rpc/lease", "state/joints", "rpc/events", "rpc/cancel"])

@@ -68,7 +68,7 @@ class Forger:
         return {"v": 1, "boot_id": self.boot_id, "seq": now, "t_mono_ns": now, "t_wall_ns": time.time_ns()}
 
     def contents(self) -> dict[str, dict[str, Any]]:
-        """What it says, by key."""
+        """Forged contents by key."""
         model = {"model": FORGED, "model_sha256": "", "left_out": [], "elapsed_ms": 0.0}
         mode = {"mode": "armed", "why": FORGED, "since_mono_ns": 0, "holder": None, "link": "ready", "payload_kg": 0.0}
         return {
@@ -115,7 +115,7 @@ def forged(setup: DaemonSetup, boot_id: str, complete: bool = False) -> Iterator
 
 
 def accepted(rover: Rover) -> Accepted:
-    """What a client takes from a forger that is at work."""
+    """Messages that a client takes from a forger that is at work."""
     found, states = Accepted(), list[JointsState]()
     subscriber = rover.watch(JointsState, "state/joints", states.append)
     request = IkRequest(goals=[GoalEntry(position_m=[0.4, 0.0, 0.3])])

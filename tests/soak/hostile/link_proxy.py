@@ -20,7 +20,7 @@ Delayed = Iterable[tuple[float, bytes]]
 
 
 class LinkAttack(Protocol):
-    """What the man in the middle does with each frame (with its 0x00)."""
+    """Action of the man in the middle on each frame (with its 0x00)."""
 
     def to_board(self, wire: bytes, rng: random.Random) -> Delayed: ...
     def to_daemon(self, wire: bytes, rng: random.Random) -> Delayed: ...
@@ -47,7 +47,7 @@ class Direction:
             heapq.heappush(self._queue, (self._latest, self._count, data))
 
     def due(self, now: float) -> bytes:
-        """What is to be passed on now."""
+        """Bytes to be passed on now."""
         out = b""
         while self._queue and self._queue[0][0] <= now:
             out += heapq.heappop(self._queue)[2]
@@ -112,7 +112,7 @@ class LinkProxy:
                 self._pass_on(self._master, to_daemon.due(now))
 
     def _pass_on(self, end: int, data: bytes) -> None:
-        """What does not fit into the line's buffer is lost, as on a line."""
+        """Passes on; the rest beyond the line's buffer is lost, as on a line."""
         if data:
             with suppress(BlockingIOError):
                 os.write(end, data)

@@ -112,7 +112,7 @@ class DaemonSetup:
 
     @property
     def endpoint(self) -> str:
-        """Where zenoh listens."""
+        """Endpoint on which zenoh listens."""
         return f"tcp/127.0.0.1:{self.port}"
 
     def rover(self, timeout: float = 5.0) -> Rover:

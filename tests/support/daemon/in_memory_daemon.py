@@ -106,7 +106,7 @@ class SimulatedDaemon:
             self.tick()
 
     def cycle(self) -> None:
-        """What the API does every 20 ms."""
+        """One cycle of the API, every 20 ms."""
         self.core.observe(self.report, self.now)
         self.core.tick(self.now)
         self.order = self.core.order

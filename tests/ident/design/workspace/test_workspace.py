@@ -212,7 +212,7 @@ def test_the_orientation_of_a_forward_pose_can_be_taken_there(rover: Arm) -> Non
 
 
 def _shifted(arm: Arm, T: Array, step: float) -> list[float]:
-    """Where the base must stand for the pose T to lie in the middle of the cell at the origin."""
+    """Place of the base for the pose T to lie in the middle of the cell at the origin."""
     base = np.array([arm.base.x, arm.base.y, arm.base.z])
     shifted: list[float] = (base + 0.5 * step - T[:3, 3]).tolist()
     return shifted

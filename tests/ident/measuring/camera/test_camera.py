@@ -189,7 +189,7 @@ def test_what_does_not_belong_together_is_said(change: dict[str, object], words:
 
 @pytest.mark.slow
 def test_design_weighs_poses_as_the_camera_measures_them() -> None:
-    """Of candidates that show the board, those chosen with the camera's covariance make the tip better known."""
+    """Candidates show the board; those chosen with the camera's covariance make the tip better known."""
     found = simulated(2)
     arm = found.data.arm or load_arm("so101")
     covariance = expected_covariance(found.session, arm, found.data.poses)

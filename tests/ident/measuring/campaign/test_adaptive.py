@@ -78,7 +78,7 @@ class TwoJointRig:
 
 
 def run(rig: TwoJointRig, path: Path, goal: StoppingGoal) -> list[str]:
-    """What it said."""
+    """Output of the command."""
     told: list[str] = []
     file = DataFile(path, ARM.dof)
     with file:

@@ -31,7 +31,7 @@ POSES = tuple(
 
 
 class KilledMidway(BaseException):
-    """What a kill looks like from within."""
+    """Error that stands for a kill."""
 
 
 @dataclass

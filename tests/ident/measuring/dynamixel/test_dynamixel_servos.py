@@ -137,7 +137,7 @@ def test_the_makers_sdk_speaks_with_it() -> None:
     sdk = pytest.importorskip("dynamixel_sdk", reason="dynamixel-sdk is not installed")
 
     class Port:
-        """As much of the SDK's `PortHandler` as its packets need."""
+        """Port with as much of the SDK's `PortHandler` as its packets need."""
 
         is_using = False
 

@@ -90,7 +90,7 @@ def vicon(path: Path, rotation: str, prefix: str = "") -> Path:
 
 
 def poses(folder: Path) -> Path:
-    """As many poses as there are rests; the last one repeats the first."""
+    """Poses, one for each rest; the last one repeats the first."""
     rows = [f"{k},0,10,20,30,40,{k},66.3,{1 if k == 4 else k}" for k in range(1, 5)]
     path = folder / "poses.csv"
     path.write_text(HEAD + "\n".join(rows) + "\n")
