@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-import signal
-from contextlib import nullcontext
 from pathlib import Path
 from typing import Annotated
 
 from typer import Option
 
 from lrm_ident.cli import arguments as arg
-from lrm_ident.cli.campaign import (
+from lrm_ident.cli.arm_access import (
     AnyRobot,
+    ArmAccess,
     BaseTarget,
     Connect,
     Dwell,
@@ -20,14 +19,11 @@ from lrm_ident.cli.campaign import (
     Take,
     ToolTarget,
     TrackerName,
-    daemon_of,
-    drive_of,
-    end,
+    target_numbers,
 )
 from lrm_ident.cli.command import command
 from lrm_ident.cli.common import publish, show
-from lrm_ident.cli.groups.lerobot import SO101
-from lrm_math.arm.arm_file import GRAM, load_arm
+from lrm_math.arm.arm_file import GRAM
 
 
 @command
@@ -63,22 +59,16 @@ def verify(
     """
     from lrm_ident.measuring.campaign.run import PoseTiming
     from lrm_ident.measuring.campaign.session import RealClock, connected
-    from lrm_ident.measuring.tracker.frames import TargetNumbers
-    from lrm_ident.measuring.tracker.source import IN_ARM_FRAME
     from lrm_ident.measuring.verification.goal_run import GoalRun
     from lrm_ident.measuring.verification.goals import goals_named
     from lrm_ident.measuring.verification.report import read_verification, verification_document
 
-    signal.signal(signal.SIGTERM, end)
     earlier = None if before is None else read_verification(before)
-    numbers = TargetNumbers(tool, None if base < 0 or tracker.startswith(IN_ARM_FRAME) else base)
-    daemon, clock, timing = daemon_of(robot, connect, speed, model), RealClock(), PoseTiming(0.0, settle, dwell)
-    with daemon or nullcontext():
-        nominal = load_arm(arm or (SO101 if daemon is None else daemon.info().arm))
-        wanted = goals_named(goals, nominal, seed)
-        drive = drive_of(daemon, take, robot, nominal, speed, "lrm-ident verify")
-        with connected(daemon, tracker, numbers) as opened, drive(clock, lambda _: None) as driven:
-            parts = (nominal, opened, numbers, clock, timing, payload_g * GRAM)
+    numbers, clock, timing = target_numbers(tool, base, tracker), RealClock(), PoseTiming(0.0, settle, dwell)
+    with ArmAccess(robot, connect, speed, take, model=model).reached(arm, "lrm-ident verify") as to:
+        wanted = goals_named(goals, to.arm, seed)
+        with connected(to.daemon, tracker, numbers) as opened, to.drive(clock, lambda _: None) as driven:
+            parts = (to.arm, opened, numbers, clock, timing, payload_g * GRAM)
             run = GoalRun(driven.arm, driven.solver(model), *parts)
             found = run.visit(wanted, lambda number, words: show(f"[{number}/{len(wanted)}] {words}"))
     publish(verification_document(found, earlier), json)

@@ -11,7 +11,8 @@ import tomli_w
 from typer import Argument, Option
 
 from lrm_ident.cli import arguments as arg
-from lrm_ident.cli.campaign import AnyRobot, Connect, LoadCommand, PhotoDrive, Release, Settle, Speed, Take, photo_poses
+from lrm_ident.cli.arm_access import AnyRobot, ArmAccess, Connect, LoadCommand, Release, Settle, Speed, Take
+from lrm_ident.cli.campaign import photo_poses
 from lrm_ident.cli.command import command_group, command_of
 from lrm_ident.cli.common import notice, progress, show
 from lrm_ident.data.atomic_write import write_bytes, write_text
@@ -147,9 +148,17 @@ def read(
         if folder.exists() and any(folder.iterdir()):
             raise FileError(folder, "", "has photos already", "move them away, or read them with their poses")
         folder.mkdir(parents=True, exist_ok=True)
-        driven, how = folder / "poses.csv", PhotoDrive(connect, settle, speed, load_command, take, release)
+        driven, access = folder / "poses.csv", ArmAccess(robot, connect, speed, take, release)
         with open_camera(photos) as opened:
-            photo_poses(poses, the_arm, robot, how, lambda k: keep_photo(opened.photo(), photo_path(folder, k)), driven)
+            photo_poses(
+                poses,
+                arm,
+                access,
+                lambda k: keep_photo(opened.photo(), photo_path(folder, k)),
+                driven,
+                settle,
+                load_command,
+            )
         poses, commanded, files = driven, load_poses(driven, the_arm), photos_in(folder)
     elif is_camera(photos):
         with open_camera(photos) as opened:

@@ -1,0 +1,182 @@
+"""The arm as commands reach it: their options, its daemon or bare servos, its loads, and interruptions."""
+
+from __future__ import annotations
+
+import math
+import shlex
+import signal
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, nullcontext
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, NoReturn
+
+from typer import Exit, Option
+
+from lrm_ident.cli.common import show
+from lrm_math.arm.arm_file import GRAM, load_arm
+from lrm_math.errors import LrmError
+
+if TYPE_CHECKING:
+    from lrm_ident.measuring.campaign.session import OpenArm
+    from lrm_ident.measuring.tracker.frames import TargetNumbers
+    from lrm_math.arm.arm import Arm
+    from lrmd.client import Rover
+
+SO101 = "so101"
+"""The arm of servos that are driven without a daemon, if no other is named."""
+SERVOS = "lerobot:, feetech: and dynamixel:"
+AnyRobot = Annotated[
+    str,
+    Option(
+        help="Whose daemon; or a robot of LeRobot: lerobot:so101_follower,port=/dev/ttyACM0,id=mine; or bare Feetech "
+        "(SO-100, SO-101, LeKiwi) or Dynamixel (Koch) servos: feetech:/dev/ttyACM0,ids=1-5, "
+        "dynamixel:/dev/ttyUSB0,ids=1-5."
+    ),
+]
+Connect = Annotated[
+    str | None, Option(metavar="ENDPOINT", help="zenoh endpoint. Default: LRM_CONNECT, or tcp/127.0.0.1:7447.")
+]
+TrackerName = Annotated[
+    str,
+    Option(
+        help="dtrack:PORT (ART's ASCII datagrams), zenoh:KEY (the same on zenoh), csv:FILE that is being written, or a "
+        "camera and its DATA.camera.toml of camera read: camera:0,DATA.camera.toml."
+    ),
+]
+ToolTarget = Annotated[int, Option(min=0, help="Number of the target at the tip.")]
+BaseTarget = Annotated[
+    int, Option(min=-1, help="Number of the target at the base; -1: positions are in the arm's frame.")
+]
+Pause = Annotated[float, Option("--pause", min=0, help="Seconds from one pose to the next.")]
+Settle = Annotated[float, Option(min=0, help="Seconds of rest at least, before the averaging.")]
+Dwell = Annotated[float, Option(min=0.05, help="Seconds at the end of the rest to average over.")]
+LoadCommand = Annotated[
+    str | None,
+    Option(
+        metavar="COMMAND",
+        help="Changes the load, with the grams as its last word. Default: a question on the terminal.",
+    ),
+]
+Speed = Annotated[
+    float | None,
+    Option(min=1.0, max=180.0, metavar="DEG_PER_S", help="Of the fastest joint, without a daemon. Default: 30."),
+]
+Release = Annotated[
+    bool, Option("--release", help="Bare servos: Ctrl-\\ takes their torque without a question, and the arm falls.")
+]
+Take = Annotated[bool, Option("--take", help="Take the arm over if another client has it.")]
+
+
+@dataclass(frozen=True)
+class ReachedArm:
+    """An arm and the name of its description; `daemon`: its own, or None; `drive`: opens it."""
+
+    name: str
+    arm: Arm
+    daemon: Rover | None
+    drive: OpenArm
+
+
+@dataclass(frozen=True)
+class ArmAccess:
+    """Options by which an arm is reached. `speed`: deg/s. `model`: the one that corrects commands without a daemon."""
+
+    robot: str
+    connect: str | None
+    speed: float | None
+    take: bool
+    release: bool = False
+    model: Path | None = None
+
+    @contextmanager
+    def reached(self, arm: str | None, client: str) -> Iterator[ReachedArm]:
+        """The arm, described by a name or by its daemon; ended as by Ctrl-C if the process is told to end.
+
+        `client`: what holds its lease. Raises `LrmError`.
+        """
+        signal.signal(signal.SIGTERM, _end)
+        daemon = self._daemon()
+        with daemon or nullcontext():
+            name = arm or (SO101 if daemon is None else daemon.info().arm)
+            described = load_arm(name)
+            yield ReachedArm(name, described, daemon, self._drive(daemon, described, client))
+
+    def _daemon(self) -> Rover | None:
+        """The connection with a daemon, None for servos without one. Raises `LrmError`: what only these take."""
+        from lrm_ident.measuring.campaign.session import drives_servos
+        from lrmd.client import Rover
+
+        if drives_servos(self.robot):
+            return None
+        if self.speed is not None:
+            raise LrmError(f"--speed: a daemon's arm moves at the speed of its lrmd.toml; it goes with {SERVOS}")
+        if self.model is not None:
+            raise LrmError(f"--model {self.model}: a daemon uses its own model (lrm deploy); it goes with {SERVOS}")
+        return Rover(self.robot, self.connect.split(",") if self.connect else None)
+
+    def _drive(self, daemon: Rover | None, arm: Arm, client: str) -> OpenArm:
+        """Opener of a daemon's arm, or of servos without one. `release`: said before (`release_key`)."""
+        from lrm_ident.measuring.campaign.servo_arm import SPEED
+        from lrm_ident.measuring.campaign.session import BUSES, by_daemon, by_servos
+
+        if self.release and not self.robot.startswith(tuple(kind.prefix for kind in BUSES)):
+            raise LrmError(f"--release: it goes with {' and '.join(kind.prefix for kind in BUSES)}")
+        if daemon is not None:
+            return by_daemon(daemon, self.take, client)
+        rate = SPEED if self.speed is None else math.radians(self.speed)
+        return by_servos(self.robot, arm, rate, lambda: True) if self.release else by_servos(self.robot, arm, rate)
+
+
+def target_numbers(tool: int, base: int, tracker: str) -> TargetNumbers:
+    """The targets whose positions count; no base where the tracker's are in the arm's frame."""
+    from lrm_ident.measuring.tracker.frames import TargetNumbers
+    from lrm_ident.measuring.tracker.source import IN_ARM_FRAME
+
+    return TargetNumbers(tool, None if base < 0 or tracker.startswith(IN_ARM_FRAME) else base)
+
+
+@contextmanager
+def resumable(where: str) -> Iterator[None]:
+    """Ends the command with code 1 if it is interrupted, and says the state of the arm and where the results are."""
+    try:
+        yield
+    except (KeyboardInterrupt, SystemExit) as stop:
+        state = "its torque is released" if getattr(stop, "released", False) else "the arm holds"
+        show(f"stopped; {state}. {where}")
+        raise Exit(1) from None
+
+
+def load_changer(load_command: str | None) -> Callable[[float], None]:
+    """Changes the load (kg) by a command, or asks a person for it where it differs from the last one."""
+
+    def by_command(payload: float) -> None:
+        """Runs the command with the load (g) as its last word."""
+        words = [*shlex.split(load_command or ""), f"{payload / GRAM:.4g}"]
+        done = subprocess.run(words, capture_output=True, text=True)
+        if done.returncode:
+            raise LrmError(f"--load-command: exit code {done.returncode} of {shlex.join(words)}: {done.stderr.strip()}")
+
+    def by_person(payload: float) -> None:
+        """Asks at the terminal for the load (kg), and waits."""
+        if not sys.stdin.isatty():
+            raise LrmError(f"a load of {payload / GRAM:g} g is wanted, and nobody to put it on: give --load-command")
+        input(f"Put {payload / GRAM:g} g on the tool, then press Enter. ")
+
+    if load_command:
+        return by_command
+    state = {"payload": 0.0}  # the first poses may need no load
+
+    def when_changed(payload: float) -> None:
+        """Asks only if the load differs from the last one (kg)."""
+        if payload != state["payload"]:
+            by_person(payload)
+            state["payload"] = payload
+
+    return when_changed
+
+
+def _end(*_: object) -> NoReturn:
+    raise SystemExit(1)

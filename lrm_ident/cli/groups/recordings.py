@@ -1,0 +1,97 @@
+"""`lrm-ident import`: measurements from a tracker's recording, or the rests of a LeRobot dataset."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+from typer import Argument, Option
+
+from lrm_ident.cli import arguments as arg
+from lrm_ident.cli.arm_access import SO101, Dwell
+from lrm_ident.cli.command import command, stated_reading
+from lrm_ident.cli.common import notice, one_of, show
+from lrm_ident.data.atomic_write import write_text
+from lrm_ident.data.measurement_file.write import metadata_toml
+from lrm_math.arm.arm_file import arm_name_for, load_arm
+from lrm_math.errors import LrmError
+
+LEROBOT = "lerobot"
+
+
+@command
+def import_(
+    recording: Annotated[
+        Path,
+        Argument(
+            metavar="RECORDING", help="CSV of OptiTrack Motive or Vicon, .mcap, or .mat with a position per pose."
+        ),
+    ],
+    poses: Annotated[
+        Path, Argument(metavar="POSES", help="What was driven to: a CSV as measure takes it, .mat, .txt, or .mcap.")
+    ],
+    output: Annotated[
+        Path,
+        Option("-o", "--output", metavar="DATA", help="Measurements; a .toml file beside them."),
+        arg.CompanionFiles({".toml": "metadata"}),
+    ],
+    arm: arg.ArmName = None,
+    tool: Annotated[str | None, Option(help="Name of the body at the tip; not needed if there is only one.")] = None,
+    base: Annotated[str | None, Option(help="Name of the body at the base. Default: the room's frame.")] = None,
+    every: Annotated[float | None, Option(min=0.1, help="Seconds from the end of one rest to the next.")] = None,
+    first: Annotated[float | None, Option(min=0, help="End of the first rest, seconds from the first frame.")] = None,
+    skip: Annotated[int, Option(min=0, help="Rests before the first pose; without --every they are looked for.")] = 0,
+    dwell: Dwell = 1.0,
+    axes: Annotated[str | None, Option(help="Which axes of the file are the arm's x, y, z: x,-z,y.")] = None,
+    rotation: Annotated[str | None, Option(help="Of Vicon's RX, RY, RZ: helical or euler-xyz.")] = None,
+) -> None:
+    """Turn a tracker's recording into measurements: one row for each pose, its mean over the end of the rest.
+
+    Rests are found where the tip stands still, or taken at regular times (--every, --first). A rest in which a body is
+    hidden, frozen or jumps is left out, and said.
+
+    An .mcap (extra: mcap) has bodies as topics of poses, or frames of tf; as POSES, its JointState at the rests counts.
+
+    With the word lerobot for RECORDING, POSES is a LeRobot dataset (v3; extra: lerobot), and DATA becomes poses: the
+    commanded angles of every rest and what the encoders read, for `camera read` or a tracker's recording.
+    """
+    if recording == Path(LEROBOT):
+        _import_lerobot(poses, output, arm, dwell)
+        return
+    from lrm_ident.data.measurement_file.metadata import arm_for
+    from lrm_ident.measuring.recordings.imported import RecordingOrder, import_recording, write_measurements
+    from lrm_ident.measuring.recordings.rests import RestTimes
+    from lrm_ident.measuring.recordings.vicon_csv import ROTATIONS
+
+    if (every is None) != (first is None):
+        raise LrmError("--every and --first go together")
+    times = None if every is None or first is None else RestTimes(first, every)
+    kind = None if rotation is None else one_of("rotation", rotation, ROTATIONS)
+    order = RecordingOrder(tool, base, times, skip, dwell, stated_reading({"axes": axes}).axes, kind)
+    name, the_arm = arm_for(poses, arm)
+    found = import_recording(recording, poses, the_arm, order)
+    write_measurements(found, output, name, recording.name)
+    for words in found.notices:
+        notice(words)
+    for number, why in found.left_out.items():
+        show(f"left out: pose {number}: {why}")
+    show(f"{len(found.tip)} of {len(found.tip) + len(found.left_out)} poses are in {output}")
+
+
+def _import_lerobot(dataset: Path, output: Path, arm: str | None, dwell: float) -> None:
+    """Writes the rests of a dataset as poses, and a .toml file beside them. Raises `LrmError`."""
+    from lrm_ident.measuring.recordings.lerobot import read_lerobot, rests_csv
+
+    name = arm or SO101
+    rests = read_lerobot(dataset, load_arm(name), dwell)
+    sd, source = round(float(np.degrees(rests.feedback_sd)), 5), f"LeRobot dataset {dataset.name}"
+    metadata = metadata_toml(arm_name_for(name, output.parent), source, feedback_sd_deg=sd)
+    write_text(output, rests_csv(rests))
+    write_text(output.with_suffix(".toml"), metadata)
+    off = np.degrees(rests.feedback - rests.command)
+    worst = int(np.abs(off).mean(axis=0).argmax())
+    show(
+        f"{len(rests.t)} rests of {len(np.unique(rests.episode))} episodes written to {output}.",
+        f"Joint {worst + 1}'s servo is off its command most: by {np.abs(off[:, worst]).mean():.2f} deg on average.",
+    )
