@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
-from lrm_ident.data.csv_table import ANGLE, FEEDBACK, SIDE, Column, CsvTable
 from lrm_ident.data.robot_files.rigid_motion import placement_motion, to_xyz_angles
 from lrm_math.arm.arm import Placement
 from lrm_math.arm.arm_file import MM
@@ -76,20 +73,3 @@ def read_joints(reading: Reading, columns: Array) -> Array:
     """(..., n), quantities of the file's joints in the order and with the signs of the arm's joints."""
     ordered = columns if reading.joint_order is None else columns[..., [number - 1 for number in reading.joint_order]]
     return ordered if reading.joint_sign is None else ordered * np.array(reading.joint_sign, dtype=np.float64)
-
-
-def in_joint_order(table: CsvTable, how: Reading) -> CsvTable:
-    """The table with the columns of joints named and signed as the arm has them."""
-    count = len(how.joint_order or how.joint_sign or ())
-    joints = zip(how.joint_order or range(1, count + 1), how.joint_sign or [1] * count, strict=True)
-    ours = {
-        form.format(theirs): (form.format(number), sign)
-        for number, (theirs, sign) in enumerate(joints, start=1)
-        for form in (ANGLE, FEEDBACK, SIDE)
-    }
-
-    def ordered(column: Column) -> Column:
-        name, sign = ours.get(column.name, (column.name, 1))
-        return replace(column, name=name, factor=column.factor * sign)
-
-    return replace(table, columns=tuple(map(ordered, table.columns)))

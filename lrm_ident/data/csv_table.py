@@ -147,6 +147,20 @@ class KnownColumns:
     plausible: Mapping[str, PlausibleSize] = field(default_factory=dict)
 
 
+def column_notices(table: CsvTable, known: KnownColumns) -> list[str]:
+    """Columns that are not used, and those that are read under another name or in another unit."""
+    unknown = [name for name in table.header if name and name not in known.names]
+    notices = [f"columns not used: {', '.join(unknown)}"] if unknown else []
+    taken = [
+        f"{own.name} = '{own.stated}'" + ("" if own.factor == 1.0 else f" times {own.factor:.6g}")
+        for own in table.columns
+        if own.name in known.names
+        and own.name != own.stated
+        and (own.factor != 1.0 or not own.stated.lower().startswith(own.name))
+    ]
+    return [*notices, f"read as: {', '.join(taken)}"] if taken else notices
+
+
 @dataclass(frozen=True, eq=False)
 class NumberTable:
     """Columns (N,) by name, and (N, k) of those that go together by their names; NaN where a cell is empty.

@@ -7,12 +7,12 @@ from __future__ import annotations
 
 import re
 from collections import defaultdict
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 from lrm_ident.data.apply_reading import ANGLE_UNITS, LENGTH_UNITS
-from lrm_ident.data.csv_table import ANGLE, Column, CsvTable, columns_of_joints
+from lrm_ident.data.csv_table import ANGLE, FEEDBACK, SIDE, Column, CsvTable, columns_of_joints, require
 from lrm_ident.data.table_text.csv_dialect import read_table
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_file import MM
@@ -77,14 +77,15 @@ class ColumnName:
     unit: str | None = None
 
 
-def read_measurement_table(path: Path, how: Reading = AS_NAMED, joints: Sequence[str] = ()) -> CsvTable:
+def read_measurement_table(path: Path, how: Reading = AS_NAMED, arm: Arm | None = None) -> CsvTable:
     """Reads a table: columns named as ours, in the units that `how` states in place of those of their names; poses
     numbered 1, 2, 3 … where no column does it.
 
-    `joints`: the arm's own names of its joints, which are names of columns too.
+    `arm`: its own names of its joints are names of columns too.
 
     Raises `FileError`: two columns that are the same by name.
     """
+    joints = [] if arm is None else [joint.name for joint in arm.joints]
     table = _named(_with_units(read_table(path), joints), joints)
     if "q0_deg" in table.header:
         table = replace(table, columns=tuple(_from_one(column) for column in table.columns))
@@ -92,20 +93,6 @@ def read_measurement_table(path: Path, how: Reading = AS_NAMED, joints: Sequence
         rows = tuple((str(number), *row) for number, row in enumerate(table.rows, start=1))
         table = replace(table, columns=(Column("pose", "pose"), *table.columns), rows=rows)
     return replace(table, columns=tuple(_in_unit(column, how) for column in table.columns))
-
-
-def column_notices(table: CsvTable, known: Collection[str]) -> list[str]:
-    """Columns that are not used, and those that are read under another name or in another unit."""
-    unknown = [name for name in table.header if name and name not in known]
-    notices = [f"columns not used: {', '.join(unknown)}"] if unknown else []
-    taken = [
-        f"{own.name} = '{own.stated}'" + ("" if own.factor == 1.0 else f" times {own.factor:.6g}")
-        for own in table.columns
-        if own.name in known
-        and own.name != own.stated
-        and (own.factor != 1.0 or not own.stated.lower().startswith(own.name))
-    ]
-    return [*notices, f"read as: {', '.join(taken)}"] if taken else notices
 
 
 def stated_units(table: CsvTable) -> dict[str, str]:
@@ -116,7 +103,15 @@ def stated_units(table: CsvTable) -> dict[str, str]:
     return {"unit": lengths[factors.get("x_mm", 1.0)], "angle_unit": turns[factors.get("q1_deg", 1.0)]}
 
 
-def joint_columns(table: CsvTable, arm: Arm, how: Reading) -> tuple[str, ...]:
+def joint_table(named: CsvTable, arm: Arm, how: Reading, more: Sequence[str] = ()) -> CsvTable:
+    """The table with the angles of the arm's joints, in their order and with their signs, and `more` columns.
+
+    Raises `FileError`: one of these is missing, no rows, or the file or the reading has another number of joints.
+    """
+    return _in_joint_order(require(named, [*_joint_columns(named, arm, how), *more]), how)
+
+
+def _joint_columns(table: CsvTable, arm: Arm, how: Reading) -> tuple[str, ...]:
     """The columns of the arm's joints. Raises `FileError` if the file or the reading has another number of joints."""
     for name, values in (("joint_sign", how.joint_sign), ("joint_order", how.joint_order)):
         if values is not None and len(values) != arm.dof:
@@ -126,6 +121,23 @@ def joint_columns(table: CsvTable, arm: Arm, how: Reading) -> tuple[str, ...]:
         what = f"{len(stated)} joints, {arm.name} has {arm.dof}"
         raise FileError(table.path, "header", what, "is this another arm?")
     return names
+
+
+def _in_joint_order(table: CsvTable, how: Reading) -> CsvTable:
+    """The table with the columns of joints named and signed as the arm has them."""
+    count = len(how.joint_order or how.joint_sign or ())
+    joints = zip(how.joint_order or range(1, count + 1), how.joint_sign or [1] * count, strict=True)
+    ours = {
+        form.format(theirs): (form.format(number), sign)
+        for number, (theirs, sign) in enumerate(joints, start=1)
+        for form in (ANGLE, FEEDBACK, SIDE)
+    }
+
+    def ordered(column: Column) -> Column:
+        name, sign = ours.get(column.name, (column.name, 1))
+        return replace(column, name=name, factor=column.factor * sign)
+
+    return replace(table, columns=tuple(map(ordered, table.columns)))
 
 
 def _named(table: CsvTable, joints: Sequence[str]) -> CsvTable:

@@ -57,6 +57,26 @@ def read_poses(table: NumberTable, arm: Arm, how: Reading, start: Array | None =
     )
 
 
+def numbered_rows(table: NumberTable) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Pose numbers (N,), and that of the pose that each row repeats, its own where the cell is empty.
+
+    Raises `FileError`: a number that stands twice, or a repetition of no pose.
+    """
+    pose, first = table.integers("pose"), dict[int, int]()
+    for row, number in enumerate(pose.tolist()):
+        if first.setdefault(number, row) != row:
+            what = f"pose {number} stands in line {table.cells.lines[first[number]]} already"
+            right = "each row has its own number; name a repetition in the column repeat_of"
+            raise FileError(table.cells.path, table.cells.at(row, "pose"), what, right)
+    stated = table.columns.get("repeat_of", pose)
+    repeat = np.where(np.isnan(stated), pose, np.nan_to_num(stated)).astype(np.int64)
+    unknown = ~np.isin(repeat, pose)
+    if unknown.any():
+        row = int(np.argmax(unknown))
+        raise FileError(table.cells.path, table.cells.at(row, "repeat_of"), f"there is no pose {repeat[row]}")
+    return pose, repeat
+
+
 def _payload(arm: Arm) -> PlausibleSize:
     """Sizes that a load has on an arm: of one much lighter than the arm nothing can be seen, so zero says it better."""
     mass = total_mass(arm) / GRAM

@@ -6,6 +6,7 @@ Goswami, Quaid & Peshkin 1993 (ball bar); Driels & Swayze 1994 (single wire draw
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from itertools import combinations_with_replacement
 
@@ -41,13 +42,14 @@ TOGETHER = {
 """Columns that are stated all or none, and what they are if a row states all of them or none."""
 
 
-def measured_columns(arm: Arm) -> KnownColumns:
-    """Columns of a measurement file."""
+def measured_columns(arm: Arm, header: Sequence[str]) -> KnownColumns:
+    """Columns of a measurement file with this header: beside a distance, a position may be empty."""
     commanded, feedback = pose_columns(arm), columns_of_joints(FEEDBACK, arm.dof)
     alone = {TURN_SD, DISTANCE, DISTANCE_SD, "supply_v", "sd_mm", "repeat_of"}
     together = {**commanded.together, **TOGETHER, feedback: ""}
     names = {*commanded.names, *alone, *(name for group in together for name in group)}
-    return KnownColumns(names, {*QUATERNION, *feedback, DISTANCE, "repeat_of"}, together, commanded.plausible)
+    may_be_empty = {*QUATERNION, *feedback, DISTANCE, "repeat_of", *(POSITION if DISTANCE in header else ())}
+    return KnownColumns(names, may_be_empty, together, commanded.plausible)
 
 
 def with_sensed(data: Measurements, table: NumberTable, metadata: Metadata) -> Measurements:

@@ -14,7 +14,8 @@ from pathlib import Path
 import numpy as np
 
 from lrm_ident.data.apply_reading import frame_table, motion_of, rigid_motion
-from lrm_ident.data.measurement_file.load import load_measurements, without_frozen
+from lrm_ident.data.measurement_file.load import load_measurements
+from lrm_ident.data.measurement_file.row_checks import without_frozen
 from lrm_ident.data.measurement_file.sensed_columns import QUATERNION
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.pose_table import BeyondLimits

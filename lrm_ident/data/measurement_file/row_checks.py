@@ -1,0 +1,123 @@
+"""Rows of a measurement file that cannot be what they say, left out or told.
+
+A lost or frozen tracker, another order than measured, repetitions elsewhere, a noise that no tracker has.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lrm_ident.data.csv_table import ANGLE, NumberTable, columns_of_joints
+from lrm_ident.data.measurement_file.metadata import Metadata
+from lrm_ident.data.measurement_table import POSITION
+from lrm_ident.data.measurements import Measurements
+from lrm_ident.data.pose_table import after_gap, full_turns
+from lrm_ident.data.wording import enumerate_words
+from lrm_math.arm.arm import Arm
+from lrm_math.arm.arm_file import MM
+from lrm_math.arm.plausible_arm import reach
+from lrm_math.errors import FileError
+from lrm_math.model.equilibrium import equilibrium
+from lrm_math.model.model import model_of
+
+LISTED = 8
+FINEST = 1e-5
+"""Share of the reach: no tracker that arms are measured with is so exact."""
+SAME_POSE = 1.0  # deg
+MOVED = 0.05  # share of the reach
+
+
+def without_lost(data: Measurements, table: NumberTable) -> Measurements:
+    """The measurements without positions that are exactly 0, 0, 0: a tracker writes them while it sees nothing.
+
+    Raises `FileError` if all are.
+    """
+    lost = (table.together[POSITION] == 0.0).all(axis=1)
+    if not lost.any():
+        return data
+    if lost.all():
+        raise FileError(data.path, "", "every position is 0, 0, 0", "was the tracker on?")
+    count = f"{int(lost.sum())} positions are exactly 0, 0, 0, as of a lost tracker"
+    words = f"{count}, and left out: {_poses(data.pose[lost])}"
+    return replace(data.without(data.pose[lost].tolist()), notices=(*data.notices, words))
+
+
+def without_frozen(arm: Arm, data: Measurements) -> Measurements:
+    """The measurements without positions that are, to the last digit, those of the row before, while the arm moved."""
+    same = np.flatnonzero((np.diff(data.tcp, axis=0) == 0.0).all(axis=1)) + 1
+    if not len(same):
+        return data
+    drawn = equilibrium(model_of(arm, ()), data.poses.take(np.concatenate([same - 1, same]))).tcp
+    away = np.linalg.norm(drawn[len(same) :] - drawn[: len(same)], axis=1) > MOVED * reach(arm)
+    if not away.any():
+        return data
+    frozen = data.pose[same[away]]
+    words = f"the position stands still while the arm moves, as of a frozen tracker; left out: {_poses(frozen)}"
+    return replace(data.without(frozen.tolist()), notices=(*data.notices, words))
+
+
+def row_notices(table: NumberTable, arm: Arm, metadata: Metadata) -> Iterator[str]:
+    """Notices about the order, the repetitions and the stated noise of a file."""
+    number = table.integers("pose")
+    if not any(name.startswith("approach") for name in table.columns):
+        gap = after_gap(number)
+        if gap.any():
+            yield (
+                f"before {_poses(number[gap])} the file lacks a pose: the direction of approach is unknown there; "
+                "state it as approach, or approach1, approach2 … of each joint"
+            )
+        if (np.diff(number) < 0).any():
+            yield "the pose numbers do not ascend: the rows are taken to be in the order measured"
+    yield from _turns(table, arm)
+    yield from _times(table, number)
+    yield from _repetitions(table, arm, number)
+    yield from _noise(table, arm, metadata)
+
+
+def _turns(table: NumberTable, arm: Arm) -> Iterator[str]:
+    """Angles that were read a full turn away, as those of a file that counts from 0 to 360 deg."""
+    stated = np.radians(table.together[columns_of_joints(ANGLE, arm.dof)])
+    q, turned = full_turns(stated, arm)
+    for joint in np.flatnonzero(turned.any(axis=0)).tolist():
+        row = int(np.argmax(turned[:, joint]))
+        was, read = np.degrees([stated[row, joint], q[row, joint]])
+        count = int(turned[:, joint].sum())
+        beyond = "1 angle is" if count == 1 else f"{count} angles are"
+        yield f"{beyond} beyond the limits of joint {joint + 1} and read a full turn away: {was:g} = {read:g} deg"
+
+
+def _times(table: NumberTable, number: NDArray[np.int64]) -> Iterator[str]:
+    if "t_s" not in table:
+        return
+    t, session = table.columns["t_s"], table.columns.get("session", np.zeros(len(table)))
+    back = np.concatenate([[False], (np.diff(t) < 0) & (np.diff(session) == 0)])
+    if back.any():
+        yield f"t_s runs backwards at {_poses(number[back])}: are the rows in the order measured?"
+
+
+def _repetitions(table: NumberTable, arm: Arm, number: NDArray[np.int64]) -> Iterator[str]:
+    """Repetitions that were commanded elsewhere than what they repeat."""
+    if "repeat_of" not in table:
+        return
+    q, first = table.together[columns_of_joints(ANGLE, arm.dof)], {int(pose): row for row, pose in enumerate(number)}
+    stated = np.nan_to_num(table.columns["repeat_of"], nan=-1.0)
+    of = [first.get(int(pose), row) for row, pose in enumerate(stated)]
+    away = np.abs(q - q[of]).max(axis=1) > SAME_POSE
+    if away.any():
+        yield f"repeat_of: {_poses(number[away])} is not commanded where the pose is that it repeats"
+
+
+def _noise(table: NumberTable, arm: Arm, metadata: Metadata) -> Iterator[str]:
+    """A standard deviation smaller than that of any tracker."""
+    stated = table.columns.get("sd_mm", np.array([metadata.noise_sd_mm or np.nan]))
+    name, usual = "sd_mm" if "sd_mm" in table else "noise_sd_mm", float(np.median(stated))
+    if 0.0 < usual < FINEST * reach(arm) / MM:
+        yield f"{name} is {usual:.3g} mm: no tracker is so exact; were it in metres, it would be {usual * 1e3:.3g} mm"
+
+
+def _poses(numbers: NDArray[np.int64]) -> str:
+    return f"pose {enumerate_words([str(number) for number in numbers.tolist()], LISTED)}"
