@@ -83,7 +83,7 @@ class TakenColumns:
         return TakenColumns(np.empty((rows, 0)), nothing, nothing, np.empty((parts, 0)))
 
     def with_set(self, one: ColumnSets, inverse_root: Array) -> TakenColumns:
-        """With one set more, of which all that was taken before is known; `inverse_root` (parts, m, m): of its own."""
+        """Adds one set, of which all that was taken before is known; `inverse_root` (parts, m, m): of its own."""
         columns = np.concatenate([self.columns.T, one.columns.T]).T
         known, size = self.columns.shape[1], columns.shape[1]
         amounts, root = np.zeros((2, len(inverse_root), size, size))
