@@ -117,7 +117,7 @@ class _Products:
 
 
 def _products(motions: Array, others: Array, residuals: Array, group: LawColumns) -> _Products:
-    """Products of motions (r, M) with residuals (r, D), and with the same motions as something else leaves them (r, M)."""
+    """Products of motions (r, M) with residuals (r, D), and with the same motions as others leave them (r, M)."""
     a, b = group.first[group.pairs], group.second[group.pairs]
     cross = np.einsum("rp,rp->p", motions[:, a], others[:, b])
     return _Products(motions.T @ residuals, np.einsum("rm,rm->m", motions, others), cross)
