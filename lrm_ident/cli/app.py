@@ -116,6 +116,22 @@ def run(application: typer.Typer) -> None:
         _fail(f"a computation failed: {_where(error)}; please report the command and its files")
 
 
+def _show_usage_error(error: Any) -> None:
+    """Prints a command that is called wrongly as every other expected error: which, what is wrong, how it is called."""
+    from lrm_ident.cli.consoles import print_error
+
+    words = error.format_message().rstrip(".").replace("Input should be", "should be")
+    words = words[:1].lower() + words[1:]
+    if error.ctx is None:
+        print_error(f"{words}; --help behind the command explains its options")
+    else:
+        command, usage = error.ctx.command_path, " ".join(error.ctx.command.collect_usage_pieces(error.ctx))
+        print_error(f"{command}: {words}; usage: {command} {usage}, see {command} --help")
+
+
+typer.BadParameter.__base__.show = _show_usage_error  # type: ignore[union-attr]  # the class of all usage errors
+
+
 def _fail(words: str) -> NoReturn:
     from lrm_ident.cli.consoles import print_error
 
