@@ -61,6 +61,10 @@ class AutoRun(ShownInNotebook):
     steps: tuple[AutoStep, ...]
     confirmed: ConfirmedDiagnosis
 
+    def __repr__(self) -> str:
+        taken = ", ".join(step.added for step in self.steps if step.added) or "nothing added"
+        return f"<Run of auto on {self.model.arm.name}: {taken}; {self.verdict}>"
+
     @property
     def model(self) -> Model:
         """The model after the last step."""

@@ -68,6 +68,9 @@ class RankedCandidate:
     equivalent: tuple[str, ...]
     why: str
 
+    def __repr__(self) -> str:
+        return f"<{self.scored.name}, {self.verdict}: {self.why}>"
+
     @property
     def exact(self) -> bool:
         """Whether it was refitted and cross-validated."""
@@ -92,6 +95,11 @@ class DiagnosisReport(ShownInNotebook):
     hint: str
     left: PredictableResidual
     hints: tuple[str, ...]
+
+    def __repr__(self) -> str:
+        fit = self.diagnosis.fit
+        count = f"{len(fit.residual)} poses, {len(self.ranking)} candidates"
+        return f"<Diagnosis of {fit.model.arm.name}: {self.verdict}; {count}>"
 
     @property
     def first(self) -> RankedCandidate | None:

@@ -14,6 +14,7 @@ from lrm_ident.data.error_stats import ErrorStats, error_stats
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.notebook import ShownInNotebook
 from lrm_ident.data.registration.anchor import with_anchor
+from lrm_ident.data.wording import in_mm
 from lrm_ident.fitting.cross_validation import held_out_blocks
 from lrm_ident.fitting.held_out import HeldOutBlock, held_out_rows, held_out_turns
 from lrm_ident.fitting.loss import SQUARED, Loss
@@ -109,6 +110,11 @@ class ModelComparison(ShownInNotebook):
     factors: tuple[Factor, ...]
     worst: tuple[int, ...]
     speaks: NDArray[np.bool_] | None = None
+
+    def __repr__(self) -> str:
+        held_out = f", {in_mm(self.held_out.error.rms)} mm held out" if self.held_out.error else ""
+        arm = self.rest.model.arm.name
+        return f"<Comparison of {arm} with {len(self.data)} poses: {in_mm(self.error.rms)} mm RMS{held_out}>"
 
 
 def compare(

@@ -45,6 +45,7 @@ have it by that count (95 % interval); hollow: one of several causes that this a
 """
 START = """
 document.getElementById("lrm-theme").onclick = () => lrmFleet.theme(lrmTheme());
+lrmTheme.follow(lrmFleet.theme);
 let lrmOnScreen = "light";
 window.addEventListener("beforeprint", () => {
   lrmOnScreen = document.documentElement.dataset.theme;

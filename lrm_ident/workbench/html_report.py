@@ -81,6 +81,7 @@ BODY = """<header>
 """
 START = """
 document.getElementById("lrm-theme").onclick = () => lrm.theme(lrmTheme());
+lrmTheme.follow(lrm.theme);
 lrm.show(lrmValues);
 lrmGlossary(document.querySelector("main"));
 """

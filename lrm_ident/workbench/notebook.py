@@ -25,16 +25,21 @@ from lrm_ident.workbench.html_report import html_report
 from lrm_math.errors import LrmError
 
 FRAME = (
-    '<iframe title="error field and report" style="width:100%;height:900px;border:0" sandbox="allow-scripts" '
-    'srcdoc="{page}"></iframe>'
+    "<style>.lrm-page {{ width: 100%; height: 900px; border: 0; }} "
+    ':is([data-jp-theme-light="false"], .vscode-dark, .dark) .lrm-page {{ color-scheme: dark; }}</style>'
+    '<iframe class="lrm-page" title="error field and report" sandbox="allow-scripts" srcdoc="{page}"></iframe>'
 )
+"""A frame as dark as the notebook around it: of Jupyter, VS Code or marimo."""
 
 STYLE = (
     "<style>.lrm-shown table { border-collapse: collapse; margin: 4px 0 12px; font-variant-numeric: tabular-nums; } "
-    ".lrm-shown caption { text-align: left; font-weight: 600; } .lrm-shown :is(th, td) { text-align: left; "
-    "padding: 2px 10px 2px 0; vertical-align: top; } .lrm-shown :is(th, td).right { text-align: right; }</style>"
+    ".lrm-shown caption { text-align: left; font-weight: 600; } .lrm-shown :is(th, td) { text-align: left !important; "
+    "padding: 2px 10px 2px 0; vertical-align: top !important; } "
+    ".lrm-shown :is(th, td).right { text-align: right !important; } .lrm-shown p { margin: 4px 0 10px; } "
+    ".lrm-shown :is(h2, h3, h4) { font-size: 1.15em; font-weight: 600; margin: 12px 0 4px; } "
+    ".lrm-shown ul { list-style: disc; padding-left: 1.5em; }</style>"
 )
-"""Of tables, which a notebook shows without the page's style."""
+"""Of text and tables, which a notebook shows without the page's style, and with one of its own that goes before."""
 
 
 @singledispatch

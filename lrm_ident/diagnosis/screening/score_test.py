@@ -44,6 +44,9 @@ class ScoredCandidate:
     p_value: float
     implausible: str
 
+    def __repr__(self) -> str:
+        return f"<{self.name} alone: p = {self.p_value:.2g}>"
+
     @property
     def name(self) -> str:
         """`effect@place`."""

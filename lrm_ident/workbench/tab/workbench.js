@@ -52,10 +52,12 @@
   }, true);
   window.lrmAnswered = () => asked("");
 
-  window.lrmTurnDark = () => {
-    lrm.theme(lrmTheme());
-    Quasar.Dark.set(document.documentElement.dataset.theme === "dark");
+  const paint = (theme) => {
+    lrm.theme(theme);
+    Quasar.Dark.set(theme === "dark");
   };
+  window.lrmTurnDark = () => paint(lrmTheme());
+  lrmTheme.follow(paint);
 
   window.lrmTour = (id) => {
     for (const one of document.querySelectorAll(".lrm-toured")) one.classList.remove("lrm-toured");

@@ -327,14 +327,19 @@ def test_axe_finds_nothing(browser: Any, small: RunningWorkbench, scheme: str) -
 def test_a_study_draws_itself_in_a_notebook(browser: Any, tmp_path: Path) -> None:
     """In a frame, as Jupyter and marimo put it into their pages."""
     study = lrm.Study.of(lrm.load(part_of_example(tmp_path, 100))).fit()
-    page = browser.new_page(viewport=SIZE)
-    page.set_content(f"<!doctype html><body>{study.view()._repr_html_()}")
+    page = browser.new_page(viewport=SIZE, color_scheme="null")  # the frame's colours are those of the notebook
+    page.set_content(f"<!doctype html><body data-jp-theme-light=false>{study.view()._repr_html_()}")
     inside = page.frame_locator("iframe")
-    inside.locator("#lrm-field canvas").wait_for()
+    inside.locator("html[data-theme=dark] #lrm-field canvas").wait_for()
+    page.evaluate("document.body.dataset.jpThemeLight = true")
+    inside.locator("html[data-theme=light] #lrm-field canvas").wait_for()
     assert "backlash" in inside.locator("#lrm-ranking").inner_text()
     page.screenshot(path=SHOTS / "notebook.png")
-    page.set_content(f"<!doctype html><body>{study._repr_html_()}{study.compare()._repr_html_()}")
-    sides = page.eval_on_selector_all("td.right", "(all) => all.map((one) => getComputedStyle(one).textAlign)")
-    assert set(sides) == {"right"}, "numbers are not under one another"
+    own = "<style>:not(.jp-RenderedMarkdown).jp-RenderedHTMLCommon td { text-align: center }</style>"
+    shown = f"<div class=jp-RenderedHTMLCommon>{study._repr_html_()}{study.compare()._repr_html_()}</div>"
+    page.set_content(f"<!doctype html><body>{own}{shown}")
+    side = "(all) => [...new Set(all.map((one) => getComputedStyle(one).textAlign))]"
+    assert page.eval_on_selector_all("td.right", side) == ["right"], "numbers are not under one another"
+    assert page.eval_on_selector_all("td:not(.right)", side) == ["left"]
     assert page.eval_on_selector("img", "(one) => one.naturalWidth") > 500
     page.close()

@@ -39,6 +39,13 @@ function lrmSteps(page) {
     box.textContent = state.step === last ? own : earlier;
   }
 
+  // Titles of steps stand at their ticks where they fit, which is known once the figure is on the screen.
+  function watchWidth(box, showStep) {
+    if (!watchWidth.of) watchWidth.of = new ResizeObserver(() => { if (box.clientWidth !== watchWidth.drawn) drawHistory(showStep); });
+    watchWidth.of.observe(box);
+    watchWidth.drawn = box.clientWidth;
+  }
+
   function drawHistory(showStep) {
     const v = state.values, h = v.history;
     if (!h.length) return;
@@ -57,7 +64,8 @@ function lrmSteps(page) {
     const shapes = floor === null ? [] : [{ type: "line", xref: "paper", x0: 0, x1: 1, y0: floor, y1: floor, name: floorWords(),
       showlegend: true, line: { dash: "dot", color: colour("ink") } }];
     const most = Math.max(...h.map((one) => (one.here ? Math.max(one.fit, one.held || 0) : one.rms)));
-    const wide = Math.min((place("history") || document.body).clientWidth, PAPER_PX), fits = Math.floor(wide / 7 / h.length) - 2; // letters
+    const box = place("history"), wide = Math.min(box ? box.clientWidth : PAPER_PX, PAPER_PX), fits = Math.floor(wide / 7 / h.length) - 2; // letters
+    if (box) watchWidth(box, showStep);
     const short = (name) => name.length > fits ? name.slice(0, fits - 1) + "…" : name;
     draw("history", traces, { shapes, dragmode: false,
       xaxis: { tickvals: x, ticktext: fits < FEWEST_LETTERS ? x.map(String) : names.map(short), tickangle: 0,
