@@ -12,8 +12,11 @@ const lrmTheme = (() => {
     return name;
   }
   // Draws anew when the browser, or the notebook around the page, turns dark or light; paper is always light.
-  turn.follow = (draw) => wish.addEventListener("change", () => {
-    if (!remembered() && !matchMedia("print").matches) draw(wished());
-  });
+  turn.follow = (draw) => {
+    if (!remembered()) page.dataset.theme = wished(); // it may have turned since this file ran
+    wish.addEventListener("change", () => {
+      if (!remembered() && !matchMedia("print").matches) draw(wished());
+    });
+  };
   return turn;
 })();
