@@ -53,9 +53,9 @@ def test_all_processes_of_the_daemon_answer_with_one_boot_id(setup: DaemonSetup)
         known = rover.boot_id
         assert rover.fk(FkRequest(q_rad=[[0.0] * 6])).boot_id == known
         assert rover.mode().boot_id == known
-        (wrong,) = rover._ask("rpc/ik", b"\xc1", 5.0)
+        (wrong,) = rover._query_all("rpc/ik", b"\xc1", 5.0)
         assert unpack(ErrorReply, wrong.data).boot_id == known
-        (stopped,) = rover._ask("rpc/estop", b"", 5.0)
+        (stopped,) = rover._query_all("rpc/estop", b"", 5.0)
         assert unpack(Reply, stopped.data).boot_id == known
 
 
