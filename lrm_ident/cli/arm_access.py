@@ -71,7 +71,7 @@ Take = Annotated[bool, Option("--take", help="Take the arm over if another clien
 
 
 @dataclass(frozen=True)
-class ReachedArm:
+class ArmConnection:
     """An arm and the name of its description; `daemon`: its own, or None; `drive`: opens it."""
 
     name: str
@@ -92,7 +92,7 @@ class ArmAccess:
     model: Path | None = None
 
     @contextmanager
-    def reached(self, arm: str | None, client: str) -> Iterator[ReachedArm]:
+    def connection(self, arm: str | None, client: str) -> Iterator[ArmConnection]:
         """The arm, described by a name or by its daemon; ended as by Ctrl-C if the process is told to end.
 
         `client`: what holds its lease. Raises `LrmError`.
@@ -102,7 +102,7 @@ class ArmAccess:
         with daemon or nullcontext():
             name = arm or (SO101 if daemon is None else daemon.info().arm)
             described = load_arm(name)
-            yield ReachedArm(name, described, daemon, self._drive(daemon, described, client))
+            yield ArmConnection(name, described, daemon, self._drive(daemon, described, client))
 
     def _daemon(self) -> Rover | None:
         """The connection with a daemon, None for servos without one. Raises `LrmError`: what only these take."""

@@ -88,10 +88,10 @@ def measure(
 
     goal = StoppingGoal(None if until is None else _length(until), explain) if until or explain else None
     numbers, timing = target_numbers(tool, base, tracker), PoseTiming(pause, settle, dwell)
-    with ArmAccess(robot, connect, speed, take, release).reached(arm, "lrm-ident measure") as to:
-        plan, track = load_plan(poses, to.arm), partial(connected, to.daemon, tracker, numbers)
+    with ArmAccess(robot, connect, speed, take, release).connection(arm, "lrm-ident measure") as link:
+        plan, track = load_plan(poses, link.arm), partial(connected, link.daemon, tracker, numbers)
         changer = load_changer(load_command)
-        order = CampaignOrder(to.drive, track, tracker, numbers, to.arm, to.name, timing, changer, _say, show)
+        order = CampaignOrder(link.drive, track, tracker, numbers, link.arm, link.name, timing, changer, _say, show)
         with resumable(f"What is measured is in {output}; the same command goes on"):
             result = run(order, plan, output, goal)
     _conclude(result, len(plan.poses) if goal is None else None, output)
@@ -112,8 +112,8 @@ def photo_poses(
     from lrm_ident.measuring.campaign.run import PoseTiming
     from lrm_ident.measuring.campaign.session import RealClock
 
-    with access.reached(arm, "lrm-ident camera read") as to:
-        plan = load_plan(plan_file, to.arm)
+    with access.connection(arm, "lrm-ident camera read") as link:
+        plan = load_plan(plan_file, link.arm)
 
         def keep(so_far: PhotographedPoses) -> None:
             """Writes the poses."""
@@ -123,7 +123,7 @@ def photo_poses(
 
         timing, loads = PoseTiming(0.0, settle), load_changer(load_command)
         with resumable(f"The photos so far are in {driven.parent}, their poses in {driven}"):
-            photograph(PhotoOrder(to.drive, to.arm, RealClock(), timing, loads, take, keep, show), plan.poses)
+            photograph(PhotoOrder(link.drive, link.arm, RealClock(), timing, loads, take, keep, show), plan.poses)
     if not driven.exists():
         raise LrmError("no pose could be driven to")
 

@@ -65,10 +65,10 @@ def verify(
 
     earlier = None if before is None else read_verification(before)
     numbers, clock, timing = target_numbers(tool, base, tracker), RealClock(), PoseTiming(0.0, settle, dwell)
-    with ArmAccess(robot, connect, speed, take, model=model).reached(arm, "lrm-ident verify") as to:
-        wanted = goals_named(goals, to.arm, seed)
-        with connected(to.daemon, tracker, numbers) as opened, to.drive(clock, lambda _: None) as driven:
-            parts = (to.arm, opened, numbers, clock, timing, payload_g * GRAM)
+    with ArmAccess(robot, connect, speed, take, model=model).connection(arm, "lrm-ident verify") as link:
+        wanted = goals_named(goals, link.arm, seed)
+        with connected(link.daemon, tracker, numbers) as opened, link.drive(clock, lambda _: None) as driven:
+            parts = (link.arm, opened, numbers, clock, timing, payload_g * GRAM)
             run = GoalRun(driven.arm, driven.solver(model), *parts)
             found = run.visit(wanted, lambda number, words: show(f"[{number}/{len(wanted)}] {words}"))
     publish(verification_document(found, earlier), json)

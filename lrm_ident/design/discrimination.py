@@ -16,7 +16,7 @@ from scipy.special import fdtri, ncfdtr
 
 from lrm_ident.design.observability import MM_PER_M
 from lrm_ident.diagnosis.screening.candidates import Candidate, differentiate_candidates, unfitted_rows
-from lrm_ident.diagnosis.screening.linearised_fit import principal_cosine
+from lrm_ident.diagnosis.screening.column_spaces import principal_cosine
 from lrm_math.arrays import Array
 from lrm_math.effects import Effect
 from lrm_math.effects.base import Excitation

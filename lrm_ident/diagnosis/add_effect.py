@@ -15,13 +15,14 @@ from lrm_ident.fitting.least_squares.convergence import FitNotConverged
 from lrm_ident.fitting.levenberg_marquardt import Fit, fit
 from lrm_ident.fitting.loss import SQUARED, Loss
 from lrm_ident.fitting.model_fit import DEFAULT_EFFECTS
-from lrm_math.effects import Effect, name_of_key, split_key
+from lrm_math.effects import Effect, Parameter, name_of_key, split_key
 from lrm_math.errors import LrmError, NoEquilibrium
 from lrm_math.model.equilibrium import equilibrium
 from lrm_math.model.model import Model, model_of
 
 MAX_SHAPE_FITS = 12
 MAX_FREEINGS = 3
+MOMENT = "pose"  # unit of a shape parameter that is a moment in the measured order
 
 
 def add_effects(
@@ -50,8 +51,9 @@ def add_effects(
     best = _with_shapes(extended, data, effects, [*model.free, *new], loss)
     if not set(new) & set(best.model.free):
         raise LrmError(f"{names}: these poses cannot tell it from what the model has already")
-    for key, _ in _searched(effects, data, moments=True):
-        best = _fit_moment(best, data, key, loss)
+    for key, parameter, _ in _searched(effects, data):
+        if parameter.unit == MOMENT:
+            best = _fit_moment(best, data, key, loss)
     return free_base_parameters(best, data, loss)
 
 
@@ -63,23 +65,22 @@ def _with_shapes(model: Model, data: Measurements, effects: Sequence[Effect], ke
     part = data.take(some_rows(len(data)))
     best = fit_identifiable(model, part, keys, loss).fit
     told = {name_of_key(key) for key in best.model.free}
-    for key, tried in _searched([effect for effect in effects if effect.name in told], part):
-        best = _fit_shape(best, part, key, tried, loss)
+    for key, parameter, tried in _searched([effect for effect in effects if effect.name in told], part):
+        if parameter.unit != MOMENT:
+            best = _fit_shape(best, part, key, tried, loss)
     if len(part) == len(data):
         return best
     found = free_base_parameters(best, part, loss).model
     return fit_identifiable(found, data, [*keys, *(key for key in found.free if key not in keys)], loss).fit
 
 
-def _searched(
-    effects: Sequence[Effect], data: Measurements, moments: bool = False
-) -> Iterator[tuple[str, tuple[float, ...]]]:
-    """Keys of the effects' shapes that are searched, or of `moments`, with the values to try."""
+def _searched(effects: Sequence[Effect], data: Measurements) -> Iterator[tuple[str, Parameter, tuple[float, ...]]]:
+    """Keys of the effects' shape parameters that are searched, the parameters, and the values to try."""
     for effect in effects:
         tried = effect.shapes_to_try(data.poses)
         for key, parameter in zip(effect.keys, effect.parameters, strict=True):
-            if parameter.name in tried and (parameter.unit == "pose") == moments:
-                yield key, tried[parameter.name]
+            if parameter.name in tried:
+                yield key, parameter, tried[parameter.name]
 
 
 def free_base_parameters(fitted: Fit, data: Measurements, loss: Loss = SQUARED) -> Fit:

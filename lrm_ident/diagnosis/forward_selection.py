@@ -15,7 +15,8 @@ import numpy as np
 
 from lrm_ident.diagnosis.screening.candidates import FORM, REFINEMENT
 from lrm_ident.diagnosis.screening.column_sets import ColumnSets
-from lrm_ident.diagnosis.screening.linearised_fit import LinearEstimate, LinearisedFit, cosine_of_bases
+from lrm_ident.diagnosis.screening.column_spaces import cosine_of_bases
+from lrm_ident.diagnosis.screening.linearised_fit import LinearEstimate, LinearisedFit
 from lrm_ident.diagnosis.screening.score_test import ScoredCandidate
 from lrm_ident.fitting.progress import OnProgress
 from lrm_ident.residual.better_prediction import paired_z, predicts_better, saves
@@ -70,28 +71,21 @@ def forward_select(
             those that predict alike, the one with the larger weight is taken. None: all alike.
         possible: candidates that may be selected, the best first; the others are only tried. None: all.
     """
+    ranked = screened if possible is None else possible
     selected: list[ScoredCandidate] = []
-    steps, ranked = [], screened if possible is None else possible
-    for step in _steps(screened, sets, linear, selected):
+    fit, estimates = linear, [one.alone for one in screened]
+    steps: list[SelectionStep] = []
+    while True:
+        step = SelectionStep(fit, dict(zip((one.name for one in screened), estimates, strict=True)))
         steps.append(step)
         progress(1 + len(selected), MAX_EFFECTS)
         chosen = _next(ranked, selected, step, linear.now, weights or {}) if len(selected) < MAX_EFFECTS else None
-        if chosen is not None:
-            selected.append(chosen)
-    return Selection(tuple(selected), tuple(steps))
-
-
-def _steps(
-    screened: Sequence[ScoredCandidate], sets: ColumnSets, fit: LinearisedFit, selected: Sequence[ScoredCandidate]
-) -> Iterator[SelectionStep]:
-    """Steps for as long as `selected` grows between them; what is selected is projected out of all candidates once."""
-    yield SelectionStep(fit, {one.name: one.alone for one in screened})
-    for number in range(1, MAX_EFFECTS + 1):
-        if len(selected) < number:
-            break
-        fit = fit.beside(selected[-1].projected)
+        if chosen is None:
+            return Selection(tuple(selected), tuple(steps))
+        selected.append(chosen)
+        fit = fit.beside(chosen.projected)  # what is selected is projected out of all candidates once
         sets = fit.up_to_date(sets)
-        yield SelectionStep(fit, dict(zip((one.name for one in screened), fit.explain_each(sets), strict=True)))
+        estimates = fit.explain_each(sets)
 
 
 def _next(

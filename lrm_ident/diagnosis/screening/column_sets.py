@@ -93,11 +93,6 @@ class ColumnSets:
             rows = self.columns[:, own], self.held_out[:, own], self.explained[:, :, own]
             yield ColumnSets(*rows, (alone,), self.along[:, own], (grams[stack][:, i : i + 1],))
 
-    def copy(self) -> ColumnSets:
-        """Arrays of their own: what the sets were taken from can be forgotten."""
-        rows = self.columns.copy("F"), self.held_out.copy("F"), self.explained.copy()
-        return ColumnSets(*rows, self.stacks, self.along.copy(), tuple(gram.copy() for gram in self.grams))
-
     @property
     def starts(self) -> NDArray[np.int64]:
         """(S,), first column of each set, in the order of the columns."""
@@ -117,13 +112,13 @@ class ColumnSets:
         whole = columns.T @ self.columns
         return np.stack([whole - columns[part.absent].T @ self.held_out[part.absent] for part in parts])
 
-    def left_of(self, part: FoldSplit) -> Array:
+    def residual_rows(self, part: FoldSplit) -> Array:
         """(T, M), the rows that a part predicts, without what its estimate of the fitted parameters explains."""
         return self.columns if part.absent == NO_ROWS else self.held_out[part.predicted_rows]
 
     def predicted(self, part: FoldSplit, amounts: Array, theta: Array) -> Array:
         """(T, S), what each set says of the rows that a part predicts. amounts: (p, M), theta: (M,)."""
-        columns = self.left_of(part)
+        columns = self.residual_rows(part)
         along, found = np.empty((len(amounts), len(self))), np.empty((len(columns), len(self)), order="F")
         for stack in self.stacks:
             own = theta[stack.columns].reshape(-1, stack.size)
@@ -192,17 +187,12 @@ def column_sets(
     return _with_grams(columns, held_out, none, along, stacks, parts)
 
 
-def joined(sets: Sequence[ColumnSets], parts: Sequence[FoldSplit], together: bool = False) -> ColumnSets:
-    """Sets of the same fit side by side, in this order; `together`: as one set."""
-    sizes = [one.columns.shape[1] for one in sets]
-    order = range(len(sets)) if together else [int(i) for stack in stacks_of(sizes) for i in stack.numbers]
-    columns, held_out = (
-        np.concatenate([rows[i].T for i in order]).T
-        for rows in ([one.columns for one in sets], [one.held_out for one in sets])
-    )
-    explained = np.concatenate([sets[i].explained for i in order], axis=2)
-    along = np.concatenate([sets[i].along for i in order], axis=1)
-    return _with_grams(columns, held_out, explained, along, stacks_of([sum(sizes)] if together else sizes), parts)
+def united(sets: Sequence[ColumnSets], parts: Sequence[FoldSplit]) -> ColumnSets:
+    """All columns of some sets of the same fit, in this order, as one set."""
+    columns, held_out = np.concatenate([[one.columns.T, one.held_out.T] for one in sets], axis=1).transpose(0, 2, 1)
+    explained = np.concatenate([one.explained for one in sets], axis=2)
+    along = np.concatenate([one.along for one in sets], axis=1)
+    return _with_grams(columns, held_out, explained, along, stacks_of([columns.shape[1]]), parts)
 
 
 def _with_grams(

@@ -27,14 +27,14 @@ from lrm_ident.diagnosis.screening.column_sets import (
     by_set,
     column_sets,
     columns_of,
-    joined,
     stacks_of,
+    united,
 )
+from lrm_ident.diagnosis.screening.column_spaces import orthonormal_basis, truncated_svd
 from lrm_ident.residual.better_prediction import outlier_bound
 from lrm_math.arrays import Array
 
 PRIOR_SD = 3.0  # of a parameter, in typical sizes
-NUMERICAL_RANK = 1e-9
 AT_ONCE = 256  # columns that the fitted parameters are projected out of together
 
 
@@ -61,7 +61,7 @@ class LinearEstimate:
 
 
 @dataclass(frozen=True, eq=False)
-class TakenColumns:
+class SelectedColumns:
     """K columns that were taken into a fit after it was linearised, set after set.
 
     Attributes:
@@ -77,12 +77,12 @@ class TakenColumns:
     residual: Array
 
     @staticmethod
-    def none(rows: int, parts: int) -> TakenColumns:
+    def empty(rows: int, parts: int) -> SelectedColumns:
         """Before any was taken."""
         nothing = np.empty((parts, 0, 0))
-        return TakenColumns(np.empty((rows, 0)), nothing, nothing, np.empty((parts, 0)))
+        return SelectedColumns(np.empty((rows, 0)), nothing, nothing, np.empty((parts, 0)))
 
-    def with_set(self, one: ColumnSets, inverse_root: Array) -> TakenColumns:
+    def extended(self, one: ColumnSets, inverse_root: Array) -> SelectedColumns:
         """Adds one set, of which all that was taken before is known; `inverse_root` (parts, m, m): of its own."""
         columns = np.concatenate([self.columns.T, one.columns.T]).T
         known, size = self.columns.shape[1], columns.shape[1]
@@ -91,7 +91,7 @@ class TakenColumns:
         root[:, :known, :known], root[:, known:, known:] = self.inverse_root, inverse_root
         root[:, known:, :known] = -inverse_root @ np.swapaxes(one.explained, 1, 2) @ self.inverse_root
         residual = (inverse_root @ one.along[:, :, None])[:, :, 0]
-        return TakenColumns(columns, amounts, root, np.concatenate([self.residual, residual], axis=1))
+        return SelectedColumns(columns, amounts, root, np.concatenate([self.residual, residual], axis=1))
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,7 +113,7 @@ class LinearisedFit:
     order: NDArray[np.int64]
     sigma: float
     rows: int
-    taken: TakenColumns
+    taken: SelectedColumns
 
     @property
     def folds(self) -> tuple[FoldSplit, ...]:
@@ -131,11 +131,6 @@ class LinearisedFit:
         measured = (self.residual != 0.0) | self.basis.any(axis=1)
         return int(np.count_nonzero(measured) - self.basis.shape[1] - self.taken.columns.shape[1])
 
-    @cached_property
-    def squares(self) -> float:
-        """Residual sum of squares (m²) that the fitted parameters leave."""
-        return float(self.residual @ self.residual)
-
     def pose_by_pose(self, rows: Array) -> Array:
         """Rows (R N,) that stand fold by fold, pose by pose."""
         out = np.empty_like(rows)
@@ -149,13 +144,13 @@ class LinearisedFit:
     def project_each(self, sets: Iterable[Array], sizes: Sequence[int]) -> ColumnSets:
         """Sets of columns (R N, m), of these sizes, without what the fit explains of them."""
         stacks = stacks_of(sizes)
-        return self.up_to_date(self.sets_of(self.orthogonal(sets, stacks), stacks))
+        return self.up_to_date(self.in_folds(self.residualised(sets, stacks), stacks))
 
-    def sets_of(self, columns: Array, stacks: tuple[EqualSizedSets, ...]) -> ColumnSets:
-        """Sets of `orthogonal` columns, beside which nothing was taken."""
+    def in_folds(self, columns: Array, stacks: tuple[EqualSizedSets, ...]) -> ColumnSets:
+        """Sets of `residualised` columns in the sample and every fold, nothing selected beside them."""
         return column_sets(columns, self.residual[self.order], stacks, self.parts)
 
-    def orthogonal(self, sets: Iterable[Array], stacks: tuple[EqualSizedSets, ...]) -> Array:
+    def residualised(self, sets: Iterable[Array], stacks: tuple[EqualSizedSets, ...]) -> Array:
         """(R N, M), sets of columns (R N, m) side by side, fold by fold, without what the fitted parameters explain."""
         place = columns_of(stacks)
         columns = np.empty((len(self.residual), stacks[-1].columns.stop if stacks else 0), order="F")
@@ -167,9 +162,9 @@ class LinearisedFit:
             dgemm(-1.0, basis, basis.T @ some, 1.0, some, overwrite_c=1)  # some -= basis @ (basis.T @ some), in place
         return columns
 
-    def left_in_sample(self, columns: Array, stacks: tuple[EqualSizedSets, ...]) -> Array:
-        """(S,), residual sum of squares (m²) that each set of `orthogonal` columns alone leaves in the sample."""
-        along, left = self.residual[self.order] @ columns, np.full(stacks[-1].places.stop, self.squares)
+    def residual_squares(self, columns: Array, stacks: tuple[EqualSizedSets, ...]) -> Array:
+        """(S,), residual sum of squares (m²) that each set of `residualised` columns alone leaves in the sample."""
+        along, left = self.residual[self.order] @ columns, np.full(stacks[-1].places.stop, self.now.in_sample)
         for stack in stacks:
             own = by_set(columns, stack)
             gram, right = np.swapaxes(own, 1, 2) @ own, along[stack.columns].reshape(-1, stack.size, 1)
@@ -190,12 +185,12 @@ class LinearisedFit:
         """The fit with these columns too."""
         if not sets:
             return self
-        columns = self.up_to_date(joined(sets, self.parts, together=True))
+        columns = self.up_to_date(united(sets, self.parts))
         root = _inverse_root(columns.grams[0][:, 0], self.ridge)
-        taken, known = self.taken.with_set(columns, root), self.taken.columns.shape[1]
+        taken, known = self.taken.extended(columns, root), self.taken.columns.shape[1]
         parts = []
         for number, part in enumerate(self.parts):
-            left = columns.left_of(part) - part.predictor @ columns.explained[number]
+            left = columns.residual_rows(part) - part.predictor @ columns.explained[number]
             directions = left @ root[number].T
             predictor = np.concatenate([part.predictor, directions], axis=1)
             rest = part.left - directions @ taken.residual[number, known:]
@@ -251,7 +246,7 @@ class LinearisedFit:
 
 def linearise(A: Array, residual: Array, test_poses: Sequence[NDArray[np.int64]], sigma: float) -> LinearisedFit:
     """Linearises a fit with the parameters' columns A (R N, P), residual (R N,) (m) and the test poses of each fold."""
-    basis = _svd(A)[0]
+    basis = orthonormal_basis(A)
     residual = residual - basis @ (basis.T @ residual)
     rows = len(residual) // sum(len(poses) for poses in test_poses)
     order = np.concatenate([(rows * poses[:, None] + np.arange(rows)).reshape(-1) for poses in test_poses])
@@ -260,19 +255,12 @@ def linearise(A: Array, residual: Array, test_poses: Sequence[NDArray[np.int64]]
     for poses in test_poses:
         test = slice(start, start + rows * len(poses))
         others = np.concatenate([by_fold[:start], by_fold[test.stop :]])
-        fitted = by_fold[test] @ _svd(np.asarray(np.linalg.qr(others, mode="r")))[1]
+        fitted = by_fold[test] @ truncated_svd(np.asarray(np.linalg.qr(others, mode="r")))[1]
         left = own[test] + fitted @ (fitted.T @ own[test])
         parts.append(FoldSplit(poses, test, test, fitted, none[test], left))
         start = test.stop
-    taken = TakenColumns.none(len(order), len(parts))
+    taken = SelectedColumns.empty(len(order), len(parts))
     return LinearisedFit(residual, basis, tuple(parts), order, sigma, rows, taken)
-
-
-def _svd(A: Array) -> tuple[Array, Array]:
-    """U and V S⁻¹ of A = U S Vᵀ, numerically zero singular values left out."""
-    basis, singular, rows = np.linalg.svd(A, full_matrices=False)
-    keep = singular > NUMERICAL_RANK * singular.max(initial=0.0)
-    return basis[:, keep], rows[keep].T / singular[keep]
 
 
 def _inverse_root(gram: Array, ridge: float) -> Array:
@@ -282,27 +270,3 @@ def _inverse_root(gram: Array, ridge: float) -> Array:
     except np.linalg.LinAlgError:
         values, vectors = np.linalg.eigh(gram)
         return np.asarray((vectors / np.sqrt(np.maximum(values, 0.0) + ridge)[:, None, :]).transpose(0, 2, 1))
-
-
-def orthonormal_basis(columns: Array) -> Array:
-    """(R N, rank), of the space of columns (R N, m)."""
-    return _svd(columns)[0]
-
-
-def projected_rank(columns: Array, original: Array) -> int:
-    """Number of directions of projected columns (3 N, m) that are more than a thousandth of the original ones."""
-    scaled = columns / np.maximum(np.linalg.norm(original, axis=0), 1e-300)
-    return int(np.count_nonzero(np.linalg.eigvalsh(scaled.T @ scaled) > 1e-6))
-
-
-def principal_cosine(a: Array, b: Array) -> float:
-    """Smallest principal cosine (Björck & Golub 1973) of two column spaces: 1 if the smaller lies in the larger."""
-    return cosine_of_bases(_svd(a)[0], _svd(b)[0])
-
-
-def cosine_of_bases(a: Array, b: Array) -> float:
-    """`principal_cosine` of orthonormal columns."""
-    small, large = sorted((a, b), key=lambda basis: basis.shape[1])
-    if not small.shape[1]:
-        return 0.0
-    return float(np.linalg.svd(large.T @ small, compute_uv=False).min())

@@ -11,13 +11,8 @@ import numpy as np
 from lrm_ident.data.weights.row_weights import RowWeights
 from lrm_ident.diagnosis.screening.candidates import Candidate
 from lrm_ident.diagnosis.screening.column_sets import ColumnSets, columns_of, side_by_side, stacks_of
-from lrm_ident.diagnosis.screening.linearised_fit import (
-    AT_ONCE,
-    LinearEstimate,
-    LinearisedFit,
-    orthonormal_basis,
-    projected_rank,
-)
+from lrm_ident.diagnosis.screening.column_spaces import orthonormal_basis, projected_rank
+from lrm_ident.diagnosis.screening.linearised_fit import AT_ONCE, LinearEstimate, LinearisedFit
 from lrm_ident.fitting.progress import OnProgress
 from lrm_ident.residual.significance import f_test_p_value
 from lrm_ident.residual.thresholds import MIN_DETECTABLE, SIGNIFICANCE, Z_THRESHOLD
@@ -77,7 +72,7 @@ def score_candidates(
         moved = float(np.linalg.norm(trial.columns))
         p_value = 1.0
         if trial.rank:
-            p_value = f_test_p_value(linear.squares, trial.in_sample, trial.rank, linear.degrees_of_freedom)
+            p_value = f_test_p_value(linear.now.in_sample, trial.in_sample, trial.rank, linear.degrees_of_freedom)
         p_value = min(1.0, p_value * len(trial.candidate.shapes))
         if trial.rank == 0 or (moved < MIN_DETECTABLE * linear.sigma and p_value > SIGNIFICANCE):
             each = moved / np.sqrt(len(linear.residual) / linear.rows)
@@ -86,7 +81,7 @@ def score_candidates(
         else:
             detectable.append((trial, p_value))
         progress(number + 1, 2 * len(found))
-    sets = linear.sets_of(*side_by_side([trial.columns for trial, _ in detectable], len(linear.residual)))
+    sets = linear.in_folds(*side_by_side([trial.columns for trial, _ in detectable], len(linear.residual)))
     scored = []
     for (trial, p_value), projected, alone in zip(detectable, sets, linear.explain_each(sets), strict=True):
         added, why_not = linear.pose_by_pose(projected.columns @ alone.theta), _implausible(trial.candidate, alone)
@@ -113,8 +108,8 @@ def _at_best_shapes(found: Sequence[Candidate], linear: LinearisedFit, weigh: Ro
         together = [one for one, end in zip(found, ends, strict=True) if end // AT_ONCE == number]
         every = [weigh(one.columns(shape)) for one in together for shape in one.shapes]
         stacks = stacks_of([C.shape[1] for C in every])
-        columns, place, first = linear.orthogonal(every, stacks), columns_of(stacks), 0
-        left = linear.left_in_sample(columns, stacks)
+        columns, place, first = linear.residualised(every, stacks), columns_of(stacks), 0
+        left = linear.residual_squares(columns, stacks)
         for one in together:
             best = first + int(np.argmin(left[first : first + len(one.shapes)]))
             own = columns[:, place[best]].copy("F")

@@ -22,7 +22,8 @@ from lrm_ident.diagnosis.auto import run_auto
 from lrm_ident.diagnosis.diagnose import Diagnosis, diagnose
 from lrm_ident.diagnosis.diagnosis_report import DiagnosisReport, build_report
 from lrm_ident.diagnosis.inject_recover import InjectionPlan, detectable_effects, run_trials
-from lrm_ident.diagnosis.screening.linearised_fit import linearise, principal_cosine
+from lrm_ident.diagnosis.screening.column_spaces import principal_cosine
+from lrm_ident.diagnosis.screening.linearised_fit import linearise
 from lrm_ident.fitting import identifiability
 from lrm_ident.fitting.cross_validation import held_out_residual, joint_space_folds
 from lrm_ident.fitting.effect_plugins import catalogue_with, effects_in

@@ -12,7 +12,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from lrm_ident.diagnosis.forward_selection import forward_select
-from lrm_ident.diagnosis.screening.column_sets import joined
 from lrm_ident.diagnosis.screening.linearised_fit import linearise
 from lrm_ident.fitting.priors import EffectRates
 from lrm_ident.fitting.progress import silent
@@ -154,7 +153,7 @@ def test_an_effect_that_is_expected_is_selected_before_one_that_predicts_as_well
         for name in ("rare@joint1", "usual@joint1")
     )
     ranked: Any = [weak, strong]
-    sets = joined([one.projected for one in ranked], linear.parts)
+    sets = linear.project_each([column, column], [1, 1])
     assert forward_select(ranked, sets, linear, silent).effects[0] is weak
     weights = EffectRates({"usual@joint1": 0.8}, 0.01).weights([one.name for one in ranked])
     assert forward_select(ranked, sets, linear, silent, weights).effects[0] is strong
