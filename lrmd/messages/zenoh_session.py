@@ -34,6 +34,9 @@ GONE_KEY = "@lrmd/gone"
 """Prefix of the keys `<GONE_KEY>/<zenoh id>` of puts that tell of a client whose session ended."""
 OWN_TIMEOUT_MS = 5000
 """Timeout of the daemon's own processes for reaching its router."""
+LISTEN_TIMEOUT_MS = 2000
+"""How long the router waits for its addresses: that of a daemon which was killed is free as soon as its router ended."""
+QUICK_RETRY = {"period_init_ms": 20, "period_max_ms": 200, "period_increase_factor": 2}
 RATE_HZ = 10.0
 """Messages per second and client that pass each rule, so that their sender is still told what is wrong."""
 MESSAGES = {"cmd/estop": ["put", "delete"], "rpc/estop": ["query"]}
@@ -53,6 +56,7 @@ def addresses(key_expr: object, robot: str, tail: str) -> bool:
 def router(table: ZenohTable) -> zenoh.Config:
     """Configuration of the daemon's session: a router, since peers do not relay between clients. Raises `FileError`."""
     values: dict[str, Any] = {"mode": "router", "listen/endpoints": table.listen, "connect/endpoints": table.connect}
+    values |= {"listen/timeout_ms": LISTEN_TIMEOUT_MS, "listen/exit_on_failure": True, "listen/retry": QUICK_RETRY}
     if table.connect:
         values |= {"connect/timeout_ms": -1, "connect/exit_on_failure": False}
     return _configured(table.config, values)
@@ -67,8 +71,7 @@ def client(endpoints: list[str], file: str | None = None) -> zenoh.Config:
 def own_client(table: ZenohTable) -> zenoh.Config:
     """Configuration of the daemon's other processes: clients of its router, which may come up later, or again."""
     config = client(own_endpoints(table), table.config)
-    retry = {"period_init_ms": 20, "period_max_ms": 200, "period_increase_factor": 2}
-    for place, value in {"connect/timeout_ms": OWN_TIMEOUT_MS, "connect/retry": retry}.items():
+    for place, value in {"connect/timeout_ms": OWN_TIMEOUT_MS, "connect/retry": QUICK_RETRY}.items():
         config.insert_json5(place, json.dumps(value))
     return config
 

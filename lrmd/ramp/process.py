@@ -46,7 +46,7 @@ class RampSetup:
 
 def run(setup: RampSetup) -> None:
     """Process entry point: ticks until SIGTERM or the end of the parent."""
-    die_with_parent()
+    die_with_parent(signal.SIGTERM)
     realtime = request_realtime(setup.priority)
     shared = SharedRecords(setup.memory.number)
     core = RampCore(setup.board, shared.read_report())

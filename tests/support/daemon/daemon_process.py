@@ -245,9 +245,14 @@ class DaemonProcess(ProcessGroup):
         super().__init__(command, self._log_file, NOTIFY_SOCKET=str(self.notifications.path), WATCHDOG_USEC=usec)
 
     def ready(self) -> Self:
-        """Waits until systemd would have READY=1."""
-        self.notifications.wait_for("READY=1", START_TIMEOUT)
+        """Waits until systemd would have READY=1. Raises `AssertionError` if it ends before."""
+        wait_for(lambda: self.is_ready() or self.process.poll() is not None, "systemd gets READY=1", START_TIMEOUT)
+        assert self.is_ready(), f"the daemon ended: {self.log_entries()[-3:]}"
         return self
+
+    def is_ready(self) -> bool:
+        """Whether systemd would have READY=1."""
+        return bool(self.notifications.times("READY=1"))
 
     def log_entries(self) -> list[dict[str, Any]]:
         """Entries of its log since its start."""
