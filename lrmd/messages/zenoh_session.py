@@ -35,7 +35,7 @@ GONE_KEY = "@lrmd/gone"
 OWN_TIMEOUT_MS = 5000
 """Timeout of the daemon's own processes for reaching its router."""
 LISTEN_TIMEOUT_MS = 2000
-"""How long the router waits for its addresses: that of a daemon which was killed is free as soon as its router ended."""
+"""How long the router waits for its addresses: that of a killed daemon is free as soon as its router ended."""
 QUICK_RETRY = {"period_init_ms": 20, "period_max_ms": 200, "period_increase_factor": 2}
 RATE_HZ = 10.0
 """Messages per second and client that pass each rule, so that their sender is still told what is wrong."""

@@ -8,6 +8,7 @@ from __future__ import annotations
 import itertools
 import os
 import signal
+import socket
 import subprocess
 import sys
 import threading
@@ -32,6 +33,7 @@ from tests.support.daemon.daemon_process import (
     DaemonSetup,
     children,
     is_alive,
+    running_daemon,
     wait_for,
 )
 from tests.support.daemon.pulse_invariants import read_frames
@@ -149,7 +151,7 @@ def test_a_client_that_is_killed_leaves_an_arm_that_holds(harness: MovingHarness
     mover.kill()
     mover.wait()
     harness.wait_for_mode("holding")
-    assert harness.stands_still()
+    wait_for(harness.stands_still, "the arm stands still", 2.0)
     assert len(harness.pulses()) == 6
     assert in_order(["lease_lost", "mode"], harness.codes())
     assert harness.rover.mode().holder is None
@@ -238,6 +240,22 @@ def test_a_new_daemon_takes_a_pulsing_board_over_without_a_step(tmp_path: Path) 
             assert rover.mode().mode == "armed"
             assert harness.pulses() == there
             assert harness.stands_still()
+
+
+def test_a_killed_daemon_leaves_its_address_even_by_a_router_that_is_stopped(tmp_path: Path) -> None:
+    with running_daemon(DaemonSetup.make(tmp_path)) as (_, daemon):
+        os.kill(daemon.child("router"), signal.SIGSTOP)
+        daemon.signal(signal.SIGKILL)
+        daemon.process.wait()
+        with connected(daemon.setup) as (_, rover):
+            assert rover.mode().mode == "disarmed"
+
+
+def test_a_daemon_waits_for_an_address_that_another_program_leaves_soon(tmp_path: Path) -> None:
+    setup = DaemonSetup.make(tmp_path)
+    with BoardProcess(setup), socket.create_server(("127.0.0.1", setup.port)) as other, DaemonProcess(setup) as daemon:
+        threading.Timer(1.0, other.close).start()
+        daemon.ready()
 
 
 def test_a_stopped_ramp_is_replaced_before_the_arm_sags(harness: MovingHarness) -> None:
