@@ -260,7 +260,7 @@ def _hint(diagnosis: Diagnosis, supported: Sequence[ScoredCandidate]) -> str:
     names = [name for one in supported[:1] for name in (one.name, *diagnosis.equivalent[one.name])]
     if len(names) > 1:
         needs = dict.fromkeys(kinds[name].about.needs for name in names if kinds[name].about.needs)
-        what = "; ".join(needs) or "poses that differ in load, angle and order independently"
+        what = "; ".join(needs) or "poses with several loads, at joint angles that vary independently, in random order"
         return f"To tell {names[0]} from {names[1]}: {what}."
     if names:
         return f"Nothing else that we know looks like {names[0]} here: add it, and see what is left."

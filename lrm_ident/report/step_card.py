@@ -12,7 +12,7 @@ from lrm_ident.data.wording import in_mm
 from lrm_ident.diagnosis.diagnosis_report import with_unit
 from lrm_ident.report.document import Document
 from lrm_ident.report.names.plain_names import step_title
-from lrm_ident.report.plots.interactive.group_means import explained_by_means, shown_most
+from lrm_ident.report.plots.interactive.group_means import explained_by_means, joints_of, shown_most
 from lrm_ident.residual.better_prediction import share_of_excess
 from lrm_ident.residual.covariates import Covariate
 from lrm_ident.residual.picture.error_field import ErrorField
@@ -154,8 +154,7 @@ def _card(
 
 def _shown(place: str, field: ErrorField, number: int, known: Sequence[Covariate]) -> tuple[int, str]:
     """The joint and the driver whose chart shows most of what a step took away; of an effect at a joint, that joint."""
-    own = place.removeprefix("joint")
-    joints = [int(own) - 1] if own.isdigit() else range(len(field.lever))
+    joints = joints_of(place, len(field.lever))
     before, after = field.steps[number - 1].turns, field.steps[number].turns
     taken = [
         explained_by_means(before, field.lever, one.values) - explained_by_means(after, field.lever, one.values)

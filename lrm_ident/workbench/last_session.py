@@ -9,7 +9,7 @@ import time
 from pathlib import Path
 
 from lrm_ident.data.atomic_write import write_text
-from lrm_ident.workbench.work.tasks import OpenFiles
+from lrm_ident.workbench.work.tasks import OpenFiles, OpenTask
 from lrm_math.model.reading import Reading
 
 NOTE = "session.json"
@@ -36,16 +36,31 @@ def note_session(folder: Path, files: OpenFiles) -> None:
     write_text(folder / NOTE, json.dumps(note, default=lambda frame: frame.model_dump()) + "\n")
 
 
-def last_session(folder: Path) -> OpenFiles | None:
-    """Files of the newest other session beside a folder, if they are still there."""
+def last_session(folder: Path, data: Path | None) -> OpenFiles | None:
+    """Files of the newest other session with steps beside a folder, still there; of some measurements, if given."""
     notes = [one for one in folder.parent.glob(f"*/{NOTE}") if one.parent != folder]
-    for note in sorted(notes, key=lambda one: one.stat().st_mtime, reverse=True)[:1]:
-        try:
-            known = json.loads(note.read_text(encoding="utf-8"))
-            effects = known.get("effects_file")
-            reading = Reading.model_validate(known["reading"])
-            found = OpenFiles(Path(known["model"]), Path(known["data"]), effects and Path(effects), reading)
-        except (OSError, ValueError, KeyError, TypeError, AttributeError):
-            return None  # a note that was cut off: there is nothing to go on with
-        return found if found.model.is_file() and found.data.is_file() else None
+    for note in sorted(notes, key=lambda one: one.stat().st_mtime, reverse=True):
+        found = _noted(note)
+        if found is None or found.model.name == OpenTask.kept.name:
+            continue
+        if not (found.model.is_file() and found.data.is_file()):
+            continue
+        if data is None or found.data.resolve() == data.resolve() or _is_copy(found.data, data, folder.parent):
+            return found
     return None
+
+
+def _is_copy(kept: Path, data: Path, root: Path) -> bool:
+    """Whether a file in the state folder is a copy of measurements, as they were read once."""
+    return kept.name == data.name and kept.is_relative_to(root)
+
+
+def _noted(note: Path) -> OpenFiles | None:
+    """Files that a note names; None of one that was cut off: there is nothing to go on with."""
+    try:
+        known = json.loads(note.read_text(encoding="utf-8"))
+        effects = known.get("effects_file")
+        reading = Reading.model_validate(known["reading"])
+        return OpenFiles(Path(known["model"]), Path(known["data"]), effects and Path(effects), reading)
+    except (OSError, ValueError, KeyError, TypeError, AttributeError):
+        return None

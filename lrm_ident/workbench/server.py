@@ -19,7 +19,8 @@ def serve(place: WorkbenchAddress, opened: OpenTask, tour: bool, show: bool) -> 
         tour: whether the first tab begins with the guided tour. show: whether the browser is opened.
     """
     worker = work_process()
-    session = WorkbenchSession(place.folder, worker, offered=last_session(place.folder))
+    offered = last_session(place.folder, None if tour else opened.data)
+    session = WorkbenchSession(place.folder, worker, offered=offered)
     session.open(opened)
     os.environ.setdefault("NICEGUI_STORAGE_PATH", str(place.folder / ".page"))
     try:

@@ -22,6 +22,7 @@ from lrm_math.kinematics.chain import Number
 from lrm_math.kinematics.poses import Poses
 
 CENTRE_OF_MASS = tuple(Parameter(f"com_{axis}_mm", f"error of its centre of mass along {axis}", 0.01) for axis in "xyz")
+CENTRE_CLAIM = "its centre lies {com_x_mm}, {com_y_mm}, {com_z_mm} further along x, y, z"
 
 
 class CableSpring(AngleDependentEffect, LinearEffect):
@@ -81,7 +82,7 @@ class Mass(_BodyError):
         cause="A link is heavier than it was weighed (screws, cables, glue), or its centre of mass lies elsewhere.",
         formula="mass + δm, centre of mass + δc in the frame it stands in",
         source="Conenna 2024, section 4.4",
-        claim="the mass of {place} is off by {mass_g}, its centre by {com_x_mm}, {com_y_mm}, {com_z_mm}",
+        claim="{place} weighs {mass_g} more than the arm file says, " + CENTRE_CLAIM,
     )
     parameters = (Parameter("mass_g", "error of the mass of the link", 0.03), *CENTRE_OF_MASS)
 
@@ -108,7 +109,7 @@ class Payload(_BodyError):
         ),
         formula="mass + δm, centre of mass + δc, in the poses that carry a load",
         source="Conenna 2024, section 4.4",
-        claim="the mass of the load is off by {mass_g}, its centre by {com_x_mm}, {com_y_mm}, {com_z_mm}",
+        claim="the load weighs {mass_g} more than is written, " + CENTRE_CLAIM,
         needs="poses with a load, and poses without or with another one",
     )
     parameters = (Parameter("mass_g", "error of the load's mass", 0.02), *CENTRE_OF_MASS)

@@ -9,7 +9,7 @@ from lrm_math.effects.base import place_words
 from lrm_math.effects.session_errors import session_words
 
 PLAIN = {
-    "offsets": "shape of {place} other than drawn",
+    "offsets": "wrong geometry of {place}",
     "compliance": "softness of {place}",
     "servo_droop": "yielding servo of {place}",
     "base_compliance": "rocking of the base",
@@ -25,14 +25,14 @@ PLAIN = {
     "quantisation": "coarse counts of the servo of {place}",
     "cable_spring": "cable that pulls {place}",
     "coupling": "coupling of {place}",
-    "payload": "load other than written",
-    "mass": "weight of {place} other than known",
+    "payload": "wrong mass of the load",
+    "mass": "wrong mass of {place}",
     "drift": "warm-up drift of {place}",
     "change_point": "sudden displacement of {place}",
     "second_change_point": "second displacement of {place}",
     "session": "new zero of {place} in each session",
-    "measurement_frame": "stretched tracker space",
-    "frame_curve": "distorted tracker space (free curve)",
+    "measurement_frame": "wrong scale of the tracker",
+    "frame_curve": "distortion of the tracker (free curve)",
     "anchor": "start of the distances",
     "angle_curve": "uneven turning of {place} (free curve)",
     "coupling_curve": "coupling of {place} (free curve)",

@@ -74,7 +74,7 @@ class CommandBar:
             self.bar.set_value(now.done / now.of if now.of else 0.0)
         self.failure.set_text(session.failure)
         ready = session.step is not None and not session.busy
-        self.add.set_text(f"Add {chosen.title}" if chosen else "Add")
+        self.add.set_text(f"Add: {chosen.title}" if chosen else "Add")
         self.name.set_text(chosen.name if chosen else "")
         self.add.set_enabled(ready and chosen is not None)
         self.undo.set_enabled(session.can_undo)

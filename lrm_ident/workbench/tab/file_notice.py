@@ -33,7 +33,7 @@ class FileNotice:
             self.words.set_text(f"{session.step.files.data.name} has changed on disk. What is shown is as it was read.")
         self.offer.set_visibility(session.offered is not None and len(session.taken.steps) <= 1)
         if session.offered is not None:
-            self.last.set_text(f"Last session: {session.offered.model} with {session.offered.data.name}")
+            self.last.set_text(f"Last session with {session.offered.data.name}: {session.offered.model}")
 
     def _leave(self) -> None:
         self.session.offered = None

@@ -23,7 +23,7 @@ from lrm_ident.report.document import ListSection, ResultTable, heading
 from lrm_ident.report.document_html import blocks_html
 from lrm_ident.report.model_report import quick_report, with_diagnosis
 from lrm_ident.report.names.plain_names import PLAIN, plain_name
-from lrm_ident.report.plots.interactive.candidate_view import candidate_view, drivers_of, follows
+from lrm_ident.report.plots.interactive.candidate_view import NO_FUNCTION, candidate_view, drivers_of, von_neumann_ratio
 from lrm_ident.report.plots.interactive.group_means import explained_by_means, shown_most
 from lrm_ident.report.plots.interactive.values import figure_values, values_text
 from lrm_ident.residual.covariates import Covariate, covariates
@@ -157,11 +157,10 @@ def test_poses_that_stand_alike_have_no_order(stops: int, seed: int) -> None:
     rng = np.random.default_rng(seed)
     level, form = np.repeat(np.arange(float(stops)), 60), np.tile(np.linspace(-1.0, 1.0, 60), stops)
     shuffled = rng.permutation(len(form))
-    few = Covariate("angle", level, 0)
-    assert not follows(form, [few])
-    assert not follows(form[shuffled], [few.take(shuffled)])
-    assert follows(level**2, [few])
-    assert follows(level + form, [few, Covariate("torque", form, 0)])
+    assert von_neumann_ratio(form, level) > NO_FUNCTION
+    assert von_neumann_ratio(form[shuffled], level[shuffled]) > NO_FUNCTION
+    assert von_neumann_ratio(level**2, level) <= NO_FUNCTION
+    assert von_neumann_ratio(level + form, level, form) <= NO_FUNCTION
 
 
 @given(st.integers(0, 5), st.integers(0, 5), st.sampled_from([5, 400]), st.integers(0, 10**6))

@@ -104,7 +104,6 @@ def test_the_form_of_two_quantities_is_a_map(browser: Any, small: RunningWorkben
     page.evaluate("""(() => {
       const values = structuredClone(lrm.state.values);
       values.ranking[0].second = "load";
-      values.ranking[0].function = false;
       lrm.show(values);
     })()""")
     wait_for(page, "document.getElementById('lrm-form').data.length === 4")
@@ -140,7 +139,7 @@ def test_buttons_stay_the_verdict_is_of_the_step_shown_and_redo_gives_back(
     page = opened(browser, small, SIZE, seen)
     boxes = page.evaluate(BOXES)
     idle(page, RANKED)
-    assert page.inner_text("[data-name=add]").split("\n") == ["Add play in joint 2", "backlash@joint2"]
+    assert page.inner_text("[data-name=add]").split("\n") == ["Add: play in joint 2", "backlash@joint2"]
     before = page.evaluate("lrm.state.values.history[0].held")
     x, y = boxes["add"][0] + 20, boxes["add"][1] + 10
     under = f"document.elementFromPoint({x}, {y}).closest('[data-name]').dataset.name"
@@ -269,6 +268,13 @@ def test_a_session_outlasts_its_server(browser: Any, tmp_path: Path) -> None:
         page.click('[data-name="go on"]')
         wait_for(page, TWO_STEPS)
         page.wait_for_selector("#lrm-offer", state="hidden")
+        page.context.close()
+    (tmp_path / "other").mkdir()
+    other = part_of_example(tmp_path / "other", 60)
+    with workbench(other, cwd=tmp_path) as third:
+        page = opened(browser, third, SIZE)
+        idle(page, RANKED)
+        assert not page.is_visible("#lrm-offer"), "a session of other measurements"
         page.context.close()
 
 

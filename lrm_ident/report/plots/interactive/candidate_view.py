@@ -19,6 +19,7 @@ from lrm_ident.data.weights.row_weights import RowWeights
 from lrm_ident.diagnosis.diagnose import Diagnosis
 from lrm_ident.diagnosis.diagnosis_report import RankedCandidate
 from lrm_ident.diagnosis.screening.score_test import ScoredCandidate
+from lrm_ident.report.plots.interactive.group_means import explained_by_means, joints_of, shown_most
 from lrm_ident.residual.covariates import Covariate, scaled
 from lrm_ident.residual.picture.error_field import joint_turns
 from lrm_math.arrays import Array
@@ -39,8 +40,9 @@ class CandidateView:
     Attributes:
         added: (M, 3), motion of the TCP that it would add beyond the fitted parameters (m).
         turns: (n, M), the same as a turn of each joint (rad).
-        joint: from 0, the one whose turn its motion is most like. driver: name of what its form is a function of.
-        second: name of the other driver of a form of two, else "". function: whether the form is one of these alone.
+        shown: the joint, from 0, and the covariate whose chart shows most of `turns`.
+        joint: the one whose turn its motion is most like. driver: name of what its form is a function of.
+        second: name of the other driver of a form of two, else "".
         refused: why it cannot be the cause, else "".
         form: (M,), the turn of that joint that the candidate says (rad). around: (M,), with what would then be left.
         observable: (M,), whether the joint's lever is long enough to observe a turn. about: texts of the effect.
@@ -50,10 +52,10 @@ class CandidateView:
     name: str
     added: Array
     turns: Array
+    shown: tuple[int, str]
     joint: int
     driver: str
     second: str
-    function: bool
     refused: str
     form: Array
     around: Array
@@ -78,21 +80,24 @@ def candidate_view(
     added = weigh.positions(scored.added)
     turns = joint_turns(alone, found.joint_jacobian)
     lever = (found.joint_jacobian**2).sum(axis=1)
-    joint = own_joint(scored.candidate.effect.place, (turns**2 * lever).sum(axis=1))
+    joints = joints_of(scored.candidate.effect.place, len(lever))
+    joint = max(joints, key=lambda one: float((turns[one] ** 2 * lever[one]).sum()))
+    beyond = joint_turns(added, found.joint_jacobian)
+    explained = [explained_by_means(beyond, lever, one.values) for one in known]
     around = turns[joint] + joint_turns(fitted.residual - added, found.joint_jacobian)[joint]
     observable = lever[joint] > SHARE**2 * lever[joint].mean()
     drawn = rows[rows >= 0]  # thousands of poses say no more of what a form follows
-    shown = [one.take(drawn) for one in known if _may_follow(scored.candidate.effect, one)]
-    own = _angles_of_law(scored.candidate.effect, shown)
-    drivers = own or drivers_of(turns[joint][drawn], shown, joint, observable[drawn])
+    followed = [one.take(drawn) for one in known if _may_follow(scored.candidate.effect, one)]
+    own = _angles_of_law(scored.candidate.effect, followed)
+    drivers = own or drivers_of(turns[joint][drawn], followed, joint, observable[drawn])
     return CandidateView(
         name=scored.name,
         added=_drawn(added, rows),
-        turns=_drawn(joint_turns(added, found.joint_jacobian).T, rows).T,
+        turns=_drawn(beyond.T, rows).T,
+        shown=shown_most(explained, known, joints),
         joint=joint,
         driver=drivers[0].name,
         second=drivers[1].name if len(drivers) > 1 else "",
-        function=follows(turns[joint][drawn][observable[drawn]], [one.take(observable[drawn]) for one in drivers]),
         refused=scored.implausible or found.unexplained.spurious.get(scored.name, ""),
         form=_drawn(turns[joint], rows),
         around=_drawn(around, rows),
@@ -128,12 +133,6 @@ def _drawn(values: Array, rows: NDArray[np.int64]) -> Array:
     return np.where((rows >= 0).reshape(shape), values[rows], np.nan)
 
 
-def own_joint(place: str, explained: Array) -> int:
-    """The joint of a place, else the one whose turn is most like its motion. `explained`: (n,)."""
-    number = place.removeprefix("joint")
-    return int(number) - 1 if number.isdigit() else int(np.argmax(explained))
-
-
 def drivers_of(
     form: Array, known: Sequence[Covariate], joint: int, observable: NDArray[np.bool_]
 ) -> tuple[Covariate, ...]:
@@ -147,25 +146,20 @@ def drivers_of(
     """
     order = sorted(known, key=lambda one: one.joint != joint)
     shown, seen = form[observable], [scaled(one.values[observable]) for one in order]
-    ratios = [_roughness(shown, values) for values in seen]
+    ratios = [von_neumann_ratio(shown, values) for values in seen]
     least = min(ratios)
     first = next(i for i, ratio in enumerate(ratios) if ratio <= 1.05 * least + 1e-9)
     if ratios[first] <= NO_FUNCTION or len(shown) < 2:
         return (order[first],)
     pairs = list(combinations(range(len(seen)), 2))
-    over = [_roughness(shown, seen[i], seen[j]) for i, j in pairs]
+    over = [von_neumann_ratio(shown, seen[i], seen[j]) for i, j in pairs]
     if not pairs or min(over) > MUCH_BETTER * least:
         return (order[first],)
     i, j = pairs[int(np.argmin(over))]
     return order[i], order[j]
 
 
-def follows(form: Array, drivers: Sequence[Covariate]) -> bool:
-    """Whether a form is a function of its drivers, nearly."""
-    return _roughness(form, *(scaled(one.values) for one in drivers)) <= NO_FUNCTION
-
-
-def _roughness(form: Array, *drivers: Array) -> float:
+def von_neumann_ratio(form: Array, *drivers: Array) -> float:
     """Mean squared difference of nearest neighbours in the drivers, over twice the variance; 0 for a function of these.
 
     Poses that stand at the same place are neighbours of one another in no order: each of any other.

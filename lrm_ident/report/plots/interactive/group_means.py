@@ -34,6 +34,12 @@ def explained_by_means(turns: Array, lever: Array, values: Array) -> Array:
     return np.asarray(between - (groups - 1) * within / max(poses - groups, 1))
 
 
+def joints_of(place: str, dof: int) -> Sequence[int]:
+    """Numbers, from 0, of the joints whose turn may show an effect: that of its place, or all."""
+    number = place.removeprefix("joint")
+    return [int(number) - 1] if number.isdigit() else range(dof)
+
+
 def shown_most(explained: Sequence[Array], known: Sequence[Covariate], joints: Sequence[int]) -> tuple[int, str]:
     """The joint, and the name of the covariate, whose chart shows most.
 

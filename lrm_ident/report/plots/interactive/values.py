@@ -22,6 +22,7 @@ from lrm_ident.report.plots.interactive.fair_sample import fair_rows
 from lrm_ident.report.plots.interactive.group_means import explained_by_means, shown_most
 from lrm_ident.report.step_card import AS_WELL, StepCard, error_fall, of_data, rivals
 from lrm_ident.residual.picture.error_field import COLOURS, ErrorField
+from lrm_ident.residual.thresholds import MIN_GAIN
 from lrm_math.arrays import Array
 
 UM, ANGLE = 3, 4
@@ -32,6 +33,7 @@ STANDINGS = {
     "indistinguishable": MARKS["indistinguishable"],
     "explains_too": "◌ explains it too, the simpler one suffices",
     "as_well": "◌ explains it too, no better than the first",
+    "partly": "◔ explains part of it",
     "no_evidence": MARKS["no_evidence"],
     "refused": "✕ cannot be the cause",
 }
@@ -192,22 +194,29 @@ def _ranking(found: ModelReport, ranking: Any) -> list[dict[str, Any]]:
     known = [(views[name], advice) for name, advice in named if name in views]
     first = known[0][1] if known else None
     weighted, order = found.poses.several_kinds, list(STANDINGS)
-    out = [_candidate(view, advice, _standing(view, advice, first), weighted) for view, advice in known]
+    before = found.file.history[-1].held_out_rms_mm
+    out = [_candidate(view, advice, _standing(view, advice, first, before), weighted) for view, advice in known]
     top = 0 if first is None or first["verdict"] == "no_evidence" else 1
     left = {one["name"]: one["heldOut"] * (one["standing"] != SUPPORTED) for one in out}
     return out[:top] + sorted(out[top:], key=lambda one: (order.index(one["standing"]), left[one["name"]]))
 
 
-def _standing(view: CandidateView, advice: Mapping[str, Any], first: Mapping[str, Any] | None) -> str:
-    """One of `STANDINGS`: the verdict, but those without evidence that explain as much as the first are told apart."""
+def _standing(
+    view: CandidateView, advice: Mapping[str, Any], first: Mapping[str, Any] | None, before: float | None
+) -> str:
+    """One of `STANDINGS`: the verdict, but of those without evidence what would help is told apart.
+
+    before: held-out error (mm) of the model without any of them, None if it is not known.
+    """
     if advice["verdict"] != "no_evidence":
         return str(advice["verdict"])
     if view.refused:
         return "refused"
     if first is None or first["verdict"] == "no_evidence":
         return "no_evidence"
-    if advice["held_out_rms_mm"] > (1.0 + AS_WELL) * first["held_out_rms_mm"]:
-        return "no_evidence"
+    left = advice["held_out_rms_mm"]
+    if left > (1.0 + AS_WELL) * first["held_out_rms_mm"]:
+        return "partly" if before is not None and left < (1.0 - MIN_GAIN) * before else "no_evidence"
     return "explains_too" if len(advice["parameters"]) > len(first["parameters"]) else "as_well"
 
 
@@ -239,10 +248,10 @@ def _candidate(view: CandidateView, advice: Mapping[str, Any], standing: str, we
         "about": {name: getattr(view.about, name) for name in ("cause", "formula", "needs", "source")},
         "added": rounded(view.added * 1e3, UM),
         "turns": rounded(np.degrees(view.turns), ANGLE),
+        "shown": {"joint": view.shown[0], "driver": view.shown[1]},
         "joint": view.joint,
         "driver": view.driver,
         "second": view.second,
-        "function": view.function,
         "form": rounded(np.where(observable, np.degrees(view.form), np.nan), ANGLE),
         "around": rounded(np.where(observable, np.degrees(view.around), np.nan), ANGLE),
     }

@@ -2,7 +2,7 @@
 "use strict";
 function lrmCandidates(page) {
   const { state, place, element, draw, selected, poseOf, wireScatter } = page;
-  const { colour, curve, range, at } = lrmChart;
+  const { colour, range, at } = lrmChart;
   const NARROW_PX = 480, AXES = ["x", "y", "z"], SYMBOLS = ["circle", "triangle-up", "square"], MOST_PANELS = 3;
   const candidate = () => state.values.ranking.find((one) => one.name === state.candidate) || null;
 
@@ -32,33 +32,30 @@ function lrmCandidates(page) {
       yaxis: { title: { text: "the fit leaves, mm", standoff: 4 } } }, wireScatter);
   }
 
+  // The data and what the form says of each pose, as points: a form may follow more than is drawn, and no line hides that.
+  function pointsOfForm(one, driver, rows, on) {
+    const x = at(driver.values, rows);
+    return [
+      { type: "scatter", mode: "markers", name: "data", x, y: at(one.around, rows), ...on, selectedpoints: selected(rows), ...poseOf(rows),
+        hovertemplate: "%{text}: %{y:.3f} deg<extra></extra>", marker: { size: 5, color: colour("model"), opacity: 0.55 } },
+      { type: "scatter", mode: "markers", name: "its form", x, y: at(one.form, rows), ...on, hoverinfo: "skip",
+        marker: { symbol: "diamond", size: 5, color: colour("held") } },
+    ];
+  }
+
   function drawForm(one, driver) {
-    const form = curve(driver.values, one.form), rows = page.points();
-    draw("form", [
-      { type: "scatter", mode: "markers", name: "data", x: at(driver.values, rows), y: at(one.around, rows),
-        selectedpoints: selected(rows), ...poseOf(rows), hovertemplate: "%{text}: %{y:.3f} deg<extra></extra>",
-        marker: { size: 5, color: colour("model"), opacity: 0.55 } },
-      one.function ? { type: "scatter", mode: "lines", name: "its form", ...form, hoverinfo: "skip", line: { color: colour("held"), width: 3 } }
-        : { type: "scatter", mode: "markers", name: "its form, which follows more than this", x: at(driver.values, rows), y: at(one.form, rows),
-          hoverinfo: "skip", marker: { symbol: "diamond", size: 6, color: colour("held") } },
-    ], { xaxis: { title: { text: driver.label, standoff: 4 } },
+    draw("form", pointsOfForm(one, driver, page.points(), {}), { xaxis: { title: { text: driver.label, standoff: 4 } },
       yaxis: { title: { text: `turn of joint ${one.joint + 1}, deg`, standoff: 4 }, range: range(one.around).limits } }, wireScatter);
   }
 
   // A form of two quantities of which one has few levels: a panel for each level.
   function drawPanels(one, driver, second, levels) {
     const shown = page.points(), traces = [], axes = {}, n = levels.length, limits = range(one.around).limits;
-    const style = one.function ? { mode: "lines", line: { color: colour("held"), width: 3 } }
-      : { mode: "markers", marker: { symbol: "diamond", size: 6, color: colour("held") } };
     levels.forEach((level, k) => {
       const rows = shown.filter((row) => second.values[row] === level), key = k ? k + 1 : "", on = { xaxis: "x" + key, showlegend: !k };
-      const form = one.function ? curve(at(driver.values, rows), at(one.form, rows)) : { x: at(driver.values, rows), y: at(one.form, rows) };
       axes["xaxis" + key] = { domain: [(k + 0.04) / n, (k + 0.96) / n], anchor: "y", nticks: 4, tickangle: 0,
         title: { text: k === (n - 1) >> 1 ? `${driver.label}<br>left to right: ${second.label} ${levels.join(", ")}` : "", standoff: 4, font: { size: 12 } } };
-      traces.push({ type: "scatter", mode: "markers", name: "data", x: at(driver.values, rows), y: at(one.around, rows), ...on,
-        selectedpoints: selected(rows), ...poseOf(rows), hovertemplate: "%{text}: %{y:.3f} deg<extra></extra>",
-        marker: { size: 5, color: colour("model"), opacity: 0.55 } },
-      { type: "scatter", name: one.function ? "its form" : "its form, which follows more", ...form, ...on, hoverinfo: "skip", ...style });
+      traces.push(...pointsOfForm(one, driver, rows, on));
     });
     draw("form", traces, { ...axes, yaxis: { title: { text: `turn of joint ${one.joint + 1}, deg`, standoff: 4 }, range: limits } }, wireScatter);
   }
@@ -103,6 +100,8 @@ function lrmCandidates(page) {
     if (!head) return;
     const row = element("div", "", "lrm-ranking-row"), marks = [...new Set(v.ranking.map((one) => one.mark))];
     row.append(element("span", "effect"), element("span", "held-out RMS left, mm"));
+    if (v.ranking.some((one) => one.held.startsWith("≈"))) marks.push("≈ estimated, not refitted");
+    marks.push("bar: what it takes away");
     head.replaceChildren(...(v.ranking.length ? [row, element("p", marks.join("   "), "lrm-legend lrm-soft")] : []));
     lrmGlossary(head);
   }
@@ -111,7 +110,8 @@ function lrmCandidates(page) {
     const list = place("ranking"), v = state.values;
     drawHead();
     if (!list) return;
-    const worst = Math.max(...v.ranking.map((one) => one.heldOut), 1e-9);
+    const before = page.heldOut(), left = v.ranking.map((one) => one.heldOut), most = before === null ? Math.max(...left) : before;
+    const all = Math.max(most - Math.min(...left, v.floor === null ? Infinity : v.floor), 1e-9);
     list.setAttribute("role", "radiogroup");
     list.replaceChildren(...v.ranking.map((one, number) => {
       const button = element("button", "", "lrm-candidate lrm-" + one.standing), is = one.name === state.candidate;
@@ -121,7 +121,7 @@ function lrmCandidates(page) {
       button.tabIndex = is || (!state.candidate && !number) ? 0 : -1;
       button.dataset.name = one.name;
       const bar = element("span", "", "lrm-bar"), name = element("span", one.title + " ", "lrm-name");
-      bar.style.width = 100 * one.heldOut / worst + "%";
+      bar.style.width = 100 * Math.max(0, most - one.heldOut) / all + "%";
       name.append(element("small", one.name, "lrm-soft"));
       button.append(bar, element("span", one.mark.split(" ")[0], "lrm-mark"), name, element("span", one.held, "lrm-held"));
       button.title = one.mark;

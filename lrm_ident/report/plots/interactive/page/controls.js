@@ -50,14 +50,14 @@ function lrmControls(page) {
     state.candidate = name;
     const one = page.candidate();
     if (one) {
-      state.joint = one.joint;
-      if (state.values.drivers.some((d) => d.name === one.driver)) state.driver = one.driver;
+      [state.joint, state.driver] = [one.shown.joint, one.shown.driver];
       fill();
     }
     page.drawRanking(choose);
     page.drawCandidate();
     page.drawWhatIf();
     page.drawTurn();
+    page.drawHistory(showStep);
     tellChosen();
   }
 

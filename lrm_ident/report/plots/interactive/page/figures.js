@@ -35,7 +35,7 @@ const lrm = (() => {
     page.wireControls();
     const first = values.ranking[0];
     if (!state.candidate && first && first.verdict !== "no_evidence") {
-      [state.candidate, state.joint, state.driver] = [first.name, first.joint, first.driver];
+      [state.candidate, state.joint, state.driver] = [first.name, first.shown.joint, first.shown.driver];
     }
     const from = before && before.steps[before.steps.length - 1].residual;
     redraw();

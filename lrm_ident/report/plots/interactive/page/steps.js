@@ -15,11 +15,18 @@ function lrmSteps(page) {
     if (!box) return;
     const what = card ? named(card) : number ? v.steps[number].title : "Fitted to the data";
     const [from, to] = card ? [card.before, card.after] : [number ? v.steps[number - 1].rms : v.nominalRms, v.steps[number].rms];
-    const kind = card && card.held ? "held-out RMS" : number ? "RMS on these data" : "from nominal to fitted, RMS";
+    const held = number || heldOut(0) === null ? "" : `; ${inMm(heldOut(0))} held out`;
+    const kind = card && card.held ? "held-out RMS" : number ? "RMS on these data" : `RMS from nominal to fitted${held}`;
     const figure = element("span", `${words(Number(from))} → ${inMm(to)}`, "lrm-fall-figure");
     box.replaceChildren(element("span", what + ": ", "lrm-fall-what"), figure, " ",
       element("span", [kind, floorWords()].filter(Boolean).join(", "), "lrm-soft"));
     lrmGlossary(box);
+  }
+
+  // Held-out error (mm) of a step, by default the last one, on the open data; null if it is not known.
+  function heldOut(number = state.values.history.length - 1) {
+    const entry = state.values.history[number];
+    return entry && entry.here && entry.held !== null ? entry.held : null;
   }
 
   // What a step found; what the data cannot tell it from is named with it.
@@ -60,6 +67,11 @@ function lrmSteps(page) {
       traces.push({ ...line("fitted to other data, error on these", h.map((one) => (one.here ? null : one.rms)), "solid",
         "circle-open", colour("soft")), mode: "markers" });
     }
+    const one = page.candidate();
+    if (one && heldOut() !== null) {
+      traces.push({ type: "scatter", mode: "markers", name: "held out, if added", x: [h.length], y: [one.heldOut],
+        hovertemplate: `${one.title}<br>%{y:.2f} mm<extra></extra>`, marker: { symbol: "diamond-open", size: 11, color: colour("held") } });
+    }
     const floor = v.floor !== null ? v.floor : v.bound;
     const shapes = floor === null ? [] : [{ type: "line", xref: "paper", x0: 0, x1: 1, y0: floor, y1: floor, name: floorWords(),
       showlegend: true, line: { dash: "dot", color: colour("ink") } }];
@@ -70,9 +82,12 @@ function lrmSteps(page) {
     draw("history", traces, { shapes, dragmode: false,
       xaxis: { tickvals: x, ticktext: fits < FEWEST_LETTERS ? x.map(String) : names.map(short), tickangle: 0,
         title: { text: `${v.poses} poses, data ${v.data.slice(0, 8)}`, font: { size: 11 }, standoff: 4 },
-        range: [-0.4, Math.max(h.length - 0.6, 1.4)], fixedrange: true },
+        range: [-0.4, h.length + 0.4], fixedrange: true },
       yaxis: { title: { text: "RMS error, mm", standoff: 4 }, range: [0, 1.15 * most], fixedrange: true } },
-    (figure) => figure.on("plotly_click", (event) => showStep(event.points[0].customdata)));
+    (figure) => figure.on("plotly_click", (event) => {
+      const number = event.points[0].customdata;
+      if (number !== undefined) showStep(number);
+    }));
   }
 
   // ---- cards
@@ -136,5 +151,5 @@ function lrmSteps(page) {
       yaxis: { title: { text: `turn of joint ${card.joint + 1}, deg`, standoff: 4 }, range: range(before).limits } });
   }
 
-  return { tellFall, tellVerdict, drawHistory, drawCards };
+  return { tellFall, tellVerdict, drawHistory, drawCards, heldOut };
 }
