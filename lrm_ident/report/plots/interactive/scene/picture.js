@@ -35,7 +35,7 @@ function lrmPicture(page) {
 
   function number(id, label, changed) {
     const input = element("input");
-    Object.assign(input, { type: "number", step: "any", id: "lrm-" + id, disabled: true });
+    Object.assign(input, { type: "number", step: "any", id: "lrm-" + id });
     input.setAttribute("aria-label", label);
     input.onchange = () => { if (input.value !== "") changed(Number(input.value)); draw(); };
     return input;
@@ -48,8 +48,9 @@ function lrmPicture(page) {
     const ends = key ? [Math.floor(100 * Math.min(...all)) / 100, Math.ceil(100 * Math.max(...all)) / 100] : [null, null];
     [filter.by, filter.low, filter.high] = [key, ...ends];
     [["low", ends[0]], ["high", ends[1]]].forEach(([end, value]) => {
-      Object.assign(place("filter-" + end), { value: value === null ? "" : value, disabled: !key });
+      place("filter-" + end).value = value === null ? "" : value;
     });
+    place("filter-range").hidden = !key;
     draw();
   }
 
@@ -65,6 +66,9 @@ function lrmPicture(page) {
     which.onchange = () => by(which.value);
     const low = number("filter-low", "from", (value) => { filter.low = value; });
     const high = number("filter-high", "to", (value) => { filter.high = value; });
+    const limits = element("span");
+    Object.assign(limits, { id: "lrm-filter-range", hidden: true });
+    limits.append(" from ", low, " to ", high);
     const sample = button("fair sample / with the worst", "show a fair sample, or also all of the worst poses", () => {
       state.worst = !state.worst;
       sample.setAttribute("aria-pressed", state.worst);
@@ -75,7 +79,7 @@ function lrmPicture(page) {
     said.id = "lrm-picture-says";
     const group = (...parts) => { const out = element("span", "", "lrm-group"); out.append(...parts); return out; };
     box.replaceChildren(group("from ", ...views.map(([name, at]) => button(name, `view from: ${name}`, () => lrmScene.look(at())))),
-      group("poses ", scrub), group(which, low, " to ", high), ...(v.fair ? [sample] : []), said);
+      group("poses ", scrub), group(which, limits), ...(v.fair ? [sample] : []), said);
   }
 
   // Follows the values and the pose that are shown.
