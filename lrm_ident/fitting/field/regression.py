@@ -15,6 +15,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import block_diag, cho_factor, cho_solve
+from scipy.linalg.lapack import dpotri
 
 from lrm_math.arrays import Array
 from lrm_math.effects.field.residual_field import MARGIN, ResidualField, wave_numbers
@@ -28,6 +29,8 @@ START, START_ALONE = (1.0, 1.0, 0.5), (0.1, 0.3)
 """Length, signal and noise; length and signal of a joint alone: from long lengths short waves are not found."""
 MAX_ITERATIONS, TOLERANCE = 60, 1e-5
 SERIES = np.arange(60.0)
+NEGLIGIBLE = 1e-12
+"""Prior variance of a function's values over the noise's, below which it is left out of a marginal likelihood."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -185,13 +188,15 @@ def _loss(
     """Negative log marginal likelihood per row, but for a constant, and its gradient, by logarithms."""
     noise = float(np.exp(2.0 * hyper[-1]))
     log_variance, slope = prior.log_variance(hyper[:-1])
-    root = np.exp(0.5 * log_variance)
-    factor = cho_factor(root[:, None] * gram * root / noise + np.eye(len(root)))
-    inverse = cho_solve(factor, np.eye(len(root)))
+    acts = np.flatnonzero(np.exp(log_variance) * np.diag(gram) > NEGLIGIBLE * noise)
+    root, gram, moment = np.exp(0.5 * log_variance[acts]), gram[np.ix_(acts, acts)], moment[acts]
+    factor, _ = cho_factor(root[:, None] * gram * root / noise + np.eye(len(acts)))
+    upper, _ = dpotri(factor)
+    inverse = np.triu(upper) + np.triu(upper, 1).T
     whitened = inverse @ (root * moment) / noise
     mean = root * whitened
-    value = 0.5 * (square - mean @ moment) / noise + np.log(np.diag(factor[0])).sum() + rows * hyper[-1]
+    value = 0.5 * (square - mean @ moment) / noise + np.log(np.diag(factor)).sum() + rows * hyper[-1]
     by_variance = 0.5 * (1.0 - np.diag(inverse) - whitened**2)
     left = square - 2.0 * (mean @ moment) + mean @ gram @ mean
-    by_noise = rows - (len(root) - np.trace(inverse)) - left / noise
-    return float(value) / rows, np.append(by_variance @ slope, by_noise) / rows
+    by_noise = rows - (len(acts) - np.trace(inverse)) - left / noise
+    return float(value) / rows, np.append(by_variance @ slope[acts], by_noise) / rows
