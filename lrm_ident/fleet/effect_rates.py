@@ -41,7 +41,8 @@ class EffectRate:
     @property
     def words(self) -> str:
         """Words such as `3 of 3 arms (of the kind: 29 to 99 %)`: what was seen, and what that says of arms not seen."""
-        return f"{self.found:.3g} of {self.arms} arms (of the kind: {self.interval} %)"
+        found = f"{self.found:.2g}" if self.found < 10 else f"{self.found:.0f}"  # unsure arms count in part
+        return f"{found} of {self.arms} arms (of the kind: {self.interval} %)"
 
     @property
     def interval(self) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from examples.so101.feetech_bus import FeetechBus
@@ -192,6 +192,7 @@ def test_a_missing_motor_and_a_wrong_number() -> None:
     assert refusal(line_of()).endswith("nor does any other: is the power on, is it the right port?")
 
 
+@settings(max_examples=6)  # of 1.5 s, in which no answer comes
 @given(st.floats(0.01, 3.0), st.integers(0, 4))
 def test_two_servos_of_one_number(apart: float, which: int) -> None:
     numbers = (1, 2, 3, 4, 5)
