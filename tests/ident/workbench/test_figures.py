@@ -120,7 +120,7 @@ def test_what_explains_as_well_is_told_apart_and_every_card_says_what_was_found(
     ranking = {one["name"]: one for one in _values_of(page)["ranking"]}
     assert ranking["backlash@joint2"]["standing"] == "supported"
     assert ranking["torque_curve@joint2"]["mark"] == "◌ explains it too, the simpler one suffices"
-    assert ranking["nonlinear_stiffness@joint2"]["standing"] == "no_evidence"
+    assert ranking["nonlinear_stiffness@joint2"]["standing"] == "partly"
     stdout_of("report", second, EXAMPLE, "-o", page)
     found = _values_of(page)
     (card,) = found["cards"]
