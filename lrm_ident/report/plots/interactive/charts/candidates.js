@@ -102,7 +102,9 @@ function lrmCandidates(page) {
     row.append(element("span", "effect"), element("span", "held-out RMS left, mm"));
     if (v.ranking.some((one) => one.held.startsWith("≈"))) marks.push("≈ estimated, not refitted");
     marks.push("bar: what it takes away");
-    head.replaceChildren(...(v.ranking.length ? [row, element("p", marks.join("   "), "lrm-legend lrm-soft")] : []));
+    const legend = element("p", "", "lrm-legend lrm-soft");
+    legend.append(...marks.flatMap((mark) => [element("span", mark), "   "]));
+    head.replaceChildren(...(v.ranking.length ? [row, legend] : []));
     lrmGlossary(head);
   }
 
