@@ -236,11 +236,6 @@ def stats_in_mm(error: ErrorStats) -> tuple[float, float, float, float]:
     return error.mean * 1e3, error.rms * 1e3, error.max * 1e3, error.sd * 1e3
 
 
-def norms_mm(residual: Array) -> Array:
-    """(N,), length of each row of a residual (N, 3) in m, in mm."""
-    return np.asarray(np.linalg.norm(residual, axis=1) * 1e3)
-
-
 def _why(rest: Equilibrium, held: UnidentifiableParameter) -> str:
     model = rest.model
     if held.survival == 0.0 and not held.combination:

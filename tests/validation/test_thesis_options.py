@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from lrm_ident.data.error_stats import error_distribution, error_stats
+from lrm_ident.data.error_stats import error_stats
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.design.detmax import exchange
 from lrm_ident.design.observability import identification_jacobian
@@ -25,6 +25,7 @@ from tests.conftest import EXAMPLE
 from tests.support.commands import stderr_of, stdout_of
 from validation import synthetic
 from validation.thesis.__main__ import main as thesis
+from validation.thesis.error_distribution import error_distribution
 from validation.thesis.thesis_options import (
     OPTIONS,
     OptionStudy,

@@ -8,10 +8,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from lrm_ident.data.error_stats import ErrorDistribution, error_distribution
-from lrm_ident.report.fit import norms_mm
 from lrm_ident.report.plots.style import HELD_OUT, MODEL, NOMINAL, figure_file
 from lrm_math.arrays import Array
+from validation.thesis.error_distribution import ErrorDistribution, error_distribution, norms_mm
 from validation.thesis.options_report import label, shapes_of
 from validation.thesis.thesis_options import CrossLoadResult, OptionStudy
 

@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from fnmatch import fnmatchcase
 
-from lrm_ident.data.error_stats import ErrorDistribution, ErrorStats, error_distribution, error_stats
+from lrm_ident.data.error_stats import ErrorStats, error_stats
 from lrm_ident.report.document import Block, Document, ResultTable
-from lrm_ident.report.fit import estimates, norms_mm, screen_unit
+from lrm_ident.report.fit import estimates, screen_unit
 from lrm_math.arrays import Array
+from validation.thesis.error_distribution import ErrorDistribution, error_distribution, norms_mm
 from validation.thesis.thesis_options import CrossLoadResult, OptionResult, OptionStudy
 from validation.thesis.thesis_results import NOMINAL, TABLE_6_8, Campaign, PublishedError
 
