@@ -74,10 +74,6 @@ class VoxelGrid:
             )
         return cells
 
-    def cell_of(self, points: Array) -> NDArray[np.int64]:
-        """(N, 3), indices from 0 of the cells of points (N, 3) in m; may be outside the grid."""
-        return np.floor(points / self.step).astype(np.int64) - self.first
-
     def by_axis(self, values: Array) -> Array:
         """Values of the cells (N,) as an array over x, y and z."""
         return values.reshape(self.count)

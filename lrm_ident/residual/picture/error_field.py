@@ -79,12 +79,6 @@ class ErrorField:
     nominal_residual: Array
     lever: Array
 
-    @property
-    def thinned(self) -> str:
-        """Note if not all poses are drawn, else empty."""
-        left_out = len(self.rows) < self.poses
-        return f"{len(self.rows)} of {self.poses} poses drawn, the worst among them" if left_out else ""
-
 
 def error_field(data: Measurements, models: Sequence[tuple[str, Model]]) -> ErrorField:
     """The error field of named models, the oldest first. Raises `NoEquilibrium`."""
