@@ -8,10 +8,11 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 from examples.so101.feetech_bus import FeetechBus
-from examples.so101.feetech_servo import AMBIENT_C, FeetechServo
+from examples.so101.feetech_servo import AMBIENT_C, FeetechServo, memory_of
 from lrm_ident.measuring.servo_bus import dynamixel as table
 from lrm_ident.measuring.servo_bus import feetech as shaft
 from lrm_ident.measuring.servo_bus.dynamixel import DynamixelPacket
+from lrm_ident.measuring.servo_bus.kind import Register
 from lrm_ident.measuring.servo_bus.packets import Instruction, Packet, PacketReader
 
 MIRRORED = (
@@ -20,6 +21,20 @@ MIRRORED = (
 )  # fmt: skip
 """Registers that drive the shaft, and what they are in its own memory."""
 NOT_NOW, BEYOND = 7, 6
+EEPROM_END = 64
+"""Registers below can be written without torque only."""
+FIRMWARE, STATUS_RETURN, MOVING = Register(6), Register(68), Register(122)
+READ_ONLY = frozenset({*range(7), *range(120, table.SIZE)})
+"""Addresses that a host cannot write."""
+
+
+def factory_memory(number: int) -> bytearray:
+    """Memory of a new XL430 with an id."""
+    values = (
+        (table.MODEL, 1060), (FIRMWARE, 45), (table.ID, number), (table.OPERATING_MODE, table.POSITION_MODE),
+        (table.PWM_LIMIT, 885), (table.MAX_POSITION, 4095), (STATUS_RETURN, 2), (table.GOAL_PWM, 885),
+    )  # fmt: skip
+    return memory_of(table.SIZE, values)
 
 
 @dataclass
@@ -30,13 +45,13 @@ class DynamixelServo(FeetechServo):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        self.control = self.control or table.factory_memory(self.number)
+        self.control = self.control or factory_memory(self.number)
 
     def read(self, address: int, length: int) -> bytes:
         """Registers as they are now; zeros beyond the table."""
         self.error = 0
         for register, value in (
-            (table.POSITION, self.count), (table.MOVING, int(self.moving)),
+            (table.POSITION, self.count), (MOVING, int(self.moving)),
             (table.TEMPERATURE, round(AMBIENT_C + self.rise)),
         ):  # fmt: skip
             register.write(self.control, value)
@@ -49,7 +64,7 @@ class DynamixelServo(FeetechServo):
             return
         was_powered = self.powered
         for at, byte in enumerate(data, start=address):
-            if at < table.SIZE and at not in table.READ_ONLY:
+            if at < table.SIZE and at not in READ_ONLY:
                 self.control[at] = byte
         for register, own in MIRRORED:
             own.write(self.memory, register.read(self.control))
@@ -57,7 +72,7 @@ class DynamixelServo(FeetechServo):
             shaft.GOAL_POSITION.write(self.memory, self.count)
 
     def _refusal(self, address: int, data: bytes) -> int:
-        if address < table.EEPROM_END and self.powered:
+        if address < EEPROM_END and self.powered:
             return NOT_NOW
         after = self.control[:address] + data + self.control[address + len(data) :]
         goal, low, high = (r.read(after) for r in (table.GOAL_POSITION, table.MIN_POSITION, table.MAX_POSITION))
@@ -82,4 +97,4 @@ class DynamixelBus(FeetechBus):
 
     def pinged(self, servo: FeetechServo) -> bytes:
         """Model number and firmware."""
-        return self.status(servo.id, 0, servo.read(table.MODEL.address, 2) + servo.read(table.FIRMWARE.address, 1))
+        return self.status(servo.id, 0, servo.read(table.MODEL.address, 2) + servo.read(FIRMWARE.address, 1))

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from itertools import zip_longest
 
-from examples.so101.feetech_servo import FeetechServo
+from examples.so101.feetech_servo import STATUS_LEVEL, FeetechServo
 from lrm_ident.measuring.servo_bus import feetech as table
 from lrm_ident.measuring.servo_bus.feetech import FeetechPacket
 from lrm_ident.measuring.servo_bus.packets import BROADCAST, Instruction, Packet, PacketReader
@@ -80,7 +80,7 @@ class FeetechBus:
 
     def _reply(self, servo: FeetechServo, packet: Packet) -> bytes:
         """Carries out an instruction for one servo."""
-        level, given = table.STATUS_LEVEL.read(servo.memory), packet.parameters
+        level, given = STATUS_LEVEL.read(servo.memory), packet.parameters
         if packet.code == Instruction.PING:
             return self.pinged(servo)
         if packet.code == Instruction.READ and len(given) == 2 * self.WORD:

@@ -6,9 +6,11 @@ Not simulated: speed and step modes, acceleration, protections against overload 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 
 from lrm_ident.measuring.servo_bus import feetech as table
+from lrm_ident.measuring.servo_bus.kind import Register
 from lrmd.sim.servo import ServoKind, remaining_travel, winding_rise
 
 STEP = 2.0 * math.pi / 4096.0
@@ -21,6 +23,32 @@ STS3215 = ServoKind(speed=math.radians(60.0) / 0.222, rise=12.0)
 """Catalogue speed at no load; the rise of temperature is an estimate."""
 ARRIVED = 1e-6
 """rad."""
+SIZE, EEPROM_END = 88, 40
+"""Bytes of the memory; registers below keep their value without power if they were written while `LOCK` was 0."""
+READ_ONLY = frozenset({*range(5), *range(56, 71)})
+"""Addresses that a host cannot write."""
+FIRMWARE_MAJOR, FIRMWARE_MINOR, STATUS_LEVEL = Register(0), Register(1), Register(8)
+MAX_TEMPERATURE, P_GAIN, D_GAIN, DEAD_ZONE = Register(13), Register(21), Register(22), Register(26)
+LOCK, LOAD, VOLTAGE = Register(55), Register(60, 2, sign=10), Register(62)
+MOVING, CURRENT = Register(66), Register(69, 2, sign=15)
+
+
+def memory_of(size: int, values: Iterable[tuple[Register, int]]) -> bytearray:
+    """Memory of so many bytes with the values of some registers; the others are zero."""
+    memory = bytearray(size)
+    for register, value in values:
+        register.write(memory, value)
+    return memory
+
+
+def factory_memory(number: int) -> bytearray:
+    """Memory of a new servo with an id."""
+    values = (
+        (FIRMWARE_MAJOR, 3), (FIRMWARE_MINOR, 10), (table.MODEL, table.MODEL_STS3215), (table.ID, number),
+        (STATUS_LEVEL, 1), (table.MAX_POSITION, 4095), (MAX_TEMPERATURE, 70), (table.MAX_TORQUE, 1000), (P_GAIN, 32),
+        (D_GAIN, 32), (table.TORQUE_LIMIT, 1000), (LOCK, 1), (VOLTAGE, 120),
+    )  # fmt: skip
+    return memory_of(SIZE, values)
 
 
 @dataclass
@@ -42,7 +70,7 @@ class FeetechServo:
     error: int = 0
 
     def __post_init__(self) -> None:
-        self.memory = self.memory or table.factory_memory(self.number)
+        self.memory = self.memory or factory_memory(self.number)
         self.saved = bytearray(self.memory)
 
     @property
@@ -71,7 +99,7 @@ class FeetechServo:
 
     @property
     def _band(self) -> float:
-        return table.DEAD_ZONE.read(self.memory) * STEP
+        return DEAD_ZONE.read(self.memory) * STEP
 
     @property
     def count(self) -> int:
@@ -88,8 +116,8 @@ class FeetechServo:
         """Registers as they are now; zeros beyond the table."""
         load = round(1000.0 * self.torque / STALL_NM) if self.powered else 0
         for register, value in (
-            (table.POSITION, self.count), (table.LOAD, load), (table.CURRENT, load),
-            (table.TEMPERATURE, round(AMBIENT_C + self.rise)), (table.MOVING, int(self.moving)),
+            (table.POSITION, self.count), (LOAD, load), (CURRENT, load),
+            (table.TEMPERATURE, round(AMBIENT_C + self.rise)), (MOVING, int(self.moving)),
         ):  # fmt: skip
             register.write(self.memory, value)
         return bytes(self.memory[address : address + length]).ljust(length, b"\0")
@@ -98,9 +126,9 @@ class FeetechServo:
         """Writes registers, but for those that only it writes itself."""
         was_powered = self.powered
         for at, byte in enumerate(data, start=address):
-            if at < table.SIZE and at not in table.READ_ONLY:
+            if at < SIZE and at not in READ_ONLY:
                 self.memory[at] = byte
-                if at < table.EEPROM_END and not table.LOCK.read(self.memory):
+                if at < EEPROM_END and not LOCK.read(self.memory):
                     self.saved[at] = byte
         if self.powered and not was_powered:  # it holds where it is, whatever the goal was
             table.GOAL_POSITION.write(self.memory, self.count)

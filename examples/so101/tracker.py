@@ -15,8 +15,16 @@ from pathlib import Path
 
 import numpy as np
 
-from examples.demo.simulated_tracker import BASE, BASE_IN_ROOM, FRAME_S, FRAME_SD_M, REST_SD_M, TOOL, in_room
-from lrm_ident.measuring.tracker.dtrack import dtrack_text
+from examples.demo.simulated_tracker import (
+    BASE,
+    BASE_IN_ROOM,
+    FRAME_S,
+    FRAME_SD_M,
+    REST_SD_M,
+    TOOL,
+    dtrack_text,
+    in_room,
+)
 from lrm_ident.measuring.tracker.frames import TrackerFrame
 from lrmd.sim.control_socket import ControlError, query_board
 

@@ -7,7 +7,7 @@ high bit first) of all bytes before it (Robotis, e-Manual, "DYNAMIXEL Protocol 2
 
 from __future__ import annotations
 
-from lrm_ident.measuring.servo_bus.kind import BusServoKind, Register, TwosComplement, memory_of
+from lrm_ident.measuring.servo_bus.kind import BusServoKind, Register, TwosComplement
 from lrm_ident.measuring.servo_bus.packets import Answer, Instruction, Packet
 
 STUFFED = b"\xff\xff\xfd"
@@ -56,23 +56,17 @@ class DynamixelPacket(Packet):
 
 SIZE = 147
 """Registers below say all of a servo's settings and state."""
-EEPROM_END = 64
-"""Registers below can be written without torque only."""
 MODELS = {
     1190: "XL330-M077", 1200: "XL330-M288", 1230: "XC330-M181", 1240: "XC330-M288", 1060: "XL430-W250",
     1070: "XC430-W150", 1080: "XC430-W240", 1020: "XM430-W350", 1030: "XM430-W210",
 }  # fmt: skip
 POSITION_MODE, CURRENT_POSITION_MODE = 3, 5
 
-MODEL, FIRMWARE, ID = Register(0, 2), Register(6), Register(7)
-OPERATING_MODE, HOMING_OFFSET = Register(11), TwosComplement(20, 4)
+MODEL, ID, OPERATING_MODE = Register(0, 2), Register(7), Register(11)
 PWM_LIMIT, MAX_POSITION, MIN_POSITION = Register(36, 2), Register(48, 4), Register(52, 4)
-TORQUE_ENABLE, STATUS_RETURN = Register(64), Register(68)
+TORQUE_ENABLE = Register(64)
 GOAL_PWM, GOAL_POSITION = TwosComplement(100, 2), TwosComplement(116, 4)
-MOVING, LOAD, POSITION = Register(122), TwosComplement(126, 2), TwosComplement(132, 4)
-TEMPERATURE = Register(146)
-READ_ONLY = frozenset({*range(7), *range(120, SIZE)})
-"""Addresses that a host cannot write."""
+POSITION, TEMPERATURE = TwosComplement(132, 4), Register(146)
 DYNAMIXEL = BusServoKind(
     prefix="dynamixel:",
     packet=DynamixelPacket,
@@ -92,12 +86,3 @@ DYNAMIXEL = BusServoKind(
     most=PWM_LIMIT,
 )
 """The servos as a bus knows them."""
-
-
-def factory_memory(number: int) -> bytearray:
-    """Memory of a new XL430 with an id."""
-    values = (
-        (MODEL, 1060), (FIRMWARE, 45), (ID, number), (OPERATING_MODE, POSITION_MODE), (PWM_LIMIT, 885),
-        (MAX_POSITION, 4095), (STATUS_RETURN, 2), (GOAL_PWM, 885),
-    )  # fmt: skip
-    return memory_of(SIZE, values)

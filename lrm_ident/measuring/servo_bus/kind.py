@@ -5,7 +5,7 @@ Registers are numbers in the memory of a servo, the low byte first.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 from lrm_ident.measuring.servo_bus.packets import Packet
@@ -47,14 +47,6 @@ class TwosComplement(Register):
         half = 1 << (8 * self.length - 1)
         cut = min(max(value, -half), half - 1)
         memory[self.address : self.address + self.length] = cut.to_bytes(self.length, "little", signed=True)
-
-
-def memory_of(size: int, values: Iterable[tuple[Register, int]]) -> bytearray:
-    """Memory of so many bytes with the values of some registers; the others are zero."""
-    memory = bytearray(size)
-    for register, value in values:
-        register.write(memory, value)
-    return memory
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from examples.so101.feetech_bus import FeetechBus
-from examples.so101.feetech_servo import STEP, STS3215, FeetechServo
+from examples.so101.feetech_servo import LOAD, LOCK, MOVING, SIZE, STEP, STS3215, FeetechServo
 from lrm_ident.measuring.servo_bus import feetech as table
 from lrm_ident.measuring.servo_bus.feetech import FeetechPacket
 from lrm_ident.measuring.servo_bus.packets import BROADCAST, Instruction, PacketReader
@@ -29,7 +29,7 @@ def asked(bus: FeetechBus, number: int, code: int, *parameters: int, now: float 
 
 
 def write(bus: FeetechBus, number: int, register: table.Register, value: int, now: float = 0.0) -> None:
-    memory = bytearray(table.SIZE)
+    memory = bytearray(SIZE)
     register.write(memory, value)
     data = memory[register.address : register.address + register.length]
     assert asked(bus, number, Instruction.WRITE, register.address, *data, now=now) == [FeetechPacket(number, 0)]
@@ -77,9 +77,9 @@ def test_a_packet_with_a_flipped_bit_is_none(packet: FeetechPacket, bit: int, da
     assert packet not in list(PacketReader(FeetechPacket).feed(bytes(frame)))
 
 
-@given(st.sampled_from([table.HOMING_OFFSET, table.GOAL_POSITION, table.LOAD]), st.integers(-40000, 40000))
+@given(st.sampled_from([table.HOMING_OFFSET, table.GOAL_POSITION, LOAD]), st.integers(-40000, 40000))
 def test_signed_registers_hold_magnitude_and_sign(register: table.Register, value: int) -> None:
-    memory = bytearray(table.SIZE)
+    memory = bytearray(SIZE)
     register.write(memory, value)
     most = (1 << register.sign) - 1 if register.sign is not None else 0
     assert register.read(memory) == max(-most, min(most, value))
@@ -112,7 +112,7 @@ def test_what_is_written_while_locked_is_lost_with_the_power() -> None:
     write(bus, 1, table.HOMING_OFFSET, -100)
     bus.servos[0].power_cycle()
     assert read(bus, 1, table.HOMING_OFFSET) == 0
-    write(bus, 1, table.LOCK, 0)
+    write(bus, 1, LOCK, 0)
     write(bus, 1, table.HOMING_OFFSET, -100)
     bus.servos[0].power_cycle()
     assert read(bus, 1, table.HOMING_OFFSET) == -100
@@ -144,7 +144,7 @@ def test_a_shaft_goes_to_its_goal_no_faster_than_it_can(goal: int, steps: Sequen
     bus.advance(now + 5.0)
     assert servo.angle == pytest.approx((goal - 2048) * STEP, abs=1e-6)
     assert read(bus, 1, table.POSITION, now + 5.0) == goal
-    assert read(bus, 1, table.MOVING, now + 5.0) == 0
+    assert read(bus, 1, MOVING, now + 5.0) == 0
 
 
 def test_sync_write_and_sync_read_reach_each_its_own() -> None:
@@ -174,7 +174,7 @@ def test_loaded_servos_warm_and_say_so() -> None:
     bus = bus_of(1)
     write(bus, 1, table.TORQUE_ENABLE, 1)
     bus.servos[0].torque = -1.47
-    assert read(bus, 1, table.LOAD) == -500
+    assert read(bus, 1, LOAD) == -500
     bus.advance(3600.0)
     assert read(bus, 1, table.TEMPERATURE, 3600.0) == round(25.0 + STS3215.rise * 1.47**2 * (1 - math.exp(-4.0)))
 
