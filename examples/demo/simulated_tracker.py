@@ -20,8 +20,8 @@ from pathlib import Path
 import numpy as np
 
 from examples.demo.hidden import hidden_arm
-from lrm_ident.measuring.tracker.dtrack import dtrack_text
 from lrm_ident.measuring.tracker.frames import TargetPose, TrackerFrame
+from lrm_math.arm.arm_file import MM
 from lrm_math.arrays import Array
 from lrmd.sim.control_socket import ControlError, query_board
 from validation.synthetic import ArmDescription, GroundTruth, Schedule, load_arm, true_state
@@ -90,6 +90,19 @@ def frames(board: Path, arm: ArmDescription, truth: GroundTruth, seed: int) -> I
             targets[TOOL] = in_room(tip + rng.normal(scale=FRAME_SD_M, size=3))
         before = seen
         yield TrackerFrame(number, seen.t, targets)
+
+
+def dtrack_text(frame: TrackerFrame) -> bytes:
+    """A frame as DTrack sends it; the three angles, which nobody should use, are zero."""
+    targets = "".join(_target_text(number, pose) for number, pose in sorted(frame.targets.items()))
+    head = f"fr {frame.number}\nts {frame.t:.6f}\n6dcal {len(frame.targets)}\n"
+    return f"{head}6d {len(frame.targets)} {targets.strip()}\n".encode("ascii")
+
+
+def _target_text(number: int, pose: TargetPose) -> str:
+    x, y, z = (f"{value / MM:.3f}" for value in pose.position)
+    turn = " ".join(f"{value:.6f}" for value in pose.rotation.T.ravel())
+    return f"[{number} 1.000][{x} {y} {z} 0.0000 0.0000 0.0000][{turn}] "
 
 
 def track(truth_of: Callable[[ArmDescription, int], GroundTruth]) -> None:

@@ -68,16 +68,3 @@ def _number(word: str) -> float | None:
     except ValueError:
         return None
     return value if math.isfinite(value) and abs(value) < 1e12 else None
-
-
-def dtrack_text(frame: TrackerFrame) -> bytes:
-    """A frame as DTrack sends it; the three angles, which nobody should use, are zero."""
-    targets = "".join(_target_text(number, pose) for number, pose in sorted(frame.targets.items()))
-    head = f"fr {frame.number}\nts {frame.t:.6f}\n6dcal {len(frame.targets)}\n"
-    return f"{head}6d {len(frame.targets)} {targets.strip()}\n".encode("ascii")
-
-
-def _target_text(number: int, pose: TargetPose) -> str:
-    x, y, z = (f"{value / MM:.3f}" for value in pose.position)
-    turn = " ".join(f"{value:.6f}" for value in pose.rotation.T.ravel())
-    return f"[{number} 1.000][{x} {y} {z} 0.0000 0.0000 0.0000][{turn}] "

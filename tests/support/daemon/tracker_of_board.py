@@ -10,7 +10,7 @@ from contextlib import contextmanager
 
 import numpy as np
 
-from lrm_ident.measuring.tracker.dtrack import dtrack_text
+from examples.demo.simulated_tracker import dtrack_text
 from lrm_ident.measuring.tracker.frames import TargetPose, TrackerFrame
 from lrmd.sim.control_socket import ControlError
 from tests.support.daemon.daemon_process import BoardProcess

@@ -13,7 +13,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from lrm_ident.measuring.tracker.dtrack import dtrack_text, parse_dtrack
+from examples.demo.simulated_tracker import dtrack_text
+from lrm_ident.measuring.tracker.dtrack import parse_dtrack
 from lrm_ident.measuring.tracker.dwell import RestMean, UnstableDwell, rest_mean
 from lrm_ident.measuring.tracker.frames import TargetNumbers, TargetPose, TrackerFrame, tip_position
 from lrm_ident.measuring.tracker.growing_csv import GrowingCsv
