@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -17,7 +17,7 @@ from lrm_ident.fitting.loss import SQUARED, Loss
 from lrm_ident.fitting.priors import EffectRates
 from lrm_ident.fitting.progress import OnProgress, silent
 from lrm_math.arrays import Array
-from lrm_math.effects import CATALOGUE, Effect, variants
+from lrm_math.effects import CATALOGUE, Effect, name_of_key, variants
 from lrm_math.errors import LrmError
 from lrm_math.model.model import Model
 
@@ -110,53 +110,37 @@ def run_auto(
     on_step(steps[0])
     while now.first is not None and now.refit is not None and len(steps) <= max_effects:
         on_confirmed(now.refit)
-        added, refit, poses, before = _added(now, now.first), now.refit, now.diagnosis.data.pose, now.blocks
+        step, refit, poses, before = _step(steps[-1], now, now.first), now.refit, now.diagnosis.data.pose, now.blocks
         del now  # a diagnosis holds the columns of every candidate: one at a time
         try:
             known = refit.fit if np.array_equal(poses, data.pose) else None
             found = diagnose(refit.fit.model, data, kinds, progress, loss, rates, known)
             now = confirm(found, refit.blocks if np.array_equal(found.data.pose, poses) else (), refused=refused)
         except LrmError:  # nothing can be built on it: it is out, and what was found before stays
-            refused = (*refused, added.name)
+            refused = (*refused, step.added)
             now = confirm(diagnose(steps[-1].fit.model, data, kinds, progress, loss, rates), before, refused=refused)
             continue
-        steps.append(_step(added, now))
+        steps.append(_taken(step, now))
         on_step(steps[-1])
     return AutoRun(tuple(steps), now)
 
 
-@dataclass(frozen=True, eq=False)
-class _Added:
-    """Addition of a step, as `AutoStep` has it, and all keys that are then free."""
-
-    name: str
-    equivalent: tuple[str, ...]
-    refines: tuple[str, ...]
-    keys: frozenset[str]
-    share: float
-    describes: bool
-    rivals: Mapping[str, float]
-
-
-def _added(before: ConfirmedDiagnosis, one: ScoredCandidate) -> _Added:
-    effect, found = one.candidate.effect, before.diagnosis
-    equivalent, keys = found.equivalent[one.name], frozenset({*found.fit.model.free, *effect.keys})
-    rivals = found.rivals([one.name, *equivalent])
-    return _Added(one.name, equivalent, variants(effect), keys, before.share, before.describes, rivals)
-
-
-def _step(added: _Added, after: ConfirmedDiagnosis) -> AutoStep:
-    found = after.diagnosis
-    freed = tuple(key for key in found.fit.model.free if key not in added.keys)
-    return AutoStep(
-        added=added.name,
-        fit=found.fit,
-        held_out=after.held_out,
-        data=found.data,
-        equivalent=added.equivalent,
-        refines=added.refines,
-        freed=freed,
-        share=added.share,
-        describes=added.describes,
-        rivals=added.rivals,
+def _step(last: AutoStep, before: ConfirmedDiagnosis, one: ScoredCandidate) -> AutoStep:
+    """The step that adds an effect to the last one, as far as it is known before the diagnosis with it."""
+    equivalent = before.diagnosis.equivalent[one.name]
+    return replace(
+        last,
+        added=one.name,
+        equivalent=equivalent,
+        refines=variants(one.candidate.effect),
+        share=before.share,
+        describes=before.describes,
+        rivals=before.diagnosis.rivals([one.name, *equivalent]),
     )
+
+
+def _taken(step: AutoStep, after: ConfirmedDiagnosis) -> AutoStep:
+    """The step with the diagnosis after it."""
+    fit, before = after.diagnosis.fit, step.fit.model.free
+    freed = tuple(key for key in fit.model.free if key not in before and name_of_key(key) != step.added)
+    return replace(step, fit=fit, held_out=after.held_out, data=after.diagnosis.data, freed=freed)

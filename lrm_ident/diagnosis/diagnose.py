@@ -165,7 +165,7 @@ def select_without(diagnosis: Diagnosis, refused: Collection[str]) -> Diagnosis:
 def _select(scores: Screening, progress: OnProgress, refused: Collection[str] = ()) -> Diagnosis:
     whole, linear, ranked = scores.fit, scores.linear, scores.ranked
     possible = [one for one in ranked if one.name not in refused]
-    tried = [one for one in possible if not scores.like_noise or one.candidate.standing == REFINEMENT]
+    tried = [one for one in possible if not scores.like_noise or one.candidate.priority == REFINEMENT]
     weights = None if scores.rates is None else scores.rates.weights([one.name for one in tried])
     selection = forward_select(scores.scored, scores.sets, linear, progress, weights, tried)
     selected = selection.effects

@@ -96,17 +96,17 @@ def _next(
     expected: Mapping[str, float],
 ) -> ScoredCandidate | None:
     """The effect to add, if any."""
-    standing = {one.name: _standing(one, selected) for one in ranked}
-    refinements = [one for one in ranked if _is_refinement(one, standing) and one not in selected]
+    priority = {one.name: _priority(one, selected) for one in ranked}
+    refinements = [one for one in ranked if _is_refinement(one, priority) and one not in selected]
     choices = [one for one in _choices(ranked, step, start, expected) if one[1] not in selected]
     formed: dict[tuple[str, ...], LinearisedFit] = {}
     while choices:
-        simple = _parsimonious(choices, standing, len(step.fit.residual))
-        best = _choose(simple, step.fit.now, standing, expected)
-        then, chosen = best if standing[best[1].name] < FORM else _plain(best, choices)
+        simple = _parsimonious(choices, priority, len(step.fit.residual))
+        best = _choose(simple, step.fit.now, priority, expected)
+        then, chosen = best if priority[best[1].name] < FORM else _plain(best, choices)
         left_out = [one for _, one in choices if all(one is not other for _, other in simple)]
         forms = [one for one in refinements if one not in left_out]
-        if standing[chosen.name] == REFINEMENT or not forms:
+        if priority[chosen.name] == REFINEMENT or not forms:
             return chosen
         names = tuple(one.name for one in forms)
         by_forms = formed.setdefault(names, formed.get(names) or step.fit.beside(*(one.projected for one in forms)))
@@ -131,17 +131,17 @@ def _choices(
             yield tried, one
 
 
-def _standing(one: ScoredCandidate, selected: Sequence[ScoredCandidate]) -> int:
-    """Its standing beside the effects of the model and those selected."""
+def _priority(one: ScoredCandidate, selected: Sequence[ScoredCandidate]) -> int:
+    """Its priority beside the effects of the model and those that are selected."""
     names = {other.name for other in selected}
-    return REFINEMENT if names & set(variants(one.candidate.effect)) else one.candidate.standing
+    return REFINEMENT if names & set(variants(one.candidate.effect)) else one.candidate.priority
 
 
-def _is_refinement(one: ScoredCandidate, standing: dict[str, int]) -> bool:
-    return standing[one.name] == REFINEMENT and bool(one.candidate.effect.variant_of)
+def _is_refinement(one: ScoredCandidate, priority: dict[str, int]) -> bool:
+    return priority[one.name] == REFINEMENT and bool(one.candidate.effect.variant_of)
 
 
-def _parsimonious(choices: Sequence[Choice], standing: Mapping[str, int], count: int) -> Sequence[Choice]:
+def _parsimonious(choices: Sequence[Choice], priority: Mapping[str, int], count: int) -> Sequence[Choice]:
     """The plain effect, where one is the most helpful, and what the Bayesian information criterion (of `count`
     coordinates) does not speak very strongly against in its favour (Schwarz 1978). Else all: many beside many."""
 
@@ -149,16 +149,16 @@ def _parsimonious(choices: Sequence[Choice], standing: Mapping[str, int], count:
         return float(count * np.log(choice[0].in_sample) + choice[1].size * np.log(count))
 
     helpful = min(choices, key=lambda choice: choice[0].rms)
-    if standing[helpful[1].name] == FORM:
+    if priority[helpful[1].name] == FORM:
         return choices
     limit = criterion(helpful) + VERY_STRONG
     return [choice for choice in choices if criterion(choice) < limit]
 
 
 def _choose(
-    choices: Sequence[Choice], now: LinearEstimate, standing: Mapping[str, int], expected: Mapping[str, float]
+    choices: Sequence[Choice], now: LinearEstimate, priority: Mapping[str, int], expected: Mapping[str, float]
 ) -> Choice:
-    """The most helpful; of those that prediction cannot separate from it, by standing, then by how much it is expected,
+    """The most helpful; of those that prediction cannot separate from it, by priority, then by how much it is expected,
     then by number of parameters."""
     best = min(choices, key=lambda choice: choice[0].rms)[0]
 
@@ -166,8 +166,8 @@ def _choose(
         gain, most = (float(now.held_out.mean() - then.held_out.mean()) for then in (choice[0], best))
         return gain > share * most and paired_z(best.held_out, choice[0].held_out) < z
 
-    first = min(standing[choice[1].name] for choice in choices if near(choice, Z_THRESHOLD, EQUIVALENT_GAIN))
-    equal = [choice for choice in choices if standing[choice[1].name] == first]
+    first = min(priority[choice[1].name] for choice in choices if near(choice, Z_THRESHOLD, EQUIVALENT_GAIN))
+    equal = [choice for choice in choices if priority[choice[1].name] == first]
     best = min(equal, key=lambda choice: choice[0].rms)[0]
     similar = [choice for choice in equal if near(choice, 1.0, SIMILAR_GAIN)]
     return min(similar, key=lambda choice: (-expected.get(choice[1].name, 1.0), choice[1].size, choice[0].rms))
@@ -195,7 +195,7 @@ def equivalent_effects(selection: Selection, number: int, ranked: Sequence[Score
     alike = _same_form(one, with_it, selection.steps[number + 1], ranked, selection.steps[0].fit.now)
     equivalent = []
     for rival in ranked:
-        if rival is one or rival.implausible or rival.candidate.standing == FORM:
+        if rival is one or rival.implausible or rival.candidate.priority == FORM:
             continue
         instead = step.beside[rival.name]
         saved = float(without.held_out.mean() - instead.held_out.mean())

@@ -30,15 +30,15 @@ class Candidate:
         rows: which of the effect's parameters are not in the model yet.
         shapes: for each combination of shape values that is tried: the effect's parameter vector at which its other
             parameters are zero (or the model's).
-        standing: its place in a tie: `REFINEMENT` of an effect of the model, `PLAIN` effect, or another `FORM` of an
-            effect that the model does not have.
+        priority: in a tie, the lowest first: `REFINEMENT` of an effect of the model, `PLAIN` effect, or another `FORM`
+            of an effect that the model does not have.
         response: of the model with every candidate in it, none acting.
     """
 
     effect: Effect
     rows: tuple[int, ...]
     shapes: tuple[tuple[float, ...], ...]
-    standing: int
+    priority: int
     response: Response
 
     @property
@@ -75,8 +75,8 @@ def _present(model: Model) -> set[str]:
     return {effect.name for effect in model.effects}
 
 
-def _standing(effect: Effect, present: set[str]) -> int:
-    """See `Candidate.standing`."""
+def _priority(effect: Effect, present: set[str]) -> int:
+    """See `Candidate.priority`."""
     if present & {effect.name, *variants(effect)}:
         return REFINEMENT
     return FORM if effect.variant_of else PLAIN
@@ -126,15 +126,15 @@ def differentiate_candidates(
     known = {key: model.value(key) for key in model.keys}
     extended = replace(model_of(model.arm, (*model.effects, *added), known), free=model.free, within=model.within)
     response = respond(equilibrium(extended, rest.poses), sensed)
-    found = (_candidate(extended, effect, rows, response, _standing(effect, present)) for effect, rows in effects)
+    found = (_candidate(extended, effect, rows, response, _priority(effect, present)) for effect, rows in effects)
     return response, list(found)
 
 
-def _candidate(extended: Model, effect: Effect, rows: tuple[int, ...], response: Response, standing: int) -> Candidate:
+def _candidate(extended: Model, effect: Effect, rows: tuple[int, ...], response: Response, priority: int) -> Candidate:
     shapes = [tuple(extended.value(key) for key in effect.keys)]
     if not any(key in extended.free for key in effect.keys):
         tried = effect.shapes_to_try(response.equilibrium.poses)
         for row, parameter in enumerate(effect.parameters):
             if parameter.name in tried:
                 shapes = [(*one[:row], value, *one[row + 1 :]) for one in shapes for value in tried[parameter.name]]
-    return Candidate(effect, rows, tuple(shapes), standing, response)
+    return Candidate(effect, rows, tuple(shapes), priority, response)

@@ -147,7 +147,7 @@ def test_an_effect_that_is_expected_is_selected_before_one_that_predicts_as_well
             projected=linear.project(column),
             alone=linear.explain(linear.project(column)),
             candidate=SimpleNamespace(
-                shapes=((),), standing=2, effect=SimpleNamespace(place="joint1", variant_of=()), name=name
+                shapes=((),), priority=2, effect=SimpleNamespace(place="joint1", variant_of=()), name=name
             ),
         )
         for name in ("rare@joint1", "usual@joint1")
