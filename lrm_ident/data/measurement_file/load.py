@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +13,7 @@ from lrm_ident.data.csv_table import (
     ANGLE,
     FEEDBACK,
     KnownColumns,
+    NumberTable,
     column_notices,
     columns_of_joints,
     read_numbers,
@@ -78,10 +81,17 @@ def load_poses(file: str | Path, arm: Arm, reading: Reading = AS_NAMED) -> Poses
 
     Raises `FileError`.
     """
-    path = Path(file)
-    how = reading.over(metadata_of(path))
+    return load_pose_table(Path(file), arm, reading)[0]
+
+
+def load_pose_table(
+    path: Path, arm: Arm, reading: Reading = AS_NAMED, more: Collection[str] = ()
+) -> tuple[Poses, NumberTable]:
+    """Poses as `load_poses` reads them, and their table, with the columns `more` as far as they are there."""
+    how, known = reading.over(metadata_of(path)), pose_columns(arm)
     cells = joint_table(read_measurement_table(path, how, arm), arm, how)
-    return read_poses(read_numbers(cells, pose_columns(arm)), arm, how)
+    table = read_numbers(cells, replace(known, names={*known.names, *more}))
+    return read_poses(table, arm, how), table
 
 
 def says_measured(path: Path) -> bool:

@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from lrm_ident.data.csv_table import KnownColumns, read_numbers
-from lrm_ident.data.measurement_file.load import load_poses
-from lrm_ident.data.measurement_table import read_measurement_table
+from lrm_ident.data.measurement_file.load import load_pose_table
 from lrm_math.arm.arm import Arm
 from lrm_math.errors import FileError
 from lrm_math.kinematics.poses import poses_of
@@ -54,8 +51,7 @@ def lightest(poses: Sequence[PlannedPose], arm: Arm) -> PlannedPose:
 
 def load_plan(path: Path, arm: Arm) -> CampaignPlan:
     """Reads `pose, q1_deg …, payload_g, approach, repeat_of`, as `design` writes them. Raises `FileError`."""
-    poses = load_poses(path, arm)
-    table = read_numbers(read_measurement_table(path), KnownColumns(("pose", "repeat_of", "approach")))
+    poses, table = load_pose_table(path, arm, more=["repeat_of"])
     number = table.integers("pose")
     if len(set(number.tolist())) < len(number):
         raise FileError(path, "column pose", "a number stands twice")
@@ -66,4 +62,4 @@ def load_plan(path: Path, arm: Arm) -> CampaignPlan:
         PlannedPose(int(n), tuple(q.tolist()), float(load), int(side), int(of))
         for n, q, load, side, of in zip(*columns, strict=True)
     )
-    return CampaignPlan(tuple(planned), hashlib.sha256(path.read_bytes()).hexdigest())
+    return CampaignPlan(tuple(planned), table.cells.sha256)

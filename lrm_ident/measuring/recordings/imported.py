@@ -10,10 +10,8 @@ import numpy as np
 
 from lrm_ident.data.apply_reading import read_positions
 from lrm_ident.data.atomic_write import write_text
-from lrm_ident.data.csv_table import KnownColumns, read_numbers
-from lrm_ident.data.measurement_file.load import load_poses
+from lrm_ident.data.measurement_file.load import load_pose_table
 from lrm_ident.data.measurement_file.write import csv_text, metadata_toml
-from lrm_ident.data.measurement_table import read_measurement_table
 from lrm_ident.measuring.recordings.cells import read_cells
 from lrm_ident.measuring.recordings.mcap_file import SUFFIX as MCAP
 from lrm_ident.measuring.recordings.mcap_file import read_joints, read_mcap
@@ -129,8 +127,7 @@ def _driven(path: Path, arm: Arm) -> DrivenPoses:
     if path.suffix in (".mat", ".txt"):
         number, q = read_mat_poses(path, arm.dof)
         return DrivenPoses(number, q, np.zeros(len(q)), number)
-    poses = load_poses(path, arm)
-    table = read_numbers(read_measurement_table(path), KnownColumns(("pose", "repeat_of")))
+    poses, table = load_pose_table(path, arm, more=["repeat_of"])
     number = table.columns["pose"]
     return DrivenPoses(number, poses.q, poses.payload, table.columns.get("repeat_of", number))
 
