@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TypeAlias
 
@@ -13,23 +12,20 @@ from lrm_ident.data.robot_files.mjcf_patch import patched_mjcf
 from lrm_ident.data.robot_files.mjcf_robot import read_mjcf
 from lrm_ident.data.robot_files.ros2_control import with_offsets
 from lrm_ident.data.robot_files.urdf import read_urdf
-from lrm_ident.data.robot_files.urdf_export import bare_urdf, corrected_urdf, exported_difference, left_out, rigid_part
+from lrm_ident.data.robot_files.urdf_export import (
+    ExportedFile,
+    bare_urdf,
+    corrected_urdf,
+    exported_difference,
+    left_out,
+    rigid_part,
+)
 from lrm_ident.data.robot_files.zero_offsets import beyond_zeros
 from lrm_math.effects import split_key
 from lrm_math.errors import FileError, LrmError
 from lrm_math.model.model import Model
 
-
-@dataclass(frozen=True)
-class Exported:
-    """Text of a file, what it is, and the effects of the model that it cannot hold."""
-
-    text: str
-    what: str
-    left_out: Sequence[str]
-
-
-Writer: TypeAlias = Callable[[Model, Path], Exported]
+Writer: TypeAlias = Callable[[Model, Path], ExportedFile]
 """Makes the file for a model that is written at a path. Raises `LrmError`."""
 
 
@@ -42,14 +38,22 @@ def writer_for(output: Path, own: Mapping[str, Path], base: str | None, tip: str
         raise LrmError(f"{' and '.join(own)} are both given; one file is made of one")
     option, source = next(iter(own.items()), ("", output))
     known: dict[tuple[str, str], Writer] = {
-        ("", ".xml"): lambda model, _: _own_mjcf(_as_drawn(model, keep)),
-        ("", ".mjcf"): lambda model, _: _own_mjcf(_as_drawn(model, keep)),
+        ("", ".xml"): lambda model, _: mjcf(_as_drawn(model, keep)),
+        ("", ".mjcf"): lambda model, _: mjcf(_as_drawn(model, keep)),
         ("", ".urdf"): lambda model, _: _urdf(model, None, base, tip, keep),
         ("--urdf", ".urdf"): lambda model, _: _urdf(model, source, base, tip, keep),
-        ("--mjcf", ".xml"): lambda model, path: _mjcf(_as_drawn(model, keep), source, path, base, tip),
-        ("--calibration", ".json"): lambda model, _: _calibration(model, source),
-        ("--calibration", ".yaml"): lambda model, _: _joint_config(model, source),
-        ("--ros2-control", output.suffix): lambda model, _: _ros2_control(model, source),
+        ("--mjcf", ".xml"): lambda model, path: patched_mjcf(
+            _as_drawn(model, keep), read_mjcf(source), path, base, tip
+        ),
+        ("--calibration", ".json"): lambda model, _: _zeros(
+            model, calibration_text(corrected(source, model)), "LeRobot calibration"
+        ),
+        ("--calibration", ".yaml"): lambda model, _: _zeros(
+            model, joint_config_text(source, corrected(source, model)), "joint_config_file of feetech_ros2_driver"
+        ),
+        ("--ros2-control", output.suffix): lambda model, _: _zeros(
+            model, with_offsets(source, model), f"{source.name} with the model's zeros"
+        ),
     }
     if (base or tip) and output.suffix != ".urdf" and option != "--mjcf":
         raise LrmError("--base and --tip are for a URDF, or for the robot's own MJCF (--mjcf)")
@@ -60,35 +64,17 @@ def writer_for(output: Path, own: Mapping[str, Path], base: str | None, tip: str
     return known[option, output.suffix]
 
 
-def _own_mjcf(model: Model) -> Exported:
-    file = mjcf(model)
-    return Exported(file.text, "MJCF", file.left_out)
-
-
-def _urdf(model: Model, urdf: Path | None, base: str | None, tip: str | None, keep: Sequence[str]) -> Exported:
+def _urdf(model: Model, urdf: Path | None, base: str | None, tip: str | None, keep: Sequence[str]) -> ExportedFile:
     robot = read_urdf(urdf) if urdf else bare_urdf(model.arm)
     rigid = rigid_part(model, keep)
     text = corrected_urdf(rigid, robot, base, tip)
     off = exported_difference(rigid, text, base, tip)
-    return Exported(text, f"URDF (at most {off:.1g} m off the model's rigid part)", left_out(model))
+    return ExportedFile(text, f"URDF (at most {off:.1g} m off the model's rigid part)", left_out(model))
 
 
-def _mjcf(model: Model, own: Path, output: Path, base: str | None, tip: str | None) -> Exported:
-    file = patched_mjcf(model, read_mjcf(own), output, base, tip)
-    return Exported(file.text, f"{own.name} with the model in it", file.left_out)
-
-
-def _calibration(model: Model, own: Path) -> Exported:
-    return Exported(calibration_text(corrected(own, model)), "LeRobot calibration", beyond_zeros(model))
-
-
-def _joint_config(model: Model, own: Path) -> Exported:
-    text = joint_config_text(own, corrected(own, model))
-    return Exported(text, "joint_config_file of feetech_ros2_driver", beyond_zeros(model))
-
-
-def _ros2_control(model: Model, own: Path) -> Exported:
-    return Exported(with_offsets(own, model), f"{own.name} with the model's zeros", beyond_zeros(model))
+def _zeros(model: Model, text: str, what: str) -> ExportedFile:
+    """A file that holds the zero offsets of a model alone."""
+    return ExportedFile(text, what, beyond_zeros(model))
 
 
 def _as_drawn(model: Model, places: Sequence[str]) -> Model:

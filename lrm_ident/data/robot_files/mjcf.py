@@ -7,36 +7,25 @@ bends is a hinge with stiffness 1/k; play b is a hinge with the range ±b/2 and 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from xml.etree import ElementTree
 
 import numpy as np
 
 from lrm_ident.data.robot_files.rigid_motion import shift, turn
 from lrm_ident.data.robot_files.urdf import numbers
-from lrm_ident.data.robot_files.urdf_export import left_out
+from lrm_ident.data.robot_files.urdf_export import BALL, ExportedFile, left_out
 from lrm_ident.data.weights.rotations import quaternions
 from lrm_math.arrays import Array
 from lrm_math.model.model import Model
 
 RIGID_KP = 1e4
 """N·m/rad, of joints to which the model gives no compliance: a thousand times that of a printed arm."""
-BALL = 0.03
-"""m, radius of the ball whose moment of inertia stands for that of a body, which is not measured."""
 SPRINGS = ("compliance", "base_compliance", "lateral_compliance")
 HELD = (*SPRINGS, "backlash", "mass", "payload")
 """Effects that the file holds, beside constant ones."""
 
 
-@dataclass(frozen=True)
-class MjcfFile:
-    """Text of an MJCF file, and what of the model, `effect@place`, it does not hold, some with the reason."""
-
-    text: str
-    left_out: tuple[str, ...]
-
-
-def mjcf(model: Model) -> MjcfFile:
+def mjcf(model: Model) -> ExportedFile:
     """The MJCF of a model."""
     chain = model.chain
     springs = spring_stiffness(model)
@@ -71,7 +60,7 @@ def mjcf(model: Model) -> MjcfFile:
     ElementTree.SubElement(parent, "site", {"name": "tcp", **_placed(pose)})
     _fill_empty(root)
     ElementTree.indent(root)
-    return MjcfFile(ElementTree.tostring(root, encoding="unicode") + "\n", left_out(model, HELD))
+    return ExportedFile(ElementTree.tostring(root, encoding="unicode") + "\n", "MJCF", left_out(model, HELD))
 
 
 def slot_motions(model: Model) -> list[Array]:

@@ -17,12 +17,12 @@ from xml.etree import ElementTree
 import numpy as np
 from numpy.typing import ArrayLike
 
-from lrm_ident.data.robot_files.mjcf import SPRINGS, MjcfFile, slot_motions, spring_stiffness
+from lrm_ident.data.robot_files.mjcf import SPRINGS, slot_motions, spring_stiffness
 from lrm_ident.data.robot_files.mjcf_robot import MjcfRobot
 from lrm_ident.data.robot_files.rigid_motion import inverse
 from lrm_ident.data.robot_files.urdf import Urdf, UrdfJoint, parse_urdf
 from lrm_ident.data.robot_files.urdf_arm import choose_tip
-from lrm_ident.data.robot_files.urdf_export import CALIBRATED, corrected_urdf, left_out, rigid_part
+from lrm_ident.data.robot_files.urdf_export import CALIBRATED, ExportedFile, corrected_urdf, left_out, rigid_part
 from lrm_ident.data.weights.rotations import quaternions
 from lrm_math.arrays import Array
 from lrm_math.model.model import Model
@@ -43,7 +43,7 @@ SAME = 1e-9
 
 def patched_mjcf(
     model: Model, own: MjcfRobot, output: Path, base: str | None = None, tip: str | None = None
-) -> MjcfFile:
+) -> ExportedFile:
     """The robot's file with a model in it, to be written as `output` (meshes are found from there).
 
     `own` is changed. Raises `FileError`: the file is not of the model's arm.
@@ -59,7 +59,8 @@ def patched_mjcf(
         behind = own.anchor(own.body(tip)) @ corrected.joints[f"{tip}{CALIBRATED}"].origin
         own.spec_body(tip).add_site(name=f"{tip}{CALIBRATED}", **_placed(behind))
     lost = (*_servos(model, own, path), *weigh(model, own, corrected, path), *left_out(model, HELD))
-    return MjcfFile(_text(own, output, _add_springs(model, own, path)), lost)
+    text = _text(own, output, _add_springs(model, own, path))
+    return ExportedFile(text, f"{own.path.name} with the model in it", lost)
 
 
 def _text(own: MjcfRobot, output: Path, ahead: Mapping[str, Sequence[str]]) -> str:

@@ -155,16 +155,16 @@ def _bodies(robot: Urdf, path: Sequence[UrdfJoint], far: Sequence[Array]) -> Ite
         yield Body(names[joint_number - 1], float(weights.sum()), (x, y, z), joint_number, joint_number)
 
 
-def largest_difference(model: Model, path: Sequence[UrdfJoint], poses: int = CHECKED, seed: int = 0) -> float:
+def largest_difference(model: Model, path: Sequence[UrdfJoint], seed: int = 0) -> float:
     """The largest element by which a rigid model's tool frame (rotation, or m) differs from the URDF's own kinematics.
 
     At random angles within the arm's limits. `path`: the joints from base to tip.
     """
     lower, upper = np.array([(joint.lower, joint.upper) for joint in model.arm.joints]).T
-    q = np.random.default_rng(seed).uniform(lower, upper, (poses, model.arm.dof))
-    values: list[Number] = [np.full(poses, amount) for amount in model.binding.constants]
+    q = np.random.default_rng(seed).uniform(lower, upper, (CHECKED, model.arm.dof))
+    values: list[Number] = [np.full(CHECKED, amount) for amount in model.binding.constants]
     for k, angles in zip(model.chain.joint_slots, q.T, strict=True):
         values[k] = values[k] + angles
-    ours = frames(model.chain, values, poses)[:, -1]
+    ours = frames(model.chain, values, CHECKED)[:, -1]
     theirs = np.array([tip_pose(path, angles) for angles in q.tolist()])
     return float(np.abs(ours - theirs).max())

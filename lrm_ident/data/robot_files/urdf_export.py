@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -31,7 +32,16 @@ ANOTHER_ARM = 2e-3
 CALIBRATED = "_calibrated"
 """Ending of the link that is added where no fixed joint leads to the tip."""
 BALL = 0.03
-"""m, radius of the ball whose moment of inertia stands for that of a link, which is not measured."""
+"""m, radius of the ball whose moment of inertia stands for that of a body, which is not measured."""
+
+
+@dataclass(frozen=True)
+class ExportedFile:
+    """Text of a file, what it is, and what of the model, `effect@place`, it cannot hold, some with the reason."""
+
+    text: str
+    what: str
+    left_out: tuple[str, ...]
 
 
 def rigid_part(model: Model, keep: Sequence[str] = ()) -> Model:
