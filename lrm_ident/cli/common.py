@@ -15,14 +15,14 @@ from lrm_ident.cli.consoles import log, out
 from lrm_ident.data.atomic_write import write_text
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.fitting.effect_plugins import Catalogue
+from lrm_ident.fitting.model_fit import nominal_model
 from lrm_ident.fitting.progress import OnProgress, Progress
 from lrm_ident.report.document import Block, Document, ResultTable, write
 from lrm_ident.study import inputs
 from lrm_ident.study.study import Study
 from lrm_math.arm.arm import Arm
-from lrm_math.effects import effects_at
 from lrm_math.errors import FileError, LrmError, UnknownName
-from lrm_math.model.model import Model, model_of
+from lrm_math.model.model import Model
 from lrm_math.model.model_file import ModelFile, load_model
 from lrm_math.model.reading import AS_NAMED, Reading
 
@@ -111,7 +111,7 @@ def leave_out_poses(data: Measurements, text: str) -> Measurements:
 def start_model(arm: Arm, model: Path | None) -> Model:
     """The nominal arm with the thesis's 45 parameters, or a fitted model of the same arm. Raises `FileError`."""
     if model is None:
-        return model_of(arm, effects_at(arm, "offsets") + effects_at(arm, "compliance"))
+        return nominal_model(arm)
     fitted = load_model(model)
     if fitted.arm != arm:
         raise FileError(model, "arm", f"is a model of {fitted.arm.name}, not of {arm.name}")

@@ -23,14 +23,14 @@ from lrm_ident.data.registration.anchor import with_anchor
 from lrm_ident.data.weights.whitening import PLAIN, Whitening, measured_alike
 from lrm_ident.design.candidate_poses import DEFAULT_LEVELS, ClearanceRules, all_poses, clear_poses, parse_levels
 from lrm_ident.design.observability import INDICES, UNITS
-from lrm_ident.design.parameter_elimination import PUBLISHED_THRESHOLD, eliminate, fittable
+from lrm_ident.design.parameter_elimination import PUBLISHED_THRESHOLD, eliminate
 from lrm_ident.design.pose_design import CandidateSet, DesignProblem
 from lrm_ident.design.pose_design import design as run_design
 from lrm_ident.design.pose_selection import select_poses
 from lrm_ident.fitting.effect_plugins import catalogue_with
 from lrm_ident.fitting.executors import executor_for, in_this_process
 from lrm_ident.fitting.identifiability import fit_identifiable
-from lrm_ident.fitting.parameter_sets import TABLE_4_5, select_parameters
+from lrm_ident.fitting.parameter_sets import TABLE_4_5, fittable, select_parameters
 from lrm_ident.measuring.camera.session import CameraSession, expected_weights, read_session, visible
 from lrm_ident.report.design import choice_document, design_document, pose_table
 from lrm_ident.report.identifiability import elimination_document

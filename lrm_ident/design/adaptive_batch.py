@@ -6,7 +6,6 @@ told apart, Ds-optimal for these (`pose_design`).
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from contextlib import suppress
 from dataclasses import dataclass, replace
 
@@ -21,7 +20,7 @@ from lrm_ident.diagnosis.diagnose import Verdict
 from lrm_ident.diagnosis.screening.linearised_fit import PRIOR_SD
 from lrm_ident.study.study import Study
 from lrm_math.arrays import Array
-from lrm_math.effects import CATALOGUE, Effect, effects_at
+from lrm_math.effects import Effect, effects_at
 from lrm_math.errors import LrmError
 from lrm_math.kinematics.poses import Poses
 from lrm_math.model.equilibrium import equilibrium
@@ -77,10 +76,9 @@ class AdaptiveFindings:
         return close and (sure or not goal.explain)
 
 
-def assess(data: Measurements, catalogue: Iterable[type[Effect]] = CATALOGUE) -> AdaptiveFindings:
+def assess(data: Measurements) -> AdaptiveFindings:
     """Fits the thesis's model and follows `auto`. Raises `LrmError`: too few poses, or no fit."""
-    kinds = tuple(catalogue)
-    run, _ = Study.of(data, catalogue=kinds).fit().auto()
+    run, _ = Study.of(data).fit().auto()
     last = run.steps[-1]
     squares = (last.held_out**2).sum(axis=1)
     error = float(squares.std(ddof=1) / np.sqrt(len(squares)))
@@ -88,7 +86,7 @@ def assess(data: Measurements, catalogue: Iterable[type[Effect]] = CATALOGUE) ->
     return AdaptiveFindings(
         model=last.fit.model,
         named=tuple((step.added, *step.equivalent) for step in run.steps[1:]),
-        rivals=() if unsure is None else _rivals(run.steps[unsure], kinds),
+        rivals=() if unsure is None else _rivals(run.steps[unsure]),
         before=run.model if unsure is None else run.steps[max(unsure - 1, 0)].fit.model,
         verdict=run.verdict,
         held_out=float(np.sqrt(squares.mean())),
@@ -158,9 +156,7 @@ def _chosen(problem: DesignProblem, candidates: Poses) -> NDArray[np.int64]:
     return np.array(sorted({int(row_of[q.tobytes(), load]) for q, load in keys}))
 
 
-def _rivals(step: AutoStep, kinds: tuple[type[Effect], ...]) -> tuple[Effect, ...]:
+def _rivals(step: AutoStep) -> tuple[Effect, ...]:
     """The effects that a step can stand for, each once."""
-    found = list[Effect]()
-    for name in (step.added, *step.equivalent)[:MOST_RIVALS]:
-        found += effects_at(step.fit.model.arm, name, kinds)
-    return tuple(found)
+    names = (step.added, *step.equivalent)[:MOST_RIVALS]
+    return tuple(effect for name in names for effect in effects_at(step.fit.model.arm, name))

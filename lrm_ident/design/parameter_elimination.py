@@ -26,7 +26,6 @@ from lrm_ident.fitting.identifiability import ROUND_OFF, UnidentifiableParameter
 from lrm_math.arrays import Array
 from lrm_math.errors import LrmError
 from lrm_math.model.equilibrium import Equilibrium
-from lrm_math.model.model import Model
 
 PUBLISHED_THRESHOLD = 0.95  # Conenna 2024, section 4.5
 
@@ -60,11 +59,6 @@ class ParameterElimination:
     all_values: dict[Units, Array]
     kept_values: dict[Units, Array]
     observability: dict[Units, Observability]
-
-
-def fittable(model: Model) -> tuple[str, ...]:
-    """Keys of all parameters except shape parameters."""
-    return tuple(key for key, p in zip(model.keys, model.parameters, strict=True) if p.fixed is None)
 
 
 def eliminate(

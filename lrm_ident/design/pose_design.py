@@ -18,9 +18,9 @@ from lrm_ident.design.discrimination import Discrimination, check_testable, disc
 from lrm_ident.design.fisher_information import RankDeficient, Rows, whiten
 from lrm_ident.design.observability import MM_PER_M, Index, Observability, identification_jacobian, observability
 from lrm_ident.design.optimality import Criterion, DeterminantCriterion, criterion_of
-from lrm_ident.design.parameter_elimination import fittable
 from lrm_ident.diagnosis.screening.linearised_fit import PRIOR_SD
 from lrm_ident.fitting.identifiability import select_identifiable
+from lrm_ident.fitting.parameter_sets import fittable
 from lrm_ident.fitting.progress import OnProgress, silent
 from lrm_math.arrays import Array
 from lrm_math.effects import Effect

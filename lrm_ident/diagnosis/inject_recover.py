@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from fnmatch import fnmatchcase
 from functools import partial
 from pathlib import Path
@@ -19,6 +19,7 @@ from lrm_ident.diagnosis.screening.candidates import split_testable, unfitted_ef
 from lrm_ident.fitting.effect_plugins import catalogue_with
 from lrm_ident.fitting.executors import as_finished
 from lrm_ident.fitting.identifiability import fit_identifiable
+from lrm_ident.fitting.model_fit import nominal_model
 from lrm_ident.fitting.progress import OnProgress, silent
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_file import load_arm
@@ -26,7 +27,7 @@ from lrm_math.effects import Effect, effects_at
 from lrm_math.errors import LrmError
 from lrm_math.kinematics.poses import Poses
 from lrm_math.model.equilibrium import equilibrium
-from lrm_math.model.model import Model, model_of
+from lrm_math.model.model import model_of
 
 NOMINAL_SD = 0.4  # of the arm's other errors, in typical sizes
 
@@ -68,8 +69,8 @@ class InjectionPlan:
 
 def detectable_effects(plan: InjectionPlan, pattern: str = "*") -> tuple[list[str], list[tuple[Effect, str]]]:
     """Names of effects that the poses can test and that match the pattern; the others with the reason."""
-    base = _base(load_arm(plan.arm))
-    base = replace(base, free=tuple(base.keys))
+    base = nominal_model(load_arm(plan.arm))
+    base = base.with_free(base.keys)
     effects = unfitted_effects(base, catalogue_with(plan.effects_file))
     plain = [one for one in effects if not one[0].variant_of]
     testable, not_testable = split_testable(plain, equilibrium(base, plan.poses))
@@ -85,14 +86,10 @@ def run_trials(
         yield trial
 
 
-def _base(arm: Arm) -> Model:
-    return model_of(arm, effects_at(arm, "offsets") + effects_at(arm, "compliance"))
-
-
 def _trial(plan: InjectionPlan, arm: Arm, name: str) -> InjectionTrial:
     catalogue = catalogue_with(plan.effects_file)
     rng = np.random.default_rng([plan.seed, crc32(name.encode())])
-    base = _base(arm)
+    base = nominal_model(arm)
     positive, count = [p.lower == 0.0 for p in base.parameters], len(base.keys)
     sizes = np.where(positive, rng.uniform(0.3, 1.0, count), rng.normal(0, NOMINAL_SD, count))
     values = {k: s * p.typical for k, s, p in zip(base.keys, sizes, base.parameters, strict=True)}

@@ -54,7 +54,7 @@ def joint_space_folds(q: Array, repeat_of: NDArray[np.int64], count: int = FOLDS
     return fold[same]
 
 
-def random_folds(q: Array, repeat_of: NDArray[np.int64], count: int = FOLDS, seed: int = 0) -> NDArray[np.int64]:
+def random_folds(q: Array, repeat_of: NDArray[np.int64], count: int = FOLDS) -> NDArray[np.int64]:
     """(N,), fold of each pose, drawn at random; poses of equal angles and repetitions of a pose share a fold.
 
     Such a fold is to the others as new poses of the same kind are to all; one of `joint_space_folds` lies beside them.
@@ -62,7 +62,7 @@ def random_folds(q: Array, repeat_of: NDArray[np.int64], count: int = FOLDS, see
     Raises `LrmError`: fewer distinct poses than folds.
     """
     same = _groups(q, repeat_of, count)
-    return np.asarray(np.random.default_rng(seed).permutation(int(same.max()) + 1) % count)[same]
+    return np.asarray(np.random.default_rng(0).permutation(int(same.max()) + 1) % count)[same]
 
 
 def _groups(q: Array, repeat_of: NDArray[np.int64], least: int) -> NDArray[np.int64]:
@@ -220,13 +220,6 @@ def _settled(model: Model, poses: Poses, near: Equilibrium) -> Equilibrium | Non
         return None
 
 
-def held_out_residual(
-    model: Model,
-    data: Measurements,
-    bounds: Bounds | None = None,
-    loss: Loss = SQUARED,
-    progress: OnProgress = silent,
-    prior: Prior | None = None,
-) -> Array:
+def held_out_residual(model: Model, data: Measurements, loss: Loss = SQUARED) -> Array:
     """(N, 3), the residual of every pose in the fold that held it out (m). As `held_out_blocks`."""
-    return held_out_rows(held_out_blocks(model, data, bounds, loss, progress, prior))
+    return held_out_rows(held_out_blocks(model, data, loss=loss))

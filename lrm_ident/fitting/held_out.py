@@ -30,33 +30,31 @@ class HeldOutBlock:
 
 def compared_residuals(blocks: Sequence[HeldOutBlock]) -> Array:
     """(N, R), what is compared between models: held-out residuals, weighted by their noise where that is stated."""
-    if any(block.weighted is None for block in blocks):
-        return held_out_rows(blocks)
-    tests = np.concatenate([block.test for block in blocks])
-    rows = np.concatenate([block.weighted for block in blocks if block.weighted is not None])
-    out = np.empty_like(rows)
-    out[tests] = rows
-    return out
+    weighted = _of_poses(blocks, [block.weighted for block in blocks])
+    return held_out_rows(blocks) if weighted is None else weighted
 
 
 def held_out_turns(blocks: Sequence[HeldOutBlock]) -> Array | None:
     """(N, 3), the held-out error of every orientation (rad), NaN where not measured; None where it is not known."""
-    if not blocks or any(block.test_turn is None for block in blocks):
-        return None
-    turn = np.empty((sum(len(block.test) for block in blocks), 3))
-    for block in blocks:
-        turn[block.test] = block.test_turn
-    return turn
+    return _of_poses(blocks, [block.test_turn for block in blocks])
 
 
 def held_out_rows(blocks: Sequence[HeldOutBlock]) -> Array:
     """(N, 3), the held-out residual of every pose (m)."""
-    residual = np.empty((sum(len(block.test) for block in blocks), 3))
-    for block in blocks:
-        residual[block.test] = block.test_residual
-    return residual
+    rows = _of_poses(blocks, [block.test_residual for block in blocks])
+    return np.empty((0, 3)) if rows is None else rows
 
 
 def squared(blocks: Sequence[HeldOutBlock]) -> Array:
     """(N,), squared norms of `compared_residuals`."""
     return np.asarray((compared_residuals(blocks) ** 2).sum(axis=1))
+
+
+def _of_poses(blocks: Sequence[HeldOutBlock], parts: Sequence[Array | None]) -> Array | None:
+    """(N, R), the rows (n, R) of every block's `test` in the order of the poses; None where a block has none."""
+    known = [part for part in parts if part is not None]
+    if not known or len(known) < len(blocks):
+        return None
+    out = np.empty((sum(map(len, known)), known[0].shape[1]))
+    out[np.concatenate([block.test for block in blocks])] = np.concatenate(known)
+    return out

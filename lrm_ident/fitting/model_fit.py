@@ -14,7 +14,7 @@ from lrm_ident.data.wording import enumerate_words
 from lrm_ident.fitting.identifiability import FEW, IdentifiedFit, fit_identifiable
 from lrm_ident.fitting.levenberg_marquardt import Fit, fit
 from lrm_ident.fitting.loss import Loss
-from lrm_ident.fitting.parameter_sets import Bounds, bounds_of, no_bounds, select_parameters
+from lrm_ident.fitting.parameter_sets import Bounds, bounds_of, fittable, no_bounds, select_parameters
 from lrm_ident.fitting.priors import Prior
 from lrm_math.arm.arm import Arm
 from lrm_math.effects import CATALOGUE, Effect, effects_at
@@ -76,12 +76,11 @@ def _fit_named(
         named = select_parameters(model, parameters)
         keys = (*named, *(key for key in model.free if key.startswith("anchor.") and key not in named))
     elif prior is None:
-        keys = tuple(key for key, p in zip(model.keys, model.parameters, strict=True) if p.fixed is None)
+        keys = fittable(model)
         return fit_identifiable(model, data, keys, loss, no_bounds(keys) if unbounded else None)
     else:
-        keys = tuple(
-            key for key, p in zip(model.keys, model.parameters, strict=True) if p.fixed is None or key in prior.keys
-        )
+        known = {*fittable(model), *prior.keys}
+        keys = tuple(key for key in model.keys if key in known)
     free = replace(model, free=keys)
     return IdentifiedFit(fit(free, data, fit_bounds(free, unbounded), loss, prior), data)
 

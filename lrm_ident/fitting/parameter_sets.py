@@ -51,6 +51,11 @@ def select_parameters(model: Model, choice: str) -> tuple[str, ...]:
     return tuple(key for key in model.keys if any(fnmatchcase(key, pattern) for pattern in patterns))
 
 
+def fittable(model: Model) -> tuple[str, ...]:
+    """Keys of all parameters except shape parameters."""
+    return tuple(key for key, p in zip(model.keys, model.parameters, strict=True) if p.fixed is None)
+
+
 @dataclass(frozen=True)
 class Bounds:
     """Lower and upper bound of each fitted parameter (SI), (P,) each."""

@@ -17,7 +17,6 @@ from lrm_ident.data.error_stats import ErrorStats, error_stats
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.wording import in_mm
 from lrm_ident.fitting.held_out import HeldOutBlock, held_out_rows
-from lrm_ident.fitting.progress import OnProgress, silent
 from lrm_ident.residual.better_prediction import saves, vuong_z
 from lrm_ident.residual.covariates import CONSTANT, covariates
 from lrm_ident.residual.thresholds import MIN_NAMELESS_GAIN, Z_THRESHOLD
@@ -111,9 +110,7 @@ class PredictableError:
         }
 
 
-def predictable_error(
-    data: Measurements, blocks: Sequence[HeldOutBlock], progress: OnProgress = silent
-) -> PredictableError:
+def predictable_error(data: Measurements, blocks: Sequence[HeldOutBlock]) -> PredictableError:
     """Part that a Gaussian process can predict of the residuals of a cross-validation, in the same blocks.
 
     Each kernel is searched on at most `SEARCH_ROWS` of the training poses, from the last block's, and the process
@@ -125,7 +122,7 @@ def predictable_error(
     known = pose_covariates(data, data.tcp - named)
     names, x = tuple(known), np.stack(list(known.values()), axis=1)
     relevance, kernels, most = np.zeros(len(names)), [Kernel.start(len(names))] * 3, 0
-    for number, block in enumerate(blocks):
+    for block in blocks:
         chosen = _spread(len(block.train), MOST_ROWS)
         search = _spread(len(block.train), SEARCH_ROWS)
         most = max(most, len(chosen))
@@ -136,7 +133,6 @@ def predictable_error(
             left[block.test, axis] = block.test_residual[:, axis] - unit * process.mean(x[block.test])
             relevance += (unit * kernel.signal / kernel.lengths) ** 2
             kernels[axis] = kernel
-        progress(number + 1, len(blocks))
     ranked = sorted(zip(relevance.tolist(), names, strict=True), reverse=True)
     follows = tuple(name for value, name in ranked if value > RELEVANT * ranked[0][0])
     return PredictableError(named, left, follows[:MOST_FOLLOWED], most)

@@ -12,8 +12,7 @@ from typer import Option
 from lrm_ident.cli import arguments as arg
 from lrm_ident.cli.common import one_of, progress, publish, start_model
 from lrm_ident.design.observability import UNITS
-from lrm_ident.design.parameter_elimination import fittable
-from lrm_ident.fitting.parameter_sets import THESIS_OPTIONS
+from lrm_ident.fitting.parameter_sets import THESIS_OPTIONS, fittable
 from lrm_math.arm.arm_file import load_arm
 from lrm_math.number_list import parse_numbers
 from validation.thesis.application import command

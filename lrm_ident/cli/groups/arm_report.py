@@ -9,6 +9,7 @@ import numpy as np
 from lrm_ident.report.document import Block, Document, ResultTable
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_file import GRAM, MM
+from lrm_math.arm.plausible_arm import total_mass
 from lrm_math.arrays import Array
 from lrm_math.kinematics.chain import chain_of
 from lrm_math.kinematics.poses import poses_of
@@ -50,19 +51,15 @@ def arm_document(arm: Arm, difference: float | None = None, q: Array | None = No
         "bodies": bodies.records(),
         "tcp_mm": tcp,
         "longest_mm": chain_of(arm).length / MM,
-        "moving_mass_g": _moving_mass(arm) / GRAM,
+        "moving_mass_g": total_mass(arm) / GRAM,
         "largest_difference": difference,
     }
     return Document(blocks, "lrm/arm-report/1", values, links)
 
 
-def _moving_mass(arm: Arm) -> float:
-    return sum(body.mass for body in arm.bodies)
-
-
 def _lines(arm: Arm, tcp: str, difference: float | None) -> Iterator[str]:
     """Sentences that the tables do not say; `tcp`: where the TCP is, in mm."""
-    mass = _moving_mass(arm)
+    mass = total_mass(arm)
     yield (
         f"TCP {tcp} mm. From joint 1 it reaches {chain_of(arm).length / MM:.0f} mm at most. "
         f"Moving: {mass / GRAM:.0f} g."

@@ -203,9 +203,9 @@ class LinearisedFit:
         whole, *folds = (part.left for part in self.parts)
         return LinearEstimate(np.zeros(0), np.zeros(0), float(whole @ whole), self._by_pose(folds)[0])
 
-    def explain(self, sets: ColumnSets | None = None) -> LinearEstimate:
-        """Linear estimate of a set of columns (none: the fit as it is)."""
-        return self.now if sets is None else self.explain_each(sets)[0]
+    def explain(self, columns: ColumnSets) -> LinearEstimate:
+        """Linear estimate of one set of columns beside the fit."""
+        return self.explain_each(columns)[0]
 
     def explain_each(self, sets: ColumnSets) -> list[LinearEstimate]:
         """Linear estimate of each set alone beside the fit."""

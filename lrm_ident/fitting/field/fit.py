@@ -77,7 +77,8 @@ def _with_field(field: ResidualField, poses: Poses, block: HeldOutBlock) -> Held
 
 def _left(residual: Array, field: ResidualField, poses: Poses, values: Sequence[float]) -> Array:
     """(N, 3), what a field leaves of a residual (m)."""
-    return residual - _added(field, poses, values)
+    amounts = field.amounts(poses, (), values)
+    return np.asarray(residual - np.stack([np.broadcast_to(amount, len(poses)) for amount in amounts], axis=1))
 
 
 def range_of(poses: Poses) -> MeasuredRange:
@@ -85,9 +86,3 @@ def range_of(poses: Poses) -> MeasuredRange:
     lower, upper = poses.q.min(axis=0), poses.q.max(axis=0)
     payload = float(poses.payload.min()), float(poses.payload.max())
     return MeasuredRange(tuple(zip(lower.tolist(), upper.tolist(), strict=True)), payload)
-
-
-def _added(field: ResidualField, poses: Poses, values: Sequence[float]) -> Array:
-    """(N, 3), m."""
-    amounts = field.amounts(poses, (), values)
-    return np.stack([np.broadcast_to(amount, len(poses)) for amount in amounts], axis=1)

@@ -12,13 +12,13 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy.special import fdtrc
 
 from lrm_ident.data.robot_files.rigid_motion import inverse
 from lrm_ident.data.weights.rotations import skew
 from lrm_ident.data.weights.whitening import root_of
 from lrm_ident.measuring.camera.board_pose import BoardPose
 from lrm_ident.measuring.camera.hand_eye import HandEye
+from lrm_ident.residual.significance import f_test_p_value
 from lrm_math.arm.arm import Arm
 from lrm_math.arrays import Array
 from lrm_math.effects import effects_at, split_key
@@ -158,8 +158,7 @@ def find_step(photos: PhotoRegression) -> Step | None:
     if not tried:
         return None
     squares, what, k, theta = min(tried, key=lambda one: one[0])
-    freedom = 6 * count - 12 - 6
-    p_value = float(fdtrc(6, freedom, (before - squares) / 6 / (squares / freedom))) * len(tried)
+    p_value = f_test_p_value(before, squares, 6, 6 * count - 12) * len(tried)
     shift, turn = float(np.linalg.norm(theta[:3])), float(np.linalg.norm(theta[3:]))
     moved = photos.camera_columns if what == "camera" else photos.mount_columns
     size = float(np.sqrt(((moved @ theta)[k:, :3] ** 2).sum(axis=1).mean())) + 0.1 * turn

@@ -89,11 +89,11 @@ class ControlState:
 
 @dataclass
 class RoverArm:
-    """`ask_for_load`: has somebody change the load (kg). `session`: of the servos' power, for the rows."""
+    """See `CampaignArm`. `load`: has somebody change the load (kg). `session`: of the servos' power, for the rows."""
 
     rover: Rover
     clock: Clock
-    ask_for_load: Callable[[float], object]
+    load: Callable[[float], object]
     session: int
     info: InfoState = field(init=False)
     direction: tuple[int, ...] = field(init=False)
@@ -103,7 +103,7 @@ class RoverArm:
         self.info = self.rover.info()
         self.direction = (0,) * self.info.joints
         mode = self.rover.mode()
-        if mode.mode not in ("armed", "holding"):
+        if mode.mode not in STILL:
             raise LrmError(f"{self.info.robot} is {mode.mode} ({mode.why}); arm it first: lrm arm --q ...")
 
     @property
@@ -156,10 +156,6 @@ class RoverArm:
         self._move(self.rounded(rest.q), rest.payload)
         while self.too_warm() or max(self.rover.thermal().temperature_c) > wanted:
             self.clock.sleep(LOOK)
-
-    def load(self, payload: float) -> None:
-        """See `CampaignArm`."""
-        self.ask_for_load(payload)
 
     def rounded(self, q: Sequence[float]) -> tuple[float, ...]:
         """Angles (rad) of the nearest pulses that the board can put out: whole counts, within the limits."""

@@ -41,7 +41,8 @@ class CampaignArm(Protocol):
     def cool(self, rest: PlannedPose) -> None:
         """Goes to a pose that loads it little, and waits until it is cool."""
 
-    def load(self, payload: float) -> None:
+    @property
+    def load(self) -> Callable[[float], object]:
         """Has the payload changed (kg), by whoever does that."""
 
 

@@ -73,12 +73,12 @@ class Servos(Protocol):
 
 @dataclass
 class ServoArm:
-    """See `CampaignArm`. `speed`: rad/s of the fastest joint; `ask_for_load` as of `RoverArm`. Raises `LrmError`."""
+    """See `CampaignArm`. `speed`: rad/s of the fastest joint; `load` as of `RoverArm`. Raises `LrmError`."""
 
     servos: Servos
     arm: Arm
     clock: Clock
-    ask_for_load: Callable[[float], object]
+    load: Callable[[float], object]
     speed: float = SPEED
     session: int = 1
     direction: tuple[int, ...] = field(init=False)
@@ -126,10 +126,6 @@ class ServoArm:
         self._move(rest.q)
         while self.temperature() > COOL_C:
             self.clock.sleep(1.0)
-
-    def load(self, payload: float) -> None:
-        """See `CampaignArm`."""
-        self.ask_for_load(payload)
 
     def temperature(self) -> float:
         """Temperature of the hottest servo (degC). Raises `LrmError`: the robot has no thermometers."""
