@@ -27,16 +27,11 @@ from lrm_ident.fitting.cross_validation import FOLDS
 from lrm_ident.fitting.effect_plugins import catalogue_with
 from lrm_ident.fitting.executors import executor_for, rounds_of
 from lrm_ident.fitting.priors import load_rates
-from lrm_ident.report.diagnosis import (
-    course_document,
-    diagnosis_document,
-    selftest_document,
-    step_blocks,
-    step_document,
-)
+from lrm_ident.report.diagnosis.course import course_document, step_blocks, step_document
+from lrm_ident.report.diagnosis.diagnosis import diagnosis_document, selftest_document
+from lrm_ident.report.diagnosis.laws import proposal_document
 from lrm_ident.report.effects import effect_blocks
 from lrm_ident.report.fit import error_blocks
-from lrm_ident.report.laws import proposal_document
 from lrm_ident.report.plots.diagnosis import draw_report
 from lrm_ident.residual.error_breakdown import NestedResidual
 from lrm_ident.study.error_summary import ErrorSummary

@@ -9,7 +9,7 @@ import numpy as np
 
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.diagnosis.diagnosis_report import DiagnosisReport
-from lrm_ident.report.diagnosis import diagnosis_document
+from lrm_ident.report.diagnosis.diagnosis import diagnosis_document
 from lrm_ident.report.document import Document, ResultTable
 from lrm_ident.report.fit import comparison_document, estimate_table
 from lrm_ident.report.history import history_table, history_values, provenance_table

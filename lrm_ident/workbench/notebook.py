@@ -12,7 +12,8 @@ from pathlib import Path
 from lrm_ident.diagnosis.auto import AutoRun
 from lrm_ident.diagnosis.diagnosis_report import DiagnosisReport, report_of
 from lrm_ident.fitting.levenberg_marquardt import Fit
-from lrm_ident.report.diagnosis import diagnosis_document, step_blocks
+from lrm_ident.report.diagnosis.course import step_blocks
+from lrm_ident.report.diagnosis.diagnosis import diagnosis_document
 from lrm_ident.report.document import Block
 from lrm_ident.report.document_html import blocks_html
 from lrm_ident.report.fit import comparison_document, parameter_table

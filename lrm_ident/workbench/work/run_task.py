@@ -21,8 +21,8 @@ from lrm_ident.diagnosis.symbolic_regression.law_file import law_id
 from lrm_ident.fitting.effect_plugins import sha256_of
 from lrm_ident.fitting.levenberg_marquardt import check_enough
 from lrm_ident.fitting.progress import Progress
+from lrm_ident.report.diagnosis.laws import proposal_document
 from lrm_ident.report.document_html import blocks_html
-from lrm_ident.report.laws import proposal_document
 from lrm_ident.report.model_report import ModelReport, after_step, quick_report, with_comparison, with_diagnosis
 from lrm_ident.study.inputs import read_measurements, read_study
 from lrm_ident.study.study import MAX_EFFECTS, Study

@@ -7,7 +7,7 @@ import pytest
 from lrm_ident.diagnosis.auto import AutoRun, run_auto
 from lrm_ident.diagnosis.diagnosis_report import DiagnosisReport, report_of
 from lrm_ident.fitting.identifiability import fit_identifiable
-from lrm_ident.report.diagnosis import diagnosis_document
+from lrm_ident.report.diagnosis.diagnosis import diagnosis_document
 from lrm_math.arm.arm import Arm
 from lrm_math.effects import effects_at
 from lrm_math.model.model import model_of

@@ -21,7 +21,7 @@ from lrm_ident.fitting.identifiability import fit_identifiable
 from lrm_ident.fitting.levenberg_marquardt import fit
 from lrm_ident.fitting.loss import SQUARED
 from lrm_ident.fitting.model_fit import fit_model, nominal_model
-from lrm_ident.report.diagnosis import diagnosis_document
+from lrm_ident.report.diagnosis.diagnosis import diagnosis_document
 from lrm_ident.report.plots.diagnosis import draw_report
 from lrm_ident.residual.parameter_hints import parameter_hints
 from lrm_ident.residual.thresholds import MIN_GAIN

@@ -16,7 +16,7 @@ from lrm_ident.diagnosis.diagnose import diagnose
 from lrm_ident.diagnosis.diagnosis_report import build_report
 from lrm_ident.diagnosis.shifted_rows import ShiftedRows, shifted_rows
 from lrm_ident.fitting.identifiability import fit_identifiable
-from lrm_ident.report.diagnosis import diagnosis_document
+from lrm_ident.report.diagnosis.diagnosis import diagnosis_document
 from lrm_ident.residual.thresholds import WITHIN_TWO_DEVIATIONS
 from lrm_math.arm.arm import Arm
 from lrm_math.effects import effects_at

@@ -13,7 +13,7 @@ from lrm_ident.data.error_stats import error_stats
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.wording import in_mm, p_words, quantity
 from lrm_ident.diagnosis.diagnosis_report import DISPLAY_UNITS
-from lrm_ident.report.diagnosis import MARKS
+from lrm_ident.report.diagnosis.diagnosis import MARKS
 from lrm_ident.report.history import data_of
 from lrm_ident.report.model_report import ModelReport
 from lrm_ident.report.names.plain_names import plain_name, step_title

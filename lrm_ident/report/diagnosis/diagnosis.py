@@ -1,4 +1,4 @@
-"""Reports of `diagnose`, `auto` and `selftest`: the verdict, the ranking, what the data cannot show."""
+"""Reports of `diagnose` and `selftest`: the verdict, the ranking, what the data cannot show."""
 
 from __future__ import annotations
 
@@ -7,28 +7,18 @@ from collections import Counter, defaultdict
 from collections.abc import Collection, Iterator, Sequence
 
 import numpy as np
-from rich.text import Text
 
-from lrm_ident.data.error_stats import error_stats
 from lrm_ident.data.wording import enumerate_words, in_mm, in_percent, p_words
-from lrm_ident.diagnosis.auto import AutoRun, AutoStep
 from lrm_ident.diagnosis.diagnose import Diagnosis
 from lrm_ident.diagnosis.diagnosis_report import DiagnosisReport, RankedCandidate
 from lrm_ident.diagnosis.inject_recover import InjectionTrial
 from lrm_ident.report.document import Block, Document, FoldedSection, ResultTable, heading, section
-from lrm_ident.report.fit import error_blocks, parameter_table
 from lrm_ident.report.names.plain_names import in_words, plain_name
-from lrm_ident.residual.error_breakdown import HeldOutResidual, NestedResidual
 from lrm_ident.residual.predictable_residual import PredictableResidual
-from lrm_ident.residual.residual_structure import noise_floor
 from lrm_ident.residual.thresholds import MIN_GAIN
-from lrm_ident.study.error_summary import ErrorSummary
-from lrm_ident.study.field_step import WHAT_IT_IS
-from lrm_ident.study.step import StudyStep
 from lrm_math.effects import Effect, compensable, variants
-from lrm_math.model.deployed_model import field_of
 
-SHOWN, REFUSED_SHOWN, RIVALS_SHOWN, RANKED, BAR = 8, 4, 4, 30, 20
+SHOWN, REFUSED_SHOWN, RANKED = 8, 4, 30
 VERDICTS = {
     "effect_missing": "An effect is missing.",
     "effect_describes": "An effect predicts better, but only describes: it shows no new cause.",
@@ -110,7 +100,7 @@ def _blocks(report: DiagnosisReport) -> list[Block]:
     blocks += [f"{one.sentence[0].upper()}{one.sentence[1:]}." for one in found.shifted]
     blocks += section("\nHints that are no effects", map(in_words, report.hints))
     blocks += section("\nWhat these data cannot show", report.limitations)
-    if refused := tuple(_untestable(found.not_testable)):
+    if refused := tuple(untestable(found.not_testable)):
         names = ", ".join(_untestable_names(found))
         blocks.append(FoldedSection("\nNot testable", refused, f"{names}; --all says where and why"))
     return [*blocks, f"\nNext: {in_words(report.hint)}"]
@@ -219,7 +209,7 @@ def _advice(rank: int, advice: RankedCandidate, report: DiagnosisReport) -> dict
     }
 
 
-def _untestable(refused: Sequence[tuple[Effect, str]]) -> Iterator[str]:
+def untestable(refused: Sequence[tuple[Effect, str]]) -> Iterator[str]:
     """One line for all places of an effect that the data cannot test for the same reason."""
     by_reason: dict[tuple[str, str], list[str]] = defaultdict(list)
     for effect, reason in refused:
@@ -230,24 +220,6 @@ def _untestable(refused: Sequence[tuple[Effect, str]]) -> Iterator[str]:
         by_reason[effect.id, general].append(effect.place)
     for (name, reason), places in by_reason.items():
         yield in_words(f"{name} at {', '.join(places)}: {reason}")
-
-
-def step_blocks(number: int, step: AutoStep, start: AutoStep) -> Iterator[Block]:
-    """One step of `auto`: errors, rival effects, and what was freed; its bar is relative to that of the `start`."""
-    held_out, before = (error_stats(one.held_out).rms * 1e3 for one in (step, start))
-    bar = "█" * int(np.clip(round(BAR * held_out / max(before, 1e-9)), 1, 2 * BAR))
-    errors = f"fit {in_mm(error_stats(step.fit.residual).rms):>5s}  held out {in_mm(held_out * 1e-3):>5s} mm {bar}"
-    yield f"{number:3d}  {step.added or 'start':27s} {len(step.fit.model.free):3d} parameters  {errors}"
-    if step.equivalent:
-        rivals = enumerate_words(step.equivalent, RIVALS_SHOWN)
-        yield Text(f"       or {rivals}, or several of them: these data cannot tell", style="dim")
-    if step.added:
-        known = noise_floor(step.data, step.fit.rest).rms is not None
-        present = [effect.name for effect in step.fit.model.effects]
-        reason = f"description: {no_cause(step.refines, present, known)}" if step.describes else "finding"
-        yield Text(f"       {took_words(step.share, known)}; {reason}", style="dim")
-    if step.freed:
-        yield Text(f"       can be determined now: {enumerate_words(step.freed, RIVALS_SHOWN)}", style="dim")
 
 
 def took_words(share: float, floor_known: bool) -> str:
@@ -268,73 +240,6 @@ def no_cause(refines: Sequence[str], present: Collection[str], floor_known: bool
     return f"too little to name a cause while {'so much' if floor_known else 'more'} stays"
 
 
-def step_document(effect: str, step: StudyStep, before: ErrorSummary, after: ErrorSummary) -> Document:
-    """Result of `lrm-ident add`, schema `lrm/step/1`."""
-    free, now = len(step.start.free if step.start else ()), len(step.fit.model.free)
-    tables = [
-        *error_blocks(before, f"before: {free} parameters"),
-        *error_blocks(after, f"with {_said(step, effect)}: {now}"),
-    ]
-    errors = {"before": before, "after": after}
-    values = {name: {"fit": error.fitted, "held_out": error.held_out.error} for name, error in errors.items()}
-    return Document([*tables, parameter_table(step.fit)], "lrm/step/1", {"added": effect, "parameters": now, **values})
-
-
-def _said(step: StudyStep, effect: str) -> str:
-    """An effect that was added, and that it is no cause where it is none."""
-    return f"{effect}, {WHAT_IT_IS}" if field_of(step.fit.model) is not None else effect
-
-
-def course_document(
-    course: AutoRun,
-    report: DiagnosisReport,
-    held_out: HeldOutResidual,
-    nested: NestedResidual,
-    with_prior: ErrorSummary | None,
-    with_field: ErrorSummary | None = None,
-) -> Document:
-    """Result of `lrm-ident auto`, schema `lrm/course/1`: the nested held-out error and the last diagnosis.
-
-    with_prior: errors of the last fit, together with a prior, if there was one. with_field: with a residual field, if
-    one was added.
-    """
-    what = "Held out, effects chosen anew in every fold (nested):"
-    last: list[Block] = [f"{what} none, because {nested.reason}"]
-    if nested.error is not None:
-        last = [heading(f"{what} mean {in_mm(nested.error.mean)}, RMS {in_mm(nested.error.rms)} mm"), _chosen(nested)]
-    values = {
-        "steps": [
-            {
-                "added": step.added,
-                "indistinguishable_from": step.equivalent,
-                "form_of": step.refines,
-                "share_of_excess": step.share,
-                **({"is": "description" if step.describes else "finding"} if step.added else {}),
-                "freed": step.freed,
-                "parameters": len(step.fit.model.free),
-                "fit_rms_mm": error_stats(step.fit.residual).rms * 1e3,
-            }
-            for step in course.steps
-        ],
-        "verdict": report.verdict,
-        **left_values(report.left),
-        "held_out_effects_fixed": held_out.error,
-        "held_out": nested.error,
-        "chosen_in_folds": nested.frequency,
-        **({} if with_prior is None else {"with_prior": with_prior}),
-        **({} if with_field is None else {"with_residual_field_not_a_cause": with_field}),
-    }
-    return Document([*last, *diagnosis_document(report).blocks], "lrm/course/1", values)
-
-
-def _chosen(nested: NestedResidual) -> str:
-    """Number of folds in which each effect was chosen: what few choose is unstable."""
-    often = [f"{name} {count}" for name, count in nested.frequency.items() if count > 1]
-    once = sum(count == 1 for count in nested.frequency.values())
-    words = [*often, *([f"{once} more once each" if often else f"{once} once each"] if once else [])]
-    return f"In how many of the {len(nested.chosen)} folds each was chosen: {', '.join(words) or 'none in any'}"
-
-
 def selftest_document(poses: int, trials: Sequence[InjectionTrial], refused: Sequence[tuple[Effect, str]]) -> Document:
     """Result of `lrm-ident selftest`, schema `lrm/selftest/1`: what would be named for each injected effect."""
     columns = ("hidden", "moves TCP mm|.2f", "outcome", "named")
@@ -342,7 +247,7 @@ def selftest_document(poses: int, trials: Sequence[InjectionTrial], refused: Seq
     counts = (f"{sum(trial.outcome == outcome for trial in trials)} {outcome}" for outcome in OUTCOMES)
     blocks = [
         ResultTable(columns, rows, "What would be named"),
-        *section("\nNot testable", _untestable(refused)),
+        *section("\nNot testable", untestable(refused)),
         f"\n{len(trials)} effects: {', '.join(counts)}",
     ]
     records = [

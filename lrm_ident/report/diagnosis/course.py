@@ -1,0 +1,109 @@
+"""Reports of `auto` and `add`: every step, what it took away, and what held-out poses say of the whole course."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from rich.text import Text
+
+from lrm_ident.data.error_stats import error_stats
+from lrm_ident.data.wording import enumerate_words, in_mm
+from lrm_ident.diagnosis.auto import AutoRun, AutoStep
+from lrm_ident.diagnosis.diagnosis_report import DiagnosisReport
+from lrm_ident.report.diagnosis.diagnosis import diagnosis_document, left_values, no_cause, took_words
+from lrm_ident.report.document import Block, Document, heading
+from lrm_ident.report.fit import error_blocks, parameter_table
+from lrm_ident.residual.error_breakdown import HeldOutResidual, NestedResidual
+from lrm_ident.residual.residual_structure import noise_floor
+from lrm_ident.study.error_summary import ErrorSummary
+from lrm_ident.study.field_step import WHAT_IT_IS
+from lrm_ident.study.step import StudyStep
+from lrm_math.model.deployed_model import field_of
+
+RIVALS_SHOWN, BAR = 4, 20
+
+
+def step_blocks(number: int, step: AutoStep, start: AutoStep) -> Iterator[Block]:
+    """One step of `auto`: errors, rival effects, and what was freed; its bar is relative to that of the `start`."""
+    held_out, before = (error_stats(one.held_out).rms * 1e3 for one in (step, start))
+    bar = "█" * int(np.clip(round(BAR * held_out / max(before, 1e-9)), 1, 2 * BAR))
+    errors = f"fit {in_mm(error_stats(step.fit.residual).rms):>5s}  held out {in_mm(held_out * 1e-3):>5s} mm {bar}"
+    yield f"{number:3d}  {step.added or 'start':27s} {len(step.fit.model.free):3d} parameters  {errors}"
+    if step.equivalent:
+        rivals = enumerate_words(step.equivalent, RIVALS_SHOWN)
+        yield Text(f"       or {rivals}, or several of them: these data cannot tell", style="dim")
+    if step.added:
+        known = noise_floor(step.data, step.fit.rest).rms is not None
+        present = [effect.name for effect in step.fit.model.effects]
+        reason = f"description: {no_cause(step.refines, present, known)}" if step.describes else "finding"
+        yield Text(f"       {took_words(step.share, known)}; {reason}", style="dim")
+    if step.freed:
+        yield Text(f"       can be determined now: {enumerate_words(step.freed, RIVALS_SHOWN)}", style="dim")
+
+
+def step_document(effect: str, step: StudyStep, before: ErrorSummary, after: ErrorSummary) -> Document:
+    """Result of `lrm-ident add`, schema `lrm/step/1`."""
+    free, now = len(step.start.free if step.start else ()), len(step.fit.model.free)
+    tables = [
+        *error_blocks(before, f"before: {free} parameters"),
+        *error_blocks(after, f"with {_said(step, effect)}: {now}"),
+    ]
+    errors = {"before": before, "after": after}
+    values = {name: {"fit": error.fitted, "held_out": error.held_out.error} for name, error in errors.items()}
+    return Document([*tables, parameter_table(step.fit)], "lrm/step/1", {"added": effect, "parameters": now, **values})
+
+
+def _said(step: StudyStep, effect: str) -> str:
+    """An effect that was added, and that it is no cause where it is none."""
+    return f"{effect}, {WHAT_IT_IS}" if field_of(step.fit.model) is not None else effect
+
+
+def course_document(
+    course: AutoRun,
+    report: DiagnosisReport,
+    held_out: HeldOutResidual,
+    nested: NestedResidual,
+    with_prior: ErrorSummary | None,
+    with_field: ErrorSummary | None = None,
+) -> Document:
+    """Result of `lrm-ident auto`, schema `lrm/course/1`: the nested held-out error and the last diagnosis.
+
+    with_prior: errors of the last fit, together with a prior, if there was one. with_field: with a residual field, if
+    one was added.
+    """
+    what = "Held out, effects chosen anew in every fold (nested):"
+    last: list[Block] = [f"{what} none, because {nested.reason}"]
+    if nested.error is not None:
+        last = [heading(f"{what} mean {in_mm(nested.error.mean)}, RMS {in_mm(nested.error.rms)} mm"), _chosen(nested)]
+    values = {
+        "steps": [
+            {
+                "added": step.added,
+                "indistinguishable_from": step.equivalent,
+                "form_of": step.refines,
+                "share_of_excess": step.share,
+                **({"is": "description" if step.describes else "finding"} if step.added else {}),
+                "freed": step.freed,
+                "parameters": len(step.fit.model.free),
+                "fit_rms_mm": error_stats(step.fit.residual).rms * 1e3,
+            }
+            for step in course.steps
+        ],
+        "verdict": report.verdict,
+        **left_values(report.left),
+        "held_out_effects_fixed": held_out.error,
+        "held_out": nested.error,
+        "chosen_in_folds": nested.frequency,
+        **({} if with_prior is None else {"with_prior": with_prior}),
+        **({} if with_field is None else {"with_residual_field_not_a_cause": with_field}),
+    }
+    return Document([*last, *diagnosis_document(report).blocks], "lrm/course/1", values)
+
+
+def _chosen(nested: NestedResidual) -> str:
+    """Number of folds in which each effect was chosen: what few choose is unstable."""
+    often = [f"{name} {count}" for name, count in nested.frequency.items() if count > 1]
+    once = sum(count == 1 for count in nested.frequency.values())
+    words = [*often, *([f"{once} more once each" if often else f"{once} once each"] if once else [])]
+    return f"In how many of the {len(nested.chosen)} folds each was chosen: {', '.join(words) or 'none in any'}"
