@@ -19,33 +19,20 @@ if TYPE_CHECKING:
     from lrm_math.model.model import Model, model_of
     from lrm_math.model.model_file import load_model
 
-_HOME = {
-    "Arm": "arm.arm",
-    "load_arm": "arm.arm_file",
-    "CATALOGUE": "effects",
-    "Description": "effects",
-    "Effect": "effects",
-    "LinearEffect": "effects",
-    "Parameter": "effects",
-    "effects_at": "effects",
-    "LrmError": "errors",
-    "CalibratedSolver": "ik.calibrated",
-    "Goal": "ik.goal",
-    "point": "ik.goal",
-    "point_along": "ik.goal",
-    "pose": "ik.goal",
-    "pose_rpy": "ik.goal",
-    "Poses": "kinematics.poses",
-    "poses_of": "kinematics.poses",
-    "joint_jacobian": "model.derivatives",
-    "parameter_jacobian": "model.derivatives",
-    "Equilibrium": "model.equilibrium",
-    "equilibrium": "model.equilibrium",
-    "Model": "model.model",
-    "model_of": "model.model",
-    "load_model": "model.model_file",
+_NAMES = {
+    "arm.arm": ("Arm",),
+    "arm.arm_file": ("load_arm",),
+    "effects": ("CATALOGUE", "Description", "Effect", "LinearEffect", "Parameter", "effects_at"),
+    "errors": ("LrmError",),
+    "ik.calibrated": ("CalibratedSolver",),
+    "ik.goal": ("Goal", "point", "point_along", "pose", "pose_rpy"),
+    "kinematics.poses": ("Poses", "poses_of"),
+    "model.derivatives": ("joint_jacobian", "parameter_jacobian"),
+    "model.equilibrium": ("Equilibrium", "equilibrium"),
+    "model.model": ("Model", "model_of"),
+    "model.model_file": ("load_model",),
 }
-"""Module of each name."""
+"""Names of each module."""
 
 __all__ = [
     "CATALOGUE",
@@ -76,6 +63,7 @@ __all__ = [
 
 
 def __getattr__(name: str) -> Any:
-    if name not in _HOME:
-        raise AttributeError(f"module 'lrm_math' has no attribute '{name}'")
-    return getattr(import_module(f"lrm_math.{_HOME[name]}"), name)
+    for module, names in _NAMES.items():
+        if name in names:
+            return getattr(import_module(f"lrm_math.{module}"), name)
+    raise AttributeError(f"module 'lrm_math' has no attribute '{name}'")

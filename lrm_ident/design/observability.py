@@ -46,7 +46,7 @@ def identification_jacobian(
     Args:
         units: "thesis" for mm/rad, mm/mm and mm/(rad/N·mm), "scaled" for mm per typical size of the parameter.
     """
-    chosen = [settled.model.parameters[settled.model.position(key)] for key in keys]
+    chosen = [settled.model.parameter(key) for key in keys]
     per_unit = np.array([unit_of(p, units) for p in chosen]) * MM_PER_M
     return np.asarray(whitening.unit * whitening.jacobian(settled, keys) * per_unit)
 

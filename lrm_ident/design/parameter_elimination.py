@@ -90,7 +90,7 @@ def eliminate(
             raise LrmError(f"no parameter reaches a singular value of {threshold:g} mm; lower --threshold")
         before, least = least, _smallest(triangle[:, kept])
         removals.append(RemovedParameter(key, before, least))
-    typical = np.array([model.parameters[model.position(key)].typical for key in order])
+    typical = np.array([model.parameter(key).typical for key in order])
     scaled = by_units["scaled"].reshape(columns.shape) * 1e-3
     scaled[:, _zero_columns(scaled)] = 0.0
     held = [

@@ -82,7 +82,7 @@ class IdentifiableSet:
     def held(self) -> tuple[UnidentifiableParameter, ...]:
         """The parameters to hold at zero, and what they look like."""
         model, order, noise = self.model, self.order, self.noise
-        typical = np.array([model.parameters[model.position(key)].typical for key in order])
+        typical = np.array([model.parameter(key).typical for key in order])
         return tuple(
             explain_dependence(self.columns, typical, order, model, self.chosen, j, independent, noise)
             for j, independent in self.dropped
@@ -190,7 +190,7 @@ def explain_dependence(
 ) -> UnidentifiableParameter:
     """The combination of the `kept` columns that reproduces column `j` of `columns` (M, P), by least squares."""
     whole = float(np.linalg.norm(columns[:, j]))
-    units = np.array([model.parameters[model.position(key)].si for key in order])
+    units = np.array([model.parameter(key).si for key in order])
     share, *_ = np.linalg.lstsq(columns[:, kept], columns[:, j], rcond=None)
     size = np.abs(share) * np.linalg.norm(columns[:, kept], axis=0)
     parts = [

@@ -66,7 +66,7 @@ class Bounds:
 
 def bounds_of(model: Model, keys: Sequence[str]) -> Bounds:
     """The physical bounds that the effects state, for instance compliances ≥ 0, for the parameters `keys`."""
-    chosen = [model.parameters[model.position(key)] for key in keys]
+    chosen = [model.parameter(key) for key in keys]
     return Bounds(np.array([p.lower for p in chosen]), np.array([p.upper for p in chosen]))
 
 

@@ -172,7 +172,7 @@ WEAK_SD = 3.0  # typical sizes
 
 def weak_prior(model: Model) -> Prior:
     """The shipped prior `vague` for the free parameters: a Gaussian of three typical sizes about zero."""
-    typical = [model.parameters[model.position(key)].typical for key in model.free]
+    typical = [model.parameter(key).typical for key in model.free]
     return Prior(WEAK, model.free, np.zeros(len(typical)), np.diag((WEAK_SD * np.array(typical)) ** 2))
 
 

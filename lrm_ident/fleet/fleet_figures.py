@@ -65,7 +65,7 @@ def _parameters(result: FleetResult) -> list[dict[str, Any]]:
     out = []
     for key, model in models.items():
         label, scale, unit = screen_unit(model, key)
-        scale *= model.parameters[model.position(key)].typical
+        scale *= model.parameter(key).typical
         have = [(name, one.keys.index(key), one) for name, one in result.estimates.items() if key in one.keys]
         mean, spread = (_rounded(value * scale) for value in common[key]) if key in common else (None, None)
         out.append(

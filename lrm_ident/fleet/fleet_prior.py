@@ -48,7 +48,7 @@ class ArmEstimates:
 
     def typical_of(self, key: str) -> float:
         """Typical size of a parameter, in the unit of its key."""
-        parameter = self.model.parameters[self.model.position(key)]
+        parameter = self.model.parameter(key)
         return parameter.typical / parameter.si
 
 
@@ -75,7 +75,7 @@ def arm_estimates(name: str, evidence: ModelFile, arm: Arm) -> ArmEstimates:
     if evidence.covariance is None:
         raise LrmError(f"{name}: the fit has no covariance")
     known = to_covariance(evidence.covariance, evidence.sigma, model)
-    typical = np.array([model.parameters[model.position(key)].typical for key in known.keys])
+    typical = np.array([model.parameter(key).typical for key in known.keys])
     mean = np.array([model.value(key) for key in known.keys]) / typical
     return ArmEstimates(model, known.keys, mean, known.matrix / np.outer(typical, typical))
 
@@ -88,7 +88,7 @@ def fleet_knowledge(records: Sequence[ArmRecord], estimates: Sequence[ArmEstimat
     if len(records) < FEWEST_ARMS:
         raise LrmError(f"{len(records)} arms determine no spread; a fleet's prior needs at least {FEWEST_ARMS}")
     keys = tuple(dict.fromkeys(key for one in estimates for key in one.keys))
-    by_key = {key: one.model.parameters[one.model.position(key)] for one in estimates for key in one.keys}
+    by_key = {key: one.model.parameter(key) for one in estimates for key in one.keys}
     place = {key: number for number, key in enumerate(keys)}
     evidence = [arm_evidence(one, place) for one in estimates]
     every = effect_rates([record.steps for record in records], [record.tested for record in records])

@@ -105,7 +105,7 @@ def _held(model: Model, held: UnidentifiableParameter) -> dict[str, object]:
     return {
         "parameter": held.key,
         "survival": held.survival,
-        "se_if_fitted": held.standard_error / model.parameters[model.position(held.key)].si,
+        "se_if_fitted": held.standard_error / model.parameter(held.key).si,
         "moves_the_tcp_like": dict(held.combination),
     }
 
@@ -203,7 +203,7 @@ def estimate_table(model: Model, errors: Mapping[str, float]) -> ResultTable:
 def _implausible(model: Model) -> Iterator[str]:
     """Estimates that no assembled arm has."""
     for key in model.free:
-        parameter = model.parameters[model.position(key)]
+        parameter = model.parameter(key)
         if found := far_from_typical(model.value(key), parameter.typical):
             name, scale, unit = screen_unit(model, key)
             yield f"{name} = {model.value(key) * scale:.3g} {unit}: {found}"
@@ -213,7 +213,7 @@ def estimates(fit: Fit, se_at_bound: float | None) -> dict[str, dict[str, object
     """Value and standard error of each free parameter for JSON, in the units of the keys."""
     out: dict[str, dict[str, object]] = {}
     for key, error in zip(fit.model.free, fit.standard_error, strict=True):
-        unit, bound = fit.model.parameters[fit.model.position(key)].si, key in fit.at_bound
+        unit, bound = fit.model.parameter(key).si, key in fit.at_bound
         out[key] = {
             "value": fit.model.value(key) / unit,
             "se": se_at_bound if bound else error / unit,
@@ -224,7 +224,7 @@ def estimates(fit: Fit, se_at_bound: float | None) -> dict[str, dict[str, object
 
 def screen_unit(model: Model, key: str) -> tuple[str, float, str]:
     """A key without its unit, what to multiply an SI value by for the terminal, and the unit to print."""
-    parameter = model.parameters[model.position(key)]
+    parameter = model.parameter(key)
     name = key.removesuffix("_" + parameter.unit)
     if parameter.unit == "rad":
         return name, float(np.degrees(1.0)), "deg"
@@ -245,7 +245,7 @@ def _why(rest: Equilibrium, held: UnidentifiableParameter) -> str:
         _, scale, unit = screen_unit(model, held.key)
         known = wording.with_error(0.0, held.standard_error * scale)[1]
         return "hardly moves the TCP" + ("" if known == "unknown" else f" (it would be known to ± {known} {unit})")
-    units = {key: model.parameters[model.position(key)].unit for key in (held.key, *dict(held.combination))}
+    units = {key: model.parameter(key).unit for key in (held.key, *dict(held.combination))}
     parts = " and ".join(f"{amount:+.4g} {units[key]} of {key}" for key, amount in held.combination[:PARTS_SHOWN])
     less = " and less of others" if len(held.combination) > PARTS_SHOWN else ""
     like = "exactly" if held.survival < 1e-6 else "nearly"

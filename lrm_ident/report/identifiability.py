@@ -98,7 +98,7 @@ def in_words(model: Model, held: UnidentifiableParameter) -> str:
 
 
 def _unit(model: Model, key: str) -> str:
-    return model.parameters[model.position(key)].unit.replace("_per_", "/")
+    return model.parameter(key).unit.replace("_per_", "/")
 
 
 def _values(values: Array) -> str:

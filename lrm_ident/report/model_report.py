@@ -108,7 +108,7 @@ def quick_report(study: Study) -> ModelReport:
     arrows = error_field(data, models_on_data(study))
     known = covariates(data, equilibrium(model, data.poses).joint_torque)
     drawn = tuple(one.take(arrows.rows) for one in known)
-    errors = {key: sd * models[-1][1].parameters[models[-1][1].position(key)].si for key, sd in file.sigma.items()}
+    errors = {key: sd * models[-1][1].parameter(key).si for key, sd in file.sigma.items()}
     return ModelReport(
         file=file,
         poses=data.take(arrows.rows),

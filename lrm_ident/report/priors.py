@@ -42,7 +42,7 @@ class PriorComparison:
         """The table `prior` of `lrm/fit/1`, in the units of the keys."""
         parameters: dict[str, object] = {}
         for key in self.fit.model.free:
-            unit = self.fit.model.parameters[self.fit.model.position(key)].si
+            unit = self.fit.model.parameter(key).si
             mean, sd = self._mean_sd(key, 1.0 / unit)
             parameters[key] = {"mean": mean, "sd": sd, "told_by_data": self.share_from_data(key)}
         alone: dict[str, object] = {"reason": self.alone}

@@ -133,7 +133,7 @@ def sigma_table(fit: Fit) -> dict[str, float]:
     """Standard errors of the free parameters in the file's units; parameters at a bound have none."""
     model = fit.model
     return {
-        key: float(error) / model.parameters[model.position(key)].si
+        key: float(error) / model.parameter(key).si
         for key, error in zip(model.free, fit.standard_error, strict=True)
         if key not in fit.at_bound
     }

@@ -65,7 +65,7 @@ def to_covariance(table: CovarianceTable, sigma: Mapping[str, float], model: Mod
         LrmError: keys given twice or without standard error, a wrong number of correlations, or a correlation matrix
             that is not positive semidefinite.
     """
-    units = np.array([model.parameters[model.position(key)].si for key in table.keys])
+    units = np.array([model.parameter(key).si for key in table.keys])
     without = [key for key in table.keys if not sigma.get(key, -1.0) >= 0.0]
     if without:
         raise LrmError(f"{without[0]} has no standard error in [sigma]")

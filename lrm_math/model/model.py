@@ -126,6 +126,10 @@ class Model:
         """One parameter's value (SI). Raises `UnknownName`."""
         return float(self.values[self.position(key)])
 
+    def parameter(self, key: str) -> Parameter:
+        """One parameter. Raises `UnknownName`."""
+        return self.parameters[self.position(key)]
+
     def position(self, key: str) -> int:
         """Index of one parameter in `values`. Raises `UnknownName`."""
         try:

@@ -140,7 +140,7 @@ def to_model(path: Path, tables: ModelFile, arm: Arm, catalogue: tuple[type[Effe
         effects = [effect for name in tables.effects for effect in effects_at(arm, name, catalogue)]
         where = "parameters"
         empty = model_of(arm, effects)
-        values = {key: value * empty.parameters[empty.position(key)].si for key, value in tables.parameters.items()}
+        values = {key: value * empty.parameter(key).si for key, value in tables.parameters.items()}
         where = "sigma"
         for key in tables.sigma:
             empty.position(key)

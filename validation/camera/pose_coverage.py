@@ -89,7 +89,7 @@ def compare(count: int, seeds: int) -> list[EstimatorErrors]:
         first = photographed(true, empty, poses, rng)
         rest = equilibrium(empty, poses)
         keys = select_identifiable(rest, empty.keys, 1e-3, replace(first, attitude=None).whitening).kept[: count - 1]
-        typical = np.array([empty.parameters[empty.position(key)].typical for key in keys])
+        typical = np.array([empty.parameter(key).typical for key in keys])
         values = dict(zip(keys, (SHARE * rng.normal(size=len(keys)) * typical).tolist(), strict=True))
         values |= {key: abs(value) for key, value in values.items() if key.startswith("compliance")}
         truth = model_of(arm, empty.effects, values)

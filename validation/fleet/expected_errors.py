@@ -58,7 +58,7 @@ def expected_errors(
     known = {key: joint for key in model.keys if key.startswith("compliance.joint")}
     model = model_of(described, model.effects, known | {"compliance.base.k_rad_per_Nm": BASE_COMPLIANCE})
     keys = [key for key, p in zip(model.keys, model.parameters, strict=True) if p.fixed is None]
-    typical = np.array([model.parameters[model.position(key)].typical for key in keys])
+    typical = np.array([model.parameter(key).typical for key in keys])
     spread = np.array([_spread(model, key, own) for key in keys])
     goals = _columns(model, keys, arm, GOALS, 1)
 

@@ -76,7 +76,7 @@ class Campaign:
         if option not in self.parameters:
             raise UnknownName(f"option of the campaign {self.name}", option, self.parameters)
         empty = nominal_model(arm)
-        values = {k: v * empty.parameters[empty.position(k)].si for k, v in self.parameters[option].items()}
+        values = {k: v * empty.parameter(k).si for k, v in self.parameters[option].items()}
         return model_of(arm, empty.effects, values)
 
 

@@ -135,7 +135,7 @@ def rows_to_screen(fitted: Fit) -> NDArray[np.int64]:
 def linearised(fitted: Fit, data: Measurements, weigh: RowWeights) -> LinearisedFit:
     """A fit linearised at its minimum, with the joint-space blocks. `weigh`: relative weights of its rows."""
     keys = [key for key in fitted.model.free if key not in fitted.at_bound]
-    typical = np.array([fitted.model.parameters[fitted.model.position(key)].typical for key in keys])
+    typical = np.array([fitted.model.parameter(key).typical for key in keys])
     columns = (parameter_jacobian(fitted.rest, keys, data.whitening.sensed) * typical).reshape(-1, len(keys))
     fold = joint_space_folds(data.poses.q, data.repeat_of)
     poses = [np.flatnonzero(fold == number) for number in range(fold.max() + 1)]

@@ -75,7 +75,7 @@ def _weighted(
     rows: NDArray[np.int64],
 ) -> Array:
     """(n, R, P + 1), scaled Jacobian and residual of some poses, whitened and weighted."""
-    typical = np.array([rest.model.parameters[rest.model.position(key)].typical for key in keys])
+    typical = np.array([rest.model.parameter(key).typical for key in keys])
     scale = weight if len(weight) == 1 else weight[rows]
     if not np.array_equal(rows, np.arange(len(rest.poses))):
         rest, whitening = rest.take(rows), whitening.take(rows)

@@ -107,7 +107,7 @@ def photo_regression(arm: Arm, poses: Poses, boards: Sequence[BoardPose], found:
     """The regression of photos taken at commanded poses."""
     model = model_of(arm, [effect for name in ARM_EFFECTS for effect in effects_at(arm, name)])
     keys = [key for key in model.keys if split_key(key)[1] not in ("base", "tool") or key.startswith("compliance")]
-    sizes = [model.parameters[model.position(key)].typical for key in keys]
+    sizes = [model.parameter(key).typical for key in keys]
     typical = np.array([PART if key.endswith("_mm") else size for key, size in zip(keys, sizes, strict=True)])
     J = parameter_jacobian(equilibrium(model, poses), keys, Sensed(attitude=True))
     turns = J[:, :, [key.startswith("offsets.joint") and key.endswith("theta_rad") for key in keys]]

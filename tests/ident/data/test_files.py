@@ -109,7 +109,7 @@ def test_model_files(tmp_path_factory: pytest.TempPathFactory, lab: Arm, data: s
         schema="lrm/model/1",
         arm="lrm-lab",
         effects=["offsets", "compliance", "backlash@joint2"],
-        parameters={key: value / empty.parameters[empty.position(key)].si for key, value in values.items()},
+        parameters={key: value / empty.parameter(key).si for key, value in values.items()},
         sigma=dict.fromkeys(keys, 0.1),
     )
     path.write_text(model_text(tables))

@@ -50,7 +50,7 @@ def random_truth(arm: Arm, seed: int, option: str = "option1") -> Model:
     rng = np.random.default_rng(seed)
     values = {}
     for key in select_parameters(empty, option):
-        parameter = empty.parameters[empty.position(key)]
+        parameter = empty.parameter(key)
         size = rng.uniform(0.2, 1.0) if parameter.lower == 0.0 else rng.uniform(-0.6, 0.6)
         values[key] = size * parameter.typical
     return replace(model_of(arm, empty.effects, values), free=select_parameters(empty, option))

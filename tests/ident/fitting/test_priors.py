@@ -215,7 +215,7 @@ def test_the_last_pattern_that_matches_holds(whole: Model) -> None:
     np.testing.assert_allclose(prior.mean_of(keys), [0.1, 0.05, 0.0])
     np.testing.assert_allclose(prior.sd_of(keys), [0.2, 0.01, 0.002])
     untouched = "offsets.joint2.alpha_rad"
-    assert prior.sd_of([untouched])[0] == whole.parameters[whole.position(untouched)].typical
+    assert prior.sd_of([untouched])[0] == whole.parameter(untouched).typical
     with pytest.raises(UnknownName):
         prior.mean_of(["drift.joint2.A_rad"])
 

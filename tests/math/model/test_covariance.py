@@ -53,7 +53,7 @@ def test_covariance_table_round_trip(lab: Arm, seed: int, size: int) -> None:
     rng = np.random.default_rng(seed)
     model = model_of(lab, effects_at(lab, "offsets") + effects_at(lab, "compliance"))
     keys = [model.keys[i] for i in np.sort(rng.choice(len(model.keys), size, replace=False))]
-    units = np.array([model.parameters[model.position(key)].si for key in keys])
+    units = np.array([model.parameter(key).si for key in keys])
     root = rng.normal(size=(size, size + 2)) * 10 ** rng.uniform(-6, 0, (size, 1))
     matrix = root @ root.T
     sigma = dict(zip(keys, (np.sqrt(np.diag(matrix)) / units).tolist(), strict=True))
