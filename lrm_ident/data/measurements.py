@@ -39,7 +39,8 @@ class Measurements:
         reading: how the file's numbers were read, where that was said.
         stated: the same with the units of the columns' names.
         left_out: numbers of poses that were taken out.
-        arm_name: of a shipped arm, or path of its file, as a model file names it; None: the arm's own name.
+        arm_name: of a shipped arm, or path of its file, as a model file or the one beside the data names it; None: the
+            arm's own name.
         covariance: (N, 6, 6), of position and rotation vector (m, rad), NaN where not stated; None without any.
         attitude: (N, 3, 3), rotation of the tool's frame, NaN where not measured; None where there is none to use.
         feedback: (N, n), what encoders read (rad), NaN where they did not; None where there is none to use.

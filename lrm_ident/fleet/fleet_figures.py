@@ -8,7 +8,7 @@ from lrm_ident.fleet.fleet_prior import FleetKnowledge
 from lrm_ident.fleet.fleet_report import FleetResult, causes_words
 from lrm_ident.fleet.identify_arm import ArmRecord
 from lrm_ident.report.fit import screen_unit
-from lrm_ident.report.names.plain_names import plain_name
+from lrm_ident.report.plain_names import plain_name
 
 
 def fleet_figures(result: FleetResult) -> dict[str, Any]:

@@ -14,8 +14,7 @@ from lrm_ident.design.pose_design import CandidateSet, DesignProblem, ExpectedAc
 from lrm_ident.design.pose_selection import PoseSelection
 from lrm_ident.report.document import Block, Document, ResultTable
 from lrm_ident.report.fit import stats_in_mm
-from lrm_ident.report.names.plain_names import in_words
-from lrm_ident.report.names.symbols import symbol
+from lrm_ident.report.plain_names import in_words, symbol
 from lrm_math.effects import Effect
 from lrm_math.model.model import Model
 

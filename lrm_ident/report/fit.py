@@ -14,7 +14,7 @@ from lrm_ident.fitting.identifiability import UnidentifiableParameter, lost_to_o
 from lrm_ident.fitting.levenberg_marquardt import Fit
 from lrm_ident.report.document import Block, Document, ResultTable, heading, section
 from lrm_ident.report.effects import field_blocks, field_values
-from lrm_ident.report.names.plain_names import in_words
+from lrm_ident.report.plain_names import in_words
 from lrm_ident.residual.error_breakdown import Factor, ModelComparison, PoseGroup
 from lrm_ident.study.error_summary import ErrorSummary
 from lrm_ident.study.model_history import fit_words

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from lrm_ident.data.wording import decimals, enumerate_words
 from lrm_ident.report.document import ResultTable
-from lrm_ident.report.names.plain_names import in_words
+from lrm_ident.report.plain_names import in_words
 from lrm_math.effects import marked
 from lrm_math.model.model_file import HistoryTable, ModelFile
 

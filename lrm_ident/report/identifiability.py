@@ -13,7 +13,7 @@ from lrm_ident.fitting.identifiability import UnidentifiableParameter
 from lrm_ident.fitting.parameter_sets import TABLE_4_5
 from lrm_ident.report.document import Block, Document, ResultTable, heading, section
 from lrm_ident.report.fit import screen_unit
-from lrm_ident.report.names.symbols import symbol
+from lrm_ident.report.plain_names import symbol
 from lrm_math.arrays import Array
 from lrm_math.model.model import Model
 

@@ -11,7 +11,7 @@ from lrm_ident.data.error_stats import error_stats
 from lrm_ident.data.wording import in_mm
 from lrm_ident.diagnosis.diagnosis_report import with_unit
 from lrm_ident.report.document import Document
-from lrm_ident.report.names.plain_names import step_title
+from lrm_ident.report.plain_names import step_title
 from lrm_ident.report.plots.interactive.group_means import explained_by_means, joints_of, shown_most
 from lrm_ident.residual.better_prediction import share_of_excess
 from lrm_ident.residual.covariates import Covariate

@@ -6,7 +6,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from lrm_ident.data.measurement_file.metadata import metadata_of
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.registration.anchor import with_anchor
 from lrm_ident.data.registration.checked import load_checked
@@ -99,9 +98,8 @@ def read_measurements(
     """
     data = load_checked(path, arm, reading, usual)
     notices = [f"{path.name}: {words}" for words in data.notices]
-    metadata = metadata_of(path)
-    if metadata and metadata.arm and metadata.arm != arm_name:
-        notices.append(f"{path.name} was measured on {metadata.arm}, the model is of {arm_name}")
+    if data.arm_name not in (None, arm_name):
+        notices.append(f"{path.name} was measured on {data.arm_name}, the model is of {arm_name}")
     return replace(data, arm_name=arm_name, notices=tuple(notices))
 
 

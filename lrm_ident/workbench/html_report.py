@@ -10,7 +10,7 @@ from lrm_ident.data.wording import in_mm
 from lrm_ident.report.document import Block, Document
 from lrm_ident.report.document_html import blocks_html, table_html
 from lrm_ident.report.model_report import ModelReport
-from lrm_ident.report.names.plain_names import step_title
+from lrm_ident.report.plain_names import step_title
 from lrm_ident.report.plots.interactive.assets import SCRIPTS
 from lrm_ident.report.plots.interactive.values import figure_values, values_text
 from lrm_ident.workbench.standalone import standalone_page

@@ -12,10 +12,10 @@ from typing import Protocol
 
 import numpy as np
 
+from lrm_math.arm.arm import BASE, TOOL, Arm, Joint, Placement
 from lrm_math.arrays import Array
 from lrm_math.errors import LrmError
 from lrm_math.ik.answer import AT_LIMIT, Branch, IkSolutions, Nearest, NotConverged, distinct
-from lrm_math.ik.equivalent_arm import equivalent_arm
 from lrm_math.ik.goal import IkQuery
 from lrm_math.ik.kernel.kernel_model import matrices
 from lrm_math.ik.kernel.shared_library import kernel
@@ -25,6 +25,7 @@ from lrm_math.ik.packed_arm import EquilibriumBatch, PackedArm
 from lrm_math.kinematics.pieper import PieperForm, pieper_form
 from lrm_math.kinematics.poses import poses_of
 from lrm_math.kinematics.screw_axes import screw_axes_of
+from lrm_math.model.model import Model
 
 SLACK = 0.4
 """rad: the nominal solutions may break the limits by so much, since the commands then differ from them."""
@@ -243,3 +244,25 @@ def initial_guesses(arm: CalibratedArm, query: IkQuery) -> Iterator[Array]:
     found = arm.library.tcp[:, :3, 3] - query.goal.position
     for row in np.argsort(np.linalg.norm(found, axis=1))[:16]:
         yield arm.library.q[row]
+
+
+def equivalent_arm(model: Model) -> Arm:
+    """The arm with corrected angles and corrected nonzero lengths; further lengths would separate its axes.
+
+    Where it has a closed form, that gives the seeds for Newton's method.
+    """
+    amounts = dict(zip((slot.key for slot in model.chain.slots), model.binding.constants, strict=True))
+
+    def placed(place: str) -> Placement:
+        return Placement(*(amounts[f"{place}.{name}"] for name in ("x", "y", "z", "alpha", "beta", "gamma")))
+
+    def length(key: str, drawn: float | None) -> float | None:
+        return amounts[key] if drawn else drawn
+
+    def joint(place: str, drawn: Joint) -> Joint:
+        d, a, extra_z = (length(f"{place}.{name}", getattr(drawn, name)) for name in ("d", "a", "extra_z"))
+        turned = replace(drawn, theta=amounts[f"{place}.theta"], alpha=amounts[f"{place}.alpha"], beta=0.0)
+        return replace(turned, d=d or 0.0, a=a or 0.0, extra_z=extra_z)
+
+    joints = tuple(joint(f"joint{i}", drawn) for i, drawn in enumerate(model.arm.joints, 1))
+    return replace(model.arm, base=placed(BASE), joints=joints, tool=placed(TOOL))

@@ -22,8 +22,7 @@ from lrm_math.effects.measured_range import MeasuredRange
 from lrm_math.effects.targets import Kind, kind_of, slot_of
 from lrm_math.errors import LrmError, NoEquilibrium
 from lrm_math.ik.calibrated import CalibratedSolver
-from lrm_math.ik.calibrated_arm import CalibratedArm
-from lrm_math.ik.equivalent_arm import equivalent_arm
+from lrm_math.ik.calibrated_arm import CalibratedArm, equivalent_arm
 from lrm_math.ik.goal import IkQuery, pose
 from lrm_math.ik.kernel import shared_library
 from lrm_math.ik.kernel.kernel_model import KernelModel, packed, with_laws

@@ -63,6 +63,7 @@ def load_measurements(path: Path, arm: Arm, reading: Reading = AS_NAMED, usual: 
         sha256=cells.sha256,
         notices=(*columns, *beside, *cells.notices, *row_notices(table, arm, metadata)),
         arm=arm,
+        arm_name=metadata.arm or None,
         reading=how,
         stated=Reading(**{**units, **how.said()}),
     )

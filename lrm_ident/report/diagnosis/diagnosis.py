@@ -13,7 +13,7 @@ from lrm_ident.diagnosis.diagnose import Diagnosis
 from lrm_ident.diagnosis.diagnosis_report import DiagnosisReport, RankedCandidate
 from lrm_ident.diagnosis.inject_recover import InjectionTrial
 from lrm_ident.report.document import Block, Document, FoldedSection, ResultTable, heading, section
-from lrm_ident.report.names.plain_names import in_words, plain_name
+from lrm_ident.report.plain_names import in_words, plain_name
 from lrm_ident.residual.predictable_residual import PredictableResidual
 from lrm_ident.residual.thresholds import MIN_GAIN
 from lrm_math.effects import Effect, compensable, variants

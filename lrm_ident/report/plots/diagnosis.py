@@ -11,7 +11,7 @@ from lrm_ident.data.weights.row_weights import RowWeights
 from lrm_ident.data.wording import in_mm
 from lrm_ident.diagnosis.diagnose import Diagnosis
 from lrm_ident.diagnosis.diagnosis_report import DiagnosisReport, RankedCandidate
-from lrm_ident.report.names.plain_names import in_words, plain_name
+from lrm_ident.report.plain_names import in_words, plain_name
 from lrm_ident.report.plots.driver_curve import DriverCurve, driver_curve
 from lrm_ident.report.plots.style import GREEN, HELD_OUT, MODEL, NOMINAL, figure_file, finish
 from lrm_ident.residual.covariates import SYMBOLS, covariates

@@ -18,7 +18,7 @@ from lrm_ident.fitting.progress import Progress
 from lrm_ident.report.design import design_document, pose_table
 from lrm_ident.report.document import Document
 from lrm_ident.report.model_report import ModelReport
-from lrm_ident.report.names.plain_names import in_words
+from lrm_ident.report.plain_names import in_words
 from lrm_ident.study.study import Study
 from lrm_math.arm.arm_file import GRAM, MM
 from lrm_math.effects import effects_at

@@ -15,7 +15,7 @@ from lrm_ident.data.table_text.csv_dialect import read_csv
 from lrm_ident.design.observability import identification_jacobian, observability
 from lrm_ident.design.parameter_elimination import eliminate
 from lrm_ident.fitting.parameter_sets import TABLE_4_5, THESIS_OPTIONS
-from lrm_ident.report.names.symbols import symbol
+from lrm_ident.report.plain_names import symbol
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_file import load_arm
 from lrm_math.effects import effects_at

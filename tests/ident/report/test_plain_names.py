@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from lrm_ident.report.names.plain_names import in_words
+from lrm_ident.report.plain_names import in_words
 from lrm_math.arm.arm_file import load_arm
 from lrm_math.effects.curves import CouplingCurve
 from lrm_math.effects.servo_errors import Coupling

@@ -11,7 +11,7 @@ from lrm_ident.report.document import ResultTable
 from lrm_ident.report.fit import comparison_document
 from lrm_ident.report.history import provenance_table
 from lrm_ident.report.model_report import quick_report
-from lrm_ident.report.names.plain_names import plain_name, step_title
+from lrm_ident.report.plain_names import plain_name, step_title
 from lrm_ident.study.model_history import model_text
 from lrm_ident.study.study import Study
 from lrm_math.effects import ALL_EFFECTS, NOT_A_CAUSE, marked

@@ -22,7 +22,7 @@ from lrm_ident.fitting.model_fit import fit_model, nominal_model
 from lrm_ident.report.document import ListSection, ResultTable, heading
 from lrm_ident.report.document_html import blocks_html
 from lrm_ident.report.model_report import quick_report, with_diagnosis
-from lrm_ident.report.names.plain_names import PLAIN, plain_name
+from lrm_ident.report.plain_names import PLAIN, plain_name
 from lrm_ident.report.plots.interactive.candidate_view import NO_FUNCTION, candidate_view, drivers_of, von_neumann_ratio
 from lrm_ident.report.plots.interactive.group_means import explained_by_means, shown_most
 from lrm_ident.report.plots.interactive.values import figure_values, values_text

@@ -16,7 +16,7 @@ from lrm_ident.diagnosis.diagnosis_report import DISPLAY_UNITS
 from lrm_ident.report.diagnosis.diagnosis import MARKS
 from lrm_ident.report.history import data_of
 from lrm_ident.report.model_report import ModelReport
-from lrm_ident.report.names.plain_names import plain_name, step_title
+from lrm_ident.report.plain_names import plain_name, step_title
 from lrm_ident.report.plots.interactive.candidate_view import SHARE, CandidateView
 from lrm_ident.report.plots.interactive.fair_sample import fair_rows
 from lrm_ident.report.plots.interactive.group_means import explained_by_means, shown_most

@@ -1,10 +1,10 @@
-"""Plain names of effects, for people who have not read the catalogue: `backlash@joint2` is play in joint 2."""
+"""Names for people who have not read the catalogue: `backlash@joint2` is play in joint 2, `offsets.joint1.d_mm` δd1."""
 
 from __future__ import annotations
 
 import re
 
-from lrm_math.effects import marked, split_name
+from lrm_math.effects import marked, split_key, split_name
 from lrm_math.effects.base import place_words
 from lrm_math.effects.session_errors import session_words
 
@@ -46,6 +46,7 @@ PLAIN = {
 }
 OF_A_SESSION = ("drift", "drift_curve", "change_point", "second_change_point", "session")
 """Effects that may move everything alike."""
+GREEK = {"alpha": "α", "beta": "β", "gamma": "γ", "theta": "θ"}
 SYMBOLS = {"q": "angle", "tau": "torque"}
 EFFECT = r"\b[a-z]\w*@\w+(?:(?:<-|\+)\w+)*"
 ALONE = r"(?<![\w.])(?:(?P<place>(?:joint|link)\d+(?:(?:<-|\+)joint\d+)?)|(?P<symbol>q|tau)(?P<joint>\d+))(?![\w.]*\w)"
@@ -77,3 +78,23 @@ def step_title(step: str) -> str:
     """A step of a model's history in plain words: `fit`, or the plain name of the effect that was added."""
     added = step.removeprefix("add ").split(",")[0]
     return plain_name(added) if step.startswith("add ") else step
+
+
+def symbol(key: str) -> str:
+    """The thesis's letters for a parameter (Conenna 2024, Table 4.3 and section 4.3), short enough for a figure.
+
+    `offsets.joint1.d_mm` → δd1, `offsets.base.z_mm` → δz_b, `compliance.base.k_rad_per_Nm` → k0.
+
+    The further translation of link i stands in the thesis at the joint that it leads to: `offsets.joint2.extra_z_mm` →
+    δdd3. Parameters that the thesis does not have keep their key.
+    """
+    effect, place, name = split_key(key)
+    bare = name.rsplit("_", 1)[0] if effect == "offsets" else name
+    joint = int(place.removeprefix("joint")) if place.startswith("joint") and place[5:].isdigit() else None
+    if effect == "compliance":
+        return f"k{joint or 0}"
+    if effect != "offsets":
+        return key
+    if joint is None:
+        return f"δ{GREEK.get(bare, bare)}_{place[0]}"
+    return f"δdd{joint + 1}" if bare == "extra_z" else f"δ{GREEK.get(bare, bare)}{joint}"

@@ -1,1 +1,0 @@
-"""Names of effects and parameters for people: symbols, and plain words."""
