@@ -88,8 +88,9 @@ def candidate_view(
     observable = lever[joint] > SHARE**2 * lever[joint].mean()
     drawn = rows[rows >= 0]  # thousands of poses say no more of what a form follows
     followed = [one.take(drawn) for one in known if _may_follow(scored.candidate.effect, one)]
-    own = _angles_of_law(scored.candidate.effect, followed)
-    drivers = own or drivers_of(turns[joint][drawn], followed, joint, observable[drawn])
+    own, form, clear = _angles_of_law(scored.candidate.effect, followed), turns[joint][drawn], observable[drawn]
+    alone = [one for one in own if von_neumann_ratio(form[clear], scaled(one.values[clear])) <= NO_FUNCTION]
+    drivers = tuple(alone[:1]) or own or drivers_of(form, followed, joint, clear)
     return CandidateView(
         name=scored.name,
         added=_drawn(added, rows),

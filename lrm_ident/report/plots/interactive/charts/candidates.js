@@ -73,8 +73,8 @@ function lrmCandidates(page) {
     const [along, up] = [driver, second].map((one) => ({ title: { text: one.label, standoff: 4 } }));
     const beside = place("form").clientWidth > NARROW_PX;
     const axes = beside ? { xaxis: { ...along, domain: [0, 0.48] }, xaxis2: { ...along, domain: [0.52, 1], anchor: "y" }, yaxis: up }
-      : { xaxis: { showticklabels: false }, xaxis2: { ...along, anchor: "y2" }, yaxis: { domain: [0.56, 1] }, yaxis2: { domain: [0, 0.42], anchor: "x2" } };
-    const data = `data: turn of joint ${one.joint + 1}${beside ? "" : `; upwards: ${second.label}`}`;
+      : { xaxis: { showticklabels: false }, xaxis2: { title: { text: `${driver.label}<br>upwards: ${second.label}`, standoff: 4, font: { size: 12 } }, nticks: 4, tickangle: 0, anchor: "y2" }, yaxis: { domain: [0.56, 1] }, yaxis2: { domain: [0, 0.42], anchor: "x2" } };
+    const data = `data: turn of joint ${one.joint + 1}`;
     draw("form", [map("data", one.around, {}, false), map("its form", one.form, { xaxis: "x2", ...(beside ? {} : { yaxis: "y2" }) }, true)], {
       showlegend: false, margin: { l: 8, r: 8, t: 22, b: 8 }, ...axes,
       annotations: [title(data, [0, 1]), title("its form", beside ? [0.52, 1] : [0, 0.42])] }, wireScatter);
