@@ -31,6 +31,8 @@ DISPLAY_UNITS = {
     "rad_per_Nm3": (1.0, " rad/Nm³"),
     "Nm_per_rad": (1.0, " Nm/rad"),
     "mm_per_m": (1.0, " mm/m"),
+    "rad_per_K": (180.0 / np.pi, "°/K"),
+    "mm_per_K": (1.0, " mm/K"),
 }
 MOST_WORDS = 4  # estimates in a sentence, the surest; all are in the JSON file
 TOO_MANY = 12  # of which no four say anything: coefficients of a curve
@@ -189,7 +191,8 @@ def _rank(scored: ScoredCandidate, confirmed: ConfirmedDiagnosis, before: ErrorS
         better = f"the held-out error falls {fall(before.rms, rms)} mm"
         rivals = f"{', '.join(equivalent[:4])}; several may be there"
         unsure = f"; these data cannot tell it from {rivals}" if equivalent else ""
-        why = f"{_describe_effect(scored, estimates)}: {better}{unsure}"
+        if_this = f"if it is {scored.name}, " if equivalent else ""
+        why = f"{if_this}{_describe_effect(scored, estimates)}: {better}{unsure}"
     elif scored.implausible:
         why = scored.implausible
     elif scored.alone.rms > (1.0 - MIN_GAIN) * before.rms:
@@ -226,10 +229,11 @@ def _describe_effect(scored: ScoredCandidate, estimates: Estimates) -> str:
     numbers = {**chosen, **words}
     sentence = effect.about.claim
     claim = sentence.format(place=effect.place_in_words, **numbers) if sentence else f"{effect.id} at {effect.place}"
-    left = [one for one in estimates if one[0] not in sentence]
+    told = [one for one in estimates if one[1]]  # 0: what acts at no pose
+    left = [one for one in told if one[0] not in sentence]
     if effect.variant_of:  # coefficients of a curve say nothing to a reader
         return claim
-    if any(one not in left for one in estimates if one[2]) or not left or len(left) > TOO_MANY:
+    if any(one not in left for one in told if one[2]) or not left or len(left) > TOO_MANY:
         return claim
     surest = sorted(left, key=lambda one: -abs(one[1]) / max(one[2], 1e-300))[:MOST_WORDS]
     shown = [name for name in words if name in {one[0] for one in surest}]

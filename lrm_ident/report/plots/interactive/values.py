@@ -27,10 +27,11 @@ from lrm_math.arrays import Array
 
 UM, ANGLE = 3, 4
 """Decimals of millimetres and degrees in the drawing only, and the least p value that is printed."""
-SUPPORTED = "supported"
+SUPPORTED, BESIDE = "supported", "beside"
 STANDINGS = {
     SUPPORTED: MARKS[SUPPORTED],
     "indistinguishable": MARKS["indistinguishable"],
+    BESIDE: "● supported beside the first",
     "explains_too": "◌ explains it too, the simpler one suffices",
     "as_well": "◌ explains it too, no better than the first",
     "partly": "◔ explains part of it",
@@ -187,8 +188,8 @@ def _where(found: ModelReport) -> dict[str, Any]:
 
 
 def _ranking(found: ModelReport, ranking: Any) -> list[dict[str, Any]]:
-    """The candidates: the one that the verdict names, others with support in the order of `diagnose`, then by the error
-    that they would leave."""
+    """The candidates: the one that the verdict names, its rivals, others with support in the order of `diagnose`, then
+    by the error that they would leave."""
     views = {view.name: view for view in found.candidates}
     named = [(f"{advice['effect']}@{advice['place']}", advice) for advice in ranking]
     known = [(views[name], advice) for name, advice in named if name in views]
@@ -197,7 +198,7 @@ def _ranking(found: ModelReport, ranking: Any) -> list[dict[str, Any]]:
     before = found.file.history[-1].held_out_rms_mm
     out = [_candidate(view, advice, _standing(view, advice, first, before), weighted) for view, advice in known]
     top = 0 if first is None or first["verdict"] == "no_evidence" else 1
-    left = {one["name"]: one["heldOut"] * (one["standing"] != SUPPORTED) for one in out}
+    left = {one["name"]: one["heldOut"] * (one["standing"] != BESIDE) for one in out}
     return out[:top] + sorted(out[top:], key=lambda one: (order.index(one["standing"]), left[one["name"]]))
 
 
@@ -209,7 +210,7 @@ def _standing(
     before: held-out error (mm) of the model without any of them, None if it is not known.
     """
     if advice["verdict"] != "no_evidence":
-        return str(advice["verdict"])
+        return BESIDE if advice is not first and advice["verdict"] == SUPPORTED else str(advice["verdict"])
     if view.refused:
         return "refused"
     if first is None or first["verdict"] == "no_evidence":
