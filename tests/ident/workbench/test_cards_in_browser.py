@@ -72,7 +72,7 @@ def test_page_one_names_what_cannot_be_told_apart_and_what_is_next(browser: Any,
     verdict, following = page.inner_text("#lrm-verdict"), page.inner_text("#lrm-next")
     first, second = page.evaluate("lrm.state.values.ranking.slice(0, 2).map((one) => [one.title, one.verdict])")
     assert (first[1], second[1]) == ("indistinguishable", "indistinguishable")
-    assert verdict.startswith("An effect is missing. Joint 2 has 2.")
+    assert verdict.startswith("An effect is missing. If it is play in joint 2, joint 2 has 2.")
     assert f"these data cannot tell it from {second[0]}" in verdict
     assert following.startswith("Next: To tell play in joint 2 from ")
     assert page.inner_text("h1").startswith("two-joint: model and measurements ")

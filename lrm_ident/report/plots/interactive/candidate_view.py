@@ -88,9 +88,7 @@ def candidate_view(
     observable = lever[joint] > SHARE**2 * lever[joint].mean()
     drawn = rows[rows >= 0]  # thousands of poses say no more of what a form follows
     followed = [one.take(drawn) for one in known if _may_follow(scored.candidate.effect, one)]
-    own, form, clear = _angles_of_law(scored.candidate.effect, followed), turns[joint][drawn], observable[drawn]
-    alone = [one for one in own if von_neumann_ratio(form[clear], scaled(one.values[clear])) <= NO_FUNCTION]
-    drivers = tuple(alone[:1]) or own or drivers_of(form, followed, joint, clear)
+    drivers = _drivers(scored.candidate.effect, turns[joint][drawn], followed, joint, observable[drawn])
     return CandidateView(
         name=scored.name,
         added=_drawn(added, rows),
@@ -111,6 +109,15 @@ def candidate_view(
 def _may_follow(effect: Effect, known: Covariate) -> bool:
     """Whether an effect may follow a covariate: the course of time moves only what depends on it."""
     return known.kind not in OF_TIME or not {"time", "session"}.isdisjoint(effect.depends_on)
+
+
+def _drivers(
+    effect: Effect, form: Array, known: Sequence[Covariate], joint: int, observable: NDArray[np.bool_]
+) -> tuple[Covariate, ...]:
+    """What a form is drawn over: of an effect of two angles the one that it follows alone, or both; else `drivers_of`."""
+    own = _angles_of_law(effect, known)
+    single = [one for one in own if von_neumann_ratio(form[observable], scaled(one.values[observable])) <= NO_FUNCTION]
+    return tuple(single[:1]) or own or drivers_of(form, known, joint, observable)
 
 
 def _angles_of_law(effect: Effect, known: Sequence[Covariate]) -> tuple[Covariate, ...]:
