@@ -130,7 +130,7 @@ def _excursion(
     return inside, scored
 
 
-def o1_upper_bound(columns: Array, rows: Rows, steps: int = BOUND_STEPS) -> float:
+def o1_upper_bound(columns: Array, rows: Rows) -> float:
     """Upper bound of O1 over all sets of as many candidates as `rows`.
 
     log det is concave in the weights of the poses, so its tangent at any weights in [0, 1] bounds every set of n: the
@@ -141,7 +141,7 @@ def o1_upper_bound(columns: Array, rows: Rows, steps: int = BOUND_STEPS) -> floa
     weights = np.zeros(len(columns))
     weights[rows] = 1.0
     bound = np.inf
-    for step in range(steps):
+    for step in range(BOUND_STEPS):
         gradient, log_det = _log_det_gradient(whitened, weights)
         corner = np.zeros(len(columns))
         corner[np.argsort(-gradient)[:n]] = 1.0

@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
-from itertools import pairwise
 from typing import Literal, TypeAlias
 
 import numpy as np
@@ -127,19 +126,6 @@ def plan(
     if found is None:
         return NoPath("not found", None, ClosestPair(straight.distance, straight.first, straight.second), keep, samples)
     return PlannedPath(_shortened(check_piece, found.waypoints, keep + RESOLUTION, rng), found.samples)
-
-
-def interpolate_path(path: PlannedPath, step: float = np.radians(0.25)) -> Array:
-    """Targets (K, n) in rad along a path for a ramp, no joint further than `step` (rad) from one to the next.
-
-    Where a ramp moves all joints at one speed, each by itself, those with less to travel arrive early: it deviates from
-    the straight line by up to a quarter of the step in each joint.
-    """
-    targets = [path.waypoints[:1]]
-    for before, after in pairwise(path.waypoints):
-        count = max(1, int(np.ceil(np.abs(after - before).max() / step)))
-        targets.append(np.linspace(before, after, count + 1)[1:])
-    return np.concatenate(targets)
 
 
 class _Tree:

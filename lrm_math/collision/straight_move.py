@@ -74,7 +74,7 @@ def check_move(scene: Scene, q0: ArrayLike, q1: ArrayLike, margin: float | None 
     """Whether the nominal rigid arm keeps a margin on the straight move from q0 to q1, each (n,) in rad.
 
     The proof holds for the rigid arm; the margin has to cover elastic deflection. All joints have to move in
-    proportion: a ramp gets the move as `rrt_connect.interpolate_path` cuts it.
+    proportion.
 
     Args:
         margin: m; the one of the arm's file if None.

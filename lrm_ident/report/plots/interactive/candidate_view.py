@@ -114,7 +114,7 @@ def _may_follow(effect: Effect, known: Covariate) -> bool:
 def _drivers(
     effect: Effect, form: Array, known: Sequence[Covariate], joint: int, observable: NDArray[np.bool_]
 ) -> tuple[Covariate, ...]:
-    """What a form is drawn over: of an effect of two angles the one that it follows alone, or both; else `drivers_of`."""
+    """Drivers that a form is drawn over: of an effect of two angles the one that it follows, or both; else any."""
     own = _angles_of_law(effect, known)
     single = [one for one in own if von_neumann_ratio(form[observable], scaled(one.values[observable])) <= NO_FUNCTION]
     return tuple(single[:1]) or own or drivers_of(form, known, joint, observable)
