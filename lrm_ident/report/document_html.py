@@ -36,11 +36,6 @@ def table_html(table: ResultTable) -> str:
     return f'<div class="wide" tabindex="0">{html}</div>'  # the keyboard scrolls it, too
 
 
-def section_html(title: str, text: str) -> str:
-    """A section with a title around HTML; nothing where there is none."""
-    return f"<section><h2>{title}</h2>{text}</section>" if text else ""
-
-
 def _block(block: Block) -> str:
     if isinstance(block, ResultTable):
         rows = len(list(block.cells))

@@ -8,7 +8,7 @@ from collections.abc import Callable
 
 from nicegui import ui
 
-from lrm_ident.report.document_html import section_html
+from lrm_ident.workbench.section import section_html
 from lrm_ident.workbench.session import WorkbenchSession
 from lrm_ident.workbench.tab.command_bar import ChosenEffect, CommandBar
 from lrm_ident.workbench.tab.dialogs import commands_dialog, law_dialog, live_dialog, poses_dialog, save_dialog

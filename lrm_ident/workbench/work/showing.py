@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from lrm_ident.report.document import Block, Document
-from lrm_ident.report.document_html import blocks_html, section_html, table_html
+from lrm_ident.report.document_html import blocks_html, table_html
 from lrm_ident.report.model_report import ModelReport
 from lrm_ident.report.plots.interactive.values import figure_values, values_text
 from lrm_ident.study.model_history import model_text, undo_step
+from lrm_ident.workbench.section import section_html
 from lrm_ident.workbench.work.tasks import StepView
 
 
