@@ -48,22 +48,20 @@ def add_effects(
     new = [key for key, parameter in own.items() if parameter.fixed is None and key not in model.free]
     if not new:
         raise LrmError(f"{names}: in the model already, with all parameters fitted")
-    best = _with_shapes(extended, data, effects, [*model.free, *new], loss)
-    if not set(new) & set(best.model.free):
-        raise LrmError(f"{names}: these poses cannot tell it from what the model has already")
+    best = _with_shapes(extended, data, effects, new, loss)
     for key, parameter, _ in _searched(effects, data):
         if parameter.unit == MOMENT:
             best = _fit_moment(best, data, key, loss)
     return free_base_parameters(best, data, loss)
 
 
-def _with_shapes(model: Model, data: Measurements, effects: Sequence[Effect], keys: Sequence[str], loss: Loss) -> Fit:
-    """The fit of what is identifiable among `keys` at the effects' best shapes.
+def _with_shapes(model: Model, data: Measurements, effects: Sequence[Effect], new: Sequence[str], loss: Loss) -> Fit:
+    """The fit of what is identifiable of the free parameters and the `new` ones at the effects' best shapes.
 
     Of thousands of poses a part is searched, and what it can tell then freed; then all are fitted, once.
     """
-    part = data.take(some_rows(len(data)))
-    best = fit_identifiable(model, part, keys, loss).fit
+    part, keys = data.take(some_rows(len(data))), [*model.free, *new]
+    best = fit_identifiable(model, part, keys, loss, wanted=() if len(data) > len(part) else new).fit
     told = {name_of_key(key) for key in best.model.free}
     for key, parameter, tried in _searched([effect for effect in effects if effect.name in told], part):
         if parameter.unit != MOMENT:
@@ -71,7 +69,8 @@ def _with_shapes(model: Model, data: Measurements, effects: Sequence[Effect], ke
     if len(part) == len(data):
         return best
     found = free_base_parameters(best, part, loss).model
-    return fit_identifiable(found, data, [*keys, *(key for key in found.free if key not in keys)], loss).fit
+    keys += [key for key in found.free if key not in keys]
+    return fit_identifiable(found, data, keys, loss, wanted=new).fit
 
 
 def _searched(effects: Sequence[Effect], data: Measurements) -> Iterator[tuple[str, Parameter, tuple[float, ...]]]:

@@ -18,7 +18,8 @@ from lrm_ident.fitting.levenberg_marquardt import Fit, fit
 from lrm_ident.fitting.loss import SQUARED, Loss
 from lrm_ident.fitting.parameter_sets import Bounds, bounds_of, check_told
 from lrm_math.arrays import Array
-from lrm_math.errors import NoEquilibrium
+from lrm_math.effects import name_of_key
+from lrm_math.errors import LrmError, NoEquilibrium
 from lrm_math.kinematics.forward import chain_geometry
 from lrm_math.model.equilibrium import Equilibrium, equilibrium
 from lrm_math.model.model import Model
@@ -231,7 +232,12 @@ def lost_to_outliers(found: Fit, held: Sequence[UnidentifiableParameter], data: 
 
 
 def fit_identifiable(
-    model: Model, data: Measurements, keys: Sequence[str], loss: Loss = SQUARED, signed: Bounds | None = None
+    model: Model,
+    data: Measurements,
+    keys: Sequence[str],
+    loss: Loss = SQUARED,
+    signed: Bounds | None = None,
+    wanted: Sequence[str] = (),
 ) -> IdentifiedFit:
     """Fits the identifiable parameters among `keys`; the others are zero in the result.
 
@@ -240,8 +246,9 @@ def fit_identifiable(
 
     Args:
         signed: bounds of all `keys`; None: the physical ones.
+        wanted: without one of these no fit is wanted.
 
-    Raises `LrmError`: fewer poses than identifiable parameters, or no convergence.
+    Raises `LrmError`: fewer poses than identifiable parameters, none of the wanted ones, or no convergence.
     """
     limits = signed or bounds_of(model, keys)
     by_key = {key: (low, high) for key, low, high in zip(keys, limits.lower, limits.upper, strict=True)}
@@ -256,11 +263,12 @@ def fit_identifiable(
         selected = select_identifiable(rest, keys, noise, data.whitening)
         if seen and selected.kept == seen[-1]:
             break
+        check_wanted(wanted, selected.kept)
         check_told(model, data.poses, len(selected.kept), len(keys))
         start = _holding(rest.model, keys, selected.kept)
         low, high = np.array([by_key[key] for key in selected.kept]).reshape(-1, 2).T
         try:
-            result = _fit_from_part(start, data, Bounds(low, high), loss)
+            result = _fit_from_part(start, data, Bounds(low, high), loss, rest)
         except NoEquilibrium:  # what is held now balanced what is not: begin anew
             result = _fit_from_part(_holding(model, keys, selected.kept), data, Bounds(low, high), loss)
         if selected.kept in seen:
@@ -270,11 +278,20 @@ def fit_identifiable(
     return IdentifiedFit(result, data, selected)
 
 
-def _fit_from_part(model: Model, data: Measurements, bounds: Bounds, loss: Loss) -> Fit:
+def check_wanted(wanted: Sequence[str], kept: Sequence[str]) -> None:
+    """Raises `LrmError` where some parameters are wanted and none of them is kept."""
+    if wanted and not {*wanted} & {*kept}:
+        names = ", ".join(dict.fromkeys(name_of_key(key) for key in wanted))
+        raise LrmError(f"{names}: these poses cannot tell it from what the model has already")
+
+
+def _fit_from_part(
+    model: Model, data: Measurements, bounds: Bounds, loss: Loss, near: Equilibrium | None = None
+) -> Fit:
     """Fits the free parameters; of many poses to a fifth of them first, and so on: it ends close to the end of all and
     tells whether they need weak priors, too. Every step costs as many Jacobians as there are poses."""
     if len(data) <= MOST_AT_ONCE:
-        return fit(model, data, bounds, loss)
+        return fit(model, data, bounds, loss, near=near)
     part = _fit_from_part(model, data.take(some_rows(len(data), max(MOST_AT_ONCE, len(data) // 5))), bounds, loss)
     if not part.damped:
         return fit(part.model, data, bounds, loss)
