@@ -26,6 +26,7 @@ from lrm_math.kinematics.dual import Dual
 from lrm_math.kinematics.forward import ChainGeometry, chain_geometry
 from lrm_math.model.effect_binding import BoundEffect, anchor_shift, bind_effect, changes_of, distortion
 from lrm_math.model.equilibrium import Equilibrium
+from lrm_math.model.fixed_point import LoadCoupling
 from lrm_math.model.sensed import TCP_ONLY, Sensed, along_distance
 
 BLOCK = 2000
@@ -50,13 +51,15 @@ class Response:
         geometry: screw axes and bodies there.
         slots: (S, R, N), ∂TCP/∂(motion added at each slot) (m/rad or 1), and of what else is `sensed`.
         loads: (K, R, N), ∂TCP/∂(load added on each slot of `model.load_slots`) (m/N·m), and of what else is sensed.
+        coupling: of the elastic slots and the loads on them; None where nothing gives way.
     """
 
     equilibrium: Equilibrium
     geometry: ChainGeometry
     slots: Array
     loads: Array
-    sensed: Sensed = TCP_ONLY
+    sensed: Sensed
+    coupling: LoadCoupling | None = None
 
 
 @lru_cache(maxsize=2)  # what is identifiable, and the fit that follows, ask at the same equilibrium
@@ -73,14 +76,15 @@ def respond(settled: Equilibrium, sensed: Sensed = TCP_ONLY) -> Response:
         return _as_measured(Response(settled, geometry, rigid, loads, sensed))
     H = statics.load_derivatives(chain, geometry, settled.weights, [model.load_slots[i] for i in acting.loads])
     D, moving = acting.D, list(acting.moving)
-    system = np.eye(len(H)) - H[:, moving].transpose(2, 0, 1) @ D.transpose(2, 0, 1)
+    coupling = LoadCoupling(acting.moving, D, H[:, moving])
+    system = coupling.system
     deflected = D.transpose(2, 1, 0) @ rigid[moving].transpose(2, 0, 1)
     if sensed.feedback:
         _add_before_encoder(deflected, settled, sensed, acting.loads)
     by_load = np.ascontiguousarray(np.linalg.solve(system.transpose(0, 2, 1), deflected).transpose(1, 2, 0))
     loads[list(acting.loads)] = by_load
     total = rigid + np.einsum("kcn,ksn->scn", by_load, H)
-    return _as_measured(Response(settled, geometry, total, loads, sensed))
+    return _as_measured(Response(settled, geometry, total, loads, sensed, coupling))
 
 
 def joint_levers(settled: Equilibrium) -> Array:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,11 +36,46 @@ class SlotIterate:
 
 
 @dataclass(frozen=True, eq=False)
+class LoadCoupling:
+    """Linear dependence of M elastic slots and A loads on each other at an equilibrium of N poses.
+
+    Attributes:
+        moving: the slots.
+        by_load: (M, A, N), D: motions that effects add by the loads (rad/N·m or m/N·m).
+        by_slot: (A, M, N), H: change of the loads by the slots' amounts.
+    """
+
+    moving: tuple[int, ...]
+    by_load: Array
+    by_slot: Array
+
+    @property
+    def system(self) -> Array:
+        """(N, A, A), I − H D."""
+        H, D = self.by_slot.transpose(2, 0, 1), self.by_load.transpose(2, 0, 1)
+        return np.asarray(np.eye(H.shape[1]) - H @ D)
+
+    @cached_property
+    def by_motion(self) -> Array:
+        """(A, M, N), (I − H D)⁻¹ H: change of the loads by a motion added to each slot, when all has settled."""
+        settled = np.linalg.solve(self.system, self.by_slot.transpose(2, 0, 1))
+        return np.ascontiguousarray(settled.transpose(1, 2, 0))
+
+    def newton_step(self, fixed_point: dict[int, Number]) -> dict[int, Number]:
+        """Steps of slots that end nearby in equilibrium, from those of the fixed-point iteration (rad, m)."""
+        steps = np.array([np.broadcast_to(fixed_point[k], self.by_load.shape[2]) for k in self.moving])
+        loads = np.einsum("amn,mn->an", self.by_motion, steps)
+        steps += np.einsum("man,an->mn", self.by_load, loads)
+        return fixed_point | dict(zip(self.moving, steps, strict=True))
+
+
+@dataclass(frozen=True, eq=False)
 class EquilibriumSearch:
     """Search for the equilibrium of N poses, from amounts of the rigid arm's slots and loads that effects put on slots.
 
-    Accelerated at first; then plain, which may creep but leaves an equilibrium that is none, between the two ends of a
-    play; then under-relaxed, against oscillations. A few slow poses of many go on alone, where an iteration is cheap.
+    Accelerated at first, from Newton's steps where a `coupling` nearby is known; then plain, which may creep but leaves
+    an equilibrium that is none, between the two ends of a play; then under-relaxed, against oscillations. A few slow
+    poses of many go on alone, where an iteration is cheap.
     """
 
     model: Model
@@ -47,6 +83,7 @@ class EquilibriumSearch:
     rigid: list[Number]
     applied: dict[int, Number]
     tolerance: float
+    coupling: LoadCoupling | None = None
 
     def settled(self, now: SlotIterate) -> SlotIterate:
         """The iterate at which every pose has settled. Raises `NoEquilibrium`."""
@@ -71,6 +108,8 @@ class EquilibriumSearch:
                 break
             settled = worst <= self.tolerance
             if number <= ACCELERATED_ITERATIONS and not settled:
+                if self.coupling is not None:
+                    steps = list(self.coupling.newton_step(dict(zip(binding.moving, steps, strict=True))).values())
                 here = FixedPointStep([slots[k] for k in binding.moving], steps)
                 steps, before = here.accelerated(before), here
             elif number > PLAIN_ITERATIONS and not settled:

@@ -18,7 +18,7 @@ from lrm_math.effects.base import Effect, Parameter
 from lrm_math.effects.derivatives import STEP, by_angles, by_loads, by_parameters
 from lrm_math.kinematics.chain import Number
 from lrm_math.kinematics.poses import Poses, poses_of
-from lrm_math.model.derivatives import joint_jacobian, parameter_jacobian
+from lrm_math.model.derivatives import joint_jacobian, parameter_jacobian, respond
 from lrm_math.model.equilibrium import equilibrium
 from lrm_math.model.model import Model, model_of
 from tests.support.random_arms import arms
@@ -132,6 +132,16 @@ def test_effects_have_the_derivatives_of_their_own_amounts(lab: Arm, kind: type[
             for rows, numeric in zip(ours, theirs, strict=True):
                 for a, b in zip(rows, numeric, strict=True):
                     np.testing.assert_allclose(np.broadcast_to(a, 30), b, rtol=1e-6, atol=1e-9)
+
+
+def test_newtons_steps_end_in_the_same_equilibrium(lab: Arm) -> None:
+    """As fixed-point steps do, sooner, since the loads at an equilibrium nearby are known."""
+    poses, model = some_poses(lab, 0, 20), full_model(lab, 0)
+    near, moved = equilibrium(model, poses), model.with_values(1.01 * model.values)
+    plain = equilibrium(moved, poses, near, 1e-12)
+    newton = equilibrium(moved, poses, near, 1e-12, respond(near).coupling)
+    np.testing.assert_allclose(newton.tcp, plain.tcp, rtol=0.0, atol=1e-11)
+    assert newton.iterations < plain.iterations
 
 
 def differences(
