@@ -68,7 +68,7 @@ class FreeFunction:
     @property
     def columns(self) -> Array:
         """(R N, size), motion of the TCP for coefficients of a typical size, m."""
-        return np.concatenate([_columns(motion, basis) for motion, basis in self.terms], axis=1)
+        return np.concatenate([_columns(motion, basis).T for motion, basis in self.terms]).T
 
     @property
     def in_catalogue(self) -> bool:
@@ -179,4 +179,4 @@ def lagged(values: Array) -> Array:
 
 
 def _columns(motion: Array, basis: Array) -> Array:
-    return (motion.T[:, :, None] * basis[:, None, :] * TYPICAL_SIZE).reshape(-1, basis.shape[1])
+    return (basis.T[:, :, None] * (motion.T * TYPICAL_SIZE)).reshape(basis.shape[1], -1).T

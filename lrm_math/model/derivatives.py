@@ -11,7 +11,7 @@ J being the geometric Jacobian of the slots. Every parameter of every effect is 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 
 import numpy as np
@@ -52,6 +52,7 @@ class Response:
         slots: (S, R, N), ∂TCP/∂(motion added at each slot) (m/rad or 1), and of what else is `sensed`.
         loads: (K, R, N), ∂TCP/∂(load added on each slot of `model.load_slots`) (m/N·m), and of what else is sensed.
         coupling: of the elastic slots and the loads on them; None where nothing gives way.
+        weights: what `by_weight` gave, by the body's number.
     """
 
     equilibrium: Equilibrium
@@ -60,6 +61,17 @@ class Response:
     loads: Array
     sensed: Sensed
     coupling: LoadCoupling | None = None
+    weights: dict[int, tuple[Array, Array]] = field(default_factory=dict, repr=False)
+
+    def by_weight(self, body: int) -> tuple[Array, Array]:
+        """(R, N), by a body's mass (m/kg), and (3, R, N), by its centre of mass (m/m), of what is measured."""
+        if body not in self.weights:
+            settled, model = self.equilibrium, self.equilibrium.model
+            args = (model.chain, self.geometry, settled.weights, model.load_slots, body)
+            by_mass, by_com = statics.weight_derivatives(*args)
+            found = np.einsum("kcn,kn->cn", self.loads, by_mass), np.einsum("kcn,kan->acn", self.loads, by_com)
+            self.weights[body] = found
+        return self.weights[body]
 
 
 @lru_cache(maxsize=2)  # what is identifiable, and the fit that follows, ask at the same equilibrium
@@ -211,12 +223,11 @@ def _add_slot(out: Array, kind: Kind, k: int, encoder: int | None, amount: Numbe
 
 def _add_weight(out: Array, body: int, change: statics.WeightChange, response: Response) -> None:
     """Adds the response to a change of one body's weight."""
-    settled, model = response.equilibrium, response.equilibrium.model
-    if model.load_slots:
-        args = (model.chain, response.geometry, settled.weights, model.load_slots, body)
-        by_mass, by_com = statics.weight_derivatives(*args)
-        load = by_mass * change.mass + sum(by_com[:, axis] * change.shift[axis] for axis in range(3))
-        out += np.einsum("kcn,kn->cn", response.loads, load)
+    if response.equilibrium.model.load_slots:
+        by_mass, by_com = response.by_weight(body)
+        out += by_mass * change.mass
+        for moved, shift in zip(by_com, change.shift, strict=True):
+            out += moved * shift
 
 
 @dataclass(frozen=True, eq=False)

@@ -53,9 +53,12 @@ class Candidate:
 
     def columns(self, shape: tuple[float, ...]) -> Array:
         """(R N, m), motion of the TCP for parameters of their typical size at a shape, pose by pose (m)."""
-        typical = np.array([parameter.typical for parameter in self.parameters])
+        typical = np.array([[parameter.typical] for parameter in self.parameters])
         moved = effect_columns(self.effect, shape, self.response)[list(self.rows)]
-        return np.asarray((moved.transpose(2, 1, 0) * typical).reshape(-1, len(self.rows)))
+        out = np.empty((len(moved), *moved.shape[:0:-1]))
+        for row in range(out.shape[2]):
+            np.multiply(moved[:, row], typical, out=out[:, :, row])
+        return out.reshape(len(out), -1).T
 
 
 def unfitted_effects(model: Model, catalogue: Iterable[type[Effect]] = CATALOGUE) -> Iterator[Unfitted]:

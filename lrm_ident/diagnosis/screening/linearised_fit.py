@@ -155,7 +155,7 @@ class LinearisedFit:
         place = columns_of(stacks)
         columns = np.empty((len(self.residual), stacks[-1].columns.stop if stacks else 0), order="F")
         for number, C in enumerate(sets):
-            columns[:, place[number]] = C[self.order]
+            np.take(C.T, self.order, axis=1, out=columns.T[place[number]], mode="clip")
         basis = np.asfortranarray(self.basis[self.order])
         for start in range(0, columns.shape[1], AT_ONCE):
             some = columns[:, start : start + AT_ONCE]
