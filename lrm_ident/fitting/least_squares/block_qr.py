@@ -12,18 +12,21 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg.lapack import dtpqrt
 
 from lrm_ident.data.weights.whitening import Whitening
 from lrm_math.arrays import Array
 from lrm_math.model.derivatives import BLOCK
 from lrm_math.model.equilibrium import Equilibrium
 
+PANEL = 8  # columns that are eliminated together
+
 
 @dataclass(frozen=True, eq=False)
 class CompressedRows:
     """Few rows with the normal equations of many.
 
-    `columns` (M, P) and `residual` (M,), M ≤ P + 1, have the same inner products as all 3 N rows, so the same norms,
+    `columns` (M, P) and `residual` (M,), M = P + 1, have the same inner products as all 3 N rows, so the same norms,
     projections and least-squares solutions.
     """
 
@@ -41,10 +44,9 @@ def compress(
         weight: (N, 1) or (1, 1), factor of the rows of each pose.
         residual: (N, R), whitened, not weighted yet.
     """
-    factor: Array = np.empty((0, len(keys) + 1))
+    factor = np.zeros((len(keys) + 1, len(keys) + 1), order="F")
     for rows in np.split(np.arange(len(rest.poses)), range(BLOCK, len(rest.poses), BLOCK)):
-        block = _weighted(rest, keys, whitening, weight, residual, rows)
-        factor = np.asarray(np.linalg.qr(np.concatenate([factor, block.reshape(-1, len(keys) + 1)]), mode="r"))
+        factor = _with_rows(factor, _weighted(rest, keys, whitening, weight, residual, rows))
     return CompressedRows(factor[:, :-1], factor[:, -1])
 
 
@@ -61,9 +63,16 @@ def compress_each(
     for number in np.unique(ends // BLOCK):
         together = [part for part, end in zip(parts, ends, strict=True) if end // BLOCK == number]
         block = _weighted(rest, keys, whitening, weight, residual, np.concatenate(together))
-        for rows in np.split(block, np.cumsum([len(part) for part in together])[:-1]):
-            factor = np.asarray(np.linalg.qr(rows.reshape(-1, len(keys) + 1), mode="r"))
+        for rows in np.split(block, np.cumsum([len(part) for part in together])[:-1], axis=2):
+            factor = _with_rows(np.zeros((len(block), len(block)), order="F"), rows)
             yield CompressedRows(factor[:, :-1], factor[:, -1])
+
+
+def _with_rows(factor: Array, rows: Array) -> Array:
+    """(P + 1, P + 1), the triangular factor with further rows (P + 1, R, n) taken in."""
+    columns = rows.reshape(len(rows), -1).T
+    found, *_ = dtpqrt(0, min(PANEL, len(rows)), factor, columns, overwrite_a=True, overwrite_b=True)
+    return np.asarray(found)
 
 
 def _weighted(
@@ -74,10 +83,14 @@ def _weighted(
     residual: Array,
     rows: NDArray[np.int64],
 ) -> Array:
-    """(n, R, P + 1), scaled Jacobian and residual of some poses, whitened and weighted."""
+    """(P + 1, R, n), scaled Jacobian and residual of some poses, whitened and weighted."""
     typical = np.array([rest.model.parameter(key).typical for key in keys])
     scale = weight if len(weight) == 1 else weight[rows]
     if not np.array_equal(rows, np.arange(len(rest.poses))):
         rest, whitening = rest.take(rows), whitening.take(rows)
-    J = whitening.jacobian(rest, keys) * typical
-    return np.asarray(np.concatenate([J, residual[rows][:, :, None]], axis=2) * scale[:, :, None])
+    J = whitening.jacobian(rest, keys).transpose(2, 1, 0)
+    out = np.empty((len(keys) + 1, *J.shape[1:]))
+    np.multiply(J, typical[:, None, None], out=out[:-1])
+    out[-1] = residual[rows].T
+    out *= scale.T
+    return out

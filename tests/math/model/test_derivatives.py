@@ -135,7 +135,7 @@ def test_effects_have_the_derivatives_of_their_own_amounts(lab: Arm, kind: type[
 
 
 def test_newtons_steps_end_in_the_same_equilibrium(lab: Arm) -> None:
-    """As fixed-point steps do, sooner, since the loads at an equilibrium nearby are known."""
+    """Fewer of them, since the loads at an equilibrium nearby are known."""
     poses, model = some_poses(lab, 0, 20), full_model(lab, 0)
     near, moved = equilibrium(model, poses), model.with_values(1.01 * model.values)
     plain = equilibrium(moved, poses, near, 1e-12)
