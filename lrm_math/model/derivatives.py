@@ -89,7 +89,7 @@ def respond(settled: Equilibrium, sensed: Sensed = TCP_ONLY) -> Response:
     H = statics.load_derivatives(chain, geometry, settled.weights, [model.load_slots[i] for i in acting.loads])
     D, moving = acting.D, list(acting.moving)
     coupling = LoadCoupling(acting.moving, D, H[:, moving])
-    system = coupling.system
+    system = np.eye(len(H)) - coupling.by_slot.transpose(2, 0, 1) @ D.transpose(2, 0, 1)
     deflected = D.transpose(2, 1, 0) @ rigid[moving].transpose(2, 0, 1)
     if sensed.feedback:
         _add_before_encoder(deflected, settled, sensed, acting.loads)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +22,7 @@ FEW = 0.5
 """Share of the poses below which those that still move go on alone."""
 SMALLEST_FACTOR = 0.02
 TINY = 1e-300
+TERMS = 2  # of the Neumann series (I − D H)⁻¹ = I + D H + (D H)² + …: loads answer to motions by a tenth or so
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,23 +49,14 @@ class LoadCoupling:
     by_load: Array
     by_slot: Array
 
-    @property
-    def system(self) -> Array:
-        """(N, A, A), I − H D."""
-        H, D = self.by_slot.transpose(2, 0, 1), self.by_load.transpose(2, 0, 1)
-        return np.asarray(np.eye(H.shape[1]) - H @ D)
-
-    @cached_property
-    def by_motion(self) -> Array:
-        """(A, M, N), (I − H D)⁻¹ H: change of the loads by a motion added to each slot, when all has settled."""
-        settled = np.linalg.solve(self.system, self.by_slot.transpose(2, 0, 1))
-        return np.ascontiguousarray(settled.transpose(1, 2, 0))
-
     def newton_step(self, fixed_point: dict[int, Number]) -> dict[int, Number]:
-        """Steps of slots that end nearby in equilibrium, from those of the fixed-point iteration (rad, m)."""
+        """Steps of slots that end close to equilibrium, from those of the fixed-point iteration (rad, m): its next ones
+        are added as far as they are linear."""
         steps = np.array([np.broadcast_to(fixed_point[k], self.by_load.shape[2]) for k in self.moving])
-        loads = np.einsum("amn,mn->an", self.by_motion, steps)
-        steps += np.einsum("man,an->mn", self.by_load, loads)
+        added = steps
+        for _ in range(TERMS):
+            added = np.einsum("man,an->mn", self.by_load, np.einsum("amn,mn->an", self.by_slot, added))
+            steps = steps + added
         return fixed_point | dict(zip(self.moving, steps, strict=True))
 
 
