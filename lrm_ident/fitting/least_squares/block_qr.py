@@ -12,7 +12,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg.lapack import dtpqrt
 
 from lrm_ident.data.weights.whitening import Whitening
 from lrm_math.arrays import Array
@@ -70,6 +69,8 @@ def compress_each(
 
 def _with_rows(factor: Array, rows: Array) -> Array:
     """(P + 1, P + 1), the triangular factor with further rows (P + 1, R, n) taken in."""
+    from scipy.linalg.lapack import dtpqrt  # takes a quarter of a second to load
+
     columns = rows.reshape(len(rows), -1).T
     found, *_ = dtpqrt(0, min(PANEL, len(rows)), factor, columns, overwrite_a=True, overwrite_b=True)
     return np.asarray(found)

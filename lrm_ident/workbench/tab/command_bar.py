@@ -83,6 +83,7 @@ class CommandBar:
         self.poses.set_enabled(ready and session.shown is not None and session.shown.diagnosed)
         self.auto.set_enabled(ready)
         self.field.set_enabled(ready)
+        self.diagnose.set_text("Diagnosed" if session.shown is not None and session.shown.diagnosed else "Diagnose")
         self.diagnose.set_enabled(session.can_diagnose)
 
     def _words(self, now: WorkProgress) -> str:

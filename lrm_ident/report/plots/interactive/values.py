@@ -136,6 +136,7 @@ def _entry(found: ModelReport, number: int) -> dict[str, Any]:
     return {
         "name": entry.step,
         "title": step_title(entry.step),
+        "parameters": len(entry.parameters),
         "fit": entry.fit_rms_mm,
         "held": entry.held_out_rms_mm,
         "data": data_of(entry),

@@ -13,7 +13,7 @@ function lrmSteps(page) {
   function tellFall() {
     const box = place("fall"), v = state.values, number = state.step, card = v.cards.find((one) => one.step === number);
     if (!box) return;
-    const what = card ? named(card) : number ? v.steps[number].title : "Fitted to the data";
+    const what = card ? named(card) : number ? v.steps[number].title : `${v.history[0].parameters} parameters fitted`;
     const [from, to] = card ? [card.before, card.after] : [number ? v.steps[number - 1].rms : v.nominalRms, v.steps[number].rms];
     const held = number || heldOut(0) === null ? "" : `; ${inMm(heldOut(0))} held out`;
     const kind = card && card.held ? "held-out RMS" : number ? "RMS on these data" : `RMS from nominal to fitted${held}`;
