@@ -61,7 +61,7 @@ def _with_shapes(model: Model, data: Measurements, effects: Sequence[Effect], ne
     Of thousands of poses a part is searched, and what it can tell then freed; then all are fitted, once.
     """
     part, keys = data.take(some_rows(len(data))), [*model.free, *new]
-    best = fit_identifiable(model, part, keys, loss, wanted=() if len(data) > len(part) else new).fit
+    best = fit_identifiable(model, part, keys, loss, required=() if len(data) > len(part) else new).fit
     told = {name_of_key(key) for key in best.model.free}
     for key, parameter, tried in _searched([effect for effect in effects if effect.name in told], part):
         if parameter.unit != MOMENT:
@@ -70,7 +70,7 @@ def _with_shapes(model: Model, data: Measurements, effects: Sequence[Effect], ne
         return best
     found = free_base_parameters(best, part, loss).model
     keys += [key for key in found.free if key not in keys]
-    return fit_identifiable(found, data, keys, loss, wanted=new).fit
+    return fit_identifiable(found, data, keys, loss, required=new).fit
 
 
 def _searched(effects: Sequence[Effect], data: Measurements) -> Iterator[tuple[str, Parameter, tuple[float, ...]]]:

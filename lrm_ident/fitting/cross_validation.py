@@ -28,7 +28,7 @@ from lrm_math.errors import LrmError, NoEquilibrium
 from lrm_math.kinematics.poses import Poses
 from lrm_math.model.deployed_model import field_of, named_part
 from lrm_math.model.equilibrium import Equilibrium, equilibrium
-from lrm_math.model.fixed_point import LoadCoupling
+from lrm_math.model.fixed_point import NeumannPreconditioner
 from lrm_math.model.model import Model
 
 FOLDS = 10
@@ -196,7 +196,7 @@ def one_step_fits(
     iterate = objective.at(model.values[objective.columns] / typical, fitted.rest)
     free = np.array([key not in fitted.at_bound for key in model.free])
     noise = objective.noise_scale(iterate)
-    parts, coupling = objective.linearise_each(iterate, noise, blocks), objective.coupling(fitted.rest)
+    parts, preconditioner = objective.linearise_each(iterate, noise, blocks), objective.preconditioner(fitted.rest)
     for left_out, test in enumerate(blocks):
         others = [part for number, part in enumerate(parts) if number != left_out]
         rows = CompressedRows(
@@ -207,16 +207,18 @@ def one_step_fits(
         z = iterate.z.copy()
         z[free] += np.linalg.lstsq(A, descent[free], rcond=None)[0]
         stepped = model.with_values_of(model.free, np.clip(z * typical, limits.lower, limits.upper))
-        rest = _settled(stepped, data.poses, fitted.rest, coupling)
+        rest = _settled(stepped, data.poses, fitted.rest, preconditioner)
         if rest is None:  # too far for the effects' formulas: the fit shortens its steps
             yield from _refitted(model, data, [test], bounds, loss, prior)
         else:
             yield rest
 
 
-def _settled(model: Model, poses: Poses, near: Equilibrium, coupling: LoadCoupling | None) -> Equilibrium | None:
+def _settled(
+    model: Model, poses: Poses, near: Equilibrium, preconditioner: NeumannPreconditioner | None
+) -> Equilibrium | None:
     try:
-        return equilibrium(model, poses, near, coupling=coupling)
+        return equilibrium(model, poses, near, preconditioner=preconditioner)
     except NoEquilibrium:
         return None
 

@@ -16,10 +16,9 @@ from lrm_ident.data.weights.whitening import PLAIN, Whitening
 from lrm_ident.fitting.least_squares.block_qr import compress
 from lrm_ident.fitting.levenberg_marquardt import Fit, fit
 from lrm_ident.fitting.loss import SQUARED, Loss
-from lrm_ident.fitting.parameter_sets import Bounds, bounds_of, check_told
+from lrm_ident.fitting.parameter_sets import Bounds, bounds_of, check_identifiable, check_told
 from lrm_math.arrays import Array
-from lrm_math.effects import name_of_key
-from lrm_math.errors import LrmError, NoEquilibrium
+from lrm_math.errors import NoEquilibrium
 from lrm_math.kinematics.forward import chain_geometry
 from lrm_math.model.equilibrium import Equilibrium, equilibrium
 from lrm_math.model.model import Model
@@ -237,7 +236,7 @@ def fit_identifiable(
     keys: Sequence[str],
     loss: Loss = SQUARED,
     signed: Bounds | None = None,
-    wanted: Sequence[str] = (),
+    required: Sequence[str] = (),
 ) -> IdentifiedFit:
     """Fits the identifiable parameters among `keys`; the others are zero in the result.
 
@@ -246,9 +245,9 @@ def fit_identifiable(
 
     Args:
         signed: bounds of all `keys`; None: the physical ones.
-        wanted: without one of these no fit is wanted.
+        required: of these at least one must be identifiable.
 
-    Raises `LrmError`: fewer poses than identifiable parameters, none of the wanted ones, or no convergence.
+    Raises `LrmError`: fewer poses than identifiable parameters, none of the required ones, or no convergence.
     """
     limits = signed or bounds_of(model, keys)
     by_key = {key: (low, high) for key, low, high in zip(keys, limits.lower, limits.upper, strict=True)}
@@ -263,7 +262,7 @@ def fit_identifiable(
         selected = select_identifiable(rest, keys, noise, data.whitening)
         if seen and selected.kept == seen[-1]:
             break
-        check_wanted(wanted, selected.kept)
+        check_identifiable(required, selected.kept)
         check_told(model, data.poses, len(selected.kept), len(keys))
         start = _holding(rest.model, keys, selected.kept)
         low, high = np.array([by_key[key] for key in selected.kept]).reshape(-1, 2).T
@@ -276,13 +275,6 @@ def fit_identifiable(
         seen.append(selected.kept)
         rest, noise = result.rest, result.sigma
     return IdentifiedFit(result, data, selected)
-
-
-def check_wanted(wanted: Sequence[str], kept: Sequence[str]) -> None:
-    """Raises `LrmError` where some parameters are wanted and none of them is kept."""
-    if wanted and not {*wanted} & {*kept}:
-        names = ", ".join(dict.fromkeys(name_of_key(key) for key in wanted))
-        raise LrmError(f"{names}: these poses cannot tell it from what the model has already")
 
 
 def _fit_from_part(

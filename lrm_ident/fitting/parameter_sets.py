@@ -9,6 +9,7 @@ from fnmatch import fnmatchcase
 import numpy as np
 
 from lrm_math.arrays import Array
+from lrm_math.effects import name_of_key
 from lrm_math.errors import LrmError, UnknownName
 from lrm_math.kinematics.poses import Poses
 from lrm_math.model.model import Model
@@ -73,6 +74,13 @@ def bounds_of(model: Model, keys: Sequence[str]) -> Bounds:
 def no_bounds(keys: Sequence[str]) -> Bounds:
     """Infinite bounds, for instance for the thesis's unconstrained options."""
     return Bounds(np.full(len(keys), -np.inf), np.full(len(keys), np.inf))
+
+
+def check_identifiable(required: Sequence[str], kept: Sequence[str]) -> None:
+    """Raises `LrmError` where some parameters are required and none of them is among those `kept`."""
+    if required and not {*required} & {*kept}:
+        names = ", ".join(dict.fromkeys(name_of_key(key) for key in required))
+        raise LrmError(f"{names}: these poses cannot tell it from what the model has already")
 
 
 def check_told(model: Model, poses: Poses, kept: int, candidates: int) -> None:

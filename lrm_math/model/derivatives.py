@@ -26,7 +26,7 @@ from lrm_math.kinematics.dual import Dual
 from lrm_math.kinematics.forward import ChainGeometry, chain_geometry
 from lrm_math.model.effect_binding import BoundEffect, anchor_shift, bind_effect, changes_of, distortion
 from lrm_math.model.equilibrium import Equilibrium
-from lrm_math.model.fixed_point import LoadCoupling
+from lrm_math.model.fixed_point import NeumannPreconditioner
 from lrm_math.model.sensed import TCP_ONLY, Sensed, along_distance
 
 BLOCK = 2000
@@ -51,8 +51,7 @@ class Response:
         geometry: screw axes and bodies there.
         slots: (S, R, N), ∂TCP/∂(motion added at each slot) (m/rad or 1), and of what else is `sensed`.
         loads: (K, R, N), ∂TCP/∂(load added on each slot of `model.load_slots`) (m/N·m), and of what else is sensed.
-        coupling: of the elastic slots and the loads on them; None where nothing gives way.
-        weights: what `by_weight` gave, by the body's number.
+        preconditioner: of the elastic slots and the loads on them; None where nothing gives way.
     """
 
     equilibrium: Equilibrium
@@ -60,18 +59,19 @@ class Response:
     slots: Array
     loads: Array
     sensed: Sensed
-    coupling: LoadCoupling | None = None
-    weights: dict[int, tuple[Array, Array]] = field(default_factory=dict, repr=False)
+    preconditioner: NeumannPreconditioner | None = None
+    _by_body: dict[int, tuple[Array, Array]] = field(init=False, default_factory=dict, repr=False)
 
-    def by_weight(self, body: int) -> tuple[Array, Array]:
-        """(R, N), by a body's mass (m/kg), and (3, R, N), by its centre of mass (m/m), of what is measured."""
-        if body not in self.weights:
+    def weight_derivatives(self, body: int) -> tuple[Array, Array]:
+        """(R, N), ∂TCP/∂(mass of a body) (m/kg), and (3, R, N), by its centre of mass (m/m), and of what else is
+        sensed; computed once per body, whose several effects all need it."""
+        if body not in self._by_body:
             settled, model = self.equilibrium, self.equilibrium.model
             args = (model.chain, self.geometry, settled.weights, model.load_slots, body)
             by_mass, by_com = statics.weight_derivatives(*args)
             found = np.einsum("kcn,kn->cn", self.loads, by_mass), np.einsum("kcn,kan->acn", self.loads, by_com)
-            self.weights[body] = found
-        return self.weights[body]
+            self._by_body[body] = found
+        return self._by_body[body]
 
 
 @lru_cache(maxsize=2)  # what is identifiable, and the fit that follows, ask at the same equilibrium
@@ -88,15 +88,15 @@ def respond(settled: Equilibrium, sensed: Sensed = TCP_ONLY) -> Response:
         return _as_measured(Response(settled, geometry, rigid, loads, sensed))
     H = statics.load_derivatives(chain, geometry, settled.weights, [model.load_slots[i] for i in acting.loads])
     D, moving = acting.D, list(acting.moving)
-    coupling = LoadCoupling(acting.moving, D, H[:, moving])
-    system = np.eye(len(H)) - coupling.by_slot.transpose(2, 0, 1) @ D.transpose(2, 0, 1)
+    preconditioner = NeumannPreconditioner(acting.moving, D, H[:, moving])
+    system = np.eye(len(H)) - preconditioner.by_slot.transpose(2, 0, 1) @ D.transpose(2, 0, 1)
     deflected = D.transpose(2, 1, 0) @ rigid[moving].transpose(2, 0, 1)
     if sensed.feedback:
         _add_before_encoder(deflected, settled, sensed, acting.loads)
     by_load = np.ascontiguousarray(np.linalg.solve(system.transpose(0, 2, 1), deflected).transpose(1, 2, 0))
     loads[list(acting.loads)] = by_load
     total = rigid + np.einsum("kcn,ksn->scn", by_load, H)
-    return _as_measured(Response(settled, geometry, total, loads, sensed, coupling))
+    return _as_measured(Response(settled, geometry, total, loads, sensed, preconditioner))
 
 
 def joint_levers(settled: Equilibrium) -> Array:
@@ -224,7 +224,7 @@ def _add_slot(out: Array, kind: Kind, k: int, encoder: int | None, amount: Numbe
 def _add_weight(out: Array, body: int, change: statics.WeightChange, response: Response) -> None:
     """Adds the response to a change of one body's weight."""
     if response.equilibrium.model.load_slots:
-        by_mass, by_com = response.by_weight(body)
+        by_mass, by_com = response.weight_derivatives(body)
         out += by_mass * change.mass
         for moved, shift in zip(by_com, change.shift, strict=True):
             out += moved * shift

@@ -18,7 +18,7 @@ from lrm_math.kinematics.chain import Number, pull_back, trig
 from lrm_math.kinematics.poses import Poses
 from lrm_math.kinematics.scalar_or_array import magnitude, maximum
 from lrm_math.model.effect_binding import distortion
-from lrm_math.model.fixed_point import EquilibriumSearch, LoadCoupling, SlotIterate, amount_at, amounts_at
+from lrm_math.model.fixed_point import EquilibriumSearch, NeumannPreconditioner, SlotIterate, amount_at, amounts_at
 from lrm_math.model.model import Model
 
 TOLERANCE = 1e-9
@@ -87,7 +87,7 @@ def equilibrium(
     poses: Poses,
     start: Equilibrium | Sequence[Number] | None = None,
     tolerance: float = TOLERANCE,
-    coupling: LoadCoupling | None = None,
+    preconditioner: NeumannPreconditioner | None = None,
 ) -> Equilibrium:
     """The elastic equilibrium by fixed-point iteration (thesis Figure 4.4), accelerated (Anderson 1965, depth one).
 
@@ -98,7 +98,7 @@ def equilibrium(
         start: an equilibrium of the same poses for nearby parameters to start from, or amounts of all slots (rad, m;
             each a float or (N,)).
         tolerance: m, see `TOLERANCE`.
-        coupling: of an equilibrium of the same poses nearby, if it is known.
+        preconditioner: of an equilibrium of the same poses nearby, if it is known.
 
     Raises:
         NoEquilibrium: poses that do not converge, or where a slot deflects by more than `LARGEST_MOTION`, or
@@ -109,7 +109,7 @@ def equilibrium(
     near = start.slots if isinstance(start, Equilibrium) else start or rigid
     for k in model.binding.moving:
         first[k] = near[k]
-    search = EquilibriumSearch(model, poses, rigid, effect_loads(model, poses), tolerance, coupling)
+    search = EquilibriumSearch(model, poses, rigid, effect_loads(model, poses), tolerance, preconditioner)
     found = search.settled(SlotIterate(first, trig(model.chain, first), [], 0))
     _check_small(model, poses, found.slots, rigid)
     true = _columns(pull_back(model.chain, found.slots, found.angles), len(poses))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -22,7 +22,7 @@ FEW = 0.5
 """Share of the poses below which those that still move go on alone."""
 SMALLEST_FACTOR = 0.02
 TINY = 1e-300
-TERMS = 2  # of the Neumann series (I − D H)⁻¹ = I + D H + (D H)² + …: loads answer to motions by a tenth or so
+TERMS = 2  # after the first, of the Neumann series; loads answer to motions by a tenth or so
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,8 +36,8 @@ class SlotIterate:
 
 
 @dataclass(frozen=True, eq=False)
-class LoadCoupling:
-    """Linear dependence of M elastic slots and A loads on each other at an equilibrium of N poses.
+class NeumannPreconditioner:
+    """Truncated Neumann series (I − D H)⁻¹ ≈ I + D H + (D H)² of M elastic slots and A loads at N poses (Saad 2003).
 
     Attributes:
         moving: the slots.
@@ -49,22 +49,22 @@ class LoadCoupling:
     by_load: Array
     by_slot: Array
 
-    def newton_step(self, fixed_point: dict[int, Number]) -> dict[int, Number]:
-        """Steps of slots that end close to equilibrium, from those of the fixed-point iteration (rad, m): its next ones
-        are added as far as they are linear."""
-        steps = np.array([np.broadcast_to(fixed_point[k], self.by_load.shape[2]) for k in self.moving])
-        added = steps
+    def newton_steps(self, slots: Sequence[int], fixed_point: Sequence[Number]) -> list[Number]:
+        """Nearly Newton's steps of slots (rad, m), from those of the fixed-point iteration: its next ones are added as
+        far as they are linear."""
+        known = dict(zip(slots, fixed_point, strict=True))
+        added = steps = np.array([np.broadcast_to(known[k], self.by_load.shape[2]) for k in self.moving])
         for _ in range(TERMS):
             added = np.einsum("man,an->mn", self.by_load, np.einsum("amn,mn->an", self.by_slot, added))
             steps = steps + added
-        return fixed_point | dict(zip(self.moving, steps, strict=True))
+        return list((known | dict(zip(self.moving, steps, strict=True))).values())
 
 
 @dataclass(frozen=True, eq=False)
 class EquilibriumSearch:
     """Search for the equilibrium of N poses, from amounts of the rigid arm's slots and loads that effects put on slots.
 
-    Accelerated at first, from Newton's steps where a `coupling` nearby is known; then plain, which may creep but leaves
+    Accelerated at first, from Newton's steps where a `preconditioner` is known; then plain, which may creep but leaves
     an equilibrium that is none, between the two ends of a play; then under-relaxed, against oscillations. A few slow
     poses of many go on alone, where an iteration is cheap.
     """
@@ -74,7 +74,7 @@ class EquilibriumSearch:
     rigid: list[Number]
     applied: dict[int, Number]
     tolerance: float
-    coupling: LoadCoupling | None = None
+    preconditioner: NeumannPreconditioner | None = None
 
     def settled(self, now: SlotIterate) -> SlotIterate:
         """The iterate at which every pose has settled. Raises `NoEquilibrium`."""
@@ -85,10 +85,7 @@ class EquilibriumSearch:
         before: FixedPointStep | None = None
         for number in range(now.number + 1, MOST_ITERATIONS + 1):
             tau = statics.loads(chain, slots, angles, weights, model.load_slots)
-            tau = [
-                load + self.applied[k] if k in self.applied else load
-                for k, load in zip(model.load_slots, tau, strict=True)
-            ]
+            tau = [load + self.applied.get(k, 0.0) for k, load in zip(model.load_slots, tau, strict=True)]
             target = self._bent(tau)
             steps = [target[k] - slots[k] for k in binding.moving]
             change: Number = 0.0
@@ -99,8 +96,8 @@ class EquilibriumSearch:
                 break
             settled = worst <= self.tolerance
             if number <= ACCELERATED_ITERATIONS and not settled:
-                if self.coupling is not None:
-                    steps = list(self.coupling.newton_step(dict(zip(binding.moving, steps, strict=True))).values())
+                if self.preconditioner is not None:
+                    steps = self.preconditioner.newton_steps(binding.moving, steps)
                 here = FixedPointStep([slots[k] for k in binding.moving], steps)
                 steps, before = here.accelerated(before), here
             elif number > PLAIN_ITERATIONS and not settled:

@@ -151,7 +151,8 @@ def test_a_client_that_is_killed_leaves_an_arm_that_holds(harness: MovingHarness
     mover.kill()
     mover.wait()
     harness.wait_for_mode("holding")
-    wait_for(harness.stands_still, "the arm stands still", 2.0)
+    time.sleep(0.1)  # until the ramp and the board have it
+    assert harness.stands_still()
     assert len(harness.pulses()) == 6
     assert in_order(["lease_lost", "mode"], harness.codes())
     assert harness.rover.mode().holder is None

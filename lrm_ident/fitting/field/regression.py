@@ -109,10 +109,10 @@ class AxisRegression:
         from scipy.optimize import Bounds, minimize  # takes a quarter of a second to load
 
         unit = float(np.sqrt((y**2).mean())) or 1.0
-        gram, moment, prior = F.T @ F, F.T @ (y / unit), _SpectralPrior(waves)
+        gram, moment, prior = F.T @ F, F.T @ (y / unit), SpectralPrior(waves)
         start, lower, upper = np.log(prior.hyperparameters).T
         found = minimize(
-            _loss,
+            negative_log_likelihood,
             start,
             args=(gram, moment, float((y / unit) @ (y / unit)), len(y), prior),
             jac=True,
@@ -142,7 +142,7 @@ class AxisRegression:
 
 
 @dataclass(frozen=True, eq=False)
-class _SpectralPrior:
+class SpectralPrior:
     """Variances of coefficients: σ² Π exp(−½ (ℓ ω)²)/Z with ω = m π/2b of each joint; those of a kernel add up to σ².
 
     A function of one joint has a length and a signal of that joint alone, all others those of all joints.
@@ -182,8 +182,8 @@ class _SpectralPrior:
         return float(np.sqrt(np.exp(2.0 * hyper[2 * self.waves.shape[1] : -1]).sum()))
 
 
-def _loss(
-    hyper: Array, gram: Array, moment: Array, square: float, rows: int, prior: _SpectralPrior
+def negative_log_likelihood(
+    hyper: Array, gram: Array, moment: Array, square: float, rows: int, prior: SpectralPrior
 ) -> tuple[float, Array]:
     """Negative log marginal likelihood per row, but for a constant, and its gradient, by logarithms."""
     noise = float(np.exp(2.0 * hyper[-1]))

@@ -22,7 +22,7 @@ from lrm_math.arrays import Array
 from lrm_math.errors import LrmError
 from lrm_math.model.derivatives import BLOCK, respond
 from lrm_math.model.equilibrium import Equilibrium, equilibrium
-from lrm_math.model.fixed_point import LoadCoupling
+from lrm_math.model.fixed_point import NeumannPreconditioner
 from lrm_math.model.model import Model
 
 SLOW, LARGEST_CHANGE = 0.5, 2.0  # a contraction worth accelerating; the most that log σ may change at once
@@ -165,14 +165,14 @@ class Objective:
         values = self.model.values.copy()
         values[self.columns] = z * self.typical
         if near is None or near.poses is not self.data.poses or not _same(values, near.model.values):
-            coupling = None if near is None else self.coupling(near)
+            preconditioner = None if near is None else self.preconditioner(near)
             model, poses = self.model.with_values(values), self.data.poses
-            near = equilibrium(model, poses, near, EQUILIBRIUM_TOLERANCE, coupling)
+            near = equilibrium(model, poses, near, EQUILIBRIUM_TOLERANCE, preconditioner)
         return Iterate(z, near, self.data.whitening(self.data.residual(near)))
 
-    def coupling(self, near: Equilibrium) -> LoadCoupling | None:
+    def preconditioner(self, near: Equilibrium) -> NeumannPreconditioner | None:
         """That of an equilibrium at which the fit is linearised; of many poses none is kept."""
-        return respond(near, self.data.whitening.sensed).coupling if len(near.poses) <= BLOCK else None
+        return respond(near, self.data.whitening.sensed).preconditioner if len(near.poses) <= BLOCK else None
 
     def value(self, iterate: Iterate, noise: NoiseScale) -> float:
         """The objective."""

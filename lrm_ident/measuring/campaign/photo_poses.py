@@ -68,7 +68,7 @@ def photograph(order: PhotoOrder, plan: Sequence[PlannedPose]) -> PhotographedPo
             raise LrmError(f"{order.arm.name} has {order.arm.dof} joints, {driven.robot} has {driven.joints}")
         for pose in plan:
             if pose.payload != payload:
-                driven.arm.load(pose.payload)
+                driven.arm.change_payload(pose.payload)
                 payload = pose.payload
             if why := driven.arm.too_warm():
                 order.on_progress(f"pose {pose.number}: {why}: cooling")

@@ -89,11 +89,11 @@ class ControlState:
 
 @dataclass
 class RoverArm:
-    """See `CampaignArm`. `load`: has somebody change the load (kg). `session`: of the servos' power, for the rows."""
+    """See `CampaignArm`. `change_payload`: has somebody change it (kg). `session`: of the servos' power."""
 
     rover: Rover
     clock: Clock
-    load: Callable[[float], object]
+    change_payload: Callable[[float], object]
     session: int
     info: InfoState = field(init=False)
     direction: tuple[int, ...] = field(init=False)

@@ -42,7 +42,7 @@ class CampaignArm(Protocol):
         """Goes to a pose that loads it little, and waits until it is cool."""
 
     @property
-    def load(self) -> Callable[[float], object]:
+    def change_payload(self) -> Callable[[float], object]:
         """Has the payload changed (kg), by whoever does that."""
 
 
@@ -107,7 +107,7 @@ class PoseCampaign:
         total = len(file.done) + len(left)
         for place, pose in enumerate(left):
             if pose.payload != payload:
-                self.arm.load(pose.payload)
+                self.arm.change_payload(pose.payload)
                 payload = pose.payload
             faults = len(result.failed) + result.repeated
             words = self._pose(pose, file, result)

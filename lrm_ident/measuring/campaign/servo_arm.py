@@ -73,12 +73,12 @@ class Servos(Protocol):
 
 @dataclass
 class ServoArm:
-    """See `CampaignArm`. `speed`: rad/s of the fastest joint; `load` as of `RoverArm`. Raises `LrmError`."""
+    """See `CampaignArm`. `speed`: rad/s of the fastest joint; `change_payload` as of `RoverArm`. Raises `LrmError`."""
 
     servos: Servos
     arm: Arm
     clock: Clock
-    load: Callable[[float], object]
+    change_payload: Callable[[float], object]
     speed: float = SPEED
     session: int = 1
     direction: tuple[int, ...] = field(init=False)

@@ -28,7 +28,11 @@ VERDICTS = {
     "noise_unknown": "Nothing that we know predicts what is left. Whether something is missing cannot be known",
 }
 OUTCOMES = {"found": "● found", "one of a class": "◐ one of a class", "missed": "○ missed", "wrong": "✕ wrong"}
-MARKS = {"supported": "● supported", "indistinguishable": "◐ one of a class", "no_evidence": "○ no evidence"}
+MARKS = {
+    "supported": "● supported",
+    "indistinguishable": "◐ one of a class",
+    "no_evidence": "○ no evidence, or no need beside those above",
+}
 
 
 def diagnosis_document(report: DiagnosisReport) -> Document:

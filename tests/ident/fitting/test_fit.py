@@ -308,4 +308,4 @@ def test_an_effect_that_no_pose_shows_is_refused_before_it_is_fitted(lab: Arm) -
     gain = [key for key in keys if key.startswith("servo_gain")]
     assert not {*gain} & {*fit_identifiable(model, data, keys).fit.model.free}
     with pytest.raises(LrmError, match="servo_gain@joint4: these poses cannot tell it"):
-        fit_identifiable(model, data, keys, wanted=gain)
+        fit_identifiable(model, data, keys, required=gain)

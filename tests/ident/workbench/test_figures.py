@@ -121,6 +121,14 @@ def test_what_explains_as_well_is_told_apart_and_every_card_says_what_was_found(
     assert ranking["backlash@joint2"]["standing"] == "supported"
     assert ranking["torque_curve@joint2"]["mark"] == "◌ explains it too, the simpler one suffices"
     assert ranking["nonlinear_stiffness@joint2"]["standing"] == "partly"
+    assert ranking["backlash@joint2"]["gain"] > 2.0 > ranking["nonlinear_stiffness@joint2"]["gain"] > 1.0
+    bare = first.with_name("bare.toml")
+    bare.write_text(first.read_text().split("[[history]]")[0])
+    stdout_of("report", bare, EXAMPLE, "-o", page)
+    alone = _values_of(page)
+    assert alone["history"] == []
+    assert alone["fitted"] == 34
+    assert {one["name"]: one["standing"] for one in alone["ranking"]} == {k: v["standing"] for k, v in ranking.items()}
     stdout_of("report", second, EXAMPLE, "-o", page)
     found = _values_of(page)
     (card,) = found["cards"]

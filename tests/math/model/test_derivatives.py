@@ -139,7 +139,7 @@ def test_newtons_steps_end_in_the_same_equilibrium(lab: Arm) -> None:
     poses, model = some_poses(lab, 0, 20), full_model(lab, 0)
     near, moved = equilibrium(model, poses), model.with_values(1.01 * model.values)
     plain = equilibrium(moved, poses, near, 1e-12)
-    newton = equilibrium(moved, poses, near, 1e-12, respond(near).coupling)
+    newton = equilibrium(moved, poses, near, 1e-12, respond(near).preconditioner)
     np.testing.assert_allclose(newton.tcp, plain.tcp, rtol=0.0, atol=1e-11)
     assert newton.iterations < plain.iterations
 

@@ -35,7 +35,7 @@ STANDINGS = {
     "explains_too": "◌ explains it too, the simpler one suffices",
     "as_well": "◌ explains it too, no better than the first",
     "partly": "◔ explains part of it",
-    "no_evidence": MARKS["no_evidence"],
+    "no_evidence": "○ no evidence",
     "refused": "✕ cannot be the cause",
 }
 """What is to be made of a candidate, in the order of the list."""
@@ -52,6 +52,7 @@ def figure_values(found: ModelReport) -> dict[str, Any]:
         ],
         "verdict": found.verdict,
         "steps": [_step(found, number) for number in range(len(found.field.steps))],
+        "fitted": len((found.file.history[0] if found.file.history else found.file).parameters),
         "history": [_entry(found, number) for number in range(len(found.file.history))],
         "cards": [_card(found, card) for card in found.cards],
         "together": _together(found),
@@ -136,7 +137,6 @@ def _entry(found: ModelReport, number: int) -> dict[str, Any]:
     return {
         "name": entry.step,
         "title": step_title(entry.step),
-        "parameters": len(entry.parameters),
         "fit": entry.fit_rms_mm,
         "held": entry.held_out_rms_mm,
         "data": data_of(entry),
@@ -196,30 +196,29 @@ def _ranking(found: ModelReport, ranking: Any) -> list[dict[str, Any]]:
     known = [(views[name], advice) for name, advice in named if name in views]
     first = known[0][1] if known else None
     weighted, order = found.poses.several_kinds, list(STANDINGS)
-    before = found.file.history[-1].held_out_rms_mm
-    out = [_candidate(view, advice, _standing(view, advice, first, before), weighted) for view, advice in known]
+    out = [_candidate(view, advice, _standing(view, advice, first, weighted), weighted) for view, advice in known]
     top = 0 if first is None or first["verdict"] == "no_evidence" else 1
     left = {one["name"]: one["heldOut"] * (one["standing"] != BESIDE) for one in out}
     return out[:top] + sorted(out[top:], key=lambda one: (order.index(one["standing"]), left[one["name"]]))
 
 
-def _standing(
-    view: CandidateView, advice: Mapping[str, Any], first: Mapping[str, Any] | None, before: float | None
-) -> str:
-    """One of `STANDINGS`: the verdict, but of those without evidence what would help is told apart.
-
-    before: held-out error (mm) of the model without any of them, None if it is not known.
-    """
+def _standing(view: CandidateView, advice: Mapping[str, Any], first: Mapping[str, Any] | None, weighted: bool) -> str:
+    """One of `STANDINGS`: the verdict, but of those without evidence what would help is told apart."""
     if advice["verdict"] != "no_evidence":
         return BESIDE if advice is not first and advice["verdict"] == SUPPORTED else str(advice["verdict"])
     if view.refused:
         return "refused"
     if first is None or first["verdict"] == "no_evidence":
         return "no_evidence"
-    left = advice["held_out_rms_mm"]
+    left, gain = advice["held_out_rms_mm"], _gain(advice, weighted)
     if left > (1.0 + AS_WELL) * first["held_out_rms_mm"]:
-        return "partly" if before is not None and left < (1.0 - MIN_GAIN) * before else "no_evidence"
+        return "partly" if gain is not None and gain > MIN_GAIN * (left + gain) else "no_evidence"
     return "explains_too" if len(advice["parameters"]) > len(first["parameters"]) else "as_well"
+
+
+def _gain(advice: Mapping[str, Any], weighted: bool) -> float | None:
+    """Part of the held-out error (mm) that it would take away; None where what it would leave is of something else."""
+    return None if weighted and advice["approximate"] else float(advice["gain_mm"])
 
 
 def _held(advice: Mapping[str, Any], weighted: bool) -> str:
@@ -238,6 +237,7 @@ def _candidate(view: CandidateView, advice: Mapping[str, Any], standing: str, we
         "mark": STANDINGS[standing],
         "held": _held(advice, weighted),
         "heldOut": advice["held_out_rms_mm"],
+        "gain": _gain(advice, weighted),
         "why": advice["why"],
         "online": advice["online"],
         "p": p_words(advice["p_value"]),

@@ -89,7 +89,7 @@ class FakeWorld:
         assert self.at is not None
         self.cooled.append(self.at.number)
 
-    def load(self, payload: float) -> None:
+    def change_payload(self, payload: float) -> None:
         self.loads.append(payload)
 
     def frames(self, seconds: float) -> list[TrackerFrame]:

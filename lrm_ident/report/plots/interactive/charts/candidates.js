@@ -101,7 +101,7 @@ function lrmCandidates(page) {
     const row = element("div", "", "lrm-ranking-row"), marks = [...new Set(v.ranking.map((one) => one.mark))];
     row.append(element("span", "effect"), element("span", "held-out RMS left, mm"));
     if (v.ranking.some((one) => one.held.startsWith("≈"))) marks.push("≈ estimated, not refitted");
-    marks.push("bar: what it takes away");
+    if (v.ranking.some((one) => one.gain !== null)) marks.push("bar: what it takes away");
     const legend = element("p", "", "lrm-legend lrm-soft");
     legend.append(...marks.flatMap((mark) => [element("span", mark), "   "]));
     head.replaceChildren(...(v.ranking.length ? [row, legend] : []));
@@ -112,8 +112,8 @@ function lrmCandidates(page) {
     const list = place("ranking"), v = state.values;
     drawHead();
     if (!list) return;
-    const before = page.heldOut(), left = v.ranking.map((one) => one.heldOut), most = before === null ? Math.max(...left) : before;
-    const all = Math.max(most - Math.min(...left, v.floor === null ? Infinity : v.floor), 1e-9);
+    const known = v.ranking.filter((one) => one.gain !== null), above = (one) => v.floor === null ? 0 : one.heldOut + one.gain - v.floor;
+    const most = Math.max(...known.flatMap((one) => [one.gain, above(one)]), 1e-9);
     list.setAttribute("role", "radiogroup");
     list.replaceChildren(...v.ranking.map((one, number) => {
       const button = element("button", "", "lrm-candidate lrm-" + one.standing), is = one.name === state.candidate;
@@ -123,7 +123,7 @@ function lrmCandidates(page) {
       button.tabIndex = is || (!state.candidate && !number) ? 0 : -1;
       button.dataset.name = one.name;
       const bar = element("span", "", "lrm-bar"), name = element("span", one.title + " ", "lrm-name");
-      bar.style.width = 100 * Math.max(0, most - one.heldOut) / all + "%";
+      bar.style.width = 100 * Math.max(0, one.gain) / most + "%";
       name.append(element("small", one.name, "lrm-soft"));
       button.append(bar, element("span", one.mark.split(" ")[0], "lrm-mark"), name, element("span", one.held, "lrm-held"));
       button.title = one.mark;

@@ -13,7 +13,7 @@ function lrmSteps(page) {
   function tellFall() {
     const box = place("fall"), v = state.values, number = state.step, card = v.cards.find((one) => one.step === number);
     if (!box) return;
-    const what = card ? named(card) : number ? v.steps[number].title : `${v.history[0].parameters} parameters fitted`;
+    const what = card ? named(card) : number ? v.steps[number].title : `${v.fitted} parameters fitted`;
     const [from, to] = card ? [card.before, card.after] : [number ? v.steps[number - 1].rms : v.nominalRms, v.steps[number].rms];
     const held = number || heldOut(0) === null ? "" : `; ${inMm(heldOut(0))} held out`;
     const kind = card && card.held ? "held-out RMS" : number ? "RMS on these data" : `RMS from nominal to fitted${held}`;
@@ -68,7 +68,7 @@ function lrmSteps(page) {
         "circle-open", colour("soft")), mode: "markers" });
     }
     const one = page.candidate();
-    if (one && heldOut() !== null) {
+    if (one && one.gain !== null && heldOut() !== null) {
       traces.push({ type: "scatter", mode: "markers", name: "held out, if added", x: [h.length], y: [one.heldOut],
         hovertemplate: `${one.title}<br>%{y:.2f} mm<extra></extra>`, marker: { symbol: "diamond-open", size: 11, color: colour("held") } });
     }
@@ -151,5 +151,5 @@ function lrmSteps(page) {
       yaxis: { title: { text: `turn of joint ${card.joint + 1}, deg`, standoff: 4 }, range: range(before).limits } });
   }
 
-  return { tellFall, tellVerdict, drawHistory, drawCards, heldOut };
+  return { tellFall, tellVerdict, drawHistory, drawCards };
 }
