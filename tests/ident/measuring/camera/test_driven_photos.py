@@ -159,7 +159,7 @@ class StandingArm:
     def cool(self, rest: PlannedPose) -> None:
         """See `CampaignArm`."""
 
-    def load(self, payload: float) -> None:
+    def change_payload(self, payload: float) -> None:
         """See `CampaignArm`."""
 
 
