@@ -6,6 +6,7 @@ from collections.abc import Iterable, Iterator, Sequence, Set
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lrm_math.arrays import Array
 from lrm_math.effects import CATALOGUE, FREE_FORMS, Effect, Parameter, variants
@@ -27,7 +28,8 @@ class Candidate:
     """One effect at one place that a model lacks, or lacks in part.
 
     Attributes:
-        rows: which of the effect's parameters are not in the model yet.
+        rows: which of the effect's parameters are not in the model yet; of a scored one those that move something at
+            these poses: no evidence is for or against the others, as of a spline where no pose is.
         shapes: for each combination of shape values that is tried: the effect's parameter vector at which its other
             parameters are zero (or the model's).
         priority: in a tie, the lowest first: `REFINEMENT` of an effect of the model, `PLAIN` effect, or another `FORM`
@@ -59,6 +61,11 @@ class Candidate:
         for row in range(out.shape[2]):
             np.multiply(moved[:, row], typical, out=out[:, :, row])
         return out.reshape(len(out), -1).T
+
+
+    def take(self, rows: NDArray[np.bool_]) -> Candidate:
+        """The candidate with some of its rows."""
+        return replace(self, rows=tuple(row for row, kept in zip(self.rows, rows, strict=True) if kept))
 
 
 def unfitted_effects(model: Model, catalogue: Iterable[type[Effect]] = CATALOGUE) -> Iterator[Unfitted]:

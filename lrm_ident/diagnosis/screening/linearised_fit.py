@@ -167,7 +167,7 @@ class LinearisedFit:
         along, left = self.residual[self.order] @ columns, np.full(stacks[-1].places.stop, self.now.in_sample)
         for stack in stacks:
             own = by_set(columns, stack)
-            gram, right = np.swapaxes(own, 1, 2) @ own, along[stack.columns].reshape(-1, stack.size, 1)
+            gram, right = np.swapaxes(own, 1, 2) @ own, along[stack.columns].reshape(len(stack.numbers), stack.size, 1)
             theta = np.linalg.solve(gram + self.ridge * np.eye(stack.size), right)
             left[stack.numbers] -= (theta * (2.0 * right - gram @ theta)).sum(axis=(1, 2))
         return left

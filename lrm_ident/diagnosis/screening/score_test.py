@@ -25,6 +25,7 @@ class ScoredCandidate:
     """A candidate at its best shape, alone on the residual.
 
     Attributes:
+        candidate: with the parameters that move something at these poses. size: number of all its parameters.
         shape: the effect's parameter vector at which it explains most, parameters other than shapes zero.
         alone: what it explains if nothing else is added. added: (R N,), that, pose by pose (m).
         implausible: why its estimate is impossible, or empty.
@@ -32,6 +33,7 @@ class ScoredCandidate:
     """
 
     candidate: Candidate
+    size: int
     shape: tuple[float, ...]
     projected: ColumnSets
     alone: LinearEstimate
@@ -46,11 +48,6 @@ class ScoredCandidate:
     def name(self) -> str:
         """`effect@place`."""
         return self.candidate.name
-
-    @property
-    def size(self) -> int:
-        """Number of parameters."""
-        return len(self.candidate.rows)
 
     @cached_property
     def orthonormal(self) -> Array:
@@ -85,7 +82,8 @@ def score_candidates(
     scored = []
     for (trial, p_value), projected, alone in zip(detectable, sets, linear.explain_each(sets), strict=True):
         added, why_not = linear.pose_by_pose(projected.columns @ alone.theta), _implausible(trial.candidate, alone)
-        scored.append(ScoredCandidate(trial.candidate, trial.shape, projected, alone, added, p_value, why_not))
+        found_at = trial.candidate, trial.size, trial.shape
+        scored.append(ScoredCandidate(*found_at, projected, alone, added, p_value, why_not))
     return scored, sets, undetectable
 
 
@@ -95,6 +93,7 @@ class _Trial:
     parameters explain, their rank, and the residual sum of squares that they leave (m²)."""
 
     candidate: Candidate
+    size: int
     shape: tuple[float, ...]
     columns: Array
     rank: int
@@ -106,7 +105,8 @@ def _at_best_shapes(found: Sequence[Candidate], linear: LinearisedFit, weigh: Ro
     ends = np.cumsum([len(one.rows) * len(one.shapes) for one in found])
     for number in np.unique(ends // AT_ONCE):
         together = [one for one, end in zip(found, ends, strict=True) if end // AT_ONCE == number]
-        every = [weigh(one.columns(shape)) for one in together for shape in one.shapes]
+        trials = [_acting(one, shape) for one in together for shape in one.shapes]
+        every = [weigh(C) for _, C in trials]
         stacks = stacks_of([C.shape[1] for C in every])
         columns, place, first = linear.residualised(every, stacks), columns_of(stacks), 0
         left = linear.residual_squares(columns, stacks)
@@ -114,8 +114,15 @@ def _at_best_shapes(found: Sequence[Candidate], linear: LinearisedFit, weigh: Ro
             best = first + int(np.argmin(left[first : first + len(one.shapes)]))
             own = columns[:, place[best]].copy("F")
             rank = projected_rank(own, every[best])
-            yield _Trial(one, one.shapes[best - first], own, rank, float(left[best]))
+            yield _Trial(trials[best][0], len(one.rows), one.shapes[best - first], own, rank, float(left[best]))
             first += len(one.shapes)
+
+
+def _acting(one: Candidate, shape: tuple[float, ...]) -> tuple[Candidate, Array]:
+    """A candidate with the parameters that move something at these poses, and its columns (R N, m) at a shape."""
+    columns = one.columns(shape)
+    acting = columns.any(axis=0)
+    return one.take(acting), columns if acting.all() else columns[:, acting]
 
 
 def _implausible(candidate: Candidate, alone: LinearEstimate) -> str:
