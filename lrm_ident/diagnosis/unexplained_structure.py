@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 from lrm_ident.data.weights.row_weights import RowWeights
 from lrm_ident.diagnosis.forward_selection import Selection, improves_prediction
@@ -11,7 +12,9 @@ from lrm_ident.diagnosis.screening.column_sets import ColumnSets
 from lrm_ident.diagnosis.screening.linearised_fit import LinearEstimate, LinearisedFit
 from lrm_ident.residual.better_prediction import predicts_better
 from lrm_ident.residual.free_functions import FreeFunction
-from lrm_ident.residual.thresholds import MAX_FREE_FUNCTIONS, MIN_FREE_GAIN
+from lrm_ident.residual.thresholds import MAX_FREE_FUNCTIONS, MIN_FREE_GAIN, PROMISING
+
+RANKED = 5
 
 
 @dataclass(frozen=True, eq=False)
@@ -21,12 +24,20 @@ class UnexplainedStructure:
     Attributes:
         functions: those outside the catalogue that save much, all at one place.
         spurious: name of a selected effect that they replace -> name of the first of them.
-        ranking: the best five of all, with their held-out RMS (m).
+        tried, fit, weigh: all free functions, the fit beside which they were tried, relative weights of the rows.
     """
 
     functions: tuple[FreeFunction, ...]
     spurious: dict[str, str]
-    ranking: tuple[tuple[FreeFunction, float], ...]
+    tried: tuple[FreeFunction, ...]
+    fit: LinearisedFit
+    weigh: RowWeights
+
+    @cached_property
+    def ranking(self) -> tuple[tuple[FreeFunction, float], ...]:
+        """The best five of all, with their held-out RMS (m)."""
+        rms = {one: estimate.rms for one, estimate in _explained(self.tried, self.fit, self.weigh).items()}
+        return tuple((one, rms[one]) for one in sorted(self.tried, key=rms.__getitem__)[:RANKED])
 
 
 def unexplained_structure(
@@ -34,12 +45,7 @@ def unexplained_structure(
 ) -> UnexplainedStructure:
     """Tries free functions on what the selected effects leave. `weigh`: relative weights of the rows."""
     linear, fit = selection.steps[0].fit, selection.steps[-1].fit
-    tried: dict[FreeFunction, LinearEstimate] = {}
-    for place in {one.place: None for one in functions}:  # one after the other: all columns together need much memory
-        own = [one for one in functions if one.place == place]
-        tried |= dict(zip(own, fit.explain_each(_projected(own, fit, weigh)), strict=True))
-    ranking = sorted(((one, tried[one].rms) for one in functions), key=lambda one: one[1])
-    free = _select_free(functions, tried, fit, weigh)
+    free = _select_free(functions, fit, weigh)
     spurious: dict[str, str] = {}
     if free:
         names = {name for function in free for name in function.covariates}
@@ -54,32 +60,49 @@ def unexplained_structure(
             without = linear.beside(*others, *among)
             if not improves_prediction(without.explain(scored.projected), without.now, linear.now):
                 spurious[scored.name] = free[0].name
-    return UnexplainedStructure(tuple(free), spurious, tuple(ranking[:5]))
+    return UnexplainedStructure(tuple(free), spurious, tuple(functions), fit, weigh)
 
 
 def _projected(functions: Sequence[FreeFunction], fit: LinearisedFit, weigh: RowWeights) -> ColumnSets:
     return fit.project_each((weigh(one.columns) for one in functions), [one.size for one in functions])
 
 
-def _select_free(
-    functions: Sequence[FreeFunction],
-    tried: Mapping[FreeFunction, LinearEstimate],
-    fit: LinearisedFit,
-    weigh: RowWeights,
-) -> list[FreeFunction]:
-    """Forward selection of free functions outside the catalogue while one saves enough, all at the place of the first.
+def _by_place(functions: Sequence[FreeFunction]) -> list[list[FreeFunction]]:
+    """The functions of each place: the columns of all together need much memory."""
+    return [[one for one in functions if one.place == place] for place in {one.place: None for one in functions}]
 
-    Args:
-        tried: what each explains beside the fit.
-    """
+
+def _explained(
+    functions: Sequence[FreeFunction], fit: LinearisedFit, weigh: RowWeights
+) -> dict[FreeFunction, LinearEstimate]:
+    """Linear estimate of each function alone beside the fit."""
+    return {
+        one: estimate
+        for own in _by_place(functions)
+        for one, estimate in zip(own, fit.explain_each(_projected(own, fit, weigh)), strict=True)
+    }
+
+
+def _promising(functions: Sequence[FreeFunction], fit: LinearisedFit, weigh: RowWeights) -> list[FreeFunction]:
+    """The functions that save enough in the sample to save it, perhaps, of what is held out."""
+    most = fit.now.in_sample * (1.0 - PROMISING * (1.0 - (1.0 - MIN_FREE_GAIN) ** 2))
+    found = []
+    for own in _by_place(functions):
+        left = fit.residual_squares([weigh(one.columns) for one in own])
+        found += [one for one, squares in zip(own, left.tolist(), strict=True) if squares < most]
+    return found
+
+
+def _select_free(functions: Sequence[FreeFunction], fit: LinearisedFit, weigh: RowWeights) -> list[FreeFunction]:
+    """Forward selection of functions outside the catalogue while one saves enough, all at the place of the first."""
     chosen: list[FreeFunction] = []
     left = [one for one in functions if not one.in_catalogue]
-    while left and len(chosen) < MAX_FREE_FUNCTIONS:
-        best = min(left, key=lambda one: tried[one].rms)
-        if not predicts_better(tried[best].held_out, fit.now.held_out, MIN_FREE_GAIN):
+    while len(chosen) < MAX_FREE_FUNCTIONS:
+        tried = _explained(_promising(left, fit, weigh), fit, weigh)
+        best = min(tried, key=lambda one: tried[one].rms, default=None)
+        if best is None or not predicts_better(tried[best].held_out, fit.now.held_out, MIN_FREE_GAIN):
             break
         chosen.append(best)
         left = [one for one in left if one is not best and one.place == best.place]
         fit = fit.beside(_projected([best], fit, weigh))
-        tried = dict(zip(left, fit.explain_each(_projected(left, fit, weigh)), strict=True)) if left else {}
     return chosen

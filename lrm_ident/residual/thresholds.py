@@ -17,6 +17,9 @@ MIN_GAIN = 0.02
 MIN_FREE_GAIN, MAX_FREE_FUNCTIONS = 0.10, 3
 """Share that a free function must save to be unexplained structure, chosen before too; how many are taken together
 before an effect is called spurious, changed once because of the hidden effects (decision 6)."""
+PROMISING = 0.5
+"""Part of what a free function must save of held-out squares that it must save in the sample to be cross-validated: it
+saves more there, since it was fitted to it. A bound on time."""
 MIN_NAMELESS_GAIN = 0.05
 """Share that a model without names must save for more to be left to find: between the two above."""
 MAX_EFFECTS = 8

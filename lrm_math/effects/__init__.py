@@ -119,6 +119,8 @@ def name_of_key(key: str) -> str:
 
 def variants(effect: Effect) -> tuple[str, ...]:
     """Names of the effects of which this is another form."""
+    if not effect.variant_of:
+        return ()
     joints = re.findall(r"joint\d+", effect.place)
     return tuple(name.format(*joints) if "@" in name else f"{name}@{effect.place}" for name in effect.variant_of)
 

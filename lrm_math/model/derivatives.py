@@ -10,7 +10,7 @@ J being the geometric Jacobian of the slots. Every parameter of every effect is 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 
@@ -170,15 +170,22 @@ def parameter_jacobian(settled: Equilibrium, keys: Sequence[str] | None = None, 
     return out.transpose(2, 1, 0)
 
 
-def effect_columns(effect: Effect, p: Sequence[float], response: Response) -> Array:
-    """∂TCP/∂p of one effect at parameter values p: (P, R, N), SI. The model's `load_slots` must hold the effect's."""
+def effect_columns(
+    effect: Effect, p: Sequence[float], response: Response, rows: Iterable[int]
+) -> Iterator[tuple[int, Array]]:
+    """∂TCP/∂p of those parameters `rows` of an effect that move something at these poses: the row, and (R, N), SI.
+
+    Args:
+        p: the effect's parameter values. response: of a model of whose `load_slots` are the effect's.
+    """
     settled, model = response.equilibrium, response.equilibrium.model
     bound = bind_effect(model.chain, effect, p, model.load_slots, model.within)
-    rows = bound.by_parameters(settled.poses, settled.tau)
-    out = np.zeros((len(p), response.slots.shape[1], len(settled.poses)))
-    for moved, amounts in zip(out, rows, strict=True):
-        _add_response(moved, bound, amounts, response)
-    return out
+    amounts = bound.by_parameters(settled.poses, settled.tau)
+    for row in rows:
+        if any(np.any(amount) for amount in amounts[row]):
+            out = np.zeros((response.slots.shape[1], len(settled.poses)))
+            _add_response(out, bound, amounts[row], response)
+            yield row, out
 
 
 def joint_jacobian(settled: Equilibrium) -> Array:

@@ -6,7 +6,6 @@ from collections.abc import Iterable, Iterator, Sequence, Set
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lrm_math.arrays import Array
 from lrm_math.effects import CATALOGUE, FREE_FORMS, Effect, Parameter, variants
@@ -55,17 +54,19 @@ class Candidate:
 
     def columns(self, shape: tuple[float, ...]) -> Array:
         """(R N, m), motion of the TCP for parameters of their typical size at a shape, pose by pose (m)."""
-        typical = np.array([[parameter.typical] for parameter in self.parameters])
-        moved = effect_columns(self.effect, shape, self.response)[list(self.rows)]
-        out = np.empty((len(moved), *moved.shape[:0:-1]))
-        for row in range(out.shape[2]):
-            np.multiply(moved[:, row], typical, out=out[:, :, row])
-        return out.reshape(len(out), -1).T
+        acting, moved = self.acting(shape)
+        out = np.zeros((len(moved), len(self.rows)), order="F")
+        out[:, [self.rows.index(row) for row in acting.rows]] = moved
+        return out
 
-
-    def take(self, rows: NDArray[np.bool_]) -> Candidate:
-        """The candidate with some of its rows."""
-        return replace(self, rows=tuple(row for row, kept in zip(self.rows, rows, strict=True) if kept))
+    def acting(self, shape: tuple[float, ...]) -> tuple[Candidate, Array]:
+        """The candidate with the parameters that move something at these poses, and their `columns` (R N, m)."""
+        found = list(effect_columns(self.effect, shape, self.response, self.rows))
+        rows, count = len(self.response.slots[0]), len(self.response.equilibrium.poses)
+        out = np.empty((len(found), count, rows))
+        for column, (row, moved) in zip(out, found, strict=True):
+            np.multiply(moved.T, self.effect.parameters[row].typical, out=column)
+        return replace(self, rows=tuple(row for row, _ in found)), out.reshape(len(out), rows * count).T
 
 
 def unfitted_effects(model: Model, catalogue: Iterable[type[Effect]] = CATALOGUE) -> Iterator[Unfitted]:

@@ -27,6 +27,7 @@ from lrm_ident.diagnosis.screening.column_sets import (
     by_set,
     column_sets,
     columns_of,
+    side_by_side,
     stacks_of,
     united,
 )
@@ -162,14 +163,25 @@ class LinearisedFit:
             dgemm(-1.0, basis, basis.T @ some, 1.0, some, overwrite_c=1)  # some -= basis @ (basis.T @ some), in place
         return columns
 
-    def residual_squares(self, columns: Array, stacks: tuple[EqualSizedSets, ...]) -> Array:
-        """(S,), residual sum of squares (m²) that each set of `residualised` columns alone leaves in the sample."""
-        along, left = self.residual[self.order] @ columns, np.full(stacks[-1].places.stop, self.now.in_sample)
+    def residual_squares(self, sets: Sequence[Array]) -> Array:
+        """(S,), residual sum of squares (m²) that each set of columns C (R N, m) alone would leave in the sample.
+
+        From products of columns alone: what is taken is projected out of the normal equations, not of the columns.
+        """
+        columns, stacks = side_by_side(sets, len(self.residual))
+        taken, root = self.pose_by_pose(self.taken.columns), self.taken.inverse_root[0]
+        fitted, known, of_residual = self.basis.T @ columns, root @ (taken.T @ columns), self.taken.residual[0]
+        along = self.residual @ columns - of_residual @ known
+        shrunk = self.ridge * root @ root.T  # by which directions of what is taken are short of unit length
+        left = np.full(len(sets), self.now.in_sample)
         for stack in stacks:
-            own = by_set(columns, stack)
-            gram, right = np.swapaxes(own, 1, 2) @ own, along[stack.columns].reshape(len(stack.numbers), stack.size, 1)
+            own, of_fitted, of_taken = (by_set(rows, stack) for rows in (columns, fitted, known))
+            gram = sum(sign * np.swapaxes(a, 1, 2) @ a for sign, a in ((1, own), (-1, of_fitted), (-1, of_taken)))
+            right = along[stack.columns].reshape(len(stack.numbers), stack.size, 1)
             theta = np.linalg.solve(gram + self.ridge * np.eye(stack.size), right)
-            left[stack.numbers] -= (theta * (2.0 * right - gram @ theta)).sum(axis=(1, 2))
+            short = np.swapaxes(of_taken, 1, 2) @ shrunk
+            change = (2.0 * (right - short @ of_residual[:, None]) - (gram - short @ of_taken) @ theta) * theta
+            left[stack.numbers] -= change.sum(axis=(1, 2))
         return left
 
     def up_to_date(self, sets: ColumnSets) -> ColumnSets:

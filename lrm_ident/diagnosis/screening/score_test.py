@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 
@@ -105,24 +106,16 @@ def _at_best_shapes(found: Sequence[Candidate], linear: LinearisedFit, weigh: Ro
     ends = np.cumsum([len(one.rows) * len(one.shapes) for one in found])
     for number in np.unique(ends // AT_ONCE):
         together = [one for one, end in zip(found, ends, strict=True) if end // AT_ONCE == number]
-        trials = [_acting(one, shape) for one in together for shape in one.shapes]
-        every = [weigh(C) for _, C in trials]
-        stacks = stacks_of([C.shape[1] for C in every])
-        columns, place, first = linear.residualised(every, stacks), columns_of(stacks), 0
-        left = linear.residual_squares(columns, stacks)
-        for one in together:
-            best = first + int(np.argmin(left[first : first + len(one.shapes)]))
-            own = columns[:, place[best]].copy("F")
-            rank = projected_rank(own, every[best])
-            yield _Trial(trials[best][0], len(one.rows), one.shapes[best - first], own, rank, float(left[best]))
-            first += len(one.shapes)
-
-
-def _acting(one: Candidate, shape: tuple[float, ...]) -> tuple[Candidate, Array]:
-    """A candidate with the parameters that move something at these poses, and its columns (R N, m) at a shape."""
-    columns = one.columns(shape)
-    acting = columns.any(axis=0)
-    return one.take(acting), columns if acting.all() else columns[:, acting]
+        shapes = [(one, shape) for one in together for shape in one.shapes]
+        acting, moved = zip(*(one.acting(shape) for one, shape in shapes), strict=True)
+        every = [weigh(C) for C in moved]
+        left, starts = linear.residual_squares(every), np.cumsum([0, *(len(one.shapes) for one in together)])
+        best = [start + int(np.argmin(left[start:end])) for start, end in pairwise(starts.tolist())]
+        stacks = stacks_of([every[row].shape[1] for row in best])
+        columns, place = linear.residualised((every[row] for row in best), stacks), columns_of(stacks)
+        for row, own in zip(best, (columns[:, place[i]].copy("F") for i in range(len(best))), strict=True):
+            (one, shape), rank = shapes[row], projected_rank(own, every[row])
+            yield _Trial(acting[row], len(one.rows), shape, own, rank, float(left[row]))
 
 
 def _implausible(candidate: Candidate, alone: LinearEstimate) -> str:
