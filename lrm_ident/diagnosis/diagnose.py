@@ -30,7 +30,7 @@ from lrm_ident.fitting.priors import EffectRates
 from lrm_ident.fitting.progress import OnProgress, silent
 from lrm_ident.residual.residual_structure import NoiseFloor, ResidualStructure
 from lrm_ident.residual.significance import benjamini_yekutieli
-from lrm_ident.residual.thresholds import FLOOR_RATIO, MORAN_THRESHOLD, NOT_NOISE, SIGNIFICANCE
+from lrm_ident.residual.thresholds import FLOOR_RATIO, MORAN_THRESHOLD, NOT_NOISE
 from lrm_math.arrays import Array
 from lrm_math.effects import CATALOGUE, Effect
 from lrm_math.model.equilibrium import batch_equilibrium
@@ -53,7 +53,6 @@ class Diagnosis:
         scored: every testable candidate, best first. adjusted_p_values: theirs, Benjamini-Yekutieli.
         selected: by forward selection, in that order, spurious ones included.
         equivalent: for each selected one, names of candidates that these data cannot distinguish from it.
-        joint_jacobian: (joints, 3, n), motion of the TCP for a unit rotation of each joint (m/rad).
         screening: what it selected from.
         outliers: numbers of the poses left out. shifted: rows that carry another row's position.
         loss: of every fit.
@@ -61,8 +60,6 @@ class Diagnosis:
 
     fit: Fit
     data: Measurements
-    floor: NoiseFloor
-    structure: ResidualStructure
     squared_held_out: Array
     scored: tuple[ScoredCandidate, ...]
     adjusted_p_values: dict[str, float]
@@ -70,12 +67,26 @@ class Diagnosis:
     equivalent: dict[str, tuple[str, ...]]
     unexplained: UnexplainedStructure
     not_testable: tuple[tuple[Effect, str], ...]
-    joint_jacobian: Array
     screened: NDArray[np.int64]
     screening: Screening
     outliers: tuple[int, ...] = ()
     shifted: tuple[ShiftedRows, ...] = ()
     loss: Loss = SQUARED
+
+    @property
+    def floor(self) -> NoiseFloor:
+        """Noise of the measurements."""
+        return self.screening.floor
+
+    @property
+    def structure(self) -> ResidualStructure:
+        """Structure in what the fit leaves."""
+        return self.screening.structure
+
+    @property
+    def joint_jacobian(self) -> Array:
+        """(joints, 3, n), motion of the TCP for a unit rotation of each joint (m/rad)."""
+        return self.screening.joint_jacobian[:, :3]
 
     @property
     def screened_subset(self) -> tuple[Fit, Measurements]:
@@ -95,9 +106,8 @@ class Diagnosis:
         if self.unexplained.functions:
             return "unexplained_structure"
         structure, floor = self.structure, self.floor.sd
-        significant = structure.p_value < SIGNIFICANCE or structure.order_p_value < SIGNIFICANCE
         matters = structure.moran_i > MORAN_THRESHOLD if floor is None else self.fit.sigma > FLOOR_RATIO * floor
-        if significant and matters:
+        if structure.significant and matters:
             return "unexplained_structure"
         if floor is None:
             return "noise_unknown"
@@ -172,8 +182,6 @@ def _select(scores: Screening, progress: OnProgress, refused: Collection[str] = 
     return Diagnosis(
         fit=whole,
         data=scores.data,
-        floor=scores.floor,
-        structure=scores.structure,
         squared_held_out=linear.now.held_out,
         scored=(*selected, *(one for one in ranked if one not in selected)),
         adjusted_p_values=benjamini_yekutieli({one.name: one.p_value for one in ranked}),
@@ -181,7 +189,6 @@ def _select(scores: Screening, progress: OnProgress, refused: Collection[str] = 
         equivalent={one.name: equivalent_effects(selection, i, possible) for i, one in enumerate(selected)},
         unexplained=unexplained_structure(selection, scores.functions, scores.weigh),
         not_testable=scores.not_testable,
-        joint_jacobian=scores.joint_jacobian[:, :3],
         screened=scores.screened,
         screening=scores,
         loss=whole.loss,

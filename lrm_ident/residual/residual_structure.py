@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from scipy.special import chdtrc, fdtrc, ndtr
 
 from lrm_ident.data.measurements import Measurements
+from lrm_ident.residual.thresholds import SIGNIFICANCE
 from lrm_math.arrays import Array
 from lrm_math.model.equilibrium import Equilibrium
 
@@ -83,6 +84,11 @@ class ResidualStructure:
     moran_i: float
     p_value: float
     order_p_value: float
+
+    @property
+    def significant(self) -> bool:
+        """Whether neighbours or successive poses are surely alike."""
+        return min(self.p_value, self.order_p_value) < SIGNIFICANCE
 
 
 def residual_structure(q: Array, residual: Array, basis: Array) -> ResidualStructure:

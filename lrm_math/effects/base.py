@@ -97,9 +97,13 @@ class Excitation:
     feedback: bool = False
     distance: bool = False
 
+    @cached_property
+    def _levels(self) -> tuple[int, ...]:
+        return tuple(len(np.unique(angle)) for angle in np.round(np.degrees(self.poses.q.T) / 0.5))
+
     def levels(self, joint: int) -> int:
         """Number of different angles (to 0.5°) of a joint."""
-        return len(np.unique(np.round(np.degrees(self.poses.q[:, joint]) / 0.5)))
+        return self._levels[joint]
 
     def reversals(self, joint: int) -> int:
         """Number of reversals of a joint between poses; 0 if the order is not known."""

@@ -26,23 +26,29 @@ from lrm_math.effects.base import (
 from lrm_math.effects.servo_errors import CoupledJoints, coupled_joints
 from lrm_math.kinematics.chain import Number
 from lrm_math.kinematics.poses import Poses
-from lrm_math.kinematics.scalar_or_array import magnitude, positive_part
+from lrm_math.kinematics.scalar_or_array import ends_of, magnitude, positive_part
 
 TYPICAL = 0.02
 """rad: typical size of a coefficient."""
 CABLE_SPACING = radians(50.0)
+REACH = 2.0
+"""Knots from the middle of a cubic B-spline to where it ends."""
 
 
 def cubic_b_splines(x: Number, lower: float, upper: float, spacing: float) -> Amounts:
-    """Uniform cubic B-splines (de Boor 1978) at knots no more than `spacing` apart between two values of x."""
+    """Uniform cubic B-splines (de Boor 1978) at knots no more than `spacing` apart between two values of x.
+
+    One that is zero at every x is the number zero.
+    """
     count = spline_count(lower, upper, spacing)
     scaled = (x - lower) * ((count - 3) / (upper - lower)) + 1.0
-    return tuple(_b_spline(magnitude(scaled - i)) for i in range(count))
+    first, last = ends_of(scaled)
+    return tuple(_b_spline(magnitude(scaled - i)) if first - REACH < i < last + REACH else 0.0 for i in range(count))
 
 
 def _b_spline(u: Number) -> Number:
     """The cubic B-spline at a distance u from its middle, in knots."""
-    outer, inner = positive_part(2.0 - u), positive_part(1.0 - u)
+    outer, inner = positive_part(REACH - u), positive_part(1.0 - u)
     return (outer * outer * outer - 4.0 * (inner * inner * inner)) * (1.0 / 6.0)
 
 

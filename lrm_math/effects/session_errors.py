@@ -109,9 +109,9 @@ class Drift(_SessionError):
 
     def amounts(self, poses: Poses, tau: Amounts, p: Sequence[float]) -> Amounts:
         """A (1 − exp(−t/T)) + c (temperature − first temperature)."""
-        still, n = np.zeros(len(poses)), len(self.targets)
-        warm = still if poses.clock is None else 1.0 - np.exp(-poses.clock / p[-1])
-        heat = still if poses.warmed is None else poses.warmed
+        n = len(self.targets)
+        warm = 0.0 if poses.clock is None else 1.0 - np.exp(-poses.clock / p[-1])
+        heat = 0.0 if poses.warmed is None else poses.warmed
         return tuple(p[i] * warm + p[n + i] * heat for i in range(n))
 
     def missing_excitation(self, excitation: Excitation) -> str | None:
@@ -160,14 +160,14 @@ class DriftCurve(_SessionError, LinearEffect):
 
     def basis(self, poses: Poses, tau: Amounts) -> tuple[Amounts, ...]:
         """The B-splines of both times; those of a time that is not known, or the same as the other, are zero."""
-        still, last = np.zeros(len(poses)), log1p(LONGEST_S / FAST_S)
-        found: list[np.ndarray] = []
+        last = log1p(LONGEST_S / FAST_S)
+        found: Amounts = ()
         for time in (poses.running, poses.t):
-            known = time is not None and not (time is poses.t and poses.session is None and poses.running is not None)
-            course = still if time is None else np.log1p(np.maximum(time, 0.0) / FAST_S)
-            functions = cubic_b_splines(course, 0.0, last, SPACING)
-            found += [np.asarray(f) if known else still for f in functions]
-        return separately([tuple(found)] * len(self.targets))
+            if time is None or (time is poses.t and poses.session is None and poses.running is not None):
+                found += (0.0,) * _COUNT
+            else:
+                found += cubic_b_splines(np.log1p(np.maximum(time, 0.0) / FAST_S), 0.0, last, SPACING)
+        return separately([found] * len(self.targets))
 
     def missing_excitation(self, excitation: Excitation) -> str | None:
         """Times must be known."""
@@ -206,8 +206,7 @@ class Session(_SessionError, LinearEffect):
     def basis(self, poses: Poses, tau: Amounts) -> tuple[Amounts, ...]:
         """One in the poses of the parameter's session, counted from the first in the data; the last holds the rest."""
         number, later = poses.power_cycle, range(1, MOST_SESSIONS)
-        still = np.zeros(len(poses))
-        now = [still if number is None else (np.minimum(number, MOST_SESSIONS - 1) == k).astype(float) for k in later]
+        now = [0.0 if number is None else (np.minimum(number, MOST_SESSIONS - 1) == k).astype(float) for k in later]
         return separately([tuple(now)] * len(self.targets))
 
 

@@ -65,6 +65,14 @@ class Dual(NDArrayOperatorsMixin):
         """Number of the value's axes."""
         return np.ndim(self.value)
 
+    def min(self, initial: float) -> float:
+        """The smallest of the values, at most `initial`."""
+        return float(np.min(self.value, initial=initial))
+
+    def max(self, initial: float) -> float:
+        """The largest of the values, at least `initial`."""
+        return float(np.max(self.value, initial=initial))
+
     def __len__(self) -> int:
         return len(self.value)
 

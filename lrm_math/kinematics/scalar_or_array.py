@@ -31,3 +31,8 @@ negative_part = _elementwise(lambda x: min(x, 0.0), lambda x: np.minimum(x, 0.0)
 def maximum(x: Number) -> float:
     """The largest of all poses; zero where there are none."""
     return x if isinstance(x, float) else float(x.max(initial=0.0))
+
+
+def ends_of(x: Number) -> tuple[float, float]:
+    """The smallest and the largest of all poses; an empty interval where there are none."""
+    return (x, x) if isinstance(x, float) else (float(x.min(initial=math.inf)), float(x.max(initial=-math.inf)))

@@ -103,13 +103,13 @@ class Screening:
         far = distance > 2 * OUTLIER_DISTANCE * robust_scale(distance)
         return tuple(self.data.pose[self.screened[far]].tolist())
 
-    @property
+    @cached_property
     def like_noise(self) -> bool:
         """Whether what is left is no larger than the known noise (F test) and shows no structure: no new cause."""
-        floor, structure = self.floor, self.structure
-        if floor.sd is None or min(structure.p_value, structure.order_p_value) < SIGNIFICANCE:
+        if self.floor.sd is None:
             return False
-        return floor.p_value(self.fit.sigma, self.data.measured_rows - len(self.fit.model.free)) > SIGNIFICANCE
+        larger = self.floor.p_value(self.fit.sigma, self.data.measured_rows - len(self.fit.model.free))
+        return larger > SIGNIFICANCE and not self.structure.significant
 
 
 def screen(whole: Fit, data: Measurements, kinds: Iterable[type[Effect]], progress: OnProgress) -> Screening:

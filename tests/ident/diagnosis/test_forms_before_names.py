@@ -216,7 +216,8 @@ def test_the_few_poses_that_hold_what_is_left_are_named(lab: Arm, described: Arm
     wrong = replace(data, tcp=moved)
     found = diagnose(base_fit(lab, wrong), wrong)
     assert set(data.pose[[10, 40, 70]]) <= {*found.outliers, *found.data.pose[list(found.fit.outliers)]}
-    document = diagnosis_document(build_report(replace(found, floor=replace(found.floor, sd=NOISE / 2))))
+    quieter = replace(found.screening, data=replace(found.data, noise_sd=NOISE / 2))
+    document = diagnosis_document(build_report(replace(found, screening=quieter)))
     far = document.values["far_poses"]
     assert sorted(far) == [int(found.data.pose[row]) for row in found.fit.outliers]
     sentence = next((str(block) for block in document.blocks if str(block).startswith("Far off: pose")), "")

@@ -47,8 +47,9 @@ def test_what_is_taken_is_projected_out_for_good(taken: list[list[int]], tried: 
         inside = np.concatenate([inside, *columns], axis=1)
         if rng.uniform() < 0.5:
             sets = fit.up_to_date(sets)
-    residual, every = linear.residual, np.arange(3 * POSES)
-    for found, C in zip(fit.explain_each(sets), candidates, strict=True):
+    residual, every, squares_left = linear.residual, np.arange(3 * POSES), fit.residual_squares(candidates)
+    for found, C, alone in zip(fit.explain_each(sets), candidates, squares_left.tolist(), strict=True):
+        assert alone == pytest.approx(found.in_sample, rel=1e-9)
         both = np.concatenate([inside, C], axis=1)
         left = ridge(A, both, residual, every)
         assert found.in_sample == pytest.approx(float(left @ left), rel=1e-9)
