@@ -182,9 +182,11 @@ def effect_columns(
     bound = bind_effect(model.chain, effect, p, model.load_slots, model.within)
     amounts = bound.by_parameters(settled.poses, settled.tau)
     for row in rows:
-        if any(np.any(amount) for amount in amounts[row]):
-            out = np.zeros((response.slots.shape[1], len(settled.poses)))
-            _add_response(out, bound, amounts[row], response)
+        if all(is_zero(amount) for amount in amounts[row]):
+            continue
+        out = np.zeros((response.slots.shape[1], len(settled.poses)))
+        _add_response(out, bound, amounts[row], response)
+        if out.any():
             yield row, out
 
 
