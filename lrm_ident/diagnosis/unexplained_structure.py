@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+
+import numpy as np
 
 from lrm_ident.data.weights.row_weights import RowWeights
 from lrm_ident.diagnosis.forward_selection import Selection, improves_prediction
@@ -14,7 +16,7 @@ from lrm_ident.residual.better_prediction import predicts_better
 from lrm_ident.residual.free_functions import FreeFunction
 from lrm_ident.residual.thresholds import MAX_FREE_FUNCTIONS, MIN_FREE_GAIN, PROMISING
 
-RANKED = 5
+RANKED, LIKELY = 5, 20  # functions that are ranked by held-out error, and those that are cross-validated for it
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,20 +26,23 @@ class UnexplainedStructure:
     Attributes:
         functions: those outside the catalogue that save much, all at one place.
         spurious: name of a selected effect that they replace -> name of the first of them.
-        tried, fit, weigh: all free functions, the fit beside which they were tried, relative weights of the rows.
+        in_sample: for each that was tried the residual sum of squares (m²) that it would leave.
+        fit, weigh: the fit beside which they were tried, relative weights of the rows.
     """
 
     functions: tuple[FreeFunction, ...]
     spurious: dict[str, str]
-    tried: tuple[FreeFunction, ...]
+    in_sample: Mapping[FreeFunction, float]
     fit: LinearisedFit
     weigh: RowWeights
 
     @cached_property
     def ranking(self) -> tuple[tuple[FreeFunction, float], ...]:
-        """The best five of all, with their held-out RMS (m)."""
-        rms = {one: estimate.rms for one, estimate in _explained(self.tried, self.fit, self.weigh).items()}
-        return tuple((one, rms[one]) for one in sorted(self.tried, key=rms.__getitem__)[:RANKED])
+        """The five that predict best, with their held-out RMS (m), of the twenty that are likeliest (Akaike 1974)."""
+        count = len(self.fit.residual)
+        likely = sorted(self.in_sample, key=lambda one: count * np.log(self.in_sample[one]) + 2 * one.size)[:LIKELY]
+        tried = _explained(likely, self.fit, self.weigh)
+        return tuple((one, tried[one].rms) for one in sorted(likely, key=lambda one: tried[one].rms)[:RANKED])
 
 
 def unexplained_structure(
@@ -45,7 +50,8 @@ def unexplained_structure(
 ) -> UnexplainedStructure:
     """Tries free functions on what the selected effects leave. `weigh`: relative weights of the rows."""
     linear, fit = selection.steps[0].fit, selection.steps[-1].fit
-    free = _select_free(functions, fit, weigh)
+    in_sample = _squares(functions, fit, weigh)
+    free = _select_free(in_sample, fit, weigh)
     spurious: dict[str, str] = {}
     if free:
         names = {name for function in free for name in function.covariates}
@@ -60,7 +66,7 @@ def unexplained_structure(
             without = linear.beside(*others, *among)
             if not improves_prediction(without.explain(scored.projected), without.now, linear.now):
                 spurious[scored.name] = free[0].name
-    return UnexplainedStructure(tuple(free), spurious, tuple(functions), fit, weigh)
+    return UnexplainedStructure(tuple(free), spurious, in_sample, fit, weigh)
 
 
 def _projected(functions: Sequence[FreeFunction], fit: LinearisedFit, weigh: RowWeights) -> ColumnSets:
@@ -83,26 +89,29 @@ def _explained(
     }
 
 
-def _promising(functions: Sequence[FreeFunction], fit: LinearisedFit, weigh: RowWeights) -> list[FreeFunction]:
-    """The functions that save enough in the sample to save it, perhaps, of what is held out."""
-    most = fit.now.in_sample * (1.0 - PROMISING * (1.0 - (1.0 - MIN_FREE_GAIN) ** 2))
-    found = []
-    for own in _by_place(functions):
-        left = fit.residual_squares([weigh(one.columns) for one in own])
-        found += [one for one, squares in zip(own, left.tolist(), strict=True) if squares < most]
-    return found
+def _squares(functions: Sequence[FreeFunction], fit: LinearisedFit, weigh: RowWeights) -> dict[FreeFunction, float]:
+    """Residual sum of squares (m²) that each function alone would leave in the sample."""
+    return {
+        one: squares
+        for own in _by_place(functions)
+        for one, squares in zip(own, fit.residual_squares([weigh(f.columns) for f in own]).tolist(), strict=True)
+    }
 
 
-def _select_free(functions: Sequence[FreeFunction], fit: LinearisedFit, weigh: RowWeights) -> list[FreeFunction]:
-    """Forward selection of functions outside the catalogue while one saves enough, all at the place of the first."""
+def _select_free(in_sample: Mapping[FreeFunction, float], fit: LinearisedFit, weigh: RowWeights) -> list[FreeFunction]:
+    """Forward selection of functions outside the catalogue while one saves enough, all at the place of the first.
+
+    Cross-validated are those that save enough in the sample to save it, perhaps, of what is held out.
+    """
     chosen: list[FreeFunction] = []
-    left = [one for one in functions if not one.in_catalogue]
+    left = {one: squares for one, squares in in_sample.items() if not one.in_catalogue}
     while len(chosen) < MAX_FREE_FUNCTIONS:
-        tried = _explained(_promising(left, fit, weigh), fit, weigh)
+        most = fit.now.in_sample * (1.0 - PROMISING * (1.0 - (1.0 - MIN_FREE_GAIN) ** 2))
+        tried = _explained([one for one, squares in left.items() if squares < most], fit, weigh)
         best = min(tried, key=lambda one: tried[one].rms, default=None)
         if best is None or not predicts_better(tried[best].held_out, fit.now.held_out, MIN_FREE_GAIN):
             break
         chosen.append(best)
-        left = [one for one in left if one is not best and one.place == best.place]
         fit = fit.beside(_projected([best], fit, weigh))
+        left = _squares([one for one in left if one is not best and one.place == best.place], fit, weigh)
     return chosen
