@@ -65,9 +65,9 @@ def score_candidates(
     Args:
         weigh: relative weights of the rows.
     """
-    detectable, undetectable = [], []
-    for number, trial in enumerate(_at_best_shapes(found, linear, weigh)):
-        moved = float(np.linalg.norm(trial.columns))
+    detectable, kept, undetectable = [], [], []
+    for number, (trial, columns) in enumerate(_at_best_shapes(found, linear, weigh)):
+        moved = float(np.linalg.norm(columns))
         p_value = 1.0
         if trial.rank:
             p_value = f_test_p_value(linear.now.in_sample, trial.in_sample, trial.rank, linear.degrees_of_freedom)
@@ -78,8 +78,11 @@ def score_candidates(
             undetectable.append((trial.candidate.effect, f"{size} beyond what the fitted parameters already explain"))
         else:
             detectable.append((trial, p_value))
+            kept.append(columns)
         progress(number + 1, 2 * len(found))
-    sets = linear.in_folds(*side_by_side([trial.columns for trial, _ in detectable], len(linear.residual)))
+    together = side_by_side(kept, len(linear.residual))
+    kept.clear()  # of thousands of poses they are large
+    sets = linear.in_folds(*together)
     scored = []
     for (trial, p_value), projected, alone in zip(detectable, sets, linear.explain_each(sets), strict=True):
         added, why_not = linear.pose_by_pose(projected.columns @ alone.theta), _implausible(trial.candidate, alone)
@@ -90,19 +93,21 @@ def score_candidates(
 
 @dataclass(frozen=True, eq=False)
 class _Trial:
-    """A candidate at the shape at which it explains most in the sample: its columns (R N, m) without what the fitted
-    parameters explain, their rank, and the residual sum of squares that they leave (m²)."""
+    """A candidate at the shape at which it explains most in the sample: the rank of its columns without what the fitted
+    parameters explain, and the residual sum of squares that they leave (m²)."""
 
     candidate: Candidate
     size: int
     shape: tuple[float, ...]
-    columns: Array
     rank: int
     in_sample: float
 
 
-def _at_best_shapes(found: Sequence[Candidate], linear: LinearisedFit, weigh: RowWeights) -> Iterator[_Trial]:
-    """Every candidate at its best shape; `AT_ONCE` columns or more are projected together."""
+def _at_best_shapes(
+    found: Sequence[Candidate], linear: LinearisedFit, weigh: RowWeights
+) -> Iterator[tuple[_Trial, Array]]:
+    """Every candidate at its best shape, and its columns (R N, m) without what the fitted parameters explain; `AT_ONCE`
+    columns or more are projected together."""
     ends = np.cumsum([len(one.rows) * len(one.shapes) for one in found])
     for number in np.unique(ends // AT_ONCE):
         together = [one for one, end in zip(found, ends, strict=True) if end // AT_ONCE == number]
@@ -115,7 +120,7 @@ def _at_best_shapes(found: Sequence[Candidate], linear: LinearisedFit, weigh: Ro
         columns, place = linear.residualised((every[row] for row in best), stacks), columns_of(stacks)
         for row, own in zip(best, (columns[:, place[i]].copy("F") for i in range(len(best))), strict=True):
             (one, shape), rank = shapes[row], projected_rank(own, every[row])
-            yield _Trial(acting[row], len(one.rows), shape, own, rank, float(left[row]))
+            yield _Trial(acting[row], len(one.rows), shape, rank, float(left[row])), own
 
 
 def _implausible(candidate: Candidate, alone: LinearEstimate) -> str:
