@@ -25,7 +25,8 @@ from lrm_math.arm.pulse_rounding import Rounding
 from lrm_math.arm.servo_table import PwmClock
 from lrm_math.arrays import Array
 from lrm_math.effects import CATALOGUE, effects_at
-from lrm_math.ik.answer import AT_LIMIT, CalibratedReply, NotConverged, Solved
+from lrm_math.ik.answer import CalibratedReply, NotConverged, Solved
+from lrm_math.ik.branch import AT_LIMIT
 from lrm_math.ik.calibrated import CalibratedSolver
 from lrm_math.ik.calibrated_arm import Method
 from lrm_math.ik.cube import Cube

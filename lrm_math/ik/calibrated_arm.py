@@ -15,7 +15,8 @@ import numpy as np
 from lrm_math.arm.arm import BASE, TOOL, Arm, Joint, Placement
 from lrm_math.arrays import Array
 from lrm_math.errors import LrmError
-from lrm_math.ik.answer import AT_LIMIT, Branch, IkSolutions, Nearest, NotConverged, distinct
+from lrm_math.ik.answer import Nearest, NotConverged
+from lrm_math.ik.branch import AT_LIMIT, Branch, IkSolutions, distinct
 from lrm_math.ik.goal import IkQuery
 from lrm_math.ik.kernel.kernel_model import matrices
 from lrm_math.ik.kernel.shared_library import kernel

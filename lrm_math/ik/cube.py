@@ -11,7 +11,7 @@ import numpy as np
 
 from lrm_math.arrays import Array
 from lrm_math.errors import LrmError
-from lrm_math.ik.answer import IkSolutions
+from lrm_math.ik.branch import IkSolutions
 from lrm_math.ik.calibrated_arm import CalibratedArm, commands, initial_guesses
 from lrm_math.ik.goal import IkQuery
 from lrm_math.ik.kernel.kernel_model import frames_as_numbers, matrices

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from lrm_math.ik.answer import IkSolutions
+from lrm_math.ik.branch import IkSolutions
 from lrm_math.ik.calibrated_arm import CalibratedArm, commands
 from lrm_math.ik.goal import IkQuery
 

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lrm_math.ik.answer import IkSolutions, NotConverged
+from lrm_math.ik.answer import NotConverged
+from lrm_math.ik.branch import IkSolutions
 from lrm_math.ik.calibrated_arm import CalibratedArm, initial_guesses
 from lrm_math.ik.goal import IkQuery, pose
 

@@ -15,7 +15,8 @@ from lrm_math.arm.arm import Arm
 from lrm_math.arm.joint_limits import checked_angles
 from lrm_math.arrays import Array, Vector3
 from lrm_math.errors import LrmError
-from lrm_math.ik.answer import Branch, IkVerdict, Nearest, NominalAnswer, distinct
+from lrm_math.ik.answer import IkVerdict, Nearest, NominalAnswer
+from lrm_math.ik.branch import Branch, distinct
 from lrm_math.ik.goal import Goal, pose
 from lrm_math.ik.kernel.kernel_model import frames_as_numbers, goal_numbers
 from lrm_math.ik.kernel.shared_library import kernel

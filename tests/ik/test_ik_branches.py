@@ -8,7 +8,7 @@ from hypothesis import given, settings
 
 from lrm_math.arm.arm import Arm
 from lrm_math.effects import effects_at
-from lrm_math.ik.answer import IkSolutions
+from lrm_math.ik.branch import IkSolutions
 from lrm_math.ik.calibrated import CalibratedSolver
 from lrm_math.ik.direct import Direct
 from lrm_math.ik.goal import CHAR_LENGTH, Goal, IkQuery

@@ -11,7 +11,8 @@ from lrm_math.arrays import Array
 from lrm_math.effects import effects_at
 from lrm_math.effects.field.residual_field import BEYOND, ResidualField
 from lrm_math.effects.measured_range import MeasuredRange
-from lrm_math.ik.answer import IkSolutions, Solved
+from lrm_math.ik.answer import Solved
+from lrm_math.ik.branch import IkSolutions
 from lrm_math.ik.calibrated import CalibratedSolver
 from lrm_math.ik.cube import Cube
 from lrm_math.ik.direct import Direct
