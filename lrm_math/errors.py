@@ -75,7 +75,8 @@ def name_suggestion(name: str, valid: Sequence[str]) -> str:
 
     Names that differ in a number only are in no way closer than others of the list.
     """
-    numbered = [other for other in valid if _without_digits(other) == _without_digits(name)]
+    bare = _without_digits(name)
+    numbered = [other for other in valid if _without_digits(other) == bare]
     others = [other for other in valid if len(valid) > 12 or other not in numbered]
     close = difflib.get_close_matches(name, others, n=3, cutoff=0.6)
     if close:

@@ -5,6 +5,8 @@ from __future__ import annotations
 import re
 import tomllib
 from collections.abc import Mapping
+from functools import partial
+from itertools import islice
 from pathlib import Path
 from typing import Any, TypeVar, get_args
 
@@ -12,8 +14,8 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 
 from lrm_math.errors import FileError, name_suggestion
 
-LARGEST = 32 << 20
-"""Bytes of a file that are read: a device has no end."""
+LARGEST, PIECE = 32 << 20, 1 << 16
+"""Bytes of a file that are read, since a device has no end; and at once, since a read reserves what it asks for."""
 TABLES = (".csv", ".tsv", ".txt", ".xlsx", ".xls")
 OTHER_ORDER = "do the arguments stand in another order?"
 DEPTH = 32
@@ -35,11 +37,16 @@ def read_toml(path: Path, schema: type[S]) -> S:
     return validate(path, parse_toml(path), schema)
 
 
+def bounded_content(path: Path) -> bytes:
+    """The bytes of a file; of a longer one than `LARGEST` a little more than so many. Raises `OSError`."""
+    with path.open("rb") as file:
+        return b"".join(islice(iter(partial(file.read, PIECE), b""), LARGEST // PIECE + 1))
+
+
 def parse_toml(path: Path) -> dict[str, Any]:
     """The raw tables of a TOML file. Raises `FileError` if it cannot be read or parsed."""
     try:
-        with path.open("rb") as file:
-            content = file.read(LARGEST + 1)
+        content = bounded_content(path)
         if len(content) > LARGEST:
             raise FileError(path, "", f"more than {LARGEST >> 20} MB", "files of tables are shorter")
         text = content.decode()

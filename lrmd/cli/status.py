@@ -5,11 +5,11 @@ from __future__ import annotations
 import argparse
 import sys
 import threading
-from pathlib import Path
 
-from lrm_math.errors import FileError, LrmError
+from lrm_math.errors import LrmError
 from lrmd.cli import text
 from lrmd.cli.parsing import open_rover
+from lrmd.client.model_text import text_to_deploy
 from lrmd.messages.control import Event
 
 
@@ -54,7 +54,7 @@ def deploy(o: argparse.Namespace) -> int:
     """`lrm deploy`: gives the daemon a model file, or takes the last one back."""
     if (o.model is None) == (not o.undo):
         raise LrmError("deploy: give a model file, or --undo")
-    text_of_file = None if o.model is None else _read(o.model)
+    text_of_file = None if o.model is None else text_to_deploy(o.model)
     with open_rover(o) as rover:
         before = rover.info().model_sha256
         reply = rover.undeploy() if text_of_file is None else rover.deploy(text_of_file)
@@ -65,13 +65,6 @@ def deploy(o: argparse.Namespace) -> int:
         if reply.field is not None:
             print(text.field_text(reply.field))
     return 0
-
-
-def _read(path: Path) -> str:
-    try:
-        return path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        raise FileError(path, "", f"cannot be read ({error})") from None
 
 
 def reload(o: argparse.Namespace) -> int:

@@ -15,7 +15,7 @@ from lrm_math.model.covariance import Covariance
 from lrm_math.model.model import Model, model_of
 from lrm_math.model.model_file import ModelFile, arm_of, covariance_of, to_model
 from lrm_math.model.uncertainty import FieldCoverage, field_coverage
-from lrm_math.toml_file import LARGEST, read_toml
+from lrm_math.toml_file import bounded_content, read_toml
 from lrmd.config import Config
 from lrmd.persistence.deployed_models import active_model, was_deployed
 from lrmd.ramp.shared_memory import NOMINAL
@@ -74,9 +74,10 @@ def _named_arm(config: Config, path: Path, name: str) -> Arm:
     """The arm of a text that came over zenoh: a path would tell its sender which files exist. Raises `FileError`."""
     if name == config.arm.name:
         return config.arm
-    shipped = shipped_arms()
-    if name not in shipped:
-        raise FileError(path, "arm", f"{name[:64]!r} is no arm of this daemon's", f"valid: {', '.join(shipped)}")
+    if name not in shipped_arms():
+        raise FileError(
+            path, "arm", f"{name[:64]!r} is no arm of this daemon's", f"this daemon drives {config.arm.name}"
+        )
     return load_arm(name)
 
 
@@ -88,7 +89,6 @@ def digest_of(config: Config) -> bytes:
 
 def _content(path: Path) -> bytes:
     try:
-        with path.open("rb") as file:
-            return file.read(LARGEST)
+        return bounded_content(path)
     except OSError as error:
         raise FileError(path, "model", error.strerror or "cannot be read") from None

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import stat
+import tracemalloc
 from pathlib import Path
 
 import pytest
@@ -14,6 +15,7 @@ from lrm_math.atomic_file import write_atomically
 from lrm_math.errors import FileError, LrmError
 from lrm_math.number_list import parse_numbers
 from lrm_math.text_file import read_json, read_utf8
+from lrm_math.toml_file import LARGEST, PIECE, bounded_content, parse_toml
 
 
 def test_write_keeps_the_mode_of_a_file_that_was_there(tmp_path: Path) -> None:
@@ -79,3 +81,18 @@ def test_a_wrong_count_or_a_value_that_is_no_number_is_refused(numbers: list[flo
         return
     with pytest.raises(LrmError, match=r"--q .*: should be three"):
         parse_numbers("--q", ",".join(map(repr, numbers)), "three numbers", count)
+
+
+def test_a_small_file_takes_little_memory_to_read(tmp_path: Path) -> None:
+    path = tmp_path / "model.toml"
+    path.write_bytes(b"a = 1\n")
+    tracemalloc.start()
+    try:
+        assert parse_toml(path) == {"a": 1}
+        assert tracemalloc.get_traced_memory()[1] < 1 << 20
+    finally:
+        tracemalloc.stop()
+
+
+def test_a_device_without_an_end_is_read_to_the_largest_size_only() -> None:
+    assert LARGEST < len(bounded_content(Path("/dev/zero"))) <= LARGEST + PIECE
