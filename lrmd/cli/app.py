@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import os
 import re
 import sys
 from collections.abc import Callable
@@ -34,11 +35,16 @@ pulsing. Angles: 30, 30deg or 0.5rad.
 
 
 def main(argv: list[str] | None = None) -> int:
-    """Runs one command. Exit code 0; 1 if a motion did not reach its goal; 2 on any other error."""
+    """Runs one command. Exit code 0; 1 if a motion did not reach its goal or nobody reads on; 2 on any other error."""
     options = parser().parse_args(argv)
     try:
         with field_named():
-            return int(options.run(options))
+            code = int(options.run(options))
+        sys.stdout.flush()
+        return code
+    except BrokenPipeError:  # the reader has gone, as `head` does; what is still in the buffer goes nowhere
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 1
     except LrmError as error:
         print(f"lrm: {error}", file=sys.stderr)
         return 1 if isinstance(error, MotionInterrupted) else 2

@@ -2,16 +2,22 @@
 
 from __future__ import annotations
 
+import signal
 import subprocess
 import sys
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 from lrm_math.errors import LrmError
 from lrmd.config import Config
+from lrmd.ramp.parent import die_with_parent
+
+ENDS_WITH_US = partial(die_with_parent, signal.SIGTERM)
+"""Run in the child: a daemon that is killed leaves no board behind, as a process of nobody's."""
 
 
 @contextmanager
@@ -23,7 +29,7 @@ def simulated_board(config: Config, speed: float = 1.0, *options: str) -> Iterat
         port = Path(folder) / "board"
         command = [sys.executable, "-m", "lrmd.sim.process", "--link", str(port), "--arm", config.arm_file]
         command += ["--channels", channels, "--speed", str(speed), "--osc-hz", str(config.link.oscillator_hz), *options]
-        board = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+        board = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, preexec_fn=ENDS_WITH_US)
         try:
             if board.stdout is None or not board.stdout.readline():
                 raise LrmError(f"the simulated board ended with exit code {board.wait()}")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -423,3 +424,16 @@ def test_documents_use_commands_that_exist() -> None:
                 app.parser().parse_args(words[1:])
                 seen += 1
     assert seen
+
+
+@pytest.mark.usefixtures("daemon")
+@pytest.mark.parametrize("command", ["state", "info"])
+def test_a_reader_that_has_gone_is_no_fault(
+    command: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    reads, writes = os.pipe()
+    os.close(reads)
+    with open(writes, "w", encoding="utf-8") as nobody:
+        monkeypatch.setattr(sys, "stdout", nobody)
+        assert app.main([command]) == 1
+    assert capsys.readouterr().err == ""
