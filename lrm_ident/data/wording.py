@@ -57,6 +57,17 @@ def fall(before: float, after: float) -> str:
     return f"from {before * 1e3:.{places}f} to {after * 1e3:.{places}f}"
 
 
+def change_words(before: float, after: float) -> str:
+    """`fell from 9.40 to 1.76 mm (81 % less)`, or `rose … more`: an error (m) after a step, beside that before it."""
+    verb, what = ("fell", "less") if after <= before else ("rose", "more")
+    return f"{verb} {fall(before, after)} mm ({in_percent(abs(1.0 - after / before))} % {what})"
+
+
+def poses_words(numbers: Sequence[int]) -> str:
+    """`pose 7`, or `poses 7, 12`."""
+    return f"pose{'s' if len(numbers) > 1 else ''} {', '.join(map(str, numbers))}"
+
+
 def in_minutes(seconds: float) -> str:
     """A rough time in words."""
     if seconds < 90.0:

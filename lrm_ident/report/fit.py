@@ -9,7 +9,7 @@ import numpy as np
 from lrm_ident.data import wording
 from lrm_ident.data.error_stats import ErrorStats, error_stats
 from lrm_ident.data.measurements import Measurements
-from lrm_ident.data.wording import decimals, fall, in_mm, in_percent
+from lrm_ident.data.wording import change_words, decimals, in_mm, in_percent
 from lrm_ident.fitting.identifiability import UnidentifiableParameter, lost_to_outliers
 from lrm_ident.fitting.levenberg_marquardt import Fit
 from lrm_ident.report.document import Block, Document, ResultTable, heading, section
@@ -62,7 +62,7 @@ def fit_document(
     how = fit_words(fit.loss.name, data.left_out)
     unseen = "" if held_out is None else f"; on poses that it never saw it is {in_mm(held_out.rms)} mm"
     blocks = [
-        heading(f"The RMS error fell {fall(before, fitted)} mm ({in_percent(1 - fitted / before)} % less){unseen}."),
+        heading(f"The RMS error {change_words(before, fitted)}{unseen}."),
         *([heading(DAMPED)] if fit.damped else []),
         *error_blocks(errors, f"{len(data)} poses, {len(model.free)} parameters{how and '; ' + how}"),
         *section(IMPLAUSIBLE, _implausible(model)),

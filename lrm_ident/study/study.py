@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.notebook import NotebookPage, ShownInNotebook
 from lrm_ident.data.weights.model_error import model_error_words
+from lrm_ident.data.wording import poses_words
 from lrm_ident.fitting.effect_plugins import Catalogue
 from lrm_ident.fitting.identifiability import fit_identifiable
 from lrm_ident.fitting.loss import SQUARED, Loss
@@ -129,7 +130,7 @@ class Study(ModelOnData, ShownInNotebook):
         found = screened or own.screen()
         shape = next((one.shape for one in found.scored if (one.name,) == tuple(effect.name for effect in added)), None)
         fitted = add_effects(own.model, found.data, added, shape, own.loss)
-        left_out = f"outliers, left out: poses {', '.join(map(str, found.outliers))}"
+        left_out = f"outliers, left out: {poses_words(found.outliers)}"
         notices = (*own.notices, left_out) if found.outliers else own.notices
         then = replace(own, data=found.data, notices=notices)
         rivals = found.rivals([one.name for one in added])

@@ -8,7 +8,7 @@ from collections.abc import Collection, Iterator, Sequence
 
 import numpy as np
 
-from lrm_ident.data.wording import enumerate_words, in_mm, in_percent, p_words
+from lrm_ident.data.wording import enumerate_words, in_mm, in_percent, p_words, poses_words
 from lrm_ident.diagnosis.diagnose import Diagnosis
 from lrm_ident.diagnosis.diagnosis_report import DiagnosisReport, RankedCandidate
 from lrm_ident.diagnosis.inject_recover import InjectionTrial
@@ -100,7 +100,7 @@ def _blocks(report: DiagnosisReport) -> list[Block]:
         lines = (f"{in_words(function.name)} would leave {in_mm(rms)} mm held out" for function, rms in ranking)
         blocks += section("\nIts anatomy: what it acts like, and what that follows", lines)
     if found.outliers:
-        blocks.append(f"\nOutliers, left out: poses {', '.join(map(str, found.outliers))}")
+        blocks.append(f"\nOutliers, left out: {poses_words(found.outliers)}")
     blocks += [f"{one.sentence[0].upper()}{one.sentence[1:]}." for one in found.shifted]
     blocks += section("\nHints that are no effects", map(in_words, report.hints))
     blocks += section("\nWhat these data cannot show", report.limitations)

@@ -6,7 +6,16 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from lrm_ident.data.wording import fall, in_minutes, in_percent, p_words, quantity, with_error
+from lrm_ident.data.wording import (
+    change_words,
+    fall,
+    in_minutes,
+    in_percent,
+    p_words,
+    poses_words,
+    quantity,
+    with_error,
+)
 from lrm_math.plausibility import far_from_typical
 
 
@@ -55,3 +64,16 @@ def test_a_p_value_is_never_said_to_be_zero(p_value: float) -> None:
     assert float(number) > 0.0
     assert relation == ("=" if p_value >= 1e-15 else "<")
     assert relation == "<" or abs(float(number) - p_value) <= 0.5 * p_value
+
+
+@given(st.floats(1e-6, 0.1), st.floats(1e-6, 0.1))
+def test_an_error_falls_to_less_and_rises_to_more(before: float, after: float) -> None:
+    words = change_words(before, after)
+    assert words.startswith("rose" if after > before else "fell")
+    assert words.endswith("% more)" if after > before else "% less)")
+    assert "-" not in words.partition("(")[2].replace("e-", "")
+
+
+@given(st.lists(st.integers(1, 999), min_size=1))
+def test_one_pose_is_no_poses(numbers: list[int]) -> None:
+    assert poses_words(numbers).split(" ")[0] == ("pose" if len(numbers) == 1 else "poses")
