@@ -94,7 +94,7 @@ def measure(
         order = CampaignOrder(link.drive, track, tracker, numbers, link.arm, link.name, timing, changer, _say, show)
         with resumable(f"What is measured is in {output}; the same command goes on"):
             result = run(order, plan, output, goal)
-    _conclude(result, len(plan.poses) if goal is None else None, output)
+    conclude(result, len(plan.poses) if goal is None else None, output)
 
 
 def photo_poses(
@@ -136,7 +136,10 @@ def _length(text: str) -> float:
     return float(found[1]) * LENGTH_UNITS[found[2]]
 
 
-def _conclude(result: CampaignResult, total: int | None, output: Path) -> None:
+def conclude(result: CampaignResult, total: int | None, output: Path) -> None:
+    """Says what was measured, and which poses were not. Raises `LrmError` if none was."""
+    if result.failed and len(result.failed) == total:
+        raise LrmError(f"no pose was measured; {next(iter(result.failed.values()))}")
     for number, why in result.failed.items():
         show(f"not measured: pose {number}: {why}")
     again = f"; {result.repeated} unfit rests were repeated" if result.repeated else ""
