@@ -70,7 +70,8 @@ def design_document(task: DesignProblem, offer: CandidateSet, found: PoseDesign)
         _error_table(found),
         *map(in_words, gains),
         f"To measure: {len(found.poses)} poses, {repeats} of them again (repeat_of), in random order; come to each "
-        "from the side in the column approach: +1 from smaller angles, -1 from larger ones, every joint.",
+        "from the side in the column approach: +1 from smaller angles, -1 from larger ones, every joint that its "
+        "limits let.",
     ]
     values = {
         "candidates": len(offer.poses),
