@@ -14,11 +14,13 @@ from typer import Option, Typer
 from lrm_ident.cli.app import app
 from lrm_ident.cli.arguments import CompanionFiles
 from lrm_ident.data.atomic_write import check_outputs, is_something_else
+from lrm_ident.report.plots.style import check_format
 from lrm_math.errors import LrmError
 from lrm_math.model.reading import Reading
 
 OUTPUTS = {"output": "-o", "json": "--json", "figure": "--figure", "cross_figure": "--cross-figure"}
 """Parameters of commands that name files to be written; `arguments.CompanionFiles` says what is written beside them."""
+FIGURES = ("figure", "cross_figure")
 READING_OPTIONS: dict[str, Any] = {
     "unit": Option("--unit", help="Unit of the positions: mm, m, cm, um or inch. Default: as the columns' names say."),
     "angle_unit": Option("--angle-unit", help="Unit of the joint angles: deg or rad. Default: as the names say."),
@@ -74,6 +76,8 @@ def _checked(function: Callable[..., None]) -> Callable[..., None]:
             values["reading"] = stated_reading({name: values.pop(name) for name in READING_OPTIONS})
         appended = {option for name, option in OUTPUTS.items() if name in beside and beside[name].appended}
         check_outputs(_outputs(values, beside), _inputs(values), appended)
+        for figure in (values[name] for name in FIGURES if values.get(name) is not None):
+            check_format(figure)
         function(**values)
 
     run.__signature__ = signature.replace(parameters=shown)  # type: ignore[attr-defined]

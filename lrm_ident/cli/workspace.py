@@ -19,7 +19,6 @@ from lrm_ident.design.workspace.orientation_grid import rotations
 from lrm_ident.design.workspace.presets import default_study
 from lrm_ident.design.workspace.voxel_grid import grid_around, parse_area
 from lrm_ident.fitting.progress import OnProgress
-from lrm_ident.report.plots.style import check_format
 from lrm_ident.report.plots.workspace import draw_reach
 from lrm_ident.report.workspace import AS_IT_IS, VariantComparison, reach_document
 from lrm_math.arm.arm_file import MM, load_arm
@@ -69,8 +68,6 @@ def reach(
 
     Every orientation in every cell of a grid goes through the inverse kinematics of the nominal arm.
     """
-    if figure:
-        check_format(figure)
     the_arm = load_arm(arm)
     usual = default_study(the_arm.name)
     changed = _given_or_default(variants, usual.variants)

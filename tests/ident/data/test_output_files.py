@@ -70,3 +70,16 @@ def test_a_model_beside_its_data_is_not_taken_for_metadata(tmp_path: Path) -> No
     stdout_of("fit", data, "--arm", "lrm-lab", "--parameters", "option3", "-o", model)
     assert "option" not in stdout_of("compare", model, data, "--json", tmp_path / "c.json")
     stdout_of("fit", data, "--arm", "lrm-lab", "--parameters", "option3", "-o", model)
+
+
+def test_the_format_of_a_figure_is_checked_before_anything_is_read(tmp_path: Path) -> None:
+    none = tmp_path / "none"
+    for words in (
+        ["compare", none, none],
+        ["diagnose", none, none],
+        ["arm", "show", none],
+        ["reach", none],
+        ["design", none, "-n", "9", "-o", tmp_path / "o.csv"],
+    ):
+        said = stderr_of(*words, "--figure", tmp_path / "why.gif")
+        assert "cannot draw a .gif file; one of .png, .svg, .pdf" in said
