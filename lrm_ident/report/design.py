@@ -19,6 +19,9 @@ from lrm_math.effects import Effect
 from lrm_math.model.model import Model
 
 WORST_SHOWN = 8
+TOO_FEW = (
+    "{} poses are too few for a fit by themselves: it takes as many distinct ones as it keeps parameters, here {}."
+)
 
 
 def choice_document(model: Model, found: PoseSelection, data: Measurements) -> Document:
@@ -62,6 +65,7 @@ def choice_document(model: Model, found: PoseSelection, data: Measurements) -> D
 def design_document(task: DesignProblem, offer: CandidateSet, found: PoseDesign) -> Document:
     """Result of `lrm-ident design`, schema `lrm/design/1`; its figure shows expected errors and detectable sizes."""
     repeats, gains = len(found.poses) - len(found.rows), list(_gains(task, found))
+    together = len(found.rows) + (0 if task.measured is None else len(task.measured))
     title = f"{len(found.rows)} poses, {len(found.keys)} parameters"
     blocks: list[Block] = [
         f"Candidates: {offer.description}.",
@@ -72,6 +76,7 @@ def design_document(task: DesignProblem, offer: CandidateSet, found: PoseDesign)
         f"To measure: {len(found.poses)} poses, {repeats} of them again (repeat_of), in random order; come to each "
         "from the side in the column approach: +1 from smaller angles, -1 from larger ones, every joint that its "
         "limits let.",
+        *([TOO_FEW.format(together, len(found.keys))] if together < len(found.keys) else []),
     ]
     values = {
         "candidates": len(offer.poses),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from dataclasses import replace
 from pathlib import Path
 from typing import cast
@@ -255,6 +256,14 @@ def test_the_commands_and_their_files(tmp_path: Path, lab: Arm) -> None:
     more = tmp_path / "more.csv"
     stdout_of("design", "lrm-lab", "--poses", poses, "--have", poses, "-n", "3", "--repeats", "0", "-o", more)
     assert read_csv(more, ["pose"]).numbers("pose").tolist() == [36, 37, 38]
+
+
+@pytest.mark.parametrize("count", [6, 40])
+def test_fewer_poses_than_a_fit_takes_are_said_to_be_too_few(tmp_path: Path, count: int) -> None:
+    said = stdout_of("design", "two-joint", "--levels", "9", "-n", count, "-o", tmp_path / "next.csv")
+    title = re.search(r"^(\d+) poses, (\d+) parameters", said, re.MULTILINE)
+    assert title is not None
+    assert ("too few for a fit" in said) == (int(title[1]) < int(title[2]))
 
 
 @pytest.mark.slow
