@@ -63,6 +63,7 @@ class ConfirmedDiagnosis:
         refit: with the first supported effect; None if nothing is supported.
         supported: effects that are there as far as these data show, the one to add first.
         refused: for each one whose refit did not confirm it, why.
+        refuted: whether one of them was refitted: what these poses cannot tell from the model says nothing.
     """
 
     diagnosis: Diagnosis
@@ -70,6 +71,7 @@ class ConfirmedDiagnosis:
     refit: Refit | None
     supported: tuple[ScoredCandidate, ...]
     refused: Mapping[str, str]
+    refuted: bool = False
 
     @property
     def held_out(self) -> Array:
@@ -101,7 +103,7 @@ class ConfirmedDiagnosis:
         """The diagnosis's, unless the effect describes, or what was selected does not lower the held-out error when
         refitted: that is structure. Beside no more than a known noise without structure it is none."""
         verdict = self.diagnosis.verdict
-        if self.refused and not self.supported and verdict != "nothing_missing":
+        if self.refuted and not self.supported and verdict != "nothing_missing":
             return "unexplained_structure"
         return "effect_describes" if self.describes else verdict
 
@@ -127,13 +129,14 @@ def confirm(
         blocks = blocks_of_fit(diagnosis.fit, diagnosis.data)
     reasons = dict.fromkeys(refused, "a model with it could not be gone on with")
     now = select_without(diagnosis, reasons) if refused else diagnosis
-    promised, of = 0.0, ""
+    promised, of, refuted = 0.0, "", bool(refused)
     while now.supported and len(reasons) < MOST_REFUSED:
         scored = now.supported[0]
         on_progress(f"refitting with {scored.name}")
         trial = _tried(now, scored, blocks)
         if trial.refit and _share_saved(squared(trial.refit.blocks), squared(blocks)) >= EQUIVALENT_GAIN * promised:
             return ConfirmedDiagnosis(now, blocks, trial.refit, now.supported, reasons)
+        refuted |= trial.fitted
         reasons[scored.name] = trial.objection or f"it saves far less than {of} promised, which its refit refused"
         if trial.refit:
             break
@@ -141,7 +144,7 @@ def confirm(
             saved = _share_saved(scored.alone.held_out, now.squared_held_out)
             promised, of = max((promised, of), (saved, scored.name))
         now = select_without(now, reasons)
-    return ConfirmedDiagnosis(now, blocks, None, (), reasons)
+    return ConfirmedDiagnosis(now, blocks, None, (), reasons, refuted)
 
 
 @dataclass(frozen=True, eq=False)

@@ -56,7 +56,8 @@ def noise_floor(data: Measurements, rest: Equilibrium) -> NoiseFloor:
     and Smith 1998, section 2.1), else from the file, else unknown.
 
     A pose that is repeated from the other side, or under another load, does not repeat what friction and springs add:
-    what the model at `rest` knows of that is no noise.
+    what the model at `rest` knows of that is no noise. Where all repeat others to the last digit they were copied, and
+    say nothing of it.
     """
     alone = data.distance is not None and not len(data.positions)
     measured = data.distance[:, None] if alone and data.distance is not None else data.tcp
@@ -66,7 +67,7 @@ def noise_floor(data: Measurements, rest: Equilibrium) -> NoiseFloor:
     rows = np.flatnonzero(~np.isnan(measured[:, 0]))
     numbers, count = np.unique(data.repeat_of[rows], return_counts=True)
     repeats = [rows[data.repeat_of[rows] == number] for number in numbers[count > 1]]
-    if repeats:
+    if any(np.ptp(measured[rows], axis=0).any() for rows in repeats):
         squares = sum(float(((left[rows] - left[rows].mean(axis=0)) ** 2).sum()) for rows in repeats)
         degrees_of_freedom = axes * sum(len(rows) - 1 for rows in repeats)
         return NoiseFloor(float(np.sqrt(squares / degrees_of_freedom)), "replicates", axes, degrees_of_freedom)

@@ -19,6 +19,7 @@ from lrm_ident.data.measurement_file.load import load_measurements, load_poses
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.diagnosis.add_effect import add_effects
 from lrm_ident.diagnosis.auto import run_auto
+from lrm_ident.diagnosis.confirm import confirm
 from lrm_ident.diagnosis.diagnose import Diagnosis, diagnose
 from lrm_ident.diagnosis.diagnosis_report import DiagnosisReport, build_report
 from lrm_ident.diagnosis.inject_recover import InjectionPlan, detectable_effects, run_trials
@@ -266,6 +267,22 @@ def test_a_floor_from_few_replicates_is_uncertain_itself() -> None:
     assert NoiseFloor(1.0, "replicates", degrees_of_freedom=freedom).p_value(2.0, freedom) == 1.0  # repeats alone
 
 
+@pytest.mark.slow
+def test_what_cannot_be_refitted_is_no_structure(
+    diagnosed: Callable[[str], Diagnosis], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Poses that cannot tell an effect from the model say nothing for or against it."""
+
+    def not_told(*_: object) -> None:
+        raise LrmError("these poses cannot tell it from what the model has already")
+
+    monkeypatch.setattr("lrm_ident.diagnosis.confirm.add_effects", not_told)
+    found = confirm(diagnosed("play2"))
+    assert found.refused
+    assert not found.supported
+    assert found.verdict == found.diagnosis.verdict
+
+
 def test_noise_floor_comes_from_repeats_first(lab: Arm, tmp_path: Path) -> None:
     data = case_data("nothing", tmp_path, lab, 60)
     rest = equilibrium(model_of(lab, ()), data.poses)
@@ -278,6 +295,8 @@ def test_noise_floor_comes_from_repeats_first(lab: Arm, tmp_path: Path) -> None:
     assert floor.source == "replicates"
     assert floor.sd == pytest.approx(5e-4, rel=0.1)
     assert noise_floor(replace(data, noise_sd=None), rest).sd is None
+    copied = replace(again, pose=np.arange(180) + 1, repeat_of=rows + 1)
+    assert noise_floor(copied, rest.take(rows)).source == "metadata", "copies to the last digit are no repeats"
 
 
 def test_what_friction_does_to_repeats_is_no_noise(lab: Arm) -> None:
