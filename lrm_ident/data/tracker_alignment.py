@@ -12,10 +12,11 @@ from pathlib import Path
 
 import numpy as np
 
-from lrm_ident.data.csv_table import ANGLE, CsvTable, KnownColumns, columns_of_joints, read_numbers
+from lrm_ident.data.measurement_file.commanded_poses import read_angles
+from lrm_ident.data.measurement_file.known_columns import angles_of
+from lrm_ident.data.measurement_file.number_table import checked_numbers, parse_numbers
 from lrm_ident.data.measurement_file.write import csv_text
-from lrm_ident.data.pose_table import read_angles
-from lrm_ident.data.table_text.csv_dialect import read_csv
+from lrm_ident.data.table_text.csv_file import CsvTable, read_csv
 from lrm_ident.data.weights.rotations import rotation_matrix
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_file import MM
@@ -108,13 +109,13 @@ def measurements_from(path: Path, arm: Arm, deviation: Array) -> tuple[str, Trac
 
     Raises `FileError`: naming file, line and column of the first fault.
     """
-    angles = columns_of_joints(ANGLE, arm.dof)
-    table = read_csv(path, ["pose", *angles, *BASE, *ORIENTATION, *TCP])
+    angles = angles_of(arm)
+    table = read_csv(path, ["pose", *angles.columns, *BASE, *ORIENTATION, *TCP])
     tracked = _tracked(table, least=1)
-    read_angles(read_numbers(table, KnownColumns(angles, together={angles: ""})), arm)
+    read_angles(checked_numbers(parse_numbers(table, [angles])), arm)
     tcp = (tracked.in_base() - deviation) / MM
     columns = [("pose", table.numbers("pose"), 0)]
     columns += [(name, table.numbers(name), 3) for name in OPTIONAL if name in table.header]
-    columns += [(name, table.numbers(name), 6) for name in angles]
+    columns += [(name, table.numbers(name), 6) for name in angles.columns]
     columns += [(name, tcp[:, i], 4) for i, name in enumerate(("x_mm", "y_mm", "z_mm"))]
     return csv_text(columns), tracked

@@ -9,22 +9,32 @@ from pathlib import Path
 import numpy as np
 
 from lrm_ident.data.apply_reading import motion_of
-from lrm_ident.data.csv_table import (
-    ANGLE,
-    FEEDBACK,
-    KnownColumns,
-    NumberTable,
+from lrm_ident.data.measurement_file.column_names import (
     column_notices,
-    columns_of_joints,
-    read_numbers,
+    joint_table,
+    read_measurement_table,
+    stated_units,
+)
+from lrm_ident.data.measurement_file.commanded_poses import full_turns, numbered_rows, read_poses
+from lrm_ident.data.measurement_file.known_columns import (
+    DISTANCE,
+    KNOWN,
+    POSITION,
+    angles_of,
+    commanded_quantities,
+    feedback_of,
+    measured_quantities,
+)
+from lrm_ident.data.measurement_file.measured_columns import read_feedback, with_sensed
+from lrm_ident.data.measurement_file.metadata import NOTHING_STATED, metadata_of, sidecar_notices, start_angles
+from lrm_ident.data.measurement_file.number_table import (
+    NumberTable,
+    checked_numbers,
+    parse_numbers,
     without_bad_rows,
 )
-from lrm_ident.data.measurement_file.metadata import NOTHING_STATED, metadata_of, sidecar_notices, start_angles
 from lrm_ident.data.measurement_file.row_checks import row_notices, without_lost
-from lrm_ident.data.measurement_file.sensed_columns import DISTANCE, measured_columns, read_feedback, with_sensed
-from lrm_ident.data.measurement_table import POSITION, joint_table, read_measurement_table, stated_units
 from lrm_ident.data.measurements import Measurements
-from lrm_ident.data.pose_table import full_turns, numbered_rows, pose_columns, read_poses
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_file import MM
 from lrm_math.arrays import Array
@@ -45,33 +55,35 @@ def load_measurements(path: Path, arm: Arm, reading: Reading = AS_NAMED, usual: 
     how = reading.over(metadata).over(usual)
     named = read_measurement_table(path, how, arm)
     tips = DISTANCE not in named.header or bool({*POSITION} & {*named.header})
-    ordered, units = joint_table(named, arm, how, POSITION if tips else ()), stated_units(named)
-    known, start = measured_columns(arm, named.header), start_angles(path, metadata, arm, how)
-    turn, shift = motion_of(how)
-    columns = column_notices(named, known)
-    cells = without_bad_rows(ordered, known, how.bad_rows == "skip")
-    table = read_numbers(cells, known)
+    ordered = joint_table(named, arm, how, POSITION if tips else ())
+    known, start = measured_quantities(arm, named.header), start_angles(path, metadata, arm, how)
+    table = checked_numbers(without_bad_rows(parse_numbers(ordered, known), how.bad_rows == "skip"))
     pose, repeat_of = numbered_rows(table)
     data = Measurements(
         poses=read_poses(table, arm, how, start),
         pose=pose,
-        tcp=table.together[POSITION] * MM if tips else np.full((len(table), 3), np.nan),
+        tcp=table["position"] if tips else np.full((len(table), 3), np.nan),
         sd=None,
         noise_sd=None if metadata.noise_sd_mm is None else metadata.noise_sd_mm * MM,
         repeat_of=repeat_of,
         path=path,
-        sha256=cells.sha256,
-        notices=(*columns, *beside, *cells.notices, *row_notices(table, arm, metadata)),
+        sha256=table.cells.sha256,
+        notices=(
+            *column_notices(named, known),
+            *beside,
+            *table.cells.notices,
+            *row_notices(table, arm, metadata),
+        ),
         arm=arm,
         arm_name=metadata.arm or None,
         reading=how,
-        stated=Reading(**{**units, **how.said()}),
+        stated=Reading(**{**stated_units(named), **how.said()}),
     )
-    sensed = with_sensed(data, table, metadata)
+    sensed = without_lost(with_sensed(data, table, metadata))
+    turn, shift = motion_of(how)
     if np.linalg.det(turn) < 0 and sensed.attitude is not None:
         raise FileError(path, "", "an orientation in a mirrored frame", "no rotation does that; check --axes")
-    placed = sensed.turned(turn, shift)
-    return without_lost(placed, table) if tips else placed
+    return sensed.turned(turn, shift)
 
 
 def load_poses(file: str | Path, arm: Arm, reading: Reading = AS_NAMED) -> Poses:
@@ -88,10 +100,11 @@ def load_poses(file: str | Path, arm: Arm, reading: Reading = AS_NAMED) -> Poses
 def load_pose_table(
     path: Path, arm: Arm, reading: Reading = AS_NAMED, more: Collection[str] = ()
 ) -> tuple[Poses, NumberTable]:
-    """Poses as `load_poses` reads them, and their table, with the columns `more` as far as they are there."""
-    how, known = reading.over(metadata_of(path)), pose_columns(arm)
+    """Poses as `load_poses` reads them, and their table, with the quantities `more` as far as they are there."""
+    how = reading.over(metadata_of(path))
+    known = (*commanded_quantities(arm), *(replace(q, may_be_empty=False) for q in KNOWN if q.name in more))
     cells = joint_table(read_measurement_table(path, how, arm), arm, how)
-    table = read_numbers(cells, replace(known, names={*known.names, *more}))
+    table = checked_numbers(parse_numbers(cells, known))
     return read_poses(table, arm, how), table
 
 
@@ -107,8 +120,6 @@ def read_pose_feedback(path: Path, arm: Arm) -> tuple[Array | None, float | None
     """
     metadata = metadata_of(path) or NOTHING_STATED
     how = AS_NAMED.over(metadata)
-    angles, feedback = (columns_of_joints(form, arm.dof) for form in (ANGLE, FEEDBACK))
-    known = KnownColumns({*feedback, *angles}, feedback, {angles: "", feedback: ""})
-    table = read_numbers(joint_table(read_measurement_table(path, how, arm), arm, how), known)
-    q, _ = full_turns(np.radians(table.together[angles]), arm)
-    return read_feedback(table, q), metadata.feedback_sd_deg
+    cells = joint_table(read_measurement_table(path, how, arm), arm, how)
+    table = checked_numbers(parse_numbers(cells, (angles_of(arm), feedback_of(arm))))
+    return read_feedback(table, full_turns(table["angles"], arm)[0]), metadata.feedback_sd_deg

@@ -10,7 +10,7 @@ from pydantic import Field, FiniteFloat
 
 from lrm_ident.data.apply_reading import read_joints
 from lrm_ident.data.atomic_write import is_something_else
-from lrm_ident.data.csv_table import PLAUSIBLE
+from lrm_ident.data.measurement_file.known_columns import SD, TURN_SD
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_file import load_arm, shipped_arms
 from lrm_math.arrays import Array
@@ -41,6 +41,7 @@ class Metadata(Reading):
     power_ons: list[str] = []
 
 
+PLAUSIBLE = {"noise_sd_mm": SD, "distance_sd_mm": SD, "feedback_sd_deg": TURN_SD}
 NOTHING_STATED = Metadata(schema="lrm/measurements/1")
 """Metadata of a file that has none beside it."""
 

@@ -11,11 +11,10 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from lrm_ident.data.csv_table import ANGLE, NumberTable, columns_of_joints
+from lrm_ident.data.measurement_file.commanded_poses import after_gap, full_turns
 from lrm_ident.data.measurement_file.metadata import Metadata
-from lrm_ident.data.measurement_table import POSITION
+from lrm_ident.data.measurement_file.number_table import NumberTable
 from lrm_ident.data.measurements import Measurements
-from lrm_ident.data.pose_table import after_gap, full_turns
 from lrm_ident.data.wording import enumerate_words
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_file import MM
@@ -27,23 +26,22 @@ from lrm_math.model.model import model_of
 LISTED = 8
 FINEST = 1e-5
 """Share of the reach: no tracker that arms are measured with is so exact."""
-SAME_POSE = 1.0  # deg
+SAME_POSE = float(np.radians(1.0))
 MOVED = 0.05  # share of the reach
 
 
-def without_lost(data: Measurements, table: NumberTable) -> Measurements:
+def without_lost(data: Measurements) -> Measurements:
     """The measurements without positions that are exactly 0, 0, 0: a tracker writes them while it sees nothing.
 
     Raises `FileError` if all are.
     """
-    lost = (table.together[POSITION] == 0.0).all(axis=1)
+    lost = (data.tcp == 0.0).all(axis=1)
     if not lost.any():
         return data
     if lost.all():
         raise FileError(data.path, "", "every position is 0, 0, 0", "was the tracker on?")
     count = f"{int(lost.sum())} positions are exactly 0, 0, 0, as of a lost tracker"
-    words = f"{count}, and left out: {_poses(data.pose[lost])}"
-    return replace(data.without(data.pose[lost].tolist()), notices=(*data.notices, words))
+    return _left_out(data, lost, f"{count}, and left out")
 
 
 def without_frozen(arm: Arm, data: Measurements) -> Measurements:
@@ -55,15 +53,20 @@ def without_frozen(arm: Arm, data: Measurements) -> Measurements:
     away = np.linalg.norm(drawn[len(same) :] - drawn[: len(same)], axis=1) > MOVED * reach(arm)
     if not away.any():
         return data
-    frozen = data.pose[same[away]]
-    words = f"the position stands still while the arm moves, as of a frozen tracker; left out: {_poses(frozen)}"
-    return replace(data.without(frozen.tolist()), notices=(*data.notices, words))
+    words = "the position stands still while the arm moves, as of a frozen tracker; left out"
+    return _left_out(data, same[away], words)
+
+
+def _left_out(data: Measurements, rows: NDArray[np.int64] | NDArray[np.bool_], why: str) -> Measurements:
+    """The measurements without some rows, with a notice that says why and names their poses."""
+    gone = data.pose[rows]
+    return replace(data.without(gone.tolist()), notices=(*data.notices, f"{why}: {_poses(gone)}"))
 
 
 def row_notices(table: NumberTable, arm: Arm, metadata: Metadata) -> Iterator[str]:
     """Notices about the order, the repetitions and the stated noise of a file."""
     number = table.integers("pose")
-    if not any(name.startswith("approach") for name in table.columns):
+    if not any(name.startswith("approach") for name in table.quantities):
         gap = after_gap(number)
         if gap.any():
             yield (
@@ -74,13 +77,13 @@ def row_notices(table: NumberTable, arm: Arm, metadata: Metadata) -> Iterator[st
             yield "the pose numbers do not ascend: the rows are taken to be in the order measured"
     yield from _turns(table, arm)
     yield from _times(table, number)
-    yield from _repetitions(table, arm, number)
+    yield from _repetitions(table, number)
     yield from _noise(table, arm, metadata)
 
 
 def _turns(table: NumberTable, arm: Arm) -> Iterator[str]:
     """Angles that were read a full turn away, as those of a file that counts from 0 to 360 deg."""
-    stated = np.radians(table.together[columns_of_joints(ANGLE, arm.dof)])
+    stated = table["angles"]
     q, turned = full_turns(stated, arm)
     for joint in np.flatnonzero(turned.any(axis=0)).tolist():
         row = int(np.argmax(turned[:, joint]))
@@ -91,21 +94,22 @@ def _turns(table: NumberTable, arm: Arm) -> Iterator[str]:
 
 
 def _times(table: NumberTable, number: NDArray[np.int64]) -> Iterator[str]:
-    if "t_s" not in table:
+    t, session = table.column("t"), table.column("session")
+    if t is None:
         return
-    t, session = table.columns["t_s"], table.columns.get("session", np.zeros(len(table)))
-    back = np.concatenate([[False], (np.diff(t) < 0) & (np.diff(session) == 0)])
+    same_session = True if session is None else np.diff(session) == 0
+    back = np.concatenate([[False], (np.diff(t) < 0) & same_session])
     if back.any():
         yield f"t_s runs backwards at {_poses(number[back])}: are the rows in the order measured?"
 
 
-def _repetitions(table: NumberTable, arm: Arm, number: NDArray[np.int64]) -> Iterator[str]:
+def _repetitions(table: NumberTable, number: NDArray[np.int64]) -> Iterator[str]:
     """Repetitions that were commanded elsewhere than what they repeat."""
-    if "repeat_of" not in table:
+    stated = table.column("repeat_of")
+    if stated is None:
         return
-    q, first = table.together[columns_of_joints(ANGLE, arm.dof)], {int(pose): row for row, pose in enumerate(number)}
-    stated = np.nan_to_num(table.columns["repeat_of"], nan=-1.0)
-    of = [first.get(int(pose), row) for row, pose in enumerate(stated)]
+    q, first = table["angles"], {int(pose): row for row, pose in enumerate(number)}
+    of = [first.get(int(pose), row) for row, pose in enumerate(np.nan_to_num(stated, nan=-1.0))]
     away = np.abs(q - q[of]).max(axis=1) > SAME_POSE
     if away.any():
         yield f"repeat_of: {_poses(number[away])} is not commanded where the pose is that it repeats"
@@ -113,8 +117,8 @@ def _repetitions(table: NumberTable, arm: Arm, number: NDArray[np.int64]) -> Ite
 
 def _noise(table: NumberTable, arm: Arm, metadata: Metadata) -> Iterator[str]:
     """A standard deviation smaller than that of any tracker."""
-    stated = table.columns.get("sd_mm", np.array([metadata.noise_sd_mm or np.nan]))
-    name, usual = "sd_mm" if "sd_mm" in table else "noise_sd_mm", float(np.median(stated))
+    sd, noise = table.column("sd"), metadata.noise_sd_mm or np.nan
+    name, usual = ("noise_sd_mm", noise) if sd is None else ("sd_mm", float(np.median(sd)) / MM)
     if 0.0 < usual < FINEST * reach(arm) / MM:
         yield f"{name} is {usual:.3g} mm: no tracker is so exact; were it in metres, it would be {usual * 1e3:.3g} mm"
 

@@ -9,17 +9,16 @@ from itertools import combinations_with_replacement
 import numpy as np
 import tomli_w
 
-from lrm_ident.data.measurement_file.sensed_columns import (
+from lrm_ident.data.measurement_file.commanded_poses import after_gap
+from lrm_ident.data.measurement_file.known_columns import (
     CROSS_COVARIANCE,
     DEG,
     DISTANCE,
-    DISTANCE_SD,
     POSITION_COVARIANCE,
     QUATERNION,
     TURN_COVARIANCE,
 )
 from lrm_ident.data.measurements import Measurements
-from lrm_ident.data.pose_table import after_gap
 from lrm_ident.data.weights.rotations import quaternions
 from lrm_math.arm.arm_file import GRAM, MM
 from lrm_math.arrays import Array
@@ -77,7 +76,7 @@ def _scatter_columns(data: Measurements) -> list[tuple[str, Array, int]]:
     if data.distance is not None:
         out.append((DISTANCE, data.distance / MM, 6))
         if data.distance_sd is not None:
-            out.append((DISTANCE_SD, data.distance_sd / MM, 6))
+            out.append(("distance_sd_mm", data.distance_sd / MM, 6))
     return out
 
 

@@ -14,11 +14,11 @@ from pathlib import Path
 import numpy as np
 
 from lrm_ident.data.apply_reading import frame_table, motion_of, rigid_motion
+from lrm_ident.data.measurement_file.commanded_poses import BeyondLimits
+from lrm_ident.data.measurement_file.known_columns import QUATERNION
 from lrm_ident.data.measurement_file.load import load_measurements
 from lrm_ident.data.measurement_file.row_checks import without_frozen
-from lrm_ident.data.measurement_file.sensed_columns import QUATERNION
 from lrm_ident.data.measurements import Measurements
-from lrm_ident.data.pose_table import BeyondLimits
 from lrm_ident.data.registration.hypotheses import Hypothesis
 from lrm_ident.data.registration.reading_check import ReadingCheck, Scored, check_reading, compared_rows, registered
 from lrm_ident.data.registration.row_choice import spaced_rows

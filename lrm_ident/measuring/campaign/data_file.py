@@ -17,7 +17,7 @@ import tomli_w
 from lrm_ident.data.atomic_write import write_text
 from lrm_ident.data.measurement_file.metadata import Metadata
 from lrm_ident.data.measurement_file.write import metadata_toml
-from lrm_ident.data.table_text.csv_dialect import read_table
+from lrm_ident.data.table_text.csv_file import read_table
 from lrm_ident.measuring.campaign.plan import PlannedPose
 from lrm_ident.measuring.tracker.dwell import RestMean
 from lrm_math.arm.arm_file import GRAM, MM

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from lrm_ident.data.table_text.csv_dialect import read_text
+from lrm_ident.data.table_text.file_text import read_text
 from lrm_math.arrays import Array
 from lrm_math.errors import FileError
 
@@ -17,7 +17,7 @@ Cells = list[list[str]]
 
 def read_cells(path: Path) -> Cells:
     """All lines, empty ones as one empty cell, without spaces around; semicolons or commas. Raises `FileError`."""
-    text = read_text(path)
+    text = read_text(path).text
     delimiter = ";" if text.count(";") > text.count(",") else ","
     try:
         rows = list(csv.reader(text.splitlines(), delimiter=delimiter))

@@ -128,8 +128,8 @@ def _driven(path: Path, arm: Arm) -> DrivenPoses:
         number, q = read_mat_poses(path, arm.dof)
         return DrivenPoses(number, q, np.zeros(len(q)), number)
     poses, table = load_pose_table(path, arm, more=["repeat_of"])
-    number = table.columns["pose"]
-    return DrivenPoses(number, poses.q, poses.payload, table.columns.get("repeat_of", number))
+    number = table["pose"][:, 0]
+    return DrivenPoses(number, poses.q, poses.payload, table["repeat_of"][:, 0] if "repeat_of" in table else number)
 
 
 def _one_each(source: Path, driven: DrivenPoses, order: RecordingOrder) -> ImportedRows:

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import scipy.io
 
-from lrm_ident.data.table_text.csv_dialect import read_text
+from lrm_ident.data.table_text.file_text import read_text
 from lrm_math.arm.arm_file import MM
 from lrm_math.arrays import Array
 from lrm_math.errors import FileError
@@ -61,7 +61,7 @@ def _only(path: Path, columns: int) -> Array:
 
 def _text_rows(path: Path, columns: int) -> Array:
     rows = []
-    for number, line in enumerate(read_text(path).splitlines(), start=1):
+    for number, line in enumerate(read_text(path).text.splitlines(), start=1):
         if not line.strip():
             continue
         try:

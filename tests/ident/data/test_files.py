@@ -11,10 +11,10 @@ import tomli_w
 from hypothesis import given
 from hypothesis import strategies as st
 
+from lrm_ident.data.measurement_file.commanded_poses import directions
 from lrm_ident.data.measurement_file.load import load_measurements, load_poses, read_pose_feedback
 from lrm_ident.data.measurement_file.write import csv_text, measurements_csv
 from lrm_ident.data.measurements import Measurements
-from lrm_ident.data.pose_table import directions
 from lrm_ident.study.model_history import model_text
 from lrm_math.arm.arm import Arm, Placement
 from lrm_math.arm.arm_file import ArmFile, load_arm, read_arm, shipped_arms
@@ -166,7 +166,7 @@ def test_measurement_files(
 
 @given(st.lists(st.tuples(finite, finite), min_size=1, max_size=20))
 def test_tables_keep_their_digits(tmp_path_factory: pytest.TempPathFactory, rows: list[tuple[float, float]]) -> None:
-    from lrm_ident.data.table_text.csv_dialect import read_csv
+    from lrm_ident.data.table_text.csv_file import read_csv
 
     columns = np.array(rows)
     path = tmp_path_factory.mktemp("table") / "t.csv"

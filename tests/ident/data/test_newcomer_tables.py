@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 from lrm_ident.data.measurement_file.load import load_measurements
 from lrm_ident.data.registration.checked import Misread, load_checked
-from lrm_ident.data.table_text.csv_dialect import read_text
+from lrm_ident.data.table_text.file_text import read_text
 from lrm_ident.data.table_text.workbook import sheet_text
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_file import load_arm, read_arm
@@ -124,7 +124,7 @@ def test_latin_1_is_read_and_said(tmp_path: Path, lab: Arm) -> None:
     data = load_measurements(path, lab)
     np.testing.assert_allclose(np.degrees(data.poses.q), [row[1:7] for row in ROWS], atol=1e-9)
     assert any("Latin-1" in notice for notice in data.notices)
-    assert "°" in read_text(path)
+    assert "°" in read_text(path).text
 
 
 @pytest.mark.parametrize("brackets", ["{}", "[{}]", "({})"])

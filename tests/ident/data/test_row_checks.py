@@ -11,10 +11,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from lrm_ident.data.measurement_file.commanded_poses import after_gap, directions
 from lrm_ident.data.measurement_file.load import load_measurements
 from lrm_ident.data.measurement_file.write import csv_text, measurements_csv
 from lrm_ident.data.measurements import Measurements
-from lrm_ident.data.pose_table import after_gap, directions
 from lrm_ident.data.registration.checked import load_checked
 from lrm_ident.data.weights.model_error import additional_sd, with_model_error
 from lrm_ident.data.weights.rotations import quaternions

@@ -10,8 +10,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from lrm_ident.data.measurement_file.column_names import column_name
 from lrm_ident.data.measurement_file.load import load_measurements, load_poses
-from lrm_ident.data.measurement_table import column_name
 from lrm_math.arm.arm import Arm
 from lrm_math.errors import FileError
 

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
-from lrm_ident.data.pose_table import directions
+from lrm_ident.data.measurement_file.commanded_poses import directions
 from lrm_math.arm.arm import Arm
 from lrm_math.effects import effects_at
 from lrm_math.effects.friction import TRAVELS_DEG, friction_states

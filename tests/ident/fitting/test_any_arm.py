@@ -11,8 +11,8 @@ from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 
 from lrm_ident.data.error_stats import error_stats
+from lrm_ident.data.measurement_file.commanded_poses import directions
 from lrm_ident.data.measurements import Measurements
-from lrm_ident.data.pose_table import directions
 from lrm_ident.diagnosis.diagnose import diagnose
 from lrm_ident.fitting.loss import SQUARED
 from lrm_ident.fitting.model_fit import fit_model, nominal_model

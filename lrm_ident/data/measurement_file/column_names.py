@@ -12,14 +12,22 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from lrm_ident.data.apply_reading import ANGLE_UNITS, LENGTH_UNITS
-from lrm_ident.data.csv_table import ANGLE, FEEDBACK, SIDE, Column, CsvTable, columns_of_joints, require
-from lrm_ident.data.table_text.csv_dialect import read_table
+from lrm_ident.data.measurement_file.known_columns import (
+    ALIASES,
+    ANGLE,
+    DISTANCE,
+    FEEDBACK,
+    POSITION,
+    SIDE,
+    PoseQuantity,
+    columns_of_joints,
+)
+from lrm_ident.data.table_text.csv_file import Column, CsvTable, read_table, require
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_file import MM
 from lrm_math.errors import FileError
 from lrm_math.model.reading import AS_NAMED, Reading
 
-POSITION = ("x_mm", "y_mm", "z_mm")
 NO_UNIT = ("-", "1", "#")
 """Cells of a row of units below columns that have none."""
 ANGLES = re.compile(r"q(\d+)_deg")
@@ -36,12 +44,11 @@ UNIT_WORDS = {
 }  # fmt: skip
 FACTORS = {
     "mm": {unit: metres / LENGTH_UNITS["mm"] for unit, metres in LENGTH_UNITS.items()},
-    "deg": {"deg": 1.0, "rad": ANGLE_UNITS["rad"] / ANGLE_UNITS["deg"]},
+    "deg": {unit: radians / ANGLE_UNITS["deg"] for unit, radians in ANGLE_UNITS.items()},
     "g": {"g": 1.0, "kg": 1e3},
     "s": {"s": 1.0},
     "c": {"c": 1.0},
     "v": {"v": 1.0},
-    "": {},
 }
 """File units of our own columns, and what other units are in them."""
 
@@ -51,21 +58,6 @@ JOINT = re.compile(
 COORDINATE = re.compile(
     r"(?:(?:tcp|tool|ee|eef|pos|position|p|meas|measured|target|tracker)+)?([xyz])(?:tcp|tool|pos|meas|measured)?"
 )
-OTHERS = {
-    "pose": ("pose", "nr", "no", "num", "number", "index", "idx", "id", "posenumber", "poseid", "posenr", "sample"),
-    "t_s": ("t", "time", "timestamp"),
-    "session": ("session",),
-    "payload_g": ("payload", "load", "mass"),
-    "temp_c": ("temp", "temperature"),
-    "supply_v": ("supply", "voltage"),
-    "sd_mm": ("sd", "std", "sigma"),
-    "distance_mm": ("distance", "dist", "wire", "string", "ballbar"),
-    "distance_sd_mm": ("distancesd",),
-    "repeat_of": ("repeatof", "repeat"),
-    "approach": ("approach", "direction"),
-    "qw": ("qw",), "qx": ("qx",), "qy": ("qy",), "qz": ("qz",),
-}  # fmt: skip
-ALIASES = {alias: name for name, aliases in OTHERS.items() for alias in aliases}
 
 
 @dataclass(frozen=True)
@@ -86,13 +78,14 @@ def read_measurement_table(path: Path, how: Reading = AS_NAMED, arm: Arm | None 
     Raises `FileError`: two columns that are the same by name.
     """
     joints = [] if arm is None else [joint.name for joint in arm.joints]
-    table = _named(_with_units(read_table(path), joints), joints)
-    if "q0_deg" in table.header:
-        table = replace(table, columns=tuple(_from_one(column) for column in table.columns))
-    if "pose" not in table.header:
+    table = _with_units(read_table(path), joints)
+    names = _our_names(table, joints)
+    first = 0 if any(known.name == "q0_deg" for known in names) else 1
+    columns = tuple(_as_said(known, stated, how, first) for known, stated in zip(names, table.header, strict=True))
+    if all(column.name != "pose" for column in columns):
         rows = tuple((str(number), *row) for number, row in enumerate(table.rows, start=1))
-        table = replace(table, columns=(Column("pose", "pose"), *table.columns), rows=rows)
-    return replace(table, columns=tuple(_in_unit(column, how) for column in table.columns))
+        return replace(table, columns=(Column("pose", "pose"), *columns), rows=rows)
+    return replace(table, columns=columns)
 
 
 def stated_units(table: CsvTable) -> dict[str, str]:
@@ -103,65 +96,82 @@ def stated_units(table: CsvTable) -> dict[str, str]:
     return {"unit": lengths[factors.get("x_mm", 1.0)], "angle_unit": turns[factors.get("q1_deg", 1.0)]}
 
 
+def column_notices(table: CsvTable, known: Sequence[PoseQuantity]) -> list[str]:
+    """Columns that are not used, and those that are read under another name or in another unit."""
+    names = {name for quantity in known for name in quantity.columns}
+    unknown = [name for name in table.header if name and name not in names]
+    notices = [f"columns not used: {', '.join(unknown)}"] if unknown else []
+    taken = [
+        f"{own.name} = '{own.stated}'" + ("" if own.factor == 1.0 else f" times {own.factor:.6g}")
+        for own in table.columns
+        if own.name in names
+        and own.name != own.stated
+        and (own.factor != 1.0 or not own.stated.lower().startswith(own.name))
+    ]
+    return [*notices, f"read as: {', '.join(taken)}"] if taken else notices
+
+
 def joint_table(named: CsvTable, arm: Arm, how: Reading, more: Sequence[str] = ()) -> CsvTable:
     """The table with the angles of the arm's joints, in their order and with their signs, and `more` columns.
 
     Raises `FileError`: one of these is missing, no rows, or the file or the reading has another number of joints.
     """
-    return _in_joint_order(require(named, [*_joint_columns(named, arm, how), *more]), how)
-
-
-def _joint_columns(table: CsvTable, arm: Arm, how: Reading) -> tuple[str, ...]:
-    """The columns of the arm's joints. Raises `FileError` if the file or the reading has another number of joints."""
     for name, values in (("joint_sign", how.joint_sign), ("joint_order", how.joint_order)):
         if values is not None and len(values) != arm.dof:
-            raise FileError(table.path, "", f"{name} has {len(values)} joints", f"{arm.name} has {arm.dof}")
-    stated, names = [name for name in table.header if ANGLES.fullmatch(name)], columns_of_joints(ANGLE, arm.dof)
+            raise FileError(named.path, "", f"{name} has {len(values)} joints", f"{arm.name} has {arm.dof}")
+    stated, names = [name for name in named.header if ANGLES.fullmatch(name)], columns_of_joints(ANGLE, arm.dof)
     if not {*stated} <= {*names}:
         what = f"{len(stated)} joints, {arm.name} has {arm.dof}"
-        raise FileError(table.path, "header", what, "is this another arm?")
-    return names
-
-
-def _in_joint_order(table: CsvTable, how: Reading) -> CsvTable:
-    """The table with the columns of joints named and signed as the arm has them."""
-    count = len(how.joint_order or how.joint_sign or ())
-    joints = zip(how.joint_order or range(1, count + 1), how.joint_sign or [1] * count, strict=True)
+        raise FileError(named.path, "header", what, "is this another arm?")
+    order, signs = how.joint_order or range(1, arm.dof + 1), how.joint_sign or [1] * arm.dof
     ours = {
         form.format(theirs): (form.format(number), sign)
-        for number, (theirs, sign) in enumerate(joints, start=1)
+        for number, (theirs, sign) in enumerate(zip(order, signs, strict=True), start=1)
         for form in (ANGLE, FEEDBACK, SIDE)
     }
+    table = require(named, [*names, *more])
+    found = [(column, *ours.get(column.name, (column.name, 1))) for column in table.columns]
+    return replace(
+        table, columns=tuple(Column(name, column.stated, column.factor * sign) for column, name, sign in found)
+    )
 
-    def ordered(column: Column) -> Column:
-        name, sign = ours.get(column.name, (column.name, 1))
-        return replace(column, name=name, factor=column.factor * sign)
 
-    return replace(table, columns=tuple(map(ordered, table.columns)))
+def _our_names(table: CsvTable, joints: Sequence[str]) -> list[ColumnName]:
+    """Our names of the columns, the file's own where they are not known; the joints' own count if all are there.
 
-
-def _named(table: CsvTable, joints: Sequence[str]) -> CsvTable:
-    """The table with our names of its columns; the joints' own names count if all of them are there."""
-    if not all(joints) or not {*joint_names(joints)} <= {words for name in table.header for words in bare_names(name)}:
+    Raises `FileError`: two columns that are the same by name.
+    """
+    if not all(joints) or not {*_names_of(joints)} <= {words for name in table.header for words in _bare_names(name)}:
         joints = ()
     found = [
         ColumnName(name) if _is_measured(name) or name == "pose" else column_name(name, joints) for name in table.header
     ]
     exact = {known.name for known, name in zip(found, table.header, strict=True) if known and known.name == name}
     same: defaultdict[str, list[str]] = defaultdict(list)
-    columns = []
+    names = []
     for known, name in zip(found, table.header, strict=True):
         if known is None or (name != known.name and known.name in exact and not _is_measured(known.name)):
-            columns.append(Column(name, name))
+            names.append(ColumnName(name))
         else:
-            columns.append(Column(known.name, name, known.factor))
+            names.append(known)
             same[known.name].append(name)
-    for ours, names in same.items():
-        if len(names) > 1:
-            twice = len(set(names)) == 1
-            which = f"column {names[0]} stands twice" if twice else f"{' and '.join(names)} are both {ours}"
+    for ours, theirs in same.items():
+        if len(theirs) > 1:
+            twice = len(set(theirs)) == 1
+            which = f"column {theirs[0]} stands twice" if twice else f"{' and '.join(theirs)} are both {ours}"
             raise FileError(table.path, f"header, line {table.header_line}", which, "leave one, or rename the other")
-    return replace(table, columns=tuple(columns))
+    return names
+
+
+def _as_said(known: ColumnName, stated: str, how: Reading, first: int) -> Column:
+    """A column in the unit that `how` states, joints numbered from 1; `first`: the number that they begin with."""
+    joint = ANGLES.fullmatch(known.name)
+    if joint:
+        factor = FACTORS["deg"][how.angle_unit] if how.angle_unit else known.factor
+        return Column(ANGLE.format(int(joint[1]) + 1 - first), stated, factor)
+    if how.unit and known.name in (*POSITION, DISTANCE):
+        return Column(known.name, stated, FACTORS["mm"][how.unit])
+    return Column(known.name, stated, known.factor)
 
 
 def _with_units(table: CsvTable, joints: Sequence[str]) -> CsvTable:
@@ -170,13 +180,13 @@ def _with_units(table: CsvTable, joints: Sequence[str]) -> CsvTable:
     Raises `FileError`: a name states another unit.
     """
     words = ["" if cell.strip("[]()") in NO_UNIT else cell for cell in table.rows[0]] if table.rows else []
-    units = [unit_word(word) for word in words]
+    units = [_unit_word(word) for word in words]
     if not any(units) or any(word and not unit for word, unit in zip(words, units, strict=True)):
         return table
     columns = []
     for name, unit in zip(table.header, units, strict=True):
         known = column_name(name, joints)
-        own = known.unit if known else unit_word(name.rpartition("_")[2])
+        own = known.unit if known else _unit_word(name.rpartition("_")[2])
         if unit and own and own != unit:
             right = "leave the row of units out, or correct it"
             raise FileError(table.path, f"line {table.lines[0]}, column {name}", f"its unit is stated as {unit}", right)
@@ -189,50 +199,35 @@ def _is_measured(name: str) -> bool:
     return name in POSITION or ANGLES.fullmatch(name) is not None
 
 
-def _from_one(column: Column) -> Column:
-    """A column of a joint that the file numbers from 0, numbered from 1; any other as it is."""
-    joint = ANGLES.fullmatch(column.name)
-    return replace(column, name=f"q{int(joint[1]) + 1}_deg") if joint else column
-
-
-def _in_unit(column: Column, how: Reading) -> Column:
-    """A column of a position or an angle in the unit that `how` states; any other as it is."""
-    if how.unit and column.name in (*POSITION, "distance_mm"):
-        return replace(column, factor=LENGTH_UNITS[how.unit] / MM)
-    if how.angle_unit and ANGLES.fullmatch(column.name):
-        return replace(column, factor=ANGLE_UNITS[how.angle_unit] / ANGLE_UNITS["deg"])
-    return column
-
-
 def column_name(text: str, joints: Sequence[str] = ()) -> ColumnName | None:
     """Meaning of a column of a measurement file; None if its name is not known, or its unit does not fit it.
 
     `joints`: names of an arm's joints, from the first on, as its own description has them.
     """
-    named = joint_names(joints)
+    named = _names_of(joints)
     for words, unit in _readings(text):
         name = named.get(words) or named.get(words.removesuffix("pos")) or _own_name(words)
         if name is None:
             continue
-        own = next((end for end in ("mm", "deg", "g", "s", "c", "v") if name.endswith(f"_{end}")), "")
         if unit is None:
             return ColumnName(name)
-        if unit in FACTORS[own]:
-            return ColumnName(name, FACTORS[own][unit], unit)
+        factors = FACTORS.get(name.rpartition("_")[2], {})
+        if unit in factors:
+            return ColumnName(name, factors[unit], unit)
     return None
 
 
-def unit_word(text: str) -> str | None:
+def _unit_word(text: str) -> str | None:
     """The unit that a cell names, bare or in brackets; None if it names none."""
     return UNIT_WORDS.get(text.strip().lower().strip("[]()"))
 
 
-def joint_names(joints: Sequence[str]) -> dict[str, str]:
+def _names_of(joints: Sequence[str]) -> dict[str, str]:
     """Our names of the columns of joints by the arm's own, squeezed."""
     return {_squeezed(name.lower()): f"q{number}_deg" for number, name in enumerate(joints, start=1)}
 
 
-def bare_names(text: str) -> Iterator[str]:
+def _bare_names(text: str) -> Iterator[str]:
     """Names that a column may have, without its unit and the word for a position."""
     for words, _ in _readings(text):
         yield from (words, words.removesuffix("pos"))
@@ -261,6 +256,4 @@ def _own_name(words: str) -> str | None:
     if joint:
         return f"q{int(joint[1])}_deg"
     position = COORDINATE.fullmatch(words)
-    if position:
-        return f"{position[1]}_mm"
-    return ALIASES.get(words)
+    return f"{position[1]}_mm" if position else ALIASES.get(words)

@@ -5,20 +5,15 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from lrm_ident.data.csv_table import ANGLE, SIDE, KnownColumns, NumberTable, columns_of_joints
+from lrm_ident.data.measurement_file.known_columns import SIDE, columns_of_joints
+from lrm_ident.data.measurement_file.number_table import NumberTable
 from lrm_math.arm.arm import Arm
-from lrm_math.arm.arm_file import GRAM
-from lrm_math.arm.plausible_arm import total_mass
 from lrm_math.arrays import Array
 from lrm_math.effects.friction import friction_states
 from lrm_math.errors import FileError
 from lrm_math.kinematics.poses import Poses
 from lrm_math.model.reading import Reading
-from lrm_math.plausibility import PlausibleSize, times
 
-LEAST_LOAD, MOST_LOAD = 1e-3, 10.0
-"""Loads over the mass of the arm."""
-NO_MASSES = (0.5, 1e5)  # g
 LIMIT_TOLERANCE = np.radians(1e-6)
 
 
@@ -26,33 +21,26 @@ class BeyondLimits(FileError):
     """A joint angle beyond the limits of the arm."""
 
 
-def pose_columns(arm: Arm) -> KnownColumns:
-    """Columns of commanded poses."""
-    angles, sides = (columns_of_joints(form, arm.dof) for form in (ANGLE, SIDE))
-    names = {*angles, *sides, "pose", "t_s", "session", "temp_c", "payload_g", "approach"}
-    return KnownColumns(names, together={angles: ""}, plausible={"payload_g": _payload(arm)})
-
-
 def read_poses(table: NumberTable, arm: Arm, how: Reading, start: Array | None = None) -> Poses:
     """The poses of a table, its joints in the arm's order and with its signs. Raises `FileError`.
 
     `start`: (n,), joint angles before the first one (rad).
     """
-    q, n = read_angles(table, arm), len(table)
-    moves = directions(q, start, after_gap(table.integers("pose")))
+    q, number, none = read_angles(table, arm), table.integers("pose"), np.zeros(len(table))
+    moves = directions(q, start, after_gap(number))
     sides = _approach(table, moves, how)
     straight = bool(np.all((sides == moves) | (moves == 0.0))) and "approach" not in table
-    t, session = table.columns.get("t_s"), table.columns.get("session")
+    t, session, payload = table.column("t"), table.column("session"), table.column("payload")
     return Poses(
         q=q,
-        payload=table.columns["payload_g"] * GRAM if "payload_g" in table else np.zeros(n),
+        payload=none if payload is None else payload,
         direction=sides,
         t=t,
         session=session,
-        temperature=table.columns.get("temp_c"),
-        number=table.integers("pose"),
+        temperature=table.column("temperature"),
+        number=number,
         friction=friction_states(q, moves, start) if straight else None,
-        running=None if t is None else _running(t, np.zeros(n) if session is None else session),
+        running=None if t is None else _running(t, none if session is None else session),
         sha256=table.cells.sha256,
     )
 
@@ -67,21 +55,14 @@ def numbered_rows(table: NumberTable) -> tuple[NDArray[np.int64], NDArray[np.int
         if first.setdefault(number, row) != row:
             what = f"pose {number} stands in line {table.cells.lines[first[number]]} already"
             right = "each row has its own number; name a repetition in the column repeat_of"
-            raise FileError(table.cells.path, table.cells.at(row, "pose"), what, right)
-    stated = table.columns.get("repeat_of", pose)
-    repeat = np.where(np.isnan(stated), pose, np.nan_to_num(stated)).astype(np.int64)
+            raise table.error(row, "pose", what, right)
+    stated = table.column("repeat_of")
+    repeat = pose if stated is None else np.where(np.isnan(stated), pose, np.nan_to_num(stated)).astype(np.int64)
     unknown = ~np.isin(repeat, pose)
     if unknown.any():
         row = int(np.argmax(unknown))
-        raise FileError(table.cells.path, table.cells.at(row, "repeat_of"), f"there is no pose {repeat[row]}")
+        raise table.error(row, "repeat_of", f"there is no pose {repeat[row]}")
     return pose, repeat
-
-
-def _payload(arm: Arm) -> PlausibleSize:
-    """Sizes that a load has on an arm: of one much lighter than the arm nothing can be seen, so zero says it better."""
-    mass = total_mass(arm) / GRAM
-    low, high = (LEAST_LOAD * mass, MOST_LOAD * mass) if mass else NO_MASSES
-    return PlausibleSize(f"load of {arm.name}", "g", low, high, times(kg=1e3, mg=1e-3))
 
 
 def _running(t: Array, session: Array) -> Array:
@@ -94,7 +75,7 @@ def _running(t: Array, session: Array) -> Array:
 
 def read_angles(table: NumberTable, arm: Arm) -> Array:
     """(N, n) joint angles (rad), all within the arm's limits, by a full turn if need be. Raises `BeyondLimits`."""
-    q = full_turns(np.radians(table.together[columns_of_joints(ANGLE, arm.dof)]), arm)[0]
+    q = full_turns(table["angles"], arm)[0]
     for i, joint in enumerate(arm.joints):
         outside = (q[:, i] < joint.lower - LIMIT_TOLERANCE) | (q[:, i] > joint.upper + LIMIT_TOLERANCE)
         if outside.any():
@@ -118,10 +99,8 @@ def _approach(table: NumberTable, moves: Array, how: Reading) -> Array:
     """(N, n), approach directions: the columns `approach1` … or `approach`, else the moves."""
     own = columns_of_joints(SIDE, moves.shape[1])
     if all(name in table for name in own):
-        return np.stack([table.columns[name] for name in own], axis=1)
-    if "approach" not in table:
-        return moves
-    return np.repeat(table.columns["approach"][:, None], moves.shape[1], axis=1) * (how.joint_sign or 1.0)
+        return np.concatenate([table[name] for name in own], axis=1)
+    return table["approach"] * (how.joint_sign or np.ones(len(own))) if "approach" in table else moves
 
 
 def after_gap(number: NDArray[np.int64]) -> NDArray[np.bool_]:

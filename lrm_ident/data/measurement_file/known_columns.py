@@ -1,0 +1,146 @@
+"""The columns of measurement files: other names that they may have, what their numbers can be, which go together."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from itertools import combinations_with_replacement
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lrm_math.arm.arm import Arm
+from lrm_math.arm.arm_file import GRAM, MM
+from lrm_math.arm.plausible_arm import total_mass
+from lrm_math.arrays import Array
+from lrm_math.plausibility import PlausibleSize, times
+
+DEG = float(np.radians(1.0))
+SI = {"mm": MM, "deg": DEG, "g": GRAM, "mm2": MM**2, "deg2": DEG**2, "mmdeg": MM * DEG}
+"""SI units in the units at the end of columns' names; numbers in others stay as they are."""
+ANGLE, FEEDBACK, SIDE = "q{}_deg", "q{}_meas_deg", "approach{}"
+"""Columns of each joint, by its number from 1."""
+AXES, TURNS = "xyz", "uvw"
+"""Coordinates of a pose's error: along x, y, z (mm), and the rotation vector about them (deg)."""
+POSITION = ("x_mm", "y_mm", "z_mm")
+QUATERNION = ("qw", "qx", "qy", "qz")
+DISTANCE = "distance_mm"
+POSITION_COVARIANCE = tuple(f"c{a}{b}_mm2" for a, b in combinations_with_replacement(AXES, 2))
+CROSS_COVARIANCE = tuple(f"c{a}{u}_mmdeg" for a in AXES for u in TURNS)
+TURN_COVARIANCE = tuple(f"c{u}{w}_deg2" for u, w in combinations_with_replacement(TURNS, 2))
+DATES = "seconds since the start, or dates as 2024-07-15T10:15:00"
+TIME = PlausibleSize("time since the start", "s", 0.0, 1e10, times(milliseconds=1e-3), DATES)
+TEMPERATURE = PlausibleSize("temperature", "degC", 0.0, 150.0, {"kelvin": (1.0, -273.15)})
+SUPPLY = PlausibleSize("supply voltage", "V", 0.5, 500.0, times(millivolts=1e-3))
+SD = PlausibleSize("standard deviation of a position", "mm", 0.0, 100.0, times(micrometres=1e-3))
+TURN_SD = PlausibleSize("standard deviation of an angle", "deg", 0.0, 45.0)
+LEAST_LOAD, MOST_LOAD = 1e-3, 10.0
+"""Loads over the mass of the arm."""
+NO_MASSES = (0.5, 1e5)  # g
+
+
+@dataclass(frozen=True)
+class NumberRule:
+    """A rule for numbers: which (N,) of them are `wrong`, `what` they are then, and what would be `right`."""
+
+    wrong: Callable[[Array], NDArray[np.bool_]]
+    what: str
+    right: str = ""
+
+
+ABOVE_ZERO = NumberRule(lambda values: values <= 0.0, "not above zero")
+NOT_BELOW_ZERO = NumberRule(lambda values: values < 0.0, "a negative load")
+WHOLE = NumberRule(lambda values: np.nan_to_num(values) % 1.0 != 0.0, "not a whole number")
+SIDES = NumberRule(lambda values: ~np.isin(values, (-1.0, 0.0, 1.0)), "not a side", "1, -1, or 0 if unknown")
+
+
+@dataclass(frozen=True)
+class PoseQuantity:
+    """A quantity of a pose as measurement files state it.
+
+    Attributes:
+        columns: all stated or none; a unit, if there is one, ends their names.
+        aliases: other names of its only column, without unit and signs.
+        rule, size: of the numbers of each column.
+        may_be_empty: whether cells may be. whole: whether a row then states all of them or none.
+        commanded: whether it says what was commanded; files of poses have these alone.
+    """
+
+    name: str
+    columns: tuple[str, ...]
+    aliases: tuple[str, ...] = ()
+    rule: NumberRule | None = None
+    size: PlausibleSize | None = None
+    may_be_empty: bool = False
+    whole: bool = False
+    commanded: bool = False
+
+    @property
+    def si(self) -> float:
+        """SI units in one unit of the columns."""
+        return SI.get(self.columns[0].rpartition("_")[2], 1.0)
+
+
+NUMBERS = ("nr", "no", "num", "number", "index", "idx", "id", "posenumber", "poseid", "posenr", "sample")
+LENGTHS = ("distance", "dist", "wire", "string", "ballbar")
+KNOWN = (
+    PoseQuantity("pose", ("pose",), NUMBERS, WHOLE, commanded=True),
+    PoseQuantity("t", ("t_s",), ("t", "time", "timestamp"), size=TIME, commanded=True),
+    PoseQuantity("session", ("session",), commanded=True),
+    PoseQuantity("temperature", ("temp_c",), ("temp", "temperature"), size=TEMPERATURE, commanded=True),
+    PoseQuantity("payload", ("payload_g",), ("payload", "load", "mass"), NOT_BELOW_ZERO, commanded=True),
+    PoseQuantity("approach", ("approach",), ("direction",), SIDES, commanded=True),
+    PoseQuantity("repeat_of", ("repeat_of",), ("repeatof", "repeat"), WHOLE, may_be_empty=True),
+    PoseQuantity("supply", ("supply_v",), ("supply", "voltage"), size=SUPPLY),
+    PoseQuantity("position", POSITION, whole=True),
+    PoseQuantity("sd", ("sd_mm",), ("sd", "std", "sigma"), ABOVE_ZERO, SD),
+    PoseQuantity("sd_per_axis", ("sx_mm", "sy_mm", "sz_mm"), (), ABOVE_ZERO, SD),
+    PoseQuantity("position_covariance", POSITION_COVARIANCE),
+    PoseQuantity("cross_covariance", CROSS_COVARIANCE),
+    PoseQuantity("turn_covariance", TURN_COVARIANCE),
+    PoseQuantity("turn_sd", ("srot_deg",), (), ABOVE_ZERO, TURN_SD),
+    PoseQuantity("quaternion", QUATERNION, may_be_empty=True, whole=True),
+    PoseQuantity("distance", (DISTANCE,), LENGTHS, ABOVE_ZERO, may_be_empty=True),
+    PoseQuantity("distance_sd", ("distance_sd_mm",), ("distancesd",), ABOVE_ZERO, SD),
+)
+"""All quantities but those of single joints."""
+ALIASES = {alias: known.columns[0] for known in KNOWN for alias in known.aliases} | {
+    column: column for known in KNOWN for column in known.columns if "_" not in column
+}
+"""Columns by the other names that they may have, and by their own where that has no unit."""
+
+
+def columns_of_joints(form: str, dof: int) -> tuple[str, ...]:
+    """The columns of one form, as `ANGLE`, of so many joints."""
+    return tuple(form.format(number) for number in range(1, dof + 1))
+
+
+def angles_of(arm: Arm) -> PoseQuantity:
+    """The angles of an arm's joints."""
+    return PoseQuantity("angles", columns_of_joints(ANGLE, arm.dof), commanded=True)
+
+
+def feedback_of(arm: Arm) -> PoseQuantity:
+    """The readings of an arm's encoders."""
+    return PoseQuantity("feedback", columns_of_joints(FEEDBACK, arm.dof), may_be_empty=True)
+
+
+def measured_quantities(arm: Arm, header: Sequence[str]) -> tuple[PoseQuantity, ...]:
+    """Quantities that a measurement file with this header states: beside a distance, a position may be empty."""
+    known = {quantity.name: quantity for quantity in KNOWN}
+    known["payload"] = replace(known["payload"], size=_load(arm))
+    known["position"] = replace(known["position"], may_be_empty=DISTANCE in header)
+    sides = (PoseQuantity(name, (name,), (), SIDES, commanded=True) for name in columns_of_joints(SIDE, arm.dof))
+    return (angles_of(arm), *sides, *known.values(), feedback_of(arm))
+
+
+def commanded_quantities(arm: Arm) -> tuple[PoseQuantity, ...]:
+    """Quantities that a file of poses states."""
+    return tuple(quantity for quantity in measured_quantities(arm, ()) if quantity.commanded)
+
+
+def _load(arm: Arm) -> PlausibleSize:
+    """Sizes that a load has on an arm: of one much lighter than the arm nothing can be seen, so zero says it better."""
+    mass = total_mass(arm) / GRAM
+    low, high = (LEAST_LOAD * mass, MOST_LOAD * mass) if mass else NO_MASSES
+    return PlausibleSize(f"load of {arm.name}", "g", low, high, times(kg=1e3, mg=1e-3))

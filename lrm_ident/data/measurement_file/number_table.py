@@ -1,0 +1,165 @@
+"""Known quantities of a table as numbers in SI units; errors name line and column.
+
+Cells of measurements that are no numbers are all named at once, or their rows are left out where that is asked for.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from datetime import datetime
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lrm_ident.data.measurement_file.known_columns import DATES, PoseQuantity
+from lrm_ident.data.table_text.csv_file import CsvTable
+from lrm_ident.data.wording import enumerate_words
+from lrm_math.arrays import Array
+from lrm_math.errors import FileError
+from lrm_math.plausibility import implausible_value
+
+LISTED = 8
+
+
+@dataclass(frozen=True, eq=False)
+class ParsedTable:
+    """Columns (N,) by name, in the units of their names, and (row, column, why) of every cell that is no number.
+
+    `cells`: where they come from. `known`: the quantities that were looked for.
+    """
+
+    cells: CsvTable
+    known: Sequence[PoseQuantity]
+    columns: Mapping[str, Array]
+    faults: tuple[tuple[int, str, str], ...]
+
+
+@dataclass(frozen=True, eq=False)
+class NumberTable:
+    """Quantities (N, k) of N poses by name, one column for each of theirs, SI; NaN where a cell is empty.
+
+    `cells`: where they come from.
+    """
+
+    cells: CsvTable
+    quantities: Mapping[str, Array]
+
+    def __len__(self) -> int:
+        return len(self.cells.rows)
+
+    def __contains__(self, name: str) -> bool:
+        return name in self.quantities
+
+    def __getitem__(self, name: str) -> Array:
+        return self.quantities[name]
+
+    def column(self, name: str) -> Array | None:
+        """(N,), a quantity that has one column; None if it is not stated."""
+        return self.quantities[name][:, 0] if name in self else None
+
+    def integers(self, name: str) -> NDArray[np.int64]:
+        """(N,), a quantity of one column of whole numbers."""
+        return self.quantities[name][:, 0].astype(np.int64)
+
+    def error(self, row: int, column: str, what: str, right: str = "") -> FileError:
+        """The error of a cell."""
+        return FileError(self.cells.path, self.cells.at(row, column), what, right)
+
+    def reject(self, bad: NDArray[np.bool_], column: str, what: str) -> None:
+        """Raises `FileError` at the first row where `bad` (N,) holds."""
+        if bad.any():
+            raise self.error(int(np.argmax(bad)), column, what)
+
+
+def parse_numbers(cells: CsvTable, known: Sequence[PoseQuantity]) -> ParsedTable:
+    """The columns of known quantities, as far as they are there; times are left for later, as they may be dates."""
+    may_be_empty = {name: quantity.may_be_empty for quantity in known for name in quantity.columns}
+    columns, faults = {}, []
+    for name in cells.header:
+        if name in may_be_empty and name != "t_s":
+            columns[name], wrong = cells.parsed(name, may_be_empty[name])
+            faults += [(row, name, what) for row, what in wrong.items()]
+    return ParsedTable(cells, known, columns, tuple(faults))
+
+
+def without_bad_rows(parsed: ParsedTable, skip: bool) -> ParsedTable:
+    """The table with numbers in all cells, and with a notice of the rows left out for that, if `skip`.
+
+    Raises `FileError`: naming every cell that is no number; nothing would be left without their rows.
+    """
+    table, faults = parsed.cells, sorted(parsed.faults)
+    if not faults:
+        return parsed
+    bad = sorted({row for row, _, _ in faults})
+    count = "1 row" if len(bad) == 1 else f"{len(bad)} rows"
+    if not skip:
+        row, column, what = faults[0]
+        also = enumerate_words([table.at(row, column) for row, column, _ in faults[1:]], LISTED)
+        right = f"correct {'it' if len(faults) == 1 else 'them'}, or leave {count} out with --bad-rows skip"
+        raise FileError(table.path, table.at(row, column), f"{what}{also and f'; nor are {also}'}", right)
+    if len(bad) == len(table.rows):
+        raise FileError(table.path, "", "every row has a cell that is no number", "is it the right file?")
+    kept = np.setdiff1d(np.arange(len(table.rows)), bad)
+    lines = enumerate_words([str(table.lines[row]) for row in bad], LISTED)
+    cells = replace(
+        table,
+        rows=tuple(table.rows[row] for row in kept),
+        lines=tuple(table.lines[row] for row in kept),
+        notices=(*table.notices, f"{count} with cells that are no numbers left out: line {lines}"),
+    )
+    return replace(parsed, cells=cells, columns={name: each[kept] for name, each in parsed.columns.items()}, faults=())
+
+
+def checked_numbers(parsed: ParsedTable) -> NumberTable:
+    """The quantities in SI units. Raises `FileError`: what is no number or cannot be one, or is stated in part."""
+    for row, name, what in parsed.faults:
+        raise FileError(parsed.cells.path, parsed.cells.at(row, name), what)
+    columns = dict(parsed.columns)
+    if any("t_s" in quantity.columns for quantity in parsed.known) and "t_s" in parsed.cells.header:
+        columns["t_s"] = _seconds(parsed.cells)
+    quantity_of = {name: quantity for quantity in parsed.known for name in quantity.columns}
+    for name in (name for name in parsed.cells.header if name in columns):
+        _check_column(parsed.cells, quantity_of[name], name, columns[name])
+    return NumberTable(parsed.cells, dict(_quantities(parsed, columns)))
+
+
+def _check_column(cells: CsvTable, quantity: PoseQuantity, name: str, values: Array) -> None:
+    """Raises `FileError` where a column breaks the rule of its quantity, or has no plausible size."""
+    rule, size = quantity.rule, quantity.size
+    if rule is not None and (wrong := rule.wrong(values)).any():
+        raise FileError(cells.path, cells.at(int(np.argmax(wrong)), name), rule.what, rule.right)
+    if size is not None and (found := implausible_value(size, values)):
+        raise FileError(cells.path, cells.at(found.row, name), found.what, found.right)
+
+
+def _quantities(parsed: ParsedTable, columns: Mapping[str, Array]) -> Iterator[tuple[str, Array]]:
+    """(N, k), SI, of each quantity that is there. Raises `FileError` for a part of one."""
+    cells = parsed.cells
+    for quantity in parsed.known:
+        names = quantity.columns
+        missing = [name for name in names if name not in columns]
+        if len(missing) == len(names):
+            continue
+        if missing:
+            raise FileError(cells.path, "header", f"no column {missing[0]}", f"{', '.join(names)} go together")
+        values = np.stack([columns[name] for name in names], axis=1)
+        empty = np.isnan(values)
+        part = empty & ~empty.all(axis=1, keepdims=True)
+        if quantity.whole and part.any():
+            name = names[int(np.argmax(part.any(axis=0)))]
+            row = int(np.argmax(part[:, names.index(name)]))
+            raise FileError(cells.path, cells.at(row, name), f"empty, the rest of the {quantity.name} is not")
+        yield quantity.name, values * quantity.si
+
+
+def _seconds(cells: CsvTable) -> Array:
+    """(N,), times as numbers, or as dates (ISO 8601) since the first. Raises `FileError`."""
+    words = [row[cells.header.index("t_s")] for row in cells.rows]
+    if any("-" not in word[1:] or "e-" in word.lower() for word in words):
+        return cells.numbers("t_s")
+    try:
+        dates = [datetime.fromisoformat(word) for word in words]
+        return np.array([(date - dates[0]).total_seconds() for date in dates])
+    except (ValueError, TypeError):
+        raise FileError(cells.path, cells.at(0, "t_s"), f"'{words[0]}' is no time", DATES) from None

@@ -1,0 +1,216 @@
+"""CSV files with a header, as spreadsheets and trackers write them: delimiter, decimal comma, comment lines.
+
+An Excel export may begin with a line `sep=;`, and has decimal commas and semicolons on computers whose language writes
+numbers so.
+"""
+
+from __future__ import annotations
+
+import csv
+import math
+import re
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from lrm_ident.data.table_text.file_text import read_text
+from lrm_math.arrays import Array
+from lrm_math.errors import FileError
+
+DELIMITERS = (";", "\t", ",")
+COMMENT = ("#", "%", "//")
+DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+(?:[eE][+-]?\d+)?")
+THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2}(?:,\d{3})+")
+"""A number with commas that may divide thousands as well."""
+TOOL_SCHEMA = re.compile(r"""^\s*"?schema"?\s*[=:]\s*"(lrm/\w+)/""", re.MULTILINE)
+
+
+@dataclass(frozen=True)
+class Column:
+    """A column: its `name`, the file's own name `stated`, and the `factor` by which its numbers are multiplied."""
+
+    name: str
+    stated: str
+    factor: float = 1.0
+
+
+@dataclass(frozen=True)
+class CsvTable:
+    """Cells of a CSV file as text.
+
+    Attributes:
+        lines: line number in the file of each row; `header_line`: of the header.
+        sha256: of the file. notices: what a person should know of its text.
+    """
+
+    path: Path
+    columns: tuple[Column, ...]
+    rows: tuple[tuple[str, ...], ...]
+    lines: tuple[int, ...]
+    header_line: int = 1
+    sha256: str = ""
+    notices: tuple[str, ...] = ()
+
+    @property
+    def header(self) -> tuple[str, ...]:
+        """Names of the columns."""
+        return tuple(column.name for column in self.columns)
+
+    def numbers(self, name: str) -> Array:
+        """(N,), one column as finite numbers. Raises `FileError`."""
+        values, faults = self.parsed(name)
+        for row, what in faults.items():
+            raise FileError(self.path, self.at(row, name), what)
+        return values
+
+    def parsed(self, name: str, may_be_empty: bool = False) -> tuple[Array, dict[int, str]]:
+        """(N,), one column in our unit, NaN where no finite number stands, and what is wrong in which rows.
+
+        An empty cell is wrong unless it may be empty.
+        """
+        j, values, faults = self.header.index(name), np.full(len(self.rows), np.nan), dict[int, str]()
+        for i, row in enumerate(self.rows):
+            cell = row[j]
+            try:
+                values[i] = float(cell)
+            except ValueError:
+                if cell.strip() or not may_be_empty:
+                    faults[i] = f"'{cell}' is not a number" if cell.strip() else "the cell is empty"
+            else:
+                if not math.isfinite(values[i]):
+                    faults[i] = f"'{cell}' is not a finite number"
+        return values * self.columns[j].factor, faults
+
+    def at(self, row: int, name: str) -> str:
+        """Location of a cell for error messages."""
+        stated = next((column.stated for column in self.columns if column.name == name), name)
+        return f"line {self.lines[row]}, column {stated}"
+
+
+def read_csv(path: Path, required: Sequence[str]) -> CsvTable:
+    """Reads a CSV file with a header whose names are ours, in any capitals.
+
+    Raises `FileError`: no such file, a missing or doubled column, a row with too few or too many cells, no rows.
+    """
+    return require(read_table(path), required)
+
+
+def require(table: CsvTable, required: Sequence[str]) -> CsvTable:
+    """The table, its required columns named as requested. Raises `FileError`: a missing or doubled column, no rows."""
+    ours = {name.lower(): name for name in required}
+    columns = tuple(replace(column, name=ours.get(column.name.lower(), column.name)) for column in table.columns)
+    times_there = Counter(column.name for column in columns)
+    missing = [name for name in required if name not in times_there]
+    if missing:
+        raise FileError(table.path, "header", f"missing column {missing[0]}", f"required: {', '.join(required)}")
+    twice = [name for name, count in times_there.items() if count > 1 and name]
+    if twice:
+        raise FileError(table.path, "header", f"column {twice[0]} stands twice")
+    if not table.rows:
+        raise FileError(table.path, "", "no rows below the header")
+    return replace(table, columns=columns)
+
+
+def read_table(path: Path) -> CsvTable:
+    """Reads a table with a header, its columns named as in the file, its numbers with decimal points.
+
+    Blank lines, comment lines and empty columns at the right are left out. Raises `FileError`: nothing in it, another
+    kind of file, a row with more or fewer cells than the header, or commas that may mean two things.
+    """
+    file = read_text(path)
+    if schema := TOOL_SCHEMA.search(file.text):
+        what = f"is a file of the schema {schema[1]}, no table"
+        raise FileError(path, "", what, "the data are a CSV: do the arguments stand in another order?")
+    lines = file.text.splitlines()
+    kept = [(number, line) for number, line in enumerate(lines, start=1) if _tells(line)]
+    delimiter = _stated_delimiter(lines) or next((mark for mark in DELIMITERS if kept and mark in kept[0][1]), ",")
+    if kept and all(_is_number(cell.replace(",", ".")) for cell in kept[0][1].split(delimiter)):
+        kept.insert(0, _header_in_comment(path, lines, *kept[0], delimiter))
+    split = [(n, tuple(cell.strip() for cell in next(csv.reader([line], delimiter=delimiter)))) for n, line in kept]
+    numbered = [(number, cells) for number, cells in split if any(cells)]
+    if not numbered:
+        raise FileError(path, "", "is empty", "a header that names the columns (pose, q1_deg, …), and a row per pose")
+    header, *rows = _cut_to_header(path, numbered, delimiter)
+    lines_of = tuple(number for number, _ in numbered)
+    columns = tuple(Column(name, name) for name in header)
+    table = CsvTable(path, columns, tuple(rows), lines_of[1:], lines_of[0], file.sha256, file.notices)
+    return table if delimiter == "," else _with_points(table)
+
+
+def _cut_to_header(
+    path: Path, numbered: Sequence[tuple[int, tuple[str, ...]]], delimiter: str
+) -> list[tuple[str, ...]]:
+    """The cells of each line, the header first, without columns at its right that are all empty.
+
+    Raises `FileError`: a row with more or fewer cells than the header.
+    """
+    header = numbered[0][1]
+    width = len(header)
+    while width and not header[width - 1] and not any(any(cells[width - 1 :]) for _, cells in numbered):
+        width -= 1
+    for number, cells in numbered:
+        if len(cells) < width or any(cells[width:]):
+            right = "is the file cut off or a comma missing?"
+            if delimiter == "," and len(cells) == 2 * width:
+                right = "are these decimal commas? then divide the cells by semicolons or tabs"
+            raise FileError(path, f"line {number}", f"{len(cells)} cells, the header has {width}", right)
+    return [cells[:width] for _, cells in numbered]
+
+
+def _stated_delimiter(lines: list[str]) -> str | None:
+    """Delimiter of Excel's first line `sep=;`."""
+    first = lines[0].strip().strip('"') if lines else ""
+    return first[4:5] if first.lower().startswith("sep=") and len(first) == 5 else None
+
+
+def _tells(line: str) -> bool:
+    bare = line.strip().strip('"')
+    return bool(bare) and not bare.startswith(COMMENT) and not bare.lower().startswith("sep=")
+
+
+def _header_in_comment(path: Path, lines: list[str], first: int, row: str, delimiter: str) -> tuple[int, str]:
+    """The comment line just above the first row, if it names as many columns. Raises `FileError`."""
+    above = lines[first - 2].strip() if first > 1 else ""
+    names = above.lstrip("#%/ ")
+    if above.startswith(COMMENT) and names.count(delimiter) == row.count(delimiter):
+        return first - 1, names
+    raise FileError(
+        path, f"line {first}", "numbers, but no header", "name the columns in the first line: pose, q1_deg, …"
+    )
+
+
+def _with_points(table: CsvTable) -> CsvTable:
+    """The table with decimal points for decimal commas. Raises `FileError` if its commas may divide thousands."""
+    cells = [(line, cell) for row, line in zip(table.rows, table.lines, strict=True) for cell in row if "," in cell]
+    both = next(((line, cell) for line, cell in cells if "." in cell), None)
+    if both:
+        what, right = f"'{both[1]}' has a comma and a point", "write numbers without commas for thousands"
+        raise FileError(table.path, f"line {both[0]}", what, right)
+    numeric = [(line, cell) for line, cell in cells if DECIMAL_COMMA.fullmatch(cell)]
+    if not numeric:
+        return table
+    points = any("." in cell and _is_number(cell) for row in table.rows for cell in row)
+    if points or all(THOUSANDS.fullmatch(cell) for _, cell in numeric):
+        line, cell = numeric[0]
+        why = (
+            "other numbers of the file have a decimal point"
+            if points
+            else "every comma of the file may divide thousands"
+        )
+        what = f"'{cell}': a decimal comma or thousands? {why}"
+        raise FileError(table.path, f"line {line}", what, "write it with a decimal point")
+    rows = (
+        tuple(cell.replace(",", ".") if DECIMAL_COMMA.fullmatch(cell) else cell for cell in row) for row in table.rows
+    )
+    return replace(table, rows=tuple(rows))
+
+
+def _is_number(cell: str) -> bool:
+    try:
+        float(cell)
+    except ValueError:
+        return False
+    return True
