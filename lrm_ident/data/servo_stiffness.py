@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import fdtrc
 
+from lrm_ident.data.measurement_file.number_table import numbers_of
 from lrm_ident.data.table_text.csv_file import CsvTable, read_csv
 from lrm_math.arm.arm_file import GRAM, MM
 from lrm_math.arrays import Array
@@ -79,17 +80,17 @@ class StiffnessEstimate:
 def load_servo_test(path: Path) -> ServoTest:
     """Reads `angle_deg` and `torque_Nm`, or `load_g` and `lever_mm` (horizontal). Raises `FileError`."""
     table = read_csv(path, ["angle_deg"])
-    return ServoTest(_torque(table), np.radians(table.numbers("angle_deg")))
+    return ServoTest(_torque(table), np.radians(numbers_of(table, "angle_deg")))
 
 
 def _torque(table: CsvTable) -> Array:
     if "torque_Nm" in table.header:
-        return table.numbers("torque_Nm")
+        return numbers_of(table, "torque_Nm")
     missing = [name for name in ("load_g", "lever_mm") if name not in table.header]
     if missing:
         what = f"no column torque_Nm, and no {missing[0]} to compute it from"
         raise FileError(table.path, "header", what, "give torque_Nm, or load_g and lever_mm")
-    return table.numbers("load_g") * GRAM * GRAVITY * table.numbers("lever_mm") * MM
+    return numbers_of(table, "load_g") * GRAM * GRAVITY * numbers_of(table, "lever_mm") * MM
 
 
 def stiffness(test: ServoTest) -> StiffnessEstimate:

@@ -14,7 +14,7 @@ import numpy as np
 
 from lrm_ident.data.measurement_file.commanded_poses import read_angles
 from lrm_ident.data.measurement_file.known_columns import angles_of
-from lrm_ident.data.measurement_file.number_table import checked_numbers, parse_numbers
+from lrm_ident.data.measurement_file.number_table import cell_error, checked_numbers, numbers_of, parse_numbers
 from lrm_ident.data.measurement_file.write import csv_text
 from lrm_ident.data.table_text.csv_file import CsvTable, read_csv
 from lrm_ident.data.weights.rotations import rotation_matrix
@@ -90,13 +90,15 @@ def load_tracked(path: Path) -> TrackerReadings:
 
 
 def _tracked(table: CsvTable, least: int) -> TrackerReadings:
-    base, turn, tcp = (np.stack([table.numbers(name) for name in names], axis=1) for names in (BASE, ORIENTATION, TCP))
+    base, turn, tcp = (
+        np.stack([numbers_of(table, name) for name in names], axis=1) for names in (BASE, ORIENTATION, TCP)
+    )
     length = np.linalg.norm(turn, axis=1)
     wrong = np.abs(length - 1.0) > UNIT_TOLERANCE
     if wrong.any():
         row = int(np.argmax(wrong))
         what = f"the quaternion's length is {length[row]:.3g}"
-        raise FileError(table.path, table.at(row, "base_qw"), what, "it must be one: qw, qx, qy, qz of a rotation")
+        raise cell_error(table, row, "base_qw", what, "it must be one: qw, qx, qy, qz of a rotation")
     if len(base) < least:
         raise FileError(table.path, "", f"{len(base)} reading", f"at least {least} are needed to estimate the noise")
     return TrackerReadings(base * MM, turn / length[:, None], tcp * MM)
@@ -114,8 +116,8 @@ def measurements_from(path: Path, arm: Arm, deviation: Array) -> tuple[str, Trac
     tracked = _tracked(table, least=1)
     read_angles(checked_numbers(parse_numbers(table, [angles])), arm)
     tcp = (tracked.in_base() - deviation) / MM
-    columns = [("pose", table.numbers("pose"), 0)]
-    columns += [(name, table.numbers(name), 3) for name in OPTIONAL if name in table.header]
-    columns += [(name, table.numbers(name), 6) for name in angles.columns]
+    columns = [("pose", numbers_of(table, "pose"), 0)]
+    columns += [(name, numbers_of(table, name), 3) for name in OPTIONAL if name in table.header]
+    columns += [(name, numbers_of(table, name), 6) for name in angles.columns]
     columns += [(name, tcp[:, i], 4) for i, name in enumerate(("x_mm", "y_mm", "z_mm"))]
     return csv_text(columns), tracked

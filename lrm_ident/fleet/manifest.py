@@ -7,6 +7,7 @@ from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path
 
+from lrm_ident.data.measurement_file.number_table import cell_error
 from lrm_ident.data.table_text.csv_file import read_csv
 from lrm_math.arm.arm_file import shipped_arms
 from lrm_math.errors import FileError
@@ -44,14 +45,14 @@ def read_manifest(path: Path) -> tuple[FleetMember, ...]:
     for number, row in enumerate(table.rows):
         known = {own: row[j] for own, j in place.items()}
         if not known["data"]:
-            raise FileError(path, table.at(number, "data"), "the cell is empty", "the path of the measurements")
+            raise cell_error(table, number, "data", "the cell is empty", "the path of the measurements")
         arm = known.get("arm", "")
         if arm and arm not in shipped_arms():
             arm = (path.parent / arm).as_posix()
         tags = tuple((column, row[j]) for j, column in enumerate(table.header) if column and lower[j] not in OWN)
         name = known.get("name") or Path(known["data"]).stem
         if not NAME.fullmatch(name):
-            raise FileError(path, table.at(number, "name"), f"'{name}' names no file", "letters, digits, . _ and -")
+            raise cell_error(table, number, "name", f"'{name}' names no file", "letters, digits, . _ and -")
         members.append(FleetMember(name, path.parent / known["data"], arm, tags))
     twice = [name for name, count in Counter(member.name for member in members).items() if count > 1]
     if twice:

@@ -24,7 +24,6 @@ from lrm_ident.data.measurement_file.known_columns import (
 )
 from lrm_ident.data.table_text.csv_file import Column, CsvTable, read_table, require
 from lrm_math.arm.arm import Arm
-from lrm_math.arm.arm_file import MM
 from lrm_math.errors import FileError
 from lrm_math.model.reading import AS_NAMED, Reading
 
@@ -88,15 +87,43 @@ def read_measurement_table(path: Path, how: Reading = AS_NAMED, arm: Arm | None 
     return replace(table, columns=columns)
 
 
-def stated_units(table: CsvTable) -> dict[str, str]:
-    """Units of the file's positions and angles, as fields of a `Reading`."""
-    factors = {column.name: column.factor for column in table.columns}
-    lengths = {metres / MM: unit for unit, metres in LENGTH_UNITS.items()}
-    turns = {radians / ANGLE_UNITS["deg"]: unit for unit, radians in ANGLE_UNITS.items()}
-    return {"unit": lengths[factors.get("x_mm", 1.0)], "angle_unit": turns[factors.get("q1_deg", 1.0)]}
+def arm_table(path: Path, arm: Arm, how: Reading, known: Sequence[PoseQuantity]) -> CsvTable:
+    """Reads a table of an arm's poses: the arm's joints in their order and with their signs; notices of its columns.
+
+    Raises `FileError`: a required column is missing, no rows, or the file or the reading has another number of joints.
+    """
+    named = read_measurement_table(path, how, arm)
+    for name, values in (("joint_sign", how.joint_sign), ("joint_order", how.joint_order)):
+        if values is not None and len(values) != arm.dof:
+            raise FileError(path, "", f"{name} has {len(values)} joints", f"{arm.name} has {arm.dof}")
+    header, joints = {*named.header}, columns_of_joints(ANGLE, arm.dof)
+    stated = [name for name in named.header if ANGLES.fullmatch(name)]
+    if not {*stated} <= {*joints}:
+        what = f"{len(stated)} joints, {arm.name} has {arm.dof}"
+        raise FileError(path, "header", what, "is this another arm?")
+    notices = _notices(named, known)
+    wanted = (each for each in known if each.required and (each.unless not in header or {*each.columns} & header))
+    table = require(named, [name for each in wanted for name in each.columns])
+    order, signs = how.joint_order or range(1, arm.dof + 1), how.joint_sign or [1] * arm.dof
+    ours = {
+        form.format(theirs): (form.format(number), sign)
+        for number, (theirs, sign) in enumerate(zip(order, signs, strict=True), start=1)
+        for form in (ANGLE, FEEDBACK, SIDE)
+    }
+    found = [(column, *ours.get(column.name, (column.name, 1))) for column in table.columns]
+    columns = tuple(Column(name, column.stated, column.factor * sign) for column, name, sign in found)
+    return replace(table, columns=columns, notices=(*notices, *table.notices))
 
 
-def column_notices(table: CsvTable, known: Sequence[PoseQuantity]) -> list[str]:
+def stated_units(table: CsvTable) -> Reading:
+    """Units of the file's positions and angles."""
+    factors = {column.name: abs(column.factor) for column in table.columns}
+    lengths, angles = ({factor: unit for unit, factor in FACTORS[own].items()} for own in ("mm", "deg"))
+    units = {"unit": lengths[factors.get("x_mm", 1.0)], "angle_unit": angles[factors.get("q1_deg", 1.0)]}
+    return Reading.model_validate(units)
+
+
+def _notices(table: CsvTable, known: Sequence[PoseQuantity]) -> list[str]:
     """Columns that are not used, and those that are read under another name or in another unit."""
     names = {name for quantity in known for name in quantity.columns}
     unknown = [name for name in table.header if name and name not in names]
@@ -109,31 +136,6 @@ def column_notices(table: CsvTable, known: Sequence[PoseQuantity]) -> list[str]:
         and (own.factor != 1.0 or not own.stated.lower().startswith(own.name))
     ]
     return [*notices, f"read as: {', '.join(taken)}"] if taken else notices
-
-
-def joint_table(named: CsvTable, arm: Arm, how: Reading, more: Sequence[str] = ()) -> CsvTable:
-    """The table with the angles of the arm's joints, in their order and with their signs, and `more` columns.
-
-    Raises `FileError`: one of these is missing, no rows, or the file or the reading has another number of joints.
-    """
-    for name, values in (("joint_sign", how.joint_sign), ("joint_order", how.joint_order)):
-        if values is not None and len(values) != arm.dof:
-            raise FileError(named.path, "", f"{name} has {len(values)} joints", f"{arm.name} has {arm.dof}")
-    stated, names = [name for name in named.header if ANGLES.fullmatch(name)], columns_of_joints(ANGLE, arm.dof)
-    if not {*stated} <= {*names}:
-        what = f"{len(stated)} joints, {arm.name} has {arm.dof}"
-        raise FileError(named.path, "header", what, "is this another arm?")
-    order, signs = how.joint_order or range(1, arm.dof + 1), how.joint_sign or [1] * arm.dof
-    ours = {
-        form.format(theirs): (form.format(number), sign)
-        for number, (theirs, sign) in enumerate(zip(order, signs, strict=True), start=1)
-        for form in (ANGLE, FEEDBACK, SIDE)
-    }
-    table = require(named, [*names, *more])
-    found = [(column, *ours.get(column.name, (column.name, 1))) for column in table.columns]
-    return replace(
-        table, columns=tuple(Column(name, column.stated, column.factor * sign) for column, name, sign in found)
-    )
 
 
 def _our_names(table: CsvTable, joints: Sequence[str]) -> list[ColumnName]:

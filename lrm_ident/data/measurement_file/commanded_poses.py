@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 from numpy.typing import NDArray
 
-from lrm_ident.data.measurement_file.known_columns import SIDE, columns_of_joints
-from lrm_ident.data.measurement_file.number_table import NumberTable
+from lrm_ident.data.measurement_file.known_columns import SIDE
+from lrm_ident.data.measurement_file.number_table import NumberTable, cell_place
+from lrm_ident.data.wording import enumerate_words
 from lrm_math.arm.arm import Arm
 from lrm_math.arrays import Array
 from lrm_math.effects.friction import friction_states
@@ -14,6 +17,7 @@ from lrm_math.errors import FileError
 from lrm_math.kinematics.poses import Poses
 from lrm_math.model.reading import Reading
 
+LISTED = 8
 LIMIT_TOLERANCE = np.radians(1e-6)
 
 
@@ -65,6 +69,32 @@ def numbered_rows(table: NumberTable) -> tuple[NDArray[np.int64], NDArray[np.int
     return pose, repeat
 
 
+def pose_notices(table: NumberTable, arm: Arm) -> Iterator[str]:
+    """Notices about the order of the poses, and of angles that were read a full turn away from what is stated."""
+    number = table.integers("pose")
+    if not any(name.startswith("approach") for name in table.quantities):
+        gap = after_gap(number)
+        if gap.any():
+            yield (
+                f"before {pose_words(number[gap])} the file lacks a pose: the direction of approach is unknown there; "
+                "state it as approach, or approach1, approach2 … of each joint"
+            )
+        if (np.diff(number) < 0).any():
+            yield "the pose numbers do not ascend: the rows are taken to be in the order measured"
+    stated = table["angles"]
+    q, turned = full_turns(stated, arm)
+    for joint in np.flatnonzero(turned.any(axis=0)).tolist():
+        row, count = int(np.argmax(turned[:, joint])), int(turned[:, joint].sum())
+        was, read = np.degrees([stated[row, joint], q[row, joint]])
+        beyond = "1 angle is" if count == 1 else f"{count} angles are"
+        yield f"{beyond} beyond the limits of joint {joint + 1} and read a full turn away: {was:g} = {read:g} deg"
+
+
+def pose_words(numbers: NDArray[np.int64]) -> str:
+    """The first of some poses, by number, and how many more there are."""
+    return f"pose {enumerate_words([str(number) for number in numbers.tolist()], LISTED)}"
+
+
 def _running(t: Array, session: Array) -> Array:
     """(N,), time since the first pose of the session (s)."""
     _, number = np.unique(session, return_inverse=True)
@@ -79,10 +109,12 @@ def read_angles(table: NumberTable, arm: Arm) -> Array:
     for i, joint in enumerate(arm.joints):
         outside = (q[:, i] < joint.lower - LIMIT_TOLERANCE) | (q[:, i] > joint.upper + LIMIT_TOLERANCE)
         if outside.any():
-            row, cells = int(np.argmax(outside)), table.cells
+            row = int(np.argmax(outside))
             low, high = np.degrees([joint.lower, joint.upper])
             what = f"{np.degrees(q[row, i]):g} deg is beyond the limits of joint {i + 1}"
-            raise BeyondLimits(cells.path, cells.at(row, f"q{i + 1}_deg"), what, f"{low:g} to {high:g} deg")
+            raise BeyondLimits(
+                table.cells.path, cell_place(table.cells, row, f"q{i + 1}_deg"), what, f"{low:g} to {high:g} deg"
+            )
     return q
 
 
@@ -97,7 +129,7 @@ def full_turns(q: Array, arm: Arm) -> tuple[Array, NDArray[np.bool_]]:
 
 def _approach(table: NumberTable, moves: Array, how: Reading) -> Array:
     """(N, n), approach directions: the columns `approach1` … or `approach`, else the moves."""
-    own = columns_of_joints(SIDE, moves.shape[1])
+    own = [SIDE.format(number) for number in range(1, moves.shape[1] + 1)]
     if all(name in table for name in own):
         return np.concatenate([table[name] for name in own], axis=1)
     return table["approach"] * (how.joint_sign or np.ones(len(own))) if "approach" in table else moves

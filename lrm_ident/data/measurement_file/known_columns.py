@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from itertools import combinations_with_replacement
 
@@ -63,6 +63,7 @@ class PoseQuantity:
         aliases: other names of its only column, without unit and signs.
         rule, size: of the numbers of each column.
         may_be_empty: whether cells may be. whole: whether a row then states all of them or none.
+        required: whether a file must state it. unless: a column beside which it may be missing, or its cells empty.
         commanded: whether it says what was commanded; files of poses have these alone.
     """
 
@@ -73,6 +74,8 @@ class PoseQuantity:
     size: PlausibleSize | None = None
     may_be_empty: bool = False
     whole: bool = False
+    required: bool = False
+    unless: str | None = None
     commanded: bool = False
 
     @property
@@ -92,7 +95,7 @@ KNOWN = (
     PoseQuantity("approach", ("approach",), ("direction",), SIDES, commanded=True),
     PoseQuantity("repeat_of", ("repeat_of",), ("repeatof", "repeat"), WHOLE, may_be_empty=True),
     PoseQuantity("supply", ("supply_v",), ("supply", "voltage"), size=SUPPLY),
-    PoseQuantity("position", POSITION, whole=True),
+    PoseQuantity("position", POSITION, whole=True, required=True, unless=DISTANCE),
     PoseQuantity("sd", ("sd_mm",), ("sd", "std", "sigma"), ABOVE_ZERO, SD),
     PoseQuantity("sd_per_axis", ("sx_mm", "sy_mm", "sz_mm"), (), ABOVE_ZERO, SD),
     PoseQuantity("position_covariance", POSITION_COVARIANCE),
@@ -117,7 +120,7 @@ def columns_of_joints(form: str, dof: int) -> tuple[str, ...]:
 
 def angles_of(arm: Arm) -> PoseQuantity:
     """The angles of an arm's joints."""
-    return PoseQuantity("angles", columns_of_joints(ANGLE, arm.dof), commanded=True)
+    return PoseQuantity("angles", columns_of_joints(ANGLE, arm.dof), required=True, commanded=True)
 
 
 def feedback_of(arm: Arm) -> PoseQuantity:
@@ -125,18 +128,16 @@ def feedback_of(arm: Arm) -> PoseQuantity:
     return PoseQuantity("feedback", columns_of_joints(FEEDBACK, arm.dof), may_be_empty=True)
 
 
-def measured_quantities(arm: Arm, header: Sequence[str]) -> tuple[PoseQuantity, ...]:
-    """Quantities that a measurement file with this header states: beside a distance, a position may be empty."""
-    known = {quantity.name: quantity for quantity in KNOWN}
-    known["payload"] = replace(known["payload"], size=_load(arm))
-    known["position"] = replace(known["position"], may_be_empty=DISTANCE in header)
+def measured_quantities(arm: Arm) -> tuple[PoseQuantity, ...]:
+    """Quantities that a measurement file of an arm states."""
     sides = (PoseQuantity(name, (name,), (), SIDES, commanded=True) for name in columns_of_joints(SIDE, arm.dof))
-    return (angles_of(arm), *sides, *known.values(), feedback_of(arm))
+    known = (replace(each, size=_load(arm)) if each.name == "payload" else each for each in KNOWN)
+    return (angles_of(arm), *sides, *known, feedback_of(arm))
 
 
 def commanded_quantities(arm: Arm) -> tuple[PoseQuantity, ...]:
     """Quantities that a file of poses states."""
-    return tuple(quantity for quantity in measured_quantities(arm, ()) if quantity.commanded)
+    return tuple(quantity for quantity in measured_quantities(arm) if quantity.commanded)
 
 
 def _load(arm: Arm) -> PlausibleSize:

@@ -9,13 +9,8 @@ from pathlib import Path
 import numpy as np
 
 from lrm_ident.data.apply_reading import motion_of
-from lrm_ident.data.measurement_file.column_names import (
-    column_notices,
-    joint_table,
-    read_measurement_table,
-    stated_units,
-)
-from lrm_ident.data.measurement_file.commanded_poses import full_turns, numbered_rows, read_poses
+from lrm_ident.data.measurement_file.column_names import arm_table, read_measurement_table, stated_units
+from lrm_ident.data.measurement_file.commanded_poses import full_turns, numbered_rows, pose_notices, read_poses
 from lrm_ident.data.measurement_file.known_columns import (
     DISTANCE,
     KNOWN,
@@ -26,7 +21,7 @@ from lrm_ident.data.measurement_file.known_columns import (
     measured_quantities,
 )
 from lrm_ident.data.measurement_file.measured_columns import read_feedback, with_sensed
-from lrm_ident.data.measurement_file.metadata import NOTHING_STATED, metadata_of, sidecar_notices, start_angles
+from lrm_ident.data.measurement_file.metadata import beside_of
 from lrm_ident.data.measurement_file.number_table import (
     NumberTable,
     checked_numbers,
@@ -51,33 +46,28 @@ def load_measurements(path: Path, arm: Arm, reading: Reading = AS_NAMED, usual: 
 
     Raises `FileError`: naming file, line and column of the first fault (`BeyondLimits`: of a joint).
     """
-    metadata, beside = metadata_of(path) or NOTHING_STATED, sidecar_notices(path)
-    how = reading.over(metadata).over(usual)
-    named = read_measurement_table(path, how, arm)
-    tips = DISTANCE not in named.header or bool({*POSITION} & {*named.header})
-    ordered = joint_table(named, arm, how, POSITION if tips else ())
-    known, start = measured_quantities(arm, named.header), start_angles(path, metadata, arm, how)
-    table = checked_numbers(without_bad_rows(parse_numbers(ordered, known), how.bad_rows == "skip"))
+    beside, known = beside_of(path, reading, usual), measured_quantities(arm)
+    metadata, how = beside.metadata, beside.how
+    cells = arm_table(path, arm, how, known)
+    units = stated_units(cells)
+    parsed = without_bad_rows(parse_numbers(cells, known), how.bad_rows == "skip")
+    table = checked_numbers(parsed)
     pose, repeat_of = numbered_rows(table)
+    poses, about_poses = read_poses(table, arm, how, beside.start(arm)), pose_notices(table, arm)
     data = Measurements(
-        poses=read_poses(table, arm, how, start),
+        poses=poses,
         pose=pose,
-        tcp=table["position"] if tips else np.full((len(table), 3), np.nan),
+        tcp=table["position"] if "position" in table else np.full((len(table), 3), np.nan),
         sd=None,
         noise_sd=None if metadata.noise_sd_mm is None else metadata.noise_sd_mm * MM,
         repeat_of=repeat_of,
         path=path,
         sha256=table.cells.sha256,
-        notices=(
-            *column_notices(named, known),
-            *beside,
-            *table.cells.notices,
-            *row_notices(table, arm, metadata),
-        ),
+        notices=(*beside.notices, *table.cells.notices, *about_poses, *row_notices(table, arm, metadata)),
         arm=arm,
         arm_name=metadata.arm or None,
         reading=how,
-        stated=Reading(**{**stated_units(named), **how.said()}),
+        stated=how.over(units),
     )
     sensed = without_lost(with_sensed(data, table, metadata))
     turn, shift = motion_of(how)
@@ -101,9 +91,9 @@ def load_pose_table(
     path: Path, arm: Arm, reading: Reading = AS_NAMED, more: Collection[str] = ()
 ) -> tuple[Poses, NumberTable]:
     """Poses as `load_poses` reads them, and their table, with the quantities `more` as far as they are there."""
-    how = reading.over(metadata_of(path))
+    how = beside_of(path, reading).how
     known = (*commanded_quantities(arm), *(replace(q, may_be_empty=False) for q in KNOWN if q.name in more))
-    cells = joint_table(read_measurement_table(path, how, arm), arm, how)
+    cells = arm_table(path, arm, how, known)
     table = checked_numbers(parse_numbers(cells, known))
     return read_poses(table, arm, how), table
 
@@ -118,8 +108,6 @@ def read_pose_feedback(path: Path, arm: Arm) -> tuple[Array | None, float | None
 
     Raises `FileError`.
     """
-    metadata = metadata_of(path) or NOTHING_STATED
-    how = AS_NAMED.over(metadata)
-    cells = joint_table(read_measurement_table(path, how, arm), arm, how)
-    table = checked_numbers(parse_numbers(cells, (angles_of(arm), feedback_of(arm))))
-    return read_feedback(table, full_turns(table["angles"], arm)[0]), metadata.feedback_sd_deg
+    beside, known = beside_of(path), (angles_of(arm), feedback_of(arm))
+    table = checked_numbers(parse_numbers(arm_table(path, arm, beside.how, known), known))
+    return read_feedback(table, full_turns(table["angles"], arm)[0]), beside.metadata.feedback_sd_deg

@@ -5,6 +5,7 @@ Cells of measurements that are no numbers are all named at once, or their rows a
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import datetime
@@ -64,7 +65,7 @@ class NumberTable:
 
     def error(self, row: int, column: str, what: str, right: str = "") -> FileError:
         """The error of a cell."""
-        return FileError(self.cells.path, self.cells.at(row, column), what, right)
+        return cell_error(self.cells, row, column, what, right)
 
     def reject(self, bad: NDArray[np.bool_], column: str, what: str) -> None:
         """Raises `FileError` at the first row where `bad` (N,) holds."""
@@ -72,13 +73,55 @@ class NumberTable:
             raise self.error(int(np.argmax(bad)), column, what)
 
 
+def cell_error(cells: CsvTable, row: int, column: str, what: str, right: str = "") -> FileError:
+    """The error of a cell."""
+    return FileError(cells.path, cell_place(cells, row, column), what, right)
+
+
+def cell_place(cells: CsvTable, row: int, name: str) -> str:
+    """Line of a row, and the file's own name of a column."""
+    stated = next((column.stated for column in cells.columns if column.name == name), name)
+    return f"line {cells.lines[row]}, column {stated}"
+
+
+def numbers_of(cells: CsvTable, name: str) -> Array:
+    """(N,), one column as finite numbers. Raises `FileError`."""
+    values, faults = _parsed(cells, name, may_be_empty=False)
+    for row, what in faults.items():
+        raise cell_error(cells, row, name, what)
+    return values
+
+
+def _parsed(cells: CsvTable, name: str, may_be_empty: bool) -> tuple[Array, dict[int, str]]:
+    """(N,), one column in our unit, NaN where no finite number stands, and what is wrong in which rows.
+
+    An empty cell is wrong unless it may be empty.
+    """
+    j, values, faults = cells.header.index(name), np.full(len(cells.rows), np.nan), dict[int, str]()
+    for i, row in enumerate(cells.rows):
+        cell = row[j]
+        try:
+            values[i] = float(cell)
+        except ValueError:
+            if cell.strip() or not may_be_empty:
+                faults[i] = f"'{cell}' is not a number" if cell.strip() else "the cell is empty"
+        else:
+            if not math.isfinite(values[i]):
+                faults[i] = f"'{cell}' is not a finite number"
+    return values * cells.columns[j].factor, faults
+
+
 def parse_numbers(cells: CsvTable, known: Sequence[PoseQuantity]) -> ParsedTable:
     """The columns of known quantities, as far as they are there; times are left for later, as they may be dates."""
-    may_be_empty = {name: quantity.may_be_empty for quantity in known for name in quantity.columns}
+    may_be_empty = {
+        name: quantity.may_be_empty or quantity.unless in cells.header
+        for quantity in known
+        for name in quantity.columns
+    }
     columns, faults = {}, []
     for name in cells.header:
         if name in may_be_empty and name != "t_s":
-            columns[name], wrong = cells.parsed(name, may_be_empty[name])
+            columns[name], wrong = _parsed(cells, name, may_be_empty[name])
             faults += [(row, name, what) for row, what in wrong.items()]
     return ParsedTable(cells, known, columns, tuple(faults))
 
@@ -95,9 +138,9 @@ def without_bad_rows(parsed: ParsedTable, skip: bool) -> ParsedTable:
     count = "1 row" if len(bad) == 1 else f"{len(bad)} rows"
     if not skip:
         row, column, what = faults[0]
-        also = enumerate_words([table.at(row, column) for row, column, _ in faults[1:]], LISTED)
+        also = enumerate_words([cell_place(table, row, column) for row, column, _ in faults[1:]], LISTED)
         right = f"correct {'it' if len(faults) == 1 else 'them'}, or leave {count} out with --bad-rows skip"
-        raise FileError(table.path, table.at(row, column), f"{what}{also and f'; nor are {also}'}", right)
+        raise cell_error(table, row, column, f"{what}{also and f'; nor are {also}'}", right)
     if len(bad) == len(table.rows):
         raise FileError(table.path, "", "every row has a cell that is no number", "is it the right file?")
     kept = np.setdiff1d(np.arange(len(table.rows)), bad)
@@ -114,7 +157,7 @@ def without_bad_rows(parsed: ParsedTable, skip: bool) -> ParsedTable:
 def checked_numbers(parsed: ParsedTable) -> NumberTable:
     """The quantities in SI units. Raises `FileError`: what is no number or cannot be one, or is stated in part."""
     for row, name, what in parsed.faults:
-        raise FileError(parsed.cells.path, parsed.cells.at(row, name), what)
+        raise cell_error(parsed.cells, row, name, what)
     columns = dict(parsed.columns)
     if any("t_s" in quantity.columns for quantity in parsed.known) and "t_s" in parsed.cells.header:
         columns["t_s"] = _seconds(parsed.cells)
@@ -128,9 +171,9 @@ def _check_column(cells: CsvTable, quantity: PoseQuantity, name: str, values: Ar
     """Raises `FileError` where a column breaks the rule of its quantity, or has no plausible size."""
     rule, size = quantity.rule, quantity.size
     if rule is not None and (wrong := rule.wrong(values)).any():
-        raise FileError(cells.path, cells.at(int(np.argmax(wrong)), name), rule.what, rule.right)
+        raise cell_error(cells, int(np.argmax(wrong)), name, rule.what, rule.right)
     if size is not None and (found := implausible_value(size, values)):
-        raise FileError(cells.path, cells.at(found.row, name), found.what, found.right)
+        raise cell_error(cells, found.row, name, found.what, found.right)
 
 
 def _quantities(parsed: ParsedTable, columns: Mapping[str, Array]) -> Iterator[tuple[str, Array]]:
@@ -149,7 +192,7 @@ def _quantities(parsed: ParsedTable, columns: Mapping[str, Array]) -> Iterator[t
         if quantity.whole and part.any():
             name = names[int(np.argmax(part.any(axis=0)))]
             row = int(np.argmax(part[:, names.index(name)]))
-            raise FileError(cells.path, cells.at(row, name), f"empty, the rest of the {quantity.name} is not")
+            raise cell_error(cells, row, name, f"empty, the rest of the {quantity.name} is not")
         yield quantity.name, values * quantity.si
 
 
@@ -157,9 +200,9 @@ def _seconds(cells: CsvTable) -> Array:
     """(N,), times as numbers, or as dates (ISO 8601) since the first. Raises `FileError`."""
     words = [row[cells.header.index("t_s")] for row in cells.rows]
     if any("-" not in word[1:] or "e-" in word.lower() for word in words):
-        return cells.numbers("t_s")
+        return numbers_of(cells, "t_s")
     try:
         dates = [datetime.fromisoformat(word) for word in words]
         return np.array([(date - dates[0]).total_seconds() for date in dates])
     except (ValueError, TypeError):
-        raise FileError(cells.path, cells.at(0, "t_s"), f"'{words[0]}' is no time", DATES) from None
+        raise cell_error(cells, 0, "t_s", f"'{words[0]}' is no time", DATES) from None

@@ -1,6 +1,6 @@
 """Rows of a measurement file that cannot be what they say, left out or told.
 
-A lost or frozen tracker, another order than measured, repetitions elsewhere, a noise that no tracker has.
+A lost or frozen tracker, times that run backwards, repetitions elsewhere, a noise that no tracker has.
 """
 
 from __future__ import annotations
@@ -11,11 +11,10 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from lrm_ident.data.measurement_file.commanded_poses import after_gap, full_turns
+from lrm_ident.data.measurement_file.commanded_poses import pose_words
 from lrm_ident.data.measurement_file.metadata import Metadata
 from lrm_ident.data.measurement_file.number_table import NumberTable
 from lrm_ident.data.measurements import Measurements
-from lrm_ident.data.wording import enumerate_words
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_file import MM
 from lrm_math.arm.plausible_arm import reach
@@ -23,7 +22,6 @@ from lrm_math.errors import FileError
 from lrm_math.model.equilibrium import equilibrium
 from lrm_math.model.model import model_of
 
-LISTED = 8
 FINEST = 1e-5
 """Share of the reach: no tracker that arms are measured with is so exact."""
 SAME_POSE = float(np.radians(1.0))
@@ -60,37 +58,15 @@ def without_frozen(arm: Arm, data: Measurements) -> Measurements:
 def _left_out(data: Measurements, rows: NDArray[np.int64] | NDArray[np.bool_], why: str) -> Measurements:
     """The measurements without some rows, with a notice that says why and names their poses."""
     gone = data.pose[rows]
-    return replace(data.without(gone.tolist()), notices=(*data.notices, f"{why}: {_poses(gone)}"))
+    return replace(data.without(gone.tolist()), notices=(*data.notices, f"{why}: {pose_words(gone)}"))
 
 
 def row_notices(table: NumberTable, arm: Arm, metadata: Metadata) -> Iterator[str]:
-    """Notices about the order, the repetitions and the stated noise of a file."""
+    """Notices about the times, the repetitions and the stated noise of a file."""
     number = table.integers("pose")
-    if not any(name.startswith("approach") for name in table.quantities):
-        gap = after_gap(number)
-        if gap.any():
-            yield (
-                f"before {_poses(number[gap])} the file lacks a pose: the direction of approach is unknown there; "
-                "state it as approach, or approach1, approach2 … of each joint"
-            )
-        if (np.diff(number) < 0).any():
-            yield "the pose numbers do not ascend: the rows are taken to be in the order measured"
-    yield from _turns(table, arm)
     yield from _times(table, number)
     yield from _repetitions(table, number)
     yield from _noise(table, arm, metadata)
-
-
-def _turns(table: NumberTable, arm: Arm) -> Iterator[str]:
-    """Angles that were read a full turn away, as those of a file that counts from 0 to 360 deg."""
-    stated = table["angles"]
-    q, turned = full_turns(stated, arm)
-    for joint in np.flatnonzero(turned.any(axis=0)).tolist():
-        row = int(np.argmax(turned[:, joint]))
-        was, read = np.degrees([stated[row, joint], q[row, joint]])
-        count = int(turned[:, joint].sum())
-        beyond = "1 angle is" if count == 1 else f"{count} angles are"
-        yield f"{beyond} beyond the limits of joint {joint + 1} and read a full turn away: {was:g} = {read:g} deg"
 
 
 def _times(table: NumberTable, number: NDArray[np.int64]) -> Iterator[str]:
@@ -100,7 +76,7 @@ def _times(table: NumberTable, number: NDArray[np.int64]) -> Iterator[str]:
     same_session = True if session is None else np.diff(session) == 0
     back = np.concatenate([[False], (np.diff(t) < 0) & same_session])
     if back.any():
-        yield f"t_s runs backwards at {_poses(number[back])}: are the rows in the order measured?"
+        yield f"t_s runs backwards at {pose_words(number[back])}: are the rows in the order measured?"
 
 
 def _repetitions(table: NumberTable, number: NDArray[np.int64]) -> Iterator[str]:
@@ -112,7 +88,7 @@ def _repetitions(table: NumberTable, number: NDArray[np.int64]) -> Iterator[str]
     of = [first.get(int(pose), row) for row, pose in enumerate(np.nan_to_num(stated, nan=-1.0))]
     away = np.abs(q - q[of]).max(axis=1) > SAME_POSE
     if away.any():
-        yield f"repeat_of: {_poses(number[away])} is not commanded where the pose is that it repeats"
+        yield f"repeat_of: {pose_words(number[away])} is not commanded where the pose is that it repeats"
 
 
 def _noise(table: NumberTable, arm: Arm, metadata: Metadata) -> Iterator[str]:
@@ -121,7 +97,3 @@ def _noise(table: NumberTable, arm: Arm, metadata: Metadata) -> Iterator[str]:
     name, usual = ("noise_sd_mm", noise) if sd is None else ("sd_mm", float(np.median(sd)) / MM)
     if 0.0 < usual < FINEST * reach(arm) / MM:
         yield f"{name} is {usual:.3g} mm: no tracker is so exact; were it in metres, it would be {usual * 1e3:.3g} mm"
-
-
-def _poses(numbers: NDArray[np.int64]) -> str:
-    return f"pose {enumerate_words([str(number) for number in numbers.tolist()], LISTED)}"

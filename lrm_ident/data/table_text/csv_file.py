@@ -7,17 +7,13 @@ numbers so.
 from __future__ import annotations
 
 import csv
-import math
 import re
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-import numpy as np
-
 from lrm_ident.data.table_text.file_text import read_text
-from lrm_math.arrays import Array
 from lrm_math.errors import FileError
 
 DELIMITERS = (";", "\t", ",")
@@ -58,36 +54,6 @@ class CsvTable:
     def header(self) -> tuple[str, ...]:
         """Names of the columns."""
         return tuple(column.name for column in self.columns)
-
-    def numbers(self, name: str) -> Array:
-        """(N,), one column as finite numbers. Raises `FileError`."""
-        values, faults = self.parsed(name)
-        for row, what in faults.items():
-            raise FileError(self.path, self.at(row, name), what)
-        return values
-
-    def parsed(self, name: str, may_be_empty: bool = False) -> tuple[Array, dict[int, str]]:
-        """(N,), one column in our unit, NaN where no finite number stands, and what is wrong in which rows.
-
-        An empty cell is wrong unless it may be empty.
-        """
-        j, values, faults = self.header.index(name), np.full(len(self.rows), np.nan), dict[int, str]()
-        for i, row in enumerate(self.rows):
-            cell = row[j]
-            try:
-                values[i] = float(cell)
-            except ValueError:
-                if cell.strip() or not may_be_empty:
-                    faults[i] = f"'{cell}' is not a number" if cell.strip() else "the cell is empty"
-            else:
-                if not math.isfinite(values[i]):
-                    faults[i] = f"'{cell}' is not a finite number"
-        return values * self.columns[j].factor, faults
-
-    def at(self, row: int, name: str) -> str:
-        """Location of a cell for error messages."""
-        stated = next((column.stated for column in self.columns if column.name == name), name)
-        return f"line {self.lines[row]}, column {stated}"
 
 
 def read_csv(path: Path, required: Sequence[str]) -> CsvTable:

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from lrm_ident.data.measurement_file.number_table import numbers_of
 from lrm_ident.data.table_text.csv_file import read_csv
 from lrm_ident.design.candidate_poses import ClearanceRules, violated_rules
 from lrm_ident.design.workspace.presets import default_study
@@ -51,7 +52,7 @@ def goals_named(text: str, arm: Arm, seed: int) -> tuple[PlacedGoal, ...]:
         drawn = draw_goals(arm, int(text), seed)
     else:
         table = read_csv(Path(text), ["x_mm", "y_mm", "z_mm"])
-        drawn = np.stack([table.numbers(name) for name in ("x_mm", "y_mm", "z_mm")], axis=1) * MM
+        drawn = np.stack([numbers_of(table, name) for name in ("x_mm", "y_mm", "z_mm")], axis=1) * MM
     return tuple(PlacedGoal(tuple(goal)) for goal in drawn.tolist())
 
 

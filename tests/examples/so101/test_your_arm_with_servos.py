@@ -13,6 +13,7 @@ import tomli_w
 
 from examples.so101.hidden_arm import ARM_FILE, hidden_truth
 from examples.so101.launch import simulated_camera, simulated_so101, simulated_tracker
+from lrm_ident.data.measurement_file.number_table import numbers_of
 from lrm_ident.data.table_text.csv_file import read_csv
 from tests.conftest import ROOT
 from tests.support.commands import run_command
@@ -69,6 +70,6 @@ def test_the_camera_takes_its_photos_by_itself(tmp_path: Path, monkeypatch: pyte
         line = command.replace("/dev/ttyACM0", str(link)).replace("read 0", f"read {camera}")
         code, said, complaint = run_command(*shlex.split(line), "--settle", "0.1", "--speed", "120")
     assert (code, "10 of 10 photos used" in said) == (0, True), complaint
-    driven = read_csv(Path("data.photos", "poses.csv"), ["q1_deg"]).numbers("q1_deg")
+    driven = numbers_of(read_csv(Path("data.photos", "poses.csv"), ["q1_deg"]), "q1_deg")
     step = 360.0 / 4096.0
     np.testing.assert_allclose(driven / step, np.round(driven / step), atol=1e-3)

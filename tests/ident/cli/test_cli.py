@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from lrm_ident.data.measurement_file.number_table import numbers_of
 from lrm_ident.data.table_text.csv_file import read_csv
 from tests.conftest import EXAMPLE, ROOT
 from tests.support.commands import stdout_of
@@ -74,7 +75,7 @@ def test_predict_gives_the_residuals_of_compare(folder: Path) -> None:
     stdout_of("predict", folder / "model.toml", EXAMPLE, "-o", folder / "p.csv", "--json", folder / "p.json")
     predicted = read_csv(folder / "p.csv", ["x_mm", "tau1_Nm", "tau6_Nm", "tau_base_Nm"])
     seen = read_csv(EXAMPLE, ["x_mm"])
-    away = [predicted.numbers(f"{axis}_mm") - seen.numbers(f"{axis}_mm") for axis in "xyz"]
+    away = [numbers_of(predicted, f"{axis}_mm") - numbers_of(seen, f"{axis}_mm") for axis in "xyz"]
     rms = float(np.sqrt(np.mean(np.sum(np.square(away), axis=0))))
     assert rms == pytest.approx(json.loads((folder / "fit.json").read_text())["error"]["fit"]["rms_mm"], abs=1e-4)
     assert len(json.loads((folder / "p.json").read_text())["poses"]) == 300

@@ -166,14 +166,15 @@ def test_measurement_files(
 
 @given(st.lists(st.tuples(finite, finite), min_size=1, max_size=20))
 def test_tables_keep_their_digits(tmp_path_factory: pytest.TempPathFactory, rows: list[tuple[float, float]]) -> None:
+    from lrm_ident.data.measurement_file.number_table import numbers_of
     from lrm_ident.data.table_text.csv_file import read_csv
 
     columns = np.array(rows)
     path = tmp_path_factory.mktemp("table") / "t.csv"
     path.write_text(csv_text([("a", columns[:, 0], 6), ("b_mm", columns[:, 1], 3)]))
     table = read_csv(path, ["b_mm"])
-    np.testing.assert_allclose(table.numbers("a"), columns[:, 0], atol=5.1e-7)
-    np.testing.assert_allclose(table.numbers("b_mm"), columns[:, 1], atol=5.1e-4)
+    np.testing.assert_allclose(numbers_of(table, "a"), columns[:, 0], atol=5.1e-7)
+    np.testing.assert_allclose(numbers_of(table, "b_mm"), columns[:, 1], atol=5.1e-4)
 
 
 def test_pose_files_need_angles_only(tmp_path: Path, lab: Arm) -> None:

@@ -13,6 +13,7 @@ import pytest
 
 from lrm_ident.data.measurement_file.commanded_poses import directions
 from lrm_ident.data.measurement_file.load import load_poses
+from lrm_ident.data.measurement_file.number_table import numbers_of
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.table_text.csv_file import read_csv
 from lrm_ident.design.candidate_poses import ClearanceRules, candidate_grid, parse_levels, violated_rules
@@ -245,7 +246,7 @@ def test_the_commands_and_their_files(tmp_path: Path, lab: Arm) -> None:
     assert "told from everything else" in said
     table = read_csv(poses, ["pose", "q1_deg", "payload_g", "approach", "repeat_of"])
     assert len(table.rows) == 35
-    assert set(table.numbers("approach")) == {-1.0, 1.0}
+    assert set(numbers_of(table, "approach")) == {-1.0, 1.0}
     assert len(load_poses(poses, lab)) == 35
     assert len(read_csv(figure.with_suffix(".csv"), ["what", "unit", "with_these"]).rows) == 28 + 2
     told = json.loads((tmp_path / "d.json").read_text())
@@ -255,7 +256,7 @@ def test_the_commands_and_their_files(tmp_path: Path, lab: Arm) -> None:
     stdout_of("predict", tmp_path / "m.toml", poses, "-o", tmp_path / "p.csv")
     more = tmp_path / "more.csv"
     stdout_of("design", "lrm-lab", "--poses", poses, "--have", poses, "-n", "3", "--repeats", "0", "-o", more)
-    assert read_csv(more, ["pose"]).numbers("pose").tolist() == [36, 37, 38]
+    assert numbers_of(read_csv(more, ["pose"]), "pose").tolist() == [36, 37, 38]
 
 
 @pytest.mark.parametrize("count", [6, 40])
@@ -272,9 +273,9 @@ def test_choosing_among_the_shipped_measurements(tmp_path: Path) -> None:
     words = ["-o", tmp_path / "few.csv", "--json", tmp_path / "c.json", "--figure", tmp_path / "c.png"]
     stdout_of("choose-poses", example, "--arm", "lrm-lab", "-n", "40", *words)
     told = json.loads((tmp_path / "c.json").read_text())
-    assert read_csv(tmp_path / "few.csv", ["x_mm"]).numbers("pose").tolist() == told["poses"]
+    assert numbers_of(read_csv(tmp_path / "few.csv", ["x_mm"]), "pose").tolist() == told["poses"]
     assert told["observability"]["O1"] <= told["o1_no_choice_exceeds"]
-    assert np.count_nonzero(read_csv(tmp_path / "c.csv", ["chosen"]).numbers("chosen")) == 40
+    assert np.count_nonzero(numbers_of(read_csv(tmp_path / "c.csv", ["chosen"]), "chosen")) == 40
 
 
 @pytest.mark.parametrize(

@@ -14,6 +14,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
+from lrm_ident.data.measurement_file.number_table import numbers_of
 from lrm_ident.data.table_text.csv_file import read_csv
 from lrm_ident.measuring.recordings.cells import read_cells
 from lrm_ident.measuring.recordings.motive_csv import is_motive, read_motive
@@ -120,11 +121,11 @@ def test_the_tip_at_every_rest_comes_out_of_the_recording(tmp_path: Path, kind: 
     source, data = write(tmp_path / "take.csv"), tmp_path / "data.csv"
     stdout_of("import", source, poses(tmp_path), "--arm", "lrm-lab", "-o", data, *options, *times)
     table = read_csv(data, ["pose", "x_mm", "y_mm", "z_mm", "sd_mm", "t_s", "payload_g", "repeat_of"])
-    tips = np.stack([table.numbers(name) for name in ("x_mm", "y_mm", "z_mm")], axis=1) * 1e-3
+    tips = np.stack([numbers_of(table, name) for name in ("x_mm", "y_mm", "z_mm")], axis=1) * 1e-3
     np.testing.assert_allclose(tips, TIPS, atol=5e-5)
-    assert table.numbers("repeat_of").tolist() == [1, 2, 3, 1]
-    assert np.all(np.abs(table.numbers("sd_mm") - NOISE_M * 1e3) < 0.02)
-    np.testing.assert_allclose(np.diff(table.numbers("t_s")), REST_S + MOVE_S, atol=0.2)
+    assert numbers_of(table, "repeat_of").tolist() == [1, 2, 3, 1]
+    assert np.all(np.abs(numbers_of(table, "sd_mm") - NOISE_M * 1e3) < 0.02)
+    np.testing.assert_allclose(np.diff(numbers_of(table, "t_s")), REST_S + MOVE_S, atol=0.2)
     assert 'arm = "lrm-lab"' in data.with_suffix(".toml").read_text()
 
 
@@ -138,7 +139,7 @@ def test_a_rest_in_which_the_tool_is_hidden_is_left_out_and_said(tmp_path: Path)
     times = ("--every", "4", "--first", "2.9", "--tool", "Tool", "--base", "Base")
     said = stdout_of("import", source, poses(tmp_path), "--arm", "lrm-lab", "-o", data, *times)
     assert "left out: pose 2: target 1 unseen" in said
-    assert read_csv(data, ["pose"]).numbers("pose").tolist() == [1, 3, 4]
+    assert numbers_of(read_csv(data, ["pose"]), "pose").tolist() == [1, 3, 4]
 
 
 @pytest.mark.parametrize(
@@ -241,13 +242,13 @@ def published(folder: Path, q: np.ndarray, tips: np.ndarray) -> tuple[Path, Path
 def test_the_real_393_poses_in_the_authors_format_equal_the_shared_table(tmp_path: Path) -> None:
     names = [*(f"q{i}_deg" for i in range(1, 7)), "x_mm", "y_mm", "z_mm", "t_s", "pose"]
     shared = read_csv(SHARED, names)
-    values = np.stack([shared.numbers(name) for name in names], axis=1)
+    values = np.stack([numbers_of(shared, name) for name in names], axis=1)
     positions, angles = published(tmp_path, values[:, :6], values[:, 6:9])
     data = tmp_path / "data.csv"
     times = ("--every", "15", "--first", "14")
     stdout_of("import", positions, angles, "--arm", "lrm-lab", "-o", data, *times)
     read = read_csv(data, names)
-    again = np.stack([read.numbers(name) for name in names], axis=1)
+    again = np.stack([numbers_of(read, name) for name in names], axis=1)
     assert len(again) == 393
     np.testing.assert_allclose(again, values, rtol=0.0, atol=1e-6)
 
