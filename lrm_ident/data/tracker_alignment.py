@@ -14,7 +14,7 @@ import numpy as np
 
 from lrm_ident.data.measurement_file.commanded_poses import read_angles
 from lrm_ident.data.measurement_file.known_columns import angles_of
-from lrm_ident.data.measurement_file.number_table import cell_error, checked_numbers, numbers_of, parse_numbers
+from lrm_ident.data.measurement_file.number_table import cell_error, numbers_of, read_numbers
 from lrm_ident.data.measurement_file.write import csv_text
 from lrm_ident.data.table_text.csv_file import CsvTable, read_csv
 from lrm_ident.data.weights.rotations import rotation_matrix
@@ -114,7 +114,7 @@ def measurements_from(path: Path, arm: Arm, deviation: Array) -> tuple[str, Trac
     angles = angles_of(arm)
     table = read_csv(path, ["pose", *angles.columns, *BASE, *ORIENTATION, *TCP])
     tracked = _tracked(table, least=1)
-    read_angles(checked_numbers(parse_numbers(table, [angles])), arm)
+    read_angles(read_numbers(table, [angles]), arm)
     tcp = (tracked.in_base() - deviation) / MM
     columns = [("pose", numbers_of(table, "pose"), 0)]
     columns += [(name, numbers_of(table, name), 3) for name in OPTIONAL if name in table.header]

@@ -22,12 +22,7 @@ from lrm_ident.data.measurement_file.known_columns import (
 )
 from lrm_ident.data.measurement_file.measured_columns import read_feedback, with_sensed
 from lrm_ident.data.measurement_file.metadata import beside_of
-from lrm_ident.data.measurement_file.number_table import (
-    NumberTable,
-    checked_numbers,
-    parse_numbers,
-    without_bad_rows,
-)
+from lrm_ident.data.measurement_file.number_table import NumberTable, read_numbers, without_bad_rows
 from lrm_ident.data.measurement_file.row_checks import row_notices, without_lost
 from lrm_ident.data.measurements import Measurements
 from lrm_math.arm.arm import Arm
@@ -50,8 +45,8 @@ def load_measurements(path: Path, arm: Arm, reading: Reading = AS_NAMED, usual: 
     metadata, how = beside.metadata, beside.how
     cells = arm_table(path, arm, how, known)
     units = stated_units(cells)
-    parsed = without_bad_rows(parse_numbers(cells, known), how.bad_rows == "skip")
-    table = checked_numbers(parsed)
+    good = without_bad_rows(cells, known, how.bad_rows == "skip")
+    table = read_numbers(good, known)
     pose, repeat_of = numbered_rows(table)
     poses, about_poses = read_poses(table, arm, how, beside.start(arm)), pose_notices(table, arm)
     data = Measurements(
@@ -94,7 +89,7 @@ def load_pose_table(
     how = beside_of(path, reading).how
     known = (*commanded_quantities(arm), *(replace(q, may_be_empty=False) for q in KNOWN if q.name in more))
     cells = arm_table(path, arm, how, known)
-    table = checked_numbers(parse_numbers(cells, known))
+    table = read_numbers(cells, known)
     return read_poses(table, arm, how), table
 
 
@@ -109,5 +104,5 @@ def read_pose_feedback(path: Path, arm: Arm) -> tuple[Array | None, float | None
     Raises `FileError`.
     """
     beside, known = beside_of(path), (angles_of(arm), feedback_of(arm))
-    table = checked_numbers(parse_numbers(arm_table(path, arm, beside.how, known), known))
+    table = read_numbers(arm_table(path, arm, beside.how, known), known)
     return read_feedback(table, full_turns(table["angles"], arm)[0]), beside.metadata.feedback_sd_deg

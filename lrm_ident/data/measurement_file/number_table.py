@@ -6,7 +6,7 @@ Cells of measurements that are no numbers are all named at once, or their rows a
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import datetime
 
@@ -21,19 +21,6 @@ from lrm_math.errors import FileError
 from lrm_math.plausibility import implausible_value
 
 LISTED = 8
-
-
-@dataclass(frozen=True, eq=False)
-class ParsedTable:
-    """Columns (N,) by name, in the units of their names, and (row, column, why) of every cell that is no number.
-
-    `cells`: where they come from. `known`: the quantities that were looked for.
-    """
-
-    cells: CsvTable
-    known: Sequence[PoseQuantity]
-    columns: Mapping[str, Array]
-    faults: tuple[tuple[int, str, str], ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,16 +71,16 @@ def cell_place(cells: CsvTable, row: int, name: str) -> str:
     return f"line {cells.lines[row]}, column {stated}"
 
 
-def numbers_of(cells: CsvTable, name: str) -> Array:
-    """(N,), one column as finite numbers. Raises `FileError`."""
-    values, faults = _parsed(cells, name, may_be_empty=False)
+def numbers_of(cells: CsvTable, name: str, may_be_empty: bool = False) -> Array:
+    """(N,), one column as finite numbers in our unit, NaN in empty cells if there may be some. Raises `FileError`."""
+    values, faults = _parsed(cells, name, may_be_empty)
     for row, what in faults.items():
         raise cell_error(cells, row, name, what)
     return values
 
 
 def _parsed(cells: CsvTable, name: str, may_be_empty: bool) -> tuple[Array, dict[int, str]]:
-    """(N,), one column in our unit, NaN where no finite number stands, and what is wrong in which rows.
+    """(N,), one column in our unit, NaN where no finite number stands, and by row what is wrong there.
 
     An empty cell is wrong unless it may be empty.
     """
@@ -111,89 +98,79 @@ def _parsed(cells: CsvTable, name: str, may_be_empty: bool) -> tuple[Array, dict
     return values * cells.columns[j].factor, faults
 
 
-def parse_numbers(cells: CsvTable, known: Sequence[PoseQuantity]) -> ParsedTable:
-    """The columns of known quantities, as far as they are there; times are left for later, as they may be dates."""
-    may_be_empty = {
-        name: quantity.may_be_empty or quantity.unless in cells.header
-        for quantity in known
-        for name in quantity.columns
-    }
-    columns, faults = {}, []
-    for name in cells.header:
-        if name in may_be_empty and name != "t_s":
-            columns[name], wrong = _parsed(cells, name, may_be_empty[name])
-            faults += [(row, name, what) for row, what in wrong.items()]
-    return ParsedTable(cells, known, columns, tuple(faults))
-
-
-def without_bad_rows(parsed: ParsedTable, skip: bool) -> ParsedTable:
-    """The table with numbers in all cells, and with a notice of the rows left out for that, if `skip`.
+def without_bad_rows(cells: CsvTable, known: Sequence[PoseQuantity], skip: bool) -> CsvTable:
+    """The table, all cells of the known columns numbers, and with a notice of the rows left out for that, if `skip`.
 
     Raises `FileError`: naming every cell that is no number; nothing would be left without their rows.
     """
-    table, faults = parsed.cells, sorted(parsed.faults)
+    faults = sorted(
+        (row, name, what)
+        for name, (_, may_be_empty) in _stated(cells, known).items()
+        if name != "t_s"
+        for row, what in _parsed(cells, name, may_be_empty)[1].items()
+    )
     if not faults:
-        return parsed
+        return cells
     bad = sorted({row for row, _, _ in faults})
     count = "1 row" if len(bad) == 1 else f"{len(bad)} rows"
     if not skip:
         row, column, what = faults[0]
-        also = enumerate_words([cell_place(table, row, column) for row, column, _ in faults[1:]], LISTED)
+        also = enumerate_words([cell_place(cells, row, column) for row, column, _ in faults[1:]], LISTED)
         right = f"correct {'it' if len(faults) == 1 else 'them'}, or leave {count} out with --bad-rows skip"
-        raise cell_error(table, row, column, f"{what}{also and f'; nor are {also}'}", right)
-    if len(bad) == len(table.rows):
-        raise FileError(table.path, "", "every row has a cell that is no number", "is it the right file?")
-    kept = np.setdiff1d(np.arange(len(table.rows)), bad)
-    lines = enumerate_words([str(table.lines[row]) for row in bad], LISTED)
-    cells = replace(
-        table,
-        rows=tuple(table.rows[row] for row in kept),
-        lines=tuple(table.lines[row] for row in kept),
-        notices=(*table.notices, f"{count} with cells that are no numbers left out: line {lines}"),
+        raise cell_error(cells, row, column, f"{what}{also and f'; nor are {also}'}", right)
+    if len(bad) == len(cells.rows):
+        raise FileError(cells.path, "", "every row has a cell that is no number", "is it the right file?")
+    kept = np.setdiff1d(np.arange(len(cells.rows)), bad)
+    lines = enumerate_words([str(cells.lines[row]) for row in bad], LISTED)
+    return replace(
+        cells,
+        rows=tuple(cells.rows[row] for row in kept),
+        lines=tuple(cells.lines[row] for row in kept),
+        notices=(*cells.notices, f"{count} with cells that are no numbers left out: line {lines}"),
     )
-    return replace(parsed, cells=cells, columns={name: each[kept] for name, each in parsed.columns.items()}, faults=())
 
 
-def checked_numbers(parsed: ParsedTable) -> NumberTable:
-    """The quantities in SI units. Raises `FileError`: what is no number or cannot be one, or is stated in part."""
-    for row, name, what in parsed.faults:
-        raise cell_error(parsed.cells, row, name, what)
-    columns = dict(parsed.columns)
-    if any("t_s" in quantity.columns for quantity in parsed.known) and "t_s" in parsed.cells.header:
-        columns["t_s"] = _seconds(parsed.cells)
-    quantity_of = {name: quantity for quantity in parsed.known for name in quantity.columns}
-    for name in (name for name in parsed.cells.header if name in columns):
-        _check_column(parsed.cells, quantity_of[name], name, columns[name])
-    return NumberTable(parsed.cells, dict(_quantities(parsed, columns)))
+def read_numbers(cells: CsvTable, known: Sequence[PoseQuantity]) -> NumberTable:
+    """The known quantities, SI. Raises `FileError`: what is no number or cannot be one, or is stated in part."""
+    stated = _stated(cells, known)
+    columns = {
+        name: _seconds(cells) if name == "t_s" else numbers_of(cells, name, may_be_empty)
+        for name, (_, may_be_empty) in stated.items()
+    }
+    for name, (quantity, _) in stated.items():
+        rule, size, values = quantity.rule, quantity.size, columns[name]
+        if rule is not None and (wrong := rule.wrong(values)).any():
+            raise cell_error(cells, int(np.argmax(wrong)), name, rule.what, rule.right)
+        if size is not None and (found := implausible_value(size, values)):
+            raise cell_error(cells, found.row, name, found.what, found.right)
+    there = [quantity for quantity in known if any(name in columns for name in quantity.columns)]
+    return NumberTable(cells, {quantity.name: _together(cells, quantity, columns) for quantity in there})
 
 
-def _check_column(cells: CsvTable, quantity: PoseQuantity, name: str, values: Array) -> None:
-    """Raises `FileError` where a column breaks the rule of its quantity, or has no plausible size."""
-    rule, size = quantity.rule, quantity.size
-    if rule is not None and (wrong := rule.wrong(values)).any():
-        raise cell_error(cells, int(np.argmax(wrong)), name, rule.what, rule.right)
-    if size is not None and (found := implausible_value(size, values)):
-        raise cell_error(cells, found.row, name, found.what, found.right)
+def _stated(cells: CsvTable, known: Sequence[PoseQuantity]) -> dict[str, tuple[PoseQuantity, bool]]:
+    """The columns of known quantities in the file's order: their quantity, and whether their cells may be empty."""
+    of = {name: quantity for quantity in known for name in quantity.columns}
+    return {
+        name: (of[name], of[name].may_be_empty or of[name].unless in cells.header)
+        for name in cells.header
+        if name in of
+    }
 
 
-def _quantities(parsed: ParsedTable, columns: Mapping[str, Array]) -> Iterator[tuple[str, Array]]:
-    """(N, k), SI, of each quantity that is there. Raises `FileError` for a part of one."""
-    cells = parsed.cells
-    for quantity in parsed.known:
-        names = quantity.columns
-        missing = [name for name in names if name not in columns]
-        if len(missing) == len(names):
-            continue
-        if missing:
-            raise FileError(cells.path, "header", f"no column {missing[0]}", f"{', '.join(names)} go together")
-        values = np.stack([columns[name] for name in names], axis=1)
-        empty = np.isnan(values)
-        part = empty & ~empty.all(axis=1, keepdims=True)
-        if quantity.whole and part.any():
-            name = names[int(np.argmax(part.any(axis=0)))]
-            row = int(np.argmax(part[:, names.index(name)]))
-            raise cell_error(cells, row, name, f"empty, the rest of the {quantity.name} is not")
-        yield quantity.name, values * quantity.si
+def _together(cells: CsvTable, quantity: PoseQuantity, columns: Mapping[str, Array]) -> Array:
+    """(N, k), a quantity in SI units. Raises `FileError` if a part of it is missing."""
+    names = quantity.columns
+    missing = [name for name in names if name not in columns]
+    if missing:
+        raise FileError(cells.path, "header", f"no column {missing[0]}", f"{', '.join(names)} go together")
+    values = np.stack([columns[name] for name in names], axis=1)
+    gone = np.isnan(values)
+    part = gone & ~gone.all(axis=1, keepdims=True)
+    if quantity.whole and part.any():
+        j = int(np.argmax(part.any(axis=0)))
+        row = int(np.argmax(part[:, j]))
+        raise cell_error(cells, row, names[j], f"empty, the rest of the {quantity.name} is not")
+    return values * quantity.si
 
 
 def _seconds(cells: CsvTable) -> Array:
