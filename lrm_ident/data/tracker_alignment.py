@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from lrm_ident.data.measurement_file.commanded_poses import read_angles
-from lrm_ident.data.measurement_file.known_columns import angles_of
+from lrm_ident.data.measurement_file.known_columns import POSITION, quantities_of_joints
 from lrm_ident.data.measurement_file.number_table import cell_error, numbers_of, read_numbers
 from lrm_ident.data.measurement_file.write import csv_text
 from lrm_ident.data.table_text.csv_file import CsvTable, read_csv
@@ -111,7 +111,7 @@ def measurements_from(path: Path, arm: Arm, deviation: Array) -> tuple[str, Trac
 
     Raises `FileError`: naming file, line and column of the first fault.
     """
-    angles = angles_of(arm)
+    angles, *_ = quantities_of_joints(arm.dof)
     table = read_csv(path, ["pose", *angles.columns, *BASE, *ORIENTATION, *TCP])
     tracked = _tracked(table, least=1)
     read_angles(read_numbers(table, [angles]), arm)
@@ -119,5 +119,5 @@ def measurements_from(path: Path, arm: Arm, deviation: Array) -> tuple[str, Trac
     columns = [("pose", numbers_of(table, "pose"), 0)]
     columns += [(name, numbers_of(table, name), 3) for name in OPTIONAL if name in table.header]
     columns += [(name, numbers_of(table, name), 6) for name in angles.columns]
-    columns += [(name, tcp[:, i], 4) for i, name in enumerate(("x_mm", "y_mm", "z_mm"))]
+    columns += [(name, tcp[:, i], 4) for i, name in enumerate(POSITION)]
     return csv_text(columns), tracked

@@ -7,7 +7,6 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from lrm_ident.data.measurement_file.known_columns import SIDE
 from lrm_ident.data.measurement_file.number_table import NumberTable, cell_place
 from lrm_ident.data.wording import enumerate_words
 from lrm_math.arm.arm import Arm
@@ -32,7 +31,11 @@ def read_poses(table: NumberTable, arm: Arm, how: Reading, start: Array | None =
     """
     q, number, none = read_angles(table, arm), table.integers("pose"), np.zeros(len(table))
     moves = directions(q, start, after_gap(number))
-    sides = _approach(table, moves, how)
+    sides = moves
+    if "sides" in table:
+        sides = table["sides"]
+    elif "approach" in table:
+        sides = table["approach"] * (how.joint_sign or np.ones(q.shape[1]))
     straight = bool(np.all((sides == moves) | (moves == 0.0))) and "approach" not in table
     t, session, payload = table.column("t"), table.column("session"), table.column("payload")
     return Poses(
@@ -72,7 +75,7 @@ def numbered_rows(table: NumberTable) -> tuple[NDArray[np.int64], NDArray[np.int
 def pose_notices(table: NumberTable, arm: Arm) -> Iterator[str]:
     """Notices about the order of the poses, and of angles that were read a full turn away from what is stated."""
     number = table.integers("pose")
-    if not any(name.startswith("approach") for name in table.quantities):
+    if "approach" not in table and "sides" not in table:
         gap = after_gap(number)
         if gap.any():
             yield (
@@ -125,14 +128,6 @@ def full_turns(q: Array, arm: Arm) -> tuple[Array, NDArray[np.bool_]]:
     other = q - np.sign(q) * 2.0 * np.pi
     turned = ((q < low) | (q > high)) & (other >= low) & (other <= high)
     return np.where(turned, other, q), turned
-
-
-def _approach(table: NumberTable, moves: Array, how: Reading) -> Array:
-    """(N, n), approach directions: the columns `approach1` … or `approach`, else the moves."""
-    own = [SIDE.format(number) for number in range(1, moves.shape[1] + 1)]
-    if all(name in table for name in own):
-        return np.concatenate([table[name] for name in own], axis=1)
-    return table["approach"] * (how.joint_sign or np.ones(len(own))) if "approach" in table else moves
 
 
 def after_gap(number: NDArray[np.int64]) -> NDArray[np.bool_]:

@@ -118,21 +118,19 @@ def columns_of_joints(form: str, dof: int) -> tuple[str, ...]:
     return tuple(form.format(number) for number in range(1, dof + 1))
 
 
-def angles_of(arm: Arm) -> PoseQuantity:
-    """The angles of an arm's joints."""
-    return PoseQuantity("angles", columns_of_joints(ANGLE, arm.dof), required=True, commanded=True)
-
-
-def feedback_of(arm: Arm) -> PoseQuantity:
-    """The readings of an arm's encoders."""
-    return PoseQuantity("feedback", columns_of_joints(FEEDBACK, arm.dof), may_be_empty=True)
+def quantities_of_joints(dof: int) -> tuple[PoseQuantity, PoseQuantity, PoseQuantity]:
+    """The angles of so many joints, the readings of their encoders, and the sides from which they came."""
+    return (
+        PoseQuantity("angles", columns_of_joints(ANGLE, dof), required=True, commanded=True),
+        PoseQuantity("feedback", columns_of_joints(FEEDBACK, dof), may_be_empty=True),
+        PoseQuantity("sides", columns_of_joints(SIDE, dof), (), SIDES, commanded=True),
+    )
 
 
 def measured_quantities(arm: Arm) -> tuple[PoseQuantity, ...]:
     """Quantities that a measurement file of an arm states."""
-    sides = (PoseQuantity(name, (name,), (), SIDES, commanded=True) for name in columns_of_joints(SIDE, arm.dof))
     known = (replace(each, size=_load(arm)) if each.name == "payload" else each for each in KNOWN)
-    return (angles_of(arm), *sides, *known, feedback_of(arm))
+    return (*quantities_of_joints(arm.dof), *known)
 
 
 def commanded_quantities(arm: Arm) -> tuple[PoseQuantity, ...]:

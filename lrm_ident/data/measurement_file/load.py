@@ -15,10 +15,9 @@ from lrm_ident.data.measurement_file.known_columns import (
     DISTANCE,
     KNOWN,
     POSITION,
-    angles_of,
     commanded_quantities,
-    feedback_of,
     measured_quantities,
+    quantities_of_joints,
 )
 from lrm_ident.data.measurement_file.measured_columns import read_feedback, with_sensed
 from lrm_ident.data.measurement_file.metadata import beside_of
@@ -103,6 +102,7 @@ def read_pose_feedback(path: Path, arm: Arm) -> tuple[Array | None, float | None
 
     Raises `FileError`.
     """
-    beside, known = beside_of(path), (angles_of(arm), feedback_of(arm))
+    beside, (angles, feedback, _) = beside_of(path), quantities_of_joints(arm.dof)
+    known = (angles, feedback)
     table = read_numbers(arm_table(path, arm, beside.how, known), known)
     return read_feedback(table, full_turns(table["angles"], arm)[0]), beside.metadata.feedback_sd_deg

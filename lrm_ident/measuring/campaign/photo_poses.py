@@ -6,16 +6,12 @@ from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
 
-import numpy as np
-
-from lrm_ident.data.measurement_file.write import csv_text
+from lrm_ident.data.measurement_file.write import StatedQuantity, csv_text, quantity_columns
 from lrm_ident.measuring.campaign.data_file import ArmState
 from lrm_ident.measuring.campaign.plan import PlannedPose, lightest
 from lrm_ident.measuring.campaign.run import Clock, PoseTiming, Unreachable
 from lrm_ident.measuring.campaign.session import DrivenArm, Loads, OpenArm
 from lrm_math.arm.arm import Arm
-from lrm_math.arm.arm_file import GRAM
-from lrm_math.arrays import Array
 from lrm_math.errors import LrmError
 
 
@@ -29,16 +25,15 @@ class PhotographedPoses:
 
     def csv(self) -> str:
         """CSV text of the poses, in the order of their photos."""
-        number: Array = np.array([float(pose.number) for pose in self.poses])
-        q = np.degrees(np.array([state.q for state in self.states]))
-        columns: list[tuple[str, Array, int]] = [("pose", number, 0)]
-        columns += [(f"q{i + 1}_deg", angles, 9) for i, angles in enumerate(q.T)]
-        columns += [("payload_g", np.array([pose.payload / GRAM for pose in self.poses]), 4)]
-        columns += [("session", np.array([float(state.session) for state in self.states]), 0)]
-        if any(pose.approach for pose in self.poses):
-            sides = np.array([state.direction for state in self.states], dtype=np.float64)
-            columns += [(f"approach{i + 1}", side, 0) for i, side in enumerate(sides.T)]
-        return csv_text(columns)
+        sides = [state.direction for state in self.states]
+        stated: list[StatedQuantity] = [
+            ("pose", [pose.number for pose in self.poses], 0),
+            ("angles", [state.q for state in self.states], 9),
+            ("payload", [pose.payload for pose in self.poses], 4),
+            ("session", [state.session for state in self.states], 0),
+            ("sides", sides if any(pose.approach for pose in self.poses) else None, 0),
+        ]
+        return csv_text(quantity_columns(stated))
 
 
 @dataclass(frozen=True)

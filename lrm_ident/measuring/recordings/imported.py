@@ -11,7 +11,7 @@ import numpy as np
 from lrm_ident.data.apply_reading import read_positions
 from lrm_ident.data.atomic_write import write_text
 from lrm_ident.data.measurement_file.load import load_pose_table
-from lrm_ident.data.measurement_file.write import csv_text, metadata_toml
+from lrm_ident.data.measurement_file.write import StatedQuantity, csv_text, metadata_toml, quantity_columns
 from lrm_ident.measuring.recordings.cells import read_cells
 from lrm_ident.measuring.recordings.mcap_file import SUFFIX as MCAP
 from lrm_ident.measuring.recordings.mcap_file import read_joints, read_mcap
@@ -22,10 +22,12 @@ from lrm_ident.measuring.recordings.take import RecordedTake
 from lrm_ident.measuring.recordings.vicon_csv import is_vicon, read_vicon
 from lrm_ident.measuring.tracker.dwell import UnstableDwell, rest_mean
 from lrm_math.arm.arm import Arm
-from lrm_math.arm.arm_file import GRAM, MM, arm_name_for
+from lrm_math.arm.arm_file import MM, arm_name_for
 from lrm_math.arrays import Array
 from lrm_math.errors import FileError
 from lrm_math.model.reading import Reading
+
+LEAST_SD = 1e-4 * MM
 
 
 @dataclass(frozen=True)
@@ -77,14 +79,17 @@ class ImportedRows:
 
     def csv(self) -> str:
         """Text of the measurement file."""
-        columns = [("pose", self.poses.number, 0)]
-        columns += [] if self.t is None else [("t_s", self.t, 3)]
-        columns.append(("payload_g", self.poses.payload / GRAM, 3))
-        columns += [(f"q{i + 1}_deg", np.degrees(angles), 6) for i, angles in enumerate(self.poses.q.T)]
-        columns += [(f"{axis}_mm", self.tip[:, i] / MM, 4) for i, axis in enumerate("xyz")]
-        columns += [] if self.sd is None else [("sd_mm", np.maximum(self.sd / MM, 1e-4), 4)]
-        columns.append(("repeat_of", self.poses.repeat_of, 0))
-        return csv_text(columns)
+        poses, sd = self.poses, None if self.sd is None else np.maximum(self.sd, LEAST_SD)
+        stated: list[StatedQuantity] = [
+            ("pose", poses.number, 0),
+            ("t", self.t, 3),
+            ("payload", poses.payload, 3),
+            ("angles", poses.q, 6),
+            ("position", self.tip, 4),
+            ("sd", sd, 4),
+            ("repeat_of", poses.repeat_of, 0),
+        ]
+        return csv_text(quantity_columns(stated))
 
 
 def import_recording(source: Path, poses: Path, arm: Arm, order: RecordingOrder) -> ImportedRows:

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lrm_ident.data.measurement_file.write import csv_text
+from lrm_ident.data.measurement_file.write import StatedQuantity, csv_text, quantity_columns
 from lrm_ident.data.wording import joint_labels
 from lrm_math.arm.arm import Arm
 from lrm_math.arrays import Array
@@ -23,7 +23,6 @@ from lrm_math.errors import FileError, LrmError
 from lrm_math.text_file import read_json
 
 STILL_DEG = 0.5  # that command and feedback may stray within a rest
-DEG = float(np.radians(1.0))
 LEAST_SD_DEG = 360.0 / 4096.0 / np.sqrt(12.0)  # of an encoder of 12 bits
 COMMAND, FEEDBACK = "action", "observation.state"
 COLUMNS = (COMMAND, FEEDBACK, "timestamp", "episode_index")
@@ -164,12 +163,11 @@ def read_columns(folder: Path, columns: Sequence[str]) -> dict[str, Sequence[Any
 
 def rests_csv(rests: LeRobotRests) -> str:
     """CSV text of poses: command, feedback, time and episode of every rest, and its frame in the dataset."""
-    number: Array = np.arange(1.0, len(rests.t) + 1.0)
-    columns: list[tuple[str, Array, int]] = [
-        ("pose", number, 0),
-        ("t_s", rests.t, 3),
-        ("session", rests.episode.astype(np.float64) + 1.0, 0),
+    stated: list[StatedQuantity] = [
+        ("pose", np.arange(1, len(rests.t) + 1), 0),
+        ("t", rests.t, 3),
+        ("session", rests.episode + 1, 0),
+        ("angles", rests.command, 6),
+        ("feedback", rests.feedback, 6),
     ]
-    columns += [(f"q{i + 1}_deg", column / DEG, 6) for i, column in enumerate(rests.command.T)]
-    columns += [(f"q{i + 1}_meas_deg", column / DEG, 6) for i, column in enumerate(rests.feedback.T)]
-    return csv_text([*columns, ("frame", rests.frame.astype(np.float64), 0)])
+    return csv_text([*quantity_columns(stated), ("frame", rests.frame.astype(np.float64), 0)])
