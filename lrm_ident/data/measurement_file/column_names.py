@@ -8,7 +8,7 @@ from __future__ import annotations
 import re
 from collections import defaultdict
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 from lrm_ident.data.apply_reading import ANGLE_UNITS, LENGTH_UNITS
@@ -41,7 +41,7 @@ UNIT_WORDS = {
     "s": "s", "sec": "s", "seconds": "s", "g": "g", "gram": "g", "grams": "g", "kg": "kg",
     "c": "c", "°c": "c", "v": "v",
 }  # fmt: skip
-FACTORS = {
+FACTORS: dict[str, dict[str | None, float]] = {
     "mm": {unit: metres / LENGTH_UNITS["mm"] for unit, metres in LENGTH_UNITS.items()},
     "deg": {unit: radians / ANGLE_UNITS["deg"] for unit, radians in ANGLE_UNITS.items()},
     "g": {"g": 1.0, "kg": 1e3},
@@ -59,15 +59,6 @@ COORDINATE = re.compile(
 )
 
 
-@dataclass(frozen=True)
-class ColumnName:
-    """A column by our own `name`; `factor`: one unit of the file's in ours; `unit`: as the file states it, or None."""
-
-    name: str
-    factor: float = 1.0
-    unit: str | None = None
-
-
 def read_measurement_table(path: Path, how: Reading = AS_NAMED, arm: Arm | None = None) -> CsvTable:
     """Reads a table: columns named as ours, in the units that `how` states in place of those of their names; poses
     numbered 1, 2, 3 … where no column does it.
@@ -77,10 +68,10 @@ def read_measurement_table(path: Path, how: Reading = AS_NAMED, arm: Arm | None 
     Raises `FileError`: two columns that are the same by name.
     """
     joints = [] if arm is None else [joint.name for joint in arm.joints]
-    table = _with_units(read_table(path), joints)
-    names = _our_names(table, joints)
-    first = 0 if any(known.name == "q0_deg" for known in names) else 1
-    columns = tuple(_as_said(known, stated, how, first) for known, stated in zip(names, table.header, strict=True))
+    table = _with_units(read_table(path))
+    named = _our_names(table, joints)
+    first = 0 if any(column.name == "q0_deg" for column in named) else 1
+    columns = tuple(_as_said(column, how, first) for column in named)
     if all(column.name != "pose" for column in columns):
         rows = tuple((str(number), *row) for number, row in enumerate(table.rows, start=1))
         return replace(table, columns=(Column("pose", "pose"), *columns), rows=rows)
@@ -138,45 +129,46 @@ def _notices(table: CsvTable, known: Sequence[PoseQuantity]) -> list[str]:
     return [*notices, f"read as: {', '.join(taken)}"] if taken else notices
 
 
-def _our_names(table: CsvTable, joints: Sequence[str]) -> list[ColumnName]:
-    """Our names of the columns, the file's own where they are not known; the joints' own count if all are there.
+def _our_names(table: CsvTable, joints: Sequence[str]) -> list[Column]:
+    """The columns by our own names, by the file's where they are not known; the joints' own count if all are there.
 
     Raises `FileError`: two columns that are the same by name.
     """
     if not all(joints) or not {*_names_of(joints)} <= {words for name in table.header for words in _bare_names(name)}:
         joints = ()
     found = [
-        ColumnName(name) if _is_measured(name) or name == "pose" else column_name(name, joints) for name in table.header
+        Column(name, name) if _is_measured(name) or name == "pose" else column_name(name, joints)
+        for name in table.header
     ]
-    exact = {known.name for known, name in zip(found, table.header, strict=True) if known and known.name == name}
+    exact = {known.name for known in found if known and known.name == known.stated}
     same: defaultdict[str, list[str]] = defaultdict(list)
-    names = []
+    columns = []
     for known, name in zip(found, table.header, strict=True):
         if known is None or (name != known.name and known.name in exact and not _is_measured(known.name)):
-            names.append(ColumnName(name))
+            columns.append(Column(name, name))
         else:
-            names.append(known)
+            columns.append(known)
             same[known.name].append(name)
     for ours, theirs in same.items():
         if len(theirs) > 1:
             twice = len(set(theirs)) == 1
             which = f"column {theirs[0]} stands twice" if twice else f"{' and '.join(theirs)} are both {ours}"
             raise FileError(table.path, f"header, line {table.header_line}", which, "leave one, or rename the other")
-    return names
+    return columns
 
 
-def _as_said(known: ColumnName, stated: str, how: Reading, first: int) -> Column:
+def _as_said(column: Column, how: Reading, first: int) -> Column:
     """A column in the unit that `how` states, joints numbered from 1; `first`: the number that they begin with."""
-    joint = ANGLES.fullmatch(known.name)
+    joint = ANGLES.fullmatch(column.name)
     if joint:
-        factor = FACTORS["deg"][how.angle_unit] if how.angle_unit else known.factor
-        return Column(ANGLE.format(int(joint[1]) + 1 - first), stated, factor)
-    if how.unit and known.name in (*POSITION, DISTANCE):
-        return Column(known.name, stated, FACTORS["mm"][how.unit])
-    return Column(known.name, stated, known.factor)
+        factor = FACTORS["deg"][how.angle_unit] if how.angle_unit else column.factor
+        return Column(ANGLE.format(int(joint[1]) + 1 - first), column.stated, factor)
+    if how.unit and column.name in (*POSITION, DISTANCE):
+        return replace(column, factor=FACTORS["mm"][how.unit])
+    return column
 
 
-def _with_units(table: CsvTable, joints: Sequence[str]) -> CsvTable:
+def _with_units(table: CsvTable) -> CsvTable:
     """The table with the units of a first row of nothing but units in the names of its columns.
 
     Raises `FileError`: a name states another unit.
@@ -187,8 +179,7 @@ def _with_units(table: CsvTable, joints: Sequence[str]) -> CsvTable:
         return table
     columns = []
     for name, unit in zip(table.header, units, strict=True):
-        known = column_name(name, joints)
-        own = known.unit if known else _unit_word(name.rpartition("_")[2])
+        own = next((own for _, own in _readings(name) if own), None)
         if unit and own and own != unit:
             right = "leave the row of units out, or correct it"
             raise FileError(table.path, f"line {table.lines[0]}, column {name}", f"its unit is stated as {unit}", right)
@@ -201,21 +192,17 @@ def _is_measured(name: str) -> bool:
     return name in POSITION or ANGLES.fullmatch(name) is not None
 
 
-def column_name(text: str, joints: Sequence[str] = ()) -> ColumnName | None:
-    """Meaning of a column of a measurement file; None if its name is not known, or its unit does not fit it.
+def column_name(text: str, joints: Sequence[str] = ()) -> Column | None:
+    """The column of a measurement file that a name means; None if that is not known, or its unit does not fit it.
 
     `joints`: names of an arm's joints, from the first on, as its own description has them.
     """
     named = _names_of(joints)
     for words, unit in _readings(text):
         name = named.get(words) or named.get(words.removesuffix("pos")) or _own_name(words)
-        if name is None:
-            continue
-        if unit is None:
-            return ColumnName(name)
-        factors = FACTORS.get(name.rpartition("_")[2], {})
-        if unit in factors:
-            return ColumnName(name, factors[unit], unit)
+        factors = {None: 1.0} | FACTORS.get((name or "").rpartition("_")[2], {})
+        if name is not None and unit in factors:
+            return Column(name, text, factors[unit])
     return None
 
 

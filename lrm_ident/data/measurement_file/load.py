@@ -20,7 +20,7 @@ from lrm_ident.data.measurement_file.known_columns import (
     quantities_of_joints,
 )
 from lrm_ident.data.measurement_file.measured_columns import read_feedback, with_sensed
-from lrm_ident.data.measurement_file.metadata import beside_of
+from lrm_ident.data.measurement_file.metadata import NOTHING_STATED, metadata_of, sidecar_notices, start_angles
 from lrm_ident.data.measurement_file.number_table import NumberTable, read_numbers, without_bad_rows
 from lrm_ident.data.measurement_file.row_checks import row_notices, without_lost
 from lrm_ident.data.measurements import Measurements
@@ -40,14 +40,14 @@ def load_measurements(path: Path, arm: Arm, reading: Reading = AS_NAMED, usual: 
 
     Raises `FileError`: naming file, line and column of the first fault (`BeyondLimits`: of a joint).
     """
-    beside, known = beside_of(path, reading, usual), measured_quantities(arm)
-    metadata, how = beside.metadata, beside.how
+    metadata, beside, known = metadata_of(path) or NOTHING_STATED, sidecar_notices(path), measured_quantities(arm)
+    how = reading.over(metadata).over(usual)
     cells = arm_table(path, arm, how, known)
     units = stated_units(cells)
     good = without_bad_rows(cells, known, how.bad_rows == "skip")
     table = read_numbers(good, known)
     pose, repeat_of = numbered_rows(table)
-    poses, about_poses = read_poses(table, arm, how, beside.start(arm)), pose_notices(table, arm)
+    poses, about_poses = read_poses(table, arm, how, start_angles(path, metadata, arm, how)), pose_notices(table, arm)
     data = Measurements(
         poses=poses,
         pose=pose,
@@ -57,7 +57,7 @@ def load_measurements(path: Path, arm: Arm, reading: Reading = AS_NAMED, usual: 
         repeat_of=repeat_of,
         path=path,
         sha256=table.cells.sha256,
-        notices=(*beside.notices, *table.cells.notices, *about_poses, *row_notices(table, arm, metadata)),
+        notices=(*beside, *table.cells.notices, *about_poses, *row_notices(table, arm, metadata)),
         arm=arm,
         arm_name=metadata.arm or None,
         reading=how,
@@ -85,7 +85,7 @@ def load_pose_table(
     path: Path, arm: Arm, reading: Reading = AS_NAMED, more: Collection[str] = ()
 ) -> tuple[Poses, NumberTable]:
     """Poses as `load_poses` reads them, and their table, with the quantities `more` as far as they are there."""
-    how = beside_of(path, reading).how
+    how = reading.over(metadata_of(path))
     known = (*commanded_quantities(arm), *(replace(q, may_be_empty=False) for q in KNOWN if q.name in more))
     cells = arm_table(path, arm, how, known)
     table = read_numbers(cells, known)
@@ -102,7 +102,7 @@ def read_pose_feedback(path: Path, arm: Arm) -> tuple[Array | None, float | None
 
     Raises `FileError`.
     """
-    beside, (angles, feedback, _) = beside_of(path), quantities_of_joints(arm.dof)
+    metadata, (angles, feedback, _) = metadata_of(path) or NOTHING_STATED, quantities_of_joints(arm.dof)
     known = (angles, feedback)
-    table = read_numbers(arm_table(path, arm, beside.how, known), known)
-    return read_feedback(table, full_turns(table["angles"], arm)[0]), beside.metadata.feedback_sd_deg
+    table = read_numbers(arm_table(path, arm, AS_NAMED.over(metadata), known), known)
+    return read_feedback(table, full_turns(table["angles"], arm)[0]), metadata.feedback_sd_deg

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -16,7 +15,7 @@ from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_file import load_arm, shipped_arms
 from lrm_math.arrays import Array
 from lrm_math.errors import FileError
-from lrm_math.model.reading import AS_NAMED, Reading
+from lrm_math.model.reading import Reading
 from lrm_math.plausibility import implausible_value
 from lrm_math.toml_file import read_toml, schema_of
 
@@ -47,27 +46,6 @@ NOTHING_STATED = Metadata(schema="lrm/measurements/1")
 """Metadata of a file that has none beside it."""
 
 
-@dataclass(frozen=True)
-class FileBeside:
-    """Facts known of a CSV file before it is read.
-
-    `metadata`: as stated beside it. `how`: its numbers are to be read. `notices`: of a file beside it, of the name of
-    its metadata, that is something else.
-    """
-
-    file: Path
-    metadata: Metadata
-    how: Reading
-    notices: tuple[str, ...]
-
-    def start(self, arm: Arm) -> Array | None:
-        """(n,), joint angles before the first pose (rad), or None. Raises `FileError`: of another number of joints."""
-        stated = self.metadata.start_q_deg
-        if stated is not None and len(stated) != arm.dof:
-            raise FileError(self.file, "start_q_deg", f"{len(stated)} angles", f"should be {arm.dof}")
-        return None if stated is None else read_joints(self.how, np.radians(stated))
-
-
 def metadata_of(path: Path) -> Metadata | None:
     """Metadata of a CSV file; None if there is no such file, or the one of that name is of another schema.
 
@@ -84,13 +62,20 @@ def metadata_of(path: Path) -> Metadata | None:
     return metadata
 
 
-def beside_of(path: Path, reading: Reading = AS_NAMED, usual: Reading | None = None) -> FileBeside:
-    """Facts known of a CSV file, read as `reading` says, then the file beside it, then `usual`. Raises `FileError`."""
-    file, metadata, notices = path.with_suffix(".toml"), metadata_of(path), list[str]()
-    if metadata is None and file.is_file():
-        notices.append(f"{file.name} beside it is {schema_of(file)}, so it says nothing of these data")
-    known = metadata or NOTHING_STATED
-    return FileBeside(file, known, reading.over(known).over(usual), tuple(notices))
+def start_angles(path: Path, metadata: Metadata, arm: Arm, how: Reading) -> Array | None:
+    """(n,), joint angles before the first pose of a CSV file (rad), or None. Raises `FileError`."""
+    stated = metadata.start_q_deg
+    if stated is not None and len(stated) != arm.dof:
+        raise FileError(path.with_suffix(".toml"), "start_q_deg", f"{len(stated)} angles", f"should be {arm.dof}")
+    return None if stated is None else read_joints(how, np.radians(stated))
+
+
+def sidecar_notices(path: Path) -> tuple[str, ...]:
+    """A notice of a file beside a CSV file, of the name of its metadata, that is something else."""
+    file = path.with_suffix(".toml")
+    if not file.is_file() or not is_something_else(file):
+        return ()
+    return (f"{file.name} beside it is {schema_of(file)}, so it says nothing of these data",)
 
 
 def arm_for(data: Path, arm: str | None) -> tuple[str, Arm]:
