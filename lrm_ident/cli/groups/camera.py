@@ -17,7 +17,7 @@ from lrm_ident.cli.command import command_group, command_of
 from lrm_ident.cli.common import notice, progress, show
 from lrm_ident.data.atomic_write import write_bytes, write_text
 from lrm_ident.data.measurement_file.load import load_poses, read_pose_feedback
-from lrm_ident.data.measurement_file.write import measurements_csv, metadata_toml
+from lrm_ident.data.measurement_file.write import measurements_csv, write_with_metadata
 from lrm_ident.measuring.camera.board import (
     BoardTable,
     CharucoBoard,
@@ -169,14 +169,11 @@ def read(
         raise FileError(photos, "", f"{len(files)} photos for {len(commanded)} poses of {poses.name}", "one for each")
     seen = read_photos(files, Lens.of(file), CharucoBoard(file.board))
     show_refused([f"{name}: {reason}" for name, reason in seen.refused])
-    name = arm_name_for(arm, output.parent)
-    found = measure(the_arm, name, commanded, seen, file, output)
+    found = measure(the_arm, arm_name_for(arm, output.parent), commanded, seen, file, output)
     feedback, feedback_sd = read_pose_feedback(poses, the_arm)
     chosen = None if feedback is None else feedback[list(found.photos.rows)]
-    write_text(output, measurements_csv(replace(found.data, feedback=chosen)))
-    write_text(
-        output.with_suffix(".toml"), metadata_toml(name, f"camera, {photos}", frame="arm", feedback_sd_deg=feedback_sd)
-    )
+    table, source = measurements_csv(replace(found.data, feedback=chosen)), f"camera, {photos}"
+    write_with_metadata(output, table, arm, source, frame="arm", feedback_sd_deg=feedback_sd)
     write_text(session_file, _toml(found.session))
     _show(found, len(files), output)
 

@@ -10,8 +10,7 @@ from typer import Argument, Option
 from lrm_ident.cli import arguments as arg
 from lrm_ident.cli.command import command
 from lrm_ident.cli.common import progress, publish
-from lrm_ident.data.atomic_write import write_text
-from lrm_math.arm.arm_file import arm_name_for, load_arm
+from lrm_math.arm.arm_file import load_arm
 from lrm_math.errors import LrmError
 from lrm_math.toml_file import read_toml
 
@@ -61,14 +60,12 @@ def checkup(
         publish(document, json)
         return
     from lrm_ident.cli.groups.video_report import studied, with_video
-    from lrm_ident.data.measurement_file.write import measurements_csv, metadata_toml
+    from lrm_ident.data.measurement_file.write import measurements_csv, write_with_metadata
     from lrm_ident.measuring.camera.lens import LensFile
     from lrm_ident.measuring.recordings.lerobot_video import measure_video
     from lrm_ident.study.api import load
 
     with progress("looking at the rests") as tick:
         photos = measure_video(dataset, video, frames, dwell, the_arm, arm, read_toml(lens, LensFile), on_gripper, tick)
-    write_text(output, measurements_csv(photos.data))
-    named = arm_name_for(arm, output.parent)
-    write_text(output.with_suffix(".toml"), metadata_toml(named, f"video, {dataset.name}", frame="arm"))
+    write_with_metadata(output, measurements_csv(photos.data), arm, f"video, {dataset.name}", frame="arm")
     publish(with_video(document, photos, studied(load(output, arm)), output), json)

@@ -12,9 +12,8 @@ from lrm_ident.cli import arguments as arg
 from lrm_ident.cli.arm_access import SO101, Dwell
 from lrm_ident.cli.command import command, stated_reading
 from lrm_ident.cli.common import notice, one_of, show
-from lrm_ident.data.atomic_write import write_text
-from lrm_ident.data.measurement_file.write import metadata_toml
-from lrm_math.arm.arm_file import arm_name_for, load_arm
+from lrm_ident.data.measurement_file.write import write_with_metadata
+from lrm_math.arm.arm_file import load_arm
 from lrm_math.errors import LrmError
 
 LEROBOT = "lerobot"
@@ -60,7 +59,7 @@ def import_(
         _import_lerobot(poses, output, arm, dwell)
         return
     from lrm_ident.data.measurement_file.metadata import arm_for
-    from lrm_ident.measuring.recordings.imported import RecordingOrder, import_recording, write_measurements
+    from lrm_ident.measuring.recordings.imported import RecordingOrder, import_recording
     from lrm_ident.measuring.recordings.rests import RestTimes
     from lrm_ident.measuring.recordings.vicon_csv import ROTATIONS
 
@@ -71,7 +70,7 @@ def import_(
     order = RecordingOrder(tool, base, times, skip, dwell, stated_reading({"axes": axes}).axes, kind)
     name, the_arm = arm_for(poses, arm)
     found = import_recording(recording, poses, the_arm, order)
-    write_measurements(found, output, name, recording.name)
+    write_with_metadata(output, found.csv(), name, f"import: {recording.name}")
     for words in found.notices:
         notice(words)
     for number, why in found.left_out.items():
@@ -86,9 +85,7 @@ def _import_lerobot(dataset: Path, output: Path, arm: str | None, dwell: float) 
     name = arm or SO101
     rests = read_lerobot(dataset, load_arm(name), dwell)
     sd, source = round(float(np.degrees(rests.feedback_sd)), 5), f"LeRobot dataset {dataset.name}"
-    metadata = metadata_toml(arm_name_for(name, output.parent), source, feedback_sd_deg=sd)
-    write_text(output, rests_csv(rests))
-    write_text(output.with_suffix(".toml"), metadata)
+    write_with_metadata(output, rests_csv(rests), name, source, feedback_sd_deg=sd)
     off = np.degrees(rests.feedback - rests.command)
     worst = int(np.abs(off).mean(axis=0).argmax())
     show(

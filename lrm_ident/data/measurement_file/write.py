@@ -4,15 +4,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator
+from pathlib import Path
 
 import numpy as np
 import tomli_w
 from numpy.typing import ArrayLike
 
+from lrm_ident.data.atomic_write import write_text
 from lrm_ident.data.measurement_file.commanded_poses import after_gap
 from lrm_ident.data.measurement_file.known_columns import KNOWN, quantities_of_joints
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.weights.rotations import quaternions
+from lrm_math.arm.arm_file import arm_name_for
 from lrm_math.arrays import Array
 
 StatedQuantity = tuple[str, ArrayLike | None, int]
@@ -71,6 +74,15 @@ def metadata_toml(arm: str, source: str, **known: object) -> str:
     """Text of the file beside measurements of an arm; `known`: what else it states, None for what it does not."""
     about = {"schema": "lrm/measurements/1", "arm": arm, "source": source, **known}
     return tomli_w.dumps({key: value for key, value in about.items() if value is not None})
+
+
+def write_with_metadata(path: Path, table: str, arm: str, source: str, **known: object) -> None:
+    """Writes the CSV text of a table, and beside it the metadata that `metadata_toml` makes. Raises `FileError`.
+
+    `arm`: name of a shipped arm, or path of its file.
+    """
+    write_text(path, table)
+    write_text(path.with_suffix(".toml"), metadata_toml(arm_name_for(arm, path.parent), source, **known))
 
 
 def _scatter(data: Measurements) -> Iterator[StatedQuantity]:

@@ -33,7 +33,7 @@ from lrm_ident.measuring.servo_bus.feetech import FEETECH
 from lrm_ident.measuring.servo_bus.servos import connected_bus
 from lrm_ident.measuring.tracker.dtrack import parse_dtrack
 from lrm_ident.measuring.tracker.frames import TargetNumbers, Tracker, TrackerFrame
-from lrm_ident.measuring.tracker.source import open_tracker
+from lrm_ident.measuring.tracker.source import OpenTracker, open_tracker
 from lrm_ident.measuring.verification.goal_commands import GoalSolver, ModelSolver
 from lrm_math.arm.arm import Arm
 from lrm_math.errors import LrmError
@@ -178,13 +178,10 @@ def first_frame(tracker: Tracker, name: str) -> TrackerFrame:
     raise LrmError(f"--tracker {name}: no frame within {FIRST_FRAME_S:g} s")
 
 
-@contextmanager
-def connected(rover: Rover | None, tracker: str, numbers: TargetNumbers) -> Iterator[Tracker]:
+def connected(rover: Rover | None, tracker: str, numbers: TargetNumbers) -> OpenTracker:
     """The tracker that a text names; those on zenoh come by the session with a rover. Raises `LrmError`."""
     kind, _, rest = tracker.partition(":")
-    source = ZenohTracker(rover, rest) if kind == "zenoh" and rest and rover else open_tracker(tracker, numbers)
-    with source as opened:
-        yield opened
+    return ZenohTracker(rover, rest) if kind == "zenoh" and rest and rover else open_tracker(tracker, numbers)
 
 
 def power_on(rover: Rover) -> str:

@@ -9,9 +9,8 @@ from pathlib import Path
 import numpy as np
 
 from lrm_ident.data.apply_reading import read_positions
-from lrm_ident.data.atomic_write import write_text
 from lrm_ident.data.measurement_file.load import load_pose_table
-from lrm_ident.data.measurement_file.write import StatedQuantity, csv_text, metadata_toml, quantity_columns
+from lrm_ident.data.measurement_file.write import StatedQuantity, csv_text, quantity_columns
 from lrm_ident.measuring.recordings.cells import read_cells
 from lrm_ident.measuring.recordings.mcap_file import SUFFIX as MCAP
 from lrm_ident.measuring.recordings.mcap_file import read_joints, read_mcap
@@ -22,7 +21,7 @@ from lrm_ident.measuring.recordings.take import RecordedTake
 from lrm_ident.measuring.recordings.vicon_csv import is_vicon, read_vicon
 from lrm_ident.measuring.tracker.dwell import UnstableDwell, rest_mean
 from lrm_math.arm.arm import Arm
-from lrm_math.arm.arm_file import MM, arm_name_for
+from lrm_math.arm.arm_file import MM
 from lrm_math.arrays import Array
 from lrm_math.errors import FileError
 from lrm_math.model.reading import Reading
@@ -120,12 +119,6 @@ def _take(source: Path, order: RecordingOrder) -> RecordedTake:
         return read_vicon(source, cells, order.rotation)
     right = "should be a .mat file of positions, an .mcap, or a CSV export of OptiTrack Motive, Vicon Tracker or Nexus"
     raise FileError(source, "line 1", f"begins with '{cells[0][0][:30] if cells else ''}'", right)
-
-
-def write_measurements(found: ImportedRows, output: Path, arm: str, source: str) -> None:
-    """Writes the measurements, and the metadata beside them. Raises `FileError`; then nothing is written."""
-    write_text(output, found.csv())
-    write_text(output.with_suffix(".toml"), metadata_toml(arm_name_for(arm, output.parent), f"import: {source}"))
 
 
 def _driven(path: Path, arm: Arm) -> DrivenPoses:
