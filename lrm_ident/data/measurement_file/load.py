@@ -43,11 +43,11 @@ def load_measurements(path: Path, arm: Arm, reading: Reading = AS_NAMED, usual: 
     metadata, beside, known = metadata_of(path) or NOTHING_STATED, sidecar_notices(path), measured_quantities(arm)
     how = reading.over(metadata).over(usual)
     cells = arm_table(path, arm, how, known)
-    units = stated_units(cells)
+    units, start = stated_units(cells), start_angles(path, metadata, arm, how)
     good = without_bad_rows(cells, known, how.bad_rows == "skip")
     table = read_numbers(good, known)
     pose, repeat_of = numbered_rows(table)
-    poses, about_poses = read_poses(table, arm, how, start_angles(path, metadata, arm, how)), pose_notices(table, arm)
+    poses, about_poses = read_poses(table, arm, how, start), pose_notices(table, arm)
     data = Measurements(
         poses=poses,
         pose=pose,

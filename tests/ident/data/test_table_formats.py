@@ -62,6 +62,7 @@ def test_the_same_numbers_in_another_format(tmp_path: Path, lab: Arm, name: str)
     np.testing.assert_allclose(np.degrees(data.poses.q), [row[1:7] for row in ROWS], atol=1e-9)
     np.testing.assert_allclose(data.tcp * 1e3, [row[7:] for row in ROWS], atol=1e-9)
     np.testing.assert_array_equal(data.pose, [1, 2])
+    assert not any("last line" in words for words in data.notices)
 
 
 AMBIGUOUS: dict[str, tuple[str, tuple[str, ...]]] = {
@@ -81,6 +82,11 @@ AMBIGUOUS: dict[str, tuple[str, tuple[str, ...]]] = {
     "no header": ("\n".join(text(NAMES).splitlines()[1:]) + "\n", ("line 1", "no header")),
     "an unknown unit": (text([*NAMES[:7], "x_furlong", "y_mm", "z_mm"]), ("header", "missing column x_mm")),
     "joints in mm": (text(["pose", "q1_mm", *NAMES[2:]]), ("header", "missing column q1_deg")),
+    "approach of one joint": (
+        text([*NAMES, "approach2"], rows=[(*row, 1.0) for row in ROWS]),
+        ("no column approach1", "go together"),
+    ),
+    "delimiters alone": ("sep=|\n|||\n", ("is empty",)),
 }
 
 
