@@ -68,7 +68,8 @@ def load_checked(path: Path, arm: Arm, reading: Reading = AS_NAMED, usual: Readi
         read = load_measurements(path, arm, reading, usual)
     except BeyondLimits:
         free = tuple(replace(joint, lower=-math.inf, upper=math.inf) for joint in arm.joints)
-        _check(arm, load_measurements(path, replace(arm, joints=free), reading, usual))
+        beyond = load_measurements(path, replace(arm, joints=free), reading, usual)
+        _check(arm, beyond)
         raise
     data = without_frozen(arm, read)
     notices = _check(arm, data)

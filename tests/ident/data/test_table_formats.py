@@ -11,9 +11,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from lrm_ident.data.measurement_file.column_names import column_name
+from lrm_ident.data.measurement_file.known_columns import KNOWN
 from lrm_ident.data.measurement_file.load import load_measurements, load_poses
 from lrm_math.arm.arm import Arm
 from lrm_math.errors import FileError
+from tests.conftest import ROOT
 
 ROWS = [(1, 10.5, -20.25, 30.0, 40.0, 5.5, 60.125, 101.5, -20.75, 300.25), (2, 0, 15, 3, -4, 50, 6, 99.5, 2.75, 0.5)]
 NAMES = ["pose", *(f"q{i}_deg" for i in range(1, 7)), "x_mm", "y_mm", "z_mm"]
@@ -141,3 +143,8 @@ def test_a_file_beside_is_known_by_its_schema(tmp_path: Path, lab: Arm, name: st
     (notice,) = load_measurements(path, lab).notices
     assert "run1.toml" in notice
     assert "schema" in notice or "lrm/" in notice
+
+
+def test_every_column_is_documented() -> None:
+    documented = (ROOT / "docs" / "files.md").read_text(encoding="utf-8")
+    assert [known.name for known in KNOWN if known.columns[0] not in documented] == []
