@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lrm_ident.data.measurement_file.known_columns import DATES, PoseQuantity
-from lrm_ident.data.table_text.csv_file import CsvTable
+from lrm_ident.data.table_text.csv_file import CsvTable, is_number
 from lrm_ident.data.wording import enumerate_words
 from lrm_math.arrays import Array
 from lrm_math.errors import FileError
@@ -84,18 +84,29 @@ def _parsed(cells: CsvTable, name: str, may_be_empty: bool) -> tuple[Array, dict
 
     An empty cell is wrong unless it may be empty.
     """
-    j, values, faults = cells.header.index(name), np.full(len(cells.rows), np.nan), dict[int, str]()
-    for i, row in enumerate(cells.rows):
-        cell = row[j]
-        try:
-            values[i] = float(cell)
-        except ValueError:
-            if cell.strip() or not may_be_empty:
-                faults[i] = f"'{cell}' is not a number" if cell.strip() else "the cell is empty"
-        else:
-            if not math.isfinite(values[i]):
-                faults[i] = f"'{cell}' is not a finite number"
-    return values * cells.columns[j].factor, faults
+    words = _words(cells, name)
+    values = np.array([_number(word) for word in words], dtype=np.float64)
+    faults = {}
+    for row in np.flatnonzero(~np.isfinite(values)).tolist():
+        if words[row].strip():
+            faults[row] = f"'{words[row]}' is not a {'finite ' if is_number(words[row]) else ''}number"
+        elif not may_be_empty:
+            faults[row] = "the cell is empty"
+    return values * cells.columns[cells.header.index(name)].factor, faults
+
+
+def _words(cells: CsvTable, name: str) -> list[str]:
+    """The cells of a column."""
+    j = cells.header.index(name)
+    return [row[j] for row in cells.rows]
+
+
+def _number(word: str) -> float:
+    """The number of a cell; NaN where there is none."""
+    try:
+        return float(word)
+    except ValueError:
+        return math.nan
 
 
 def without_bad_rows(cells: CsvTable, known: Sequence[PoseQuantity], skip: bool) -> CsvTable:
@@ -175,7 +186,7 @@ def _together(cells: CsvTable, quantity: PoseQuantity, columns: Mapping[str, Arr
 
 def _seconds(cells: CsvTable) -> Array:
     """(N,), times as numbers, or as dates (ISO 8601) since the first. Raises `FileError`."""
-    words = [row[cells.header.index("t_s")] for row in cells.rows]
+    words = _words(cells, "t_s")
     if any("-" not in word[1:] or "e-" in word.lower() for word in words):
         return numbers_of(cells, "t_s")
     try:

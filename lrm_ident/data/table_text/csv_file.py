@@ -93,7 +93,7 @@ def read_table(path: Path) -> CsvTable:
     lines = file.text.splitlines()
     kept = [(number, line) for number, line in enumerate(lines, start=1) if _tells(line)]
     delimiter = _stated_delimiter(lines) or next((mark for mark in DELIMITERS if kept and mark in kept[0][1]), ",")
-    if kept and all(_is_number(cell.replace(",", ".")) for cell in kept[0][1].split(delimiter)):
+    if kept and all(is_number(cell.replace(",", ".")) for cell in kept[0][1].split(delimiter)):
         kept.insert(0, _header_in_comment(path, lines, *kept[0], delimiter))
     split = [(n, tuple(cell.strip() for cell in next(csv.reader([line], delimiter=delimiter)))) for n, line in kept]
     numbered = [(number, cells) for number, cells in split if any(cells)]
@@ -158,7 +158,7 @@ def _with_points(table: CsvTable) -> CsvTable:
     numeric = [(line, cell) for line, cell in cells if DECIMAL_COMMA.fullmatch(cell)]
     if not numeric:
         return table
-    points = any("." in cell and _is_number(cell) for row in table.rows for cell in row)
+    points = any("." in cell and is_number(cell) for row in table.rows for cell in row)
     if points or all(THOUSANDS.fullmatch(cell) for _, cell in numeric):
         line, cell = numeric[0]
         why = (
@@ -174,7 +174,8 @@ def _with_points(table: CsvTable) -> CsvTable:
     return replace(table, rows=tuple(rows))
 
 
-def _is_number(cell: str) -> bool:
+def is_number(cell: str) -> bool:
+    """Whether Python reads a cell as a number, infinite or NaN ones too."""
     try:
         float(cell)
     except ValueError:
