@@ -156,8 +156,12 @@ def design(
     start = start_model(the_arm, model)
     if camera is not None and like is not None:
         raise LrmError("--camera says how poses will be measured: leave out --like")
-    known, alike = (None if path is None else _measured(path, the_arm, arm) for path in (have, like or have))
-    measured = None if have is None else load_poses(have, the_arm)
+    known = None if have is None else _measured(have, the_arm, arm)
+    alike = known if like is None else _measured(like, the_arm, arm)
+    measured, taken = None, [0]
+    if have is not None:
+        measured = load_poses(have, the_arm) if known is None else known.poses
+        taken = [*measured.names(np.arange(len(measured))), *(known.left_out if known else ())]
     for one in (known, alike):
         start = start if one is None else with_anchor(start, one)
     catalogue = catalogue_with(effects_file)
@@ -177,7 +181,7 @@ def design(
         noise=noise_mm * MM,
         measured=measured,
         repeats=repeats,
-        first_number=1 if measured is None else max(measured.names(np.arange(len(measured)))) + 1,
+        first_number=max(taken) + 1,
         seed=seed,
         weights=_weights(session, alike, the_arm),
         measured_weights=None if known is None else known.whitening,

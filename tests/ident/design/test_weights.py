@@ -10,6 +10,7 @@ import pytest
 from typer.testing import CliRunner
 
 from lrm_ident.cli.app import app
+from lrm_ident.data.measurement_file.known_columns import POSITION
 from lrm_ident.data.measurement_file.write import measurements_csv
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.weights.whitening import Whitening, measured_alike, root_of
@@ -132,3 +133,15 @@ def test_design_command_weighs_as_the_file_it_has(tmp_path: Path) -> None:
         assert done.exit_code == 0, done.output
         tips[name] = float(out.read_text().split('"tcp_rms_mm":')[2 if name == "have" else 1].split(",")[0])
     assert tips["have"] < tips["like"] < tips["plain"]
+
+
+def test_a_lost_position_does_not_count_among_those_measured(tmp_path: Path) -> None:
+    data, out = written(tmp_path / "data.csv", "two-joint", 20), tmp_path / "next.csv"
+    *before, last = data.read_text().splitlines()
+    columns = before[0].split(",")
+    cells = ["0" if name in POSITION else cell for name, cell in zip(columns, last.split(","), strict=True)]
+    data.write_text("\n".join([*before, ",".join(cells)]) + "\n")
+    words = ["design", "two-joint", "--have", str(data), "-n", "2", "--repeats", "0", "--levels", "5", "-o", str(out)]
+    done = CliRunner().invoke(app, words)
+    assert done.exit_code == 0, done.output
+    assert [line.split(",")[0] for line in out.read_text().splitlines()[1:]] == ["21", "22"]
