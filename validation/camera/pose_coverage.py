@@ -15,6 +15,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from lrm_ident.data.measurements import Measurements
+from lrm_ident.data.weights.whitening import position_sd
 from lrm_ident.fitting.identifiability import select_identifiable
 from lrm_ident.fitting.levenberg_marquardt import fit
 from lrm_ident.fitting.parameter_sets import no_bounds
@@ -60,7 +61,7 @@ def photographed(true: CameraRig, model: Model, poses: Poses, rng: np.random.Gen
     covariance = measured_covariance_of(true.camera, true.mount, boards, own)
     error = np.array([rng.multivariate_normal(np.zeros(6), one) for one in covariance])
     number = np.arange(1, len(poses) + 1)
-    sd = np.sqrt(np.einsum("nii->n", covariance[:, :3, :3]) / 3.0)
+    sd = position_sd(covariance)
     attitude = Rotation.from_rotvec(error[:, 3:]).as_matrix() @ tool_rotation(rest)
     return Measurements(
         poses, number, rest.tcp + error[:, :3], sd, None, number, Path("photos"), "", covariance=covariance,

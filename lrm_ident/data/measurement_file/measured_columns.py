@@ -7,7 +7,6 @@ Goswami, Quaid & Peshkin 1993 (ball bar); Driels & Swayze 1994 (single wire draw
 from __future__ import annotations
 
 from dataclasses import replace
-from itertools import combinations_with_replacement
 
 import numpy as np
 
@@ -16,6 +15,7 @@ from lrm_ident.data.measurement_file.metadata import Metadata
 from lrm_ident.data.measurement_file.number_table import NumberTable
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.weights.rotations import rotation_matrix
+from lrm_ident.data.weights.whitening import position_sd
 from lrm_math.arm.arm_file import MM
 from lrm_math.arrays import Array
 from lrm_math.errors import FileError
@@ -54,7 +54,7 @@ def with_sensed(data: Measurements, table: NumberTable, metadata: Metadata) -> M
         covariance = np.full((len(table), 6, 6), np.nan)
         covariance[:, :3, :3] = _alike(known)
     if covariance is not None:
-        sd = np.sqrt(np.einsum("nii->n", covariance[:, :3, :3]) / 3.0)
+        sd = position_sd(covariance)
         sd = sd if distance_sd is None else np.where(np.isnan(data.tcp[:, 0]), distance_sd, sd)
     return replace(
         data,
@@ -136,9 +136,8 @@ def _alike(sd: Array) -> Array:
 
 def _symmetric(upper: Array) -> Array:
     """(N, 3, 3), matrices from their upper triangles (N, 6)."""
-    out = np.empty((len(upper), 3, 3))
-    for k, (i, j) in enumerate(combinations_with_replacement(range(3), 2)):
-        out[:, i, j] = out[:, j, i] = upper[:, k]
+    out, (i, j) = np.empty((len(upper), 3, 3)), np.triu_indices(3)
+    out[:, i, j] = out[:, j, i] = upper
     return out
 
 

@@ -77,6 +77,11 @@ PLAIN = Whitening()
 """Positions alone, all alike."""
 
 
+def position_sd(covariance: Array) -> Array:
+    """(N,), standard deviation per axis of positions whose covariance begins that of their poses (N, 6, 6), m."""
+    return np.asarray(np.sqrt(np.einsum("nii->n", covariance[:, :3, :3]) / 3.0))
+
+
 def root_of(covariance: Array) -> Array:
     """(N, R, R), W with WᵀW = C⁻¹ of covariances (N, R, R); NaN on the diagonal: not measured, zero in W."""
     missing = ~np.isfinite(np.einsum("nrr->nr", covariance))

@@ -12,7 +12,8 @@ import numpy as np
 
 from lrm_ident.data.robot_files.rigid_motion import homogeneous
 from lrm_ident.data.weights.rotations import skew
-from lrm_ident.measuring.camera.board import CharucoBoard, Corners, RejectedPhoto
+from lrm_ident.measuring.camera.board import CharucoBoard, Corners, RejectedPhoto, find_corners
+from lrm_ident.measuring.camera.capture import Picture
 from lrm_ident.measuring.camera.lens import Lens
 from lrm_ident.measuring.camera.opencv import opencv
 from lrm_math.arrays import Array
@@ -50,6 +51,12 @@ class BoardPose:
         R = self.rotation.T
         J = -np.block([[R, R @ skew(self.position)], [np.zeros((3, 3)), R]])
         return replace(self, rotation=R, position=-R @ self.position, covariance=J @ self.covariance @ J.T)
+
+
+def find_board(picture: Picture, board: CharucoBoard, lens: Lens) -> BoardPose | RejectedPhoto:
+    """The pose of the board in a picture."""
+    corners = find_corners(picture, board)
+    return corners if isinstance(corners, RejectedPhoto) else board_pose(corners, board, lens)
 
 
 def board_pose(found: Corners, board: CharucoBoard, lens: Lens) -> BoardPose | RejectedPhoto:

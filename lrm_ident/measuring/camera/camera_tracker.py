@@ -9,8 +9,8 @@ from typing import Self
 import numpy as np
 
 from lrm_ident.data.robot_files.rigid_motion import inverse
-from lrm_ident.measuring.camera.board import CharucoBoard, RejectedPhoto, find_corners
-from lrm_ident.measuring.camera.board_pose import board_pose
+from lrm_ident.measuring.camera.board import CharucoBoard, RejectedPhoto
+from lrm_ident.measuring.camera.board_pose import find_board
 from lrm_ident.measuring.camera.capture import PhotoSource, Picture, open_camera
 from lrm_ident.measuring.camera.lens import Lens
 from lrm_ident.measuring.camera.session import CameraSession, read_session
@@ -48,8 +48,7 @@ class CameraTracker:
         if picture.shape[::-1] != self._lens.size:
             what, right = ("{} × {}".format(*size) for size in (picture.shape[::-1], self._lens.size))
             raise LrmError(f"the camera gives {what} pixels; its lens was calibrated for {right}")
-        corners = find_corners(picture, self._board)
-        pose = corners if isinstance(corners, RejectedPhoto) else board_pose(corners, self._board, self._lens)
+        pose = find_board(picture, self._board, self._lens)
         if isinstance(pose, RejectedPhoto):
             return {}
         tool = self._place @ pose.matrix @ self._from_board

@@ -14,11 +14,11 @@ from pydantic import Field
 from lrm_ident.data.apply_reading import frame_motion, frame_table
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.robot_files.rigid_motion import inverse, placement_motion
-from lrm_ident.data.weights.whitening import Whitening, whitening_of
+from lrm_ident.data.weights.whitening import Whitening, position_sd, whitening_of
 from lrm_ident.fitting.identifiability import fit_identifiable
 from lrm_ident.fitting.model_fit import nominal_model
-from lrm_ident.measuring.camera.board import CharucoBoard, RejectedPhoto, find_corners, read_picture
-from lrm_ident.measuring.camera.board_pose import BoardPose, board_pose, information_of
+from lrm_ident.measuring.camera.board import CharucoBoard, RejectedPhoto, read_picture
+from lrm_ident.measuring.camera.board_pose import BoardPose, find_board, information_of
 from lrm_ident.measuring.camera.capture import Picture
 from lrm_ident.measuring.camera.consistency import (
     PhotoRegression,
@@ -112,8 +112,7 @@ def read_pictures(pictures: Iterable[tuple[str, Picture]], lens: Lens, board: Ch
         if picture.shape[::-1] != lens.size:
             size = "{} × {}".format(*picture.shape[::-1])
             raise LrmError(f"{name}: {size} pixels; the lens was calibrated for {lens.size[0]} × {lens.size[1]}")
-        corners = find_corners(picture, board)
-        found = corners if isinstance(corners, RejectedPhoto) else board_pose(corners, board, lens)
+        found = find_board(picture, board, lens)
         if isinstance(found, RejectedPhoto):
             refused.append((name, found.reason))
         else:
@@ -168,7 +167,7 @@ def _measurements(taken: Poses, photos: PhotoSet, found: HandEye, path: Path) ->
         poses=taken,
         pose=number,
         tcp=tool[:, :3, 3],
-        sd=np.sqrt(np.einsum("nii->n", covariance[:, :3, :3]) / 3.0),
+        sd=position_sd(covariance),
         noise_sd=None,
         repeat_of=number,
         path=path,
@@ -219,8 +218,7 @@ def expected_covariance(session: CameraSession, arm: Arm, poses: Poses) -> Array
 def expected_weights(session: CameraSession, arm: Arm, poses: Poses) -> Whitening:
     """Weights with which photos at commanded poses would give the tool's pose, orientation included."""
     covariance = expected_covariance(session, arm, poses)
-    sd = np.sqrt(np.einsum("nii->n", covariance[:, :3, :3]) / 3.0)
-    return whitening_of(sd, covariance, np.empty((len(poses), 0)), Sensed(attitude=True))
+    return whitening_of(position_sd(covariance), covariance, np.empty((len(poses), 0)), Sensed(attitude=True))
 
 
 def visible(session: CameraSession, arm: Arm, poses: Poses) -> NDArray[np.bool_]:
