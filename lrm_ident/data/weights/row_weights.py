@@ -29,7 +29,7 @@ class RowWeights:
         """Weighted columns (R N, m)."""
         if self.whitening.root is None:
             return columns * self._each
-        rows = columns.reshape(len(self.loss), -1, columns.shape[1])
+        rows = columns.reshape(len(self.loss), len(columns) // len(self.loss), columns.shape[1])  # no column, too
         weight = self.whitening.unit * np.sqrt(self.loss)[:, None, None]
         return (self.whitening(rows) * weight).reshape(columns.shape)
 

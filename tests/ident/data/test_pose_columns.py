@@ -12,6 +12,7 @@ from scipy.spatial.transform import Rotation
 from lrm_ident.data.measurement_file.load import load_measurements
 from lrm_ident.data.measurement_file.write import measurements_csv
 from lrm_ident.data.measurements import Measurements
+from lrm_ident.data.weights.row_weights import RowWeights
 from lrm_ident.diagnosis.diagnose import diagnose
 from lrm_ident.fitting.levenberg_marquardt import Fit, fit
 from lrm_ident.fitting.loss import SQUARED
@@ -201,3 +202,9 @@ def test_droop_and_flex_are_told_apart_by_joint_feedback(so101: Arm) -> None:
     for key in ("servo_droop.joint2.k_rad_per_Nm", "compliance.joint2.k_rad_per_Nm"):
         assert abs(found.model.value(key) - truth.value(key)) < 4 * error[key]
         assert error[key] < 0.004
+
+
+def test_weights_of_no_column_are_none(so101: Arm) -> None:
+    whitening = measured(model_of(so101, ()), 5, 1).whitening
+    rows = 5 * whitening.rows(so101.dof)
+    assert RowWeights(whitening, np.ones(5))(np.empty((rows, 0))).shape == (rows, 0)
