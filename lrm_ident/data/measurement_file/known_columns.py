@@ -32,6 +32,7 @@ DATES = "seconds since the start, or dates as 2024-07-15T10:15:00"
 TIME = PlausibleSize("time since the start", "s", 0.0, 1e10, times(milliseconds=1e-3), DATES)
 TEMPERATURE = PlausibleSize("temperature", "degC", 0.0, 150.0, {"kelvin": (1.0, -273.15)})
 SUPPLY = PlausibleSize("supply voltage", "V", 0.5, 500.0, times(millivolts=1e-3))
+COORDINATE = PlausibleSize("a coordinate of a position", "mm", 0.0, 1e7)
 SD = PlausibleSize("standard deviation of a position", "mm", 0.0, 100.0, times(micrometres=1e-3))
 TURN_SD = PlausibleSize("standard deviation of an angle", "deg", 0.0, 45.0)
 LEAST_LOAD, MOST_LOAD = 1e-3, 10.0
@@ -95,7 +96,7 @@ KNOWN = (
     PoseQuantity("approach", ("approach",), ("direction",), SIDES, commanded=True),
     PoseQuantity("repeat_of", ("repeat_of",), ("repeatof", "repeat"), WHOLE, may_be_empty=True),
     PoseQuantity("supply", ("supply_v",), ("supply", "voltage"), size=SUPPLY),
-    PoseQuantity("position", POSITION, whole=True, required=True, unless=DISTANCE),
+    PoseQuantity("position", POSITION, size=COORDINATE, whole=True, required=True, unless=DISTANCE),
     PoseQuantity("sd", ("sd_mm",), ("sd", "std", "sigma"), ABOVE_ZERO, SD),
     PoseQuantity("sd_per_axis", ("sx_mm", "sy_mm", "sz_mm"), (), ABOVE_ZERO, SD),
     PoseQuantity("position_covariance", POSITION_COVARIANCE),

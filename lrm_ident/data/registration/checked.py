@@ -119,7 +119,7 @@ def remedy(hypothesis: Hypothesis, stated: Reading) -> str:
         if value != getattr(stated, name):
             text = ",".join(map(str, value)) if isinstance(value, list) else str(value)
             options.append(f"--{name.replace('_', '-')}{'=' if text.startswith('-') else ' '}{text}")
-    return " ".join([*options, *([hypothesis.remedy] if hypothesis.remedy else [])])
+    return " and ".join([" ".join(options)] * bool(options) + [hypothesis.remedy] * bool(hypothesis.remedy))
 
 
 def _millimetres(scored: Scored) -> str:

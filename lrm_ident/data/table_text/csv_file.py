@@ -18,6 +18,7 @@ from lrm_math.errors import FileError
 
 DELIMITERS = (";", "\t", ",")
 COMMENT = ("#", "%", "//")
+MOST_LISTED = 12  # columns that are there, beside one that is missing
 DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+(?:[eE][+-]?\d+)?")
 THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2}(?:,\d{3})+")
 """A number with commas that may divide thousands as well."""
@@ -71,7 +72,11 @@ def require(table: CsvTable, required: Sequence[str]) -> CsvTable:
     times_there = Counter(column.name for column in columns)
     missing = [name for name in required if name not in times_there]
     if missing:
-        raise FileError(table.path, "header", f"missing column {missing[0]}", f"required: {', '.join(required)}")
+        there = ", ".join(column.name for column in columns[:MOST_LISTED]) + (
+            ", …" if len(columns) > MOST_LISTED else ""
+        )
+        right = f"required: {', '.join(required)}; there are: {there}"
+        raise FileError(table.path, "header", f"missing column {missing[0]}", right)
     twice = [name for name, count in times_there.items() if count > 1 and name]
     if twice:
         raise FileError(table.path, "header", f"column {twice[0]} stands twice")

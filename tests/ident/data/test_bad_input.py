@@ -60,7 +60,7 @@ BAD_DATA: dict[str, tuple[list[str], tuple[str, ...]]] = {
     "duplicate pose": ([HEADER, *edited(7, 0, "3")], ("line 9", "pose 3", "line 4")),
     "pose number with a fraction": ([HEADER, *edited(7, 0, "3.5")], ("line 9", "pose", "whole")),
     "beyond the limits": ([HEADER, *edited(2, 4, "117")], ("line 4", "q4_deg", "117", "joint 4", "-100 to 100")),
-    "missing column": ([HEADER.replace(",q6_deg", ""), "1,1,1,1,1,1,1,1,1"], ("header", "q6_deg")),
+    "missing column": ([HEADER.replace(",q6_deg", ""), "1,1,1,1,1,1,1,1,1"], ("header", "q6_deg", "there are: pose,")),
     "column twice": ([HEADER + ",x_mm", *(r + ",1" for r in ROWS)], ("header", "x_mm", "twice")),
     "fewer poses than parameters": ([HEADER, *ROWS[:12]], ("12 poses", "parameters")),
     "no rows": ([HEADER], ("no rows",)),

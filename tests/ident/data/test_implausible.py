@@ -111,6 +111,7 @@ def column(name: str, value: Callable[[str], str]) -> Callable[[list[str], list[
     ("change", "header", "said"),
     [
         (column("payload_g", lambda _: "0.25"), "", "line 2, column payload_g: 0.25 g is not plausible.*kg .250 g"),
+        (column("x_mm", lambda _: "-1e300"), "", "line 2, column x_mm: 1e.300 mm is not plausible as a coordinate"),
         (column("payload_g", lambda _: "250000"), "", "column payload_g.*mg"),
         (column("t_s", lambda _: "20240715101500"), "", "column t_s: 20240715101500 s.*dates as"),
         (column("t_s", lambda t: f"{(1.7e9 + float(t)) * 1e3:.0f}"), "", "milliseconds"),
