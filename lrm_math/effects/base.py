@@ -7,12 +7,13 @@ fit follow from these.
 
 from __future__ import annotations
 
+import operator
 import re
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import Enum
-from functools import cached_property, lru_cache
+from functools import cached_property, lru_cache, reduce
 from typing import ClassVar
 
 import numpy as np
@@ -22,6 +23,7 @@ from lrm_math.arrays import Array
 from lrm_math.effects.measured_range import MeasuredRange
 from lrm_math.errors import LrmError
 from lrm_math.kinematics.chain import Number, is_zero
+from lrm_math.kinematics.dual import Dual, weighted_sum
 from lrm_math.kinematics.poses import Poses
 
 UNIT_IN_SI = {
@@ -47,6 +49,7 @@ UNIT_IN_SI = {
 }
 Amounts = tuple[Number, ...]
 FEW_REVERSALS = 4
+FEW_TERMS = 2
 
 
 @dataclass(frozen=True)
@@ -294,14 +297,24 @@ class LoadedJointEffect(JointEffect):
         return self.targets
 
 
-def linear_combination(p: Sequence[float], basis: Sequence[Amounts], targets: int) -> Amounts:
+def linear_combination(p: Sequence[Number], basis: Sequence[Amounts], targets: int) -> Amounts:
     """Σ p_i f_i for each of so many targets, where `basis` has each parameter's f_i at each of them."""
-    out: list[Number] = [0.0] * targets
+    terms: list[list[tuple[Number, Number]]] = [[] for _ in range(targets)]
     for value, functions in zip(p, basis, strict=True):
-        for k, function in enumerate(functions):
-            if not is_zero(function):
-                out[k] = value * function if is_zero(out[k]) else out[k] + value * function
-    return tuple(out)
+        if not is_zero(value):
+            for own, function in zip(terms, functions, strict=True):
+                if not is_zero(function):
+                    own.append((value, function))
+    return tuple(map(_sum_of_products, terms))
+
+
+def _sum_of_products(terms: Sequence[tuple[Number, Number]]) -> Number:
+    """Σ p_i f_i; of many arrays, or duals, by numbers as one product."""
+    kinds = {(isinstance(value, float), type(function)) for value, function in terms}
+    if len(terms) > FEW_TERMS and kinds in ({(True, np.ndarray)}, {(True, Dual)}):
+        found: Number = weighted_sum(np.array([value for value, _ in terms]), [function for _, function in terms])
+        return found
+    return reduce(operator.add, [value * function for value, function in terms]) if terms else 0.0
 
 
 def joint_numbers(place: str) -> tuple[int, ...]:

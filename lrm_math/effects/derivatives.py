@@ -36,7 +36,7 @@ def amounts_within(
 def _held_within(effect: Effect, poses: Poses, tau: Amounts, within: MeasuredRange | None) -> tuple[Poses, Amounts]:
     if within is None or effect.extrapolation is not Extrapolation.HELD:
         return poses, tau
-    return within.poses(poses), within.loads(effect.load_slots, tau)
+    return within.poses(poses) if effect.depends_on else poses, within.loads(effect.load_slots, tau)
 
 
 def by_parameters(

@@ -37,20 +37,23 @@ def held(x: Number, lower: float | Array, upper: float | Array) -> Number:
 
     Twice continuously differentiable, never farther from the interval than 0.43 w, and its end from 3 w on.
     """
-    width = FADE * (upper - lower) + NARROWEST
-    return x - _retreat(positive_part(x - upper), width) - _retreat(negative_part(x - lower), width)
-
-
-def _retreat(excess: Number, width: float | Array) -> Number:
-    """The part of an excess that is taken back."""
-    part = excess / width
-    return excess * (1.0 - exp(-(part * part)))
+    if isinstance(x, Dual):
+        _, square = _excess(x.value, lower, upper)
+        return Dual(held(x.value, lower, upper), exp(-square) * (1.0 - 2.0 * square) * x.slope)  # type: ignore[return-value]
+    excess, square = _excess(x, lower, upper)
+    return x - excess * (1.0 - exp(-square))
 
 
 def fading(x: Number, lower: float, upper: float) -> Number:
     """1 within an interval; beyond it exp(−(e/w)²), e the excess and w `FADE` of the width: below 1e-15 from 6 w on."""
-    part = (positive_part(x - upper) + negative_part(x - lower)) / (FADE * (upper - lower) + NARROWEST)
-    return exp(-(part * part))
+    return exp(-_excess(x, lower, upper)[1])
+
+
+def _excess(x: Number, lower: float | Array, upper: float | Array) -> tuple[Number, Number]:
+    """e, x less the nearer end of an interval, zero within it, and (e/w)²."""
+    excess = positive_part(x - upper) + negative_part(x - lower)
+    part = excess / (FADE * (upper - lower) + NARROWEST)
+    return excess, part * part
 
 
 @dataclass(frozen=True)

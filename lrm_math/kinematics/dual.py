@@ -6,7 +6,9 @@ raises `TypeError`; nothing turns a dual into a plain number, so no derivative i
 
 from __future__ import annotations
 
+import operator
 from collections.abc import Callable, Mapping, Sequence
+from functools import reduce
 from typing import Any
 
 import numpy as np
@@ -91,11 +93,22 @@ class Dual(NDArrayOperatorsMixin):
             return function(*values)
         if function not in RULES:
             return NotImplemented
-        slope = sum(r(*values) * x.slope for r, x in zip(RULES[function], inputs, strict=True) if isinstance(x, Dual))
-        return Dual(function(*values), np.asarray(slope))
+        slopes = [r(*values) * x.slope for r, x in zip(RULES[function], inputs, strict=True) if isinstance(x, Dual)]
+        return Dual(function(*values), reduce(operator.add, slopes))
 
     def __array_function__(self, function: Any, _: Any, args: Sequence[Any], options: Mapping[str, Any]) -> Any:
         if function is not np.where or options or isinstance(args[0], Dual) or len(args) != 3:
             return NotImplemented
         chosen, sides = args[0], [x if isinstance(x, Dual) else Dual(x, np.zeros((1, 1))) for x in args[1:]]
         return Dual(np.where(chosen, *(x.value for x in sides)), np.where(chosen, *(x.slope for x in sides)))
+
+
+def weighted_sum(weights: NDArray[np.float64], functions: Sequence[Any]) -> Any:
+    """Σ w_i f_i as one product; all f_i are arrays (N,), or all are duals of such."""
+    if not isinstance(functions[0], Dual):
+        return weights @ np.concatenate(functions).reshape(len(functions), -1)
+    values = weighted_sum(weights, [function.value for function in functions])
+    slopes = np.empty((len(functions), len(functions[0].slope), len(values)))
+    for row, function in zip(slopes, functions, strict=True):
+        row[:] = function.slope
+    return Dual(values, np.tensordot(weights, slopes, 1))

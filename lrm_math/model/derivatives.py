@@ -18,13 +18,13 @@ import numpy as np
 
 from lrm_math.arrays import Array
 from lrm_math.effects import Effect
-from lrm_math.effects.base import Amounts
+from lrm_math.effects.base import Amounts, linear_combination
 from lrm_math.effects.targets import Kind
 from lrm_math.kinematics import statics
 from lrm_math.kinematics.chain import Chain, Number, is_zero
 from lrm_math.kinematics.dual import Dual
 from lrm_math.kinematics.forward import ChainGeometry, chain_geometry
-from lrm_math.model.effect_binding import BoundEffect, anchor_shift, bind_effect, changes_of, distortion
+from lrm_math.model.effect_binding import BoundEffect, anchor_shift, bind_effect, changes_of, distortion, frame_basis
 from lrm_math.model.equilibrium import Equilibrium
 from lrm_math.model.fixed_point import NeumannPreconditioner
 from lrm_math.model.sensed import TCP_ONLY, Sensed, along_distance
@@ -164,9 +164,8 @@ def parameter_jacobian(settled: Equilibrium, keys: Sequence[str] | None = None, 
     for bound, span in zip(model.binding.bound, model.spans, strict=True):
         columns = [position.get(key) for key in model.keys[span]]
         if any(column is not None for column in columns):
-            for column, amounts in zip(columns, bound.by_parameters(settled.poses, settled.tau), strict=True):
-                if column is not None:
-                    _add_response(out[column], bound, amounts, response)
+            rows = zip(columns, bound.by_parameters(settled.poses, settled.tau), strict=True)
+            _add_responses([(out[column], row) for column, row in rows if column is not None], bound, response)
     return out.transpose(2, 1, 0)
 
 
@@ -181,13 +180,10 @@ def effect_columns(
     settled, model = response.equilibrium, response.equilibrium.model
     bound = bind_effect(model.chain, effect, p, model.load_slots, model.within)
     amounts = bound.by_parameters(settled.poses, settled.tau)
-    for row in rows:
-        if all(is_zero(amount) for amount in amounts[row]):
-            continue
-        out = np.zeros((response.slots.shape[1], len(settled.poses)))
-        _add_response(out, bound, amounts[row], response)
-        if out.any():
-            yield row, out
+    shape = (response.slots.shape[1], len(settled.poses))
+    out = {row: np.zeros(shape) for row in rows if not all(is_zero(amount) for amount in amounts[row])}
+    _add_responses([(moved, amounts[row]) for row, moved in out.items()], bound, response)
+    yield from ((row, moved) for row, moved in out.items() if moved.any())
 
 
 def joint_jacobian(settled: Equilibrium) -> Array:
@@ -196,28 +192,30 @@ def joint_jacobian(settled: Equilibrium) -> Array:
     out = response.slots[list(model.chain.joint_slots)]
     for bound in (*model.binding.rigid, *model.binding.elastic, *model.binding.loading):
         rows = bound.by_angles(settled.poses, bound.own_loads(settled.tau))
-        for moved, amounts in zip(out, rows, strict=True):
-            _add_response(moved, bound, amounts, response)
+        _add_responses(zip(out, rows, strict=True), bound, response)
     return out.transpose(2, 1, 0)
 
 
-def _add_response(out: Array, bound: BoundEffect, amounts: Amounts, response: Response) -> None:
-    """Adds to out (R, N) how what is measured follows amounts at the effect's targets."""
+def _add_responses(columns: Iterable[tuple[Array, Amounts]], bound: BoundEffect, response: Response) -> None:
+    """Adds to each column (R, N) how what is measured follows its amounts at the effect's targets."""
     if bound.kind in (Kind.MOTION, Kind.LOAD):
-        for k, encoder, amount in zip(bound.slots, bound.encoders, amounts, strict=True):
-            if not is_zero(amount):
-                _add_slot(out, bound.kind, k, encoder, amount, response)
+        for out, amounts in columns:
+            for k, encoder, amount in zip(bound.slots, bound.encoders, amounts, strict=True):
+                if not is_zero(amount):
+                    _add_slot(out, bound.kind, k, encoder, amount, response)
     elif bound.kind is Kind.WEIGHT:
-        for body, change in changes_of(bound.effect, amounts):
-            _add_weight(out, body, change, response)
+        for out, amounts in columns:
+            for body, change in changes_of(bound.effect, amounts):
+                _add_weight(out, body, change, response)
     elif bound.kind is Kind.FRAME:
-        for component, amount in zip(
-            out, distortion(bound, amounts, list(response.equilibrium.true_tcp.T)), strict=False
-        ):
-            component += amount
+        basis = frame_basis(bound, list(response.equilibrium.true_tcp.T))
+        for out, amounts in columns:
+            for component, amount in zip(out, linear_combination(amounts, basis, 3), strict=False):
+                component += amount
     elif response.sensed.distance_from is not None:
         line = along_distance(response.equilibrium, response.sensed.distance_from)
-        out[-1] -= line @ anchor_shift(bound.effect, amounts)
+        for out, amounts in columns:
+            out[-1] -= line @ anchor_shift(bound.effect, amounts)
 
 
 def _add_slot(out: Array, kind: Kind, k: int, encoder: int | None, amount: Number, response: Response) -> None:

@@ -17,7 +17,7 @@ from lrm_math.effects.derivatives import Rows, amounts_within, by_angles, by_loa
 from lrm_math.effects.measured_range import MeasuredRange, held
 from lrm_math.effects.targets import BODY, BODY_AMOUNTS, FRAME, RADIAL, SCALE, SERVO, Kind, kind_of, slot_of
 from lrm_math.errors import UnknownName
-from lrm_math.kinematics.chain import Chain, Number, is_zero
+from lrm_math.kinematics.chain import Chain, Number
 from lrm_math.kinematics.poses import Poses, poses_of
 from lrm_math.kinematics.statics import WeightChange
 
@@ -65,12 +65,12 @@ class BoundEffect:
         """Slots that it moves or loads, and the amounts, where `tau` are the loads on `Model.load_slots` (N·m)."""
         if self.idle:
             return zip(self.slots, (0.0,) * len(self.slots), strict=True)
-        if not (isinstance(self.effect, LinearEffect) and self.effect.keeps_basis):
-            return zip(self.slots, self.at(poses, self.own_loads(tau)), strict=True)
-        return zip(self.slots, linear_combination(self.p, self._basis(poses, tau), len(self.slots)), strict=True)
+        return zip(self.slots, self.at(poses, self.own_loads(tau)), strict=True)
 
     def at(self, poses: Poses, own_loads: Amounts = ()) -> Amounts:
         """Amount added to each target, where the loads on the effect's own `load_slots` are `own_loads`."""
+        if isinstance(self.effect, LinearEffect) and self.effect.keeps_basis and not self.loads:
+            return linear_combination(self.p, self._basis(poses, ()), len(self.effect.targets))
         return amounts_within(self.effect, poses, own_loads, self.p, self.within)
 
     def by_parameters(self, poses: Poses, tau: Sequence[Number]) -> Rows:
@@ -177,7 +177,12 @@ def changes_of(effect: Effect, amounts: Amounts) -> Iterator[tuple[int, WeightCh
 
 
 def distortion(bound: BoundEffect, amounts: Amounts, position: Sequence[Number]) -> list[Number]:
-    """Terms that a tracker adds to the three components of a position (m) by `amounts` at the effect's targets.
+    """What a tracker adds to the three components of a position (m) by `amounts` at the effect's targets."""
+    return list(linear_combination(amounts, frame_basis(bound, position), len(AXES)))
+
+
+def frame_basis(bound: BoundEffect, position: Sequence[Number]) -> Rows:
+    """What one unit at each target adds to the three components of a position (m), of an effect of the tracker's frame.
 
     Where the effect is held, it sees the position within the range of the fit.
     """
@@ -185,21 +190,21 @@ def distortion(bound: BoundEffect, amounts: Amounts, position: Sequence[Number])
     seen = list(position)
     if ends is not None and bound.effect.extrapolation is Extrapolation.HELD:
         seen = [held(value, *within) for value, within in zip(position, ends, strict=True)]
-    out: list[Number] = [0.0, 0.0, 0.0]
-    for target, amount in zip(bound.effect.targets, amounts, strict=True):
-        if not is_zero(amount):
-            name = target.removeprefix(FRAME)
-            for row, term in [(AXES.index(name[0]), name[1:])] if name != SCALE else enumerate(AXES):
-                out[row] = out[row] + amount * _term(term, row, seen)
-    return out
+    names = [target.removeprefix(FRAME) for target in bound.effect.targets]
+    products = {term: _product(term, seen) for term in {name[1:] for name in names} - {"", RADIAL}}
+    square = _product("xx", seen) + _product("yy", seen) + _product("zz", seen)
+
+    def of_target(name: str) -> Amounts:
+        row = AXES.find(name[0])
+        term = seen[row] * square if name[1:] == RADIAL else products.get(name[1:], 0.0)
+        return tuple(term if axis == row else 0.0 for axis in range(len(AXES)))
+
+    return tuple(tuple(seen) if name == SCALE else of_target(name) for name in names)
 
 
-def _term(term: str, row: int, position: Sequence[Number]) -> Number:
-    """A term of the position: a product of its components, or one of them by the square of its length."""
-    x, y, z = position
-    if term == RADIAL:
-        return position[row] * (x * x + y * y + z * z)
-    first, *others = (position[AXES.index(axis)] for axis in term)
+def _product(axes: str, position: Sequence[Number]) -> Number:
+    """The product of one or two components of a position."""
+    first, *others = (position[AXES.index(axis)] for axis in axes)
     return first * others[0] if others else first
 
 
