@@ -28,7 +28,7 @@ from lrm_math.errors import LrmError, NoEquilibrium
 from lrm_math.kinematics.poses import Poses
 from lrm_math.model.deployed_model import field_of, named_part
 from lrm_math.model.equilibrium import Equilibrium, equilibrium
-from lrm_math.model.fixed_point import NeumannPreconditioner
+from lrm_math.model.fixed_point import NewtonPreconditioner
 from lrm_math.model.model import Model
 
 FOLDS = 10
@@ -215,7 +215,7 @@ def one_step_fits(
 
 
 def _settled(
-    model: Model, poses: Poses, near: Equilibrium, preconditioner: NeumannPreconditioner | None
+    model: Model, poses: Poses, near: Equilibrium, preconditioner: NewtonPreconditioner | None
 ) -> Equilibrium | None:
     try:
         return equilibrium(model, poses, near, preconditioner=preconditioner)

@@ -26,7 +26,7 @@ from lrm_math.kinematics.dual import Dual
 from lrm_math.kinematics.forward import ChainGeometry, chain_geometry
 from lrm_math.model.effect_binding import BoundEffect, anchor_shift, bind_effect, changes_of, distortion, frame_basis
 from lrm_math.model.equilibrium import Equilibrium
-from lrm_math.model.fixed_point import NeumannPreconditioner
+from lrm_math.model.fixed_point import NewtonPreconditioner
 from lrm_math.model.sensed import TCP_ONLY, Sensed, along_distance
 
 BLOCK = 2000
@@ -59,7 +59,7 @@ class Response:
     slots: Array
     loads: Array
     sensed: Sensed
-    preconditioner: NeumannPreconditioner | None = None
+    preconditioner: NewtonPreconditioner | None = None
     _by_body: dict[int, tuple[Array, Array]] = field(init=False, default_factory=dict, repr=False)
 
     def weight_derivatives(self, body: int) -> tuple[Array, Array]:
@@ -88,12 +88,14 @@ def respond(settled: Equilibrium, sensed: Sensed = TCP_ONLY) -> Response:
         return _as_measured(Response(settled, geometry, rigid, loads, sensed))
     H = statics.load_derivatives(chain, geometry, settled.weights, [model.load_slots[i] for i in acting.loads])
     D, moving = acting.D, list(acting.moving)
-    preconditioner = NeumannPreconditioner(acting.moving, D, H[:, moving])
-    system = np.eye(len(H)) - preconditioner.by_slot.transpose(2, 0, 1) @ D.transpose(2, 0, 1)
-    deflected = D.transpose(2, 1, 0) @ rigid[moving].transpose(2, 0, 1)
+    by_slot = H[:, moving]
+    system = np.eye(len(H)) - by_slot.transpose(2, 0, 1) @ D.transpose(2, 0, 1)
+    inverse = np.ascontiguousarray(np.linalg.inv(system).transpose(1, 2, 0))
+    preconditioner = NewtonPreconditioner(acting.moving, D, by_slot, inverse)
+    deflected = np.einsum("man,mcn->acn", D, rigid[moving])
     if sensed.feedback:
         _add_before_encoder(deflected, settled, sensed, acting.loads)
-    by_load = np.ascontiguousarray(np.linalg.solve(system.transpose(0, 2, 1), deflected).transpose(1, 2, 0))
+    by_load = np.einsum("abn,acn->bcn", inverse, deflected)
     loads[list(acting.loads)] = by_load
     total = rigid + np.einsum("kcn,ksn->scn", by_load, H)
     return _as_measured(Response(settled, geometry, total, loads, sensed, preconditioner))
@@ -122,14 +124,14 @@ def _with_sensed(rigid: Array, settled: Equilibrium, geometry: ChainGeometry, se
 
 
 def _add_before_encoder(deflected: Array, settled: Equilibrium, sensed: Sensed, acting: Sequence[int]) -> None:
-    """Adds to deflected (N, A, R), of the `acting` loads, what loads do to the encoders' angles."""
+    """Adds to deflected (A, R, N), of the `acting` loads, what loads do to the encoders' angles."""
     for bound in settled.model.binding.elastic:
         if not bound.idle and any(encoder is not None for encoder in bound.encoders):
             rows = bound.by_loads(settled.poses, bound.own_loads(settled.tau))
             for i, amounts in zip(bound.loads, rows, strict=True):
                 for encoder, amount in zip(bound.encoders, amounts, strict=True):
                     if encoder is not None:
-                        deflected[:, acting.index(i), sensed.first_feedback + encoder] += amount
+                        deflected[acting.index(i), sensed.first_feedback + encoder] += amount
 
 
 def _as_measured(response: Response) -> Response:

@@ -18,7 +18,7 @@ from lrm_math.kinematics.chain import Number, pull_back, trig
 from lrm_math.kinematics.poses import Poses
 from lrm_math.kinematics.scalar_or_array import magnitude, maximum
 from lrm_math.model.effect_binding import distortion
-from lrm_math.model.fixed_point import EquilibriumSearch, NeumannPreconditioner, SlotIterate, amount_at, amounts_at
+from lrm_math.model.fixed_point import EquilibriumSearch, NewtonPreconditioner, SlotIterate, amount_at, amounts_at
 from lrm_math.model.model import Model
 
 TOLERANCE = 1e-9
@@ -87,7 +87,7 @@ def equilibrium(
     poses: Poses,
     start: Equilibrium | Sequence[Number] | None = None,
     tolerance: float = TOLERANCE,
-    preconditioner: NeumannPreconditioner | None = None,
+    preconditioner: NewtonPreconditioner | None = None,
 ) -> Equilibrium:
     """The elastic equilibrium by fixed-point iteration (thesis Figure 4.4), accelerated (Anderson 1965, depth one).
 

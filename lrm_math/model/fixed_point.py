@@ -22,7 +22,8 @@ FEW = 0.5
 """Share of the poses below which those that still move go on alone."""
 SMALLEST_FACTOR = 0.02
 TINY = 1e-300
-TERMS = 2  # after the first, of the Neumann series; loads answer to motions by a tenth or so
+MARGIN = 0.1
+"""Part of the tolerance below which the next step, predicted from the last two, need not be looked at."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,28 +37,31 @@ class SlotIterate:
 
 
 @dataclass(frozen=True, eq=False)
-class NeumannPreconditioner:
-    """Truncated Neumann series (I − D H)⁻¹ ≈ I + D H + (D H)² of M elastic slots and A loads at N poses (Saad 2003).
+class NewtonPreconditioner:
+    """Inverse (I − D H)⁻¹ = I + D (I − H D)⁻¹ H of M elastic slots and A loads at N poses, kept for equilibria nearby
+    (chord method, Kelley 1995).
 
     Attributes:
         moving: the slots.
         by_load: (M, A, N), D: motions that effects add by the loads (rad/N·m or m/N·m).
         by_slot: (A, M, N), H: change of the loads by the slots' amounts.
+        inverse: (A, A, N), (I − H D)⁻¹: change of the loads by what is added to them.
     """
 
     moving: tuple[int, ...]
     by_load: Array
     by_slot: Array
+    inverse: Array
 
     def newton_steps(self, slots: Sequence[int], fixed_point: Sequence[Number]) -> list[Number]:
         """Nearly Newton's steps of slots (rad, m), from those of the fixed-point iteration: its next ones are added as
         far as they are linear."""
         known = dict(zip(slots, fixed_point, strict=True))
-        added = steps = np.array([np.broadcast_to(known[k], self.by_load.shape[2]) for k in self.moving])
-        for _ in range(TERMS):
-            added = np.einsum("man,an->mn", self.by_load, np.einsum("amn,mn->an", self.by_slot, added))
-            steps = steps + added
-        return list((known | dict(zip(self.moving, steps, strict=True))).values())
+        steps = np.array([np.broadcast_to(known[k], self.by_load.shape[2]) for k in self.moving])
+        added = steps
+        for matrix in (self.by_slot, self.inverse, self.by_load):
+            added = np.einsum("ijn,jn->in", matrix, added)
+        return list((known | dict(zip(self.moving, steps + added, strict=True))).values())
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,19 +78,19 @@ class EquilibriumSearch:
     rigid: list[Number]
     applied: dict[int, Number]
     tolerance: float
-    preconditioner: NeumannPreconditioner | None = None
+    preconditioner: NewtonPreconditioner | None = None
 
     def settled(self, now: SlotIterate) -> SlotIterate:
         """The iterate at which every pose has settled. Raises `NoEquilibrium`."""
         model, poses = self.model, self.poses
-        chain, binding, weights = model.chain, model.binding, model.weights(poses.carried)
+        chain, binding = model.chain, model.binding
         slots, angles = list(now.slots), list(now.angles)
         relaxed: _Relaxation | None = None
         before: FixedPointStep | None = None
+        worst = 0.0
         for number in range(now.number + 1, MOST_ITERATIONS + 1):
-            tau = statics.loads(chain, slots, angles, weights, model.load_slots)
-            tau = [load + self.applied.get(k, 0.0) for k, load in zip(model.load_slots, tau, strict=True)]
-            target = self._bent(tau)
+            tau = self._loads(slots, angles)
+            target, last = self._bent(tau), worst
             steps = [target[k] - slots[k] for k in binding.moving]
             change: Number = 0.0
             for k, step in zip(binding.moving, steps, strict=True):
@@ -109,6 +113,8 @@ class EquilibriumSearch:
                     angles[k] = trig_of(slots[k])
             if settled:
                 return SlotIterate(slots, angles, tau, number)
+            if self.preconditioner is not None and worst * worst <= MARGIN * self.tolerance * last:
+                return SlotIterate(slots, angles, self._loads(slots, angles), number)
             if number >= ACCELERATED_ITERATIONS and len(poses) > 1:
                 slow = np.flatnonzero(np.broadcast_to(change, len(poses)) > self.tolerance)
                 if len(slow) <= FEW * len(poses):
@@ -116,6 +122,12 @@ class EquilibriumSearch:
         diverging = np.flatnonzero(~(np.broadcast_to(change, len(poses)) <= self.tolerance))
         left = f"after {number} iterations the TCP still moves {worst * 1e3:.3g} mm"
         raise NoEquilibrium(poses.names(diverging), left)
+
+    def _loads(self, slots: list[Number], angles: list[Angle]) -> list[Number]:
+        """Loads on the model's `load_slots`, those included that effects put on them."""
+        model = self.model
+        tau = statics.loads(model.chain, slots, angles, model.weights(self.poses.carried), model.load_slots)
+        return [load + self.applied.get(k, 0.0) for k, load in zip(model.load_slots, tau, strict=True)]
 
     def _bent(self, tau: list[Number]) -> dict[int, Number]:
         """Amounts of the moving slots under these loads."""

@@ -22,7 +22,7 @@ from lrm_math.arrays import Array
 from lrm_math.errors import LrmError
 from lrm_math.model.derivatives import BLOCK, respond
 from lrm_math.model.equilibrium import Equilibrium, equilibrium
-from lrm_math.model.fixed_point import NeumannPreconditioner
+from lrm_math.model.fixed_point import NewtonPreconditioner
 from lrm_math.model.model import Model
 
 SLOW, LARGEST_CHANGE = 0.5, 2.0  # a contraction worth accelerating; the most that log σ may change at once
@@ -170,7 +170,7 @@ class Objective:
             near = equilibrium(model, poses, near, EQUILIBRIUM_TOLERANCE, preconditioner)
         return Iterate(z, near, self.data.whitening(self.data.residual(near)))
 
-    def preconditioner(self, near: Equilibrium) -> NeumannPreconditioner | None:
+    def preconditioner(self, near: Equilibrium) -> NewtonPreconditioner | None:
         """That of an equilibrium at which the fit is linearised; of many poses none is kept."""
         return respond(near, self.data.whitening.sensed).preconditioner if len(near.poses) <= BLOCK else None
 
