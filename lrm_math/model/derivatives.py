@@ -254,11 +254,13 @@ class _Compliance:
     @staticmethod
     def of(settled: Equilibrium) -> _Compliance:
         """Derivatives at an equilibrium."""
-        acting = [bound for bound in settled.model.binding.elastic if not bound.idle]
+        binding = settled.model.binding
+        acting = [bound for bound in binding.elastic if not bound.idle]
         moving = tuple(sorted({k for bound in acting for k in bound.slots}))
         loads = tuple(sorted({i for bound in acting for i in bound.loads}))
         D = np.zeros((len(moving), len(loads), len(settled.poses)))
-        for bound in acting:
+        D += binding.springs[np.ix_([binding.moving.index(k) for k in moving], loads)][:, :, None]
+        for bound in (bound for bound in binding.curved if not bound.idle):
             rows = bound.by_loads(settled.poses, bound.own_loads(settled.tau))
             for i, amounts in zip(bound.loads, rows, strict=True):
                 for k, amount in zip(bound.slots, amounts, strict=True):

@@ -13,6 +13,7 @@ import numpy as np
 from lrm_math.arrays import Array
 from lrm_math.effects import constant
 from lrm_math.effects.base import Amounts, Effect, Extrapolation, LinearEffect, linear_combination
+from lrm_math.effects.compliance import Spring
 from lrm_math.effects.derivatives import Rows, amounts_within, by_angles, by_loads, by_parameters
 from lrm_math.effects.measured_range import MeasuredRange, held
 from lrm_math.effects.targets import BODY, BODY_AMOUNTS, FRAME, RADIAL, SCALE, SERVO, Kind, kind_of, slot_of
@@ -112,7 +113,8 @@ class EffectBinding:
         bound: all of them, in the model's order.
         constants: amount of every slot with all joints at zero: the nominal arm and the effects that are constant.
         rigid: effects that move slots with the command but with no load.
-        elastic: effects that move slots by loads.
+        elastic: effects that move slots by loads; curved: those of them that are no linear springs.
+        springs: (M, K), compliance of the linear springs: motion of the `moving` slots by the K loads (rad/N·m, m/N·m).
         loading, weighing: effects that put loads on slots, or change weights.
         distorting, anchoring: effects that distort the tracker's measurement, or shift the anchor of distances.
         moving: slots that the elastic effects move, ascending.
@@ -123,6 +125,8 @@ class EffectBinding:
     constants: tuple[float, ...]
     rigid: tuple[BoundEffect, ...]
     elastic: tuple[BoundEffect, ...]
+    curved: tuple[BoundEffect, ...]
+    springs: Array
     loading: tuple[BoundEffect, ...]
     weighing: tuple[BoundEffect, ...]
     distorting: tuple[BoundEffect, ...]
@@ -139,16 +143,20 @@ def bind_effects(chain: Chain, bound: tuple[BoundEffect, ...]) -> EffectBinding:
     """The binding of a model's effects, each bound to the chain."""
     of_kind = {kind: tuple(b for b in bound if b.kind is kind) for kind in Kind}
     motions = of_kind[Kind.MOTION]
+    elastic = tuple(b for b in motions if b.loads)
+    moving = tuple(sorted({k for b in elastic for k in b.slots}))
     return EffectBinding(
         bound=bound,
         constants=_constants(chain, motions),
         rigid=tuple(b for b in motions if not (b.loads or b.constant)),
-        elastic=tuple(b for b in motions if b.loads),
+        elastic=elastic,
+        curved=tuple(b for b in elastic if not isinstance(b.effect, Spring)),
+        springs=_springs(elastic, moving, 1 + max((i for b in bound for i in b.loads), default=-1)),
         loading=of_kind[Kind.LOAD],
         weighing=of_kind[Kind.WEIGHT],
         distorting=of_kind[Kind.FRAME],
         anchoring=of_kind[Kind.ANCHOR],
-        moving=tuple(sorted({k for b in motions if b.loads for k in b.slots})),
+        moving=moving,
         reach=1.2 * chain.length,
     )
 
@@ -212,6 +220,15 @@ def anchor_shift(effect: Effect, amounts: Amounts) -> Array:
     """(3,), shift of the fixed point of measured distances (m)."""
     known = dict(zip((target.partition(".")[2] for target in effect.targets), amounts, strict=True))
     return np.array([float(known.get(axis, 0.0)) for axis in AXES])
+
+
+def _springs(elastic: Iterable[BoundEffect], moving: Sequence[int], loads: int) -> Array:
+    out = np.zeros((len(moving), loads))
+    for bound in elastic:
+        if isinstance(bound.effect, Spring):
+            for k, i, compliance in zip(bound.slots, bound.loads, bound.p, strict=True):
+                out[moving.index(k), i] += compliance
+    return out
 
 
 @lru_cache(maxsize=16)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +15,6 @@ from lrm_math.errors import NoEquilibrium
 from lrm_math.kinematics import statics
 from lrm_math.kinematics.chain import Angle, Number, trig, trig_of
 from lrm_math.kinematics.poses import Poses
-from lrm_math.kinematics.scalar_or_array import magnitude, maximum
 from lrm_math.model.model import Model
 
 ACCELERATED_ITERATIONS, PLAIN_ITERATIONS, MOST_ITERATIONS = 20, 60, 300
@@ -53,15 +53,16 @@ class NewtonPreconditioner:
     by_slot: Array
     inverse: Array
 
-    def newton_steps(self, slots: Sequence[int], fixed_point: Sequence[Number]) -> list[Number]:
-        """Nearly Newton's steps of slots (rad, m), from those of the fixed-point iteration: its next ones are added as
-        far as they are linear."""
-        known = dict(zip(slots, fixed_point, strict=True))
-        steps = np.array([np.broadcast_to(known[k], self.by_load.shape[2]) for k in self.moving])
-        added = steps
+    def newton_steps(self, slots: Sequence[int], fixed_point: Array) -> Array:
+        """Nearly Newton's steps (K, N) of slots (rad, m), from those of the fixed-point iteration: its next ones are
+        added as far as they are linear."""
+        rows = [slots.index(k) for k in self.moving]
+        added = fixed_point[rows]
         for matrix in (self.by_slot, self.inverse, self.by_load):
             added = np.einsum("ijn,jn->in", matrix, added)
-        return list((known | dict(zip(self.moving, steps + added, strict=True))).values())
+        steps = fixed_point.copy()
+        steps[rows] += added
+        return steps
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,63 +81,84 @@ class EquilibriumSearch:
     tolerance: float
     preconditioner: NewtonPreconditioner | None = None
 
+    @cached_property
+    def moving(self) -> tuple[int, ...]:
+        """The M elastic slots."""
+        return self.model.binding.moving
+
+    @cached_property
+    def _levers(self) -> Array:
+        """(M,), motion of the TCP by each of them at most (m/rad, or 1)."""
+        chain, reach = self.model.chain, self.model.binding.reach
+        return np.array([reach if chain.slots[k].rotates else 1.0 for k in self.moving])
+
     def settled(self, now: SlotIterate) -> SlotIterate:
         """The iterate at which every pose has settled. Raises `NoEquilibrium`."""
-        model, poses = self.model, self.poses
-        chain, binding = model.chain, model.binding
-        slots, angles = list(now.slots), list(now.angles)
-        relaxed: _Relaxation | None = None
-        before: FixedPointStep | None = None
-        worst = 0.0
+        amounts, before, relaxed, worst = self._rows([now.slots[k] for k in self.moving]), None, None, 0.0
         for number in range(now.number + 1, MOST_ITERATIONS + 1):
-            tau = self._loads(slots, angles)
-            target, last = self._bent(tau), worst
-            steps = [target[k] - slots[k] for k in binding.moving]
-            change: Number = 0.0
-            for k, step in zip(binding.moving, steps, strict=True):
-                change = change + magnitude(step) * (binding.reach if chain.slots[k].rotates else 1.0)
-            worst = maximum(change)
+            tau, last = self._loads(now), worst
+            step = self._bent(tau) - amounts
+            change = self._levers @ np.abs(step)
+            worst = float(change.max(initial=0.0))
             if not math.isfinite(worst):
                 break
             settled = worst <= self.tolerance
             if number <= ACCELERATED_ITERATIONS and not settled:
                 if self.preconditioner is not None:
-                    steps = self.preconditioner.newton_steps(binding.moving, steps)
-                here = FixedPointStep([slots[k] for k in binding.moving], steps)
-                steps, before = here.accelerated(before), here
+                    step = self.preconditioner.newton_steps(self.moving, step)
+                here = FixedPointStep(amounts, step)
+                step, before = here.accelerated(before), here
             elif number > PLAIN_ITERATIONS and not settled:
-                relaxed = _Relaxation.after(relaxed, np.array([np.broadcast_to(step, len(poses)) for step in steps]))
-                steps = relaxed.steps
-            for k, step in zip(binding.moving, steps, strict=True):
-                slots[k] = slots[k] + step
-                if chain.slots[k].rotates:
-                    angles[k] = trig_of(slots[k])
+                relaxed = _Relaxation.after(relaxed, step)
+                step = relaxed.factor * step
+            amounts = amounts + step
+            now = self._moved(now, amounts, tau, number)
             if settled:
-                return SlotIterate(slots, angles, tau, number)
+                return now
             if self.preconditioner is not None and worst * worst <= MARGIN * self.tolerance * last:
-                return SlotIterate(slots, angles, self._loads(slots, angles), number)
-            if number >= ACCELERATED_ITERATIONS and len(poses) > 1:
-                slow = np.flatnonzero(np.broadcast_to(change, len(poses)) > self.tolerance)
-                if len(slow) <= FEW * len(poses):
-                    return self._with_slow(SlotIterate(slots, angles, tau, number), slow)
-        diverging = np.flatnonzero(~(np.broadcast_to(change, len(poses)) <= self.tolerance))
+                return replace(now, tau=self._loads(now))
+            if number >= ACCELERATED_ITERATIONS and len(self.poses) > 1:
+                slow = np.flatnonzero(change > self.tolerance)
+                if len(slow) <= FEW * len(self.poses):
+                    return self._with_slow(now, slow)
+        diverging = np.flatnonzero(~(change <= self.tolerance))
         left = f"after {number} iterations the TCP still moves {worst * 1e3:.3g} mm"
-        raise NoEquilibrium(poses.names(diverging), left)
+        raise NoEquilibrium(self.poses.names(diverging), left)
 
-    def _loads(self, slots: list[Number], angles: list[Angle]) -> list[Number]:
+    def _loads(self, now: SlotIterate) -> list[Number]:
         """Loads on the model's `load_slots`, those included that effects put on them."""
         model = self.model
-        tau = statics.loads(model.chain, slots, angles, model.weights(self.poses.carried), model.load_slots)
+        tau = statics.loads(model.chain, now.slots, now.angles, model.weights(self.poses.carried), model.load_slots)
         return [load + self.applied.get(k, 0.0) for k, load in zip(model.load_slots, tau, strict=True)]
 
-    def _bent(self, tau: list[Number]) -> dict[int, Number]:
-        """Amounts of the moving slots under these loads."""
+    def _bent(self, tau: list[Number]) -> Array:
+        """(M, N), amounts of the moving slots under these loads."""
         binding = self.model.binding
-        bent = {k: self.rigid[k] for k in binding.moving}
-        for effect in binding.elastic:
+        bent = self._rigid_rows + binding.springs @ self._rows(tau)
+        for effect in binding.curved:
             for k, amount in effect.amounts(self.poses, tau):
-                bent[k] = bent[k] + amount
+                bent[self.moving.index(k)] += amount
         return bent
+
+    @cached_property
+    def _rigid_rows(self) -> Array:
+        return self._rows([self.rigid[k] for k in self.moving])
+
+    def _rows(self, amounts: Sequence[Number]) -> Array:
+        """(K, N), amounts that are each a float or (N,)."""
+        out = np.empty((len(amounts), len(self.poses)))
+        for row, amount in zip(out, amounts, strict=True):
+            row[:] = amount
+        return out
+
+    def _moved(self, now: SlotIterate, amounts: Array, tau: list[Number], number: int) -> SlotIterate:
+        """The iterate with the moving slots at other amounts (M, N)."""
+        slots, angles = list(now.slots), list(now.angles)
+        for k, amount in zip(self.moving, amounts[:, 0].tolist() if amounts.shape[1] == 1 else amounts, strict=True):
+            slots[k] = amount
+            if self.model.chain.slots[k].rotates:
+                angles[k] = trig_of(amount)
+        return SlotIterate(slots, angles, tau, number)
 
     def _with_slow(self, now: SlotIterate, slow: NDArray[np.int64]) -> SlotIterate:
         """The settled poses, and the slow ones settled alone."""
@@ -174,25 +196,18 @@ def amounts_at(amount: Number, rows: NDArray[np.int64]) -> Number:
 
 @dataclass(frozen=True, eq=False)
 class FixedPointStep:
-    """M amounts and the fixed-point step from there, each a float or (N,)."""
+    """Amounts (M, N) or (M,) of one pose, and the fixed-point step from there."""
 
-    amounts: list[Number]
-    step: list[Number]
+    amounts: Array
+    step: Array
 
-    def accelerated(self, before: FixedPointStep | None) -> list[Number]:
+    def accelerated(self, before: FixedPointStep | None) -> Array:
         """The step of Anderson's (1965) method with one step of memory: a secant along the last change, per pose."""
         if before is None:
             return self.step
-        change = [now - last for now, last in zip(self.step, before.step, strict=True)]
-        size: Number = TINY
-        along: Number = 0.0
-        for step, c in zip(self.step, change, strict=True):
-            size, along = size + c * c, along + step * c
-        share = along / size
-        return [
-            step - share * (now - last + c)
-            for step, now, last, c in zip(self.step, self.amounts, before.amounts, change, strict=True)
-        ]
+        change = self.step - before.step
+        share = (self.step * change).sum(axis=0) / (TINY + (change * change).sum(axis=0))
+        return np.asarray(self.step - share * (self.amounts - before.amounts + change))
 
 
 @dataclass(frozen=True, eq=False)
@@ -208,12 +223,6 @@ class _Relaxation:
         if before is None:
             return cls(np.full(step.shape[1], 0.5), step)
         change = step - before.step
-        size = np.einsum("mn,mn->n", change, change)
-        factor = -before.factor * np.einsum("mn,mn->n", before.step, change) / np.where(size > 0, size, 1.0)
+        size = (change * change).sum(axis=0)
+        factor = -before.factor * (before.step * change).sum(axis=0) / np.where(size > 0, size, 1.0)
         return cls(np.clip(np.where(size > 0, factor, 1.0), SMALLEST_FACTOR, 1.0), step)
-
-    @property
-    def steps(self) -> list[Number]:
-        """The relaxed steps of the M slots, each (N,), or a float for one pose."""
-        relaxed = self.factor * self.step
-        return relaxed[:, 0].tolist() if relaxed.shape[1] == 1 else list(relaxed)

@@ -105,8 +105,8 @@ class JointErrorModel:
             step = (slots - self.slots_at(replace(poses, q=q), tau))[:, joints]
             if not (np.abs(step) > SETTLED).any():
                 return np.asarray(q + step)
-            here = FixedPointStep(list(q.T), list(step.T))
-            before, q = here, q + np.stack(here.accelerated(before), axis=1)
+            here = FixedPointStep(q.T, step.T)
+            before, q = here, q + here.accelerated(before).T
         settled = np.abs(step).max(axis=1, keepdims=True) < 1e3 * SETTLED
         return np.asarray(np.where(settled, q, np.nan))
 

@@ -92,8 +92,8 @@ class KernelArmModel:
             lacking = self._lacking(poses, tau[None], slots, added)
             if np.abs(lacking).max() < SETTLED:
                 return q
-            here = FixedPointStep(added.tolist(), lacking.tolist())
-            before, added = here, added + np.array(here.accelerated(before))
+            here = FixedPointStep(added, lacking)
+            before, added = here, added + here.accelerated(before)
         raise NoEquilibrium([1], "the command of these angles does not settle")
 
     def settled(self, encoders: Array, motion: Motion) -> Array:
