@@ -135,13 +135,14 @@ def load_derivatives(
     out = np.empty((len(load_slots), *geometry.axis.shape[::2]))
     for row, k in enumerate(load_slots):
         first, u_k = chain.counted[k], u[k]
+        behind = slice(bisect_right(chain.moved, first, hi=k), k)
         if first < chain.moved[k]:
             u_k = _levers(chain, geometry, slice(k, k + 1), m[first], mc[first])[0]
         np.einsum("jcn,cn->jn", h[:k], u_k, out=out[row, :k])
         np.einsum("cn,jcn->jn", h[k], u[k:], out=out[row, k:])
-        behind = slice(bisect_right(chain.moved, first, hi=k), k)
-        left = _levers(chain, geometry, behind, m[first], mc[first]) - u[behind]
-        out[row, behind] -= np.einsum("cn,jcn->jn", h[k], left)
+        if behind.start < k:
+            left = _levers(chain, geometry, behind, m[first] - m[moved[behind]], mc[first] - mc[moved[behind]])
+            out[row, behind] -= np.einsum("cn,jcn->jn", h[k], left)
     return out
 
 

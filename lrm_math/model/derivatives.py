@@ -11,7 +11,7 @@ J being the geometric Jacobian of the slots. Every parameter of every effect is 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import lru_cache
 
 import numpy as np
@@ -79,26 +79,24 @@ def respond(settled: Equilibrium, sensed: Sensed = TCP_ONLY) -> Response:
     """The response at an equilibrium."""
     model, chain = settled.model, settled.model.chain
     geometry = chain_geometry(chain, settled.slots, len(settled.poses), [weight.com for weight in settled.weights])
-    rigid = slot_jacobian(chain, geometry)
-    if sensed != TCP_ONLY:
-        rigid = _with_sensed(rigid, settled, geometry, sensed)
+    rigid = _as_measured(slot_jacobian(chain, geometry), settled, geometry, sensed)
     acting = _Compliance.of(settled)
     loads = np.zeros((len(model.load_slots), *rigid.shape[1:]))
     if not acting.loads:
-        return _as_measured(Response(settled, geometry, rigid, loads, sensed))
-    H = statics.load_derivatives(chain, geometry, settled.weights, [model.load_slots[i] for i in acting.loads])
-    D, moving = acting.D, list(acting.moving)
+        return Response(settled, geometry, rigid, loads, sensed)
+    D, moving, load_slots = acting.D, list(acting.moving), [model.load_slots[i] for i in acting.loads]
+    H = statics.load_derivatives(chain, geometry, settled.weights, load_slots)
     by_slot = H[:, moving]
     system = np.eye(len(H)) - by_slot.transpose(2, 0, 1) @ D.transpose(2, 0, 1)
     inverse = np.ascontiguousarray(np.linalg.inv(system).transpose(1, 2, 0))
-    preconditioner = NewtonPreconditioner(acting.moving, D, by_slot, inverse)
     deflected = np.einsum("man,mcn->acn", D, rigid[moving])
     if sensed.feedback:
         _add_before_encoder(deflected, settled, sensed, acting.loads)
     by_load = np.einsum("abn,acn->bcn", inverse, deflected)
     loads[list(acting.loads)] = by_load
     total = rigid + np.einsum("kcn,ksn->scn", by_load, H)
-    return _as_measured(Response(settled, geometry, total, loads, sensed, preconditioner))
+    preconditioner = NewtonPreconditioner(acting.moving, D, by_slot, inverse)
+    return Response(settled, geometry, total, loads, sensed, preconditioner)
 
 
 def joint_levers(settled: Equilibrium) -> Array:
@@ -106,13 +104,15 @@ def joint_levers(settled: Equilibrium) -> Array:
     return np.asarray(respond(settled).slots[list(settled.model.chain.joint_slots)])
 
 
-def _with_sensed(rigid: Array, settled: Equilibrium, geometry: ChainGeometry, sensed: Sensed) -> Array:
-    """(S, R, N), the Jacobian of the TCP (S, 3, N) with the rows of its attitude, empty ones of the encoders, and that
-    of its distance from a point: the TCP's motion along the line.
+def _as_measured(rigid: Array, settled: Equilibrium, geometry: ChainGeometry, sensed: Sensed) -> Array:
+    """(S, R, N), the Jacobian of the TCP (S, 3, N) in the tracker's distorted frame, with the rows of its attitude,
+    empty ones of the encoders, and that of its distance from a point: the TCP's motion along the line.
 
     An attitude error is a rotation vector in world axes. A motion that is added before an encoder adds to its row.
     """
     chain, parts = settled.model.chain, [rigid]
+    if settled.model.binding.distorting:
+        parts = [np.einsum("dcn,scn->sdn", _distortion_derivatives(settled), rigid)]
     if sensed.attitude:
         rotates = np.array([slot.rotates for slot in chain.slots])
         parts.append(np.where(rotates[:, None, None], geometry.axis, 0.0))
@@ -120,7 +120,7 @@ def _with_sensed(rigid: Array, settled: Equilibrium, geometry: ChainGeometry, se
         parts.append(np.zeros((len(rigid), chain.dof, rigid.shape[2])))
     if sensed.distance_from is not None:
         parts.append(np.einsum("nc,scn->sn", along_distance(settled, sensed.distance_from), rigid)[:, None])
-    return np.concatenate(parts, axis=1)
+    return np.concatenate(parts, axis=1) if len(parts) > 1 else parts[0]
 
 
 def _add_before_encoder(deflected: Array, settled: Equilibrium, sensed: Sensed, acting: Sequence[int]) -> None:
@@ -134,11 +134,8 @@ def _add_before_encoder(deflected: Array, settled: Equilibrium, sensed: Sensed, 
                         deflected[acting.index(i), sensed.first_feedback + encoder] += amount
 
 
-def _as_measured(response: Response) -> Response:
-    """The response in the tracker's distorted frame."""
-    settled = response.equilibrium
-    if not settled.model.binding.distorting:
-        return response
+def _distortion_derivatives(settled: Equilibrium) -> Array:
+    """(3, 3, N), ∂(measured TCP)/∂TCP in the tracker's distorted frame."""
     by_position = np.repeat(np.eye(3)[:, :, None], len(settled.poses), axis=2)
     moving = [Dual(x, slope) for x, slope in zip(settled.true_tcp.T, by_position.copy(), strict=True)]
     for bound in settled.model.binding.distorting:
@@ -146,10 +143,7 @@ def _as_measured(response: Response) -> Response:
         for row, amount in enumerate(added):
             if isinstance(amount, Dual):
                 by_position[row] += amount.slope
-    slots, loads = response.slots.copy(), response.loads.copy()
-    for motions in (slots, loads):
-        motions[:, :3] = np.einsum("dcn,scn->sdn", by_position, motions[:, :3])
-    return replace(response, slots=slots, loads=loads)
+    return by_position
 
 
 def parameter_jacobian(settled: Equilibrium, keys: Sequence[str] | None = None, sensed: Sensed = TCP_ONLY) -> Array:
