@@ -148,15 +148,17 @@ def identifiable_beside(
 
 def _gram_schmidt(columns: Array, noise: float, given: int = 0) -> tuple[list[int], list[tuple[int, float]]]:
     """Columns with an independent part beyond the noise (the first `given` always), and the others with theirs."""
-    basis, kept, dropped = np.empty((columns.shape[0], 0)), [], []
-    for j in range(columns.shape[1]):
-        whole = float(np.linalg.norm(columns[:, j]))
-        left = columns[:, j] - basis @ (basis.T @ columns[:, j])
-        left -= basis @ (basis.T @ left)
+    rows = np.empty_like(columns.T, order="C")  # of an orthonormal basis, the first as many as columns are kept
+    kept: list[int] = []
+    dropped = []
+    for j, column in enumerate(np.ascontiguousarray(columns.T)):
+        basis = rows[: len(kept)]
+        left = column - (basis @ column) @ basis
+        left -= (basis @ left) @ basis
         independent = float(np.linalg.norm(left))
-        if independent > max(0.0 if j < given else MIN_T * noise, ROUND_OFF * whole):
+        if independent > max(0.0 if j < given else MIN_T * noise, ROUND_OFF * float(np.linalg.norm(column))):
+            rows[len(kept)] = left / independent
             kept.append(j)
-            basis = np.column_stack([basis, left / independent])
         else:
             dropped.append((j, independent))
     return kept, dropped

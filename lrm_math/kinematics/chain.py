@@ -19,6 +19,7 @@ from functools import cached_property, lru_cache
 from typing import TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lrm_math.arm.arm import BASE, TOOL, Arm, Placement
 from lrm_math.arrays import Array, Vector3
@@ -98,6 +99,11 @@ class Chain:
             (0.0 if slot.to_hinge else slot.nominal) + (0.0 if slot.joint is None else q[slot.joint])
             for slot in self.slots
         ]
+
+    @cached_property
+    def rotates(self) -> NDArray[np.bool_]:
+        """(S,), whether each slot is a rotation."""
+        return np.array([slot.rotates for slot in self.slots])
 
     @cached_property
     def hinges(self) -> dict[str, tuple[tuple[int, float], ...]]:

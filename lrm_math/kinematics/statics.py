@@ -131,7 +131,7 @@ def load_derivatives(
     m, mc = _suffix_moments(geometry, weights)
     moved = list(chain.moved)
     u = _levers(chain, geometry, slice(None), m[moved], mc[moved])
-    h = _levers_of_gravity(chain, geometry, range(len(chain.slots)))
+    h = _levers_of_gravity(chain, geometry, slice(None))
     out = np.empty((len(load_slots), *geometry.axis.shape[::2]))
     for row, k in enumerate(load_slots):
         first, u_k = chain.counted[k], u[k]
@@ -154,17 +154,17 @@ def weight_derivatives(
     h = _levers_of_gravity(chain, geometry, load_slots)
     counts = np.array([chain.counted[k] <= body for k in load_slots], dtype=np.float64)[:, None]
     by_mass = np.einsum("kcn,kcn->kn", h, geometry.body[body] - geometry.origin[load_slots])
-    slides = np.array([not chain.slots[k].rotates for k in load_slots], dtype=np.float64)[:, None]
-    by_mass += slides * np.einsum("c,kcn->kn", chain.gravity, geometry.axis[load_slots])
+    by_mass += ~chain.rotates[load_slots][:, None] * np.einsum("c,kcn->kn", chain.gravity, geometry.axis[load_slots])
     by_com = np.einsum("kcn,acn->kan", h, geometry.body_axes[body]) * weights[body].mass
     return counts * by_mass, counts[:, :, None] * by_com
 
 
-def _levers_of_gravity(chain: Chain, geometry: ChainGeometry, slots: Sequence[int]) -> Array:
+def _levers_of_gravity(chain: Chain, geometry: ChainGeometry, slots: Sequence[int] | slice) -> Array:
     """(len(slots), 3, N): h = g × a of rotating slots, zero for translations; tau = h · (first mass moment)."""
-    g = np.array(chain.gravity)[:, None]
-    h = cross(np.broadcast_to(g, geometry.axis[0].shape), geometry.axis[list(slots)])
-    h[[not chain.slots[k].rotates for k in slots]] = 0.0
+    x, y, z = chain.gravity
+    g_cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    h = np.asarray(g_cross @ geometry.axis[slots])
+    h[~chain.rotates[slots]] = 0.0
     return h
 
 
@@ -182,8 +182,8 @@ def _levers(chain: Chain, geometry: ChainGeometry, slots: slice, m: Array, mc: A
     """∂(Σ m c)/∂s, (…, 3, N), of the bodies with total mass m and first moment mc, for a slice of the slots."""
     axis = geometry.axis[slots]
     out = cross(axis, mc - m * geometry.origin[slots])
-    slides = np.array([not slot.rotates for slot in chain.slots[slots]], dtype=np.bool_)
-    out[slides] = np.broadcast_to(m * axis, out.shape)[slides]
+    slides = ~chain.rotates[slots]
+    out[slides] = np.broadcast_to(m, (len(out), *m.shape[-2:]))[slides] * axis[slides]
     return out
 
 

@@ -35,11 +35,8 @@ BLOCK = 2000
 
 def slot_jacobian(chain: Chain, geometry: ChainGeometry) -> Array:
     """Geometric Jacobian of the TCP for every slot, rigid arm: (S, 3, N), m/rad or 1."""
-    rotates = np.array([slot.rotates for slot in chain.slots])
-    out = geometry.axis.copy()
-    turning = geometry.axis[rotates]
-    out[rotates] = statics.cross(turning, geometry.tcp - geometry.origin[rotates])
-    return out
+    turned = statics.cross(geometry.axis, geometry.tcp - geometry.origin)
+    return np.where(chain.rotates[:, None, None], turned, geometry.axis)
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,8 +111,7 @@ def _as_measured(rigid: Array, settled: Equilibrium, geometry: ChainGeometry, se
     if settled.model.binding.distorting:
         parts = [np.einsum("dcn,scn->sdn", _distortion_derivatives(settled), rigid)]
     if sensed.attitude:
-        rotates = np.array([slot.rotates for slot in chain.slots])
-        parts.append(np.where(rotates[:, None, None], geometry.axis, 0.0))
+        parts.append(np.where(chain.rotates[:, None, None], geometry.axis, 0.0))
     if sensed.feedback:
         parts.append(np.zeros((len(rigid), chain.dof, rigid.shape[2])))
     if sensed.distance_from is not None:
