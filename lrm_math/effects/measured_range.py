@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -110,7 +111,7 @@ class MeasuredRange:
         """Loads on slots as a held form sees them; those that were not measured as they are."""
         return tuple(held(x, *self.load[key]) if key in self.load else x for key, x in zip(slots, tau, strict=True))
 
-    @property
+    @cached_property
     def _ends(self) -> tuple[Array, Array]:
         lower, upper = np.array(self.angle).T
         return lower, upper

@@ -203,8 +203,8 @@ def frame_basis(bound: BoundEffect, position: Sequence[Number]) -> Rows:
     square = _product("xx", seen) + _product("yy", seen) + _product("zz", seen)
 
     def of_target(name: str) -> Amounts:
-        row = AXES.find(name[0])
-        term = seen[row] * square if name[1:] == RADIAL else products.get(name[1:], 0.0)
+        row = AXES.index(name[0])
+        term = seen[row] * square if name[1:] == RADIAL else products[name[1:]]
         return tuple(term if axis == row else 0.0 for axis in range(len(AXES)))
 
     return tuple(tuple(seen) if name == SCALE else of_target(name) for name in names)
