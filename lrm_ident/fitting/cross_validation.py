@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.fitting.field.fit import blocks_with_field
 from lrm_ident.fitting.held_out import HeldOutBlock, held_out_rows
-from lrm_ident.fitting.least_squares.block_qr import CompressedRows
+from lrm_ident.fitting.least_squares.block_qr import NormalEquations
 from lrm_ident.fitting.least_squares.objective import Objective
 from lrm_ident.fitting.levenberg_marquardt import Fit, fit
 from lrm_ident.fitting.loss import SQUARED, Loss
@@ -198,12 +198,9 @@ def one_step_fits(
     noise = objective.noise_scale(iterate)
     parts, preconditioner = objective.linearise_each(iterate, noise, blocks), objective.preconditioner(fitted.rest)
     for left_out, test in enumerate(blocks):
-        others = [part for number, part in enumerate(parts) if number != left_out]
-        rows = CompressedRows(
-            np.concatenate([part.columns for part in others]), np.concatenate([part.residual for part in others])
-        )
-        A = objective.gauss_newton(rows.columns, noise)[np.ix_(free, free)]
-        descent = objective.negative_gradient(iterate, rows, noise)
+        others = NormalEquations.summed([part.normal for number, part in enumerate(parts) if number != left_out])
+        A = objective.gauss_newton(others, noise)[np.ix_(free, free)]
+        descent = objective.negative_gradient(iterate, others, noise)
         z = iterate.z.copy()
         z[free] += np.linalg.lstsq(A, descent[free], rcond=None)[0]
         stepped = model.with_values_of(model.free, np.clip(z * typical, limits.lower, limits.upper))

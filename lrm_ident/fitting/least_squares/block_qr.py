@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,6 +32,24 @@ class CompressedRows:
 
     columns: Array
     residual: Array
+
+    @cached_property
+    def normal(self) -> NormalEquations:
+        """Their normal equations."""
+        return NormalEquations(self.columns.T @ self.columns, self.columns.T @ self.residual)
+
+
+@dataclass(frozen=True, eq=False)
+class NormalEquations:
+    """Normal equations JᵀJ x = Jᵀr of least squares: `gram` (P, P) and `right` (P,)."""
+
+    gram: Array
+    right: Array
+
+    @staticmethod
+    def summed(parts: Sequence[NormalEquations]) -> NormalEquations:
+        """Those of several parts of the rows together."""
+        return NormalEquations(np.sum([part.gram for part in parts], axis=0), np.sum([p.right for p in parts], axis=0))
 
 
 def compress(

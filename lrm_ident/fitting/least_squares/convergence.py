@@ -49,5 +49,5 @@ def is_well_known(quadratic: QuadraticModel) -> bool:
     objective, free = quadratic.objective, quadratic.free
     if objective.has_full_prior or not free.any():
         return True
-    hessian = objective.gauss_newton(quadratic.rows.columns, quadratic.noise)[np.ix_(free, free)]
+    hessian = objective.gauss_newton(quadratic.rows.normal, quadratic.noise)[np.ix_(free, free)]
     return float(np.linalg.eigvalsh(hessian)[0]) * WEAK_SD**2 > objective.residual_sd(quadratic.iterate) ** 2

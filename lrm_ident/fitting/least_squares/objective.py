@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.wording import enumerate_words
-from lrm_ident.fitting.least_squares.block_qr import CompressedRows, compress, compress_each
+from lrm_ident.fitting.least_squares.block_qr import CompressedRows, NormalEquations, compress, compress_each
 from lrm_ident.fitting.loss import Loss, robust_scale
 from lrm_ident.fitting.priors import SET_UP, Prior
 from lrm_math.arrays import Array
@@ -199,14 +199,13 @@ class Objective:
         """(N, 1), square root of the weight of each pose in the loss."""
         return np.sqrt(self.loss.weight(iterate.distance / noise.scale))[:, None]
 
-    def negative_gradient(self, iterate: Iterate, rows: CompressedRows, noise: NoiseScale) -> Array:
+    def negative_gradient(self, iterate: Iterate, data: NormalEquations, noise: NoiseScale) -> Array:
         """(P,), times scale²."""
-        data = rows.columns.T @ rows.residual
-        return np.asarray(data + noise.sigma**2 * self._prior_precision @ (self._prior_mean - iterate.z))
+        return np.asarray(data.right + noise.sigma**2 * self._prior_precision @ (self._prior_mean - iterate.z))
 
-    def gauss_newton(self, J: Array, noise: NoiseScale) -> Array:
-        """(P, P), Gauss–Newton Hessian, times scale²; `J`: compressed columns."""
-        return np.asarray(J.T @ J + noise.sigma**2 * self._prior_precision)
+    def gauss_newton(self, data: NormalEquations, noise: NoiseScale) -> Array:
+        """(P, P), Gauss–Newton Hessian, times scale²."""
+        return np.asarray(data.gram + noise.sigma**2 * self._prior_precision)
 
     def inverse_hessian(self, J: Array, noise: NoiseScale, free: NDArray[np.bool_]) -> Array:
         """(p, p), inverse of `gauss_newton` of the p parameters off their bounds, by QR, which does not square the

@@ -41,14 +41,14 @@ class QuadraticModel:
     def about(iterate: Iterate, objective: Objective, noise: NoiseScale, bounds: Bounds) -> QuadraticModel:
         """The model about an iterate."""
         rows = objective.linearise(iterate, noise)
-        descent = objective.negative_gradient(iterate, rows, noise)
+        descent = objective.negative_gradient(iterate, rows.normal, noise)
         held = ((iterate.z <= bounds.lower) & (descent < 0)) | ((iterate.z >= bounds.upper) & (descent > 0))
         return QuadraticModel(objective, bounds, iterate, noise, rows, descent, ~held)
 
     @property
     def minimum(self) -> Array:
         """(P,), scaled parameters of its minimum within the bounds."""
-        return self._minimum(self.objective.gauss_newton(self.rows.columns, self.noise))
+        return self._minimum(self.objective.gauss_newton(self.rows.normal, self.noise))
 
     def squares(self, z: Array) -> float:
         """Weighted sum of squares that it predicts at scaled parameters."""
@@ -65,7 +65,7 @@ class QuadraticModel:
 
     def step(self, damping: float) -> tuple[Iterate, float]:
         """An iterate that does not increase the objective, and the next damping; the same iterate if there is none."""
-        A = self.objective.gauss_newton(self.rows.columns, self.noise)
+        A = self.objective.gauss_newton(self.rows.normal, self.noise)
         diagonal = np.diag(np.maximum(np.diag(A), 1e-300))
         before = self.value(self.iterate)
         while damping < MAX_DAMPING:
