@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.linalg import cho_solve, cholesky, solve_triangular
-from scipy.linalg.blas import dsymm
+from scipy.linalg.blas import dsymm, dsyr
 from scipy.linalg.lapack import dpotri
 
 from lrm_math.arrays import Array
@@ -91,11 +91,12 @@ def log_marginal_likelihood(kernel: Kernel, inputs: Array, output: Array) -> tup
     factor = _factor(kernel, smooth)
     weights = cho_solve((factor, True), output)
     value = -0.5 * float(output @ weights) - float(np.log(np.diag(factor)).sum()) - 0.5 * n * np.log(2.0 * np.pi)
-    missing = np.outer(weights, weights).T - dpotri(factor, lower=1, overwrite_c=1)[0]  # 2 ∂/∂K of the value
-    noisy = kernel.noise**2 * np.trace(missing)
-    missing *= smooth.T
+    inverse = dpotri(factor, lower=1, overwrite_c=1)[0]  # of all from here the lower triangle
+    excess = dsyr(-1.0, weights, lower=1, a=inverse, overwrite_a=1)  # −2 ∂/∂K of the value
+    noisy = -(kernel.noise**2) * np.trace(excess)
+    excess *= smooth.T
     scaled = np.column_stack([inputs / kernel.lengths, np.ones(n)])
-    weighted = dsymm(1.0, missing, scaled, lower=1)  # of the inverse, and so of all, the lower triangle is known
+    weighted = dsymm(-1.0, excess, scaled, lower=1)
     by_length = weighted[:, -1] @ scaled[:, :-1] ** 2 - np.einsum("nd,nd->d", scaled[:, :-1], weighted[:, :-1])
     return value, np.array([*by_length, weighted[:, -1].sum(), noisy])
 
