@@ -91,7 +91,7 @@ def equilibrium(
 ) -> Equilibrium:
     """The elastic equilibrium by fixed-point iteration (thesis Figure 4.4), accelerated (Anderson 1965, depth one).
 
-    Poses that do not converge are under-relaxed in the end by Aitken's method for vectors (Irons & Tuck 1969). One pose
+    Poses that do not converge are relaxed in the end by Aitken's method for vectors (Irons & Tuck 1969). One pose
     alone is computed with Python's floats, many with numpy's arrays: each is many times faster so.
 
     Args:

@@ -17,10 +17,10 @@ from lrm_math.kinematics.chain import Angle, Number, trig, trig_of
 from lrm_math.kinematics.poses import Poses
 from lrm_math.model.model import Model
 
-ACCELERATED_ITERATIONS, PLAIN_ITERATIONS, MOST_ITERATIONS = 20, 60, 300
+ACCELERATED_ITERATIONS, PLAIN_ITERATIONS, MOST_ITERATIONS = 20, 60, 600
 FEW = 0.5
 """Share of the poses below which those that still move go on alone."""
-SMALLEST_FACTOR = 0.02
+SMALLEST_FACTOR, LARGEST_FACTOR = 0.02, 20.0
 TINY = 1e-300
 MARGIN = 0.1
 """Part of the tolerance below which the next step, predicted from the last two, need not be looked at."""
@@ -70,8 +70,8 @@ class EquilibriumSearch:
     """Search for the equilibrium of N poses, from amounts of the rigid arm's slots and loads that effects put on slots.
 
     Accelerated at first, from Newton's steps where a `preconditioner` is known; then plain, which may creep but leaves
-    an equilibrium that is none, between the two ends of a play; then under-relaxed, against oscillations. A few slow
-    poses of many go on alone, where an iteration is cheap.
+    an equilibrium that is none, between the two ends of a play; then relaxed, against oscillations and creep. A few
+    slow poses of many go on alone, where an iteration is cheap.
     """
 
     model: Model
@@ -109,7 +109,7 @@ class EquilibriumSearch:
                 here = FixedPointStep(amounts, step)
                 step, before = here.accelerated(before), here
             elif number > PLAIN_ITERATIONS and not settled:
-                relaxed = _Relaxation.after(relaxed, step)
+                relaxed = Relaxation.after(relaxed, step)
                 step = relaxed.factor * step
             amounts = amounts + step
             now = self._moved(now, amounts, tau, number)
@@ -211,18 +211,20 @@ class FixedPointStep:
 
 
 @dataclass(frozen=True, eq=False)
-class _Relaxation:
+class Relaxation:
     """Aitken relaxation: the factor (N,) applied to a step (M, N) of each pose."""
 
     factor: Array
     step: Array
 
     @classmethod
-    def after(cls, before: _Relaxation | None, step: Array) -> _Relaxation:
-        """The next factor: exact if the residual were linear along the last step."""
+    def after(cls, before: Relaxation | None, step: Array) -> Relaxation:
+        """The next factor: exact if the residual were linear along the last step. Twice the last one where steps grow:
+        they lead away from where nothing rests, as where the two ends of a play have just become one."""
         if before is None:
             return cls(np.full(step.shape[1], 0.5), step)
         change = step - before.step
         size = (change * change).sum(axis=0)
         factor = -before.factor * (before.step * change).sum(axis=0) / np.where(size > 0, size, 1.0)
-        return cls(np.clip(np.where(size > 0, factor, 1.0), SMALLEST_FACTOR, 1.0), step)
+        factor = np.where(factor > 0, factor, 2.0 * before.factor)
+        return cls(np.clip(factor, SMALLEST_FACTOR, LARGEST_FACTOR), step)
