@@ -185,12 +185,12 @@ def changes_of(effect: Effect, amounts: Amounts) -> Iterator[tuple[int, WeightCh
 
 
 def distortion(bound: BoundEffect, amounts: Amounts, position: Sequence[Number]) -> list[Number]:
-    """What a tracker adds to the three components of a position (m) by `amounts` at the effect's targets."""
+    """Terms that a tracker adds to the three components of a position (m) by `amounts` at the effect's targets."""
     return list(linear_combination(amounts, frame_basis(bound, position), len(AXES)))
 
 
 def frame_basis(bound: BoundEffect, position: Sequence[Number]) -> Rows:
-    """What one unit at each target adds to the three components of a position (m), of an effect of the tracker's frame.
+    """Terms that one unit at each target of an effect of the tracker's frame adds to the components of a position (m).
 
     Where the effect is held, it sees the position within the range of the fit.
     """
