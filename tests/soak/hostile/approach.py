@@ -95,12 +95,12 @@ class Stranger:
 
     def go_near(self) -> None:
         """Moves home, then to a pose with 5 to 15 mm more than the margin, and waits until it is there."""
-        self.take()
         home, rng = np.zeros(self.config.dof), np.random.default_rng(1)
         some = rng.uniform(-0.9, 0.9, (4000, len(home)))
         spare = self.distances(some) - self.scene.margin
         near = some[(spare > 5e-3) & (spare < 15e-3)]
         q = next(q for q in near if check_move(self.scene, home, q).free)
+        self.take()  # only now: on a busy machine the search outlasts a lease
         moved = self.ask("rpc/move", lease=self.lease, waypoints=[self.named(home), self.named(q)])
         assert moved is not None, "the arm goes home and near the obstacle"
 
