@@ -158,10 +158,7 @@ def design(
         raise LrmError("--camera says how poses will be measured: leave out --like")
     known = None if have is None else _measured(have, the_arm, arm)
     alike = known if like is None else _measured(like, the_arm, arm)
-    measured, taken = None, [0]
-    if have is not None:
-        measured = load_poses(have, the_arm) if known is None else known.poses
-        taken = [*measured.names(np.arange(len(measured))), *(known.left_out if known else ())]
+    measured = None if have is None else _commanded(have, the_arm, known)
     for one in (known, alike):
         start = start if one is None else with_anchor(start, one)
     catalogue = catalogue_with(effects_file)
@@ -181,7 +178,7 @@ def design(
         noise=noise_mm * MM,
         measured=measured,
         repeats=repeats,
-        first_number=max(taken) + 1,
+        first_number=_next_number(measured, known),
         seed=seed,
         weights=_weights(session, alike, the_arm),
         measured_weights=None if known is None else known.whitening,
@@ -241,6 +238,17 @@ def _parameters_of(model: Model, parameters: str, data: Measurements) -> tuple[s
 def _measured(path: Path, arm: Arm, arm_name: str) -> Measurements | None:
     """Measured poses of a file; None if it has commands alone. Raises `FileError`."""
     return read_measurements(path, arm, arm_name) if says_measured(path) else None
+
+
+def _commanded(path: Path, arm: Arm, measured: Measurements | None) -> Poses:
+    """The commands of a file; those of its measured poses, if there are any. Raises `FileError`."""
+    return load_poses(path, arm) if measured is None else measured.poses
+
+
+def _next_number(commanded: Poses | None, measured: Measurements | None) -> int:
+    """The first number of a pose that no earlier one has, those left out included."""
+    taken = () if commanded is None else commanded.names(np.arange(len(commanded)))
+    return max((0, *taken, *(() if measured is None else measured.left_out))) + 1
 
 
 def _weights(camera: CameraSession | None, alike: Measurements | None, arm: Arm) -> Callable[[Poses], Whitening]:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import re
 
+from lrm_math.arm.place_names import place_words
 from lrm_math.effects import marked, split_key, split_name
-from lrm_math.effects.base import place_words
 from lrm_math.effects.session_errors import session_words
 
 PLAIN = {

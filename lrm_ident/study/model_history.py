@@ -36,7 +36,7 @@ from lrm_math.model.model_file import (
 )
 
 if TYPE_CHECKING:
-    from lrm_ident.diagnosis.auto import AutoStep
+    pass
 
 LEFT_OUT_SHOWN, RIVALS_NAMED = 12, 30
 
@@ -156,10 +156,10 @@ def fit_words(loss: str, left_out: Sequence[int]) -> str:
     return "; ".join(how)
 
 
-def auto_step_name(step: AutoStep) -> str:
-    """A step of `auto` in the history of a model file: the effect added, and the rest of its class; "" at the start."""
-    rivals = f", or {enumerate_words(step.equivalent, RIVALS_NAMED)}: these data cannot tell" if step.equivalent else ""
-    return f"add {step.added}{rivals}" if step.added else ""
+def add_step_name(effect: str, equivalent: Sequence[str]) -> str:
+    """Name of a step in the history of a model file: the effect added, and those that the data cannot tell from it."""
+    rivals = f", or {enumerate_words(equivalent, RIVALS_NAMED)}: these data cannot tell" if equivalent else ""
+    return f"add {effect}{rivals}"
 
 
 def as_written(model: Model, arm: str) -> Model:

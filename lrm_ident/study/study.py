@@ -20,7 +20,7 @@ from lrm_ident.fitting.model_fit import DEFAULT_EFFECTS, fit_bounds, fit_model, 
 from lrm_ident.fitting.priors import EffectRates, load_prior, prior_name_for
 from lrm_ident.fitting.progress import Progress, unheard
 from lrm_ident.residual.error_breakdown import HeldOutResidual, NestedResidual
-from lrm_ident.study.model_history import as_written, auto_step_name, model_file, undo_step, write_model
+from lrm_ident.study.model_history import add_step_name, as_written, model_file, undo_step, write_model
 from lrm_ident.study.model_on_data import ModelOnData
 from lrm_ident.study.other_data import at_data
 from lrm_ident.study.step import StudyStep
@@ -133,8 +133,10 @@ class Study(ModelOnData, ShownInNotebook):
         left_out = f"outliers, left out: {poses_words(found.outliers)}"
         notices = (*own.notices, left_out) if found.outliers else own.notices
         then = replace(own, data=found.data, notices=notices)
-        rivals = found.rivals([one.name for one in added])
-        return then._after(StudyStep(f"add {effect}", fitted, start=own.model, rivals=rivals), self)
+        equivalent = found.equivalent.get(added[0].name, ()) if len(added) == 1 else ()
+        rivals = found.rivals([*(one.name for one in added), *equivalent])
+        name = add_step_name(effect, equivalent)
+        return then._after(StudyStep(name, fitted, start=own.model, rivals=rivals), self)
 
     def add_field(self) -> Study:
         """Adds a residual field, or fits the one that is there anew: what no name explains, and no cause itself.
@@ -167,7 +169,8 @@ class Study(ModelOnData, ShownInNotebook):
         def taken(step: AutoStep) -> None:
             """Follows the run with a study."""
             nonlocal now
-            name, held_out = auto_step_name(step), HeldOutResidual(step.held_out)
+            name = add_step_name(step.added, step.equivalent) if step.added else ""
+            held_out = HeldOutResidual(step.held_out)
             rivals = step.rivals if step.added else None
             one = StudyStep(name, step.fit, start=now.model, held_out=held_out, rivals=rivals)
             now = replace(own, data=step.data)._after(one, now)

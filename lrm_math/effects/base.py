@@ -7,23 +7,22 @@ fit follow from these.
 
 from __future__ import annotations
 
-import operator
-import re
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import Enum
-from functools import cached_property, lru_cache, reduce
+from functools import cached_property
 from typing import ClassVar
 
 import numpy as np
 
 from lrm_math.arm.arm import Arm
+from lrm_math.arm.place_names import joint_number, place_words
 from lrm_math.arrays import Array
 from lrm_math.effects.measured_range import MeasuredRange
 from lrm_math.errors import LrmError
-from lrm_math.kinematics.chain import Number, is_zero
-from lrm_math.kinematics.dual import Dual, weighted_sum
+from lrm_math.kinematics.chain import Number
+from lrm_math.kinematics.linear_combination import linear_combination
 from lrm_math.kinematics.poses import Poses
 
 UNIT_IN_SI = {
@@ -49,7 +48,6 @@ UNIT_IN_SI = {
 }
 Amounts = tuple[Number, ...]
 FEW_REVERSALS = 4
-FEW_TERMS = 2
 
 
 @dataclass(frozen=True)
@@ -236,13 +234,6 @@ class Effect(ABC):
         return tuple(f"{self.id}.{self.place}.{parameter.name}" for parameter in self.parameters)
 
 
-def place_words(place: str) -> str:
-    """Words of a place: `joint 2`, `joints 1 and 2`, `joint 1 by joint 2`."""
-    if both := re.fullmatch(r"joint(\d+)\+joint(\d+)", place):
-        return f"joints {both[1]} and {both[2]}"
-    return re.sub(r"([a-z])(\d+)", r"\1 \2", place).replace("<-", " by ")
-
-
 class LinearEffect(Effect):
     """An effect that is linear in its parameters: it gives the basis instead of the amounts."""
 
@@ -295,37 +286,6 @@ class LoadedJointEffect(JointEffect):
     def load_slots(self) -> tuple[str, ...]:
         """The joint's torque."""
         return self.targets
-
-
-def linear_combination(p: Sequence[Number], basis: Sequence[Amounts], targets: int) -> Amounts:
-    """Σ p_i f_i for each of so many targets, where `basis` has each parameter's f_i at each of them."""
-    terms: list[list[tuple[Number, Number]]] = [[] for _ in range(targets)]
-    for value, functions in zip(p, basis, strict=True):
-        if not is_zero(value):
-            for own, function in zip(terms, functions, strict=True):
-                if not is_zero(function):
-                    own.append((value, function))
-    return tuple(map(_sum_of_products, terms))
-
-
-def _sum_of_products(terms: Sequence[tuple[Number, Number]]) -> Number:
-    """Σ p_i f_i; of many arrays, or duals, by numbers as one product."""
-    kinds = {(isinstance(value, float), type(function)) for value, function in terms}
-    if len(terms) > FEW_TERMS and kinds in ({(True, np.ndarray)}, {(True, Dual)}):
-        found: Number = weighted_sum(np.array([value for value, _ in terms]), [function for _, function in terms])
-        return found
-    return reduce(operator.add, [value * function for value, function in terms]) if terms else 0.0
-
-
-def joint_numbers(place: str) -> tuple[int, ...]:
-    """Numbers from 0 of the joints that a place names, in its order."""
-    return tuple(joint_number(name) for name in re.findall(r"joint\d+", place))
-
-
-@lru_cache(maxsize=256)
-def joint_number(place: str) -> int:
-    """Number from 0 of `jointN`."""
-    return int(place.removeprefix("joint")) - 1
 
 
 def separately(functions: Sequence[Amounts]) -> tuple[Amounts, ...]:

@@ -13,6 +13,7 @@ from math import ceil, radians
 from typing import ClassVar
 
 from lrm_math.arm.arm import Arm
+from lrm_math.arm.place_names import joint_number
 from lrm_math.effects.base import (
     Amounts,
     Description,
@@ -20,7 +21,6 @@ from lrm_math.effects.base import (
     JointEffect,
     LinearEffect,
     Parameter,
-    joint_number,
     separately,
 )
 from lrm_math.effects.servo_errors import CoupledJoints, coupled_joints

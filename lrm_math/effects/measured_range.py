@@ -38,9 +38,6 @@ def held(x: Number, lower: float | Array, upper: float | Array) -> Number:
 
     Twice continuously differentiable, never farther from the interval than 0.43 w, and its end from 3 w on.
     """
-    if isinstance(x, Dual):
-        _, square = _excess(x.value, lower, upper)
-        return Dual(held(x.value, lower, upper), exp(-square) * (1.0 - 2.0 * square) * x.slope)  # type: ignore[return-value]
     excess, square = _excess(x, lower, upper)
     return x - excess * (1.0 - exp(-square))
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from lrm_math.arm.arm import Arm
+from lrm_math.arm.place_names import joint_number, place_words
 from lrm_math.arm.servo_table import PwmClock, rounding
 from lrm_math.effects.base import (
     Amounts,
@@ -15,8 +16,6 @@ from lrm_math.effects.base import (
     Extrapolation,
     LinearEffect,
     Parameter,
-    joint_number,
-    place_words,
 )
 from lrm_math.kinematics.poses import Poses
 from lrm_math.kinematics.scalar_or_array import cos, negative_part, positive_part, sin

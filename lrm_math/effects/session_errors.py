@@ -10,6 +10,7 @@ from typing import ClassVar
 import numpy as np
 
 from lrm_math.arm.arm import BASE, Arm
+from lrm_math.arm.place_names import place_words
 from lrm_math.effects.base import (
     Amounts,
     Description,
@@ -18,7 +19,6 @@ from lrm_math.effects.base import (
     Extrapolation,
     LinearEffect,
     Parameter,
-    place_words,
     separately,
 )
 from lrm_math.effects.curves import cubic_b_splines, spline_count

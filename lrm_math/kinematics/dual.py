@@ -101,14 +101,3 @@ class Dual(NDArrayOperatorsMixin):
             return NotImplemented
         chosen, sides = args[0], [x if isinstance(x, Dual) else Dual(x, np.zeros((1, 1))) for x in args[1:]]
         return Dual(np.where(chosen, *(x.value for x in sides)), np.where(chosen, *(x.slope for x in sides)))
-
-
-def weighted_sum(weights: NDArray[np.float64], functions: Sequence[Any]) -> Any:
-    """Σ w_i f_i as one product; all f_i are arrays (N,), or all are duals of such."""
-    if not isinstance(functions[0], Dual):
-        return weights @ np.concatenate(functions).reshape(len(functions), -1)
-    values = weighted_sum(weights, [function.value for function in functions])
-    slopes = np.empty((len(functions), len(functions[0].slope), len(values)))
-    for row, function in zip(slopes, functions, strict=True):
-        row[:] = function.slope
-    return Dual(values, np.tensordot(weights, slopes, 1))

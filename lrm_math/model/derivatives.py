@@ -18,12 +18,13 @@ import numpy as np
 
 from lrm_math.arrays import Array
 from lrm_math.effects import Effect
-from lrm_math.effects.base import Amounts, linear_combination
+from lrm_math.effects.base import Amounts
 from lrm_math.effects.targets import Kind
 from lrm_math.kinematics import statics
 from lrm_math.kinematics.chain import Chain, Number, is_zero
 from lrm_math.kinematics.dual import Dual
 from lrm_math.kinematics.forward import ChainGeometry, chain_geometry
+from lrm_math.kinematics.linear_combination import linear_combination
 from lrm_math.model.effect_binding import BoundEffect, anchor_shift, bind_effect, changes_of, distortion, frame_basis
 from lrm_math.model.equilibrium import Equilibrium
 from lrm_math.model.fixed_point import NewtonPreconditioner
@@ -250,7 +251,7 @@ class _Compliance:
         loads = tuple(sorted({i for bound in acting for i in bound.loads}))
         D = np.zeros((len(moving), len(loads), len(settled.poses)))
         D += binding.springs[np.ix_([binding.moving.index(k) for k in moving], loads)][:, :, None]
-        for bound in (bound for bound in binding.curved if not bound.idle):
+        for bound in (bound for bound in binding.nonlinear if not bound.idle):
             rows = bound.by_loads(settled.poses, bound.own_loads(settled.tau))
             for i, amounts in zip(bound.loads, rows, strict=True):
                 for k, amount in zip(bound.slots, amounts, strict=True):

@@ -12,13 +12,14 @@ import numpy as np
 
 from lrm_math.arrays import Array
 from lrm_math.effects import constant
-from lrm_math.effects.base import Amounts, Effect, Extrapolation, LinearEffect, linear_combination
+from lrm_math.effects.base import Amounts, Effect, Extrapolation, LinearEffect
 from lrm_math.effects.compliance import Spring
 from lrm_math.effects.derivatives import Rows, amounts_within, by_angles, by_loads, by_parameters
 from lrm_math.effects.measured_range import MeasuredRange, held
 from lrm_math.effects.targets import BODY, BODY_AMOUNTS, FRAME, RADIAL, SCALE, SERVO, Kind, kind_of, slot_of
 from lrm_math.errors import UnknownName
 from lrm_math.kinematics.chain import Chain, Number
+from lrm_math.kinematics.linear_combination import linear_combination
 from lrm_math.kinematics.poses import Poses, poses_of
 from lrm_math.kinematics.statics import WeightChange
 
@@ -113,7 +114,7 @@ class EffectBinding:
         bound: all of them, in the model's order.
         constants: amount of every slot with all joints at zero: the nominal arm and the effects that are constant.
         rigid: effects that move slots with the command but with no load.
-        elastic: effects that move slots by loads; curved: those of them that are no linear springs.
+        elastic: effects that move slots by loads; nonlinear: those of them that are no linear springs.
         springs: (M, K), compliance of the linear springs: motion of the `moving` slots by the K loads (rad/N·m, m/N·m).
         loading, weighing: effects that put loads on slots, or change weights.
         distorting, anchoring: effects that distort the tracker's measurement, or shift the anchor of distances.
@@ -125,7 +126,7 @@ class EffectBinding:
     constants: tuple[float, ...]
     rigid: tuple[BoundEffect, ...]
     elastic: tuple[BoundEffect, ...]
-    curved: tuple[BoundEffect, ...]
+    nonlinear: tuple[BoundEffect, ...]
     springs: Array
     loading: tuple[BoundEffect, ...]
     weighing: tuple[BoundEffect, ...]
@@ -150,7 +151,7 @@ def bind_effects(chain: Chain, bound: tuple[BoundEffect, ...]) -> EffectBinding:
         constants=_constants(chain, motions),
         rigid=tuple(b for b in motions if not (b.loads or b.constant)),
         elastic=elastic,
-        curved=tuple(b for b in elastic if not isinstance(b.effect, Spring)),
+        nonlinear=tuple(b for b in elastic if not isinstance(b.effect, Spring)),
         springs=_springs(elastic, moving, 1 + max((i for b in bound for i in b.loads), default=-1)),
         loading=of_kind[Kind.LOAD],
         weighing=of_kind[Kind.WEIGHT],

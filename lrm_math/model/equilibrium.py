@@ -11,12 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lrm_math.arrays import Array
-from lrm_math.effects.measured_range import Interval, MeasuredRange
+from lrm_math.effects.measured_range import MeasuredRange
 from lrm_math.errors import NoEquilibrium
 from lrm_math.kinematics import statics
 from lrm_math.kinematics.chain import Number, pull_back, trig
 from lrm_math.kinematics.poses import Poses
-from lrm_math.kinematics.scalar_or_array import magnitude, maximum
+from lrm_math.kinematics.scalar_or_array import ends_of, magnitude, maximum
 from lrm_math.model.effect_binding import distortion
 from lrm_math.model.fixed_point import EquilibriumSearch, NewtonPreconditioner, SlotIterate, amount_at, amounts_at
 from lrm_math.model.model import Model
@@ -121,16 +121,12 @@ def measured_range(settled: Equilibrium) -> MeasuredRange:
     """The range of some poses, of the loads at them and of the TCP."""
     poses, chain = settled.poses, settled.model.chain
     slots = sorted({*settled.model.load_slots, *chain.joint_slots})
-    loads = {chain.slots[k].key: _ends(column) for k, column in zip(slots, settled.loads_on(slots).T, strict=True)}
+    loads = {chain.slots[k].key: ends_of(column) for k, column in zip(slots, settled.loads_on(slots).T, strict=True)}
     for k, load in zip(settled.model.load_slots, settled.tau, strict=True):
-        loads[chain.slots[k].key] = _ends(np.atleast_1d(load))
-    times = {name: None if of is None else _ends(of) for name, of in (("t", poses.t), ("running", poses.running))}
-    tcp = tuple(map(_ends, settled.true_tcp.T))
-    return MeasuredRange(tuple(map(_ends, poses.q.T)), _ends(poses.payload), loads, **times, tcp=tcp)
-
-
-def _ends(values: Array) -> Interval:
-    return float(values.min()), float(values.max())
+        loads[chain.slots[k].key] = ends_of(load)
+    times = {name: None if of is None else ends_of(of) for name, of in (("t", poses.t), ("running", poses.running))}
+    tcp = tuple(map(ends_of, settled.true_tcp.T))
+    return MeasuredRange(tuple(map(ends_of, poses.q.T)), ends_of(poses.payload), loads, **times, tcp=tcp)
 
 
 def _columns(components: Sequence[Number], count: int) -> Array:

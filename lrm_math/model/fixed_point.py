@@ -135,7 +135,7 @@ class EquilibriumSearch:
         """(M, N), amounts of the moving slots under these loads."""
         binding = self.model.binding
         bent = self._rigid_rows + binding.springs @ self._rows(tau)
-        for effect in binding.curved:
+        for effect in binding.nonlinear:
             for k, amount in effect.amounts(self.poses, tau):
                 bent[self.moving.index(k)] += amount
         return bent

@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from lrm_ident.data.table_text.file_text import read_text
+from lrm_ident.data.wording import enumerate_words
 from lrm_math.errors import FileError
 
 DELIMITERS = (";", "\t", ",")
@@ -72,9 +73,7 @@ def require(table: CsvTable, required: Sequence[str]) -> CsvTable:
     times_there = Counter(column.name for column in columns)
     missing = [name for name in required if name not in times_there]
     if missing:
-        there = ", ".join(column.name for column in columns[:MOST_LISTED]) + (
-            ", …" if len(columns) > MOST_LISTED else ""
-        )
+        there = enumerate_words([column.name for column in columns], MOST_LISTED)
         right = f"required: {', '.join(required)}; there are: {there}"
         raise FileError(table.path, "header", f"missing column {missing[0]}", right)
     twice = [name for name, count in times_there.items() if count > 1 and name]

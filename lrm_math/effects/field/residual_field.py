@@ -18,6 +18,7 @@ from math import pi, sqrt
 import numpy as np
 
 from lrm_math.arm.arm import Arm
+from lrm_math.arm.place_names import joint_number
 from lrm_math.arrays import Array
 from lrm_math.effects.base import (
     Amounts,
@@ -26,7 +27,6 @@ from lrm_math.effects.base import (
     Extrapolation,
     LinearEffect,
     Parameter,
-    joint_number,
 )
 from lrm_math.effects.measured_range import MeasuredRange, fading
 from lrm_math.kinematics.chain import Number, chain_of

@@ -10,6 +10,7 @@ import pytest
 import lrm_ident as lrm
 from lrm_ident.data.measurement_file.write import measurements_csv
 from lrm_ident.study.inputs import arm_from
+from lrm_ident.study.model_history import add_step_name
 from lrm_math.arm.arm_file import load_arm
 from lrm_math.effects import effects_at
 from lrm_math.errors import LrmError
@@ -123,6 +124,19 @@ def test_outliers_stay_out_in_python(folder: Path) -> None:
     known = lrm.read_study(folder / "added.toml", folder / "data.csv").file.provenance
     assert known is not None
     assert WRONG in known.left_out
+
+
+def test_an_added_effect_tells_the_rest_of_its_class(folder: Path) -> None:
+    study = begun(folder).fit()
+    screened = study.screen()
+    ((name, rest),) = screened.equivalent.items()
+    assert name == "servo_gain@joint1"
+    assert rest
+    step = study.add(name, screened).file.history[-1]
+    assert step.step == add_step_name(name, rest)
+    assert all(one in step.step for one in rest)
+    assert step.rivals_mm is not None
+    assert not {name, *rest} & step.rivals_mm.keys()
 
 
 def test_an_arm_file_is_found_from_every_folder(tmp_path: Path, folder: Path) -> None:

@@ -22,9 +22,9 @@ from lrm_ident.diagnosis.screening.score_test import ScoredCandidate
 from lrm_ident.report.plots.interactive.group_means import explained_by_means, joints_of, shown_most
 from lrm_ident.residual.covariates import Covariate, scaled
 from lrm_ident.residual.picture.error_field import joint_turns
+from lrm_math.arm.place_names import joint_numbers
 from lrm_math.arrays import Array
 from lrm_math.effects import Description, Effect
-from lrm_math.effects.base import joint_numbers
 
 OF_TIME = ("order", "time", "temperature")
 SHARE = 0.2
