@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -247,7 +247,7 @@ def _commanded(path: Path, arm: Arm, measured: Measurements | None) -> Poses:
 
 def _next_number(commanded: Poses | None, measured: Measurements | None) -> int:
     """The first number of a pose that no earlier one has, those left out included."""
-    taken = () if commanded is None else commanded.names(np.arange(len(commanded)))
+    taken: Sequence[int] = () if commanded is None else commanded.names(np.arange(len(commanded)))
     return max((0, *taken, *(() if measured is None else measured.left_out))) + 1
 
 
