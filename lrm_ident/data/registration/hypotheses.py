@@ -179,6 +179,11 @@ def _axes_in_words(turn: Array) -> str:
     return "the axes look turned" if np.linalg.det(turn) > 0 else "the axes look swapped and mirrored"
 
 
+def with_arm_frame(before: Hypothesis) -> Hypothesis:
+    """The hypothesis that the positions are measured in the frame of the arm file."""
+    return before.also("the positions look measured in the frame of the arm file", SIMPLE, frame="arm")
+
+
 def with_free_frame(before: Hypothesis, mirrored: bool) -> Hypothesis:
     """The hypothesis that the positions are measured in another frame, rigidly moved; perhaps a left-handed one."""
     if mirrored:

@@ -22,6 +22,7 @@ from lrm_ident.data.registration.hypotheses import (
     joint_hypotheses,
     nearest_unit,
     one_axis,
+    with_arm_frame,
     with_axes,
     with_free_frame,
     with_unit,
@@ -134,7 +135,7 @@ def check_reading(arm: Arm, data: Measurements) -> ReadingCheck | None:
     read = points.scored(points.as_read)
     if read.share <= FLOOR:
         return ReadingCheck(read, (read,))
-    every = [read, *_alternatives(_before_frame(points))]
+    every = [read, *_alternatives(points)]
     if min(scored.share for scored in every) > GOOD:
         every += _other_arms(points)
     best = min(scored.share for scored in every)
@@ -158,10 +159,19 @@ def _before_frame(points: PointSet) -> PointSet:
     return replace(points, tcp=(points.tcp - translation) @ rotation, reading=unknown)
 
 
+def _other_frames(points: PointSet) -> Iterator[Hypothesis]:
+    """The arm's own frame, and one that nothing is known of, where a known one may be that of other measurements."""
+    if isinstance(points.reading.frame, FrameTable):
+        found_in = _before_frame(points).as_read
+        yield with_arm_frame(found_in)
+        yield with_free_frame(found_in, mirrored=False)
+
+
 def _alternatives(points: PointSet) -> Iterator[Scored]:
     """Other readings, the simplest first, until one explains the data and all others as simple have been looked at."""
     enough = np.inf
-    for proposal in sorted(_proposals(points), key=lambda proposal: proposal.complexity):
+    proposals = [*_proposals(_before_frame(points)), *_other_frames(points)]
+    for proposal in sorted(proposals, key=lambda proposal: proposal.complexity):
         if proposal.complexity > enough:
             return
         scored = points.scored(proposal)
@@ -202,7 +212,7 @@ def _positions(joints: Hypothesis, found: Similarity, mirrored: bool) -> Iterato
         right_angled = float(np.linalg.norm(found.rotation - turn)) < RIGHT_ANGLED
         if right_angled and not np.array_equal(turn, np.eye(3)):
             yield with_axes(scaled, turn)
-    if how.frame not in ("unknown", "arm") or mirrored or scaled.words:
+    if how.frame != "unknown" or mirrored or scaled.words:
         yield with_free_frame(scaled, mirrored)
 
 

@@ -27,7 +27,7 @@ from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.registration.checked import Misread, load_checked
 from lrm_ident.data.registration.degenerate_fit import DegenerateFit, check_arm
 from lrm_ident.data.registration.reading_check import check_reading, nominal_tcp
-from lrm_ident.data.registration.similarity import robust_similarity
+from lrm_ident.data.registration.similarity import robust_similarity, similarity
 from lrm_math.arm.arm_file import load_arm
 from lrm_math.effects import effects_at
 from lrm_math.errors import LrmError
@@ -164,6 +164,27 @@ def test_an_unknown_frame_is_found_with_the_fit(tmp_path: Path, healthy: Measure
     _fitted(path, found, "--frame", "unknown")
     errors = [tomllib.loads(model.read_text())["history"][0]["fit_rms_mm"] for model in (right, found)]
     assert errors[1] < 1.2 * errors[0]
+
+
+@pytest.mark.parametrize(("fitted_in", "said"), [("another", "--frame arm"), ("the arm's", "--frame unknown")])
+@pytest.mark.parametrize("arm_name", ["lrm-lab", "so101"])
+def test_data_in_another_frame_than_those_of_the_fit(tmp_path: Path, arm_name: str, fitted_in: str, said: str) -> None:
+    """A model's reading counts for the next data; where only their frame differs, no joint is called wrong."""
+    arm, (rotation, translation) = load_arm(arm_name), _motion(5)
+    own = random_arm_data(arm_name, 3, poses=60)
+    other = replace(own, tcp=(own.tcp - translation) @ rotation)
+    frame = frame_table(rotation, translation) if fitted_in == "another" else "arm"
+    path = _written(tmp_path, own if fitted_in == "another" else other)
+    with pytest.raises(Misread) as refused:
+        load_checked(path, arm, usual=Reading(frame=frame))
+    assert f"if so: {said} (then" in str(refused.value)
+    assert "joint" not in str(refused.value)
+    mended = load_checked(path, arm, Reading(frame="arm" if said == "--frame arm" else "unknown"), Reading(frame=frame))
+    if said == "--frame arm":
+        np.testing.assert_allclose(mended.tcp, own.tcp, atol=1e-6)
+    else:
+        left = similarity(mended.tcp, own.tcp, np.ones(60), mirrored=False, scale=1.0).apply(mended.tcp) - own.tcp
+        assert np.abs(left).max() < 1e-6
 
 
 def test_limits_are_checked_after_the_question(tmp_path: Path) -> None:
