@@ -114,8 +114,13 @@ def start_model(arm: Arm, model: Path | None) -> Model:
         return nominal_model(arm)
     fitted = load_model(model)
     if fitted.arm != arm:
-        raise FileError(model, "arm", f"is a model of {fitted.arm.name}, not of {arm.name}")
+        raise FileError(model, "arm", f"is a model of {fitted.arm.name}{differs_from(fitted.arm, arm)}")
     return fitted
+
+
+def differs_from(one: Arm, arm: Arm) -> str:
+    """What follows the name of an arm that is not the other one."""
+    return f", not of {arm.name}" if one.name != arm.name else ": another arm file of that name"
 
 
 def read_measurements(

@@ -53,6 +53,7 @@ def provenance_table(file: ModelFile) -> ResultTable:
         rows += [
             ("data", known.data),
             ("SHA-256 of the data", known.data_sha256),
+            *([("SHA-256 of the arm", known.arm_sha256)] if known.arm_sha256 is not None else []),
             ("poses fitted", str(known.poses)),
             ("loss", known.loss),
             ("tool", known.tool),

@@ -20,7 +20,7 @@ from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_file import shipped_arms
 from lrm_math.model.equilibrium import equilibrium
 from lrm_math.model.model import Model
-from lrm_math.model.model_file import ModelFile, arm_of, to_model
+from lrm_math.model.model_file import FIT_AGAIN, ModelFile, arm_of, changed_arm, to_model
 from lrm_math.model.reading import AS_NAMED, Reading
 from lrm_math.toml_file import read_toml
 
@@ -78,13 +78,15 @@ def read_study(
 
 
 def read_model(path: Path, catalogue: Catalogue) -> tuple[ModelFile, Model, tuple[str, ...]]:
-    """A model file, as it stands and as a model; a notice if its own effects have changed since it was fitted."""
+    """A model file, as it stands and as a model; notices if its arm or its own effects have changed since its fit."""
     file = read_toml(path, ModelFile)
-    model = to_model(path, file, arm_of(path, file.arm), catalogue)
-    own, known = file_of(model.effects), file.provenance
+    arm = arm_of(path, file.arm)
+    model = to_model(path, file, arm, catalogue)
+    own, known, words = file_of(model.effects), file.provenance, changed_arm(file, arm)
+    notices = [f"{path.name}: {words}; {FIT_AGAIN}"] if words else []
     if own and known and known.effects_sha256 not in (None, sha256_of(own)):
-        return file, model, (f"{own} is not the file that {path.name} was fitted with (its SHA-256 differs)",)
-    return file, model, ()
+        notices.append(f"{own} is not the file that {path.name} was fitted with (its SHA-256 differs)")
+    return file, model, tuple(notices)
 
 
 def read_measurements(

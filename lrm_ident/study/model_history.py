@@ -20,6 +20,7 @@ from lrm_ident.fitting.levenberg_marquardt import Fit
 from lrm_ident.fitting.priors import WEAK
 from lrm_ident.residual.error_breakdown import HeldOutResidual
 from lrm_ident.study.tool_version import tool_version
+from lrm_math.arm.arm_digest import arm_sha256
 from lrm_math.arm.arm_file import arm_name_for
 from lrm_math.effects import Effect, marked
 from lrm_math.errors import LrmError
@@ -75,6 +76,7 @@ def model_file(
         provenance=ProvenanceTable(
             data=data.path.name,
             data_sha256=data.sha256,
+            arm_sha256=arm_sha256(model.arm),
             poses=len(data),
             tool=tool_version(),
             date=date,

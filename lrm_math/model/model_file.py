@@ -11,6 +11,7 @@ from typing import Annotated, Any, Literal, TypeAlias
 from pydantic import Field
 
 from lrm_math.arm.arm import Arm
+from lrm_math.arm.arm_digest import WHAT_COUNTS, arm_sha256
 from lrm_math.arm.arm_file import load_arm, shipped_arms
 from lrm_math.effects import CATALOGUE, Effect, effects_at
 from lrm_math.effects.measured_range import MeasuredRange
@@ -21,17 +22,19 @@ from lrm_math.model.reading import Reading
 from lrm_math.toml_file import StrictSchema, read_toml
 
 MOST_EFFECTS = 1000
+FIT_AGAIN = "take the arm file of the fit, or fit again (lrm-ident fit --start)"
 Ends: TypeAlias = Annotated[list[float], Field(min_length=2, max_length=2)]
 
 
 class ProvenanceTable(StrictSchema):
     """Table `[provenance]`: data, tool and date of the fit; and the file of the user's own effects, if it has any.
 
-    `poses`: how many were fitted. `left_out`: numbers of those that were not.
+    `poses`: how many were fitted. `left_out`: numbers of those that were not. `arm_sha256`: of the arm (`arm_sha256`).
     """
 
     data: str
     data_sha256: str
+    arm_sha256: str | None = None
     poses: int
     tool: str
     date: str
@@ -93,11 +96,14 @@ def load_model(file: str | Path, catalogue: tuple[type[Effect], ...] = CATALOGUE
     """The model of one file, its parameters free.
 
     Raises:
-        FileError: the file, its arm, an effect or a parameter is not valid.
+        FileError: the file, its arm, an effect or a parameter is not valid; or the arm is another than that of the fit.
     """
     path = Path(file)
     tables = read_toml(path, ModelFile)
-    return to_model(path, tables, arm_of(path, tables.arm), catalogue)
+    arm = arm_of(path, tables.arm)
+    if words := changed_arm(tables, arm):
+        raise FileError(path, "arm", words, FIT_AGAIN)
+    return to_model(path, tables, arm, catalogue)
 
 
 def load_covariance(path: Path, catalogue: tuple[type[Effect], ...] = CATALOGUE) -> Covariance | None:
@@ -129,6 +135,14 @@ def arm_of(path: Path, arm: str) -> Arm:
         return load_arm(beside if beside.exists() else arm)
     except FileError as error:
         raise error if error.path.endswith(".toml") else FileError(path, "arm", str(error)) from None
+
+
+def changed_arm(tables: ModelFile, arm: Arm) -> str:
+    """What to say if an arm is not the one of the fit, whatever it is called; nothing if it is, or nobody knows."""
+    known = None if tables.provenance is None else tables.provenance.arm_sha256
+    if known in (None, arm_sha256(arm)):
+        return ""
+    return f"{arm.name} is not as it was when the model was fitted: {WHAT_COUNTS} differ"
 
 
 def to_model(path: Path, tables: ModelFile, arm: Arm, catalogue: tuple[type[Effect], ...] = CATALOGUE) -> Model:

@@ -8,12 +8,13 @@ from functools import cached_property
 from pathlib import Path
 
 from lrm_math.arm.arm import Arm
+from lrm_math.arm.arm_digest import WHAT_COUNTS, arm_sha256
 from lrm_math.arm.arm_file import load_arm, shipped_arms
 from lrm_math.effects import compensable
 from lrm_math.errors import FileError
 from lrm_math.model.covariance import Covariance
 from lrm_math.model.model import Model, model_of
-from lrm_math.model.model_file import ModelFile, arm_of, covariance_of, to_model
+from lrm_math.model.model_file import FIT_AGAIN, ModelFile, arm_of, changed_arm, covariance_of, to_model
 from lrm_math.model.uncertainty import FieldCoverage, field_coverage
 from lrm_math.toml_file import bounded_content, read_toml
 from lrmd.config import Config
@@ -56,18 +57,28 @@ def deploy_file(config: Config, path: Path | None) -> DeployedModel:
         return DeployedModel(model_of(config.arm, ()), None, "nominal", "", ())
     content = _content(path)
     tables = read_toml(path, ModelFile)
-    if was_deployed(config, path):
-        tables, arm = tables.model_copy(update={"provenance": None}), _named_arm(config, path, tables.arm)
-    else:
-        arm = arm_of(path, tables.arm)
+    over_zenoh = was_deployed(config, path)
+    arm = _named_arm(config, path, tables.arm) if over_zenoh else arm_of(path, tables.arm)
+    _check_arm(config, path, tables, arm)
+    if over_zenoh:
+        tables = tables.model_copy(update={"provenance": None})
     model = to_model(path, tables, arm)
     covariance = covariance_of(path, tables, model)
     if _content(path) != content:
         raise FileError(path, "model", "changed while it was read", "write it whole, then load it again")
-    if model.arm.name != config.arm.name:
-        raise FileError(path, "arm", f"a model of {model.arm.name}", f"this daemon drives {config.arm.name}")
     left_out = tuple(sorted({e.id for e in model.effects if not compensable(e)}))
     return DeployedModel(model, covariance, str(path), hashlib.sha256(content).hexdigest(), left_out)
+
+
+def _check_arm(config: Config, path: Path, tables: ModelFile, arm: Arm) -> None:
+    """Raises `FileError`: the arm of a model is not the daemon's, or not as it was when the model was fitted."""
+    if arm.name != config.arm.name:
+        raise FileError(path, "arm", f"a model of {arm.name}", f"this daemon drives {config.arm.name}")
+    if arm_sha256(arm) != arm_sha256(config.arm):
+        words = f"a model of another {arm.name}: {WHAT_COUNTS} differ from those of this daemon's arm file"
+        raise FileError(path, "arm", words, FIT_AGAIN)
+    if words := changed_arm(tables, arm):
+        raise FileError(path, "arm", words, FIT_AGAIN)
 
 
 def _named_arm(config: Config, path: Path, name: str) -> Arm:

@@ -10,13 +10,14 @@ from pathlib import Path
 from typing import Protocol
 
 from lrm_math.arm.arm import Arm
+from lrm_math.arm.arm_digest import WHAT_COUNTS, arm_sha256
 from lrm_math.effects import compensable
 from lrm_math.errors import FileError, LrmError
 from lrm_math.ik.answer import Solved
 from lrm_math.ik.calibrated import CalibratedSolver
 from lrm_math.ik.goal import point
 from lrm_math.model.model import model_of
-from lrm_math.model.model_file import load_covariance, load_model
+from lrm_math.model.model_file import FIT_AGAIN, load_covariance, load_model
 
 NOMINAL = "nominal"
 
@@ -62,6 +63,8 @@ class ModelSolver:
         model = load_model(path)
         if model.arm.name != arm.name:
             raise FileError(path, "arm", f"a model of {model.arm.name}", f"the arm is {arm.name}; give --arm")
+        if arm_sha256(model.arm) != arm_sha256(arm):
+            raise FileError(path, "arm", f"a model of another {arm.name}: {WHAT_COUNTS} differ", FIT_AGAIN)
         left_out = sorted({effect.id for effect in model.effects if not compensable(effect)})
         solver = CalibratedSolver.of(model, left_out=left_out, covariance=load_covariance(path))
         return cls(solver, rounded, str(path), hashlib.sha256(path.read_bytes()).hexdigest())

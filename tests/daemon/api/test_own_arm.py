@@ -12,16 +12,28 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from lrm_math.arm.arm_digest import arm_sha256
+from lrm_math.arm.arm_file import load_arm
 from lrm_math.errors import FileError, LrmError
 from lrmd.api.model_reload import ActiveModel
 from lrmd.client.model_text import text_to_deploy
 from lrmd.config import Config, load_config
+from lrmd.ik.deployed_model import deploy_file
 from lrmd.ramp.shared_memory import SharedRecords
 from tests.conftest import ROOT
 from tests.support.daemon.in_memory_daemon import CONFIG
 
 MODEL = (ROOT / "tests" / "models" / "thesis-table-b2-option-1.toml").read_text(encoding="utf-8")
 ARM = (ROOT / "config" / "arms" / "lrm-rover.toml").read_text(encoding="utf-8")
+PROVENANCE = """
+[provenance]
+data = "data.csv"
+data_sha256 = "0"
+arm_sha256 = "{}"
+poses = 50
+tool = "lrm-ident"
+date = "2024-07-15"
+"""
 NAMES = st.text(st.characters(exclude_categories=["C", "Zl", "Zp"]), min_size=1, max_size=40)
 
 
@@ -74,3 +86,24 @@ def test_a_model_of_another_arm_is_told_which_arm_this_is(tmp_path: Path) -> Non
     active = ActiveModel(on_the_rover(tmp_path, "my-arm"), SharedRecords.create())
     with pytest.raises(LrmError, match="'another' is no arm of this daemon's; this daemon drives my-arm"):
         active.deploy(text_to_deploy(model))
+
+
+def heavier(arm: Path) -> None:
+    arm.write_text(re.sub(r"^mass_g = .*$", "mass_g = 77.0", arm.read_text("utf-8"), count=1, flags=re.MULTILINE))
+
+
+def test_a_model_that_was_fitted_on_another_arm_of_that_name_is_refused(tmp_path: Path) -> None:
+    arm, model = written(tmp_path / "home", "my-arm")
+    config = on_the_rover(tmp_path, "my-arm")
+    active = ActiveModel(config, SharedRecords.create())
+    of_fit = MODEL.replace('"lrm-rover"', '"my-arm"', 1) + PROVENANCE.format(arm_sha256(load_arm(arm)))
+    assert active.deploy(of_fit).model.arm.name == "my-arm"
+    heavier(arm)
+    other = MODEL.replace('"lrm-rover"', '"my-arm"', 1) + PROVENANCE.format(arm_sha256(load_arm(arm)))
+    with pytest.raises(
+        LrmError, match="my-arm is not as it was when the model was fitted: links, tool or masses"
+    ) as no:
+        active.deploy(other)
+    assert "\n" not in str(no.value)
+    with pytest.raises(FileError, match="a model of another my-arm: links, tool or masses differ"):
+        deploy_file(config, model)
