@@ -58,7 +58,7 @@ def add_effects(
 def _with_shapes(model: Model, data: Measurements, effects: Sequence[Effect], new: Sequence[str], loss: Loss) -> Fit:
     """The fit of what is identifiable of the free parameters and the `new` ones at the effects' best shapes.
 
-    Of thousands of poses a part is searched, and what it can tell then freed; then all are fitted, once.
+    Of thousands of poses a part is searched; then all are fitted, with whatever of the base they can tell.
     """
     part, keys = data.take(some_rows(len(data))), [*model.free, *new]
     best = fit_identifiable(model, part, keys, loss, required=() if len(data) > len(part) else new).fit
@@ -68,9 +68,8 @@ def _with_shapes(model: Model, data: Measurements, effects: Sequence[Effect], ne
             best = _fit_shape(best, part, key, tried, loss)
     if len(part) == len(data):
         return best
-    found = free_base_parameters(best, part, loss).model
-    keys += [key for key in found.free if key not in keys]
-    return fit_identifiable(found, data, keys, loss, required=new).fit
+    keys += [key for key in _held_base_parameters(best.model) if key not in keys]
+    return fit_identifiable(best.model, data, keys, loss, required=new).fit
 
 
 def _searched(effects: Sequence[Effect], data: Measurements) -> Iterator[tuple[str, Parameter, tuple[float, ...]]]:
@@ -90,15 +89,8 @@ def free_base_parameters(fitted: Fit, data: Measurements, loss: Loss = SQUARED) 
     """
     for _ in range(MAX_FREEINGS):
         model = fitted.model
-        begun = {name_of_key(key) for key in model.free}
-        base = [
-            key
-            for key, parameter in zip(model.keys, model.parameters, strict=True)
-            if parameter.fixed is None
-            and key not in model.free
-            and (split_key(key)[0] in DEFAULT_EFFECTS or name_of_key(key) in begun)
-        ]
-        found = identifiable_beside(fitted.rest, model.free, base, fitted.sigma, data.whitening)
+        held = _held_base_parameters(model)
+        found = identifiable_beside(fitted.rest, model.free, held, fitted.sigma, data.whitening)
         if not found or len(model.free) + len(found) > len(data):
             return fitted
         free = tuple(key for key in model.keys if key in (*model.free, *found))
@@ -107,6 +99,18 @@ def free_base_parameters(fitted: Fit, data: Measurements, loss: Loss = SQUARED) 
         except (NoEquilibrium, FitNotConverged, DegenerateFit):
             return fitted
     return fitted
+
+
+def _held_base_parameters(model: Model) -> list[str]:
+    """Parameters that are not free, of `offsets`, `compliance` and effects that are fitted in part."""
+    begun = {name_of_key(key) for key in model.free}
+    return [
+        key
+        for key, parameter in zip(model.keys, model.parameters, strict=True)
+        if parameter.fixed is None
+        and key not in model.free
+        and (split_key(key)[0] in DEFAULT_EFFECTS or name_of_key(key) in begun)
+    ]
 
 
 def _with_effect(model: Model, effect: Effect, shape: Sequence[float] | None) -> Model:

@@ -30,7 +30,7 @@ from lrm_math.model.equilibrium import Equilibrium
 from lrm_math.model.fixed_point import NewtonPreconditioner
 from lrm_math.model.sensed import TCP_ONLY, Sensed, along_distance
 
-BLOCK = 2000
+BLOCK = 1000
 """Poses whose Jacobian is computed at once: memory grows with the poses only by what is returned."""
 
 
