@@ -119,7 +119,7 @@ def start_model(arm: Arm, model: Path | None) -> Model:
 
 
 def differs_from(one: Arm, arm: Arm) -> str:
-    """What follows the name of an arm that is not the other one."""
+    """Words that follow the name of an arm that is not the other one."""
     return f", not of {arm.name}" if one.name != arm.name else ": another arm file of that name"
 
 

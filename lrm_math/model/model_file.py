@@ -138,7 +138,7 @@ def arm_of(path: Path, arm: str) -> Arm:
 
 
 def changed_arm(tables: ModelFile, arm: Arm) -> str:
-    """What to say if an arm is not the one of the fit, whatever it is called; nothing if it is, or nobody knows."""
+    """Words for an arm that is not the one of the fit, whatever it is called; none if it is, or nobody knows."""
     known = None if tables.provenance is None else tables.provenance.arm_sha256
     if known in (None, arm_sha256(arm)):
         return ""
