@@ -114,11 +114,11 @@ def start_model(arm: Arm, model: Path | None) -> Model:
         return nominal_model(arm)
     fitted = load_model(model)
     if fitted.arm != arm:
-        raise FileError(model, "arm", f"is a model of {fitted.arm.name}{differs_from(fitted.arm, arm)}")
+        raise FileError(model, "arm", f"is a model of {fitted.arm.name}{arm_difference(fitted.arm, arm)}")
     return fitted
 
 
-def differs_from(one: Arm, arm: Arm) -> str:
+def arm_difference(one: Arm, arm: Arm) -> str:
     """Words that follow the name of an arm that is not the other one."""
     return f", not of {arm.name}" if one.name != arm.name else ": another arm file of that name"
 

@@ -14,8 +14,8 @@ from lrm_ident.cli import arguments as arg
 from lrm_ident.cli.command import command
 from lrm_ident.cli.common import (
     LISTED,
+    arm_difference,
     bars,
-    differs_from,
     leave_out_poses,
     notice,
     opened,
@@ -197,7 +197,7 @@ def _without_prior(begun: Study, fitted: Study, prior: Prior, parameters: str, u
 def _start_model(data: Measurements, arm: Arm, effects: str | None, start: Path | None, catalogue: Catalogue) -> Model:
     loaded = read_model(start, catalogue)[1] if start else None
     if loaded and loaded.arm != arm:
-        raise FileError(str(start), "arm", f"is a model of {loaded.arm.name}{differs_from(loaded.arm, arm)}")
+        raise FileError(str(start), "arm", f"is a model of {loaded.arm.name}{arm_difference(loaded.arm, arm)}")
     if loaded:
         loaded, left_out = at_data(loaded, data.path, data.sha256)
         tell(left_out)

@@ -252,7 +252,6 @@ def fit_identifiable(
     Raises `LrmError`: fewer poses than identifiable parameters, none of the required ones, or no convergence.
     """
     limits = signed or bounds_of(model, keys)
-    by_key = {key: (low, high) for key, low, high in zip(keys, limits.lower, limits.upper, strict=True)}
     if len(data) > MOST_AT_ONCE:
         coarse = fit_identifiable(model, data.take(some_rows(len(data))), keys, loss, signed).fit
         rest, noise = equilibrium(coarse.model, data.poses), coarse.sigma
@@ -266,12 +265,12 @@ def fit_identifiable(
             break
         check_identifiable(required, selected.kept)
         check_told(model, data.poses, len(selected.kept), len(keys))
-        start = _holding(rest.model, keys, selected.kept)
-        low, high = np.array([by_key[key] for key in selected.kept]).reshape(-1, 2).T
+        chosen = [keys.index(key) for key in selected.kept]
+        within = Bounds(limits.lower[chosen], limits.upper[chosen])
         try:
-            result = _fit_from_part(start, data, Bounds(low, high), loss, rest)
+            result = _fit_from_part(_holding(rest.model, keys, selected.kept), data, within, loss, rest)
         except NoEquilibrium:  # what is held now balanced what is not: begin anew
-            result = _fit_from_part(_holding(model, keys, selected.kept), data, Bounds(low, high), loss)
+            result = _fit_from_part(_holding(model, keys, selected.kept), data, within, loss)
         if selected.kept in seen:
             break
         seen.append(selected.kept)
@@ -287,9 +286,8 @@ def _fit_from_part(
     if len(data) <= MOST_AT_ONCE:
         return fit(model, data, bounds, loss, near=near)
     part = _fit_from_part(model, data.take(some_rows(len(data), max(MOST_AT_ONCE, len(data) // 5))), bounds, loss)
-    if not part.damped:
-        return fit(part.model, data, bounds, loss)
-    return replace(fit(part.model, data, bounds, loss, part.weak_prior), damped=True)
+    found = fit(part.model, data, bounds, loss, part.weak_prior)
+    return replace(found, damped=found.damped or part.damped)
 
 
 def some_rows(count: int, most: int | None = None) -> NDArray[np.int64]:

@@ -20,7 +20,7 @@ from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_file import shipped_arms
 from lrm_math.model.equilibrium import equilibrium
 from lrm_math.model.model import Model
-from lrm_math.model.model_file import FIT_AGAIN, ModelFile, arm_of, changed_arm, to_model
+from lrm_math.model.model_file import FIT_AGAIN, ModelFile, arm_mismatch, arm_of, to_model
 from lrm_math.model.reading import AS_NAMED, Reading
 from lrm_math.toml_file import read_toml
 
@@ -82,7 +82,7 @@ def read_model(path: Path, catalogue: Catalogue) -> tuple[ModelFile, Model, tupl
     file = read_toml(path, ModelFile)
     arm = arm_of(path, file.arm)
     model = to_model(path, file, arm, catalogue)
-    own, known, words = file_of(model.effects), file.provenance, changed_arm(file, arm)
+    own, known, words = file_of(model.effects), file.provenance, arm_mismatch(file, arm)
     notices = [f"{path.name}: {words}; {FIT_AGAIN}"] if words else []
     if own and known and known.effects_sha256 not in (None, sha256_of(own)):
         notices.append(f"{own} is not the file that {path.name} was fitted with (its SHA-256 differs)")

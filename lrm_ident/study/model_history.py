@@ -6,7 +6,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 import tomli_w
@@ -35,9 +34,6 @@ from lrm_math.model.model_file import (
     range_table,
     to_model,
 )
-
-if TYPE_CHECKING:
-    pass
 
 LEFT_OUT_SHOWN, RIVALS_NAMED = 12, 30
 

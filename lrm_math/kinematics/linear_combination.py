@@ -14,7 +14,11 @@ FEW_TERMS = 2
 
 
 def linear_combination(p: Sequence[Number], basis: Sequence[tuple[Number, ...]], targets: int) -> tuple[Number, ...]:
-    """Σ p_i f_i for each of so many targets, where `basis` has each parameter's f_i at each of them."""
+    """Σ p_i f_i for each of so many targets, a float or (N,) each, in the unit of p_i f_i.
+
+    Args:
+        p: the coefficients. basis: the functions f_i of each at each target, zero or (N,) over N poses, say.
+    """
     terms: list[list[tuple[Number, Number]]] = [[] for _ in range(targets)]
     for value, functions in zip(p, basis, strict=True):
         if not is_zero(value):

@@ -101,7 +101,7 @@ def load_model(file: str | Path, catalogue: tuple[type[Effect], ...] = CATALOGUE
     path = Path(file)
     tables = read_toml(path, ModelFile)
     arm = arm_of(path, tables.arm)
-    if words := changed_arm(tables, arm):
+    if words := arm_mismatch(tables, arm):
         raise FileError(path, "arm", words, FIT_AGAIN)
     return to_model(path, tables, arm, catalogue)
 
@@ -137,7 +137,7 @@ def arm_of(path: Path, arm: str) -> Arm:
         raise error if error.path.endswith(".toml") else FileError(path, "arm", str(error)) from None
 
 
-def changed_arm(tables: ModelFile, arm: Arm) -> str:
+def arm_mismatch(tables: ModelFile, arm: Arm) -> str:
     """Words for an arm that is not the one of the fit, whatever it is called; none if it is, or nobody knows."""
     known = None if tables.provenance is None else tables.provenance.arm_sha256
     if known in (None, arm_sha256(arm)):

@@ -14,7 +14,7 @@ from lrm_math.effects import compensable
 from lrm_math.errors import FileError
 from lrm_math.model.covariance import Covariance
 from lrm_math.model.model import Model, model_of
-from lrm_math.model.model_file import FIT_AGAIN, ModelFile, arm_of, changed_arm, covariance_of, to_model
+from lrm_math.model.model_file import FIT_AGAIN, ModelFile, arm_mismatch, arm_of, covariance_of, to_model
 from lrm_math.model.uncertainty import FieldCoverage, field_coverage
 from lrm_math.toml_file import bounded_content, read_toml
 from lrmd.config import Config
@@ -77,7 +77,7 @@ def _check_arm(config: Config, path: Path, tables: ModelFile, arm: Arm) -> None:
     if arm_sha256(arm) != arm_sha256(config.arm):
         words = f"a model of another {arm.name}: {WHAT_COUNTS} differ from those of this daemon's arm file"
         raise FileError(path, "arm", words, FIT_AGAIN)
-    if words := changed_arm(tables, arm):
+    if words := arm_mismatch(tables, arm):
         raise FileError(path, "arm", words, FIT_AGAIN)
 
 

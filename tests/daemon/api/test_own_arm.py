@@ -88,7 +88,7 @@ def test_a_model_of_another_arm_is_told_which_arm_this_is(tmp_path: Path) -> Non
         active.deploy(text_to_deploy(model))
 
 
-def heavier(arm: Path) -> None:
+def change_mass(arm: Path) -> None:
     arm.write_text(re.sub(r"^mass_g = .*$", "mass_g = 77.0", arm.read_text("utf-8"), count=1, flags=re.MULTILINE))
 
 
@@ -98,7 +98,7 @@ def test_a_model_that_was_fitted_on_another_arm_of_that_name_is_refused(tmp_path
     active = ActiveModel(config, SharedRecords.create())
     of_fit = MODEL.replace('"lrm-rover"', '"my-arm"', 1) + PROVENANCE.format(arm_sha256(load_arm(arm)))
     assert active.deploy(of_fit).model.arm.name == "my-arm"
-    heavier(arm)
+    change_mass(arm)
     other = MODEL.replace('"lrm-rover"', '"my-arm"', 1) + PROVENANCE.format(arm_sha256(load_arm(arm)))
     with pytest.raises(
         LrmError, match="my-arm is not as it was when the model was fitted: links, tool or masses"

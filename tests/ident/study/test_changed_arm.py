@@ -31,12 +31,12 @@ def folder(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def make_heavier(folder: Path) -> None:
+def change_mass(folder: Path) -> None:
     arm = folder / "arm.toml"
     arm.write_text(re.sub(r"^mass_g = .*$", "mass_g = 123.0", arm.read_text(), count=1, flags=re.MULTILINE))
 
 
-def noticed(*words: object) -> str:
+def stderr_of(*words: object) -> str:
     code, _, stderr = run_command(*words)
     assert code == 0, stderr
     return " ".join(stderr.split())
@@ -45,13 +45,13 @@ def noticed(*words: object) -> str:
 def test_the_file_keeps_the_digest_of_its_arm(folder: Path) -> None:
     text = tomllib.loads((folder / "model.toml").read_text())
     assert text["provenance"]["arm_sha256"] == arm_sha256(load_arm(folder / "arm.toml"))
-    assert SAID not in noticed("compare", folder / "model.toml", folder / "data.csv")
+    assert SAID not in stderr_of("compare", folder / "model.toml", folder / "data.csv")
 
 
 def test_another_arm_of_that_name_is_told(folder: Path) -> None:
     model, data = folder / "model.toml", folder / "data.csv"
-    make_heavier(folder)
-    assert noticed("compare", model, data).count(f"model.toml: two-joint {SAID}") == 1
+    change_mass(folder)
+    assert stderr_of("compare", model, data).count(f"model.toml: two-joint {SAID}") == 1
     with pytest.raises(FileError, match=SAID):
         lrm.load_model(model)
     stdout_of("fit", data, "--arm", folder / "arm.toml", "--start", model, "-o", folder / "again.toml")
@@ -62,14 +62,14 @@ def test_a_model_of_before_the_digest_is_read_as_ever(folder: Path) -> None:
     model = folder / "model.toml"
     before = lrm.load_model(model).values
     model.write_text(re.sub(r"^arm_sha256 = .*\n", "", model.read_text(), flags=re.MULTILINE))
-    make_heavier(folder)
+    change_mass(folder)
     np.testing.assert_array_equal(lrm.load_model(model).values, before)
-    assert SAID not in noticed("compare", model, folder / "data.csv")
+    assert SAID not in stderr_of("compare", model, folder / "data.csv")
 
 
 def test_goals_are_not_driven_to_by_a_model_of_another_arm_of_that_name(folder: Path) -> None:
     (folder / "elsewhere").mkdir()
     (folder / "elsewhere" / "arm.toml").write_text((folder / "arm.toml").read_text())
-    make_heavier(folder / "elsewhere")
+    change_mass(folder / "elsewhere")
     with pytest.raises(FileError, match="a model of another two-joint"):
         ModelSolver.of(folder / "model.toml", load_arm(folder / "elsewhere" / "arm.toml"), tuple)
