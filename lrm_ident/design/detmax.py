@@ -94,7 +94,8 @@ def maximise_criterion(
 
 
 def _climb(criterion: Criterion, rows: Rows) -> tuple[Rows, float, float]:
-    """Excursions from one set until none raises the score; its score before, and anew without round-off."""
+    """Excursions from one set until none raises the score, computed anew without the updates' round-off: the set, its
+    score before, and its score."""
     scored = criterion.evaluate(rows)
     before = scored.score
     inside = np.zeros(criterion.count, dtype=np.bool_)
@@ -103,13 +104,14 @@ def _climb(criterion: Criterion, rows: Rows) -> tuple[Rows, float, float]:
     while length <= MAX_EXCURSION:
         for first in (1, -1):
             trial = _excursion(inside, scored, length, first)
-            if trial is not None and trial[1].score > scored.score + SCORE_TOLERANCE:
-                inside, scored = trial
-                length = 0
+            if trial is None or trial[1].score <= scored.score + SCORE_TOLERANCE:
+                continue
+            anew = criterion.evaluate(np.flatnonzero(trial[0]))
+            if anew.score > scored.score + SCORE_TOLERANCE:
+                inside, scored, length = trial[0], anew, 0
                 break
         length += 1
-    chosen = np.flatnonzero(inside)
-    return chosen, before, criterion.evaluate(chosen).score
+    return np.flatnonzero(inside), before, scored.score
 
 
 def _excursion(

@@ -7,6 +7,7 @@ the power of the test (Atkinson & Fedorov 1975, designs that discriminate betwee
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -27,7 +28,6 @@ from lrm_math.model.model import Model
 from lrm_math.model.sensed import TCP_ONLY, Sensed
 
 TEST_LEVEL, TARGET_POWER = 0.01, 0.9  # of the F test
-CERTAIN_NONCENTRALITY = 1e4  # at which the power is one
 ROUND_OFF = 1e-9
 
 
@@ -126,14 +126,16 @@ def _test(effect: Effect, others: Array, columns: Array, noise: float) -> Rival:
 
 def _power(noncentrality: float, size: int, freedom: int) -> float:
     """Power of the F test at this noncentrality (noncentral F distribution)."""
-    if noncentrality > CERTAIN_NONCENTRALITY:
-        return 1.0
-    return 1.0 - float(ncfdtr(size, freedom, noncentrality, float(fdtri(size, freedom, 1.0 - TEST_LEVEL))))
+    missed = float(ncfdtr(size, freedom, noncentrality, float(fdtri(size, freedom, 1.0 - TEST_LEVEL))))
+    return 1.0 if math.isnan(missed) else 1.0 - missed  # it underflows at some noncentralities of a power of one
 
 
 def _required_noncentrality(size: int, freedom: int) -> float:
     """The noncentrality at which the test has `TARGET_POWER`."""
-    return float(brentq(lambda x: _power(x, size, freedom) - TARGET_POWER, 0.0, CERTAIN_NONCENTRALITY))
+    enough = 1.0
+    while _power(enough, size, freedom) < TARGET_POWER:
+        enough *= 2.0
+    return float(brentq(lambda x: _power(x, size, freedom) - TARGET_POWER, 0.0, enough))
 
 
 def _project_out(known: Array, columns: Array) -> Array:
