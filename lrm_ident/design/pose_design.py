@@ -22,6 +22,8 @@ from lrm_ident.diagnosis.screening.linearised_fit import PRIOR_SD
 from lrm_ident.fitting.identifiability import select_identifiable
 from lrm_ident.fitting.parameter_sets import fittable
 from lrm_ident.fitting.progress import OnProgress, silent
+from lrm_math.arm.arm import Arm
+from lrm_math.arm.joint_limits import sides_within
 from lrm_math.arrays import Array
 from lrm_math.effects import Effect
 from lrm_math.errors import LrmError
@@ -125,9 +127,9 @@ def design(
     """
     rng = np.random.default_rng(problem.seed)
     if _side_matters(problem, candidates):
-        sided = _from_both_sides(candidates)
+        sided = _distinct(_from_both_sides(problem.model.arm, candidates))
     else:  # random, so that other parameters do not absorb hysteresis
-        sided = _sided(candidates, rng.choice([1.0, -1.0], len(candidates)))
+        sided = _sided(problem.model.arm, candidates, rng.choice([1.0, -1.0], len(candidates)))
     settled = equilibrium(problem.model, sided)
     whitening = problem.weights(sided)
     check_testable(settled, problem.rivals, whitening.sensed)
@@ -163,19 +165,28 @@ def design(
     )
 
 
-def _from_both_sides(poses: Poses) -> Poses:
+def _from_both_sides(arm: Arm, poses: Poses) -> Poses:
     """Every pose twice in a row: all joints coming from below (+1), then all from above (−1)."""
     twice = np.repeat(np.arange(len(poses)), 2)
-    return _sided(poses.take(twice), np.tile([1.0, -1.0], len(poses)))
+    return _sided(arm, poses.take(twice), np.tile([1.0, -1.0], len(poses)))
 
 
-def _sided(poses: Poses, side: Array) -> Poses:
-    return Poses(poses.q, poses.payload, np.repeat(side[:, None], poses.q.shape[1], axis=1))
+def _distinct(twice: Poses) -> Poses:
+    """Poses of both sides, once where both are one: with all joints at limits."""
+    assert twice.direction is not None
+    differ = np.any(twice.direction[0::2] != twice.direction[1::2], axis=1)
+    return twice.take(np.column_stack([np.ones_like(differ), differ]).ravel())
+
+
+def _sided(arm: Arm, poses: Poses, side: Array) -> Poses:
+    """Poses to which all joints come from one side (N,), those at a limit from within."""
+    every = np.repeat(side[:, None], poses.q.shape[1], axis=1)
+    return Poses(poses.q, poses.payload, sides_within(arm, poses.q, every))
 
 
 def _side_matters(problem: DesignProblem, candidates: Poses) -> bool:
     """Whether a rival moves the TCP otherwise when joints come from the other side."""
-    some = _from_both_sides(candidates.take(np.arange(min(len(candidates), SIDE_POSES))))
+    some = _from_both_sides(problem.model.arm, candidates.take(np.arange(min(len(candidates), SIDE_POSES))))
     moved = rival_columns(problem.model, some, problem.rivals, problem.keys or ())
     return any(not np.allclose(columns[0::2], columns[1::2]) for columns in moved)
 

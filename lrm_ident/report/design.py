@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from lrm_ident.data.measurement_file.known_columns import ANGLE, SIDE, columns_of_joints
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.wording import in_percent
 from lrm_ident.design.discrimination import TARGET_POWER, TEST_LEVEL, Discrimination, Rival
@@ -74,8 +75,8 @@ def design_document(task: DesignProblem, offer: CandidateSet, found: PoseDesign)
         _error_table(found),
         *map(in_words, gains),
         f"To measure: {len(found.poses)} poses, {repeats} of them again (repeat_of), in random order; come to each "
-        "from the side in the column approach: +1 from smaller angles, -1 from larger ones, every joint that its "
-        "limits let.",
+        "from the sides in the columns approach1, approach2 …: +1 from smaller angles, -1 from larger ones, a joint "
+        "at its limit from within.",
         *([TOO_FEW.format(together, len(found.keys))] if together < len(found.keys) else []),
     ]
     values = {
@@ -99,10 +100,12 @@ def design_document(task: DesignProblem, offer: CandidateSet, found: PoseDesign)
 def pose_table(found: PoseDesign) -> ResultTable:
     """The pose file, in the order to measure."""
     poses, q = found.poses, np.degrees(found.poses.q)
-    side = np.zeros(len(q)) if poses.direction is None else poses.direction[:, 0]
-    angles = [f"q{i + 1}_deg|.6f" for i in range(q.shape[1])]
-    columns = ["pose|d", *angles, "payload_g|.3f", "approach|.0f", "repeat_of|d"]
-    return ResultTable(columns, list(zip(found.number, *q.T, poses.payload * 1e3, side, found.repeat_of, strict=True)))
+    sides = np.zeros_like(q) if poses.direction is None else poses.direction
+    angles, approaches = (columns_of_joints(form, q.shape[1]) for form in (ANGLE, SIDE))
+    columns = ["pose|d", *(f"{name}|.6f" for name in angles), "payload_g|.3f"]
+    columns += [*(f"{name}|.0f" for name in approaches), "repeat_of|d"]
+    rows = list(zip(found.number, *q.T, poses.payload * 1e3, *sides.T, found.repeat_of, strict=True))
+    return ResultTable(columns, rows)
 
 
 def _index_table(title: str, chosen: Observability, random: Observability) -> ResultTable:

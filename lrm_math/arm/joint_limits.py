@@ -6,8 +6,13 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
 from lrm_math.arm.arm import Arm
+from lrm_math.arrays import Array
 from lrm_math.errors import LrmError
+
+AT_LIMIT = math.radians(1e-6)
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,6 +57,13 @@ class JointLimits:
         margins = self.margins(q)
         worst = min(range(len(margins)), key=margins.__getitem__)
         return Violation(worst + 1, -margins[worst])
+
+
+def sides_within(arm: Arm, q: Array, side: Array) -> Array:
+    """(N, n), signs of the last moves to angles q (N, n), rad, asked for as `side` (N, n): at a limit from within."""
+    limits = JointLimits.of(arm)
+    from_above = np.where(q <= np.array(limits.lower) + AT_LIMIT, -1.0, side)
+    return np.where(q >= np.array(limits.upper) - AT_LIMIT, 1.0, from_above)
 
 
 def checked_angles(name: str, q: Sequence[float], dof: int) -> tuple[float, ...]:

@@ -31,7 +31,7 @@ class PhotographedPoses:
             ("angles", [state.q for state in self.states], 9),
             ("payload", [pose.payload for pose in self.poses], 4),
             ("session", [state.session for state in self.states], 0),
-            ("sides", sides if any(pose.approach for pose in self.poses) else None, 0),
+            ("sides", sides if any(any(pose.approach) for pose in self.poses) else None, 0),
         ]
         return csv_text(quantity_columns(stated))
 

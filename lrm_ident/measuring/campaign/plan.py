@@ -20,14 +20,14 @@ from lrm_math.model.model import model_of
 class PlannedPose:
     """A pose to measure.
 
-    `q`: rad. `payload`: kg. `approach`: side from which every joint arrives (1: from below, −1: from above, 0: as it
-    comes). `repeat_of`: number of the pose that it repeats, else its own.
+    `q`: rad. `payload`: kg. `approach`: side from which each joint arrives (1: from below, −1: from above, 0: as it
+    comes); empty: all as they come. `repeat_of`: number of the pose that it repeats, else its own.
     """
 
     number: int
     q: tuple[float, ...]
     payload: float
-    approach: int
+    approach: tuple[int, ...]
     repeat_of: int
 
 
@@ -50,16 +50,17 @@ def lightest(poses: Sequence[PlannedPose], arm: Arm) -> PlannedPose:
 
 
 def load_plan(path: Path, arm: Arm) -> CampaignPlan:
-    """Reads `pose, q1_deg …, payload_g, approach, repeat_of`, as `design` writes them. Raises `FileError`."""
+    """Reads `pose, q1_deg …, payload_g, approach1 …, repeat_of`, as `design` writes them. Raises `FileError`."""
     poses, table = load_pose_table(path, arm, more=["repeat_of"])
     number = table.integers("pose")
     if len(set(number.tolist())) < len(number):
         raise FileError(path, "column pose", "a number stands twice")
     repeats = table.integers("repeat_of") if "repeat_of" in table else number
-    approach = table.integers("approach") if "approach" in table else np.zeros_like(number)
+    stated = poses.direction if "approach" in table or "sides" in table else None
+    approach = np.zeros((len(number), 0)) if stated is None else stated
     columns = (number, poses.q, poses.payload, approach, repeats)
     planned = (
-        PlannedPose(int(n), tuple(q.tolist()), float(load), int(side), int(of))
-        for n, q, load, side, of in zip(*columns, strict=True)
+        PlannedPose(int(n), tuple(q.tolist()), float(load), tuple(map(int, sides)), int(of))
+        for n, q, load, sides, of in zip(*columns, strict=True)
     )
     return CampaignPlan(tuple(planned), table.cells.sha256)

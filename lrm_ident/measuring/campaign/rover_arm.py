@@ -114,8 +114,8 @@ class RoverArm:
     def go(self, pose: PlannedPose) -> ArmState:
         """See `CampaignArm`."""
         goal = self.rounded(pose.q)
-        if pose.approach:
-            beside = [q - pose.approach * APPROACH for q in goal]
+        if any(pose.approach):
+            beside = [q - side * APPROACH for q, side in zip(goal, pose.approach, strict=True)]
             self._move(self._within(beside), pose.payload)
         self._move(goal, pose.payload)
         temperature = max(self.rover.thermal().temperature_c)

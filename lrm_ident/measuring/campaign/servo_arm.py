@@ -98,10 +98,11 @@ class ServoArm:
         ]
         if outside:
             raise Unreachable(f"joint {outside[0] + 1} would leave its limits")
-        beside = [self._within(i, q - pose.approach * APPROACH) for i, q in enumerate(pose.q)]
+        sides = pose.approach or (0,) * self.arm.dof
+        beside = [self._within(i, q - side * APPROACH) for i, (q, side) in enumerate(zip(pose.q, sides, strict=True))]
         if why := self.servos.beyond_limits(pose.q) or self.servos.beyond_limits(beside):
             raise Unreachable(why)
-        if pose.approach:
+        if any(pose.approach):
             self._move(beside)
         self._move(pose.q)
         self._rest = self._quiet()

@@ -111,13 +111,13 @@ class GoalRun:
         return Verification(self.solver.model, self.solver.model_sha256, tuple(attained), failed)
 
     def _here(self) -> PlannedPose:
-        return PlannedPose(0, self.arm.commanded(), self.payload, 0, 0)
+        return PlannedPose(0, self.arm.commanded(), self.payload, (), 0)
 
     def _land(self, number: int, goal: PlacedGoal) -> AttainedPosition | str:
         command = self.solver.solve(goal.position, self.arm.commanded(), self.payload)
         if isinstance(command, str):
             return command
-        pose = PlannedPose(number, command.q, self.payload, 0, number)
+        pose = PlannedPose(number, command.q, self.payload, (), number)
         why = ""
         for _ in range(self.timing.attempts):
             try:

@@ -18,11 +18,13 @@ from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.table_text.csv_file import read_csv
 from lrm_ident.design.candidate_poses import ClearanceRules, candidate_grid, parse_levels, violated_rules
 from lrm_ident.design.discrimination import TARGET_POWER, TEST_LEVEL, discrimination_of
-from lrm_ident.design.pose_design import DesignProblem, PoseDesign, design
+from lrm_ident.design.pose_design import DesignProblem, PoseDesign, _distinct, _from_both_sides, design
 from lrm_ident.design.pose_selection import select_poses
 from lrm_ident.fitting.levenberg_marquardt import fit
 from lrm_ident.fitting.parameter_sets import TABLE_4_5, bounds_of, no_bounds, select_parameters
+from lrm_ident.measuring.campaign.plan import load_plan
 from lrm_math.arm.arm import Arm
+from lrm_math.arm.arm_file import load_arm
 from lrm_math.collision.scene import Scene, clearance
 from lrm_math.effects import effects_at
 from lrm_math.errors import LrmError, UnknownName
@@ -227,6 +229,28 @@ def test_identification_on_chosen_real_poses(real: Measurements, lab: Arm) -> No
     assert np.all((values >= limits.lower) & (values <= limits.upper))
 
 
+def test_a_joint_at_its_limit_is_approached_from_within(tmp_path: Path) -> None:
+    """The corners of the range among the candidates: half of the angles of the first joint, all of the second's."""
+    path, arm = tmp_path / "next.csv", load_arm("two-joint")
+    low, high = np.degrees([arm.joints[0].lower, arm.joints[0].upper])
+    words = ["--levels", f"{low},-20,0,{high}; joint2=2", "-n", "6", "--repeats", "0", "--parameters", "compliance.*"]
+    stdout_of("design", "two-joint", *words, "-o", path)
+    poses, plan = load_poses(path, arm), load_plan(path, arm)
+    assert poses.direction is not None
+    assert [pose.approach for pose in plan.poses] == [tuple(row) for row in poses.direction.tolist()]
+    beside = poses.q - poses.direction * np.radians(1.0)
+    for joint, limits in enumerate(arm.joints):
+        assert np.all((beside[:, joint] >= limits.lower) & (beside[:, joint] <= limits.upper))
+
+
+def test_where_sides_matter_a_corner_of_the_range_is_one_candidate() -> None:
+    arm = load_arm("two-joint")
+    low, high = arm.joints[0].lower, arm.joints[0].upper
+    sided = _distinct(_from_both_sides(arm, poses_of(np.array([[low, high], [low, 0.0], [0.1, 0.2]]))))
+    assert sided.direction is not None
+    assert sided.direction.tolist() == [[-1, 1], [-1, 1], [-1, -1], [1, 1], [-1, -1]]
+
+
 @pytest.mark.slow
 def test_the_commands_and_their_files(tmp_path: Path, lab: Arm) -> None:
     poses, figure = tmp_path / "next.csv", tmp_path / "why.svg"
@@ -244,9 +268,9 @@ def test_the_commands_and_their_files(tmp_path: Path, lab: Arm) -> None:
     ]
     said = stdout_of("design", "lrm-lab", *words, "-o", poses, "--json", tmp_path / "d.json", "--figure", figure)
     assert "told from everything else" in said
-    table = read_csv(poses, ["pose", "q1_deg", "payload_g", "approach", "repeat_of"])
+    table = read_csv(poses, ["pose", "q1_deg", "payload_g", "approach1", "approach6", "repeat_of"])
     assert len(table.rows) == 35
-    assert set(numbers_of(table, "approach")) == {-1.0, 1.0}
+    assert set(numbers_of(table, "approach1")) == {-1.0, 1.0}
     assert len(load_poses(poses, lab)) == 35
     assert len(read_csv(figure.with_suffix(".csv"), ["what", "unit", "with_these"]).rows) == 28 + 2
     told = json.loads((tmp_path / "d.json").read_text())

@@ -177,7 +177,7 @@ class NoTime:
 def test_a_photo_at_every_pose_that_can_be_reached(tmp_path: Path) -> None:
     standing, taken, said = StandingArm(), list[int](), list[str]()
     driven = DrivenArm(standing, "servos", ARM.dof, standing.commanded(), "1", lambda _: None)  # type: ignore[arg-type, return-value]
-    plan = [PlannedPose(n, (0.1 * n,) * ARM.dof, 0.0, 0, n) for n in (1, 2, 3)]
+    plan = [PlannedPose(n, (0.1 * n,) * ARM.dof, 0.0, (), n) for n in (1, 2, 3)]
     kept: list[PhotographedPoses] = []
     order = PhotoOrder(
         lambda *_: nullcontext(driven), ARM, NoTime(), PoseTiming(), lambda _: None, taken.append, kept.append,

@@ -29,7 +29,7 @@ ARM = load_arm("two-joint")
 TRUE = model_of(ARM, effects_at(ARM, "offsets"), {"offsets.joint2.theta_rad": 0.02, "offsets.joint1.a_mm": 0.002})
 RNG = np.random.default_rng(0)
 PLAN = tuple(
-    PlannedPose(k, tuple(RNG.uniform(-1.5, 1.5, ARM.dof).tolist()), 0.0, 0, k) for k in range(1, 121)
+    PlannedPose(k, tuple(RNG.uniform(-1.5, 1.5, ARM.dof).tolist()), 0.0, (), k) for k in range(1, 121)
 )  # fmt: skip
 
 

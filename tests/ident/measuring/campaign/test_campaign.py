@@ -24,7 +24,7 @@ from lrm_math.errors import FileError
 ARM = load_arm("lrm-lab")
 NUMBERS = TargetNumbers(1, None)
 POSES = tuple(
-    PlannedPose(k, tuple(np.random.default_rng(of).uniform(-1.5, 1.5, 6).tolist()), 0.0, 0, of)
+    PlannedPose(k, tuple(np.random.default_rng(of).uniform(-1.5, 1.5, 6).tolist()), 0.0, (), of)
     for k in range(1, 21)
     for of in (k if k < 16 else k - 15,)
 )
@@ -195,7 +195,7 @@ def test_a_session_is_another_exactly_where_the_servos_were_switched_on_anew(run
                 for _ in range(rows):
                     number = len(expected) + 1
                     file.append(
-                        PlannedPose(number, (0.0,) * 6, 0.0, 0, number),
+                        PlannedPose(number, (0.0,) * 6, 0.0, (), number),
                         ArmState((0.0,) * 6, (0,) * 6, 30.0, session),
                         rest,
                     )
@@ -238,7 +238,7 @@ def test_a_plan_is_read_as_design_writes_it(tmp_path: Path) -> None:
     head = "pose,q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg,payload_g,approach,repeat_of\n"
     path.write_text(head + "1,0,10,20,30,40,50,66.3,1,1\n2,0,10,20,30,40,50,66.3,-1,1\n")
     plan = load_plan(path, ARM)
-    assert [(p.number, p.approach, p.repeat_of) for p in plan.poses] == [(1, 1, 1), (2, -1, 1)]
+    assert [(p.number, p.approach, p.repeat_of) for p in plan.poses] == [(1, (1,) * 6, 1), (2, (-1,) * 6, 1)]
     np.testing.assert_allclose(plan.poses[0].q, np.radians([0, 10, 20, 30, 40, 50]))
     assert plan.poses[0].payload == pytest.approx(0.0663)
     assert lightest(plan.poses, ARM) in plan.poses

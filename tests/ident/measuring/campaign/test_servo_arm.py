@@ -88,7 +88,7 @@ def driven(robot: FakeRobot, clock: FakeClock | None = None) -> ServoArm:
 
 
 def pose(q: list[float], approach: int = 0) -> PlannedPose:
-    return PlannedPose(1, tuple(q), 0.0, approach, 1)
+    return PlannedPose(1, tuple(q), 0.0, (approach,) * len(q), 1)
 
 
 @given(st.lists(ANGLES, min_size=1, max_size=4), st.sampled_from([-1, 0, 1]))

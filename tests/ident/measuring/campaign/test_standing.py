@@ -96,7 +96,7 @@ def restarted(_: InMemoryDaemon, rover: Rover) -> None:
 def test_what_happens_during_a_rest_is_noticed(
     daemon: InMemoryDaemon, rover: Rover, arm: RoverArm, meanwhile: Meanwhile, words: str
 ) -> None:
-    arm.go(PlannedPose(1, Q, 0.0, 0, 1))
+    arm.go(PlannedPose(1, Q, 0.0, (), 1))
     assert arm.disturbed() == ""
     meanwhile(daemon, rover)
     assert words in arm.disturbed()
@@ -109,7 +109,7 @@ def test_an_arm_that_does_not_stand_after_its_way_ends_the_campaign(
     """Between the end of the motion and the first look."""
     meanwhile(daemon, rover)
     with pytest.raises(MotionInterrupted):
-        arm.go(PlannedPose(1, Q, 0.0, 0, 1))
+        arm.go(PlannedPose(1, Q, 0.0, (), 1))
 
 
 def test_a_power_on_session_ends_with_the_pulses_or_the_daemon(daemon: InMemoryDaemon, rover: Rover) -> None:

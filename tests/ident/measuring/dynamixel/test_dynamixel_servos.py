@@ -83,7 +83,7 @@ def test_an_arm_goes_where_it_is_sent_with_bounded_torque(goal: list[float]) -> 
     line = line_of(*NUMBERS)
     arm = ServoArm(held(line), ARM, line, lambda _: None)
     within = [min(max(q, j.lower), j.upper) for q, j in zip(goal, ARM.joints, strict=True)]
-    state = arm.go(PlannedPose(1, tuple(within), 0.0, 0, 1))
+    state = arm.go(PlannedPose(1, tuple(within), 0.0, (), 1))
     assert state.q == pytest.approx([servo.target for servo in line.bus.servos])
     assert arm.seen() == pytest.approx(state.q, abs=STEP)
     for servo in line.bus.servos:

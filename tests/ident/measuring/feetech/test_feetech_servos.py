@@ -77,7 +77,7 @@ def held(line: BusLine, numbers: tuple[int, ...] = (1, 2, 3, 4, 5)) -> BusServos
 
 
 def pose(q: list[float], approach: int = 0) -> PlannedPose:
-    return PlannedPose(1, tuple(q), 0.0, approach, 1)
+    return PlannedPose(1, tuple(q), 0.0, (approach,) * len(q), 1)
 
 
 @given(ANGLES, st.booleans())
