@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
+from lrm_ident.diagnosis.add_effect import add_effects
 from lrm_ident.fitting.levenberg_marquardt import fit
 from lrm_ident.fitting.parameter_sets import no_bounds, select_parameters
 from lrm_ident.fitting.priors import Prior, PriorFile, to_prior
@@ -22,6 +23,8 @@ from validation.synthetic_measurements import NOISE, measured
 
 ARM, POSES, SEEDS = "lrm-lab", 100, 100
 TWO_SIDED_95, THREE_SIGMA = 1.959964, 3.0
+DRIFTING, DRIFT_SD, TIME_CONSTANTS = 2, 0.02, (600.0, 3600.0)  # joint, rad, s; measured for 1500 s
+DRIFT = f"drift.joint{DRIFTING}.A_rad"
 ARM_PRIOR = PriorFile.model_validate(
     {
         "schema": "lrm/prior/1",
@@ -73,21 +76,45 @@ def all_with_prior(seeds: Sequence[int], poses: int = POSES) -> IntervalCoverage
     return _coverage(replace(model, free=model.keys), seeds, poses, _prior(model))
 
 
+def drift_of_unknown_time_constant(seeds: Sequence[int], poses: int = POSES) -> IntervalCoverage:
+    """The size of a joint's drift, added to option 1, of which the time constant is found from the same data."""
+    nominal = _nominal_model()
+    model = replace(nominal, free=select_parameters(nominal, "option1"))
+    return IntervalCoverage((DRIFT,), np.array(list(_deviations_of_drift(model, seeds, poses))))
+
+
 def _coverage(model: Model, seeds: Sequence[int], poses: int, prior: Prior | None) -> IntervalCoverage:
     return IntervalCoverage(model.free, np.array(list(_deviations(model, seeds, poses, prior))))
 
 
 def _deviations(model: Model, seeds: Sequence[int], poses: int, prior: Prior | None) -> Iterator[Array]:
-    prior_of_arms, arm = _prior(model), synthetic.load_arm(shipped_arms()[ARM])
+    arm = synthetic.load_arm(shipped_arms()[ARM])
     for seed in seeds:
-        true = np.random.default_rng([seed, 1]).normal(
-            prior_of_arms.mean_of(model.free), prior_of_arms.sd_of(model.free)
-        )
+        true = _drawn(model, seed)
         truth = _truth(arm, dict(zip(model.free, true.tolist(), strict=True)))
         data = measured(arm, truth, synthetic.random_poses(arm, poses, seed), seed)
         fitted = fit(model, data, no_bounds(model.free), prior=prior)
         found = np.array([fitted.model.value(key) for key in model.free])
         yield (found - true) / fitted.standard_error
+
+
+def _deviations_of_drift(model: Model, seeds: Sequence[int], poses: int) -> Iterator[Array]:
+    arm, [drift] = synthetic.load_arm(shipped_arms()[ARM]), effects_at(model.arm, f"drift@joint{DRIFTING}")
+    t = synthetic.even_schedule(poses, len(arm.links)).time_s
+    for seed in seeds:
+        rng, errors = np.random.default_rng([seed, 2]), dict(zip(model.free, _drawn(model, seed).tolist(), strict=True))
+        hidden = synthetic.WarmUp(DRIFTING, rng.normal(0.0, DRIFT_SD), rng.uniform(*TIME_CONSTANTS))
+        truth = replace(_truth(arm, errors), effects=(hidden,))
+        plain = measured(arm, truth, synthetic.random_poses(arm, poses, seed), seed)
+        data = replace(plain, poses=replace(plain.poses, t=t))
+        fitted = add_effects(fit(model, data, no_bounds(model.free)).model, data, [drift])
+        error = fitted.standard_error[fitted.model.free.index(DRIFT)]
+        yield np.array([fitted.model.value(DRIFT) - hidden.final_rad]) / error
+
+
+def _drawn(model: Model, seed: int) -> Array:
+    prior_of_arms = _prior(model)
+    return np.random.default_rng([seed, 1]).normal(prior_of_arms.mean_of(model.free), prior_of_arms.sd_of(model.free))
 
 
 def _truth(rig: synthetic.ArmDescription, values: dict[str, float]) -> synthetic.GroundTruth:
@@ -113,12 +140,17 @@ def _prior(model: Model) -> Prior:
 
 
 def main() -> None:
-    """Prints the shares of both runs."""
+    """Prints the shares of all runs."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seeds", type=int, default=SEEDS)
     seeds = range(parser.parse_args().seeds)
     print(f"{len(seeds)} arms, {POSES} random poses each, noise {NOISE * 1e3:g} mm per axis")
-    for name, run in (("option 1, least squares", option_1), ("all parameters, with prior", all_with_prior)):
+    runs = (
+        ("option 1, least squares", option_1),
+        ("all parameters, with prior", all_with_prior),
+        ("drift of a joint, time constant unknown", drift_of_unknown_time_constant),
+    )
+    for name, run in runs:
         found = run(seeds)
         key, share = found.worst
         print(

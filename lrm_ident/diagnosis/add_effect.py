@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -15,12 +15,13 @@ from lrm_ident.fitting.least_squares.convergence import FitNotConverged
 from lrm_ident.fitting.levenberg_marquardt import Fit, fit
 from lrm_ident.fitting.loss import SQUARED, Loss
 from lrm_ident.fitting.model_fit import DEFAULT_EFFECTS
+from lrm_ident.fitting.parameter_sets import Bounds, bounds_of
 from lrm_math.effects import Effect, Parameter, name_of_key, split_key
 from lrm_math.errors import LrmError, NoEquilibrium
 from lrm_math.model.equilibrium import equilibrium
 from lrm_math.model.model import Model, model_of
 
-MAX_SHAPE_FITS = 12
+MAX_MOMENT_FITS = 12
 MAX_FREEINGS = 3
 MOMENT = "pose"  # unit of a shape parameter that is a moment in the measured order
 
@@ -34,9 +35,9 @@ def add_effects(
 ) -> Fit:
     """Fits a model with further effects: all its free parameters and the new ones together.
 
-    Shape parameters are held at the values that fit best (Brent's bounded search around `shape`, the parameter vector
-    of a single effect, or around their defaults). Parameters of `offsets` and `compliance` that the data can tell now
-    that the effect is there are freed.
+    Shape parameters are held at the values that fit best (found with all others, from `shape`, the parameter vector of
+    a single effect, or from their defaults). Parameters of `offsets` and `compliance` that the data can tell now that
+    the effect is there are freed.
 
     Raises:
         LrmError: all parameters are fitted already, no new one is identifiable, or no convergence.
@@ -58,14 +59,13 @@ def add_effects(
 def _with_shapes(model: Model, data: Measurements, effects: Sequence[Effect], new: Sequence[str], loss: Loss) -> Fit:
     """The fit of what is identifiable of the free parameters and the `new` ones at the effects' best shapes.
 
-    Of thousands of poses a part is searched; then all are fitted, with whatever of the base they can tell.
+    Of thousands of poses a part is searched, and what it can tell then freed; then all are fitted, once.
     """
     part, keys = data.take(some_rows(len(data))), [*model.free, *new]
     best = fit_identifiable(model, part, keys, loss, required=() if len(data) > len(part) else new).fit
     told = {name_of_key(key) for key in best.model.free}
-    for key, parameter, tried in _searched([effect for effect in effects if effect.name in told], part):
-        if parameter.unit != MOMENT:
-            best = _fit_shape(best, part, key, tried, loss)
+    searched = _searched([effect for effect in effects if effect.name in told], part)
+    best = _fit_shapes(best, part, {key: tried for key, one, tried in searched if one.unit != MOMENT}, loss)
     if len(part) == len(data):
         return best
     keys += [key for key in _held_base_parameters(best.model) if key not in keys]
@@ -122,35 +122,27 @@ def _with_effect(model: Model, effect: Effect, shape: Sequence[float] | None) ->
     return replace(model_of(model.arm, (*model.effects, effect), known), free=model.free, within=model.within)
 
 
-def _fit_shape(best: Fit, data: Measurements, key: str, tried: Sequence[float], how: Loss) -> Fit:
-    """The best fit over a shape parameter, between the neighbours of its present value among those that are tried."""
-    from scipy.optimize import minimize_scalar  # takes a quarter of a second to load
-
-    places = np.arange(len(tried))
-
-    def rms_at(place: float) -> float:
-        """RMS of the fit with the shape held at this place between the values that are tried (m)."""
-        nonlocal best
-        try:
-            model = best.model.with_values_of([key], np.interp(place, places, tried))
-            found = fit(model, data, loss=how, near=best.rest)
-        except (NoEquilibrium, FitNotConverged, DegenerateFit):
-            return np.inf
-        best = min(best, found, key=lambda one: error_stats(one.residual).rms)
-        return error_stats(found.residual).rms
-
-    present = float(np.interp(best.model.value(key), tried, places))
-    bracket = (max(present - 1.0, 0.0), min(present + 1.0, float(places[-1])))
-    with np.errstate(invalid="ignore"):  # parabolas through the infinite RMS of shapes that cannot be fitted
-        minimize_scalar(rms_at, bounds=bracket, method="bounded", options={"maxiter": MAX_SHAPE_FITS, "xatol": 0.1})
-    return best
+def _fit_shapes(best: Fit, data: Measurements, tried: Mapping[str, Sequence[float]], how: Loss) -> Fit:
+    """The fit at the likeliest values of shape parameters, found as parameters like the others, between the ends of
+    what is `tried`; at their present values where the data cannot tell them."""
+    if not tried:
+        return best
+    free, limits = best.model.free, bounds_of(best.model, best.model.free)
+    lower = np.append(limits.lower, [values[0] for values in tried.values()])
+    upper = np.append(limits.upper, [values[-1] for values in tried.values()])
+    try:
+        found = fit(best.model.with_free((*free, *tried)), data, Bounds(lower, upper), how, near=best.rest)
+        held = fit(found.model.with_free(free), data, loss=how, near=found.rest)
+    except LrmError:
+        return best
+    return min(best, held, key=lambda one: error_stats(one.residual).rms)
 
 
 def _fit_moment(best: Fit, data: Measurements, key: str, how: Loss) -> Fit:
     """The best fit over the last pose before a change: maximum likelihood of the moment with all else as it is (Hinkley
     1970), then of all else, in turn until neither moves."""
     numbers, row = np.unique(data.poses.names(np.arange(len(data))), return_inverse=True)
-    for _ in range(MAX_SHAPE_FITS):
+    for _ in range(MAX_MOMENT_FITS):
         ends = (best.model.with_values_of([key], end) for end in (numbers[-1], numbers[0] - 1))
         squares = [best.weight * (data.residual(equilibrium(model, data.poses)) ** 2).sum(axis=1) for model in ends]
         added = np.cumsum(np.bincount(row.reshape(-1), squares[0] - squares[1]))

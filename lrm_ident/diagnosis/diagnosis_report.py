@@ -21,7 +21,8 @@ from lrm_ident.residual.parameter_hints import parameter_hints
 from lrm_ident.residual.predictability import PredictableError
 from lrm_ident.residual.predictable_residual import PredictableResidual, predictable_residual
 from lrm_ident.residual.thresholds import MIN_GAIN
-from lrm_math.effects import Parameter
+from lrm_math.effects import Effect, Parameter
+from lrm_math.model.equilibrium import equilibrium
 
 DISPLAY_UNITS = {
     "rad": (180.0 / np.pi, "°"),
@@ -192,7 +193,7 @@ def _rank(scored: ScoredCandidate, confirmed: ConfirmedDiagnosis, before: ErrorS
         rivals = f"{', '.join(equivalent[:4])}; several may be there"
         unsure = f"; these data cannot tell it from {rivals}" if equivalent else ""
         if_this = f"if it is {scored.name}, " if equivalent else ""
-        why = f"{if_this}{_describe_effect(scored, estimates)}: {better}{unsure}"
+        why = f"{if_this}{_describe_effect(scored, estimates, fitted)}: {better}{unsure}"
     elif scored.implausible:
         why = scored.implausible
     elif scored.alone.rms > (1.0 - MIN_GAIN) * before.rms:
@@ -220,8 +221,9 @@ def _fitted_estimates(scored: ScoredCandidate, fitted: Fit) -> Estimates:
     )
 
 
-def _describe_effect(scored: ScoredCandidate, estimates: Estimates) -> str:
-    """The effect's claim with its estimates, for instance `joint2 has 2.3 ± 0.1° of play`."""
+def _describe_effect(scored: ScoredCandidate, estimates: Estimates, fitted: Fit | None) -> str:
+    """The effect's claim with its estimates, for instance `joint2 has 2.3 ± 0.1° of play`; of one that is no number,
+    for instance a curve, with the largest motion that it makes."""
     effect = scored.candidate.effect
     units = {p.name: p.unit for p in effect.parameters}
     words = {name: with_unit(value, error, units[name]) for name, value, error in estimates}
@@ -229,6 +231,8 @@ def _describe_effect(scored: ScoredCandidate, estimates: Estimates) -> str:
     numbers = {**chosen, **words}
     sentence = effect.about.claim
     claim = sentence.format(place=effect.place_in_words, **numbers) if sentence else f"{effect.id} at {effect.place}"
+    if fitted is not None and not any(f"{{{name}}}" in sentence for name in numbers):
+        claim += f", by up to {in_mm(_largest_motion(fitted, effect))} mm at the tip"
     told = [one for one in estimates if one[1]]  # 0: what acts at no pose
     left = [one for one in told if one[0] not in sentence]
     if effect.variant_of:  # coefficients of a curve say nothing to a reader
@@ -240,6 +244,13 @@ def _describe_effect(scored: ScoredCandidate, estimates: Estimates) -> str:
     meanings = {p.name: p.meaning for p in effect.parameters}
     surest_values = ", ".join(f"{meanings[name]} {words[name]}" for name in shown)
     return f"{claim} ({surest_values}{f' and {len(left) - MOST_WORDS} more' if len(left) > MOST_WORDS else ''})"
+
+
+def _largest_motion(fitted: Fit, effect: Effect) -> float:
+    """The farthest that an effect of a fitted model moves the TCP at the measured poses (m)."""
+    without = fitted.model.with_values_of([key for key in effect.keys if key in fitted.model.free], 0.0)
+    moved = fitted.rest.tcp - equilibrium(without, fitted.rest.poses, fitted.rest).tcp
+    return float(np.linalg.norm(moved, axis=1).max())
 
 
 def _chosen(parameter: Parameter, value: float) -> str:

@@ -22,8 +22,8 @@ from lrm_ident.fitting.least_squares.iteration import LevenbergMarquardt, Optimu
 from lrm_ident.fitting.least_squares.objective import NoiseScale, Objective
 from lrm_ident.fitting.least_squares.smoothness import Smoothness
 from lrm_ident.fitting.loss import SQUARED, Loss, robust_scale
-from lrm_ident.fitting.parameter_sets import Bounds, bounds_of
-from lrm_ident.fitting.priors import WEAK, Prior, weak_prior
+from lrm_ident.fitting.parameter_sets import Bounds, bounds_of, searched_shapes
+from lrm_ident.fitting.priors import WEAK, Prior, weak_prior, with_ranges
 from lrm_math.arrays import Array
 from lrm_math.errors import LrmError
 from lrm_math.model.deployed_model import field_of
@@ -163,7 +163,10 @@ def _fit_at(optimum: Optimum, damped: bool) -> Fit:
         inverse = objective.inverse_hessian(optimum.columns, noise, free)
         parameters = objective.effective_parameters(inverse, noise, free)
         sigma = objective.residual_sd(iterate, parameters)
-        covariance[np.ix_(free, free)] = (noise.sigma or sigma) ** 2 * inverse
+        noise = replace(noise, sigma=noise.sigma or sigma)
+        if shapes := searched_shapes(model):
+            inverse = _inverse_beside(optimum, shapes, noise)
+        covariance[np.ix_(free, free)] = noise.sigma**2 * inverse
     return Fit(
         model=model,
         rest=replace(iterate.rest, model=model),
@@ -179,3 +182,14 @@ def _fit_at(optimum: Optimum, damped: bool) -> Fit:
         damped=damped,
         prior=objective.prior,
     )
+
+
+def _inverse_beside(optimum: Optimum, shapes: tuple[str, ...], noise: NoiseScale) -> Array:
+    """(p, p), the inverse Hessian of the p parameters off their bounds with the searched shapes marginalised, known to
+    the ranges that are searched beside what the data say."""
+    objective, free = optimum.objective, optimum.free
+    model, prior = objective.model, with_ranges(objective.prior, objective.model, shapes)
+    wide = replace(objective, model=model.with_free((*model.free, *shapes)), prior=prior)
+    columns = wide.linearise(replace(optimum.iterate, linearised={}), noise).columns
+    inverse = wide.inverse_hessian(columns, noise, np.append(free, np.ones(len(shapes), dtype=np.bool_)))
+    return inverse[: free.sum(), : free.sum()]

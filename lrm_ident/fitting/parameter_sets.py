@@ -57,6 +57,16 @@ def fittable(model: Model) -> tuple[str, ...]:
     return tuple(key for key, p in zip(model.keys, model.parameters, strict=True) if p.fixed is None)
 
 
+def searched_shapes(model: Model) -> tuple[str, ...]:
+    """Keys of the shape parameters, held at the values that fit best, of effects that are fitted at least in part."""
+    begun = {name_of_key(key) for key in model.free}
+    return tuple(
+        key
+        for key, p in zip(model.keys, model.parameters, strict=True)
+        if p.scan and key not in model.free and name_of_key(key) in begun
+    )
+
+
 @dataclass(frozen=True)
 class Bounds:
     """Lower and upper bound of each fitted parameter (SI), (P,) each."""

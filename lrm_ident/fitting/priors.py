@@ -176,6 +176,17 @@ def weak_prior(model: Model) -> Prior:
     return Prior(WEAK, model.free, np.zeros(len(typical)), np.diag((WEAK_SD * np.array(typical)) ** 2))
 
 
+def with_ranges(prior: Prior | None, model: Model, shapes: Sequence[str]) -> Prior:
+    """The product of a prior, if there is one, and of independent ones with the mean and the variance of the ranges in
+    which shape parameters are searched, of those that it does not know."""
+    known = Prior("ranges", (), np.empty(0), np.empty((0, 0))) if prior is None else prior
+    keys = tuple(key for key in shapes if key not in known.keys)
+    ends = np.array([(min(scan), max(scan)) for scan in (model.parameter(key).scan for key in keys)]).reshape(-1, 2)
+    covariance = np.diag(np.append(np.zeros(len(known.keys)), np.ptp(ends, axis=1) ** 2 / 12.0))
+    covariance[: len(known.keys), : len(known.keys)] = known.covariance
+    return Prior(known.name, (*known.keys, *keys), np.append(known.mean, ends.mean(axis=1)), covariance)
+
+
 def prior_name_for(name_or_path: str) -> str:
     """Name of a shipped prior, or absolute path of a prior file, for the provenance of a model file."""
     return name_or_path if name_or_path in shipped_priors() else Path(name_or_path).resolve().as_posix()

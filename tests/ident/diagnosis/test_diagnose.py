@@ -44,8 +44,9 @@ from lrm_math.model.equilibrium import equilibrium
 from lrm_math.model.model import Model, model_of
 from tests.conftest import EXAMPLE, ROOT
 from tests.support.commands import stdout_of
+from validation import synthetic
 from validation.hidden_effects.cases import CASES
-from validation.hidden_effects.data import write_case
+from validation.hidden_effects.data import ARM_FILE, measured_poses, true_arm, write_case
 
 FLOOR = 0.3e-3 * np.sqrt(3)
 
@@ -105,6 +106,16 @@ def test_a_hidden_effect_is_named_added_and_the_error_falls_to_the_floor(
     assert report.first is not None
     assert report.first.held_out_rms < 1.25 * FLOOR
     assert report.first.exact
+
+
+@pytest.mark.slow
+def test_a_drift_is_said_with_the_largest_motion_that_it_makes(diagnosed: Callable[[str], Diagnosis]) -> None:
+    diagnosis, case, arm = diagnosed("warm2"), CASES["warm2"], synthetic.load_arm(ARM_FILE)
+    truth, (q, load, when) = true_arm(case, 11, arm), measured_poses(case, 11, 300, arm)
+    warm, cold = (synthetic.measure(arm, one, q, load, schedule=when) for one in (truth, replace(truth, effects=())))
+    said = re.search(r"by up to ([\d.]+) mm at the tip", build_report(diagnosis).ranking[0].why)
+    assert said is not None
+    assert float(said[1]) == pytest.approx(1e3 * np.linalg.norm(warm - cold, axis=1).max(), rel=0.05)
 
 
 @pytest.mark.slow

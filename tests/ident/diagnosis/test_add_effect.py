@@ -1,0 +1,68 @@
+"""Adding an effect: the shape that it is fitted at."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from lrm_ident.data.error_stats import error_stats
+from lrm_ident.data.measurements import Measurements
+from lrm_ident.diagnosis.add_effect import add_effects
+from lrm_ident.fitting.levenberg_marquardt import fit
+from lrm_math.arm.arm_file import load_arm
+from lrm_math.effects import effects_at
+from lrm_math.kinematics.poses import Poses
+from lrm_math.model.equilibrium import equilibrium
+from lrm_math.model.model import Model, model_of
+
+NOISE, POSES = 1e-4, 120
+PLAY, SOFTNESS, WIDTH = "backlash@joint2", "backlash.joint2.tau0_Nm", "backlash.joint2.b_rad"
+FREE = ("offsets.joint2.theta_rad", "compliance.joint2.k_rad_per_Nm", "compliance.joint3.k_rad_per_Nm")
+STANDARD_ERROR = 0.5 / (3 * POSES)  # of a parameter: so much may another value lower the RMS, relatively
+
+
+def world(seed: int, softness: float, width: float) -> tuple[Model, Measurements]:
+    """A model without the play of joint 2 (rad) that a torque (N·m) takes up, and measurements of the arm with it."""
+    rng, arm = np.random.default_rng(seed), load_arm("lrm-lab")
+    base = effects_at(arm, "offsets") + effects_at(arm, "compliance")
+    known = dict(zip(FREE, (0.02, 0.08, 0.09), strict=True))
+    truth = model_of(arm, (*base, *effects_at(arm, PLAY)), {**known, SOFTNESS: softness, WIDTH: width})
+    poses, number = Poses(rng.uniform(-0.9, 0.9, (POSES, arm.dof)), np.zeros(POSES)), np.arange(1, POSES + 1)
+    tcp = equilibrium(truth, poses).tcp + rng.normal(0.0, NOISE, (POSES, 3))
+    return replace(model_of(arm, base), free=FREE), Measurements(poses, number, tcp, None, None, number, Path("-"), "")
+
+
+@pytest.mark.parametrize(("seed", "softness"), [(0, 0.02), (1, 0.05), (2, 0.1)])
+def test_the_shape_of_an_added_effect_fits_best(seed: int, softness: float) -> None:
+    model, data = world(seed, softness, 0.03)
+    [effect] = effects_at(model.arm, PLAY)
+    found = add_effects(model, data, [effect])
+    shape, rms = found.model.value(SOFTNESS), error_stats(found.residual).rms
+    assert SOFTNESS not in found.model.free
+    assert abs(np.log(shape / softness)) < 0.3
+    for other in (0.8 * shape, 0.97 * shape, 1.03 * shape, 1.25 * shape):
+        refitted = fit(found.model.with_values_of([SOFTNESS], other), data, near=found.rest)
+        assert error_stats(refitted.residual).rms >= rms * (1.0 - STANDARD_ERROR)
+
+
+def test_a_shape_that_nothing_shows_leaves_standard_errors_finite() -> None:
+    model, data = world(3, 0.02, 0.0)
+    [effect] = effects_at(model.arm, PLAY)
+    found = add_effects(model, data, [effect])
+    width = found.model.free.index(WIDTH)
+    assert found.model.value(WIDTH) < 5.0 * found.standard_error[width] < 0.01
+    assert np.isfinite(found.standard_error).all()
+
+
+def test_standard_errors_count_that_the_shape_is_unknown_too() -> None:
+    model, data = world(1, 0.04, 0.03)
+    [effect] = effects_at(model.arm, PLAY)
+    held = add_effects(model, data, [effect])
+    free = fit(held.model.with_free((*held.model.free, SOFTNESS)), data, near=held.rest)
+    assert held.standard_error == pytest.approx(free.standard_error[:-1], rel=0.03)
+    width, C = held.model.free.index(WIDTH), free.covariance
+    conditional = C[width, width] - C[width, -1] ** 2 / C[-1, -1]
+    assert held.standard_error[width] > 1.05 * np.sqrt(conditional)
