@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import fdtrc
 
-from lrm_ident.data.measurement_file.number_table import numbers_of
-from lrm_ident.data.table_text.csv_file import CsvTable, read_csv
+from lrm_ident.data.measurement_file.number_table import numbers_of, read_csv
+from lrm_ident.data.table_text.csv_file import CsvTable
 from lrm_math.arm.arm_file import GRAM, MM
 from lrm_math.arrays import Array
 from lrm_math.errors import FileError, LrmError

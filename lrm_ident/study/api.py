@@ -20,8 +20,8 @@ from pathlib import Path
 import numpy as np
 
 from lrm_ident.data.examples import EXAMPLE
+from lrm_ident.data.measurement_file.conventions import arm_for
 from lrm_ident.data.measurement_file.load import load_poses
-from lrm_ident.data.measurement_file.metadata import arm_for
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.registration.anchor import with_anchor
 from lrm_ident.diagnosis.auto import AutoRun

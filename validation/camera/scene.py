@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from lrm_ident.data.apply_reading import rigid_motion
+from lrm_ident.data.measurement_file.conventions import rigid_motion
 from lrm_ident.data.robot_files.rigid_motion import inverse
 from lrm_ident.measuring.camera.board import BoardTable, CharucoBoard
 from lrm_ident.measuring.camera.opencv import opencv

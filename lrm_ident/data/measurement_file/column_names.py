@@ -9,20 +9,16 @@ import re
 from collections import defaultdict
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from pathlib import Path
 
-from lrm_ident.data.apply_reading import ANGLE_UNITS, LENGTH_UNITS
+from lrm_ident.data.measurement_file.conventions import ANGLE_UNITS, LENGTH_UNITS
 from lrm_ident.data.measurement_file.known_columns import (
     ALIASES,
     ANGLE,
     DISTANCE,
-    FEEDBACK,
     POSITION,
-    SIDE,
     PoseQuantity,
-    columns_of_joints,
 )
-from lrm_ident.data.table_text.csv_file import Column, CsvTable, read_table, require
+from lrm_ident.data.table_text.csv_file import Column, CsvTable
 from lrm_math.arm.arm import Arm
 from lrm_math.errors import FileError
 from lrm_math.model.reading import AS_NAMED, Reading
@@ -59,17 +55,16 @@ COORDINATE = re.compile(
 )
 
 
-def read_measurement_table(path: Path, how: Reading = AS_NAMED, arm: Arm | None = None) -> CsvTable:
-    """Reads a table: columns named as ours, in the units that `how` states in place of those of their names; poses
-    numbered 1, 2, 3 … where no column does it.
+def named_columns(file: CsvTable, how: Reading = AS_NAMED, arm: Arm | None = None) -> CsvTable:
+    """The table of a file: columns named as ours, in the units that `how` states in place of those of their names;
+    poses numbered 1, 2, 3 … where no column does it.
 
     `arm`: its own names of its joints are names of columns too.
 
     Raises `FileError`: two columns that are the same by name.
     """
-    joints = [] if arm is None else [joint.name for joint in arm.joints]
-    table = _with_units(read_table(path))
-    named = _our_names(table, joints)
+    table = _with_units(file)
+    named = _our_names(table, [] if arm is None else [joint.name for joint in arm.joints])
     first = 0 if any(column.name == "q0_deg" for column in named) else 1
     columns = tuple(_as_said(column, how, first) for column in named)
     if all(column.name != "pose" for column in columns):
@@ -78,37 +73,22 @@ def read_measurement_table(path: Path, how: Reading = AS_NAMED, arm: Arm | None 
     return replace(table, columns=columns)
 
 
-def arm_table(path: Path, arm: Arm, how: Reading, known: Sequence[PoseQuantity]) -> CsvTable:
-    """Reads a table of an arm's poses: the arm's joints in their order and with their signs; notices of its columns.
+def arm_columns(file: CsvTable, arm: Arm, how: Reading, known: Sequence[PoseQuantity]) -> CsvTable:
+    """The table of a file of an arm's poses, as `named_columns`, with notices of its columns.
 
-    Raises `FileError`: a required column is missing, no rows, or the file or the reading has another number of joints.
+    Raises `FileError`: the file has another number of joints.
     """
-    named = read_measurement_table(path, how, arm)
-    for name, values in (("joint_sign", how.joint_sign), ("joint_order", how.joint_order)):
-        if values is not None and len(values) != arm.dof:
-            raise FileError(path, "", f"{name} has {len(values)} joints", f"{arm.name} has {arm.dof}")
-    header, joints = {*named.header}, columns_of_joints(ANGLE, arm.dof)
+    named = named_columns(file, how, arm)
     stated = [name for name in named.header if ANGLES.fullmatch(name)]
-    if not {*stated} <= {*joints}:
+    if not {*stated} <= {ANGLE.format(number) for number in range(1, arm.dof + 1)}:
         what = f"{len(stated)} joints, {arm.name} has {arm.dof}"
-        raise FileError(path, "header", what, "is this another arm?")
-    notices = _notices(named, known)
-    wanted = (each for each in known if each.required and (each.unless not in header or {*each.columns} & header))
-    table = require(named, [name for each in wanted for name in each.columns])
-    order, signs = how.joint_order or range(1, arm.dof + 1), how.joint_sign or [1] * arm.dof
-    ours = {
-        form.format(theirs): (form.format(number), sign)
-        for number, (theirs, sign) in enumerate(zip(order, signs, strict=True), start=1)
-        for form in (ANGLE, FEEDBACK, SIDE)
-    }
-    found = [(column, *ours.get(column.name, (column.name, 1))) for column in table.columns]
-    columns = tuple(Column(name, column.stated, column.factor * sign) for column, name, sign in found)
-    return replace(table, columns=columns, notices=(*notices, *table.notices))
+        raise FileError(file.path, "header", what, "is this another arm?")
+    return replace(named, notices=(*_notices(named, known), *named.notices))
 
 
 def stated_units(table: CsvTable) -> Reading:
     """Units of the file's positions and angles."""
-    factors = {column.name: abs(column.factor) for column in table.columns}
+    factors = {column.name: column.factor for column in table.columns}
     lengths, angles = ({factor: unit for unit, factor in FACTORS[own].items()} for own in ("mm", "deg"))
     units = {"unit": lengths[factors.get("x_mm", 1.0)], "angle_unit": angles[factors.get("q1_deg", 1.0)]}
     return Reading.model_validate(units)

@@ -8,7 +8,7 @@ from itertools import combinations
 
 import numpy as np
 
-from lrm_ident.data.apply_reading import ANGLE_UNITS, LENGTH_UNITS, axes_matrix, axes_words
+from lrm_ident.data.measurement_file.conventions import ANGLE_UNITS, LENGTH_UNITS, axes_matrix, axes_words
 from lrm_math.arrays import Array
 from lrm_math.model.reading import Reading
 

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from lrm_ident.data.apply_reading import axes_matrix, axes_words, rigid_motion
+from lrm_ident.data.measurement_file.conventions import axes_matrix, axes_words, rigid_motion
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.registration.coarse_fit import coarse_fit, trimmed_rms
 from lrm_ident.data.registration.hypotheses import (
