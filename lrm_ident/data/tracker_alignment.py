@@ -15,8 +15,8 @@ import numpy as np
 from lrm_ident.data.measurement_file.known_columns import POSITION, commanded_quantities
 from lrm_ident.data.measurement_file.number_table import cell_error, numbers_of, read_csv, read_numbers
 from lrm_ident.data.measurement_file.write import csv_text
+from lrm_ident.data.rigid_motion import rotation_matrix
 from lrm_ident.data.table_text.csv_file import CsvTable
-from lrm_ident.data.weights.rotations import rotation_matrix
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_file import MM
 from lrm_math.arrays import Array

@@ -14,7 +14,7 @@ from pydantic import Field, FiniteFloat
 
 from lrm_ident.data.atomic_write import is_something_else
 from lrm_ident.data.measurement_file.known_columns import SD, TURN_SD
-from lrm_ident.data.robot_files.rigid_motion import placement_motion, to_xyz_angles
+from lrm_ident.data.rigid_motion import placement_motion, to_xyz_angles
 from lrm_math.arm.arm import Arm, Placement
 from lrm_math.arm.arm_file import MM, load_arm, shipped_arms
 from lrm_math.arrays import Array

@@ -18,7 +18,7 @@ from lrm_ident.data.measurement_file.commanded_poses import pose_words
 from lrm_ident.data.measurement_file.conventions import Metadata
 from lrm_ident.data.measurement_file.number_table import NumberTable
 from lrm_ident.data.measurements import Measurements
-from lrm_ident.data.weights.rotations import rotation_matrix
+from lrm_ident.data.rigid_motion import rotation_matrix
 from lrm_ident.data.weights.whitening import position_sd
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_file import MM

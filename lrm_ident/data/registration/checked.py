@@ -21,7 +21,7 @@ from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.registration.hypotheses import Hypothesis
 from lrm_ident.data.registration.reading_check import ReadingCheck, Scored, check_reading, compared_rows, registered
 from lrm_ident.data.registration.row_choice import spaced_rows
-from lrm_ident.data.weights.rotations import quaternions, rotation_matrix, rotation_vectors
+from lrm_ident.data.rigid_motion import quaternions, rotation_matrix, rotation_vectors
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_file import MM
 from lrm_math.arrays import Array

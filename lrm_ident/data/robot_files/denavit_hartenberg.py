@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lrm_ident.data.robot_files.rigid_motion import inverse, shift, turn
+from lrm_ident.data.rigid_motion import inverse, shift, turn
 from lrm_math.arm.arm import NEARLY_PARALLEL
 from lrm_math.arrays import Array
 

@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from lrm_ident.data.rigid_motion import inverse, placement, placement_motion, turn
 from lrm_ident.data.robot_files.denavit_hartenberg import DhLink, dh_links
-from lrm_ident.data.robot_files.rigid_motion import inverse, placement, placement_motion, turn
 from lrm_ident.data.robot_files.urdf import Urdf, UrdfJoint, UrdfMass, tip_pose
 from lrm_math.arm.arm import Arm, Body, Joint
 from lrm_math.arm.plausible_arm import implausible
