@@ -7,8 +7,9 @@ from __future__ import annotations
 
 import re
 from collections import defaultdict
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
+from types import MappingProxyType
 
 from lrm_ident.data.measurement_file.conventions import ANGLE_UNITS, LENGTH_UNITS
 from lrm_ident.data.measurement_file.known_columns import (
@@ -114,10 +115,15 @@ def _our_names(table: CsvTable, joints: Sequence[str]) -> list[Column]:
 
     Raises `FileError`: two columns that are the same by name.
     """
-    if not all(joints) or not {*_names_of(joints)} <= {words for name in table.header for words in _bare_names(name)}:
-        joints = ()
+    named = {
+        _squeezed(name.lower()) + end: f"q{number}_deg"
+        for number, name in enumerate(joints, start=1)
+        for end in ("", "pos")
+    }
+    if not all(joints) or not {*named.values()} <= {named.get(w) for name in table.header for w, _ in _readings(name)}:
+        named = {}
     found = [
-        Column(name, name) if _is_measured(name) or name == "pose" else column_name(name, joints)
+        Column(name, name) if _is_measured(name) or name == "pose" else column_name(name, named)
         for name in table.header
     ]
     exact = {known.name for known in found if known and known.name == known.stated}
@@ -154,7 +160,7 @@ def _with_units(table: CsvTable) -> CsvTable:
     Raises `FileError`: a name states another unit.
     """
     words = ["" if cell.strip("[]()") in NO_UNIT else cell for cell in table.rows[0]] if table.rows else []
-    units = [_unit_word(word) for word in words]
+    units = [UNIT_WORDS.get(word.strip().lower().strip("[]()")) for word in words]
     if not any(units) or any(word and not unit for word, unit in zip(words, units, strict=True)):
         return table
     columns = []
@@ -172,34 +178,19 @@ def _is_measured(name: str) -> bool:
     return name in POSITION or ANGLES.fullmatch(name) is not None
 
 
-def column_name(text: str, joints: Sequence[str] = ()) -> Column | None:
+def column_name(text: str, named: Mapping[str, str] = MappingProxyType({})) -> Column | None:
     """The column of a measurement file that a name means; None if that is not known, or its unit does not fit it.
 
-    `joints`: names of an arm's joints, from the first on, as its own description has them.
+    `named`: names of columns by an arm's own names of its joints, squeezed.
     """
-    named = _names_of(joints)
     for words, unit in _readings(text):
-        name = named.get(words) or named.get(words.removesuffix("pos")) or _own_name(words)
+        joint, position = JOINT.fullmatch(words), COORDINATE.fullmatch(words)
+        own = f"q{int(joint[1])}_deg" if joint else f"{position[1]}_mm" if position else ALIASES.get(words)
+        name = named.get(words, own)
         factors = {None: 1.0} | FACTORS.get((name or "").rpartition("_")[2], {})
         if name is not None and unit in factors:
             return Column(name, text, factors[unit])
     return None
-
-
-def _unit_word(text: str) -> str | None:
-    """The unit that a cell names, bare or in brackets; None if it names none."""
-    return UNIT_WORDS.get(text.strip().lower().strip("[]()"))
-
-
-def _names_of(joints: Sequence[str]) -> dict[str, str]:
-    """Our names of the columns of joints by the arm's own, squeezed."""
-    return {_squeezed(name.lower()): f"q{number}_deg" for number, name in enumerate(joints, start=1)}
-
-
-def _bare_names(text: str) -> Iterator[str]:
-    """Names that a column may have, without its unit and the word for a position."""
-    for words, _ in _readings(text):
-        yield from (words, words.removesuffix("pos"))
 
 
 def _readings(text: str) -> Iterator[tuple[str, str | None]]:
@@ -218,11 +209,3 @@ def _readings(text: str) -> Iterator[tuple[str, str | None]]:
 
 def _squeezed(name: str) -> str:
     return re.sub(r"[\s_./-]+", "", name)
-
-
-def _own_name(words: str) -> str | None:
-    joint = JOINT.fullmatch(words)
-    if joint:
-        return f"q{int(joint[1])}_deg"
-    position = COORDINATE.fullmatch(words)
-    return f"{position[1]}_mm" if position else ALIASES.get(words)

@@ -53,11 +53,10 @@ def with_sensed(data: Measurements, table: NumberTable, metadata: Metadata) -> M
         notices.append("no positions: every error is that of a distance")
         covariance, known, sd, weighed = None, None, distance_sd, distance_sd is not None
     feedback, attitude, feedback_sd = read_feedback(table), None, metadata.feedback_sd_deg
-    if "quaternion" in table:
-        attitude = rotation_matrix(table["quaternion"] / np.linalg.norm(table["quaternion"], axis=1, keepdims=True))
-    if attitude is not None and (covariance is None or np.isnan(covariance[0, 3, 3])):
-        attitude = None
+    if "quaternion" in table and (covariance is None or np.isnan(covariance[0, 3, 3])):
         notices.append("the orientation is not used: state its standard deviation in a column srot_deg")
+    elif "quaternion" in table:
+        attitude = rotation_matrix(table["quaternion"] / np.linalg.norm(table["quaternion"], axis=1, keepdims=True))
     if feedback is not None and (feedback_sd is None or not weighed):
         feedback = None
         needed = "state feedback_sd_deg in the file beside the data, and the positions' standard deviation"
@@ -107,29 +106,18 @@ def _covariance(table: NumberTable, sd: Array | None) -> Array | None:
     `sd`: (N,), m per axis, of the column sd_mm or the file beside the data. Rows and columns of what is not stated are
     NaN. Raises `FileError`: half a covariance, or one that is not positive definite.
     """
-    position = turn = None
-    if "position_covariance" in table:
-        position = _symmetric(table["position_covariance"])
-    elif "sd_per_axis" in table:
-        position = _alike(table["sd_per_axis"])
-    if "turn_covariance" in table:
-        turn = _symmetric(table["turn_covariance"])
-    elif "turn_sd" in table:
-        turn = _alike(table["turn_sd"])
+    position, turn = _block(table, "position_covariance", "sd_per_axis"), _block(table, "turn_covariance", "turn_sd")
     if position is None and turn is None:
         return None
+    position = _alike(sd) if position is None and sd is not None else position
     if position is None:
-        if sd is None:
-            what = "the orientation has a standard deviation, the position has none"
-            right = "give sd_mm, sx_mm …, or noise_sd_mm in the file beside the data"
-            raise FileError(table.cells.path, "header", what, right)
-        position = _alike(sd)
+        what = "the orientation has a standard deviation, the position has none"
+        right = "give sd_mm, sx_mm …, or noise_sd_mm in the file beside the data"
+        raise FileError(table.cells.path, "header", what, right)
     out = np.full((len(table), 6, 6), np.nan)
-    out[:, :3, :3] = position
-    size = 3
+    out[:, :3, :3], size = position, 3
     if turn is not None:
-        size = 6
-        out[:, 3:, 3:] = turn
+        out[:, 3:, 3:], size = turn, 6
         crossed = table["cross_covariance"] if "cross_covariance" in table else np.zeros((len(table), 9))
         out[:, :3, 3:] = crossed.reshape(-1, 3, 3)
         out[:, 3:, :3] = out[:, :3, 3:].transpose(0, 2, 1)
@@ -146,10 +134,12 @@ def _alike(sd: Array) -> Array:
     return np.asarray(sd.reshape(len(sd), -1)[:, :, None] ** 2 * np.eye(3))
 
 
-def _symmetric(upper: Array) -> Array:
-    """(N, 3, 3), matrices from their upper triangles (N, 6)."""
-    out, (i, j) = np.empty((len(upper), 3, 3)), np.triu_indices(3)
-    out[:, i, j] = out[:, j, i] = upper
+def _block(table: NumberTable, covariance: str, sd: str) -> Array | None:
+    """(N, 3, 3), covariances from their upper triangles or standard deviations; None if neither is stated."""
+    if covariance not in table:
+        return _alike(table[sd]) if sd in table else None
+    out, (i, j) = np.empty((len(table), 3, 3)), np.triu_indices(3)
+    out[:, i, j] = out[:, j, i] = table[covariance]
     return out
 
 
