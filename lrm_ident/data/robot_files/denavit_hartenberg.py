@@ -63,17 +63,17 @@ def _parallel(point: Array, axis: Array) -> DhLink:
     return DhLink(_clean(theta), float(point[2]), a if abs(a) > SAME else 0.0, _clean(math.atan2(-y, z)), _clean(beta))
 
 
-def dh_links(axes: Sequence[Array], start: Array) -> tuple[list[DhLink], Array]:
-    """Links between consecutive joint frames (4, 4), each turning about its z, and the last frame (4, 4).
+def dh_links(axes: Sequence[Array], start: Array) -> tuple[list[DhLink], list[Array]]:
+    """Links between consecutive joint frames (4, 4), each turning about its z, and the frames of ours on their axes.
 
     `start`: (4, 4), the frame on the first axis. All in one fixed frame.
     """
-    frame, links = start, []
+    frames, links = [start], list[DhLink]()
     for after in axes[1:]:
-        seen = inverse(frame) @ after
+        seen = inverse(frames[-1]) @ after
         links.append(dh_link(seen[:3, 3], seen[:3, 2]))
-        frame = frame @ links[-1].motion
-    return links, frame
+        frames.append(frames[-1] @ links[-1].motion)
+    return links, frames
 
 
 def _clean(value: float) -> float:

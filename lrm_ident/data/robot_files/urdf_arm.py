@@ -71,13 +71,12 @@ def import_arm(robot: Urdf, base: str | None = None, tip: str | None = None, nam
     turning = [joint for joint in path if joint.turns]
     axes = list(_axis_frames(path))
     placed = replace(placement(axes[0][:3, 3], axes[0][:3, :3]), gamma=0.0)
-    start = placement_motion(placed)
-    links, last = dh_links(axes, start)
-    T = inverse(last) @ tip_pose(path, [0.0] * len(turning))
+    links, stands = dh_links(axes, placement_motion(placed))
+    T = inverse(stands[-1]) @ tip_pose(path, [0.0] * len(turning))
     tool = placement(T[:3, :3].T @ T[:3, 3], T[:3, :3])
     notices: list[str] = []
     joints = tuple(_joint(joint, link, notices) for joint, link in zip(turning, [*links, None], strict=True))
-    bodies = tuple(_bodies(robot, path, _far_frames(start, links)))
+    bodies = tuple(_bodies(robot, path, [*stands[1:], stands[-1]]))
     load = Body("load", 0.0, (0.0, 0.0, 0.0), len(joints) + 1, len(joints), carries_payload=True)
     arm = Arm(name or robot.name, GRAVITY, placed, joints, tool, (*bodies, load))
     if not bodies:
@@ -118,14 +117,6 @@ def axis_to_z(axis: Vector3) -> Array:
     return turn((across / sine).tolist(), math.atan2(sine, axis[2]))
 
 
-def _far_frames(start: Array, links: Sequence[DhLink]) -> list[Array]:
-    """(4, 4) each: the frame at the far end of every link at zero; of the last link, that of its own axis."""
-    out = [start]
-    for link in links:
-        out.append(out[-1] @ link.motion)
-    return [*out[1:], out[-1]]
-
-
 def _joint(joint: UrdfJoint, link: DhLink | None, notices: list[str]) -> Joint:
     link = link or DhLink(0.0, 0.0, 0.0, 0.0, 0.0)
     lower, upper = max(joint.lower, -2.0 * math.pi), min(joint.upper, 2.0 * math.pi)
@@ -135,7 +126,10 @@ def _joint(joint: UrdfJoint, link: DhLink | None, notices: list[str]) -> Joint:
 
 
 def _bodies(robot: Urdf, path: Sequence[UrdfJoint], far: Sequence[Array]) -> Iterator[Body]:
-    """One body per part that moves as one: what a joint carries, with all that is fixed to it."""
+    """One body per part that moves as one: what a joint carries, with all that is fixed to it.
+
+    `far`: (4, 4) each, the frame at the far end of every link at zero; of the last link, that of its own axis.
+    """
     pose, number = np.eye(4), 0
     gathered: dict[int, list[UrdfMass]] = {}
     for position, joint in enumerate(path):
