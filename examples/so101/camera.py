@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from lrm_ident.data.robot_files.rigid_motion import inverse
+from lrm_ident.data.rigid_motion import inverse
 from lrm_ident.measuring.camera.opencv import opencv
 from lrm_math.arm.arm_file import load_arm
 from lrm_math.arrays import Array

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from lrm_ident.data.robot_files.rigid_motion import homogeneous
+from lrm_ident.data.rigid_motion import homogeneous
 from lrm_math.arrays import Array
 from validation.synthetic import ArmDescription, GroundTruth, Schedule, true_state
 from validation.synthetic.arm_description import BodyDescription

@@ -31,8 +31,8 @@ from lrm_ident.cli.arm_access import (
 )
 from lrm_ident.cli.command import command
 from lrm_ident.cli.common import show
-from lrm_ident.data.apply_reading import LENGTH_UNITS
 from lrm_ident.data.atomic_write import write_text
+from lrm_ident.data.measurement_file.conventions import LENGTH_UNITS
 from lrm_math.errors import LrmError
 
 if TYPE_CHECKING:

@@ -15,8 +15,8 @@ from lrm_ident.cli import arguments as arg
 from lrm_ident.cli.command import command
 from lrm_ident.cli.common import one_of, progress, publish, read_measurements, show, start_model
 from lrm_ident.data.atomic_write import write_text
+from lrm_ident.data.measurement_file.conventions import arm_for
 from lrm_ident.data.measurement_file.load import load_poses, says_measured
-from lrm_ident.data.measurement_file.metadata import arm_for
 from lrm_ident.data.measurement_file.write import measurements_csv
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.registration.anchor import with_anchor

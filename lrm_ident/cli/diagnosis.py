@@ -34,10 +34,10 @@ from lrm_ident.report.effects import effect_blocks
 from lrm_ident.report.fit import error_blocks
 from lrm_ident.report.plots.diagnosis import draw_report
 from lrm_ident.residual.error_breakdown import NestedResidual
-from lrm_ident.study.error_summary import ErrorSummary
 from lrm_ident.study.field_step import WHAT_IT_IS, NoBetterPrediction
 from lrm_ident.study.inputs import arm_from, read_study
 from lrm_ident.study.model_history import fit_words, undo_step, write_model
+from lrm_ident.study.model_on_data import ErrorSummary
 from lrm_ident.study.study import MAX_EFFECTS, Study
 from lrm_math.arm.arm_file import MM, load_arm
 from lrm_math.effects import FIELDS, FREE_FORMS, OWN_EFFECT

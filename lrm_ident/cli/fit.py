@@ -26,8 +26,8 @@ from lrm_ident.cli.common import (
     tell,
 )
 from lrm_ident.data.atomic_write import write_bytes, write_text
+from lrm_ident.data.measurement_file.conventions import arm_for, metadata_of
 from lrm_ident.data.measurement_file.load import load_poses
-from lrm_ident.data.measurement_file.metadata import arm_for, metadata_of
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.fitting.effect_plugins import Catalogue, catalogue_with
 from lrm_ident.fitting.loss import loss_named

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from lrm_ident.data.error_stats import ErrorStats, error_stats
-from lrm_ident.data.weights.rotations import rotation_vectors, turned_covariance
+from lrm_ident.data.rigid_motion import rotation_vectors, turned_covariance
 from lrm_ident.data.weights.whitening import Whitening, whitening_of
 from lrm_math.arm.arm import Arm
 from lrm_math.arrays import Array

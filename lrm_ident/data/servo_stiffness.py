@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import fdtrc
 
-from lrm_ident.data.measurement_file.number_table import numbers_of
-from lrm_ident.data.table_text.csv_file import CsvTable, read_csv
+from lrm_ident.data.measurement_file.number_table import numbers_of, read_csv
+from lrm_ident.data.table_text.csv_file import CsvTable
 from lrm_math.arm.arm_file import GRAM, MM
 from lrm_math.arrays import Array
 from lrm_math.errors import FileError, LrmError
@@ -35,13 +35,9 @@ class ServoTest:
     def falling(self) -> NDArray[np.bool_]:
         """(N,), whether the reading is on a branch of falling torque; the first one starts a branch."""
         change = np.diff(self.torque)
-        moves = change[np.abs(change) >= SAME_TORQUE]
-        branch = bool(len(moves) and moves[0] < 0)
-        out = [branch]
-        for step in change:
-            branch = branch if abs(step) < SAME_TORQUE else bool(step < 0)
-            out.append(branch)
-        return np.array(out)
+        moved = np.abs(change) >= SAME_TORQUE
+        falls = change[moved] < 0.0
+        return np.concatenate([falls[:1] if len(falls) else [False], falls])[[0, *np.cumsum(moved)]]
 
     @property
     def loading(self) -> NDArray[np.bool_]:

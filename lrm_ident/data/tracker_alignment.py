@@ -12,12 +12,11 @@ from pathlib import Path
 
 import numpy as np
 
-from lrm_ident.data.measurement_file.commanded_poses import read_angles
-from lrm_ident.data.measurement_file.known_columns import POSITION, quantities_of_joints
-from lrm_ident.data.measurement_file.number_table import cell_error, numbers_of, read_numbers
+from lrm_ident.data.measurement_file.known_columns import POSITION, commanded_quantities
+from lrm_ident.data.measurement_file.number_table import cell_error, numbers_of, read_csv, read_numbers
 from lrm_ident.data.measurement_file.write import csv_text
-from lrm_ident.data.table_text.csv_file import CsvTable, read_csv
-from lrm_ident.data.weights.rotations import rotation_matrix
+from lrm_ident.data.rigid_motion import rotation_matrix
+from lrm_ident.data.table_text.csv_file import CsvTable
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_file import MM
 from lrm_math.arrays import Array
@@ -111,10 +110,11 @@ def measurements_from(path: Path, arm: Arm, deviation: Array) -> tuple[str, Trac
 
     Raises `FileError`: naming file, line and column of the first fault.
     """
-    angles, *_ = quantities_of_joints(arm.dof)
+    angles, *_ = commanded_quantities(arm)
     table = read_csv(path, ["pose", *angles.columns, *BASE, *ORIENTATION, *TCP])
     tracked = _tracked(table, least=1)
-    read_angles(read_numbers(table, [angles]), arm)
+    if (beyond := read_numbers(table, [angles]).beyond) is not None:
+        raise beyond
     tcp = (tracked.in_base() - deviation) / MM
     columns = [("pose", numbers_of(table, "pose"), 0)]
     columns += [(name, numbers_of(table, name), 3) for name in OPTIONAL if name in table.header]

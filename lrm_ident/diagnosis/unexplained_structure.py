@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from lrm_ident.data.weights.row_weights import RowWeights
+from lrm_ident.data.weights.whitening import RowWeights
 from lrm_ident.diagnosis.forward_selection import Selection, improves_prediction
 from lrm_ident.diagnosis.screening.column_sets import ColumnSets
 from lrm_ident.diagnosis.screening.linearised_fit import LinearEstimate, LinearisedFit

@@ -7,8 +7,7 @@ from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path
 
-from lrm_ident.data.measurement_file.number_table import cell_error
-from lrm_ident.data.table_text.csv_file import read_csv
+from lrm_ident.data.measurement_file.number_table import cell_error, read_csv
 from lrm_math.arm.arm_file import shipped_arms
 from lrm_math.errors import FileError
 

@@ -10,7 +10,7 @@ from pathlib import Path
 from pydantic import ValidationError
 
 from lrm_ident.data.atomic_write import is_something_else, write_text
-from lrm_ident.data.measurement_file.metadata import metadata_of
+from lrm_ident.data.measurement_file.conventions import metadata_of
 from lrm_ident.fitting.executors import as_finished
 from lrm_ident.fitting.progress import OnProgress, silent
 from lrm_ident.fleet.identify_arm import ArmRecord, ArmTask, identify_arm

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from lrm_ident.data.measurement_file.known_columns import ANGLE, SIDE, columns_of_joints
+from lrm_ident.data.measurement_file.known_columns import quantities_of_joints
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.wording import in_percent
 from lrm_ident.design.discrimination import TARGET_POWER, TEST_LEVEL, Discrimination, Rival
@@ -101,7 +101,7 @@ def pose_table(found: PoseDesign) -> ResultTable:
     """The pose file, in the order to measure."""
     poses, q = found.poses, np.degrees(found.poses.q)
     sides = np.zeros_like(q) if poses.direction is None else poses.direction
-    angles, approaches = (columns_of_joints(form, q.shape[1]) for form in (ANGLE, SIDE))
+    angles, _, approaches = (known.columns for known in quantities_of_joints(q.shape[1]))
     columns = ["pose|d", *(f"{name}|.6f" for name in angles), "payload_g|.3f"]
     columns += [*(f"{name}|.0f" for name in approaches), "repeat_of|d"]
     rows = list(zip(found.number, *q.T, poses.payload * 1e3, *sides.T, found.repeat_of, strict=True))

@@ -16,8 +16,8 @@ from lrm_ident.report.document import Block, Document, ResultTable, heading, sec
 from lrm_ident.report.effects import field_blocks, field_values
 from lrm_ident.report.plain_names import in_words
 from lrm_ident.residual.error_breakdown import Factor, ModelComparison, PoseGroup
-from lrm_ident.study.error_summary import ErrorSummary
 from lrm_ident.study.model_history import fit_words
+from lrm_ident.study.model_on_data import ErrorSummary
 from lrm_math.arrays import Array
 from lrm_math.model.deployed_model import field_of, named_part
 from lrm_math.model.equilibrium import Equilibrium

@@ -19,7 +19,7 @@ from lrm_ident.residual.error_breakdown import (
     compare_unseen,
     try_held_out,
 )
-from lrm_ident.study.error_summary import ErrorSummary
+from lrm_ident.residual.predictability import PredictableError
 from lrm_ident.study.step import StudyStep
 from lrm_math.effects import CATALOGUE
 from lrm_math.errors import LrmError
@@ -28,6 +28,22 @@ from lrm_math.model.equilibrium import equilibrium
 from lrm_math.model.model import Model, model_of
 from lrm_math.model.model_file import ModelFile, covariance_of, to_model
 from lrm_math.model.uncertainty import field_speaks
+
+
+@dataclass(frozen=True)
+class ErrorSummary:
+    """Errors of a model beside the nominal arm's, in the fit and held out."""
+
+    nominal: ErrorStats
+    fitted: ErrorStats
+    held_out: HeldOutResidual
+    nameless: PredictableError | None = None
+
+    def as_json(self) -> dict[str, object]:
+        """The table `error`."""
+        reason = {} if self.held_out.error else {"held_out_reason": self.held_out.reason}
+        nameless = {} if self.nameless is None else {"nameless": self.nameless}
+        return {"nominal": self.nominal, "fit": self.fitted, "held_out": self.held_out.error, **reason, **nameless}
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from lrm_ident.data.apply_reading import rigid_motion
-from lrm_ident.data.robot_files.rigid_motion import inverse
+from lrm_ident.data.measurement_file.conventions import frame_motion
+from lrm_ident.data.rigid_motion import inverse
 from lrm_ident.measuring.camera.board import BoardTable, CharucoBoard
 from lrm_ident.measuring.camera.opencv import opencv
 from lrm_ident.measuring.camera.session import CameraSession
@@ -21,7 +21,6 @@ from lrm_math.effects import effects_at
 from lrm_math.kinematics.poses import Poses, poses_of
 from lrm_math.model.equilibrium import Equilibrium, equilibrium
 from lrm_math.model.model import Model, model_of
-from lrm_math.model.reading import FrameTable
 from lrm_math.model.sensed import tool_rotation
 from validation.camera.rendered_photos import PhotoScene
 
@@ -146,16 +145,10 @@ def tip_error(true: CameraRig, fitted: Model, session: CameraSession, poses: Pos
 
     The tip is the point of the board where the session has it; where camera and arm stand in the room is a convention.
     """
-    tip = inverse(_matrix(session.mount))[:3, 3]
+    tip = inverse(frame_motion(session.mount))[:3, 3]
     board = true.camera @ true.boards(equilibrium(true.model, poses))
     truth = board[:, :3, :3] @ tip + board[:, :3, 3]
     found = equilibrium(fitted, poses).tcp
     turn, _ = Rotation.align_vectors(truth - truth.mean(axis=0), found - found.mean(axis=0))
     left = turn.apply(found - found.mean(axis=0)) - (truth - truth.mean(axis=0))
     return float(np.sqrt((left**2).sum(axis=1).mean()))
-
-
-def _matrix(table: FrameTable) -> Array:
-    out = np.eye(4)
-    out[:3, :3], out[:3, 3] = rigid_motion(table)
-    return out

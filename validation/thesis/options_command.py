@@ -11,7 +11,7 @@ from typer import Argument, Option
 from lrm_ident.cli import arguments as arg
 from lrm_ident.cli.common import progress, publish, publish_figure, read_measurements, show
 from lrm_ident.cli.consoles import out
-from lrm_ident.data.measurement_file.metadata import arm_for
+from lrm_ident.data.measurement_file.conventions import arm_for
 from lrm_math.errors import LrmError
 from lrm_math.model.reading import AS_NAMED, Reading
 from validation.thesis.application import command

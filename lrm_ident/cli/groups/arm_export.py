@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TypeAlias
 
-from lrm_ident.data.robot_files.lerobot_calibration import calibration_text, corrected, joint_config_text
+from lrm_ident.data.robot_files.lerobot_calibration import beyond_zeros, calibration_text, corrected, joint_config_text
 from lrm_ident.data.robot_files.mjcf import mjcf
 from lrm_ident.data.robot_files.mjcf_patch import patched_mjcf
 from lrm_ident.data.robot_files.mjcf_robot import read_mjcf
@@ -20,7 +20,6 @@ from lrm_ident.data.robot_files.urdf_export import (
     left_out,
     rigid_part,
 )
-from lrm_ident.data.robot_files.zero_offsets import beyond_zeros
 from lrm_math.effects import split_key
 from lrm_math.errors import FileError, LrmError
 from lrm_math.model.model import Model

@@ -58,7 +58,7 @@ def import_(
     if recording == Path(LEROBOT):
         _import_lerobot(poses, output, arm, dwell)
         return
-    from lrm_ident.data.measurement_file.metadata import arm_for
+    from lrm_ident.data.measurement_file.conventions import arm_for
     from lrm_ident.measuring.recordings.imported import RecordingOrder, import_recording
     from lrm_ident.measuring.recordings.rests import RestTimes
     from lrm_ident.measuring.recordings.vicon_csv import ROTATIONS

@@ -7,22 +7,19 @@ from __future__ import annotations
 
 import re
 from collections import defaultdict
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
-from pathlib import Path
+from types import MappingProxyType
 
-from lrm_ident.data.apply_reading import ANGLE_UNITS, LENGTH_UNITS
+from lrm_ident.data.measurement_file.conventions import ANGLE_UNITS, LENGTH_UNITS
 from lrm_ident.data.measurement_file.known_columns import (
     ALIASES,
     ANGLE,
     DISTANCE,
-    FEEDBACK,
     POSITION,
-    SIDE,
     PoseQuantity,
-    columns_of_joints,
 )
-from lrm_ident.data.table_text.csv_file import Column, CsvTable, read_table, require
+from lrm_ident.data.table_text.csv_file import Column, CsvTable
 from lrm_math.arm.arm import Arm
 from lrm_math.errors import FileError
 from lrm_math.model.reading import AS_NAMED, Reading
@@ -59,17 +56,16 @@ COORDINATE = re.compile(
 )
 
 
-def read_measurement_table(path: Path, how: Reading = AS_NAMED, arm: Arm | None = None) -> CsvTable:
-    """Reads a table: columns named as ours, in the units that `how` states in place of those of their names; poses
-    numbered 1, 2, 3 … where no column does it.
+def named_columns(file: CsvTable, how: Reading = AS_NAMED, arm: Arm | None = None) -> CsvTable:
+    """The table of a file: columns named as ours, in the units that `how` states in place of those of their names;
+    poses numbered 1, 2, 3 … where no column does it.
 
     `arm`: its own names of its joints are names of columns too.
 
     Raises `FileError`: two columns that are the same by name.
     """
-    joints = [] if arm is None else [joint.name for joint in arm.joints]
-    table = _with_units(read_table(path))
-    named = _our_names(table, joints)
+    table = _with_units(file)
+    named = _our_names(table, [] if arm is None else [joint.name for joint in arm.joints])
     first = 0 if any(column.name == "q0_deg" for column in named) else 1
     columns = tuple(_as_said(column, how, first) for column in named)
     if all(column.name != "pose" for column in columns):
@@ -78,37 +74,22 @@ def read_measurement_table(path: Path, how: Reading = AS_NAMED, arm: Arm | None 
     return replace(table, columns=columns)
 
 
-def arm_table(path: Path, arm: Arm, how: Reading, known: Sequence[PoseQuantity]) -> CsvTable:
-    """Reads a table of an arm's poses: the arm's joints in their order and with their signs; notices of its columns.
+def arm_columns(file: CsvTable, arm: Arm, how: Reading, known: Sequence[PoseQuantity]) -> CsvTable:
+    """The table of a file of an arm's poses, as `named_columns`, with notices of its columns.
 
-    Raises `FileError`: a required column is missing, no rows, or the file or the reading has another number of joints.
+    Raises `FileError`: the file has another number of joints.
     """
-    named = read_measurement_table(path, how, arm)
-    for name, values in (("joint_sign", how.joint_sign), ("joint_order", how.joint_order)):
-        if values is not None and len(values) != arm.dof:
-            raise FileError(path, "", f"{name} has {len(values)} joints", f"{arm.name} has {arm.dof}")
-    header, joints = {*named.header}, columns_of_joints(ANGLE, arm.dof)
+    named = named_columns(file, how, arm)
     stated = [name for name in named.header if ANGLES.fullmatch(name)]
-    if not {*stated} <= {*joints}:
+    if not {*stated} <= {ANGLE.format(number) for number in range(1, arm.dof + 1)}:
         what = f"{len(stated)} joints, {arm.name} has {arm.dof}"
-        raise FileError(path, "header", what, "is this another arm?")
-    notices = _notices(named, known)
-    wanted = (each for each in known if each.required and (each.unless not in header or {*each.columns} & header))
-    table = require(named, [name for each in wanted for name in each.columns])
-    order, signs = how.joint_order or range(1, arm.dof + 1), how.joint_sign or [1] * arm.dof
-    ours = {
-        form.format(theirs): (form.format(number), sign)
-        for number, (theirs, sign) in enumerate(zip(order, signs, strict=True), start=1)
-        for form in (ANGLE, FEEDBACK, SIDE)
-    }
-    found = [(column, *ours.get(column.name, (column.name, 1))) for column in table.columns]
-    columns = tuple(Column(name, column.stated, column.factor * sign) for column, name, sign in found)
-    return replace(table, columns=columns, notices=(*notices, *table.notices))
+        raise FileError(file.path, "header", what, "is this another arm?")
+    return replace(named, notices=(*_notices(named, known), *named.notices))
 
 
 def stated_units(table: CsvTable) -> Reading:
     """Units of the file's positions and angles."""
-    factors = {column.name: abs(column.factor) for column in table.columns}
+    factors = {column.name: column.factor for column in table.columns}
     lengths, angles = ({factor: unit for unit, factor in FACTORS[own].items()} for own in ("mm", "deg"))
     units = {"unit": lengths[factors.get("x_mm", 1.0)], "angle_unit": angles[factors.get("q1_deg", 1.0)]}
     return Reading.model_validate(units)
@@ -134,10 +115,15 @@ def _our_names(table: CsvTable, joints: Sequence[str]) -> list[Column]:
 
     Raises `FileError`: two columns that are the same by name.
     """
-    if not all(joints) or not {*_names_of(joints)} <= {words for name in table.header for words in _bare_names(name)}:
-        joints = ()
+    named = {
+        _squeezed(name.lower()) + end: f"q{number}_deg"
+        for number, name in enumerate(joints, start=1)
+        for end in ("", "pos")
+    }
+    if not all(joints) or not {*named.values()} <= {named.get(w) for name in table.header for w, _ in _readings(name)}:
+        named = {}
     found = [
-        Column(name, name) if _is_measured(name) or name == "pose" else column_name(name, joints)
+        Column(name, name) if _is_measured(name) or name == "pose" else column_name(name, named)
         for name in table.header
     ]
     exact = {known.name for known in found if known and known.name == known.stated}
@@ -174,7 +160,7 @@ def _with_units(table: CsvTable) -> CsvTable:
     Raises `FileError`: a name states another unit.
     """
     words = ["" if cell.strip("[]()") in NO_UNIT else cell for cell in table.rows[0]] if table.rows else []
-    units = [_unit_word(word) for word in words]
+    units = [UNIT_WORDS.get(word.strip().lower().strip("[]()")) for word in words]
     if not any(units) or any(word and not unit for word, unit in zip(words, units, strict=True)):
         return table
     columns = []
@@ -192,34 +178,19 @@ def _is_measured(name: str) -> bool:
     return name in POSITION or ANGLES.fullmatch(name) is not None
 
 
-def column_name(text: str, joints: Sequence[str] = ()) -> Column | None:
+def column_name(text: str, named: Mapping[str, str] = MappingProxyType({})) -> Column | None:
     """The column of a measurement file that a name means; None if that is not known, or its unit does not fit it.
 
-    `joints`: names of an arm's joints, from the first on, as its own description has them.
+    `named`: names of columns by an arm's own names of its joints, squeezed.
     """
-    named = _names_of(joints)
     for words, unit in _readings(text):
-        name = named.get(words) or named.get(words.removesuffix("pos")) or _own_name(words)
+        joint, position = JOINT.fullmatch(words), COORDINATE.fullmatch(words)
+        own = f"q{int(joint[1])}_deg" if joint else f"{position[1]}_mm" if position else ALIASES.get(words)
+        name = named.get(words, own)
         factors = {None: 1.0} | FACTORS.get((name or "").rpartition("_")[2], {})
         if name is not None and unit in factors:
             return Column(name, text, factors[unit])
     return None
-
-
-def _unit_word(text: str) -> str | None:
-    """The unit that a cell names, bare or in brackets; None if it names none."""
-    return UNIT_WORDS.get(text.strip().lower().strip("[]()"))
-
-
-def _names_of(joints: Sequence[str]) -> dict[str, str]:
-    """Our names of the columns of joints by the arm's own, squeezed."""
-    return {_squeezed(name.lower()): f"q{number}_deg" for number, name in enumerate(joints, start=1)}
-
-
-def _bare_names(text: str) -> Iterator[str]:
-    """Names that a column may have, without its unit and the word for a position."""
-    for words, _ in _readings(text):
-        yield from (words, words.removesuffix("pos"))
 
 
 def _readings(text: str) -> Iterator[tuple[str, str | None]]:
@@ -238,11 +209,3 @@ def _readings(text: str) -> Iterator[tuple[str, str | None]]:
 
 def _squeezed(name: str) -> str:
     return re.sub(r"[\s_./-]+", "", name)
-
-
-def _own_name(words: str) -> str | None:
-    joint = JOINT.fullmatch(words)
-    if joint:
-        return f"q{int(joint[1])}_deg"
-    position = COORDINATE.fullmatch(words)
-    return f"{position[1]}_mm" if position else ALIASES.get(words)

@@ -1,4 +1,4 @@
-"""Commanded poses of a table: joint angles within the arm's limits, load, direction of approach."""
+"""Commanded poses of a table: joint angles, load, direction of approach; doubts about their order, in words."""
 
 from __future__ import annotations
 
@@ -7,30 +7,22 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from lrm_ident.data.measurement_file.number_table import NumberTable, cell_place
+from lrm_ident.data.measurement_file.number_table import NumberTable
 from lrm_ident.data.wording import enumerate_words
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.joint_limits import sides_within
 from lrm_math.arrays import Array
 from lrm_math.effects.friction import friction_states
-from lrm_math.errors import FileError
 from lrm_math.kinematics.poses import Poses
 from lrm_math.model.reading import Reading
 
 LISTED = 8
-LIMIT_TOLERANCE = np.radians(1e-6)
-
-
-class BeyondLimits(FileError):
-    """A joint angle beyond the limits of the arm."""
+SAME_POSE = float(np.radians(1.0))
 
 
 def read_poses(table: NumberTable, arm: Arm, how: Reading, start: Array | None = None) -> Poses:
-    """The poses of a table, its joints in the arm's order and with its signs. Raises `FileError`.
-
-    `start`: (n,), joint angles before the first one (rad).
-    """
-    q, number, none = read_angles(table, arm), table.integers("pose"), np.zeros(len(table))
+    """The poses of a table. `start`: (n,), joint angles before the first one (rad)."""
+    q, number, none = table["angles"], table.integers("pose"), np.zeros(len(table))
     moves = directions(q, start, after_gap(number))
     sides = moves
     if "sides" in table:
@@ -53,28 +45,8 @@ def read_poses(table: NumberTable, arm: Arm, how: Reading, start: Array | None =
     )
 
 
-def numbered_rows(table: NumberTable) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Pose numbers (N,), and that of the pose that each row repeats, its own where the cell is empty.
-
-    Raises `FileError`: a number that stands twice, or a repetition of no pose.
-    """
-    pose, first = table.integers("pose"), dict[int, int]()
-    for row, number in enumerate(pose.tolist()):
-        if first.setdefault(number, row) != row:
-            what = f"pose {number} stands in line {table.cells.lines[first[number]]} already"
-            right = "each row has its own number; name a repetition in the column repeat_of"
-            raise table.error(row, "pose", what, right)
-    stated = table.column("repeat_of")
-    repeat = pose if stated is None else np.where(np.isnan(stated), pose, np.nan_to_num(stated)).astype(np.int64)
-    unknown = ~np.isin(repeat, pose)
-    if unknown.any():
-        row = int(np.argmax(unknown))
-        raise table.error(row, "repeat_of", f"there is no pose {repeat[row]}")
-    return pose, repeat
-
-
-def pose_notices(table: NumberTable, arm: Arm) -> Iterator[str]:
-    """Notices about the order of the poses, and of angles that were read a full turn away from what is stated."""
+def pose_notices(table: NumberTable) -> Iterator[str]:
+    """Notices about the order of the poses, their times and repetitions."""
     number = table.integers("pose")
     if "approach" not in table and "sides" not in table:
         gap = after_gap(number)
@@ -85,13 +57,17 @@ def pose_notices(table: NumberTable, arm: Arm) -> Iterator[str]:
             )
         if (np.diff(number) < 0).any():
             yield "the pose numbers do not ascend: the rows are taken to be in the order measured"
-    stated = table["angles"]
-    q, turned = full_turns(stated, arm)
-    for joint in np.flatnonzero(turned.any(axis=0)).tolist():
-        row, count = int(np.argmax(turned[:, joint])), int(turned[:, joint].sum())
-        was, read = np.degrees([stated[row, joint], q[row, joint]])
-        beyond = "1 angle is" if count == 1 else f"{count} angles are"
-        yield f"{beyond} beyond the limits of joint {joint + 1} and read a full turn away: {was:g} = {read:g} deg"
+    t, session = table.column("t"), table.column("session")
+    if t is not None:
+        same_session = True if session is None else np.diff(session) == 0
+        back = np.concatenate([[False], (np.diff(t) < 0) & same_session])
+        if back.any():
+            yield f"t_s runs backwards at {pose_words(number[back])}: are the rows in the order measured?"
+    first = {pose: row for row, pose in enumerate(number.tolist())}
+    q, of = table["angles"], [first[pose] for pose in table.integers("repeat_of").tolist()]
+    away = np.abs(q - q[of]).max(axis=1) > SAME_POSE
+    if away.any():
+        yield f"repeat_of: {pose_words(number[away])} is not commanded where the pose is that it repeats"
 
 
 def pose_words(numbers: NDArray[np.int64]) -> str:
@@ -105,30 +81,6 @@ def _running(t: Array, session: Array) -> Array:
     first = np.full(int(number.max()) + 1, np.inf)
     np.minimum.at(first, number, t)
     return np.asarray(t - first[number])
-
-
-def read_angles(table: NumberTable, arm: Arm) -> Array:
-    """(N, n) joint angles (rad), all within the arm's limits, by a full turn if need be. Raises `BeyondLimits`."""
-    q = full_turns(table["angles"], arm)[0]
-    for i, joint in enumerate(arm.joints):
-        outside = (q[:, i] < joint.lower - LIMIT_TOLERANCE) | (q[:, i] > joint.upper + LIMIT_TOLERANCE)
-        if outside.any():
-            row = int(np.argmax(outside))
-            low, high = np.degrees([joint.lower, joint.upper])
-            what = f"{np.degrees(q[row, i]):g} deg is beyond the limits of joint {i + 1}"
-            raise BeyondLimits(
-                table.cells.path, cell_place(table.cells, row, f"q{i + 1}_deg"), what, f"{low:g} to {high:g} deg"
-            )
-    return q
-
-
-def full_turns(q: Array, arm: Arm) -> tuple[Array, NDArray[np.bool_]]:
-    """Angles (N, n) beyond the limits that are within them a full turn away are that (260 deg: -100); and which."""
-    low = np.array([joint.lower for joint in arm.joints]) - LIMIT_TOLERANCE
-    high = np.array([joint.upper for joint in arm.joints]) + LIMIT_TOLERANCE
-    other = q - np.sign(q) * 2.0 * np.pi
-    turned = ((q < low) | (q > high)) & (other >= low) & (other <= high)
-    return np.where(turned, other, q), turned
 
 
 def after_gap(number: NDArray[np.int64]) -> NDArray[np.bool_]:

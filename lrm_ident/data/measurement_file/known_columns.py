@@ -13,6 +13,7 @@ from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_file import GRAM, MM
 from lrm_math.arm.plausible_arm import total_mass
 from lrm_math.arrays import Array
+from lrm_math.model.reading import AS_NAMED, Reading
 from lrm_math.plausibility import PlausibleSize, times
 
 DEG = float(np.radians(1.0))
@@ -42,7 +43,7 @@ NO_MASSES = (0.5, 1e5)  # g
 
 @dataclass(frozen=True)
 class NumberRule:
-    """A rule for numbers: which (N,) of them are `wrong`, `what` they are then, and what would be `right`."""
+    """A rule for numbers (N, k): which of them, or of their rows (N, 1), are `wrong`, `what` then, what is `right`."""
 
     wrong: Callable[[Array], NDArray[np.bool_]]
     what: str
@@ -52,6 +53,10 @@ class NumberRule:
 ABOVE_ZERO = NumberRule(lambda values: values <= 0.0, "not above zero")
 NOT_BELOW_ZERO = NumberRule(lambda values: values < 0.0, "a negative load")
 WHOLE = NumberRule(lambda values: np.nan_to_num(values) % 1.0 != 0.0, "not a whole number")
+UNIT_LENGTH = NumberRule(
+    lambda values: np.abs(np.linalg.norm(values, axis=1, keepdims=True) - 1.0) > 0.01,
+    "the quaternion's length is not one",
+)
 SIDES = NumberRule(lambda values: ~np.isin(values, (-1.0, 0.0, 1.0)), "not a side", "1, -1, or 0 if unknown")
 
 
@@ -62,10 +67,11 @@ class PoseQuantity:
     Attributes:
         columns: all stated or none; a unit, if there is one, ends their names.
         aliases: other names of its only column, without unit and signs.
-        rule, size: of the numbers of each column.
+        rule, size: of the numbers.
         may_be_empty: whether cells may be. whole: whether a row then states all of them or none.
         required: whether a file must state it. unless: a column beside which it may be missing, or its cells empty.
         commanded: whether it says what was commanded; files of poses have these alone.
+        signs: of each column. limits: between which the numbers of each column are (SI).
     """
 
     name: str
@@ -78,6 +84,8 @@ class PoseQuantity:
     required: bool = False
     unless: str | None = None
     commanded: bool = False
+    signs: tuple[int, ...] = (1,)
+    limits: tuple[tuple[float, float], ...] = ()
 
     @property
     def si(self) -> float:
@@ -103,7 +111,7 @@ KNOWN = (
     PoseQuantity("cross_covariance", CROSS_COVARIANCE),
     PoseQuantity("turn_covariance", TURN_COVARIANCE),
     PoseQuantity("turn_sd", ("srot_deg",), (), ABOVE_ZERO, TURN_SD),
-    PoseQuantity("quaternion", QUATERNION, may_be_empty=True, whole=True),
+    PoseQuantity("quaternion", QUATERNION, (), UNIT_LENGTH, may_be_empty=True, whole=True),
     PoseQuantity("distance", (DISTANCE,), LENGTHS, ABOVE_ZERO, may_be_empty=True),
     PoseQuantity("distance_sd", ("distance_sd_mm",), ("distancesd",), ABOVE_ZERO, SD),
 )
@@ -114,29 +122,34 @@ ALIASES = {alias: known.columns[0] for known in KNOWN for alias in known.aliases
 """Columns by the other names that they may have, and by their own where that has no unit."""
 
 
-def columns_of_joints(form: str, dof: int) -> tuple[str, ...]:
-    """The columns of one form, as `ANGLE`, of so many joints."""
-    return tuple(form.format(number) for number in range(1, dof + 1))
+def quantities_of_joints(dof: int, how: Reading = AS_NAMED) -> tuple[PoseQuantity, PoseQuantity, PoseQuantity]:
+    """The angles of so many joints, the readings of their encoders, and the sides from which they came.
 
-
-def quantities_of_joints(dof: int) -> tuple[PoseQuantity, PoseQuantity, PoseQuantity]:
-    """The angles of so many joints, the readings of their encoders, and the sides from which they came."""
+    In the order and with the signs of the arm's joints, as `how` says them.
+    """
+    angles, feedback, sides = (
+        tuple(form.format(theirs) for theirs in how.joint_order or range(1, dof + 1))
+        for form in (ANGLE, FEEDBACK, SIDE)
+    )
+    signs = tuple(how.joint_sign or (1,))
     return (
-        PoseQuantity("angles", columns_of_joints(ANGLE, dof), required=True, commanded=True),
-        PoseQuantity("feedback", columns_of_joints(FEEDBACK, dof), may_be_empty=True),
-        PoseQuantity("sides", columns_of_joints(SIDE, dof), (), SIDES, commanded=True),
+        PoseQuantity("angles", angles, required=True, commanded=True, signs=signs),
+        PoseQuantity("feedback", feedback, may_be_empty=True, signs=signs),
+        PoseQuantity("sides", sides, (), SIDES, commanded=True, signs=signs),
     )
 
 
-def measured_quantities(arm: Arm) -> tuple[PoseQuantity, ...]:
-    """Quantities that a measurement file of an arm states."""
+def measured_quantities(arm: Arm, how: Reading = AS_NAMED) -> tuple[PoseQuantity, ...]:
+    """Quantities that a measurement file of an arm states, read as `how` says."""
+    angles, *others = quantities_of_joints(arm.dof, how)
+    limits = tuple((joint.lower, joint.upper) for joint in arm.joints)
     known = (replace(each, size=_load(arm)) if each.name == "payload" else each for each in KNOWN)
-    return (*quantities_of_joints(arm.dof), *known)
+    return (replace(angles, limits=limits), *others, *known)
 
 
-def commanded_quantities(arm: Arm) -> tuple[PoseQuantity, ...]:
+def commanded_quantities(arm: Arm, how: Reading = AS_NAMED) -> tuple[PoseQuantity, ...]:
     """Quantities that a file of poses states."""
-    return tuple(quantity for quantity in measured_quantities(arm) if quantity.commanded)
+    return tuple(quantity for quantity in measured_quantities(arm, how) if quantity.commanded)
 
 
 def _load(arm: Arm) -> PlausibleSize:

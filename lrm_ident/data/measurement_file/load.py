@@ -8,22 +8,20 @@ from pathlib import Path
 
 import numpy as np
 
-from lrm_ident.data.apply_reading import motion_of
-from lrm_ident.data.measurement_file.column_names import arm_table, read_measurement_table, stated_units
-from lrm_ident.data.measurement_file.commanded_poses import full_turns, numbered_rows, pose_notices, read_poses
+from lrm_ident.data.measurement_file.column_names import arm_columns, named_columns, stated_units
+from lrm_ident.data.measurement_file.commanded_poses import pose_notices, read_poses
+from lrm_ident.data.measurement_file.conventions import conventions_of
 from lrm_ident.data.measurement_file.known_columns import (
     DISTANCE,
     KNOWN,
     POSITION,
     commanded_quantities,
     measured_quantities,
-    quantities_of_joints,
 )
-from lrm_ident.data.measurement_file.measured_columns import read_feedback, with_sensed
-from lrm_ident.data.measurement_file.metadata import NOTHING_STATED, metadata_of, sidecar_notices, start_angles
-from lrm_ident.data.measurement_file.number_table import NumberTable, read_numbers, without_bad_rows
-from lrm_ident.data.measurement_file.row_checks import row_notices, without_lost
+from lrm_ident.data.measurement_file.measured_columns import read_feedback, with_sensed, without_lost
+from lrm_ident.data.measurement_file.number_table import NumberTable, checked_rows, read_numbers
 from lrm_ident.data.measurements import Measurements
+from lrm_ident.data.table_text.csv_file import read_table
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_file import MM
 from lrm_math.arrays import Array
@@ -38,36 +36,46 @@ def load_measurements(path: Path, arm: Arm, reading: Reading = AS_NAMED, usual: 
     Args:
         reading: how to read the numbers; then the file beside the data says, then `usual`, then the columns' names.
 
-    Raises `FileError`: naming file, line and column of the first fault (`BeyondLimits`: of a joint).
+    Raises `FileError`: naming file, line and column of the first fault.
     """
-    metadata, beside, known = metadata_of(path) or NOTHING_STATED, sidecar_notices(path), measured_quantities(arm)
-    how = reading.over(metadata).over(usual)
-    cells = arm_table(path, arm, how, known)
-    units, start = stated_units(cells), start_angles(path, metadata, arm, how)
-    good = without_bad_rows(cells, known, how.bad_rows == "skip")
-    table = read_numbers(good, known)
-    pose, repeat_of = numbered_rows(table)
-    poses, about_poses = read_poses(table, arm, how, start), pose_notices(table, arm)
+    data, beyond = read_measured(path, arm, reading, usual)
+    if beyond is not None:
+        raise beyond
+    return data
+
+
+def read_measured(
+    path: Path, arm: Arm, reading: Reading, usual: Reading | None
+) -> tuple[Measurements, FileError | None]:
+    """Measurements as `load_measurements` reads them, and the error of the first joint angle beyond the limits.
+
+    Raises `FileError`.
+    """
+    said = conventions_of(path, arm, reading, usual)
+    file, known = read_table(path), measured_quantities(arm, said.how)
+    cells = arm_columns(file, arm, said.how, known)
+    units = stated_units(cells)
+    table = checked_rows(read_numbers(cells, known, said.how.bad_rows == "skip"))
+    poses, noise_sd = read_poses(table, arm, said.how, said.start), said.metadata.noise_sd_mm
     data = Measurements(
         poses=poses,
-        pose=pose,
+        pose=table.integers("pose"),
         tcp=table["position"] if "position" in table else np.full((len(table), 3), np.nan),
         sd=None,
-        noise_sd=None if metadata.noise_sd_mm is None else metadata.noise_sd_mm * MM,
-        repeat_of=repeat_of,
+        noise_sd=None if noise_sd is None else noise_sd * MM,
+        repeat_of=table.integers("repeat_of"),
         path=path,
         sha256=table.cells.sha256,
-        notices=(*beside, *table.cells.notices, *about_poses, *row_notices(table, arm, metadata)),
+        notices=(*said.notices, *table.cells.notices, *pose_notices(table)),
         arm=arm,
-        arm_name=metadata.arm or None,
-        reading=how,
-        stated=how.over(units),
+        arm_name=said.metadata.arm or None,
+        reading=said.how,
+        stated=said.how.over(units),
     )
-    sensed = without_lost(with_sensed(data, table, metadata))
-    turn, shift = motion_of(how)
-    if np.linalg.det(turn) < 0 and sensed.attitude is not None:
+    sensed = without_lost(with_sensed(data, table, said.metadata))
+    if np.linalg.det(said.rotation) < 0 and sensed.attitude is not None:
         raise FileError(path, "", "an orientation in a mirrored frame", "no rotation does that; check --axes")
-    return sensed.turned(turn, shift)
+    return sensed.turned(said.rotation, said.translation), table.beyond
 
 
 def load_poses(file: str | Path, arm: Arm, reading: Reading = AS_NAMED) -> Poses:
@@ -85,16 +93,17 @@ def load_pose_table(
     path: Path, arm: Arm, reading: Reading = AS_NAMED, more: Collection[str] = ()
 ) -> tuple[Poses, NumberTable]:
     """Poses as `load_poses` reads them, and their table, with the quantities `more` as far as they are there."""
-    how = reading.over(metadata_of(path))
-    known = (*commanded_quantities(arm), *(replace(q, may_be_empty=False) for q in KNOWN if q.name in more))
-    cells = arm_table(path, arm, how, known)
-    table = read_numbers(cells, known)
+    how = conventions_of(path, arm, reading).how
+    known = (*commanded_quantities(arm, how), *(replace(q, may_be_empty=False) for q in KNOWN if q.name in more))
+    table = read_numbers(arm_columns(read_table(path), arm, how, known), known)
+    if table.beyond is not None:
+        raise table.beyond
     return read_poses(table, arm, how), table
 
 
 def says_measured(path: Path) -> bool:
     """Whether a file has columns of positions or distances, not commands alone. Raises `FileError`."""
-    return bool({*POSITION, DISTANCE} & {*read_measurement_table(path).header})
+    return bool({*POSITION, DISTANCE} & {*named_columns(read_table(path)).header})
 
 
 def read_pose_feedback(path: Path, arm: Arm) -> tuple[Array | None, float | None]:
@@ -102,7 +111,7 @@ def read_pose_feedback(path: Path, arm: Arm) -> tuple[Array | None, float | None
 
     Raises `FileError`.
     """
-    metadata, (angles, feedback, _) = metadata_of(path) or NOTHING_STATED, quantities_of_joints(arm.dof)
-    known = (angles, feedback)
-    table = read_numbers(arm_table(path, arm, AS_NAMED.over(metadata), known), known)
-    return read_feedback(table, full_turns(table["angles"], arm)[0]), metadata.feedback_sd_deg
+    said = conventions_of(path, arm, AS_NAMED)
+    known = [each for each in measured_quantities(arm, said.how) if each.name in ("angles", "feedback")]
+    table = read_numbers(arm_columns(read_table(path), arm, said.how, known), known)
+    return read_feedback(table), said.metadata.feedback_sd_deg

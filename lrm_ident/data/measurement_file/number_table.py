@@ -1,4 +1,4 @@
-"""Known quantities of a table as numbers in SI units; errors name line and column.
+"""Known quantities of a table as numbers in SI units; every error of a cell is found here, and names line and column.
 
 Cells of measurements that are no numbers are all named at once, or their rows are left out where that is asked for.
 """
@@ -6,32 +6,37 @@ Cells of measurements that are no numbers are all named at once, or their rows a
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import datetime
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from lrm_ident.data.measurement_file.known_columns import DATES, PoseQuantity
-from lrm_ident.data.table_text.csv_file import CsvTable, is_number
+from lrm_ident.data.measurement_file.known_columns import DATES, DISTANCE, PoseQuantity
+from lrm_ident.data.table_text.csv_file import CsvTable, is_number, read_table
 from lrm_ident.data.wording import enumerate_words
 from lrm_math.arrays import Array
 from lrm_math.errors import FileError
 from lrm_math.plausibility import implausible_value
 
-LISTED = 8
+LISTED, COLUMNS_LISTED = 8, 12
+"""Cells that are named beside the first wrong one, and columns that are there beside one that is missing."""
+LIMIT_TOLERANCE = np.radians(1e-6)
 
 
 @dataclass(frozen=True, eq=False)
 class NumberTable:
     """Quantities (N, k) of N poses by name, one column for each of theirs, SI; NaN where a cell is empty.
 
-    `cells`: where they come from.
+    `cells`: where they come from. `beyond`: the error of the first joint angle beyond the arm's limits.
     """
 
     cells: CsvTable
     quantities: Mapping[str, Array]
+    beyond: FileError | None = None
 
     def __len__(self) -> int:
         return len(self.cells.rows)
@@ -50,30 +55,47 @@ class NumberTable:
         """(N,), a quantity of one column of whole numbers."""
         return self.quantities[name][:, 0].astype(np.int64)
 
-    def error(self, row: int, column: str, what: str, right: str = "") -> FileError:
-        """The error of a cell."""
-        return cell_error(self.cells, row, column, what, right)
 
-    def reject(self, bad: NDArray[np.bool_], column: str, what: str) -> None:
-        """Raises `FileError` at the first row where `bad` (N,) holds."""
-        if bad.any():
-            raise self.error(int(np.argmax(bad)), column, what)
+def read_csv(path: Path, required: Sequence[str]) -> CsvTable:
+    """Reads a CSV file with a header whose names are ours, in any capitals.
+
+    Raises `FileError`: no such file, a missing or doubled column, a row with too few or too many cells, no rows.
+    """
+    return _require(read_table(path), required)
+
+
+def _require(table: CsvTable, required: Sequence[str]) -> CsvTable:
+    """The table, its required columns named as requested. Raises `FileError`: a missing or doubled column, no rows."""
+    ours = {name.lower(): name for name in required}
+    columns = tuple(replace(column, name=ours.get(column.name.lower(), column.name)) for column in table.columns)
+    times_there = Counter(column.name for column in columns)
+    missing = [name for name in required if name not in times_there]
+    if missing:
+        there = enumerate_words([column.name for column in columns], COLUMNS_LISTED)
+        right = f"required: {', '.join(required)}; there are: {there}"
+        raise FileError(table.path, "header", f"missing column {missing[0]}", right)
+    twice = [name for name, count in times_there.items() if count > 1 and name]
+    if twice:
+        raise FileError(table.path, "header", f"column {twice[0]} stands twice")
+    if not table.rows:
+        raise FileError(table.path, "", "no rows below the header")
+    return replace(table, columns=columns)
 
 
 def cell_error(cells: CsvTable, row: int, column: str, what: str, right: str = "") -> FileError:
     """The error of a cell."""
-    return FileError(cells.path, cell_place(cells, row, column), what, right)
+    return FileError(cells.path, _cell_place(cells, row, column), what, right)
 
 
-def cell_place(cells: CsvTable, row: int, name: str) -> str:
+def _cell_place(cells: CsvTable, row: int, name: str) -> str:
     """Line of a row, and the file's own name of a column."""
     stated = next((column.stated for column in cells.columns if column.name == name), name)
     return f"line {cells.lines[row]}, column {stated}"
 
 
-def numbers_of(cells: CsvTable, name: str, may_be_empty: bool = False) -> Array:
-    """(N,), one column as finite numbers in our unit, NaN in empty cells if there may be some. Raises `FileError`."""
-    values, faults = _parsed(cells, name, may_be_empty)
+def numbers_of(cells: CsvTable, name: str) -> Array:
+    """(N,), one column as finite numbers in our unit. Raises `FileError`."""
+    values, faults = _parsed(cells, name, may_be_empty=False)
     for row, what in faults.items():
         raise cell_error(cells, row, name, what)
     return values
@@ -84,109 +106,100 @@ def _parsed(cells: CsvTable, name: str, may_be_empty: bool) -> tuple[Array, dict
 
     An empty cell is wrong unless it may be empty.
     """
-    words = _words(cells, name)
-    values = np.array([_number(word) for word in words], dtype=np.float64)
+    words, factor = _column(cells, name)
+    values = np.array([float(word) if is_number(word) else math.nan for word in words], dtype=np.float64)
     faults = {}
     for row in np.flatnonzero(~np.isfinite(values)).tolist():
         if words[row].strip():
             faults[row] = f"'{words[row]}' is not a {'finite ' if is_number(words[row]) else ''}number"
         elif not may_be_empty:
             faults[row] = "the cell is empty"
-    return values * cells.columns[cells.header.index(name)].factor, faults
+    return values * factor, faults
 
 
-def _words(cells: CsvTable, name: str) -> list[str]:
-    """The cells of a column."""
+def _column(cells: CsvTable, name: str) -> tuple[list[str], float]:
+    """The cells of a column, and the factor of their numbers."""
     j = cells.header.index(name)
-    return [row[j] for row in cells.rows]
+    return [row[j] for row in cells.rows], cells.columns[j].factor
 
 
-def _number(word: str) -> float:
-    """The number of a cell; NaN where there is none."""
-    try:
-        return float(word)
-    except ValueError:
-        return math.nan
+def read_numbers(cells: CsvTable, known: Sequence[PoseQuantity], skip: bool | None = None) -> NumberTable:
+    """The known quantities, SI; angles beyond the arm's limits that are within them a full turn away are that.
 
+    Args:
+        skip: whether rows with cells that are no numbers are left out, with a notice, instead of all named in one
+            error; None: the first one is the error.
 
-def without_bad_rows(cells: CsvTable, known: Sequence[PoseQuantity], skip: bool) -> CsvTable:
-    """The table, all cells of the known columns numbers, and with a notice of the rows left out for that, if `skip`.
-
-    Raises `FileError`: naming every cell that is no number; nothing would be left without their rows.
+    Raises `FileError`: a required column is missing, what is no number or cannot be one, or is stated in part.
     """
-    faults = sorted(
-        (row, name, what)
-        for name, (_, may_be_empty) in _stated(cells, known).items()
-        if name != "t_s"
-        for row, what in _parsed(cells, name, may_be_empty)[1].items()
-    )
-    if not faults:
-        return cells
+    header = {*cells.header}
+    wanted = (each for each in known if each.required and (each.unless not in header or {*each.columns} & header))
+    cells = _require(cells, [name for each in wanted for name in each.columns])
+    parsed = {
+        name: _parsed(cells, name, each.may_be_empty or each.unless in header)
+        for each in known
+        for name in each.columns
+        if name in header and name != "t_s"
+    }
+    faults = sorted((row, name, what) for name, (_, found) in parsed.items() for row, what in found.items())
+    kept = np.setdiff1d(np.arange(len(cells.rows)), [row for row, _, _ in faults])
+    good = _without_faults(cells, faults, kept, skip) if faults else cells
+    columns = {name: values[kept] for name, (values, _) in parsed.items()}
+    there = [each for each in known if not header.isdisjoint(each.columns)]
+    table = NumberTable(good, {each.name: _together(good, each, columns) for each in there})
+    angles = next((each for each in there if each.limits), None)
+    return table if angles is None else _within_limits(table, angles)
+
+
+def _without_faults(
+    cells: CsvTable, faults: Sequence[tuple[int, str, str]], kept: NDArray[np.int64], skip: bool | None
+) -> CsvTable:
+    """The rows `kept` alone, with a notice, if bad rows are to be skipped.
+
+    `faults`: row, column, and what is wrong there. Raises `FileError`: naming them all (the first alone where `skip` is
+    None), or that nothing would be left.
+    """
+    row, column, what = faults[0]
+    if skip is None:
+        raise cell_error(cells, row, column, what)
     bad = sorted({row for row, _, _ in faults})
     count = "1 row" if len(bad) == 1 else f"{len(bad)} rows"
     if not skip:
-        row, column, what = faults[0]
-        also = enumerate_words([cell_place(cells, row, column) for row, column, _ in faults[1:]], LISTED)
+        also = enumerate_words([_cell_place(cells, row, column) for row, column, _ in faults[1:]], LISTED)
         right = f"correct {'it' if len(faults) == 1 else 'them'}, or leave {count} out with --bad-rows skip"
         raise cell_error(cells, row, column, f"{what}{also and f'; nor are {also}'}", right)
-    if len(bad) == len(cells.rows):
+    if not len(kept):
         raise FileError(cells.path, "", "every row has a cell that is no number", "is it the right file?")
-    kept = np.setdiff1d(np.arange(len(cells.rows)), bad)
     lines = enumerate_words([str(cells.lines[row]) for row in bad], LISTED)
-    return replace(
-        cells,
-        rows=tuple(cells.rows[row] for row in kept),
-        lines=tuple(cells.lines[row] for row in kept),
-        notices=(*cells.notices, f"{count} with cells that are no numbers left out: line {lines}"),
-    )
-
-
-def read_numbers(cells: CsvTable, known: Sequence[PoseQuantity]) -> NumberTable:
-    """The known quantities, SI. Raises `FileError`: what is no number or cannot be one, or is stated in part."""
-    stated = _stated(cells, known)
-    columns = {
-        name: _seconds(cells) if name == "t_s" else numbers_of(cells, name, may_be_empty)
-        for name, (_, may_be_empty) in stated.items()
-    }
-    for name, (quantity, _) in stated.items():
-        rule, size, values = quantity.rule, quantity.size, columns[name]
-        if rule is not None and (wrong := rule.wrong(values)).any():
-            raise cell_error(cells, int(np.argmax(wrong)), name, rule.what, rule.right)
-        if size is not None and (found := implausible_value(size, values)):
-            raise cell_error(cells, found.row, name, found.what, found.right)
-    there = [quantity for quantity in known if any(name in columns for name in quantity.columns)]
-    return NumberTable(cells, {quantity.name: _together(cells, quantity, columns) for quantity in there})
-
-
-def _stated(cells: CsvTable, known: Sequence[PoseQuantity]) -> dict[str, tuple[PoseQuantity, bool]]:
-    """The columns of known quantities in the file's order: their quantity, and whether their cells may be empty."""
-    of = {name: quantity for quantity in known for name in quantity.columns}
-    return {
-        name: (of[name], of[name].may_be_empty or of[name].unless in cells.header)
-        for name in cells.header
-        if name in of
-    }
+    notice = f"{count} with cells that are no numbers left out: line {lines}"
+    rows, numbers = tuple(cells.rows[row] for row in kept), tuple(cells.lines[row] for row in kept)
+    return replace(cells, rows=rows, lines=numbers, notices=(*cells.notices, notice))
 
 
 def _together(cells: CsvTable, quantity: PoseQuantity, columns: Mapping[str, Array]) -> Array:
-    """(N, k), a quantity in SI units. Raises `FileError` if a part of it is missing."""
-    names = quantity.columns
-    missing = [name for name in names if name not in columns]
+    """(N, k), a quantity in SI units. Raises `FileError` if a part of it is missing, or cannot be."""
+    names, rule = quantity.columns, quantity.rule
+    missing = [name for name in names if name not in cells.header]
     if missing:
         raise FileError(cells.path, "header", f"no column {missing[0]}", f"{', '.join(names)} go together")
-    values = np.stack([columns[name] for name in names], axis=1)
+    values = np.stack([columns[name] if name in columns else _seconds(cells) for name in names], axis=1)
     gone = np.isnan(values)
-    part = gone & ~gone.all(axis=1, keepdims=True)
-    if quantity.whole and part.any():
-        j = int(np.argmax(part.any(axis=0)))
-        row = int(np.argmax(part[:, j]))
-        raise cell_error(cells, row, names[j], f"empty, the rest of the {quantity.name} is not")
-    return values * quantity.si
+    faults = [
+        (gone & ~gone.all(axis=1, keepdims=True) & quantity.whole, f"empty, the rest of the {quantity.name} is not", "")
+    ]
+    faults += [] if rule is None else [(rule.wrong(values), rule.what, rule.right)]
+    for wrong, what, right in faults:
+        if wrong.any():
+            j, row = np.argwhere(wrong.T)[0].tolist()
+            raise cell_error(cells, row, names[j], what, right)
+    if quantity.size is not None and (found := implausible_value(quantity.size, values.T.ravel())):
+        raise cell_error(cells, found.row % len(values), names[found.row // len(values)], found.what, found.right)
+    return values * quantity.si * quantity.signs
 
 
 def _seconds(cells: CsvTable) -> Array:
     """(N,), times as numbers, or as dates (ISO 8601) since the first. Raises `FileError`."""
-    words = _words(cells, "t_s")
+    words, _ = _column(cells, "t_s")
     if any("-" not in word[1:] or "e-" in word.lower() for word in words):
         return numbers_of(cells, "t_s")
     try:
@@ -194,3 +207,47 @@ def _seconds(cells: CsvTable) -> Array:
         return np.array([(date - dates[0]).total_seconds() for date in dates])
     except (ValueError, TypeError):
         raise cell_error(cells, 0, "t_s", f"'{words[0]}' is no time", DATES) from None
+
+
+def _within_limits(table: NumberTable, angles: PoseQuantity) -> NumberTable:
+    """The table with angles beyond the arm's limits a full turn away (260 deg: -100), with a notice, or `beyond`."""
+    stated, (low, high) = table[angles.name], np.array(angles.limits).T
+    other = stated - np.sign(stated) * 2.0 * np.pi
+    outside, away = ((q < low - LIMIT_TOLERANCE) | (q > high + LIMIT_TOLERANCE) for q in (stated, other))
+    if (outside & away).any():
+        j, row = np.argwhere((outside & away).T)[0].tolist()
+        what = f"{np.degrees(stated[row, j]):g} deg is beyond the limits of joint {j + 1}"
+        right = "{:g} to {:g} deg".format(*np.degrees(angles.limits[j]))
+        return replace(table, beyond=cell_error(table.cells, row, angles.columns[j], what, right))
+    q, notices = np.where(outside, other, stated), list(table.cells.notices)
+    for j in np.flatnonzero(outside.any(axis=0)).tolist():
+        row, turned = int(np.argmax(outside[:, j])), int(outside[:, j].sum())
+        was, read = np.degrees([stated[row, j], q[row, j]])
+        count = "1 angle is" if turned == 1 else f"{turned} angles are"
+        notices.append(f"{count} beyond the limits of joint {j + 1} and read a full turn away: {was:g} = {read:g} deg")
+    return NumberTable(replace(table.cells, notices=tuple(notices)), {**table.quantities, angles.name: q})
+
+
+def checked_rows(table: NumberTable) -> NumberTable:
+    """The table of measured poses, each with the number of the pose that it repeats, its own where the cell is empty.
+
+    Raises `FileError`: a number that stands twice, a repetition of no pose, or a row without position and distance.
+    """
+    cells, pose, first = table.cells, table.integers("pose"), dict[int, int]()
+    for row, number in enumerate(pose.tolist()):
+        if first.setdefault(number, row) != row:
+            what = f"pose {number} stands in line {cells.lines[first[number]]} already"
+            right = "each row has its own number; name a repetition in the column repeat_of"
+            raise cell_error(cells, row, "pose", what, right)
+    stated = table["repeat_of"] if "repeat_of" in table else np.full((len(table), 1), np.nan)
+    repeat = np.where(np.isnan(stated), table["pose"], stated)
+    unknown = ~np.isin(repeat[:, 0], pose)
+    if unknown.any():
+        row = int(np.argmax(unknown))
+        raise cell_error(cells, row, "repeat_of", f"there is no pose {repeat[row, 0]:.0f}")
+    empty = np.isnan(table["distance"][:, 0]) if "distance" in table else np.zeros(len(table), dtype=np.bool_)
+    if "position" in table:
+        empty &= np.isnan(table["position"][:, 0])
+    if empty.any():
+        raise cell_error(cells, int(np.argmax(empty)), DISTANCE, "empty, and the row has no position either")
+    return replace(table, quantities={**table.quantities, "repeat_of": repeat})

@@ -14,7 +14,7 @@ from lrm_ident.data.atomic_write import write_text
 from lrm_ident.data.measurement_file.commanded_poses import after_gap
 from lrm_ident.data.measurement_file.known_columns import KNOWN, quantities_of_joints
 from lrm_ident.data.measurements import Measurements
-from lrm_ident.data.weights.rotations import quaternions
+from lrm_ident.data.rigid_motion import quaternions
 from lrm_math.arm.arm_file import arm_name_for
 from lrm_math.arrays import Array
 

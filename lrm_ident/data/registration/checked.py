@@ -13,16 +13,15 @@ from pathlib import Path
 
 import numpy as np
 
-from lrm_ident.data.apply_reading import frame_table, motion_of, rigid_motion
-from lrm_ident.data.measurement_file.commanded_poses import BeyondLimits
+from lrm_ident.data.measurement_file.conventions import frame_table, motion_of, rigid_motion
 from lrm_ident.data.measurement_file.known_columns import QUATERNION
-from lrm_ident.data.measurement_file.load import load_measurements
-from lrm_ident.data.measurement_file.row_checks import without_frozen
+from lrm_ident.data.measurement_file.load import read_measured
+from lrm_ident.data.measurement_file.measured_columns import without_frozen
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.registration.hypotheses import Hypothesis
 from lrm_ident.data.registration.reading_check import ReadingCheck, Scored, check_reading, compared_rows, registered
 from lrm_ident.data.registration.row_choice import spaced_rows
-from lrm_ident.data.weights.rotations import quaternions, rotation_matrix, rotation_vectors
+from lrm_ident.data.rigid_motion import quaternions, rotation_matrix, rotation_vectors
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_file import MM
 from lrm_math.arrays import Array
@@ -64,15 +63,11 @@ def load_checked(path: Path, arm: Arm, reading: Reading = AS_NAMED, usual: Readi
         FileError: naming file, line and column of the first fault.
         Misread: the numbers mean something else, or are of another arm.
     """
-    try:
-        read = load_measurements(path, arm, reading, usual)
-    except BeyondLimits:
-        free = tuple(replace(joint, lower=-math.inf, upper=math.inf) for joint in arm.joints)
-        beyond = load_measurements(path, replace(arm, joints=free), reading, usual)
-        _check(arm, beyond)
-        raise
+    read, beyond = read_measured(path, arm, reading, usual)
     data = without_frozen(arm, read)
     notices = _check(arm, data)
+    if beyond is not None:
+        raise beyond
     found = in_arm_frame(arm, replace(data, notices=(*data.notices, *notices)))
     check_attitude(arm, found)
     return found

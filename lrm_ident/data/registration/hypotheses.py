@@ -8,7 +8,7 @@ from itertools import combinations
 
 import numpy as np
 
-from lrm_ident.data.apply_reading import ANGLE_UNITS, LENGTH_UNITS, axes_matrix, axes_words
+from lrm_ident.data.measurement_file.conventions import ANGLE_UNITS, LENGTH_UNITS, axes_matrix, axes_words
 from lrm_math.arrays import Array
 from lrm_math.model.reading import Reading
 
@@ -142,9 +142,8 @@ def with_unit(before: Hypothesis, unit: str, factor: float) -> Hypothesis:
     """The hypothesis that the positions are in another unit; `factor`: how much longer they then are."""
     if factor == 1.0:
         return before
-    return replace(
-        before.also(f"the positions look like {UNIT_NAMES[unit]}", SIMPLE, unit=unit), tcp=before.tcp * factor
-    )
+    other = before.also(f"the positions look like {UNIT_NAMES[unit]}", SIMPLE, unit=unit)
+    return replace(other, tcp=before.tcp * factor)
 
 
 def nearest_unit(now: str, scale: float, tolerance: float) -> tuple[str, float] | None:
@@ -177,11 +176,6 @@ def _axes_in_words(turn: Array) -> str:
     if len(moved) == 2 and not any(word[0] == "-" for word in words):
         return f"{moved[0]} and {moved[1]} look swapped"
     return "the axes look turned" if np.linalg.det(turn) > 0 else "the axes look swapped and mirrored"
-
-
-def with_arm_frame(before: Hypothesis) -> Hypothesis:
-    """The hypothesis that the positions are measured in the frame of the arm file."""
-    return before.also("the positions look measured in the frame of the arm file", SIMPLE, frame="arm")
 
 
 def with_free_frame(before: Hypothesis, mirrored: bool) -> Hypothesis:

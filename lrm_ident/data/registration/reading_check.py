@@ -13,16 +13,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from lrm_ident.data.apply_reading import axes_matrix, axes_words, rigid_motion
+from lrm_ident.data.measurement_file.conventions import axes_matrix, axes_words, rigid_motion
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.registration.coarse_fit import coarse_fit, trimmed_rms
 from lrm_ident.data.registration.hypotheses import (
     COMPOUND,
+    SIMPLE,
     Hypothesis,
     joint_hypotheses,
     nearest_unit,
     one_axis,
-    with_arm_frame,
     with_axes,
     with_free_frame,
     with_unit,
@@ -127,11 +127,10 @@ class PointSet:
 def check_reading(arm: Arm, data: Measurements) -> ReadingCheck | None:
     """Compares measurements with the nominal arm; None if there are too few poses, or all are one."""
     rows = compared_rows(data)
-    data = data.take(rows)
-    one_pose = np.ptp(data.poses.q, axis=0).max(initial=0.0) < SAME_POSE
-    if len(rows) < LEAST_POSES or one_pose or _spread(nominal_tcp(arm, data.poses)) == 0.0:
+    points = PointSet(arm, data.poses.take(rows), data.tcp[rows], data.stated)
+    one_pose = np.ptp(points.poses.q, axis=0).max(initial=0.0) < SAME_POSE
+    if len(rows) < LEAST_POSES or one_pose or _spread(nominal_tcp(arm, points.poses)) == 0.0:
         return None
-    points = PointSet(arm, data.poses, data.tcp, data.stated)
     read = points.scored(points.as_read)
     if read.share <= FLOOR:
         return ReadingCheck(read, (read,))
@@ -163,7 +162,7 @@ def _other_frames(points: PointSet) -> Iterator[Hypothesis]:
     """The arm's own frame, and one that nothing is known of, where a known one may be that of other measurements."""
     if isinstance(points.reading.frame, FrameTable):
         found_in = _before_frame(points).as_read
-        yield with_arm_frame(found_in)
+        yield found_in.also("the positions look measured in the frame of the arm file", SIMPLE, frame="arm")
         yield with_free_frame(found_in, mirrored=False)
 
 

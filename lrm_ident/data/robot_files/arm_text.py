@@ -3,16 +3,23 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
 
-from lrm_math.arm.arm import Arm, Body, Joint, Placement
+from lrm_math.arm.arm import Arm, Placement
 from lrm_math.arm.arm_file import ARM_SCHEMA, GRAM, MM
+from lrm_math.arrays import Array
 from lrm_math.errors import LrmError
 
 ORDER = "Link i: Rz(theta + q) Tz(d) Tx(a) Rx(alpha) Ry(beta) Tz(extra z). Base: T(x, y, z) Rx Ry Rz. Tool: Rx Ry Rz T."
+IN_UNIT: dict[str, Callable[[Array], Array]] = {
+    "mm": lambda lengths: lengths / MM,
+    "g": lambda masses: masses / GRAM,
+    "deg": np.degrees,
+    "s2": np.array,
+}
 
 
 def arm_text(arm: Arm, source: str, comments: Sequence[str] = ()) -> str:
@@ -26,61 +33,31 @@ def arm_text(arm: Arm, source: str, comments: Sequence[str] = ()) -> str:
 
 
 def _lines(arm: Arm, source: str, comments: Sequence[str]) -> Iterator[str]:
+    frames = ["base", *(f"joint{i}" for i in range(1, arm.dof + 1)), "tool"]
     yield from (f"# {comment}" for comment in (*comments, ORDER))
-    yield f'schema = "{ARM_SCHEMA}"'
-    yield f"name = {json.dumps(arm.name)}"
-    yield f"source = {json.dumps(source)}"
-    yield f"gravity_m_per_s2 = {_list(arm.gravity, 1.0)}"
+    yield from _keys(schema=ARM_SCHEMA, name=arm.name, source=source, gravity_m_per_s2=arm.gravity)
     yield from ("", "[base]", *_placement(arm.base))
     for joint in arm.joints:
-        yield from ("", "[[joint]]", *_joint(joint))
+        yield from ("", "[[joint]]", *_keys(name=joint.name or None, theta_deg=joint.theta, d_mm=joint.d, a_mm=joint.a))
+        yield from _keys(alpha_deg=joint.alpha, beta_deg=joint.beta or None, extra_z_mm=joint.extra_z)
+        yield from _keys(limits_deg=(joint.lower, joint.upper))
     yield from ("", "[tool]", *_placement(arm.tool))
     for body in arm.bodies:
-        yield from ("", "[[body]]", *_body(body, arm.dof))
+        yield from ("", "[[body]]", *_keys(name=body.name, mass_g=body.mass, com_mm=body.com))
+        yield from _keys(com_from="near_end" if body.near_end else None, frame=frames[body.frame])
+        yield from _keys(loads_joint=body.loads_joint, carries_payload=body.carries_payload or None)
 
 
 def _placement(p: Placement) -> Iterator[str]:
-    yield from (f"{name}_mm = {_number(getattr(p, name), MM)}" for name in ("x", "y", "z"))
-    yield from (f"{name}_deg = {_degrees(getattr(p, name))}" for name in ("alpha", "beta", "gamma"))
+    yield from _keys(x_mm=p.x, y_mm=p.y, z_mm=p.z, alpha_deg=p.alpha, beta_deg=p.beta, gamma_deg=p.gamma)
 
 
-def _joint(joint: Joint) -> Iterator[str]:
-    if joint.name:
-        yield f"name = {json.dumps(joint.name)}"
-    yield f"theta_deg = {_degrees(joint.theta)}"
-    yield f"d_mm = {_number(joint.d, MM)}"
-    yield f"a_mm = {_number(joint.a, MM)}"
-    yield f"alpha_deg = {_degrees(joint.alpha)}"
-    if joint.beta:
-        yield f"beta_deg = {_degrees(joint.beta)}"
-    if joint.extra_z is not None:
-        yield f"extra_z_mm = {_number(joint.extra_z, MM)}"
-    yield f"limits_deg = [{_degrees(joint.lower)}, {_degrees(joint.upper)}]"
-
-
-def _body(body: Body, dof: int) -> Iterator[str]:
-    frames = ["base", *(f"joint{i}" for i in range(1, dof + 1)), "tool"]
-    yield f"name = {json.dumps(body.name)}"
-    yield f"mass_g = {_number(body.mass, GRAM)}"
-    yield f"com_mm = {_list(body.com, MM)}"
-    if body.near_end:
-        yield 'com_from = "near_end"'
-    yield f'frame = "{frames[body.frame]}"'
-    yield f"loads_joint = {body.loads_joint}"
-    if body.carries_payload:
-        yield "carries_payload = true"
-
-
-def _number(value: float, unit: float) -> str:
-    return repr(float(value / unit) + 0.0)
-
-
-def _degrees(angle: float) -> str:
-    return repr(float(np.degrees(angle)) + 0.0)
-
-
-def _list(values: Sequence[float], unit: float) -> str:
-    return f"[{', '.join(_number(value, unit) for value in values)}]"
+def _keys(**values: str | float | tuple[float, ...] | None) -> Iterator[str]:
+    """Lines of TOML, of keys that have a value (SI), in the unit that ends their names."""
+    for key, value in values.items():
+        if value is not None:
+            in_unit = IN_UNIT.get(key.rpartition("_")[2])
+            yield f"{key} = {json.dumps(value if in_unit is None else (in_unit(np.array(value)) + 0.0).tolist())}"
 
 
 def template(name: str) -> str:

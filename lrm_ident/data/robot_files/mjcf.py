@@ -11,10 +11,9 @@ from xml.etree import ElementTree
 
 import numpy as np
 
-from lrm_ident.data.robot_files.rigid_motion import shift, turn
+from lrm_ident.data.rigid_motion import quaternions, shift, turn
 from lrm_ident.data.robot_files.urdf import numbers
 from lrm_ident.data.robot_files.urdf_export import BALL, ExportedFile, left_out
-from lrm_ident.data.weights.rotations import quaternions
 from lrm_math.arrays import Array
 from lrm_math.model.model import Model
 

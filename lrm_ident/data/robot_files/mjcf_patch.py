@@ -17,13 +17,12 @@ from xml.etree import ElementTree
 import numpy as np
 from numpy.typing import ArrayLike
 
+from lrm_ident.data.rigid_motion import inverse, quaternions
 from lrm_ident.data.robot_files.mjcf import SPRINGS, slot_motions, spring_stiffness
 from lrm_ident.data.robot_files.mjcf_robot import MjcfRobot
-from lrm_ident.data.robot_files.rigid_motion import inverse
 from lrm_ident.data.robot_files.urdf import Urdf, UrdfJoint, parse_urdf
 from lrm_ident.data.robot_files.urdf_arm import choose_tip
 from lrm_ident.data.robot_files.urdf_export import CALIBRATED, ExportedFile, corrected_urdf, left_out, rigid_part
-from lrm_ident.data.weights.rotations import quaternions
 from lrm_math.arrays import Array
 from lrm_math.model.model import Model
 
@@ -56,7 +55,7 @@ def patched_mjcf(
     for joint in path:
         _place(own, joint)
     if f"{tip}{CALIBRATED}" in corrected.joints:
-        behind = own.anchor(own.body(tip)) @ corrected.joints[f"{tip}{CALIBRATED}"].origin
+        behind = own.anchor(own.bodies[tip]) @ corrected.joints[f"{tip}{CALIBRATED}"].origin
         own.spec_body(tip).add_site(name=f"{tip}{CALIBRATED}", **_placed(behind))
     lost = (*_servos(model, own, path), *weigh(model, own, corrected, path), *left_out(model, HELD))
     text = _text(own, output, _add_springs(model, own, path))
@@ -87,9 +86,9 @@ def _place(own: MjcfRobot, joint: UrdfJoint) -> None:
     before = own.robot.joints[joint.child].origin
     if np.abs(before - joint.origin).max() < UNCHANGED:
         return
-    stands = own.anchor(own.body(joint.parent)) @ joint.origin
-    if own.is_body(joint.child):
-        child = own.body(joint.child)
+    stands = own.anchor(own.bodies[joint.parent]) @ joint.origin
+    if joint.child in own.bodies:
+        child = own.bodies[joint.child]
         stands = stands @ inverse(own.zero(child)) @ inverse(own.anchor(child))
         element = own.spec_body(joint.child)
     else:
@@ -125,7 +124,7 @@ def _servos(model: Model, own: MjcfRobot, path: Sequence[UrdfJoint]) -> Iterator
             own.spec.joint(joint.name).solimp_friction[:2] = HARDEST
         if b > 0.0:
             _add_hinge(
-                own, joint.child, f"{joint.name}_play", own.anchor(own.body(joint.child))[:3, 3], joint.axis, play=b
+                own, joint.child, f"{joint.name}_play", own.anchor(own.bodies[joint.child])[:3, 3], joint.axis, play=b
             )
 
 
@@ -143,10 +142,10 @@ def _add_springs(model: Model, own: MjcfRobot, path: Sequence[UrdfJoint]) -> dic
             continue
         if bends_own_weight(model, k) or number == len(turning):
             joint, stands = turning[number - 1], carriers[number - 1]
-            local = own.anchor(own.body(joint.child)) @ inverse(stands) @ places[k]
+            local = own.anchor(own.bodies[joint.child]) @ inverse(stands) @ places[k]
         else:
             joint, stands = turning[number], carriers[number]
-            child = own.body(joint.child)
+            child = own.bodies[joint.child]
             local = own.anchor(child) @ own.zero(child) @ inverse(stands) @ places[k]
             ahead.setdefault(joint.name, []).append(slot.key)
         _add_hinge(own, joint.child, slot.key, local[:3, 3], local[:3, slot.axis], stiffness=stiffness)
@@ -165,7 +164,7 @@ def _add_hinge(
         hinge.solref_limit[0], hinge.solimp_limit[:2] = QUICK_S, HARDEST
     hinge.stiffness = _linear(stiffness, hinge.stiffness)
     hinge.damping = _linear(PLAY_DAMPING if play else SPRING_DAMPING, hinge.damping)
-    if own.compiled.body_subtreemass[own.body(link)] <= 0.0:
+    if own.compiled.body_subtreemass[own.bodies[link]] <= 0.0:
         body.mass, body.inertia, body.explicitinertial = LEAST_MASS, np.full(3, LEAST_INERTIA), True
 
 
@@ -216,7 +215,7 @@ def weigh(model: Model, own: MjcfRobot, robot: Urdf, path: Sequence[UrdfJoint]) 
     onward = [*links[1:], ""]
     for number, (link, stands, without) in enumerate(zip(links, carriers_of(path), onward, strict=True), start=1):
         parts = [(name, where, robot.links[name]) for name, where in robot.carried_by(link, without)]
-        heavy = [(name, where, mass) for name, where, mass in parts if mass is not None and own.is_body(name)]
+        heavy = [(name, where, mass) for name, where, mass in parts if mass is not None and name in own.bodies]
         has = sum((mass.mass * (where @ np.array([*mass.com, 1.0])) for _, where, mass in heavy), np.zeros(4))
         lacks = inverse(stands) @ moments[number] - has
         if np.abs(lacks).max() < SAME:
@@ -240,7 +239,7 @@ def _moments(model: Model) -> dict[int, Array]:
 
 
 def _set_mass(own: MjcfRobot, link: str, moment: Array) -> None:
-    number, body = own.body(link), own.spec_body(link)
+    number, body = own.bodies[link], own.spec_body(link)
     compiled = own.compiled
     body.mass, body.ipos = float(moment[3]), moment[:3] / moment[3] + own.anchor(number)[:3, 3]
     body.inertia, body.iquat = compiled.body_inertia[number], compiled.body_iquat[number]

@@ -14,9 +14,8 @@ from xml.etree import ElementTree
 
 import numpy as np
 
-from lrm_ident.data.robot_files.rigid_motion import homogeneous, inverse, shift, turn
+from lrm_ident.data.rigid_motion import homogeneous, inverse, rotation_matrix, shift, turn
 from lrm_ident.data.robot_files.urdf import Urdf, append_joint, numbers, parse_urdf
-from lrm_ident.data.weights.rotations import rotation_matrix
 from lrm_math.arrays import Array
 from lrm_math.errors import FileError, LrmError
 
@@ -27,40 +26,49 @@ SEVERAL = "compound"
 
 @dataclass(frozen=True, eq=False)
 class MjcfRobot:
-    """A robot as MuJoCo has it. `spec`, `compiled`: MuJoCo's own; `robot`: its links and joints."""
+    """A robot as MuJoCo has it: `spec` and `compiled` are MuJoCo's own."""
 
     path: Path
     spec: Any
     compiled: Any
-    robot: Urdf
-
-    def is_body(self, link: str) -> bool:
-        """Whether a link is a body; else it is a site."""
-        return link in self._bodies
-
-    def body(self, link: str) -> int:
-        """Number of a link's body."""
-        return self._bodies[link]
-
-    def spec_body(self, link: str) -> Any:
-        """The body as MuJoCo's `MjSpec` has it."""
-        return self._spec_bodies[self.body(link)]
 
     @cached_property
-    def _bodies(self) -> dict[str, int]:
-        return {_link(self.compiled, body): body for body in range(self.compiled.nbody)}
+    def robot(self) -> Urdf:
+        """Its links and joints. Raises `FileError`."""
+        return _as_links(self)
+
+    @cached_property
+    def bodies(self) -> dict[str, int]:
+        """The links that are bodies, all others are sites, and their numbers."""
+        return {self.link(body): body for body in range(self.compiled.nbody)}
+
+    def link(self, body: int) -> str:
+        """The link that a body is."""
+        return str(self.compiled.body(body).name or f"body{body}")
 
     @cached_property
     def _spec_bodies(self) -> dict[int, Any]:
         return {body.id: body for body in self.spec.bodies}
 
+    def spec_body(self, link: str) -> Any:
+        """The body as MuJoCo's `MjSpec` has it."""
+        return self._spec_bodies[self.bodies[link]]
+
+    def hinge(self, body: int) -> int | None:
+        """Number of the joint of a body, of its first one."""
+        return int(self.compiled.body_jntadr[body]) if self.compiled.body_jntnum[body] else None
+
     def anchor(self, body: int) -> Array:
         """(4, 4), a link's frame in its body's: where its joint is, none: the body's own."""
-        return _anchor(self.compiled, body)
+        joint = self.hinge(body)
+        return np.eye(4) if joint is None else shift(self.compiled.jnt_pos[joint].tolist())
 
     def zero(self, body: int) -> Array:
         """(4, 4), turn of a joint from the angle that the file draws it at to zero."""
-        return _zero(self.compiled, body)
+        joint, own = self.hinge(body), self.compiled
+        if joint is None or KINDS[int(own.jnt_type[joint])] != "revolute":
+            return np.eye(4)
+        return turn(own.jnt_axis[joint].tolist(), -float(own.qpos0[own.jnt_qposadr[joint]]))
 
 
 def read_mjcf(path: Path) -> MjcfRobot:
@@ -76,33 +84,35 @@ def read_mjcf(path: Path) -> MjcfRobot:
         compiled = spec.compile()
     except (ValueError, mujoco.FatalError) as error:
         raise FileError(path, "", f"MuJoCo: {' '.join(str(error).split())}") from None
-    return MjcfRobot(path, spec, compiled, _as_links(path, compiled))
+    return MjcfRobot(path, spec, compiled)
 
 
-def _as_links(path: Path, compiled: Any) -> Urdf:
-    tree = ElementTree.Element("robot", name=path.stem)
+def _as_links(own: MjcfRobot) -> Urdf:
+    tree, compiled = ElementTree.Element("robot", name=own.path.stem), own.compiled
     for body in range(compiled.nbody):
-        link = ElementTree.SubElement(tree, "link", name=_link(compiled, body))
+        link = ElementTree.SubElement(tree, "link", name=own.link(body))
         if body:
-            _add_mass(link, compiled, body)
-            _add_joint(tree, compiled, body)
-    taken = {link.get("name") for link in tree.findall("link")}
+            _add_mass(link, own, body)
+            _add_joint(tree, own, body)
     for site in range(compiled.nsite):
-        name = compiled.site(site).name
-        if name and name not in taken:
-            body = int(compiled.site_bodyid[site])
+        name, body = compiled.site(site).name, int(compiled.site_bodyid[site])
+        if name and name not in own.bodies:
             ElementTree.SubElement(tree, "link", name=name)
-            stands = homogeneous(rotation_matrix(compiled.site_quat[site]), compiled.site_pos[site])
-            origin = inverse(_anchor(compiled, body)) @ stands
-            append_joint(tree, f"{name}_site", "fixed", _link(compiled, body), name, origin)
-    return parse_urdf(path.with_suffix(".mjcf"), ElementTree.tostring(tree, encoding="unicode"))
+            origin = inverse(own.anchor(body)) @ _pose(compiled.site_quat[site], compiled.site_pos[site])
+            append_joint(tree, f"{name}_site", "fixed", own.link(body), name, origin)
+    return parse_urdf(own.path.with_suffix(".mjcf"), ElementTree.tostring(tree, encoding="unicode"))
 
 
-def _add_joint(tree: ElementTree.Element, compiled: Any, body: int) -> None:
-    parent, joint = int(compiled.body_parentid[body]), _hinge(compiled, body)
-    stands = homogeneous(rotation_matrix(compiled.body_quat[body]), compiled.body_pos[body])
-    origin = inverse(_anchor(compiled, parent)) @ stands @ _anchor(compiled, body) @ _zero(compiled, body)
-    ends = (_link(compiled, parent), _link(compiled, body))
+def _pose(quaternion: Array, position: Array) -> Array:
+    return homogeneous(rotation_matrix(quaternion), position)
+
+
+def _add_joint(tree: ElementTree.Element, own: MjcfRobot, body: int) -> None:
+    compiled, joint = own.compiled, own.hinge(body)
+    parent = int(compiled.body_parentid[body])
+    stands = _pose(compiled.body_quat[body], compiled.body_pos[body])
+    origin = inverse(own.anchor(parent)) @ stands @ own.anchor(body) @ own.zero(body)
+    ends = (own.link(parent), own.link(body))
     if joint is None:
         append_joint(tree, f"{ends[1]}_fixed", "fixed", *ends, origin)
         return
@@ -116,31 +126,10 @@ def _add_joint(tree: ElementTree.Element, compiled: Any, body: int) -> None:
         ElementTree.SubElement(element, "limit", lower=low, upper=high)
 
 
-def _add_mass(link: ElementTree.Element, compiled: Any, body: int) -> None:
-    mass = float(compiled.body_mass[body])
+def _add_mass(link: ElementTree.Element, own: MjcfRobot, body: int) -> None:
+    mass = float(own.compiled.body_mass[body])
     if mass > 0.0:
         inertial = ElementTree.SubElement(link, "inertial")
-        com = compiled.body_ipos[body] - _anchor(compiled, body)[:3, 3]
+        com = own.compiled.body_ipos[body] - own.anchor(body)[:3, 3]
         ElementTree.SubElement(inertial, "origin", xyz=numbers(com))
         ElementTree.SubElement(inertial, "mass", value=repr(mass))
-
-
-def _link(compiled: Any, body: int) -> str:
-    return str(compiled.body(body).name or f"body{body}")
-
-
-def _hinge(compiled: Any, body: int) -> int | None:
-    return int(compiled.body_jntadr[body]) if compiled.body_jntnum[body] else None
-
-
-def _anchor(compiled: Any, body: int) -> Array:
-    joint = _hinge(compiled, body)
-    return np.eye(4) if joint is None else shift(compiled.jnt_pos[joint].tolist())
-
-
-def _zero(compiled: Any, body: int) -> Array:
-    joint = _hinge(compiled, body)
-    if joint is None or KINDS[int(compiled.jnt_type[joint])] != "revolute":
-        return np.eye(4)
-    drawn_at = float(compiled.qpos0[compiled.jnt_qposadr[joint]])
-    return turn(compiled.jnt_axis[joint].tolist(), -drawn_at)

@@ -12,8 +12,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from xml.etree import ElementTree
 
-from lrm_ident.data.robot_files.lerobot_calibration import COUNTS
-from lrm_ident.data.robot_files.zero_offsets import check_names, zero_offsets
+from lrm_ident.data.robot_files.lerobot_calibration import COUNTS, check_names, zero_offsets
 from lrm_math.errors import FileError
 from lrm_math.model.model import Model
 from lrm_math.text_file import read_utf8

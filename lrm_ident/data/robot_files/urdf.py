@@ -11,7 +11,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 
-from lrm_ident.data.robot_files.rigid_motion import from_xyz_rpy, shift, to_xyz_rpy, turn
+from lrm_ident.data.rigid_motion import from_xyz_rpy, shift, to_xyz_rpy, turn
 from lrm_math.arrays import Array, Vector3
 from lrm_math.errors import FileError, name_suggestion
 from lrm_math.text_file import read_utf8

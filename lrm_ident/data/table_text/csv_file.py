@@ -1,29 +1,42 @@
-"""CSV files with a header, as spreadsheets and trackers write them: delimiter, decimal comma, comment lines.
+"""Tables with a header, as spreadsheets and trackers write them: encoding, delimiter, decimal comma, comment lines.
 
-An Excel export may begin with a line `sep=;`, and has decimal commas and semicolons on computers whose language writes
-numbers so.
+An Excel export may begin with a byte order mark or a line `sep=;`, is UTF-16 if saved as Unicode text, and has decimal
+commas and semicolons on computers whose language writes numbers so. Of a workbook the first sheet is read.
 """
 
 from __future__ import annotations
 
 import csv
+import hashlib
 import re
-from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from lrm_ident.data.table_text.file_text import read_text
-from lrm_ident.data.wording import enumerate_words
+from lrm_ident.data.table_text.workbook import sheet_text
 from lrm_math.errors import FileError
+from lrm_math.text_file import read_content
 
+PACKED = b"PK\x03\x04"
+"""Begin of a packed file, as .xlsx is."""
+OLD_EXCEL = b"\xd0\xcf\x11\xe0"
+UTF_16 = (b"\xff\xfe", b"\xfe\xff")
+NO_TEXT = re.compile("[\x00-\x08\x0e-\x1f\ufffd]")
 DELIMITERS = (";", "\t", ",")
 COMMENT = ("#", "%", "//")
-MOST_LISTED = 12  # columns that are there, beside one that is missing
 DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+(?:[eE][+-]?\d+)?")
 THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2}(?:,\d{3})+")
 """A number with commas that may divide thousands as well."""
 TOOL_SCHEMA = re.compile(r"""^\s*"?schema"?\s*[=:]\s*"(lrm/\w+)/""", re.MULTILINE)
+
+
+@dataclass(frozen=True)
+class FileText:
+    """Text of a file; `sha256`: of its bytes. `notices`: what a person should know of how it was read."""
+
+    text: str
+    sha256: str
+    notices: tuple[str, ...]
 
 
 @dataclass(frozen=True)
@@ -58,30 +71,25 @@ class CsvTable:
         return tuple(column.name for column in self.columns)
 
 
-def read_csv(path: Path, required: Sequence[str]) -> CsvTable:
-    """Reads a CSV file with a header whose names are ours, in any capitals.
-
-    Raises `FileError`: no such file, a missing or doubled column, a row with too few or too many cells, no rows.
-    """
-    return require(read_table(path), required)
-
-
-def require(table: CsvTable, required: Sequence[str]) -> CsvTable:
-    """The table, its required columns named as requested. Raises `FileError`: a missing or doubled column, no rows."""
-    ours = {name.lower(): name for name in required}
-    columns = tuple(replace(column, name=ours.get(column.name.lower(), column.name)) for column in table.columns)
-    times_there = Counter(column.name for column in columns)
-    missing = [name for name in required if name not in times_there]
-    if missing:
-        there = enumerate_words([column.name for column in columns], MOST_LISTED)
-        right = f"required: {', '.join(required)}; there are: {there}"
-        raise FileError(table.path, "header", f"missing column {missing[0]}", right)
-    twice = [name for name, count in times_there.items() if count > 1 and name]
-    if twice:
-        raise FileError(table.path, "header", f"column {twice[0]} stands twice")
-    if not table.rows:
-        raise FileError(table.path, "", "no rows below the header")
-    return replace(table, columns=columns)
+def read_text(path: Path) -> FileText:
+    """Text in UTF-8, in UTF-16 with its mark, or else in Windows-1252 (Latin-1 and more). Raises `FileError`."""
+    content = read_content(path)
+    sha256 = hashlib.sha256(content).hexdigest()
+    if content.startswith(PACKED):
+        return FileText(sheet_text(path, content), sha256, ("read from the first sheet of the workbook",))
+    if content.startswith(OLD_EXCEL):
+        raise FileError(path, "", "an Excel file of before 2007", "save it as .xlsx or as CSV")
+    notices = []
+    try:
+        text = content.decode("utf-16", "replace") if content.startswith(UTF_16) else content.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        text = content.decode("cp1252", "replace")
+        notices.append("read as Windows-1252 (Latin-1), as it is not UTF-8")
+    if NO_TEXT.search(text):
+        raise FileError(path, "", "is no text", "a table: CSV, or an Excel workbook (.xlsx)")
+    if not text.endswith("\n"):
+        notices.append("the last line does not end; is the file complete?")
+    return FileText(text, sha256, tuple(notices))
 
 
 def read_table(path: Path) -> CsvTable:

@@ -7,6 +7,7 @@ import io
 import re
 from collections.abc import Iterator
 from datetime import datetime, timedelta
+from functools import reduce
 from pathlib import Path
 from xml.etree import ElementTree
 from zipfile import BadZipFile, ZipFile
@@ -33,12 +34,11 @@ def sheet_text(path: Path, content: bytes) -> str:
                 raise FileError(path, "", "the workbook is too large", "save the sheet as CSV")
             shared, dates = list(_shared(parts)), _date_styles(parts)
             first = _part(parts, "xl/workbook.xml").find(f"{SPACE}sheets/{SPACE}sheet")
-            links = _part(parts, "xl/_rels/workbook.xml.rels")
-            name = next(
-                link.get("Target", "") for link in links if first is not None and link.get("Id") == first.get(RELATION)
-            )
+            own = None if first is None else first.get(RELATION)
+            links = {link.get("Id"): link.get("Target", "") for link in _part(parts, "xl/_rels/workbook.xml.rels")}
+            name = links[own]
             sheet = _part(parts, name.lstrip("/") if name.startswith("/") else f"xl/{name}")
-    except (BadZipFile, KeyError, StopIteration, ElementTree.ParseError, ValueError, IndexError) as error:
+    except (BadZipFile, KeyError, ElementTree.ParseError, ValueError, IndexError) as error:
         raise FileError(
             path, "", f"looks packed, but is no readable Excel workbook ({error})", "save it as CSV"
         ) from None
@@ -80,10 +80,7 @@ def _rows(sheet: ElementTree.Element, shared: list[str], dates: set[str]) -> Ite
 
 
 def _column(letters: str) -> int:
-    number = 0
-    for letter in letters:
-        number = number * 26 + ord(letter) - ord("A") + 1
-    return number - 1
+    return reduce(lambda number, letter: number * 26 + ord(letter) - ord("A") + 1, letters, 0) - 1
 
 
 def _value(cell: ElementTree.Element, shared: list[str], dates: set[str]) -> str:

@@ -9,7 +9,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from lrm_ident.data.weights.row_weights import RowWeights
+from lrm_ident.data.weights.whitening import RowWeights
 from lrm_ident.diagnosis.screening.candidates import Candidate
 from lrm_ident.diagnosis.screening.column_sets import ColumnSets, columns_of, side_by_side, stacks_of
 from lrm_ident.diagnosis.screening.column_spaces import orthonormal_basis, projected_rank

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lrm_ident.data.measurements import Measurements
-from lrm_ident.data.weights.row_weights import RowWeights
+from lrm_ident.data.weights.whitening import RowWeights
 from lrm_ident.diagnosis.screening.candidates import differentiate_candidates, split_testable, unfitted_effects
 from lrm_ident.diagnosis.screening.column_sets import ColumnSets
 from lrm_ident.diagnosis.screening.linearised_fit import LinearisedFit, linearise

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator
 import numpy as np
 
 from lrm_ident.data.measurements import Measurements
-from lrm_ident.data.weights.row_weights import RowWeights
+from lrm_ident.data.weights.whitening import RowWeights
 from lrm_ident.diagnosis.symbolic_regression.grammar import Law, extensions_at, laws_at, quantities_at
 from lrm_ident.diagnosis.symbolic_regression.search import LawColumns
 from lrm_ident.fitting.levenberg_marquardt import Fit

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from lrm_ident.data.error_stats import ErrorStats, error_stats
 from lrm_ident.data.measurements import Measurements
-from lrm_ident.data.weights.row_weights import RowWeights
+from lrm_ident.data.weights.whitening import RowWeights
 from lrm_ident.data.wording import in_mm, p_words
 from lrm_ident.diagnosis.add_effect import add_effects
 from lrm_ident.diagnosis.screening.screen import linearised

@@ -10,8 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from lrm_ident.data.robot_files.rigid_motion import homogeneous
-from lrm_ident.data.weights.rotations import skew
+from lrm_ident.data.rigid_motion import homogeneous, skew
 from lrm_ident.measuring.camera.board import CharucoBoard, Corners, RejectedPhoto, find_corners
 from lrm_ident.measuring.camera.capture import Picture
 from lrm_ident.measuring.camera.lens import Lens

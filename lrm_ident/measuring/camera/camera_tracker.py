@@ -8,7 +8,7 @@ from typing import Self
 
 import numpy as np
 
-from lrm_ident.data.robot_files.rigid_motion import inverse
+from lrm_ident.data.rigid_motion import inverse
 from lrm_ident.measuring.camera.board import CharucoBoard, RejectedPhoto
 from lrm_ident.measuring.camera.board_pose import find_board
 from lrm_ident.measuring.camera.capture import PhotoSource, Picture, open_camera

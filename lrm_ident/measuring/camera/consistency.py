@@ -13,8 +13,7 @@ from functools import cached_property
 
 import numpy as np
 
-from lrm_ident.data.robot_files.rigid_motion import inverse
-from lrm_ident.data.weights.rotations import skew
+from lrm_ident.data.rigid_motion import inverse, skew
 from lrm_ident.data.weights.whitening import root_of
 from lrm_ident.measuring.camera.board_pose import BoardPose
 from lrm_ident.measuring.camera.hand_eye import HandEye

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
-from lrm_ident.data.robot_files.rigid_motion import homogeneous, inverse
+from lrm_ident.data.rigid_motion import homogeneous, inverse
 from lrm_ident.measuring.camera.board_pose import BoardPose
 from lrm_ident.measuring.camera.opencv import opencv
 from lrm_math.arrays import Array

@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from lrm_ident.data.apply_reading import frame_motion, frame_table
+from lrm_ident.data.measurement_file.conventions import frame_motion, frame_table
 from lrm_ident.data.measurements import Measurements
-from lrm_ident.data.robot_files.rigid_motion import inverse, placement_motion
+from lrm_ident.data.rigid_motion import inverse, placement_motion
 from lrm_ident.data.weights.whitening import Whitening, position_sd, whitening_of
 from lrm_ident.fitting.identifiability import fit_identifiable
 from lrm_ident.fitting.model_fit import nominal_model

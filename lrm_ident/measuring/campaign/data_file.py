@@ -15,7 +15,7 @@ from typing import Self
 import tomli_w
 
 from lrm_ident.data.atomic_write import write_text
-from lrm_ident.data.measurement_file.metadata import Metadata
+from lrm_ident.data.measurement_file.conventions import Metadata
 from lrm_ident.data.measurement_file.write import metadata_toml
 from lrm_ident.data.table_text.csv_file import read_table
 from lrm_ident.measuring.campaign.plan import PlannedPose

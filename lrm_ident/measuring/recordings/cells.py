@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from lrm_ident.data.table_text.file_text import read_text
+from lrm_ident.data.table_text.csv_file import read_text
 from lrm_math.arrays import Array
 from lrm_math.errors import FileError
 

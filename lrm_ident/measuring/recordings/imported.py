@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from lrm_ident.data.apply_reading import read_positions
+from lrm_ident.data.measurement_file.conventions import read_positions
 from lrm_ident.data.measurement_file.load import load_pose_table
 from lrm_ident.data.measurement_file.write import StatedQuantity, csv_text, quantity_columns
 from lrm_ident.measuring.recordings.cells import read_cells

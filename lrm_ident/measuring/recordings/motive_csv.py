@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from lrm_ident.data.apply_reading import LENGTH_UNITS
+from lrm_ident.data.measurement_file.conventions import LENGTH_UNITS
 from lrm_ident.measuring.recordings.cells import Cells, column_numbers
 from lrm_ident.measuring.recordings.take import BodyTrack, RecordedTake, matrices
 from lrm_math.arrays import Array

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from lrm_ident.data.weights.rotations import rotation_matrix
+from lrm_ident.data.rigid_motion import rotation_matrix
 from lrm_ident.measuring.tracker.frames import TargetNumbers, TargetPose, TrackerFrame
 from lrm_math.arrays import Array
 from lrm_math.errors import FileError, UnknownName

@@ -9,8 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from lrm_ident.data.measurement_file.number_table import numbers_of
-from lrm_ident.data.table_text.csv_file import read_csv
+from lrm_ident.data.measurement_file.number_table import numbers_of, read_csv
 from lrm_ident.design.candidate_poses import ClearanceRules, violated_rules
 from lrm_ident.design.workspace.presets import default_study
 from lrm_ident.design.workspace.voxel_grid import Area, parse_area

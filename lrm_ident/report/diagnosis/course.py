@@ -16,8 +16,8 @@ from lrm_ident.report.document import Block, Document, heading
 from lrm_ident.report.fit import error_blocks, parameter_table
 from lrm_ident.residual.error_breakdown import HeldOutResidual, NestedResidual
 from lrm_ident.residual.residual_structure import noise_floor
-from lrm_ident.study.error_summary import ErrorSummary
 from lrm_ident.study.field_step import WHAT_IT_IS
+from lrm_ident.study.model_on_data import ErrorSummary
 from lrm_ident.study.step import StudyStep
 from lrm_math.model.deployed_model import field_of
 

@@ -43,7 +43,7 @@ def task_for(dropped: DroppedFiles, now: OpenFiles | None) -> OpenTask:
     if data is None:
         raise FileError(dropped.model or dropped.arm, "", "there are no measurements yet", "drop a .csv with it")
     if dropped.data is not None and dropped.model is None and dropped.arm is None and now is not None:
-        from lrm_ident.data.measurement_file.metadata import (
+        from lrm_ident.data.measurement_file.conventions import (
             metadata_of,  # here, since the page would wait for all that it needs
         )
 

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from lrm_ident.data.atomic_write import write_text
 from lrm_ident.data.error_stats import error_stats
-from lrm_ident.data.measurement_file.metadata import arm_for
+from lrm_ident.data.measurement_file.conventions import arm_for
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.wording import in_mm
 from lrm_ident.diagnosis.auto import AutoStep

@@ -13,8 +13,7 @@ import tomli_w
 
 from examples.so101.hidden_arm import ARM_FILE, hidden_truth
 from examples.so101.launch import simulated_camera, simulated_so101, simulated_tracker
-from lrm_ident.data.measurement_file.number_table import numbers_of
-from lrm_ident.data.table_text.csv_file import read_csv
+from lrm_ident.data.measurement_file.number_table import numbers_of, read_csv
 from tests.conftest import ROOT
 from tests.support.commands import run_command
 from validation.lerobot_robot.fitted_model import fit_hidden

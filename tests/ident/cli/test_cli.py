@@ -11,8 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from lrm_ident.data.measurement_file.number_table import numbers_of
-from lrm_ident.data.table_text.csv_file import read_csv
+from lrm_ident.data.measurement_file.number_table import numbers_of, read_csv
 from tests.conftest import EXAMPLE, ROOT
 from tests.support.commands import stdout_of
 from validation import synthetic

@@ -166,8 +166,7 @@ def test_measurement_files(
 
 @given(st.lists(st.tuples(finite, finite), min_size=1, max_size=20))
 def test_tables_keep_their_digits(tmp_path_factory: pytest.TempPathFactory, rows: list[tuple[float, float]]) -> None:
-    from lrm_ident.data.measurement_file.number_table import numbers_of
-    from lrm_ident.data.table_text.csv_file import read_csv
+    from lrm_ident.data.measurement_file.number_table import numbers_of, read_csv
 
     columns = np.array(rows)
     path = tmp_path_factory.mktemp("table") / "t.csv"

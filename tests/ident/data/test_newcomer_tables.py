@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 from lrm_ident.data.measurement_file.load import load_measurements
 from lrm_ident.data.registration.checked import Misread, load_checked
-from lrm_ident.data.table_text.file_text import read_text
+from lrm_ident.data.table_text.csv_file import read_text
 from lrm_ident.data.table_text.workbook import sheet_text
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_file import load_arm, read_arm

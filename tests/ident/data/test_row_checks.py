@@ -16,8 +16,8 @@ from lrm_ident.data.measurement_file.load import load_measurements
 from lrm_ident.data.measurement_file.write import csv_text, measurements_csv
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.registration.checked import load_checked
+from lrm_ident.data.rigid_motion import quaternions
 from lrm_ident.data.weights.model_error import additional_sd, with_model_error
-from lrm_ident.data.weights.rotations import quaternions
 from lrm_ident.fitting.cross_validation import held_out_residual
 from lrm_ident.fitting.identifiability import lost_to_outliers
 from lrm_ident.fitting.loss import SQUARED

@@ -13,9 +13,9 @@ from hypothesis import strategies as st
 
 from lrm_ident.data.measurement_file.load import load_measurements
 from lrm_ident.data.measurements import Measurements
+from lrm_ident.data.rigid_motion import rotation_matrix
 from lrm_ident.data.servo_stiffness import GRAVITY, ServoTest, load_servo_test, stiffness
 from lrm_ident.data.tracker_alignment import TrackerReadings, align, mean_quaternion, measurements_from
-from lrm_ident.data.weights.rotations import rotation_matrix
 from lrm_ident.fitting.identifiability import fit_identifiable
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_file import load_arm, shipped_arms

@@ -13,9 +13,8 @@ import pytest
 
 from lrm_ident.data.measurement_file.commanded_poses import directions
 from lrm_ident.data.measurement_file.load import load_poses
-from lrm_ident.data.measurement_file.number_table import numbers_of
+from lrm_ident.data.measurement_file.number_table import numbers_of, read_csv
 from lrm_ident.data.measurements import Measurements
-from lrm_ident.data.table_text.csv_file import read_csv
 from lrm_ident.design.candidate_poses import ClearanceRules, candidate_grid, parse_levels, violated_rules
 from lrm_ident.design.discrimination import TARGET_POWER, TEST_LEVEL, discrimination_of
 from lrm_ident.design.pose_design import DesignProblem, PoseDesign, _distinct, _from_both_sides, design

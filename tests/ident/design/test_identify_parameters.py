@@ -10,8 +10,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from lrm_ident.data.measurement_file.number_table import read_csv
 from lrm_ident.data.measurements import Measurements
-from lrm_ident.data.table_text.csv_file import read_csv
 from lrm_ident.design.observability import identification_jacobian, observability
 from lrm_ident.design.parameter_elimination import eliminate
 from lrm_ident.fitting.parameter_sets import TABLE_4_5, THESIS_OPTIONS

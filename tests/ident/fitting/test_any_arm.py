@@ -18,7 +18,7 @@ from lrm_ident.fitting.loss import SQUARED
 from lrm_ident.fitting.model_fit import fit_model, nominal_model
 from lrm_ident.report.fit import fit_document
 from lrm_ident.residual.error_breakdown import HeldOutResidual
-from lrm_ident.study.error_summary import ErrorSummary
+from lrm_ident.study.model_on_data import ErrorSummary
 from lrm_math.arm.arm import Arm
 from lrm_math.kinematics.poses import Poses
 from lrm_math.model.equilibrium import equilibrium

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from lrm_ident.data.weights.row_weights import RowWeights
+from lrm_ident.data.weights.whitening import RowWeights
 from lrm_ident.diagnosis.diagnose import Diagnosis
 from lrm_ident.diagnosis.diagnosis_report import RankedCandidate
 from lrm_ident.diagnosis.screening.score_test import ScoredCandidate

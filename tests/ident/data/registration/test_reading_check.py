@@ -13,7 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import lrm_ident as lrm
-from lrm_ident.data.apply_reading import (
+from lrm_ident.data.measurement_file.conventions import (
     axes_matrix,
     axes_words,
     frame_table,

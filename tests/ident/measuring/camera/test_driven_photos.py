@@ -15,7 +15,7 @@ import pytest
 
 pytest.importorskip("cv2", reason="OpenCV is not installed (extra 'camera')")
 
-from lrm_ident.data.apply_reading import frame_table
+from lrm_ident.data.measurement_file.conventions import frame_table
 from lrm_ident.data.measurement_file.load import load_poses
 from lrm_ident.measuring.camera.camera_tracker import CameraTracker, camera_tracker
 from lrm_ident.measuring.camera.capture import Picture, open_camera

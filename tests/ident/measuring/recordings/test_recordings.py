@@ -14,8 +14,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from lrm_ident.data.measurement_file.number_table import numbers_of
-from lrm_ident.data.table_text.csv_file import read_csv
+from lrm_ident.data.measurement_file.number_table import numbers_of, read_csv
 from lrm_ident.measuring.recordings.cells import read_cells
 from lrm_ident.measuring.recordings.motive_csv import is_motive, read_motive
 from lrm_ident.measuring.recordings.published_mat import read_mat_positions
