@@ -26,7 +26,7 @@ class GrowingCsv(AbstractContextManager["GrowingCsv"]):
     def __init__(self, path: Path, tool: int) -> None:
         """Raises `FileError`: no such file, or no such columns."""
         self.garbage = 0
-        self._path, self._tool, self._line, self._part = path, tool, 0, ""
+        self._tool, self._line, self._part = tool, 0, ""
         try:
             self._file = path.open(encoding="utf-8", errors="replace", newline="")
         except OSError as error:

@@ -14,12 +14,11 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from examples.demo.simulated_tracker import dtrack_text
-from lrm_ident.measuring.tracker.dtrack import parse_dtrack
+from lrm_ident.measuring.tracker.dtrack import UdpTracker, parse_dtrack
 from lrm_ident.measuring.tracker.dwell import RestMean, UnstableDwell, rest_mean
 from lrm_ident.measuring.tracker.frames import TargetNumbers, TargetPose, TrackerFrame, tip_position
 from lrm_ident.measuring.tracker.growing_csv import GrowingCsv
 from lrm_ident.measuring.tracker.source import open_tracker
-from lrm_ident.measuring.tracker.udp import UdpTracker
 from lrm_math.errors import LrmError
 
 coordinate = st.floats(-50.0, 50.0)
