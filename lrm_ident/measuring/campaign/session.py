@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import threading
+import math
 import time
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, ExitStack, contextmanager
@@ -13,11 +13,10 @@ from typing import TypeAlias
 
 from lrm_ident.design.adaptive_batch import StoppingGoal
 from lrm_ident.measuring.campaign.adaptive import AdaptiveCampaign
-from lrm_ident.measuring.campaign.data_file import CampaignHead, DataFile
+from lrm_ident.measuring.campaign.data_file import DataFile
 from lrm_ident.measuring.campaign.lerobot_robot import KIND as LEROBOT
 from lrm_ident.measuring.campaign.lerobot_robot import LeRobotServos, connected_robot
 from lrm_ident.measuring.campaign.plan import CampaignPlan, lightest
-from lrm_ident.measuring.campaign.release_key import asked_for_release, release_key
 from lrm_ident.measuring.campaign.rover_arm import DaemonSolver, RoverArm
 from lrm_ident.measuring.campaign.run import (
     CampaignArm,
@@ -30,7 +29,7 @@ from lrm_ident.measuring.campaign.run import (
 from lrm_ident.measuring.campaign.servo_arm import ServoArm, Servos
 from lrm_ident.measuring.servo_bus.dynamixel import DYNAMIXEL
 from lrm_ident.measuring.servo_bus.feetech import FEETECH
-from lrm_ident.measuring.servo_bus.servos import connected_bus
+from lrm_ident.measuring.servo_bus.servos import asked_for_release, connected_bus, release_key
 from lrm_ident.measuring.tracker.dtrack import parse_dtrack
 from lrm_ident.measuring.tracker.frames import TargetNumbers, Tracker, TrackerFrame
 from lrm_ident.measuring.tracker.source import OpenTracker, open_tracker
@@ -116,8 +115,9 @@ def measure(order: CampaignOrder, plan: CampaignPlan, output: Path, goal: Stoppi
             raise LrmError(f"{order.arm_name} has {order.arm.dof} joints, {driven.robot} has {driven.joints}")
         first = first_frame(tracker, order.tracker)
         source = f"lrm-ident measure: {driven.robot}, {order.tracker}"
-        head = CampaignHead(order.arm_name, source, driven.start, plan.sha256, first.t, driven.power_on)
-        driven.arm.session = file.begin(head)
+        start = [round(math.degrees(q), 6) for q in driven.start]
+        about = {"start_q_deg": start, "poses_sha256": plan.sha256, "t0_s": first.t}
+        driven.arm.session = file.begin(driven.power_on, order.arm_name, source, **about)
         rest = lightest(plan.poses, order.arm)
         campaign = PoseCampaign(driven.arm, tracker, order.numbers, clock, order.timing, rest, order.on_progress)
         if goal is None:
@@ -205,7 +205,7 @@ class ZenohTracker(AbstractContextManager["ZenohTracker"]):
     def frames(self, seconds: float) -> list[TrackerFrame]:
         """See `Tracker`."""
         self._frames = []
-        threading.Event().wait(seconds)
+        time.sleep(seconds)
         return list(self._frames)
 
     def _received(self, data: bytes) -> None:
