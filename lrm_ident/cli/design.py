@@ -31,7 +31,7 @@ from lrm_ident.fitting.effect_plugins import catalogue_with
 from lrm_ident.fitting.executors import executor_for, in_this_process
 from lrm_ident.fitting.identifiability import fit_identifiable
 from lrm_ident.fitting.parameter_sets import TABLE_4_5, fittable, select_parameters
-from lrm_ident.measuring.camera.session import CameraSession, expected_weights, read_session, visible
+from lrm_ident.measuring.camera.session import CameraSession, expected_weights, visible
 from lrm_ident.report.design import choice_document, design_document, pose_table
 from lrm_ident.report.identifiability import elimination_document
 from lrm_ident.report.plots.design import draw_choice, draw_design
@@ -46,6 +46,7 @@ from lrm_math.model.equilibrium import equilibrium
 from lrm_math.model.model import Model
 from lrm_math.model.reading import AS_NAMED, Reading
 from lrm_math.number_list import parse_numbers
+from lrm_math.toml_file import read_toml
 
 
 @command
@@ -164,7 +165,7 @@ def design(
     catalogue = catalogue_with(effects_file)
     names = [name.strip() for name in (separate or "").split(",") if name.strip()]
     rules = ClearanceRules(apart_mm * MM, tip_mm * MM, None if floor_mm is None else floor_mm * MM)
-    session = None if camera is None else read_session(camera)
+    session = None if camera is None else read_toml(camera, CameraSession)
     offer = _offer(the_arm, poses, levels, loads_g, rules, seed, session)
     kind = one_of("index", index.upper(), INDICES)
     if names and kind != "O1":

@@ -21,7 +21,7 @@ from lrm_ident.fitting.levenberg_marquardt import fit
 from lrm_ident.fitting.parameter_sets import no_bounds
 from lrm_ident.measuring.camera.board import BoardTable, CharucoBoard
 from lrm_ident.measuring.camera.board_pose import information_of
-from lrm_ident.measuring.camera.consistency import measured_covariance_of
+from lrm_ident.measuring.camera.hand_eye import measured_covariance
 from lrm_ident.measuring.camera.lens import Lens
 from lrm_math.arrays import Array
 from lrm_math.effects import effects_at
@@ -58,7 +58,7 @@ def photographed(true: CameraRig, model: Model, poses: Poses, rng: np.random.Gen
     rest = equilibrium(model, poses)
     boards = true.boards(rest)
     own = np.array([np.linalg.inv(information_of(board, TWELVE.corners, LENS)) * LENS.noise**2 for board in boards])
-    covariance = measured_covariance_of(true.camera, true.mount, boards, own)
+    covariance = measured_covariance(true.camera, true.mount, boards, own)
     error = np.array([rng.multivariate_normal(np.zeros(6), one) for one in covariance])
     number = np.arange(1, len(poses) + 1)
     sd = position_sd(covariance)

@@ -65,8 +65,9 @@ class CameraRig:
         corners = BOARD.corners @ seen[:, :3, :3].transpose(0, 2, 1) + seen[:, None, :3, 3]
         ahead = (corners[:, :, 2] > 0.12).all(axis=1) & (seen[:, 2, 3] < 0.6)
         facing = np.einsum("ni,ni->n", seen[:, :3, 2], seen[:, :3, 3]) > 0.5 * np.linalg.norm(seen[:, :3, 3], axis=1)
-        pixels = PhotoScene().lens.project(np.where(ahead[:, None, None], corners, [0, 0, 1.0]).reshape(-1, 3))[0]
-        inside = ((pixels > 20) & (pixels < PhotoScene().lens.edge - 20)).all(axis=1).reshape(len(q), -1).all(axis=1)
+        lens = PhotoScene().lens
+        pixels = lens.project(np.where(ahead[:, None, None], corners, [0, 0, 1.0]).reshape(-1, 3))[0]
+        inside = ((pixels > 20) & (pixels < np.subtract(lens.size, 20))).all(axis=1).reshape(len(q), -1).all(axis=1)
         above = equilibrium(self.model, poses_of(q)).tcp[:, 2] > 0.02
         shown: NDArray[np.bool_] = ahead & facing & inside & above
         return shown

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -27,15 +28,7 @@ from lrm_ident.measuring.camera.board import (
     find_corners,
     read_picture,
 )
-from lrm_ident.measuring.camera.capture import (
-    ask_person,
-    is_camera,
-    keep_photo,
-    open_camera,
-    photo_path,
-    photos_in,
-    take_photos,
-)
+from lrm_ident.measuring.camera.capture import is_camera, keep_photo, open_camera, photograph_by_hand, photos_in
 from lrm_ident.measuring.camera.lens import Lens, LensFile, calibrate_lens
 from lrm_ident.measuring.camera.session import ENOUGH_TO_LEVEL, CameraMeasurements, measure, read_photos
 from lrm_ident.report.document import ListSection
@@ -150,19 +143,12 @@ def read(
         folder.mkdir(parents=True, exist_ok=True)
         driven, access = folder / "poses.csv", ArmAccess(robot, connect, speed, take, release)
         with open_camera(photos) as opened:
-            photo_poses(
-                poses,
-                arm,
-                access,
-                lambda k: keep_photo(opened.photo(), photo_path(folder, k)),
-                driven,
-                settle,
-                load_command,
-            )
+            take_one = partial(keep_photo, opened, folder)
+            photo_poses(poses, arm, access, take_one, driven, settle, load_command)
         poses, commanded, files = driven, load_poses(driven, the_arm), photos_in(folder)
     elif is_camera(photos):
         with open_camera(photos) as opened:
-            files = take_photos(opened, folder, commanded, ask_person(folder, commanded))
+            files = photograph_by_hand(opened, folder, commanded)
     else:
         files = photos_in(Path(photos))
     if len(files) != len(commanded):

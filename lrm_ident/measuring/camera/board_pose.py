@@ -17,6 +17,7 @@ from lrm_ident.measuring.camera.capture import Picture
 from lrm_ident.measuring.camera.lens import Lens
 from lrm_ident.measuring.camera.opencv import opencv
 from lrm_math.arrays import Array
+from lrm_math.errors import LrmError
 
 STEPS = 20
 AMBIGUOUS = 25.0  # squared noise by which the better of the two poses must win
@@ -53,8 +54,11 @@ class BoardPose:
         return replace(self, rotation=R, position=-R @ self.position, covariance=J @ self.covariance @ J.T)
 
 
-def find_board(picture: Picture, board: CharucoBoard, lens: Lens) -> BoardPose | RejectedPhoto:
-    """The pose of the board in a picture."""
+def find_board(name: str, picture: Picture, board: CharucoBoard, lens: Lens) -> BoardPose | RejectedPhoto:
+    """The pose of the board in a picture of that name. Raises `LrmError`: it is of another size than the lens."""
+    if picture.shape[::-1] != lens.size:
+        size, right = ("{} × {}".format(*size) for size in (picture.shape[::-1], lens.size))
+        raise LrmError(f"{name}: {size} pixels; its lens was calibrated for {right}")
     corners = find_corners(picture, board)
     return corners if isinstance(corners, RejectedPhoto) else board_pose(corners, board, lens)
 

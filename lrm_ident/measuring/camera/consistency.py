@@ -7,17 +7,13 @@ mount between two photos (change point by the largest F statistic, Andrews 1993)
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
-from lrm_ident.data.robot_files.rigid_motion import inverse
-from lrm_ident.data.weights.rotations import skew
 from lrm_ident.data.weights.whitening import root_of
-from lrm_ident.measuring.camera.board_pose import BoardPose
-from lrm_ident.measuring.camera.hand_eye import HandEye
+from lrm_ident.measuring.camera.hand_eye import HandEye, lever_columns
 from lrm_ident.residual.significance import f_test_p_value
 from lrm_math.arm.arm import Arm
 from lrm_math.arrays import Array
@@ -69,7 +65,7 @@ class PhotoRegression:
     @cached_property
     def camera_columns(self) -> Array:
         """(N, 6, 6), a shift and a rotation vector of the camera, in the arm's axes."""
-        return _lever_columns(self.tool[:, :3, 3], np.broadcast_to(np.eye(3), (len(self.tool), 3, 3)))
+        return lever_columns(self.tool[:, :3, 3])
 
     @cached_property
     def mount_columns(self) -> Array:
@@ -103,7 +99,7 @@ class PhotoRegression:
         return theta[-extra:] if extra else theta[:0], covariance[-extra:, -extra:], squares
 
 
-def photo_regression(arm: Arm, poses: Poses, boards: Sequence[BoardPose], found: HandEye) -> PhotoRegression:
+def photo_regression(arm: Arm, poses: Poses, found: HandEye) -> PhotoRegression:
     """The regression of photos taken at commanded poses."""
     model = model_of(arm, [effect for name in ARM_EFFECTS for effect in effects_at(arm, name)])
     keys = [key for key in model.keys if split_key(key)[1] not in ("base", "tool") or key.startswith("compliance")]
@@ -111,27 +107,10 @@ def photo_regression(arm: Arm, poses: Poses, boards: Sequence[BoardPose], found:
     typical = np.array([PART if key.endswith("_mm") else size for key, size in zip(keys, sizes, strict=True)])
     J = parameter_jacobian(equilibrium(model, poses), keys, Sensed(attitude=True))
     turns = J[:, :, [key.startswith("offsets.joint") and key.endswith("theta_rad") for key in keys]]
-    seen = np.array([board.matrix for board in boards])
-    measured = found.camera @ seen @ inverse(found.mount)
-    covariance = measured_covariance(found, boards)
     floor = np.diag([ARM_ERROR[0] ** 2] * 3 + [ARM_ERROR[1] ** 2] * 3)
     floor = floor + JOINT_ERROR**2 * turns @ turns.transpose(0, 2, 1)
-    from_camera = (found.camera[:3, :3] @ seen[:, :3, 3, None])[:, :, 0]
-    return PhotoRegression(measured, from_camera, found.residual, root_of(covariance + floor), J * typical)
-
-
-def measured_covariance(found: HandEye, boards: Sequence[BoardPose]) -> Array:
-    """(N, 6, 6), covariance of the measured tool poses in the arm's axes: the board's, carried to the tool's origin."""
-    seen, own = (np.array([getattr(board, name) for board in boards]) for name in ("matrix", "covariance"))
-    return measured_covariance_of(found.camera, found.mount, seen, own)
-
-
-def measured_covariance_of(camera: Array, mount: Array, seen: Array, own: Array) -> Array:
-    """Covariance from the board's poses `seen` (N, 4, 4) in the camera's frame and their own, `own` (N, 6, 6)."""
-    tool, origin = camera @ seen @ inverse(mount), (camera @ seen)[:, :3, 3]
-    lever = _lever_columns(tool[:, :3, 3] - origin, np.broadcast_to(np.eye(3), (len(tool), 3, 3)))
-    turned = lever @ np.kron(np.eye(2), camera[:3, :3])
-    return np.asarray(turned @ own @ turned.transpose(0, 2, 1))
+    from_camera = (found.camera[:3, :3] @ found.seen[:, :3, 3, None])[:, :, 0]
+    return PhotoRegression(found.tool, from_camera, found.residual, root_of(found.covariance + floor), J * typical)
 
 
 def board_scale(photos: PhotoRegression) -> tuple[float, float] | None:
@@ -165,11 +144,3 @@ def find_step(photos: PhotoRegression) -> Step | None:
     if p_value > SIGNIFICANT or size < SMALLEST_STEP:
         return None
     return Step(what, k, shift, turn)
-
-
-def _lever_columns(arms: Array, axes: Array) -> Array:
-    """(N, 6, 6), shift and rotation vector of a body, seen at points `arms` (N, 3), m, from where it turns."""
-    out = np.zeros((len(arms), 6, 6))
-    out[:, :3, :3] = out[:, 3:, 3:] = axes
-    out[:, :3, 3:] = -skew(arms) @ axes
-    return out

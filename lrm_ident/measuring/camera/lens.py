@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Annotated, Literal
 
 import numpy as np
@@ -57,11 +56,6 @@ class Lens:
         cv2, still = opencv(), np.zeros(3)
         pixels, J = cv2.projectPoints(points.reshape(-1, 1, 3), still, still, self.K, self.distortion)
         return pixels.reshape(-1, 2), np.asarray(J)[:, 3:6].reshape(-1, 2, 3)
-
-    @cached_property
-    def edge(self) -> Array:
-        """(2,), px: the far corner of the picture."""
-        return np.array(self.size, dtype=np.float64)
 
 
 def calibrate_lens(photos: Sequence[Corners], board: CharucoBoard, size: tuple[int, int]) -> LensFile:

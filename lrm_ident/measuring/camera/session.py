@@ -20,15 +20,8 @@ from lrm_ident.fitting.model_fit import nominal_model
 from lrm_ident.measuring.camera.board import CharucoBoard, RejectedPhoto, read_picture
 from lrm_ident.measuring.camera.board_pose import BoardPose, find_board, information_of
 from lrm_ident.measuring.camera.capture import Picture
-from lrm_ident.measuring.camera.consistency import (
-    PhotoRegression,
-    board_scale,
-    find_step,
-    measured_covariance,
-    measured_covariance_of,
-    photo_regression,
-)
-from lrm_ident.measuring.camera.hand_eye import HandEye, hand_eye
+from lrm_ident.measuring.camera.consistency import PhotoRegression, board_scale, find_step, photo_regression
+from lrm_ident.measuring.camera.hand_eye import HandEye, hand_eye, measured_covariance
 from lrm_ident.measuring.camera.lens import Lens, LensFile
 from lrm_math.arm.arm import BASE, Arm, Placement
 from lrm_math.arrays import Array
@@ -39,7 +32,7 @@ from lrm_math.kinematics.poses import Poses
 from lrm_math.model.model import Model
 from lrm_math.model.reading import FrameTable
 from lrm_math.model.sensed import Sensed
-from lrm_math.toml_file import StrictSchema, read_toml
+from lrm_math.toml_file import StrictSchema
 
 LEVELLINGS, ENOUGH_TO_LEVEL = 3, 40
 NEAREST, EDGE = 0.08, 15.0  # m; px
@@ -64,11 +57,6 @@ class CameraSession(StrictSchema):
         """(N, 4, 4), the board in the camera's frame at commanded poses of the arm as drawn (m)."""
         camera, mount = self.motions
         return np.asarray(inverse(camera) @ tool_poses(arm, poses) @ mount)
-
-
-def read_session(path: Path) -> CameraSession:
-    """A session's file. Raises `FileError`."""
-    return read_toml(path, CameraSession)
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,10 +97,7 @@ def read_pictures(pictures: Iterable[tuple[str, Picture]], lens: Lens, board: Ch
     """The board's pose in every named picture that is of use. Raises `LrmError`: one of another size."""
     rows, boards, refused = [], [], []
     for row, (name, picture) in enumerate(pictures):
-        if picture.shape[::-1] != lens.size:
-            size = "{} × {}".format(*picture.shape[::-1])
-            raise LrmError(f"{name}: {size} pixels; the lens was calibrated for {lens.size[0]} × {lens.size[1]}")
-        found = find_board(picture, board, lens)
+        found = find_board(name, picture, board, lens)
         if isinstance(found, RejectedPhoto):
             refused.append((name, found.reason))
         else:
@@ -131,7 +116,7 @@ def measure(arm: Arm, arm_name: str, poses: Poses, photos: PhotoSet, lens: LensF
     """
     taken = poses.take(np.array(photos.rows, dtype=np.int64))
     found = hand_eye(tool_poses(arm, taken), photos.boards)
-    _check(photo_regression(arm, taken, photos.boards, found), photos, lens)
+    _check(photo_regression(arm, taken, found), photos, lens)
     for _ in range(LEVELLINGS if len(taken) >= ENOUGH_TO_LEVEL else 0):
         found = _levelled(arm, _measurements(taken, photos, found, path), found)
     data = _measurements(taken, photos, found, path)
@@ -160,8 +145,7 @@ def _offset(model: Model, name: str) -> float:
 
 def _measurements(taken: Poses, photos: PhotoSet, found: HandEye, path: Path) -> Measurements:
     """Tool poses in the arm's frame and their covariance."""
-    tool = found.camera @ np.array([board.matrix for board in photos.boards]) @ inverse(found.mount)
-    covariance = measured_covariance(found, photos.boards)
+    tool, covariance = found.tool, found.covariance
     number = np.array(photos.rows, dtype=np.int64) + 1
     return Measurements(
         poses=taken,
@@ -212,7 +196,7 @@ def expected_covariance(session: CameraSession, arm: Arm, poses: Poses) -> Array
     lens, corners = Lens.of(session.lens), CharucoBoard(session.lens.board).corners
     seen = session.seen(arm, poses)
     own = np.array([np.linalg.inv(information_of(board, corners, lens)) for board in seen]) * lens.noise**2
-    return measured_covariance_of(*session.motions, seen, own)
+    return measured_covariance(*session.motions, seen, own)
 
 
 def expected_weights(session: CameraSession, arm: Arm, poses: Poses) -> Whitening:
@@ -228,7 +212,7 @@ def visible(session: CameraSession, arm: Arm, poses: Poses) -> NDArray[np.bool_]
     corners = board.corners @ seen[:, :3, :3].transpose(0, 2, 1) + seen[:, None, :3, 3]
     ahead = np.min(corners[:, :, 2], axis=1) > NEAREST
     pixels = lens.project(np.where(ahead[:, None, None], corners, [0.0, 0.0, 1.0]).reshape(-1, 3))[0]
-    margin: Array = np.minimum(pixels, lens.edge - pixels).min(axis=1).reshape(len(seen), -1).min(axis=1)
+    margin: Array = np.minimum(pixels, np.array(lens.size) - pixels).min(axis=1).reshape(len(seen), -1).min(axis=1)
     towards = np.einsum("ni,ni->n", seen[:, :3, 2], seen[:, :3, 3]) / np.linalg.norm(seen[:, :3, 3], axis=1)
     good: NDArray[np.bool_] = ahead & (margin > EDGE) & (towards > FACING)
     return good

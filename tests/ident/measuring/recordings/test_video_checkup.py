@@ -74,7 +74,7 @@ def test_both_formats_have_the_same_pictures(true: CameraRig, tmp_path: Path) ->
         folder = write_filmed(tmp_path / version, PhotoScene(), poses.q, boards, version, QUICK)
         frames = read_frames(folder, ARM)
         rests = list(frames.rests(0.5))
-        pictures.append([one.picture for one in rest_pictures(folder, FRONT, frames, rests)])
+        pictures.append([picture for _, picture in rest_pictures(folder, FRONT, frames, rests)])
         assert len(rests) == 2
     for number, (old, new) in enumerate(zip(*pictures, strict=True)):
         still = PhotoScene().photo(BOARD, boards[number], number)
