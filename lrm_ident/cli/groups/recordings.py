@@ -61,7 +61,7 @@ def import_(
     from lrm_ident.data.measurement_file.metadata import arm_for
     from lrm_ident.measuring.recordings.imported import RecordingOrder, import_recording
     from lrm_ident.measuring.recordings.rests import RestTimes
-    from lrm_ident.measuring.recordings.vicon_csv import ROTATIONS
+    from lrm_ident.measuring.recordings.tracker_csv import ROTATIONS
 
     if (every is None) != (first is None):
         raise LrmError("--every and --first go together")

@@ -11,15 +11,13 @@ import numpy as np
 from lrm_ident.data.apply_reading import read_positions
 from lrm_ident.data.measurement_file.load import load_pose_table
 from lrm_ident.data.measurement_file.write import StatedQuantity, csv_text, quantity_columns
-from lrm_ident.measuring.recordings.cells import read_cells
 from lrm_ident.measuring.recordings.mcap_file import SUFFIX as MCAP
 from lrm_ident.measuring.recordings.mcap_file import read_joints, read_mcap
-from lrm_ident.measuring.recordings.motive_csv import is_motive, read_motive
 from lrm_ident.measuring.recordings.published_mat import AXES, read_mat_poses, read_mat_positions
 from lrm_ident.measuring.recordings.rests import RestTimes, Rows, check_number, regular_rests, still_rests
 from lrm_ident.measuring.recordings.take import RecordedTake
-from lrm_ident.measuring.recordings.vicon_csv import is_vicon, read_vicon
-from lrm_ident.measuring.tracker.dwell import UnstableDwell, rest_mean
+from lrm_ident.measuring.recordings.tracker_csv import read_export
+from lrm_ident.measuring.tracker.dwell import RestMean, UnstableDwell, rest_mean
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_file import MM
 from lrm_math.arrays import Array
@@ -35,7 +33,7 @@ class RecordingOrder:
 
     `tool`, `base`: names of the bodies at the tip and at the base. `times`: of regular rests; None: they are looked
     for. `skip`: rests before the first pose. `dwell`: s at the end of a rest to average over. `axes`: as in `Reading`.
-    `rotation`: of a Vicon export, see `vicon_csv`.
+    `rotation`: of a Vicon export, see `read_export`.
     """
 
     tool: str | None = None
@@ -96,29 +94,16 @@ def import_recording(source: Path, poses: Path, arm: Arm, order: RecordingOrder)
 
     `poses` may be an MCAP file: the joint states in it at the rests, without loads.
     """
-    if poses.suffix == MCAP:
-        take, joints = _take(source, order), read_joints(poses, arm)
-        rests = _rests(take, order, None)
-        q = np.array([joints.at(take.t[rows]).mean(axis=0) for rows in rests]).reshape(len(rests), arm.dof)
-        number = np.arange(1.0, len(rests) + 1)
-        return _averaged(take, rests, DrivenPoses(number, q, np.zeros(len(rests)), number), order)
-    driven = _driven(poses, arm)
-    if source.suffix == ".mat":
+    driven = None if poses.suffix == MCAP else _driven(poses, arm)
+    if source.suffix == ".mat" and driven is not None:
         return _one_each(source, driven, order)
-    take = _take(source, order)
-    return _averaged(take, _rests(take, order, len(driven.q)), driven, order)
-
-
-def _take(source: Path, order: RecordingOrder) -> RecordedTake:
-    if source.suffix == MCAP:
-        return read_mcap(source)
-    cells = read_cells(source)
-    if is_motive(cells):
-        return read_motive(source, cells)
-    if is_vicon(cells):
-        return read_vicon(source, cells, order.rotation)
-    right = "should be a .mat file of positions, an .mcap, or a CSV export of OptiTrack Motive, Vicon Tracker or Nexus"
-    raise FileError(source, "line 1", f"begins with '{cells[0][0][:30] if cells else ''}'", right)
+    take = read_mcap(source) if source.suffix == MCAP else read_export(source, order.rotation)
+    rests = _rests(take, order, None if driven is None else len(driven.q))
+    if driven is None:
+        q, number = read_joints(poses, arm, take.t), np.arange(1.0, len(rests) + 1)
+        means = np.array([q[rows].mean(axis=0) for rows in rests]).reshape(len(rests), arm.dof)
+        driven = DrivenPoses(number, means, np.zeros(len(rests)), number)
+    return _averaged(take, rests, driven, order)
 
 
 def _driven(path: Path, arm: Arm) -> DrivenPoses:
@@ -155,15 +140,11 @@ def _rests(take: RecordedTake, order: RecordingOrder, count: int | None) -> Sequ
 def _averaged(take: RecordedTake, rests: Sequence[Rows], driven: DrivenPoses, order: RecordingOrder) -> ImportedRows:
     pair = take.pair(order.tool, order.base)
     means = [rest_mean(pair.frames(rows), pair.numbers) for rows in rests]
-    left_out = {
-        int(number): mean.why
-        for number, mean in zip(driven.number, means, strict=True)
-        if isinstance(mean, UnstableDwell)
-    }
-    kept = [k for k, mean in enumerate(means) if not isinstance(mean, UnstableDwell)]
-    if not kept:
+    fit = {k: mean for k, mean in enumerate(means) if isinstance(mean, RestMean)}
+    left_out = {int(driven.number[k]): mean.why for k, mean in enumerate(means) if isinstance(mean, UnstableDwell)}
+    if not fit:
         raise FileError(take.path, "", f"no rest is fit: {next(iter(left_out.values()))}")
-    good = [mean for mean in means if not isinstance(mean, UnstableDwell)]
+    good = list(fit.values())
     tip = read_positions(Reading(axes=order.axes), np.array([mean.tip for mean in good]))
     times, sd = np.array([mean.t for mean in good]) - take.t[0], np.array([mean.sd for mean in good])
-    return ImportedRows(driven.take(np.array(kept)), tip, times, sd, left_out)
+    return ImportedRows(driven.take(np.array(list(fit))), tip, times, sd, left_out)

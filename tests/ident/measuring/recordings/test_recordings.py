@@ -16,11 +16,9 @@ from scipy.spatial.transform import Rotation
 
 from lrm_ident.data.measurement_file.number_table import numbers_of
 from lrm_ident.data.table_text.csv_file import read_csv
-from lrm_ident.measuring.recordings.cells import read_cells
-from lrm_ident.measuring.recordings.motive_csv import is_motive, read_motive
 from lrm_ident.measuring.recordings.published_mat import read_mat_positions
 from lrm_ident.measuring.recordings.rests import still_rests
-from lrm_ident.measuring.recordings.vicon_csv import is_vicon, read_vicon
+from lrm_ident.measuring.recordings.tracker_csv import read_export
 from lrm_math.errors import FileError
 from tests.conftest import ROOT
 from tests.support.commands import run_command, stderr_of, stdout_of
@@ -187,9 +185,7 @@ def test_markers_of_nexus_are_bodies_too(tmp_path: Path) -> None:
     rows = ["Trajectories", "100", ";;Arm:tip;;", "Frame;Sub Frame;X;Y;Z", ";;mm;mm;mm"]
     rows += [f"{k + 1};0;" + ";".join(f"{v * 1e3:.4f}" for v in tool[k]) for k in range(len(t))]
     path.write_text("\n".join(row.replace(",", ";") for row in rows) + "\n")
-    cells = read_cells(path)
-    assert is_vicon(cells)
-    take = read_vicon(path, cells, None)
+    take = read_export(path, None)
     np.testing.assert_allclose(take.bodies["Arm:tip"].position, tool, atol=1e-6)
     np.testing.assert_allclose(take.t, t, atol=1e-9)
 
@@ -202,11 +198,7 @@ def test_garbage_is_a_file_error_or_no_recording(data: bytes, head: bytes) -> No
     with TemporaryDirectory() as folder, suppress(FileError):
         path = Path(folder) / "take.csv"
         path.write_bytes(head + data)
-        cells = read_cells(path)
-        if is_motive(cells):
-            assert len(read_motive(path, cells).bodies)
-        elif is_vicon(cells):
-            assert len(read_vicon(path, cells, "helical").bodies)
+        assert len(read_export(path, "helical").bodies)
 
 
 @given(st.binary(max_size=400), st.booleans())
