@@ -21,7 +21,7 @@ from lrm_ident.data.measurement_file.write import measurements_csv
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.registration.anchor import with_anchor
 from lrm_ident.data.weights.whitening import PLAIN, Whitening, measured_alike
-from lrm_ident.design.candidate_poses import DEFAULT_LEVELS, ClearanceRules, all_poses, clear_poses, parse_levels
+from lrm_ident.design.candidate_poses import DEFAULT_LEVELS, ClearanceRules, clear_poses, parse_levels
 from lrm_ident.design.observability import INDICES, UNITS
 from lrm_ident.design.parameter_elimination import PUBLISHED_THRESHOLD, eliminate
 from lrm_ident.design.pose_design import CandidateSet, DesignProblem
@@ -279,7 +279,7 @@ def _offer(
             given = given.take(visible(camera, arm, given))
             words += f", {len(given)} of which show the board to the camera"
         return CandidateSet(Poses(given.q, given.payload), words, {})
-    narrowed = all_poses if camera is None else partial(_in_view, camera, arm)
+    narrowed = None if camera is None else partial(_in_view, camera, arm)
     return clear_poses(arm, parse_levels(arm, levels), payloads, rules, seed, narrowed)
 
 

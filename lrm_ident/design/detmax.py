@@ -29,12 +29,10 @@ BOUND_STEPS = 300
 
 @dataclass(frozen=True, eq=False)
 class ExchangeResult:
-    """The best set of poses: rows (n,) of the candidates, ascending; its score; each random start's scores."""
+    """The best set of poses: rows (n,) of the candidates, ascending; its score."""
 
     rows: Rows
     score: float
-    final_scores: tuple[float, ...]
-    initial_scores: tuple[float, ...]
 
 
 def exchange(
@@ -89,15 +87,12 @@ def maximise_criterion(
     first = [rng.choice(criterion.count, n, replace=False) for _ in range(starts)]
     with nullcontext(executor) if executor else in_this_process() as pool:
         found = in_order(pool, partial(_climb, criterion), first, progress)
-    rows, _, score = max(found, key=lambda one: one[2])
-    return ExchangeResult(np.sort(rows), score, tuple(one[2] for one in found), tuple(one[1] for one in found))
+    return max(found, key=lambda one: one.score)
 
 
-def _climb(criterion: Criterion, rows: Rows) -> tuple[Rows, float, float]:
-    """Excursions from one set until none raises the score, computed anew without the updates' round-off: the set, its
-    score before, and its score."""
+def _climb(criterion: Criterion, rows: Rows) -> ExchangeResult:
+    """Excursions from one set until none raises the score, computed anew without the updates' round-off."""
     scored = criterion.evaluate(rows)
-    before = scored.score
     inside = np.zeros(criterion.count, dtype=np.bool_)
     inside[rows] = True
     length = 1
@@ -111,7 +106,7 @@ def _climb(criterion: Criterion, rows: Rows) -> tuple[Rows, float, float]:
                 inside, scored, length = trial[0], anew, 0
                 break
         length += 1
-    return np.flatnonzero(inside), before, scored.score
+    return ExchangeResult(np.flatnonzero(inside), scored.score)
 
 
 def _excursion(

@@ -179,15 +179,12 @@ def fleet_result(members: Sequence[FleetMember], records: Sequence[ArmRecord], m
         models: folder of the model files.
     """
     arm_named = cache(lambda name: arm_of(models / "NAME.toml", name))
-    done, estimates = list[tuple[FleetMember, ArmRecord]](), list[ArmEstimates]()
-    for member, record in zip(members, records, strict=True):
-        if record.evidence is not None:
-            done.append((member, record))
-            estimates.append(arm_estimates(record.name, record.evidence, arm_named(record.evidence.arm)))
-    found = outliers([record for _, record in done], estimates)
+    pairs = zip(members, records, strict=True)
+    done = [(m, r, arm_estimates(r.name, r.evidence, arm_named(r.evidence.arm))) for m, r in pairs if r.evidence]
+    found = outliers([record for _, record, _ in done], [own for *_, own in done])
     odd = {one.arm for one in found}
-    kept = [number for number, (_, record) in enumerate(done) if record.name not in odd]
-    sisters, theirs = [done[number][1] for number in kept], [estimates[number] for number in kept]
+    kept = [one for one in done if one[1].name not in odd]
+    sisters, theirs = [record for _, record, _ in kept], [own for *_, own in kept]
     known: FleetKnowledge | str
     try:
         known = fleet_knowledge(sisters, theirs)
@@ -197,8 +194,8 @@ def fleet_result(members: Sequence[FleetMember], records: Sequence[ArmRecord], m
     return FleetResult(
         members=tuple(members),
         records=tuple(records),
-        estimates={record.name: one for (_, record), one in zip(done, estimates, strict=True)},
+        estimates={record.name: own for _, record, own in done},
         known=known,
-        links=tag_associations([done[number][0] for number in kept], sisters, theirs, rates) if sisters else (),
+        links=tag_associations([member for member, *_ in kept], sisters, theirs, rates) if kept else (),
         outliers=found,
     )

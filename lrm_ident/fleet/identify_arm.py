@@ -88,10 +88,6 @@ class ArmRecord(StrictSchema):
     model: str = ""
     evidence: ModelFile | None = None
 
-    def as_json(self) -> dict[str, object]:
-        """Plain values, the schema first."""
-        return self.model_dump(by_alias=True)
-
 
 def identify_arm(task: ArmTask) -> ArmRecord:
     """Fits, diagnoses and extends the model of one arm. Never raises: what went wrong is the record's reason."""
@@ -141,21 +137,17 @@ def evidence_of(model: Model, data: Measurements, arm_name: str) -> ModelFile:
     """A model's parameters all fitted together with the weak prior (maximum a posteriori). Raises `LrmError`.
 
     Offsets and compliances may become negative: of arms whose true ones are near zero, those whose estimates happen to
-    be below it must not be missing from the fleet's mean.
+    be below it must not be missing from the fleet's mean. All but constants are fitted, shapes (the torque that takes
+    up a play) too: one arm may hardly determine them, but its sisters have the same.
     """
-    whole = replace(model, free=fittable_keys(model))
+    keys = zip(model.keys, model.parameters, strict=True)
+    whole = replace(model, free=tuple(key for key, one in keys if one.fixed is None or one.scan))
     signed = bounds_of(whole, whole.free)
     plain = np.array([key.partition(".")[0] in DEFAULT_EFFECTS for key in whole.free])
     bounds = Bounds(np.where(plain, -np.inf, signed.lower), np.where(plain, np.inf, signed.upper))
     result = fit(whole, data, bounds, prior=weak_prior(whole))
     file = model_file(result, data, HeldOutResidual(None), arm_name, "fit --prior vague", "squared", prior=WEAK)
     return file.model_copy(update={"history": [], "provenance": None})
-
-
-def fittable_keys(model: Model) -> tuple[str, ...]:
-    """Keys of all parameters but constants. A shape (the torque that takes up a play) is fitted with the others: its
-    one arm may hardly determine it, but its sisters have the same."""
-    return tuple(key for key, p in zip(model.keys, model.parameters, strict=True) if p.fixed is None or p.scan)
 
 
 def _tested(run: AutoRun) -> list[str]:

@@ -25,9 +25,7 @@ ROVER = WorkspaceStudy(
 60°, +1 cm, +2 cm, is the shipped arm. The thesis gives no dimensions of its two areas, the ground behind the rover and
 the basket on its back; these are estimates."""
 
-STUDIES = {"lrm-rover": ROVER}
-
 
 def default_study(arm_name: str) -> WorkspaceStudy:
     """The study of the arm of that name; an empty one for other arms."""
-    return STUDIES.get(arm_name, WorkspaceStudy())
+    return ROVER if arm_name == "lrm-rover" else WorkspaceStudy()
