@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 import re
 import signal
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import NoReturn
@@ -120,14 +120,14 @@ class ReleaseKey(KeyboardInterrupt):
 
 
 @contextmanager
-def release_key(servos: BusServos, may_release: Callable[[], bool]) -> Iterator[None]:
-    """Listens to the release key meanwhile, on the main thread. `may_release`: whether the person says so."""
+def release_key(servos: BusServos, release: bool) -> Iterator[None]:
+    """Listens to the release key meanwhile, on the main thread. `release`: said before; else it asks."""
     before = signal.signal(signal.SIGQUIT, _press)
     try:
         yield
     except ReleaseKey as pressed:
         signal.signal(signal.SIGQUIT, signal.SIG_IGN)  # pressed again it says nothing new
-        if may_release():
+        if release or _asked_for_release():
             servos.release()
             pressed.released = True
         raise
@@ -135,7 +135,7 @@ def release_key(servos: BusServos, may_release: Callable[[], bool]) -> Iterator[
         signal.signal(signal.SIGQUIT, before)
 
 
-def asked_for_release() -> bool:
+def _asked_for_release() -> bool:
     """Asks on the terminal. Anything but the word, and no terminal, is no."""
     try:
         return input(f"The arm holds. To release its torque, so that it falls, type {WORD}: ").strip() == WORD

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Iterator
-from contextlib import contextmanager, nullcontext
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from http.server import BaseHTTPRequestHandler, HTTPServer
 from pathlib import Path
@@ -22,10 +22,9 @@ from lrm_ident.measuring.camera.capture import Picture, open_camera
 from lrm_ident.measuring.camera.opencv import opencv
 from lrm_ident.measuring.camera.session import CameraSession
 from lrm_ident.measuring.campaign.data_file import ArmState
-from lrm_ident.measuring.campaign.photo_poses import PhotographedPoses, PhotoOrder, photograph
+from lrm_ident.measuring.campaign.photo_poses import PhotoCampaign, PhotographedPoses
 from lrm_ident.measuring.campaign.plan import PlannedPose
 from lrm_ident.measuring.campaign.run import PoseTiming, Unreachable
-from lrm_ident.measuring.campaign.session import DrivenArm
 from lrm_ident.measuring.tracker.dwell import LEAST, RestMean, rest_mean
 from lrm_ident.measuring.tracker.frames import TargetNumbers
 from lrm_math.arm.arm_file import load_arm
@@ -176,14 +175,10 @@ class NoTime:
 
 def test_a_photo_at_every_pose_that_can_be_reached(tmp_path: Path) -> None:
     standing, taken, said = StandingArm(), list[int](), list[str]()
-    driven = DrivenArm(standing, "servos", ARM.dof, standing.commanded(), "1", lambda _: None)  # type: ignore[arg-type, return-value]
     plan = [PlannedPose(n, (0.1 * n,) * ARM.dof, 0.0, (), n) for n in (1, 2, 3)]
     kept: list[PhotographedPoses] = []
-    order = PhotoOrder(
-        lambda *_: nullcontext(driven), ARM, NoTime(), PoseTiming(), lambda _: None, taken.append, kept.append,
-        said.append,
-    )  # fmt: skip
-    found = photograph(order, plan)
+    campaign = PhotoCampaign(standing, NoTime(), PoseTiming(), plan[0], taken.append, kept.append, said.append)
+    found = campaign.run(plan)
     assert standing.went == [1, 3, 3]
     assert taken == [1, 2, 2]  # the photo of an arm that was moved is taken again
     assert found.failed == {2: "joint 1 would leave its limits"}
