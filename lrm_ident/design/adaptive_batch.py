@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.design.observability import identification_jacobian
 from lrm_ident.design.pose_design import DesignProblem, design
-from lrm_ident.diagnosis.auto import AutoStep
 from lrm_ident.diagnosis.diagnose import Verdict
 from lrm_ident.diagnosis.screening.linearised_fit import PRIOR_SD
 from lrm_ident.study.study import Study
@@ -83,10 +82,11 @@ def assess(data: Measurements) -> AdaptiveFindings:
     squares = (last.held_out**2).sum(axis=1)
     error = float(squares.std(ddof=1) / np.sqrt(len(squares)))
     unsure = next((number for number, step in enumerate(run.steps) if step.equivalent), None)
+    names = () if unsure is None else (run.steps[unsure].added, *run.steps[unsure].equivalent)
     return AdaptiveFindings(
         model=last.fit.model,
         named=tuple((step.added, *step.equivalent) for step in run.steps[1:]),
-        rivals=() if unsure is None else _rivals(run.steps[unsure]),
+        rivals=tuple(effect for name in names[:MOST_RIVALS] for effect in effects_at(run.model.arm, name)),
         before=run.model if unsure is None else run.steps[max(unsure - 1, 0)].fit.model,
         verdict=run.verdict,
         held_out=float(np.sqrt(squares.mean())),
@@ -97,8 +97,6 @@ def assess(data: Measurements) -> AdaptiveFindings:
 
 def next_rows(found: AdaptiveFindings, measured: Poses, candidates: Poses, count: int, seed: int) -> NDArray[np.int64]:
     """Rows (count,) of the candidates to measure next; fewer if there are no more."""
-    if len(candidates) <= count:
-        return np.arange(len(candidates))
     problem = DesignProblem(found.model, None, (), count, "O1", found.noise, measured, 0, 1, seed)
     if found.rivals:
         with suppress(LrmError):  # where no choice of these candidates can tell them apart, the parameters are next
@@ -108,8 +106,6 @@ def next_rows(found: AdaptiveFindings, measured: Poses, candidates: Poses, count
 
 def first_rows(model: Model, measured: Poses | None, candidates: Poses, count: int, seed: int) -> NDArray[np.int64]:
     """Rows of the candidates as long as nothing is fitted, for the parameters of the thesis. Raises `LrmError`."""
-    if len(candidates) <= count:
-        return np.arange(len(candidates))
     return _chosen(DesignProblem(model, None, (), count, "O1", FIRST_NOISE, measured, 0, 1, seed), candidates)
 
 
@@ -146,6 +142,8 @@ def _uncertainty(rows: Array, everywhere: Array, noise: float) -> float:
 
 
 def _chosen(problem: DesignProblem, candidates: Poses) -> NDArray[np.int64]:
+    if len(candidates) <= problem.count:
+        return np.arange(len(candidates))
     already = 0 if problem.measured is None else len(problem.measured)
     rng = np.random.default_rng([problem.seed, already])
     offered = rng.choice(len(candidates), min(OFFERED, len(candidates)), replace=False)
@@ -154,9 +152,3 @@ def _chosen(problem: DesignProblem, candidates: Poses) -> NDArray[np.int64]:
     row_of = {(q.tobytes(), load): row for row, q, load in zip(offered, few.q, few.payload.tolist(), strict=True)}
     keys = zip(found.poses.q, found.poses.payload.tolist(), strict=True)
     return np.array(sorted({int(row_of[q.tobytes(), load]) for q, load in keys}))
-
-
-def _rivals(step: AutoStep) -> tuple[Effect, ...]:
-    """The effects that a step can stand for, each once."""
-    names = (step.added, *step.equivalent)[:MOST_RIVALS]
-    return tuple(effect for name in names for effect in effects_at(step.fit.model.arm, name))

@@ -62,15 +62,13 @@ def fleet_document(result: FleetResult) -> Document:
     blocks += section("\nWhat goes with a tag", [_link_words(link) for link in result.links])
     if isinstance(result.known, str):
         blocks.append(f"\nNo prior: {result.known}")
-        return Document(blocks, "lrm/fleet/1", {**values, "rates": [], "population": {}, "reason": result.known})
-    rates = _rates_table(result.known)
-    blocks += [
-        rates if rates.cells else "\nNo arm has an effect beyond the plain model.",
-        _population_table(result.known),
-    ]
-    return Document(
-        blocks, "lrm/fleet/1", {**values, "rates": result.known.rates, "population": parameter_values(result.known)}
-    )
+        values |= {"rates": [], "population": {}, "reason": result.known}
+    else:
+        rates = _rates_table(result.known)
+        blocks += [rates if rates.cells else "\nNo arm has an effect beyond the plain model."]
+        blocks += [_population_table(result.known)]
+        values |= {"rates": result.known.rates, "population": parameter_values(result.known)}
+    return Document(blocks, "lrm/fleet/1", values)
 
 
 def table_csv(result: FleetResult) -> str:
@@ -134,13 +132,11 @@ def _row(member: FleetMember, record: ArmRecord) -> dict[str, Any]:
 def _arms_table(result: FleetResult) -> ResultTable:
     tags, rows = result.tags, []
     for member, record in zip(result.members, result.records, strict=True):
-        own = dict(member.tags)
-        found = ", ".join(map(causes_words, record.steps))
-        cells = (record.nominal_rms_mm, record.held_out_rms_mm)
-        rms = [None if value is None else f"{value:.2f}" for value in cells]
+        own, found = dict(member.tags), ", ".join(map(causes_words, record.steps))
         missing = "not identified" if record.reason else found or "nothing"
-        rows.append((record.name, *(own.get(tag, "") for tag in tags), str(record.poses or ""), *rms, missing))
-    columns = ("arm", *tags, "poses|", "nominal RMS mm|", "held out mm|", "what is missing in the plain model")
+        numbers = (record.poses or None, record.nominal_rms_mm, record.held_out_rms_mm)
+        rows.append((record.name, *(own.get(tag, "") for tag in tags), *numbers, missing))
+    columns = ("arm", *tags, "poses|d", "nominal RMS mm|.2f", "held out mm|.2f", "what is missing in the plain model")
     return ResultTable(columns, rows, "Arms")
 
 

@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import hashlib
 import time
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import chain
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Literal
@@ -19,7 +19,6 @@ from pydantic import Field
 
 from lrm_ident.data.error_stats import error_stats
 from lrm_ident.data.measurements import Measurements
-from lrm_ident.diagnosis.auto import AutoRun
 from lrm_ident.fitting.levenberg_marquardt import fit
 from lrm_ident.fitting.model_fit import DEFAULT_EFFECTS
 from lrm_ident.fitting.parameter_sets import Bounds, bounds_of
@@ -116,14 +115,15 @@ def _identified(task: ArmTask, scratch: Path) -> ArmRecord:
     data = read_measurements(data_path, arm, task.stored_arm)
     nominal = Study.of(data)
     run, study = nominal.fit().auto()
+    steps = [list(step.names) for step in run.steps[1:]]
     return ArmRecord(
         name=task.name,
         sha256=task.sha256,
         notices=list(data.notices),
         poses=len(study.data),
         verdict=run.verdict,
-        steps=[list(step.names) for step in run.steps[1:]],
-        tested=_tested(run),
+        steps=steps,
+        tested=sorted({*chain(*steps), *(one.name for one in run.diagnosis.scored)}),
         outliers=list(study.data.left_out),
         nominal_rms_mm=nominal.nominal_error.rms * 1e3,
         fit_rms_mm=study.errors.fitted.rms * 1e3,
@@ -148,9 +148,3 @@ def evidence_of(model: Model, data: Measurements, arm_name: str) -> ModelFile:
     result = fit(whole, data, bounds, prior=weak_prior(whole))
     file = model_file(result, data, HeldOutResidual(None), arm_name, "fit --prior vague", "squared", prior=WEAK)
     return file.model_copy(update={"history": [], "provenance": None})
-
-
-def _tested(run: AutoRun) -> list[str]:
-    """Every effect that some step added, or that the last diagnosis could try."""
-    added: Sequence[str] = [name for step in run.steps[1:] for name in step.names]
-    return sorted({*added, *(one.name for one in run.diagnosis.scored)})

@@ -75,13 +75,6 @@ class PhotoRegression:
         out[:, :3, :3] = out[:, 3:, 3:] = R
         return out
 
-    @cached_property
-    def scale_columns(self) -> Array:
-        """(N, 6, 1), a board larger by its whole size."""
-        out = np.zeros((len(self.seen), 6, 1))
-        out[:, :3, 0] = self.seen
-        return out
-
     def solved(self, *more: Array) -> tuple[Array, Array, float]:
         """Estimates and covariance of the further columns, and what is left (whitened sum of squares)."""
         extra = sum(part.shape[2] for part in more)
@@ -115,7 +108,8 @@ def photo_regression(arm: Arm, poses: Poses, found: HandEye) -> PhotoRegression:
 
 def board_scale(photos: PhotoRegression) -> tuple[float, float] | None:
     """Factor by which the board is larger than stated, and its standard error; None if it is as stated."""
-    (scale,), covariance, _ = photos.solved(photos.scale_columns)
+    larger = np.pad(photos.seen, ((0, 0), (0, 3)))[:, :, None]  # by its whole size
+    (scale,), covariance, _ = photos.solved(larger)
     error = float(np.sqrt(covariance[0, 0]))
     # The residual is measured less nominal: measured positions too large by s shrink under a larger board by −s.
     if abs(scale) < max(SMALLEST_SCALE, SURE * error):

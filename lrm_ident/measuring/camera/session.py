@@ -29,7 +29,6 @@ from lrm_math.errors import LrmError
 from lrm_math.kinematics.chain import chain_of
 from lrm_math.kinematics.forward import frames
 from lrm_math.kinematics.poses import Poses
-from lrm_math.model.model import Model
 from lrm_math.model.reading import FrameTable
 from lrm_math.model.sensed import Sensed
 from lrm_math.toml_file import StrictSchema
@@ -132,15 +131,10 @@ def _levelled(arm: Arm, data: Measurements, found: HandEye) -> HandEye:
     The nominal arm alone places the camera some degrees askew, and gravity with it.
     """
     model = fit_identifiable(nominal_model(arm), data, nominal_model(arm).keys).fit.model
-    drawn = asdict(arm.base)
-    fitted = {name: value + _offset(model, name) for name, value in drawn.items()}
-    back = placement_motion(arm.base) @ inverse(placement_motion(Placement(**fitted)))
+    keys = {name: f"offsets.{BASE}.{name}_{'mm' if len(name) == 1 else 'rad'}" for name in asdict(arm.base)}
+    fitted = Placement(**{name: getattr(arm.base, name) + model.value(key) for name, key in keys.items()})
+    back = placement_motion(arm.base) @ inverse(placement_motion(fitted))
     return replace(found, camera=back @ found.camera)
-
-
-def _offset(model: Model, name: str) -> float:
-    unit = "mm" if len(name) == 1 else "rad"
-    return model.value(f"offsets.{BASE}.{name}_{unit}")
 
 
 def _measurements(taken: Poses, photos: PhotoSet, found: HandEye, path: Path) -> Measurements:

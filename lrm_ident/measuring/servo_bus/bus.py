@@ -106,10 +106,8 @@ class ServoHost:
     def _answers(self, number: int) -> bool:
         try:
             self._transfer(number, Instruction.PING, b"", LOOK_S)
-        except GarbledAnswer:
-            return True
-        except NoAnswer:
-            return False
+        except NoAnswer as error:
+            return isinstance(error, GarbledAnswer)
         return True
 
     def _read(self, number: int, address: int, length: int) -> bytes:
