@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from lrm_ident.data.apply_reading import rigid_motion
 from lrm_ident.data.robot_files.rigid_motion import inverse
-from lrm_ident.measuring.camera.board import BoardTable, CharucoBoard
+from lrm_ident.measuring.camera.board import CharucoBoard
 from lrm_ident.measuring.camera.opencv import opencv
 from lrm_ident.measuring.camera.session import CameraSession
 from lrm_math.arm.arm import Arm
@@ -25,7 +25,7 @@ from lrm_math.model.reading import FrameTable
 from lrm_math.model.sensed import tool_rotation
 from validation.camera.rendered_photos import PhotoScene
 
-BOARD = CharucoBoard(BoardTable())
+BOARD = CharucoBoard()
 HIDDEN = {"servo_gain.joint3.g_plus_rad_per_rad": 0.02, "servo_gain.joint3.g_minus_rad_per_rad": 0.02}
 """The servo of the elbow turns two percent too far."""
 

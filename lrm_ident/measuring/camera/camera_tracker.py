@@ -9,10 +9,9 @@ from typing import Self
 import numpy as np
 
 from lrm_ident.data.robot_files.rigid_motion import inverse
-from lrm_ident.measuring.camera.board import CharucoBoard, RejectedPhoto
+from lrm_ident.measuring.camera.board import RejectedPhoto
 from lrm_ident.measuring.camera.board_pose import find_board
 from lrm_ident.measuring.camera.capture import PhotoSource, Picture, open_camera
-from lrm_ident.measuring.camera.lens import Lens
 from lrm_ident.measuring.camera.session import CameraSession
 from lrm_ident.measuring.tracker.dwell import LEAST
 from lrm_ident.measuring.tracker.frames import TargetPose, TrackerFrame
@@ -25,7 +24,7 @@ class CameraTracker:
 
     def __init__(self, camera: PhotoSource, session: CameraSession, tool: int) -> None:
         self._camera, self._tool, self._number = camera, tool, 0
-        self._lens, self._board = Lens.of(session.lens), CharucoBoard(session.lens.board)
+        self._lens = session.lens
         self._place, mount = session.motions
         self._from_board = inverse(mount)
 
@@ -46,7 +45,7 @@ class CameraTracker:
         return found
 
     def _seen(self, picture: Picture) -> dict[int, TargetPose]:
-        pose = find_board("the camera", picture, self._board, self._lens)
+        pose = find_board("the camera", picture, self._lens)
         if isinstance(pose, RejectedPhoto):
             return {}
         tool = self._place @ pose.matrix @ self._from_board

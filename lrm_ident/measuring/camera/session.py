@@ -17,12 +17,12 @@ from lrm_ident.data.robot_files.rigid_motion import inverse, placement_motion
 from lrm_ident.data.weights.whitening import Whitening, position_sd, whitening_of
 from lrm_ident.fitting.identifiability import fit_identifiable
 from lrm_ident.fitting.model_fit import nominal_model
-from lrm_ident.measuring.camera.board import CharucoBoard, RejectedPhoto, read_picture
-from lrm_ident.measuring.camera.board_pose import BoardPose, find_board, information_of
+from lrm_ident.measuring.camera.board import RejectedPhoto, read_picture
+from lrm_ident.measuring.camera.board_pose import BoardPose, covariance_at, find_board
 from lrm_ident.measuring.camera.capture import Picture
 from lrm_ident.measuring.camera.consistency import PhotoRegression, board_scale, find_step, photo_regression
 from lrm_ident.measuring.camera.hand_eye import HandEye, hand_eye, measured_covariance
-from lrm_ident.measuring.camera.lens import Lens, LensFile
+from lrm_ident.measuring.camera.lens import Lens
 from lrm_math.arm.arm import BASE, Arm, Placement
 from lrm_math.arrays import Array
 from lrm_math.errors import LrmError
@@ -43,7 +43,7 @@ class CameraSession(StrictSchema):
 
     schema_: Literal["lrm/camera-session/1"] = Field(alias="schema")
     arm: str
-    lens: LensFile
+    lens: Lens
     camera: FrameTable
     mount: FrameTable
 
@@ -87,16 +87,16 @@ class CameraMeasurements:
     photos: PhotoSet
 
 
-def read_photos(files: Sequence[Path], lens: Lens, board: CharucoBoard) -> PhotoSet:
+def read_photos(files: Sequence[Path], lens: Lens) -> PhotoSet:
     """The board's pose in every photo that is of use. Raises `LrmError`: a picture of another size."""
-    return read_pictures(((file.name, read_picture(file)) for file in files), lens, board)
+    return read_pictures(((file.name, read_picture(file)) for file in files), lens)
 
 
-def read_pictures(pictures: Iterable[tuple[str, Picture]], lens: Lens, board: CharucoBoard) -> PhotoSet:
+def read_pictures(pictures: Iterable[tuple[str, Picture]], lens: Lens) -> PhotoSet:
     """The board's pose in every named picture that is of use. Raises `LrmError`: one of another size."""
     rows, boards, refused = [], [], []
     for row, (name, picture) in enumerate(pictures):
-        found = find_board(name, picture, board, lens)
+        found = find_board(name, picture, lens)
         if isinstance(found, RejectedPhoto):
             refused.append((name, found.reason))
         else:
@@ -108,7 +108,7 @@ def read_pictures(pictures: Iterable[tuple[str, Picture]], lens: Lens, board: Ch
     return PhotoSet(tuple(rows), tuple(boards), tuple(refused))
 
 
-def measure(arm: Arm, arm_name: str, poses: Poses, photos: PhotoSet, lens: LensFile, path: Path) -> CameraMeasurements:
+def measure(arm: Arm, arm_name: str, poses: Poses, photos: PhotoSet, lens: Lens, path: Path) -> CameraMeasurements:
     """Measurements from photos at commanded poses (all of them, in the photos' order).
 
     Raises `LrmError`: too few photos, or photos that do not belong together (another board, a camera that moved, …).
@@ -161,7 +161,7 @@ def tool_poses(arm: Arm, poses: Poses) -> Array:
     return frames(chain, chain.values(list(poses.q.T.copy())), len(poses))[:, -1]
 
 
-def _check(photos: PhotoRegression, taken: PhotoSet, lens: LensFile) -> None:
+def _check(photos: PhotoRegression, taken: PhotoSet, lens: Lens) -> None:
     """Raises `LrmError` if the photos do not belong together."""
     step = find_step(photos)
     if step is not None:
@@ -187,9 +187,8 @@ def _table(T: Array) -> FrameTable:
 
 def expected_covariance(session: CameraSession, arm: Arm, poses: Poses) -> Array:
     """(N, 6, 6), covariance with which a photo at commanded poses would give the tool's pose (m, rad)."""
-    lens, corners = Lens.of(session.lens), CharucoBoard(session.lens.board).corners
     seen = session.seen(arm, poses)
-    own = np.array([np.linalg.inv(information_of(board, corners, lens)) for board in seen]) * lens.noise**2
+    own = np.array([covariance_at(board, session.lens) for board in seen])
     return measured_covariance(*session.motions, seen, own)
 
 
@@ -201,9 +200,8 @@ def expected_weights(session: CameraSession, arm: Arm, poses: Poses) -> Whitenin
 
 def visible(session: CameraSession, arm: Arm, poses: Poses) -> NDArray[np.bool_]:
     """(N,), whether the camera sees the whole board, not too much from the side, at commanded poses."""
-    lens, board = Lens.of(session.lens), CharucoBoard(session.lens.board)
-    seen = session.seen(arm, poses)
-    corners = board.corners @ seen[:, :3, :3].transpose(0, 2, 1) + seen[:, None, :3, 3]
+    lens, seen = session.lens, session.seen(arm, poses)
+    corners = lens.board.corners @ seen[:, :3, :3].transpose(0, 2, 1) + seen[:, None, :3, 3]
     ahead = np.min(corners[:, :, 2], axis=1) > NEAREST
     pixels = lens.project(np.where(ahead[:, None, None], corners, [0.0, 0.0, 1.0]).reshape(-1, 3))[0]
     margin: Array = np.minimum(pixels, np.array(lens.size) - pixels).min(axis=1).reshape(len(seen), -1).min(axis=1)

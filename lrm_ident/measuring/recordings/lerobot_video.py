@@ -7,7 +7,6 @@ the arm stands, and what flickers is noise of the camera and of the compression.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
 from itertools import groupby
 from pathlib import Path
 from typing import Any
@@ -15,9 +14,8 @@ from typing import Any
 import numpy as np
 
 from lrm_ident.fitting.progress import OnProgress, silent
-from lrm_ident.measuring.camera.board import CharucoBoard
 from lrm_ident.measuring.camera.capture import Picture
-from lrm_ident.measuring.camera.lens import Lens, LensFile
+from lrm_ident.measuring.camera.lens import Lens
 from lrm_ident.measuring.camera.session import CameraMeasurements, measure, read_pictures
 from lrm_ident.measuring.recordings.encoder_checkup import elapsed, last_sides
 from lrm_ident.measuring.recordings.lerobot import Integers, LeRobotFrames, dataset_info, read_columns
@@ -118,7 +116,7 @@ def measure_video(
     dwell: float,
     arm: Arm,
     arm_name: str,
-    lens: LensFile,
+    lens: Lens,
     on_gripper: bool,
     progress: OnProgress,
 ) -> CameraMeasurements:
@@ -130,7 +128,7 @@ def measure_video(
     if not rests:
         raise LrmError(f"{dataset}: the arm never rests for {dwell:g} s; stop for a moment now and then")
     pictures = rest_pictures(dataset, name, frames, rests, progress)
-    seen = read_pictures(pictures, Lens.of(lens), CharucoBoard(lens.board))
+    seen = read_pictures(pictures, lens)
     if not seen.rows:
         where, why = seen.refused[0]
         raise LrmError(f"{name}: the board is seen at none of the {len(rests)} rests; {where}: {why}")
@@ -143,4 +141,4 @@ def measure_video(
         number=np.arange(1, len(rests) + 1),
     )
     photos = seen.from_gripper if on_gripper else seen
-    return replace(measure(arm, arm_name, poses, photos, lens, dataset), photos=photos)
+    return measure(arm, arm_name, poses, photos, lens, dataset)

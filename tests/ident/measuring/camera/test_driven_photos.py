@@ -32,7 +32,7 @@ from lrm_math.errors import LrmError
 from lrm_math.kinematics.poses import poses_of
 from lrm_math.model.equilibrium import equilibrium
 from lrm_math.model.model import model_of
-from tests.ident.measuring.camera.test_camera import lens_file
+from tests.ident.measuring.camera.test_camera import LENS
 from tests.support.commands import stderr_of
 from validation.camera.rendered_photos import PhotoScene
 from validation.camera.scene import BOARD, CAMERA, CameraRig, board_mount, poses_in_view
@@ -42,7 +42,7 @@ RIG = CameraRig(model_of(ARM, ()), CAMERA, board_mount(ARM))
 SESSION = CameraSession(
     schema="lrm/camera-session/1",
     arm="so101",
-    lens=lens_file(),
+    lens=LENS,
     camera=frame_table(CAMERA[:3, :3], CAMERA[:3, 3]),
     mount=frame_table(RIG.mount[:3, :3], RIG.mount[:3, 3]),
 )
@@ -202,7 +202,7 @@ def test_a_robot_goes_with_a_camera_and_an_empty_folder(tmp_path: Path) -> None:
 def _toml() -> str:
     import tomli_w
 
-    return tomli_w.dumps(lens_file().model_dump(by_alias=True))
+    return tomli_w.dumps(LENS.model_dump(by_alias=True))
 
 
 def test_poses_in_view_are_shown() -> None:
