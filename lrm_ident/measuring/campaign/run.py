@@ -122,11 +122,13 @@ class PoseCampaign:
             self.arm.cool(self.rest)
         faults: list[str] = []
         for _ in range(self.timing.attempts):
+            begin = self.clock.now()
             try:
-                state, rest = self.measure(pose)
+                state = self.arm.go(pose)
             except Unreachable as error:
                 faults.append(str(error))
                 break
+            rest = rest_at(self.tracker, self.numbers, self.clock, self.timing, begin)
             if why := self.arm.disturbed():
                 words = f"pose {pose.number}: its row is dropped: {why}"
                 self.on_progress(CampaignProgress(words, len(file.done), 0, 0.0, True))
@@ -139,12 +141,6 @@ class PoseCampaign:
             result.repeated += 1
         result.failed[pose.number] = faults[-1]
         return f"pose {pose.number} not measured: {faults[-1]}"
-
-    def measure(self, pose: PlannedPose) -> tuple[ArmState, RestMean | UnstableDwell]:
-        """Goes to a pose, waits for its time, and averages over the end of the rest."""
-        begin = self.clock.now()
-        state = self.arm.go(pose)
-        return state, rest_at(self.tracker, self.numbers, self.clock, self.timing, begin)
 
 
 def rest_at(

@@ -11,8 +11,7 @@ import numpy as np
 from lrm_ident.data.measurement_file.number_table import numbers_of
 from lrm_ident.data.table_text.csv_file import read_csv
 from lrm_ident.design.candidate_poses import ClearanceRules, keeps_rules
-from lrm_ident.design.workspace.presets import default_study
-from lrm_ident.design.workspace.voxel_grid import Area, parse_area
+from lrm_ident.design.workspace.voxel_grid import Area, default_study, parse_area
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_file import MM
 from lrm_math.arrays import Array

@@ -16,8 +16,8 @@ from scipy.spatial.transform import Rotation
 
 from lrm_ident.data.measurement_file.number_table import numbers_of
 from lrm_ident.data.table_text.csv_file import read_csv
+from lrm_ident.measuring.recordings.imported import still_rests
 from lrm_ident.measuring.recordings.published_mat import read_mat_positions
-from lrm_ident.measuring.recordings.rests import still_rests
 from lrm_ident.measuring.recordings.tracker_csv import read_export
 from lrm_math.errors import FileError
 from tests.conftest import ROOT
