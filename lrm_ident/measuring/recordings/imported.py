@@ -152,9 +152,16 @@ def _rests(take: RecordedTake, order: RecordingOrder, count: int | None) -> Sequ
         fit = int((t[-1] - order.times.first) // order.times.every) + 1
         return regular_rests(t, max(1, fit) if count is None else count, order.times, order.dwell)
     found = still_rests(t, take.pair(order.tool, order.base).tip, order.dwell)
-    if count is None and not found[order.skip :]:
+    left = found[order.skip :]
+    if count is None and not left:
         raise FileError(take.path, "", f"the tip rests nowhere for {2.0 * order.dwell:g} s")
-    return found[order.skip :] if count is None else check_number(found, count, order.skip)
+    if count is not None and len(left) != count:
+        skipped = f", {order.skip} of them skipped" if order.skip else ""
+        raise LrmError(
+            f"the tip rests {len(found)} times{skipped}, there are {count} poses; give --skip for rests before the "
+            "first pose, or --every and --first for rests at regular times"
+        )
+    return left
 
 
 def _averaged(take: RecordedTake, rests: Sequence[Rows], driven: DrivenPoses, order: RecordingOrder) -> ImportedRows:
@@ -176,9 +183,8 @@ def regular_rests(t: Array, count: int, times: RestTimes, dwell: float) -> list[
     Raises `LrmError` if the recording ends before.
     """
     ends = times.ends(count)
-    if not len(t) or ends[-1] > t[-1] + dwell:
-        last = float(t[-1]) if len(t) else 0.0
-        raise LrmError(f"the last of {count} rests would end at {ends[-1]:.1f} s, the recording ends at {last:.1f} s")
+    if ends[-1] > t[-1] + dwell:
+        raise LrmError(f"the last of {count} rests would end at {ends[-1]:.1f} s, the recording ends at {t[-1]:.1f} s")
     return [np.flatnonzero((t > end - dwell) & (t <= end)) for end in ends]
 
 
@@ -198,14 +204,3 @@ def still_rests(t: Array, tip: Array, dwell: float) -> list[Rows]:
         if last - first >= 2.0 * dwell:
             rests.append(np.flatnonzero((t > last - dwell) & (t <= last)))
     return rests
-
-
-def check_number(rests: Sequence[Rows], poses: int, skip: int) -> Sequence[Rows]:
-    """The rests after the first `skip`, one for each pose. Raises `LrmError` if there are more or fewer."""
-    left = rests[skip:]
-    if len(left) != poses:
-        raise LrmError(
-            f"the tip rests {len(rests)} times{f', {skip} of them skipped' if skip else ''}, there are {poses} poses; "
-            "give --skip for rests before the first pose, or --every and --first for rests at regular times"
-        )
-    return left

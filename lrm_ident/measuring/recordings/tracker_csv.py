@@ -90,6 +90,9 @@ def _motive(path: Path, cells: Cells) -> RecordedTake:
     head = next((k for k, row in enumerate(cells) if row[0] == "Frame"), None)
     if head is None or head < 3:
         raise FileError(path, "", "no line that begins with Frame", "should be a CSV export of Motive with its header")
+    cells = cells[: head + 1] + [row for row in cells[head + 1 :] if any(row)]
+    if len(cells) == head + 1:
+        raise FileError(path, "", "no frames below the line that begins with Frame")
     axes, kinds = cells[head], cells[head - 1]
     types = next((row for row in cells[1:head] if set(row) & set(BODIES)), None)
     if types is None:
@@ -128,7 +131,7 @@ def _vicon(path: Path, cells: Cells, rotation: str | None) -> RecordedTake:
 
 
 def _section(path: Path, rows: Cells, rotation: str | None) -> tuple[Array, Mapping[str, BodyTrack]]:
-    title = rows[0][0]
+    title, rows = rows[0][0], rows[:5] + [row for row in rows[5:] if row[0]]
     if len(rows) < 6 or rows[3][0] != "Frame":
         raise FileError(path, title, "no line that begins with Frame, or no frames below it")
     try:
@@ -137,8 +140,7 @@ def _section(path: Path, rows: Cells, rotation: str | None) -> tuple[Array, Mapp
         rate = 0.0
     if not rate > 0.0:
         raise FileError(path, f"{title}, second line", f"'{rows[1][0]}' is no number of frames per second")
-    table = rows[:5] + [row for row in rows[5:] if row[0]]
-    frame = _numbers(path, table, 5, [0])[:, 0]
+    frame = _numbers(path, rows, 5, [0])[:, 0]
     places: dict[str, dict[str, int]] = {}
     name = ""
     for k in range(2, len(rows[3])):
@@ -149,8 +151,8 @@ def _section(path: Path, rows: Cells, rotation: str | None) -> tuple[Array, Mapp
         wanted = next((kind for kind in (("TX", "TY", "TZ"), ("X", "Y", "Z")) if set(kind) <= set(axes)), None)
         if name and wanted is not None:
             columns = [axes[axis] for axis in wanted]
-            position = _numbers(path, table, 5, columns) * _scale(path, rows[4], columns)
-            bodies[name] = _body(path, table, axes, position, rotation)
+            position = _numbers(path, rows, 5, columns) * _scale(path, rows[4], columns)
+            bodies[name] = _body(path, rows, axes, position, rotation)
     return (frame - frame[0]) / rate, bodies
 
 

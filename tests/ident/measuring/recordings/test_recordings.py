@@ -172,6 +172,15 @@ def test_what_cannot_be_read_is_one_line_and_nothing_is_written(
     assert not data.with_suffix(".toml").exists()
 
 
+@pytest.mark.parametrize(("write", "header"), [(motive, 8), (lambda path: vicon(path, "quaternion"), 5)])
+def test_an_export_without_frames_is_one_line(tmp_path: Path, write: Callable[[Path], Path], header: int) -> None:
+    source = write(tmp_path / "take.csv")
+    for rest in ([], ["", ",,"]):
+        source.write_text("\n".join([*source.read_text().splitlines()[:header], *rest]) + "\n")
+        with pytest.raises(FileError, match="no frames below"):
+            read_export(source, None)
+
+
 def test_rotations_that_may_mean_two_things_are_asked_for(tmp_path: Path) -> None:
     source, data = vicon(tmp_path / "take.csv", "helical"), tmp_path / "data.csv"
     words = ("import", source, poses(tmp_path), "--arm", "lrm-lab", "-o", data, "--tool", "Tool:Tool")
