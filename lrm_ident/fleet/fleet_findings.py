@@ -124,9 +124,7 @@ def _leave_one_out(rows: Sequence[Estimated]) -> tuple[Array, Array, Array]:
 
 def _medians_of_others(values: Array) -> Array:
     """(n,), of each value the median of all others."""
-    order = np.argsort(values)
-    ranks, ordered = np.empty(len(values), dtype=np.int64), values[order]
-    ranks[order] = np.arange(len(values))
+    ranks, ordered = np.argsort(np.argsort(values)), np.sort(values)
     lower, upper = (len(values) - 2) // 2, (len(values) - 1) // 2
     below, above = (np.where(rank < ranks, ordered[rank], ordered[rank + 1]) for rank in (lower, upper))
     return np.asarray(0.5 * (below + above))

@@ -121,20 +121,18 @@ def find_step(photos: PhotoRegression) -> Step | None:
     """A step of the camera or of the board's mount between two photos, if there surely is one."""
     count = len(photos.tool)
     _, _, before = photos.solved()
-    sides = range(FEWEST_SIDE, count - FEWEST_SIDE + 1)
-    tried = []
-    for what, columns in (("camera", photos.camera_columns), ("board", photos.mount_columns)):
-        for k in sides:
-            later = (np.arange(count) >= k)[:, None, None]
-            theta, _, squares = photos.solved(columns * later)
+    moved = {"camera": photos.camera_columns, "board": photos.mount_columns}
+    number, tried = np.arange(count)[:, None, None], []
+    for what, columns in moved.items():
+        for k in range(FEWEST_SIDE, count - FEWEST_SIDE + 1):
+            theta, _, squares = photos.solved(columns * (number >= k))
             tried.append((squares, what, k, theta))
     if not tried:
         return None
     squares, what, k, theta = min(tried, key=lambda one: one[0])
     p_value = f_test_p_value(before, squares, 6, 6 * count - 12) * len(tried)
     shift, turn = float(np.linalg.norm(theta[:3])), float(np.linalg.norm(theta[3:]))
-    moved = photos.camera_columns if what == "camera" else photos.mount_columns
-    size = float(np.sqrt(((moved @ theta)[k:, :3] ** 2).sum(axis=1).mean())) + 0.1 * turn
+    size = float(np.sqrt(((moved[what] @ theta)[k:, :3] ** 2).sum(axis=1).mean())) + 0.1 * turn
     if p_value > SIGNIFICANT or size < SMALLEST_STEP:
         return None
     return Step(what, k, shift, turn)
