@@ -103,7 +103,8 @@ class PoseCampaign:
     def run(self, plan: Sequence[PlannedPose], file: DataFile) -> CampaignResult:
         """Measures every pose of the plan that the file does not have, in order. Raises what ends it before."""
         result, payload, began = CampaignResult(), None, self.clock.now()
-        left = [pose for pose in plan if pose.number not in set(file.done)]
+        done = set(file.done)
+        left = [pose for pose in plan if pose.number not in done]
         total = len(file.done) + len(left)
         for place, pose in enumerate(left):
             if pose.payload != payload:

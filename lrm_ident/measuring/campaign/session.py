@@ -180,10 +180,9 @@ def power_on(rover: Rover) -> str:
 
 
 class ZenohTracker(AbstractContextManager["ZenohTracker"]):
-    """Listens on a key. What is no frame is counted in `garbage`, and otherwise ignored."""
+    """Listens on a key; what is no frame is ignored."""
 
     def __init__(self, rover: Rover, key: str) -> None:
-        self.garbage = 0
         self._frames: list[TrackerFrame] = []
         self._subscriber = rover.listen(key, self._received)
 
@@ -198,7 +197,5 @@ class ZenohTracker(AbstractContextManager["ZenohTracker"]):
 
     def _received(self, data: bytes) -> None:
         frame = parse_dtrack(data)
-        if frame is None:
-            self.garbage += 1
-        elif len(self._frames) < MOST_FRAMES:
+        if frame is not None and len(self._frames) < MOST_FRAMES:
             self._frames.append(frame)

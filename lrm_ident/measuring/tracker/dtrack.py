@@ -35,11 +35,10 @@ FLOOD = 100_000
 
 
 class UdpTracker(AbstractContextManager["UdpTracker"]):
-    """Listens on a port of an address. What is no frame is counted in `garbage`, and otherwise ignored."""
+    """Listens on a port of an address; what is no frame is ignored."""
 
     def __init__(self, host: str, port: int) -> None:
         """Raises `LrmError` if the port cannot be had."""
-        self.garbage = 0
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         try:
             self._socket.bind((host, port))
@@ -58,10 +57,8 @@ class UdpTracker(AbstractContextManager["UdpTracker"]):
     def frames(self, seconds: float) -> list[TrackerFrame]:
         """See `Tracker`."""
         self._drain()
-        came = [parse_dtrack(data) for data in self._datagrams(time.monotonic() + seconds)]
-        found = [frame for frame in came if frame is not None]
-        self.garbage += len(came) - len(found)
-        return found
+        came = map(parse_dtrack, self._datagrams(time.monotonic() + seconds))
+        return [frame for frame in came if frame is not None]
 
     def _drain(self) -> None:
         """Takes what arrived before, without looking at it."""
