@@ -6,6 +6,7 @@ told apart, Ds-optimal for these (`pose_design`).
 
 from __future__ import annotations
 
+from bisect import bisect_left
 from contextlib import suppress
 from dataclasses import dataclass, replace
 
@@ -118,19 +119,15 @@ def random_poses_as_good(found: AdaptiveFindings, measured: Poses, every: Poses,
     columns = identification_jacobian(settled, keys)
     own = identification_jacobian(equilibrium(found.model, measured), keys)
     wanted = _uncertainty(own, columns, found.noise)
-    rng, needed = np.random.default_rng(seed), []
-    for _ in range(DRAWS):
-        order = rng.permutation(len(every))
-        low, high = len(keys) // 3, len(every)
-        if _uncertainty(columns[order], columns, found.noise) > wanted:
-            needed.append(len(every) + 1)
-            continue
-        while low < high:  # the uncertainty only falls with every further pose
-            middle = (low + high) // 2
-            enough = _uncertainty(columns[order[:middle]], columns, found.noise) <= wanted
-            low, high = (low, middle) if enough else (middle + 1, high)
-        needed.append(high)
-    median = int(np.median(needed))
+    rng = np.random.default_rng(seed)
+
+    def needed(order: NDArray[np.int64]) -> int:
+        """Number of poses in an order that are enough, one more than all where these are not."""
+        counts = range(len(every) + 1)  # the uncertainty only falls with every further pose
+        enough = lambda count: _uncertainty(columns[order[:count]], columns, found.noise) <= wanted  # noqa: E731
+        return bisect_left(counts, True, lo=len(keys) // 3, key=enough)
+
+    median = int(np.median([needed(rng.permutation(len(every))) for _ in range(DRAWS)]))
     return median if median <= len(every) else None
 
 

@@ -14,7 +14,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from lrm_ident.design.fisher_information import Rows, WhitenedColumns, whiten
+from lrm_ident.design.fisher_information import Rows, whiten
 from lrm_ident.design.observability import Index
 from lrm_ident.design.optimality import Criterion, PoseSetScore, criterion_of
 from lrm_ident.fitting.executors import in_order, in_this_process
@@ -139,18 +139,12 @@ def o1_upper_bound(columns: Array, rows: Rows) -> float:
     weights[rows] = 1.0
     bound = np.inf
     for step in range(BOUND_STEPS):
-        gradient, log_det = _log_det_gradient(whitened, weights)
+        root = (whitened.columns * np.sqrt(weights)[:, None]).reshape(-1, m)
+        M = root.T @ root + 1e-14 * np.eye(m)
+        gradient = np.einsum("cni,cni->n", whitened.columns @ np.linalg.inv(M), whitened.columns)
         corner = np.zeros(len(columns))
         corner[np.argsort(-gradient)[:n]] = 1.0
+        log_det = float(np.linalg.slogdet(M)[1]) + whitened.log_det_offset
         bound = min(bound, log_det - m + float(gradient @ corner))
         weights += 2.0 / (step + 4.0) * (corner - weights)
     return float(np.exp(0.5 * bound / m) / np.sqrt(n))
-
-
-def _log_det_gradient(whitened: WhitenedColumns, weights: Array) -> tuple[Array, float]:
-    """∂ log det/∂weight of every pose (N,), and the log-determinant, in the units given."""
-    columns, m = whitened.columns, whitened.columns.shape[2]
-    root = (columns * np.sqrt(weights)[:, None]).reshape(-1, m)
-    M = root.T @ root + 1e-14 * np.eye(m)
-    gradient = np.einsum("cni,cni->n", columns @ np.linalg.inv(M), columns)
-    return gradient, float(np.linalg.slogdet(M)[1]) + whitened.log_det_offset
