@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from lrm_ident.design.candidate_poses import ClearanceRules, violated_rules
+from lrm_ident.design.candidate_poses import ClearanceRules, keeps_rules
 from lrm_ident.report.document import ResultTable
 from lrm_math.arm.arm import Arm
 from lrm_math.arrays import Array
@@ -24,7 +24,7 @@ def clear_poses(arm: Arm, count: int, rng: np.random.Generator) -> Array:
     found = np.empty((0, arm.dof))
     while len(found) < count:
         q = rng.uniform(low, high, size=(4 * count, arm.dof))
-        found = np.concatenate([found, q[~np.any(list(violated_rules(arm, q, rules).values()), axis=0)]])
+        found = np.concatenate([found, q[keeps_rules(arm, q, rules)]])
     return found[:count]
 
 

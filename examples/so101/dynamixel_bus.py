@@ -12,8 +12,7 @@ from examples.so101.feetech_servo import AMBIENT_C, FeetechServo, memory_of
 from lrm_ident.measuring.servo_bus import dynamixel as table
 from lrm_ident.measuring.servo_bus import feetech as shaft
 from lrm_ident.measuring.servo_bus.dynamixel import DynamixelPacket
-from lrm_ident.measuring.servo_bus.kind import Register
-from lrm_ident.measuring.servo_bus.packets import Instruction, Packet, PacketReader
+from lrm_ident.measuring.servo_bus.kind import Instruction, Packet, PacketReader, Register
 
 MIRRORED = (
     (table.ID, shaft.ID), (table.TORQUE_ENABLE, shaft.TORQUE_ENABLE), (table.GOAL_POSITION, shaft.GOAL_POSITION),

@@ -8,7 +8,7 @@ from itertools import zip_longest
 from examples.so101.feetech_servo import STATUS_LEVEL, FeetechServo
 from lrm_ident.measuring.servo_bus import feetech as table
 from lrm_ident.measuring.servo_bus.feetech import FeetechPacket
-from lrm_ident.measuring.servo_bus.packets import BROADCAST, Instruction, Packet, PacketReader
+from lrm_ident.measuring.servo_bus.kind import BROADCAST, Instruction, Packet, PacketReader
 
 NO_ERROR = 0
 ALL = 1

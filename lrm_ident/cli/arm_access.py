@@ -10,6 +10,7 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, NoReturn
 
@@ -118,16 +119,16 @@ class ArmAccess:
         return Rover(self.robot, self.connect.split(",") if self.connect else None)
 
     def _drive(self, daemon: Rover | None, arm: Arm, client: str) -> OpenArm:
-        """Opener of a daemon's arm, or of servos without one. `release`: said before (`release_key`)."""
+        """Opener of a daemon's arm, or of servos without one."""
         from lrm_ident.measuring.campaign.servo_arm import SPEED
         from lrm_ident.measuring.campaign.session import BUSES, by_daemon, by_servos
 
         if self.release and not self.robot.startswith(tuple(kind.prefix for kind in BUSES)):
             raise LrmError(f"--release: it goes with {' and '.join(kind.prefix for kind in BUSES)}")
         if daemon is not None:
-            return by_daemon(daemon, self.take, client)
+            return partial(by_daemon, daemon, arm, self.take, client)
         rate = SPEED if self.speed is None else math.radians(self.speed)
-        return by_servos(self.robot, arm, rate, lambda: True) if self.release else by_servos(self.robot, arm, rate)
+        return partial(by_servos, self.robot, arm, rate, self.release)
 
 
 def target_numbers(tool: int, base: int, tracker: str) -> TargetNumbers:

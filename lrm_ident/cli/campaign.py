@@ -107,8 +107,8 @@ def photo_poses(
     load_command: str | None,
 ) -> None:
     """Drives an arm through poses, a photo taken at each; `driven`: gets the angles commanded. Raises `LrmError`."""
-    from lrm_ident.measuring.campaign.photo_poses import PhotographedPoses, PhotoOrder, photograph
-    from lrm_ident.measuring.campaign.plan import load_plan
+    from lrm_ident.measuring.campaign.photo_poses import PhotoCampaign, PhotographedPoses
+    from lrm_ident.measuring.campaign.plan import lightest, load_plan
     from lrm_ident.measuring.campaign.run import PoseTiming
     from lrm_ident.measuring.campaign.session import RealClock
 
@@ -121,9 +121,10 @@ def photo_poses(
             if len(so_far.poses) % 10 == 0:
                 show(f"[{len(so_far.poses)}/{len(plan.poses)}] photos")
 
-        timing, loads = PoseTiming(0.0, settle), load_changer(load_command)
-        with resumable(f"The photos so far are in {driven.parent}, their poses in {driven}"):
-            photograph(PhotoOrder(link.drive, link.arm, RealClock(), timing, loads, take, keep, show), plan.poses)
+        timing, clock, rest = PoseTiming(0.0, settle), RealClock(), lightest(plan.poses, link.arm)
+        stopped = resumable(f"The photos so far are in {driven.parent}, their poses in {driven}")
+        with stopped, link.drive(clock, load_changer(load_command)) as opened:
+            PhotoCampaign(opened.arm, clock, timing, rest, take, keep, show).run(plan.poses)
     if not driven.exists():
         raise LrmError("no pose could be driven to")
 

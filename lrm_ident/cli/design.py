@@ -21,7 +21,7 @@ from lrm_ident.data.measurement_file.write import measurements_csv
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.registration.anchor import with_anchor
 from lrm_ident.data.weights.whitening import PLAIN, Whitening, measured_alike
-from lrm_ident.design.candidate_poses import DEFAULT_LEVELS, ClearanceRules, all_poses, clear_poses, parse_levels
+from lrm_ident.design.candidate_poses import DEFAULT_LEVELS, ClearanceRules, clear_poses, parse_levels
 from lrm_ident.design.observability import INDICES, UNITS
 from lrm_ident.design.parameter_elimination import PUBLISHED_THRESHOLD, eliminate
 from lrm_ident.design.pose_design import CandidateSet, DesignProblem
@@ -31,7 +31,7 @@ from lrm_ident.fitting.effect_plugins import catalogue_with
 from lrm_ident.fitting.executors import executor_for, in_this_process
 from lrm_ident.fitting.identifiability import fit_identifiable
 from lrm_ident.fitting.parameter_sets import TABLE_4_5, fittable, select_parameters
-from lrm_ident.measuring.camera.session import CameraSession, expected_weights, read_session, visible
+from lrm_ident.measuring.camera.session import CameraSession, expected_weights, visible
 from lrm_ident.report.design import choice_document, design_document, pose_table
 from lrm_ident.report.identifiability import elimination_document
 from lrm_ident.report.plots.design import draw_choice, draw_design
@@ -46,6 +46,7 @@ from lrm_math.model.equilibrium import equilibrium
 from lrm_math.model.model import Model
 from lrm_math.model.reading import AS_NAMED, Reading
 from lrm_math.number_list import parse_numbers
+from lrm_math.toml_file import read_toml
 
 
 @command
@@ -164,7 +165,7 @@ def design(
     catalogue = catalogue_with(effects_file)
     names = [name.strip() for name in (separate or "").split(",") if name.strip()]
     rules = ClearanceRules(apart_mm * MM, tip_mm * MM, None if floor_mm is None else floor_mm * MM)
-    session = None if camera is None else read_session(camera)
+    session = None if camera is None else read_toml(camera, CameraSession)
     offer = _offer(the_arm, poses, levels, loads_g, rules, seed, session)
     kind = one_of("index", index.upper(), INDICES)
     if names and kind != "O1":
@@ -278,7 +279,7 @@ def _offer(
             given = given.take(visible(camera, arm, given))
             words += f", {len(given)} of which show the board to the camera"
         return CandidateSet(Poses(given.q, given.payload), words, {})
-    narrowed = all_poses if camera is None else partial(_in_view, camera, arm)
+    narrowed = None if camera is None else partial(_in_view, camera, arm)
     return clear_poses(arm, parse_levels(arm, levels), payloads, rules, seed, narrowed)
 
 

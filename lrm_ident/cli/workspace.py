@@ -16,8 +16,7 @@ from lrm_ident.design.workspace.arm_variants import ArmVariant, parse_variant
 from lrm_ident.design.workspace.capability_map import CapabilityMap, capability_map, pose_solver
 from lrm_ident.design.workspace.orientation_grid import directions as directions_round
 from lrm_ident.design.workspace.orientation_grid import rotations
-from lrm_ident.design.workspace.presets import default_study
-from lrm_ident.design.workspace.voxel_grid import grid_around, parse_area
+from lrm_ident.design.workspace.voxel_grid import default_study, grid_around, parse_area
 from lrm_ident.fitting.progress import OnProgress
 from lrm_ident.report.plots.workspace import draw_reach
 from lrm_ident.report.workspace import AS_IT_IS, VariantComparison, reach_document

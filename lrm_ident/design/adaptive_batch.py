@@ -6,6 +6,7 @@ told apart, Ds-optimal for these (`pose_design`).
 
 from __future__ import annotations
 
+from bisect import bisect_left
 from contextlib import suppress
 from dataclasses import dataclass, replace
 
@@ -15,7 +16,6 @@ from numpy.typing import NDArray
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.design.observability import identification_jacobian
 from lrm_ident.design.pose_design import DesignProblem, design
-from lrm_ident.diagnosis.auto import AutoStep
 from lrm_ident.diagnosis.diagnose import Verdict
 from lrm_ident.diagnosis.screening.linearised_fit import PRIOR_SD
 from lrm_ident.study.study import Study
@@ -83,10 +83,11 @@ def assess(data: Measurements) -> AdaptiveFindings:
     squares = (last.held_out**2).sum(axis=1)
     error = float(squares.std(ddof=1) / np.sqrt(len(squares)))
     unsure = next((number for number, step in enumerate(run.steps) if step.equivalent), None)
+    names = () if unsure is None else (run.steps[unsure].added, *run.steps[unsure].equivalent)
     return AdaptiveFindings(
         model=last.fit.model,
         named=tuple((step.added, *step.equivalent) for step in run.steps[1:]),
-        rivals=() if unsure is None else _rivals(run.steps[unsure]),
+        rivals=tuple(effect for name in names[:MOST_RIVALS] for effect in effects_at(run.model.arm, name)),
         before=run.model if unsure is None else run.steps[max(unsure - 1, 0)].fit.model,
         verdict=run.verdict,
         held_out=float(np.sqrt(squares.mean())),
@@ -97,8 +98,6 @@ def assess(data: Measurements) -> AdaptiveFindings:
 
 def next_rows(found: AdaptiveFindings, measured: Poses, candidates: Poses, count: int, seed: int) -> NDArray[np.int64]:
     """Rows (count,) of the candidates to measure next; fewer if there are no more."""
-    if len(candidates) <= count:
-        return np.arange(len(candidates))
     problem = DesignProblem(found.model, None, (), count, "O1", found.noise, measured, 0, 1, seed)
     if found.rivals:
         with suppress(LrmError):  # where no choice of these candidates can tell them apart, the parameters are next
@@ -108,8 +107,6 @@ def next_rows(found: AdaptiveFindings, measured: Poses, candidates: Poses, count
 
 def first_rows(model: Model, measured: Poses | None, candidates: Poses, count: int, seed: int) -> NDArray[np.int64]:
     """Rows of the candidates as long as nothing is fitted, for the parameters of the thesis. Raises `LrmError`."""
-    if len(candidates) <= count:
-        return np.arange(len(candidates))
     return _chosen(DesignProblem(model, None, (), count, "O1", FIRST_NOISE, measured, 0, 1, seed), candidates)
 
 
@@ -122,19 +119,15 @@ def random_poses_as_good(found: AdaptiveFindings, measured: Poses, every: Poses,
     columns = identification_jacobian(settled, keys)
     own = identification_jacobian(equilibrium(found.model, measured), keys)
     wanted = _uncertainty(own, columns, found.noise)
-    rng, needed = np.random.default_rng(seed), []
-    for _ in range(DRAWS):
-        order = rng.permutation(len(every))
-        low, high = len(keys) // 3, len(every)
-        if _uncertainty(columns[order], columns, found.noise) > wanted:
-            needed.append(len(every) + 1)
-            continue
-        while low < high:  # the uncertainty only falls with every further pose
-            middle = (low + high) // 2
-            enough = _uncertainty(columns[order[:middle]], columns, found.noise) <= wanted
-            low, high = (low, middle) if enough else (middle + 1, high)
-        needed.append(high)
-    median = int(np.median(needed))
+    rng = np.random.default_rng(seed)
+
+    def needed(order: NDArray[np.int64]) -> int:
+        """Number of poses in an order that are enough, one more than all where these are not."""
+        counts = range(len(every) + 1)  # the uncertainty only falls with every further pose
+        enough = lambda count: _uncertainty(columns[order[:count]], columns, found.noise) <= wanted  # noqa: E731
+        return bisect_left(counts, True, lo=len(keys) // 3, key=enough)
+
+    median = int(np.median([needed(rng.permutation(len(every))) for _ in range(DRAWS)]))
     return median if median <= len(every) else None
 
 
@@ -146,6 +139,8 @@ def _uncertainty(rows: Array, everywhere: Array, noise: float) -> float:
 
 
 def _chosen(problem: DesignProblem, candidates: Poses) -> NDArray[np.int64]:
+    if len(candidates) <= problem.count:
+        return np.arange(len(candidates))
     already = 0 if problem.measured is None else len(problem.measured)
     rng = np.random.default_rng([problem.seed, already])
     offered = rng.choice(len(candidates), min(OFFERED, len(candidates)), replace=False)
@@ -154,9 +149,3 @@ def _chosen(problem: DesignProblem, candidates: Poses) -> NDArray[np.int64]:
     row_of = {(q.tobytes(), load): row for row, q, load in zip(offered, few.q, few.payload.tolist(), strict=True)}
     keys = zip(found.poses.q, found.poses.payload.tolist(), strict=True)
     return np.array(sorted({int(row_of[q.tobytes(), load]) for q, load in keys}))
-
-
-def _rivals(step: AutoStep) -> tuple[Effect, ...]:
-    """The effects that a step can stand for, each once."""
-    names = (step.added, *step.equivalent)[:MOST_RIVALS]
-    return tuple(effect for name in names for effect in effects_at(step.fit.model.arm, name))

@@ -97,11 +97,20 @@ def candidate_grid(arm: Arm, levels: Sequence[Sequence[float]], rules: Clearance
         raise LrmError(f"{count} combinations of levels; at most {MAX_COMBINATIONS} are checked, take fewer levels")
     q = np.array(list(product(*levels)), dtype=np.float64)
     violated = violated_rules(arm, q, rules or ClearanceRules())
-    good = ~np.any([np.zeros(len(q), dtype=np.bool_), *violated.values()], axis=0)
+    good = _none_of(violated, len(q))
     if not good.any():
         worst = max(violated, key=lambda name: int(violated[name].sum()))
         raise LrmError(f"none of {count} combinations of levels keeps the rules; most break: {worst}")
     return CandidateGrid(q[good], count, {name: int(rows.sum()) for name, rows in violated.items()})
+
+
+def keeps_rules(arm: Arm, q: Array, rules: ClearanceRules) -> NDArray[np.bool_]:
+    """(N,), which of the angles (N, n) violate no rule."""
+    return _none_of(violated_rules(arm, q, rules), len(q))
+
+
+def _none_of(violated: dict[str, NDArray[np.bool_]], count: int) -> NDArray[np.bool_]:
+    return np.asarray(~np.any([np.zeros(count, dtype=np.bool_), *violated.values()], axis=0))
 
 
 def violated_rules(arm: Arm, q: Array, rules: ClearanceRules) -> dict[str, NDArray[np.bool_]]:
@@ -137,22 +146,17 @@ def _tcp_to_boxes(scene: Scene, tcp: Array) -> Array:
     return nearest
 
 
-def all_poses(q: Array) -> tuple[Array, str]:
-    """Narrowing that keeps all."""
-    return q, ""
-
-
 def clear_poses(
     arm: Arm,
     levels: Sequence[Sequence[float]],
     payloads: Sequence[float],
     rules: ClearanceRules,
     seed: int,
-    narrowed: Narrowing = all_poses,
+    narrowed: Narrowing | None = None,
 ) -> CandidateSet:
     """The combinations of levels (rad) that keep the rules, each under every payload (kg). Raises `LrmError`."""
     clear = candidate_grid(arm, levels, rules)
-    q, more = narrowed(clear.q)
+    q, more = (clear.q, "") if narrowed is None else narrowed(clear.q)
     words = f"{len(clear.q)} of {clear.tried} combinations of levels keep clear{more}"
     most = MOST_CANDIDATES // len(payloads)
     if len(q) > most:

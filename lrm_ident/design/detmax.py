@@ -14,7 +14,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from lrm_ident.design.fisher_information import Rows, WhitenedColumns, whiten
+from lrm_ident.design.fisher_information import Rows, whiten
 from lrm_ident.design.observability import Index
 from lrm_ident.design.optimality import Criterion, PoseSetScore, criterion_of
 from lrm_ident.fitting.executors import in_order, in_this_process
@@ -29,12 +29,10 @@ BOUND_STEPS = 300
 
 @dataclass(frozen=True, eq=False)
 class ExchangeResult:
-    """The best set of poses: rows (n,) of the candidates, ascending; its score; each random start's scores."""
+    """The best set of poses: rows (n,) of the candidates, ascending; its score."""
 
     rows: Rows
     score: float
-    final_scores: tuple[float, ...]
-    initial_scores: tuple[float, ...]
 
 
 def exchange(
@@ -89,15 +87,12 @@ def maximise_criterion(
     first = [rng.choice(criterion.count, n, replace=False) for _ in range(starts)]
     with nullcontext(executor) if executor else in_this_process() as pool:
         found = in_order(pool, partial(_climb, criterion), first, progress)
-    rows, _, score = max(found, key=lambda one: one[2])
-    return ExchangeResult(np.sort(rows), score, tuple(one[2] for one in found), tuple(one[1] for one in found))
+    return max(found, key=lambda one: one.score)
 
 
-def _climb(criterion: Criterion, rows: Rows) -> tuple[Rows, float, float]:
-    """Excursions from one set until none raises the score, computed anew without the updates' round-off: the set, its
-    score before, and its score."""
+def _climb(criterion: Criterion, rows: Rows) -> ExchangeResult:
+    """Excursions from one set until none raises the score, computed anew without the updates' round-off."""
     scored = criterion.evaluate(rows)
-    before = scored.score
     inside = np.zeros(criterion.count, dtype=np.bool_)
     inside[rows] = True
     length = 1
@@ -111,7 +106,7 @@ def _climb(criterion: Criterion, rows: Rows) -> tuple[Rows, float, float]:
                 inside, scored, length = trial[0], anew, 0
                 break
         length += 1
-    return np.flatnonzero(inside), before, scored.score
+    return ExchangeResult(np.flatnonzero(inside), scored.score)
 
 
 def _excursion(
@@ -144,18 +139,12 @@ def o1_upper_bound(columns: Array, rows: Rows) -> float:
     weights[rows] = 1.0
     bound = np.inf
     for step in range(BOUND_STEPS):
-        gradient, log_det = _log_det_gradient(whitened, weights)
+        root = (whitened.columns * np.sqrt(weights)[:, None]).reshape(-1, m)
+        M = root.T @ root + 1e-14 * np.eye(m)
+        gradient = np.einsum("cni,cni->n", whitened.columns @ np.linalg.inv(M), whitened.columns)
         corner = np.zeros(len(columns))
         corner[np.argsort(-gradient)[:n]] = 1.0
+        log_det = float(np.linalg.slogdet(M)[1]) + whitened.log_det_offset
         bound = min(bound, log_det - m + float(gradient @ corner))
         weights += 2.0 / (step + 4.0) * (corner - weights)
     return float(np.exp(0.5 * bound / m) / np.sqrt(n))
-
-
-def _log_det_gradient(whitened: WhitenedColumns, weights: Array) -> tuple[Array, float]:
-    """∂ log det/∂weight of every pose (N,), and the log-determinant, in the units given."""
-    columns, m = whitened.columns, whitened.columns.shape[2]
-    root = (columns * np.sqrt(weights)[:, None]).reshape(-1, m)
-    M = root.T @ root + 1e-14 * np.eye(m)
-    gradient = np.einsum("cni,cni->n", columns @ np.linalg.inv(M), columns)
-    return gradient, float(np.linalg.slogdet(M)[1]) + whitened.log_det_offset

@@ -24,10 +24,9 @@ MIN_DETERMINANT = 1e-12  # part of the determinant that removing a pose must lea
 
 
 class RankDeficient(LrmError):
-    """Candidates that do not determine all parameters; carries the `rank` and the number of `parameters`."""
+    """Candidates that do not determine all parameters."""
 
     def __init__(self, poses: int, rank: int, parameters: int) -> None:
-        self.rank, self.parameters = rank, parameters
         super().__init__(
             f"all {poses} candidate poses together determine only {rank} of {parameters} parameters; offer more varied "
             "poses or fit fewer parameters (lrm-ident identify-parameters names those that move the TCP alike)"

@@ -74,21 +74,21 @@ class FeasibleScore:
         """Scores with each of the candidates `among` added (+1) or removed (−1); −inf where singular."""
         log_det = self.information.log_dets(sign, among)
         regular = np.isfinite(log_det)
-        J = self.criterion.columns.columns[:, among].transpose(1, 0, 2)
-        innovation = (self.criterion.residual[among] - J @ self.theta)[regular]
-        V, J = self.information.tcp_covariance_of(among)[regular], J[regular]
-        gain = np.linalg.solve(np.eye(V.shape[1]) + sign * V, innovation[:, :, None])
-        theta = self.theta + sign * ((J.transpose(0, 2, 1) @ gain)[:, :, 0] @ self.information.inverse)
         out = np.full(len(among), -np.inf)
-        out[regular] = self._penalised(log_det[regular], theta)
+        out[regular] = self._penalised(log_det[regular], self._thetas(sign, among[regular]))
         return out
 
     def updated(self, row: int, sign: int) -> FeasibleScore:
         """Score with one candidate added (+1) or removed (−1)."""
-        J, [V] = self.criterion.columns.columns[:, row], self.information.tcp_covariance_of(np.array([row]))
-        gain = np.linalg.solve(np.eye(len(V)) + sign * V, self.criterion.residual[row] - J @ self.theta)
-        theta = self.theta + sign * (self.information.inverse @ (J.T @ gain))
+        theta = self._thetas(sign, np.array([row]))[0]
         return replace(self, information=self.information.updated(row, sign), theta=theta)
+
+    def _thetas(self, sign: int, among: Rows) -> Array:
+        """(len(among), m), the identification with each candidate added or removed."""
+        J, V = self.criterion.columns.columns[:, among].transpose(1, 0, 2), self.information.tcp_covariance_of(among)
+        innovation = (self.criterion.residual[among] - J @ self.theta)[:, :, None]
+        gain = np.linalg.solve(np.eye(V.shape[1]) + sign * V, innovation)
+        return self.theta + sign * ((J.transpose(0, 2, 1) @ gain)[:, :, 0] @ self.information.inverse)
 
     def _penalised(self, log_det: Array, theta: Array) -> Array:
         violation = self.criterion.violation(theta)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from typing import Any
 
 from lrm_ident.fleet.fleet_prior import FleetKnowledge
@@ -41,10 +42,7 @@ def _effects(records: tuple[ArmRecord, ...], known: FleetKnowledge | str) -> lis
     """Every effect that some arm has, most frequent first, in how many arms, and its rate."""
     done = sum(not record.reason for record in records)
     rates = {} if isinstance(known, str) else {one.name: one for one in known.rates}
-    count: dict[str, int] = {}
-    for record in records:
-        for step in record.steps:
-            count[step[0]] = count.get(step[0], 0) + 1
+    count = Counter(step[0] for record in records for step in record.steps)
     out = []
     for name in sorted(count, key=lambda one: (-count[one], one)):
         rate = rates.get(name)

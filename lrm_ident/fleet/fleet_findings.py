@@ -9,7 +9,7 @@ studentised residual, Cook & Weisberg 1982), corrected for all that are looked a
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.special import stdtr
@@ -74,7 +74,7 @@ def tag_associations(
     rates: Sequence[EffectRate],
 ) -> tuple[TagAssociation, ...]:
     """Findings that go significantly with a tag, surest first."""
-    tried: dict[tuple[str, str], TagAssociation] = {}
+    tried: list[TagAssociation] = []
     for tag in dict.fromkeys(name for member in members for name, _ in member.tags):
         cells = [dict(member.tags).get(tag, "") for member in members]
         levels = sorted(set(cells))
@@ -82,15 +82,10 @@ def tag_associations(
         if not 2 <= len(levels) <= MOST_LEVELS or sum(len(group) >= FEWEST_OF_A_LEVEL for group in groups) < 2:
             continue
         named = list(zip(levels, groups, strict=True))
-        tried |= {(link.what, tag): link for link in _of_effects(tag, named, records, rates)}
-        tried |= {(link.what, tag): link for link in _of_parameters(tag, named, estimates)}
-    adjusted = benjamini_yekutieli({f"{what}\t{tag}": link.p_value for (what, tag), link in tried.items()})
-    found = [
-        TagAssociation(link.what, tag, adjusted[f"{what}\t{tag}"], link.levels)
-        for (what, tag), link in tried.items()
-        if adjusted[f"{what}\t{tag}"] < SIGNIFICANCE
-    ]
-    return tuple(sorted(found, key=lambda link: link.p_value))
+        tried += [*_of_effects(tag, named, records, rates), *_of_parameters(tag, named, estimates)]
+    adjusted = benjamini_yekutieli({str(number): link.p_value for number, link in enumerate(tried)})
+    found = [replace(link, p_value=adjusted[str(number)]) for number, link in enumerate(tried)]
+    return tuple(sorted((one for one in found if one.p_value < SIGNIFICANCE), key=lambda link: link.p_value))
 
 
 def outliers(records: Sequence[ArmRecord], estimates: Sequence[ArmEstimates]) -> tuple[FleetOutlier, ...]:
@@ -129,9 +124,7 @@ def _leave_one_out(rows: Sequence[Estimated]) -> tuple[Array, Array, Array]:
 
 def _medians_of_others(values: Array) -> Array:
     """(n,), of each value the median of all others."""
-    order = np.argsort(values)
-    ranks, ordered = np.empty(len(values), dtype=np.int64), values[order]
-    ranks[order] = np.arange(len(values))
+    ranks, ordered = np.argsort(np.argsort(values)), np.sort(values)
     lower, upper = (len(values) - 2) // 2, (len(values) - 1) // 2
     below, above = (np.where(rank < ranks, ordered[rank], ordered[rank + 1]) for rank in (lower, upper))
     return np.asarray(0.5 * (below + above))

@@ -54,12 +54,11 @@ class ArmEstimates:
 
 @dataclass(frozen=True, eq=False)
 class FleetKnowledge:
-    """Prior of a fleet: `population` of the parameters `keys` (Q,), of typical sizes `typical` (SI) and with
-    `units` (SI), and `rates`."""
+    """Prior of a fleet: `population` of the parameters `keys` (Q,), whose typical sizes are `typical` (Q,) in the
+    units of the keys, and `rates`."""
 
     keys: tuple[str, ...]
     typical: Array
-    units: Array
     population: Population
     rates: tuple[EffectRate, ...]
     arms: int
@@ -88,13 +87,13 @@ def fleet_knowledge(records: Sequence[ArmRecord], estimates: Sequence[ArmEstimat
     if len(records) < FEWEST_ARMS:
         raise LrmError(f"{len(records)} arms determine no spread; a fleet's prior needs at least {FEWEST_ARMS}")
     keys = tuple(dict.fromkeys(key for one in estimates for key in one.keys))
-    by_key = {key: one.model.parameter(key) for one in estimates for key in one.keys}
+    by_key = {key: one.typical_of(key) for one in estimates for key in one.keys}
     place = {key: number for number, key in enumerate(keys)}
     evidence = [arm_evidence(one, place) for one in estimates]
     every = effect_rates([record.steps for record in records], [record.tested for record in records])
     rates = tuple(one for one in every if split_name(one.name)[0] not in DEFAULT_EFFECTS)
-    typical, units = (np.array([getattr(by_key[key], name) for key in keys]) for name in ("typical", "si"))
-    return FleetKnowledge(keys, typical, units, fit_population(evidence, len(keys)), rates, len(records))
+    typical = np.array([by_key[key] for key in keys])
+    return FleetKnowledge(keys, typical, fit_population(evidence, len(keys)), rates, len(records))
 
 
 def arm_evidence(estimates: ArmEstimates, place: dict[str, int]) -> ArmEvidence:
@@ -113,7 +112,7 @@ def prior_text(known: FleetKnowledge, name: str, source: str) -> str:
 
 def parameter_values(known: FleetKnowledge) -> dict[str, dict[str, Any]]:
     """Mean and spread of every parameter with their intervals, in the unit of its key, and how many arms have it."""
-    found, scale = known.population, known.typical / known.units
+    found, scale = known.population, known.typical
     return {
         key: {
             "mean": float(found.mean[j] * scale[j]),
@@ -129,7 +128,7 @@ def parameter_values(known: FleetKnowledge) -> dict[str, dict[str, Any]]:
 def prior_file(known: FleetKnowledge, name: str, source: str) -> PriorFile:
     """The prior of a fleet's next arm."""
     covariance = known.population.predictive_covariance
-    sds = np.sqrt(np.diag(covariance)) * (known.typical / known.units)
+    sds = np.sqrt(np.diag(covariance)) * known.typical
     parameters = {
         key: GaussianTable(sd=_rounded(sd), **{field: _rounded(value) for field, value in values.items()})
         for (key, values), sd in zip(parameter_values(known).items(), sds, strict=True)

@@ -62,15 +62,13 @@ def fleet_document(result: FleetResult) -> Document:
     blocks += section("\nWhat goes with a tag", [_link_words(link) for link in result.links])
     if isinstance(result.known, str):
         blocks.append(f"\nNo prior: {result.known}")
-        return Document(blocks, "lrm/fleet/1", {**values, "rates": [], "population": {}, "reason": result.known})
-    rates = _rates_table(result.known)
-    blocks += [
-        rates if rates.cells else "\nNo arm has an effect beyond the plain model.",
-        _population_table(result.known),
-    ]
-    return Document(
-        blocks, "lrm/fleet/1", {**values, "rates": result.known.rates, "population": parameter_values(result.known)}
-    )
+        values |= {"rates": [], "population": {}, "reason": result.known}
+    else:
+        rates = _rates_table(result.known)
+        blocks += [rates if rates.cells else "\nNo arm has an effect beyond the plain model."]
+        blocks += [_population_table(result.known)]
+        values |= {"rates": result.known.rates, "population": parameter_values(result.known)}
+    return Document(blocks, "lrm/fleet/1", values)
 
 
 def table_csv(result: FleetResult) -> str:
@@ -134,13 +132,11 @@ def _row(member: FleetMember, record: ArmRecord) -> dict[str, Any]:
 def _arms_table(result: FleetResult) -> ResultTable:
     tags, rows = result.tags, []
     for member, record in zip(result.members, result.records, strict=True):
-        own = dict(member.tags)
-        found = ", ".join(map(causes_words, record.steps))
-        cells = (record.nominal_rms_mm, record.held_out_rms_mm)
-        rms = [None if value is None else f"{value:.2f}" for value in cells]
+        own, found = dict(member.tags), ", ".join(map(causes_words, record.steps))
         missing = "not identified" if record.reason else found or "nothing"
-        rows.append((record.name, *(own.get(tag, "") for tag in tags), str(record.poses or ""), *rms, missing))
-    columns = ("arm", *tags, "poses|", "nominal RMS mm|", "held out mm|", "what is missing in the plain model")
+        numbers = (record.poses or None, record.nominal_rms_mm, record.held_out_rms_mm)
+        rows.append((record.name, *(own.get(tag, "") for tag in tags), *numbers, missing))
+    columns = ("arm", *tags, "poses|d", "nominal RMS mm|.2f", "held out mm|.2f", "what is missing in the plain model")
     return ResultTable(columns, rows, "Arms")
 
 
@@ -179,15 +175,12 @@ def fleet_result(members: Sequence[FleetMember], records: Sequence[ArmRecord], m
         models: folder of the model files.
     """
     arm_named = cache(lambda name: arm_of(models / "NAME.toml", name))
-    done, estimates = list[tuple[FleetMember, ArmRecord]](), list[ArmEstimates]()
-    for member, record in zip(members, records, strict=True):
-        if record.evidence is not None:
-            done.append((member, record))
-            estimates.append(arm_estimates(record.name, record.evidence, arm_named(record.evidence.arm)))
-    found = outliers([record for _, record in done], estimates)
+    pairs = zip(members, records, strict=True)
+    done = [(m, r, arm_estimates(r.name, r.evidence, arm_named(r.evidence.arm))) for m, r in pairs if r.evidence]
+    found = outliers([record for _, record, _ in done], [own for *_, own in done])
     odd = {one.arm for one in found}
-    kept = [number for number, (_, record) in enumerate(done) if record.name not in odd]
-    sisters, theirs = [done[number][1] for number in kept], [estimates[number] for number in kept]
+    kept = [one for one in done if one[1].name not in odd]
+    sisters, theirs = [record for _, record, _ in kept], [own for *_, own in kept]
     known: FleetKnowledge | str
     try:
         known = fleet_knowledge(sisters, theirs)
@@ -197,8 +190,8 @@ def fleet_result(members: Sequence[FleetMember], records: Sequence[ArmRecord], m
     return FleetResult(
         members=tuple(members),
         records=tuple(records),
-        estimates={record.name: one for (_, record), one in zip(done, estimates, strict=True)},
+        estimates={record.name: own for _, record, own in done},
         known=known,
-        links=tag_associations([done[number][0] for number in kept], sisters, theirs, rates) if sisters else (),
+        links=tag_associations([member for member, *_ in kept], sisters, theirs, rates) if kept else (),
         outliers=found,
     )

@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import hashlib
 import time
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import chain
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Literal
@@ -19,7 +19,6 @@ from pydantic import Field
 
 from lrm_ident.data.error_stats import error_stats
 from lrm_ident.data.measurements import Measurements
-from lrm_ident.diagnosis.auto import AutoRun
 from lrm_ident.fitting.levenberg_marquardt import fit
 from lrm_ident.fitting.model_fit import DEFAULT_EFFECTS
 from lrm_ident.fitting.parameter_sets import Bounds, bounds_of
@@ -88,10 +87,6 @@ class ArmRecord(StrictSchema):
     model: str = ""
     evidence: ModelFile | None = None
 
-    def as_json(self) -> dict[str, object]:
-        """Plain values, the schema first."""
-        return self.model_dump(by_alias=True)
-
 
 def identify_arm(task: ArmTask) -> ArmRecord:
     """Fits, diagnoses and extends the model of one arm. Never raises: what went wrong is the record's reason."""
@@ -120,14 +115,15 @@ def _identified(task: ArmTask, scratch: Path) -> ArmRecord:
     data = read_measurements(data_path, arm, task.stored_arm)
     nominal = Study.of(data)
     run, study = nominal.fit().auto()
+    steps = [list(step.names) for step in run.steps[1:]]
     return ArmRecord(
         name=task.name,
         sha256=task.sha256,
         notices=list(data.notices),
         poses=len(study.data),
         verdict=run.verdict,
-        steps=[list(step.names) for step in run.steps[1:]],
-        tested=_tested(run),
+        steps=steps,
+        tested=sorted({*chain(*steps), *(one.name for one in run.diagnosis.scored)}),
         outliers=list(study.data.left_out),
         nominal_rms_mm=nominal.nominal_error.rms * 1e3,
         fit_rms_mm=study.errors.fitted.rms * 1e3,
@@ -141,24 +137,14 @@ def evidence_of(model: Model, data: Measurements, arm_name: str) -> ModelFile:
     """A model's parameters all fitted together with the weak prior (maximum a posteriori). Raises `LrmError`.
 
     Offsets and compliances may become negative: of arms whose true ones are near zero, those whose estimates happen to
-    be below it must not be missing from the fleet's mean.
+    be below it must not be missing from the fleet's mean. All but constants are fitted, shapes (the torque that takes
+    up a play) too: one arm may hardly determine them, but its sisters have the same.
     """
-    whole = replace(model, free=fittable_keys(model))
+    keys = zip(model.keys, model.parameters, strict=True)
+    whole = replace(model, free=tuple(key for key, one in keys if one.fixed is None or one.scan))
     signed = bounds_of(whole, whole.free)
     plain = np.array([key.partition(".")[0] in DEFAULT_EFFECTS for key in whole.free])
     bounds = Bounds(np.where(plain, -np.inf, signed.lower), np.where(plain, np.inf, signed.upper))
     result = fit(whole, data, bounds, prior=weak_prior(whole))
     file = model_file(result, data, HeldOutResidual(None), arm_name, "fit --prior vague", "squared", prior=WEAK)
     return file.model_copy(update={"history": [], "provenance": None})
-
-
-def fittable_keys(model: Model) -> tuple[str, ...]:
-    """Keys of all parameters but constants. A shape (the torque that takes up a play) is fitted with the others: its
-    one arm may hardly determine it, but its sisters have the same."""
-    return tuple(key for key, p in zip(model.keys, model.parameters, strict=True) if p.fixed is None or p.scan)
-
-
-def _tested(run: AutoRun) -> list[str]:
-    """Every effect that some step added, or that the last diagnosis could try."""
-    added: Sequence[str] = [name for step in run.steps[1:] for name in step.names]
-    return sorted({*added, *(one.name for one in run.diagnosis.scored)})

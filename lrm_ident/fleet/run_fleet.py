@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from concurrent.futures import Executor
 from pathlib import Path
 
@@ -27,14 +27,12 @@ def run_fleet(
     folder: Path,
     executor: Executor,
     progress: OnProgress = silent,
-    on_record: Callable[[ArmRecord], object] = lambda _: None,
 ) -> list[ArmRecord]:
     """Identifies every arm, side by side; results in the order of the arms.
 
     Args:
         folder: where `arms/NAME.json` and `models/NAME.toml` are written as each arm is done. Arms whose file is there
             already, made of the same data and arm file by the same version, are not computed again.
-        on_record: called with each arm that was computed now.
 
     Raises `FileError`: a result cannot be written. `LrmError`: the workers are lost. What was written stays.
     """
@@ -59,7 +57,6 @@ def run_fleet(
         if record.sha256:
             _store(record, folder)
         records[tasks[which][0]] = record
-        on_record(record)
     return [records[number] for number in range(len(members))]
 
 
@@ -98,7 +95,7 @@ def _store(record: ArmRecord, folder: Path) -> None:
     """The model first: an arm whose result is there has its model too."""
     if record.model:
         write_text(folder / MODELS / f"{record.name}.toml", record.model)
-    write_text(folder / ARMS / f"{record.name}.json", json.dumps(record.as_json(), indent=1) + "\n")
+    write_text(folder / ARMS / f"{record.name}.json", json.dumps(record.model_dump(by_alias=True), indent=1) + "\n")
 
 
 def _make_folder(path: Path) -> None:

@@ -19,7 +19,7 @@ from pathlib import Path
 import numpy as np
 
 from lrm_ident.data.measurement_file.load import load_measurements
-from lrm_ident.measuring.tracker.udp import UdpTracker
+from lrm_ident.measuring.tracker.dtrack import UdpTracker
 from lrm_math.arm.arm_file import load_arm
 from lrmd.client import Rover
 from tests.support.daemon.daemon_process import SLOW_BOARD, DaemonSetup, running_daemon, wait_for

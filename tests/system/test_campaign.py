@@ -14,7 +14,7 @@ import pytest
 
 from lrm_ident.data.measurement_file.load import load_measurements
 from lrm_ident.data.measurements import Measurements
-from lrm_ident.measuring.tracker.udp import UdpTracker
+from lrm_ident.measuring.tracker.dtrack import UdpTracker
 from lrm_math.arm.arm_file import load_arm
 from lrmd.client import Rover
 from tests.support.daemon.daemon_harness import connected, wait_for_link

@@ -9,12 +9,10 @@ import argparse
 import tempfile
 from pathlib import Path
 
-from lrm_ident.measuring.camera.detection import RejectedPhoto, find_corners
-
 from lrm_ident.data.measurement_file.write import measurements_csv
-from lrm_ident.measuring.camera.board import CharucoBoard, read_picture
+from lrm_ident.measuring.camera.board import RejectedPhoto, find_corners, read_picture
 from lrm_ident.measuring.camera.capture import photos_in
-from lrm_ident.measuring.camera.lens import Lens, calibrate_lens
+from lrm_ident.measuring.camera.lens import calibrate_lens
 from lrm_ident.measuring.camera.session import measure, read_photos
 from lrm_ident.study.api import add, diagnose, fit, load
 from lrm_math.model.equilibrium import equilibrium
@@ -38,7 +36,7 @@ def main() -> None:
             true = rig(seed, HIDDEN)
             poses = poses_in_view(true, given.photos, seed)
             write_arm_photos(folder / f"arm{seed}", scene, true.boards(equilibrium(true.model, poses)))
-            seen = read_photos(photos_in(folder / f"arm{seed}"), Lens.of(lens), CharucoBoard(lens.board))
+            seen = read_photos(photos_in(folder / f"arm{seed}"), lens)
             found = measure(true.model.arm, "so101", poses, seen, lens, folder / f"data{seed}.csv")
             found.data.path.write_text(measurements_csv(found.data))
             data = load(found.data.path, arm="so101")

@@ -19,10 +19,9 @@ from lrm_ident.data.weights.whitening import position_sd
 from lrm_ident.fitting.identifiability import select_identifiable
 from lrm_ident.fitting.levenberg_marquardt import fit
 from lrm_ident.fitting.parameter_sets import no_bounds
-from lrm_ident.measuring.camera.board import BoardTable, CharucoBoard
-from lrm_ident.measuring.camera.board_pose import information_of
-from lrm_ident.measuring.camera.consistency import measured_covariance_of
-from lrm_ident.measuring.camera.lens import Lens
+from lrm_ident.measuring.camera.board import CharucoBoard
+from lrm_ident.measuring.camera.board_pose import covariance_at
+from lrm_ident.measuring.camera.hand_eye import measured_covariance
 from lrm_math.arrays import Array
 from lrm_math.effects import effects_at
 from lrm_math.kinematics.poses import Poses
@@ -32,8 +31,10 @@ from lrm_math.model.sensed import tool_rotation
 from validation.camera.rendered_photos import WEBCAM
 from validation.camera.scene import CameraRig, poses_in_view, rig
 
-TWELVE = CharucoBoard(BoardTable(columns=5, rows=4, square_mm=20.0))
-LENS = Lens(WEBCAM.K * np.array([[1.5], [1.5], [1.0]]), WEBCAM.distortion, (1920, 1080), 0.3)
+TWELVE = CharucoBoard(columns=5, rows=4, square_mm=20.0)
+LARGER = {name: 1.5 * getattr(WEBCAM, name) for name in ("focal_x_px", "focal_y_px", "centre_x_px", "centre_y_px")}
+HD = {"width_px": 1920, "height_px": 1080, "noise_px": 0.3, "board": TWELVE}
+LENS = WEBCAM.model_copy(update=LARGER | HD)
 """At 1080p."""
 SHARE = 0.2  # of typical sizes: the errors of the arms
 WAYS = ("positions, one sd", "positions, covariance", "poses, covariance")
@@ -57,8 +58,8 @@ def photographed(true: CameraRig, model: Model, poses: Poses, rng: np.random.Gen
     """Tool poses as photos of the board give them, with noise of their covariance."""
     rest = equilibrium(model, poses)
     boards = true.boards(rest)
-    own = np.array([np.linalg.inv(information_of(board, TWELVE.corners, LENS)) * LENS.noise**2 for board in boards])
-    covariance = measured_covariance_of(true.camera, true.mount, boards, own)
+    own = np.array([covariance_at(board, LENS) for board in boards])
+    covariance = measured_covariance(true.camera, true.mount, boards, own)
     error = np.array([rng.multivariate_normal(np.zeros(6), one) for one in covariance])
     number = np.arange(1, len(poses) + 1)
     sd = position_sd(covariance)

@@ -18,11 +18,9 @@ from lrm_math.arrays import Array
 
 RAYS = 2  # per pixel along either side
 WEBCAM = Lens(
-    K=np.array([[922.0, 0.0, 646.0], [0.0, 919.0, 355.0], [0.0, 0.0, 1.0]]),
-    distortion=np.array([0.07, -0.16, 0.0008, -0.0005, 0.06]),
-    size=(1280, 720),
-    noise=0.1,
-)
+    schema="lrm/camera/1", width_px=1280, height_px=720, focal_x_px=922.0, focal_y_px=919.0, centre_x_px=646.0,
+    centre_y_px=355.0, distortion=[0.07, -0.16, 0.0008, -0.0005, 0.06], noise_px=0.1, photos=20, board=CharucoBoard(),
+)  # fmt: skip
 """A webcam of 70 degrees at 720p."""
 
 
@@ -67,15 +65,17 @@ class PhotoScene:
         fine = [(np.arange((b - a) * RAYS) + 0.5) / RAYS - 0.5 + a for a, b in zip(low, high, strict=True)]
         u, v = np.meshgrid(*fine)
         pixels = np.stack([u.ravel(), v.ravel()], axis=1)
-        rays = cv2.undistortPoints(pixels.reshape(-1, 1, 2), self.lens.K, self.lens.distortion).reshape(-1, 2)
+        rays = cv2.undistortPoints(pixels.reshape(-1, 1, 2), self.lens.matrix, np.array(self.lens.distortion)).reshape(
+            -1, 2
+        )
         rays = np.concatenate([rays, np.ones((len(rays), 1))], axis=1) @ pose[:3, :3]
         eye = -pose[:3, :3].T @ pose[:3, 3]
         with np.errstate(divide="ignore", invalid="ignore"):
-            at = (eye + rays * (-eye[2] / rays[:, 2])[:, None])[:, :2] / (board.table.square_mm * 1e-3 * self.scale)
+            at = (eye + rays * (-eye[2] / rays[:, 2])[:, None])[:, :2] / (board.square_mm * 1e-3 * self.scale)
         texture = board.picture[:, ::-1] if self.mirrored else board.picture
         cells = np.floor(at * PIXELS).astype(int)
         inside = ((cells >= 0) & (cells < np.array(texture.shape[::-1]))).all(axis=1)
-        paper = (at > -0.35) & (at < np.array([board.table.columns, board.table.rows]) + 0.35)
+        paper = (at > -0.35) & (at < np.array([board.columns, board.rows]) + 0.35)
         part = behind[low[1] : high[1], low[0] : high[0]]
         grey = np.repeat(np.repeat(part, RAYS, axis=0), RAYS, axis=1).ravel().copy()
         grey[paper.all(axis=1)] = 225.0

@@ -9,9 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from lrm_ident.data.measurement_file.conventions import frame_motion
 from lrm_ident.data.rigid_motion import inverse
-from lrm_ident.measuring.camera.board import BoardTable, CharucoBoard
+from lrm_ident.measuring.camera.board import CharucoBoard
 from lrm_ident.measuring.camera.opencv import opencv
 from lrm_ident.measuring.camera.session import CameraSession
 from lrm_math.arm.arm import Arm
@@ -24,7 +23,7 @@ from lrm_math.model.model import Model, model_of
 from lrm_math.model.sensed import tool_rotation
 from validation.camera.rendered_photos import PhotoScene
 
-BOARD = CharucoBoard(BoardTable())
+BOARD = CharucoBoard()
 HIDDEN = {"servo_gain.joint3.g_plus_rad_per_rad": 0.02, "servo_gain.joint3.g_minus_rad_per_rad": 0.02}
 """The servo of the elbow turns two percent too far."""
 
@@ -64,8 +63,9 @@ class CameraRig:
         corners = BOARD.corners @ seen[:, :3, :3].transpose(0, 2, 1) + seen[:, None, :3, 3]
         ahead = (corners[:, :, 2] > 0.12).all(axis=1) & (seen[:, 2, 3] < 0.6)
         facing = np.einsum("ni,ni->n", seen[:, :3, 2], seen[:, :3, 3]) > 0.5 * np.linalg.norm(seen[:, :3, 3], axis=1)
-        pixels = PhotoScene().lens.project(np.where(ahead[:, None, None], corners, [0, 0, 1.0]).reshape(-1, 3))[0]
-        inside = ((pixels > 20) & (pixels < PhotoScene().lens.edge - 20)).all(axis=1).reshape(len(q), -1).all(axis=1)
+        lens = PhotoScene().lens
+        pixels = lens.project(np.where(ahead[:, None, None], corners, [0, 0, 1.0]).reshape(-1, 3))[0]
+        inside = ((pixels > 20) & (pixels < np.subtract(lens.size, 20))).all(axis=1).reshape(len(q), -1).all(axis=1)
         above = equilibrium(self.model, poses_of(q)).tcp[:, 2] > 0.02
         shown: NDArray[np.bool_] = ahead & facing & inside & above
         return shown

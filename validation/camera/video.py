@@ -10,12 +10,11 @@ import tempfile
 from pathlib import Path
 
 import numpy as np
-from lrm_ident.measuring.camera.detection import RejectedPhoto, find_corners
 
 from lrm_ident.data.measurement_file.write import measurements_csv
-from lrm_ident.measuring.camera.board import CharucoBoard, read_picture
+from lrm_ident.measuring.camera.board import RejectedPhoto, find_corners, read_picture
 from lrm_ident.measuring.camera.capture import photos_in
-from lrm_ident.measuring.camera.lens import Lens, LensFile, calibrate_lens
+from lrm_ident.measuring.camera.lens import Lens, calibrate_lens
 from lrm_ident.measuring.camera.session import CameraMeasurements, measure, read_photos
 from lrm_ident.measuring.recordings.lerobot import read_frames
 from lrm_ident.measuring.recordings.lerobot_video import measure_video
@@ -55,10 +54,10 @@ def main() -> None:
         say("video", true, found, fresh)
 
 
-def stills(folder: Path, true: CameraRig, poses: Poses, boards: np.ndarray, lens: LensFile) -> CameraMeasurements:
+def stills(folder: Path, true: CameraRig, poses: Poses, boards: np.ndarray, lens: Lens) -> CameraMeasurements:
     """Measurements from stills at commanded poses."""
     write_arm_photos(folder / "arm", PhotoScene(), boards)
-    seen = read_photos(photos_in(folder / "arm"), Lens.of(lens), CharucoBoard(lens.board))
+    seen = read_photos(photos_in(folder / "arm"), lens)
     return measure(true.model.arm, "so101", poses, seen, lens, folder / "stills.csv")
 
 

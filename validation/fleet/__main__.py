@@ -75,9 +75,9 @@ def _make_prior(sisters: Sequence[ArmOfKind], folder: Path, pool: Executor) -> P
     """The fleet of the sisters; what it says of the population beside the truth, and the overhead, printed."""
     members = read_manifest(write_fleet(sisters, folder / "data", FEW))
     begun = time.monotonic()
-    records = run_fleet(
-        members, folder / "fleet", pool, on_record=lambda one: print(f"  {one.name} {one.seconds:.1f} s")
-    )
+    records = run_fleet(members, folder / "fleet", pool)
+    for record in records:
+        print(f"  {record.name} {record.seconds:.1f} s")
     wall, work = time.monotonic() - begun, sum(record.seconds for record in records)
     task = task_of(members[0], folder / "fleet" / MODELS)
     sent, back = len(pickle.dumps(task)), len(pickle.dumps(records[0]))

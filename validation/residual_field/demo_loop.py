@@ -109,16 +109,16 @@ class GoalVisits:
 
     def visit(self, world: World, number: int) -> Array:
         """(goals,), squared distances of the tip from the goals (m²); NaN where one was not reached."""
-        targets, timing = TargetNumbers(TOOL, BASE), PoseTiming(0.0, SETTLE_S, DWELL_S)
+        arm, targets, timing = load_arm(ARM), TargetNumbers(TOOL, BASE), PoseTiming(0.0, SETTLE_S, DWELL_S)
         goals = [tuple(goal) for goal in self.goals.tolist()]
         start = {goal: tuple(q) for goal, q in zip(goals, self.starts[number].tolist(), strict=True)}
         with (
             Rover(ROBOT, [world.endpoint]) as rover,
             connected(rover, f"dtrack:{world.tracker_port}", targets) as tracker,
-            by_daemon(rover, take=False)(clock := RealClock(), lambda _: None) as driven,
+            by_daemon(rover, arm, False, "lrm-ident verify", clock := RealClock(), lambda _: None) as driven,
         ):
             solver = FixedStartSolver(driven.solver(None), start)
-            run = GoalRun(driven.arm, solver, load_arm(ARM), tracker, targets, clock, timing, LOAD_G * GRAM)
+            run = GoalRun(driven.arm, solver, arm, tracker, targets, clock, timing, LOAD_G * GRAM)
             found = run.visit([PlacedGoal(goal) for goal in goals], lambda *_: None)
         squares = np.full(len(goals), np.nan)
         for one in found.attained:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -19,24 +20,14 @@ from lrm_ident.data.atomic_write import write_bytes, write_text
 from lrm_ident.data.measurement_file.load import load_poses, read_pose_feedback
 from lrm_ident.data.measurement_file.write import measurements_csv, write_with_metadata
 from lrm_ident.measuring.camera.board import (
-    BoardTable,
     CharucoBoard,
     RejectedPhoto,
     board_pdf,
-    board_text,
     find_corners,
     read_picture,
 )
-from lrm_ident.measuring.camera.capture import (
-    ask_person,
-    is_camera,
-    keep_photo,
-    open_camera,
-    photo_path,
-    photos_in,
-    take_photos,
-)
-from lrm_ident.measuring.camera.lens import Lens, LensFile, calibrate_lens
+from lrm_ident.measuring.camera.capture import is_camera, keep_photo, open_camera, photograph_by_hand, photos_in
+from lrm_ident.measuring.camera.lens import Lens, calibrate_lens
 from lrm_ident.measuring.camera.session import ENOUGH_TO_LEVEL, CameraMeasurements, measure, read_photos
 from lrm_ident.report.document import ListSection
 from lrm_math.arm.arm_file import MM, arm_name_for, load_arm
@@ -61,10 +52,10 @@ def board(
     paper: Annotated[str, Option(help="a4 or letter.")] = "a4",
 ) -> None:
     """Write a ChArUco board as a PDF at true scale, with a ruler to check the print."""
-    table = _board(columns, rows, square_mm)
-    write_bytes(output, board_pdf(CharucoBoard(table), paper))
+    the_board = _board(columns, rows, square_mm)
+    write_bytes(output, board_pdf(the_board, paper))
     show(
-        f"Board of {board_text(table)} written to {output}.",
+        f"Board of {the_board} written to {output}.",
         "Print it at 100 % ('actual size'), lay a ruler on the line of 100 mm, glue it on something flat and stiff.",
     )
 
@@ -78,7 +69,7 @@ def calibrate(
     square_mm: SquareMm = 15.0,
 ) -> None:
     """Calibrate a camera's lens from photos of the board: 15 or more, near and far, leaning, out to the edges."""
-    the_board, files = CharucoBoard(_board(columns, rows, square_mm)), photos_in(Path(photos))
+    the_board, files = _board(columns, rows, square_mm), photos_in(Path(photos))
     found, refused, sizes = [], [], set()
     with progress("looking for the board") as tick:
         for number, file in enumerate(files, start=1):
@@ -140,7 +131,7 @@ def read(
     poses.csv among the photos in DATA.photos has the angles that were commanded.
     """
     session_file, folder = output.with_suffix(".camera.toml"), output.with_suffix(".photos")
-    the_arm, file = load_arm(arm), read_toml(lens, LensFile)
+    the_arm, file = load_arm(arm), read_toml(lens, Lens)
     commanded = load_poses(poses, the_arm)
     if robot is not None:
         if not is_camera(photos):
@@ -150,24 +141,17 @@ def read(
         folder.mkdir(parents=True, exist_ok=True)
         driven, access = folder / "poses.csv", ArmAccess(robot, connect, speed, take, release)
         with open_camera(photos) as opened:
-            photo_poses(
-                poses,
-                arm,
-                access,
-                lambda k: keep_photo(opened.photo(), photo_path(folder, k)),
-                driven,
-                settle,
-                load_command,
-            )
+            take_one = partial(keep_photo, opened, folder)
+            photo_poses(poses, arm, access, take_one, driven, settle, load_command)
         poses, commanded, files = driven, load_poses(driven, the_arm), photos_in(folder)
     elif is_camera(photos):
         with open_camera(photos) as opened:
-            files = take_photos(opened, folder, commanded, ask_person(folder, commanded))
+            files = photograph_by_hand(opened, folder, commanded)
     else:
         files = photos_in(Path(photos))
     if len(files) != len(commanded):
         raise FileError(photos, "", f"{len(files)} photos for {len(commanded)} poses of {poses.name}", "one for each")
-    seen = read_photos(files, Lens.of(file), CharucoBoard(file.board))
+    seen = read_photos(files, file)
     show_refused([f"{name}: {reason}" for name, reason in seen.refused])
     found = measure(the_arm, arm_name_for(arm, output.parent), commanded, seen, file, output)
     feedback, feedback_sd = read_pose_feedback(poses, the_arm)
@@ -194,7 +178,7 @@ def _show(found: CameraMeasurements, photos: int, output: Path) -> None:
     )
 
 
-def _board(columns: int, rows: int, square_mm: float) -> BoardTable:
+def _board(columns: int, rows: int, square_mm: float) -> CharucoBoard:
     for name, value, low, high in (
         ("columns", columns, 3, 20),
         ("rows", rows, 3, 20),
@@ -202,7 +186,7 @@ def _board(columns: int, rows: int, square_mm: float) -> BoardTable:
     ):
         if not low <= value <= high:
             raise LrmError(f"--{name} {value:g}: should be {low} to {high}")
-    return BoardTable(columns=columns, rows=rows, square_mm=float(square_mm))
+    return CharucoBoard(columns=columns, rows=rows, square_mm=float(square_mm))
 
 
 def show_refused(lines: list[str]) -> None:

@@ -61,11 +61,11 @@ def checkup(
         return
     from lrm_ident.cli.groups.video_report import studied, with_video
     from lrm_ident.data.measurement_file.write import measurements_csv, write_with_metadata
-    from lrm_ident.measuring.camera.lens import LensFile
+    from lrm_ident.measuring.camera.lens import Lens
     from lrm_ident.measuring.recordings.lerobot_video import measure_video
     from lrm_ident.study.api import load
 
     with progress("looking at the rests") as tick:
-        photos = measure_video(dataset, video, frames, dwell, the_arm, arm, read_toml(lens, LensFile), on_gripper, tick)
+        photos = measure_video(dataset, video, frames, dwell, the_arm, arm, read_toml(lens, Lens), on_gripper, tick)
     write_with_metadata(output, measurements_csv(photos.data), arm, f"video, {dataset.name}", frame="arm")
     publish(with_video(document, photos, studied(load(output, arm)), output), json)

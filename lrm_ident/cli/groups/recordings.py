@@ -59,9 +59,8 @@ def import_(
         _import_lerobot(poses, output, arm, dwell)
         return
     from lrm_ident.data.measurement_file.conventions import arm_for
-    from lrm_ident.measuring.recordings.imported import RecordingOrder, import_recording
-    from lrm_ident.measuring.recordings.rests import RestTimes
-    from lrm_ident.measuring.recordings.vicon_csv import ROTATIONS
+    from lrm_ident.measuring.recordings.imported import RecordingOrder, RestTimes, import_recording
+    from lrm_ident.measuring.recordings.tracker_csv import ROTATIONS
 
     if (every is None) != (first is None):
         raise LrmError("--every and --first go together")

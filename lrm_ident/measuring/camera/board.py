@@ -35,30 +35,28 @@ SATURATED = 0.98  # share of the board's pixels at the end of the scale
 CORNERS_OF_REGION = 2.0  # px around the outermost corners
 
 
-class BoardTable(StrictSchema):
-    """A board of `columns` × `rows` squares with edges of `square_mm`; markers of 3/4 of that, dictionary 4X4_50."""
+class CharucoBoard(StrictSchema):
+    """A board of `columns` × `rows` squares with edges of `square_mm`; markers of 3/4 of that, dictionary 4X4_50.
+
+    Its frame stands in its first corner, x along its columns, y down its rows, z into the paper (m).
+    """
 
     columns: Annotated[int, Field(ge=3, le=20)] = 6
     rows: Annotated[int, Field(ge=3, le=20)] = 5
     square_mm: Annotated[float, Field(gt=1.0, le=200.0)] = 15.0
     dictionary: Literal["4X4_50"] = "4X4_50"
 
-
-@dataclass(frozen=True)
-class CharucoBoard:
-    """A board whose frame stands in its first corner, x along its columns, y down its rows, z into the paper (m)."""
-
-    table: BoardTable
+    def __str__(self) -> str:
+        return f"{self.columns} × {self.rows} squares of {self.square_mm:g} mm"
 
     @cached_property
     def charuco(self) -> Any:
         """OpenCV's board. Raises `LrmError` if it has more markers than the dictionary."""
-        cv2, t = opencv(), self.table
-        if t.columns * t.rows // 2 > 50:
-            raise LrmError(f"{t.columns} × {t.rows} squares need {t.columns * t.rows // 2} markers; there are 50")
-        square = t.square_mm * MM
+        cv2, (columns, rows), square = opencv(), (self.columns, self.rows), self.square_mm * MM
+        if columns * rows // 2 > 50:
+            raise LrmError(f"{columns} × {rows} squares need {columns * rows // 2} markers; there are 50")
         markers = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_4X4_50)
-        return cv2.aruco.CharucoBoard((t.columns, t.rows), square, MARKER * square, markers)
+        return cv2.aruco.CharucoBoard((columns, rows), square, MARKER * square, markers)
 
     @property
     def corners(self) -> Array:
@@ -68,12 +66,12 @@ class CharucoBoard:
     @property
     def size(self) -> tuple[float, float]:
         """Width and height (m)."""
-        return self.table.columns * self.table.square_mm * MM, self.table.rows * self.table.square_mm * MM
+        return self.columns * self.square_mm * MM, self.rows * self.square_mm * MM
 
     @property
     def picture(self) -> NDArray[np.uint8]:
         """(16 rows, 16 columns), black 0 and white 255."""
-        size = (PIXELS * self.table.columns, PIXELS * self.table.rows)
+        size = (PIXELS * self.columns, PIXELS * self.rows)
         return np.asarray(self.charuco.generateImage(size, marginSize=0, borderBits=1), dtype=np.uint8)
 
 
@@ -113,11 +111,12 @@ def board_pdf(board: CharucoBoard, paper: str) -> bytes:
 
 def _drawing(board: CharucoBoard, width: float, height: float) -> Iterator[str]:
     """Operators of the page; lengths in mm."""
-    t, (board_width, board_height) = board.table, (1e3 * side for side in board.size)
+    board_width, board_height = (1e3 * side for side in board.size)
     left, bottom = (width - board_width) / 2.0, height - MARGIN - 10.0 - board_height
     yield f"{POINTS_PER_MM:.6f} 0 0 {POINTS_PER_MM:.6f} 0 0 cm"
     yield f"q {board_width:.4f} 0 0 {board_height:.4f} {left:.4f} {bottom:.4f} cm /Board Do Q"
-    words = f"ChArUco {t.columns} x {t.rows}, squares {t.square_mm:g} mm, markers {MARKER * t.square_mm:g} mm, 4X4_50"
+    size, marker = f"{board.columns} x {board.rows}", MARKER * board.square_mm
+    words = f"ChArUco {size}, squares {board.square_mm:g} mm, markers {marker:g} mm, 4X4_50"
     yield _words(left, bottom - 6.0, words)
     ruler, start = bottom - 22.0, (width - RULER) / 2.0
     yield "0.2 w"
@@ -143,11 +142,6 @@ def _pdf_file(objects: list[bytes]) -> bytes:
     head = f"xref\n0 {len(objects) + 1}\n0000000000 65535 f \n{table}"
     tail = f"trailer\n<< /Size {len(objects) + 1} /Root 1 0 R >>\nstartxref\n{len(out)}\n%%EOF\n"
     return out + head.encode() + tail.encode()
-
-
-def board_text(table: BoardTable) -> str:
-    """A board in words, for a command line or a notice."""
-    return f"{table.columns} × {table.rows} squares of {table.square_mm:g} mm"
 
 
 def read_picture(path: Path) -> NDArray[np.uint8]:

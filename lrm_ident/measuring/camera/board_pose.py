@@ -11,11 +11,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from lrm_ident.data.rigid_motion import homogeneous, skew
-from lrm_ident.measuring.camera.board import CharucoBoard, Corners, RejectedPhoto, find_corners
+from lrm_ident.measuring.camera.board import Corners, RejectedPhoto, find_corners
 from lrm_ident.measuring.camera.capture import Picture
 from lrm_ident.measuring.camera.lens import Lens
 from lrm_ident.measuring.camera.opencv import opencv
 from lrm_math.arrays import Array
+from lrm_math.errors import LrmError
 
 STEPS = 20
 AMBIGUOUS = 25.0  # squared noise by which the better of the two poses must win
@@ -52,17 +53,20 @@ class BoardPose:
         return replace(self, rotation=R, position=-R @ self.position, covariance=J @ self.covariance @ J.T)
 
 
-def find_board(picture: Picture, board: CharucoBoard, lens: Lens) -> BoardPose | RejectedPhoto:
-    """The pose of the board in a picture."""
-    corners = find_corners(picture, board)
-    return corners if isinstance(corners, RejectedPhoto) else board_pose(corners, board, lens)
+def find_board(name: str, picture: Picture, lens: Lens) -> BoardPose | RejectedPhoto:
+    """The pose of the board in a picture of that name. Raises `LrmError`: it is of another size than the lens."""
+    if picture.shape[::-1] != lens.size:
+        size, right = ("{} × {}".format(*size) for size in (picture.shape[::-1], lens.size))
+        raise LrmError(f"{name}: {size} pixels; its lens was calibrated for {right}")
+    corners = find_corners(picture, lens.board)
+    return corners if isinstance(corners, RejectedPhoto) else board_pose(corners, lens)
 
 
-def board_pose(found: Corners, board: CharucoBoard, lens: Lens) -> BoardPose | RejectedPhoto:
+def board_pose(found: Corners, lens: Lens) -> BoardPose | RejectedPhoto:
     """The pose of the board whose corners were found."""
-    cv2, points = opencv(), board.corners[found.numbers]
+    cv2, points = opencv(), lens.board.corners[found.numbers]
     _, turns, shifts, _ = cv2.solvePnPGeneric(
-        points.astype(np.float64), found.pixels, lens.K, lens.distortion, flags=cv2.SOLVEPNP_IPPE
+        points.astype(np.float64), found.pixels, lens.matrix, np.array(lens.distortion), flags=cv2.SOLVEPNP_IPPE
     )
     tried = [
         _refined(cv2.Rodrigues(turn)[0], np.asarray(shift).ravel(), points, found.pixels, lens)
@@ -73,12 +77,14 @@ def board_pose(found: Corners, board: CharucoBoard, lens: Lens) -> BoardPose | R
     noise = float(np.sqrt(square / (2 * len(points) - 6)))
     if position[2] <= 0.0:
         return RejectedPhoto("the board would be behind the camera")
-    if noise > POOR * lens.noise:
-        return RejectedPhoto(f"the corners are off by {noise:.2f} px; the lens was calibrated to {lens.noise:.2f} px")
+    if noise > POOR * lens.noise_px:
+        return RejectedPhoto(
+            f"the corners are off by {noise:.2f} px; the lens was calibrated to {lens.noise_px:.2f} px"
+        )
     worse = [one[2] - square for one in tried[1:] if np.trace(one[0].T @ rotation) < A_DEGREE_APART]
-    if worse and worse[0] < AMBIGUOUS * lens.noise**2:
+    if worse and worse[0] < AMBIGUOUS * lens.noise_px**2:
         return RejectedPhoto("two poses of the board fit alike; lean it against the view, or come closer")
-    covariance: Array = np.asarray(np.linalg.inv(information) * lens.noise**2)
+    covariance: Array = np.asarray(np.linalg.inv(information) * lens.noise_px**2)
     return BoardPose(rotation, position, covariance, noise, len(points))
 
 
@@ -96,10 +102,10 @@ def _refined(R: Array, t: Array, points: Array, pixels: Array, lens: Lens) -> tu
     return R, t, float(((pixels - seen) ** 2).sum()), J.T @ J
 
 
-def information_of(pose: Array, corners: Array, lens: Lens) -> Array:
-    """(6, 6), JᵀJ of the corners (n, 3), m, of a board at a pose (4, 4): times 1/px², the inverse of its covariance."""
-    _, J = _linearised(pose[:3, :3], pose[:3, 3], corners, lens)
-    return np.asarray(J.T @ J)
+def covariance_at(pose: Array, lens: Lens) -> Array:
+    """(6, 6), covariance of a board's pose (4, 4) from a photo of all of its corners, as of `BoardPose`."""
+    _, J = _linearised(pose[:3, :3], pose[:3, 3], lens.board.corners, lens)
+    return np.asarray(np.linalg.inv(J.T @ J) * lens.noise_px**2)
 
 
 def _linearised(R: Array, t: Array, points: Array, lens: Lens) -> tuple[Array, Array]:

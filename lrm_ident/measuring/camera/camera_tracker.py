@@ -9,14 +9,14 @@ from typing import Self
 import numpy as np
 
 from lrm_ident.data.rigid_motion import inverse
-from lrm_ident.measuring.camera.board import CharucoBoard, RejectedPhoto
+from lrm_ident.measuring.camera.board import RejectedPhoto
 from lrm_ident.measuring.camera.board_pose import find_board
 from lrm_ident.measuring.camera.capture import PhotoSource, Picture, open_camera
-from lrm_ident.measuring.camera.lens import Lens
-from lrm_ident.measuring.camera.session import CameraSession, read_session
+from lrm_ident.measuring.camera.session import CameraSession
 from lrm_ident.measuring.tracker.dwell import LEAST
 from lrm_ident.measuring.tracker.frames import TargetPose, TrackerFrame
 from lrm_math.errors import LrmError
+from lrm_math.toml_file import read_toml
 
 
 class CameraTracker:
@@ -24,7 +24,7 @@ class CameraTracker:
 
     def __init__(self, camera: PhotoSource, session: CameraSession, tool: int) -> None:
         self._camera, self._tool, self._number = camera, tool, 0
-        self._lens, self._board = Lens.of(session.lens), CharucoBoard(session.lens.board)
+        self._lens = session.lens
         self._place, mount = session.motions
         self._from_board = inverse(mount)
 
@@ -45,10 +45,7 @@ class CameraTracker:
         return found
 
     def _seen(self, picture: Picture) -> dict[int, TargetPose]:
-        if picture.shape[::-1] != self._lens.size:
-            what, right = ("{} × {}".format(*size) for size in (picture.shape[::-1], self._lens.size))
-            raise LrmError(f"the camera gives {what} pixels; its lens was calibrated for {right}")
-        pose = find_board(picture, self._board, self._lens)
+        pose = find_board("the camera", picture, self._lens)
         if isinstance(pose, RejectedPhoto):
             return {}
         tool = self._place @ pose.matrix @ self._from_board
@@ -60,4 +57,4 @@ def camera_tracker(text: str, tool: int) -> CameraTracker:
     camera, _, session = text.rpartition(",")
     if not camera:
         raise LrmError(f"--tracker camera:{text}: should be camera:0,DATA.camera.toml, a file of camera read")
-    return CameraTracker(open_camera(camera), read_session(Path(session)), tool)
+    return CameraTracker(open_camera(camera), read_toml(Path(session), CameraSession), tool)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 import sys
 from abc import abstractmethod
-from collections.abc import Callable
 from contextlib import AbstractContextManager
 from pathlib import Path
 from urllib.error import URLError
@@ -42,8 +41,9 @@ def _natural(path: Path) -> list[str | int]:
 class PhotoSource(AbstractContextManager["PhotoSource"]):
     """A camera that is open; a context manager of what it holds."""
 
-    @abstractmethod
-    def __exit__(self, *_: object) -> None: ...
+    def __exit__(self, *_: object) -> None:
+        return None
+
     @abstractmethod
     def photo(self) -> Picture:
         """A grey picture (H, W) of now. Raises `LrmError`: it gives none."""
@@ -78,9 +78,6 @@ class WebPhotos(PhotoSource):
     def __init__(self, address: str) -> None:
         self._address = address
 
-    def __exit__(self, *_: object) -> None:
-        return None
-
     def photo(self) -> Picture:
         """See `PhotoSource`."""
         try:
@@ -106,35 +103,21 @@ def open_camera(text: str) -> PhotoSource:
     return Webcam(int(text)) if text.isdigit() else WebPhotos(text)
 
 
-def take_photos(camera: PhotoSource, folder: Path, poses: Poses, stand: Callable[[int], object]) -> list[Path]:
-    """Takes a photo at every pose, kept in `folder`; `stand(row)` returns once the arm stands. Raises `LrmError`."""
+def keep_photo(camera: PhotoSource, folder: Path, number: int) -> Path:
+    """Takes the photo of a pose by its number, kept in a folder; its path. Raises `LrmError`: the camera gives none."""
+    path = folder / f"pose{number:04d}.png"
+    opencv().imwrite(str(path), camera.photo())
+    return path
+
+
+def photograph_by_hand(camera: PhotoSource, folder: Path, poses: Poses) -> list[Path]:
+    """Has a person drive to each pose and say so, a photo taken there. Raises `LrmError`: nobody says so."""
     folder.mkdir(parents=True, exist_ok=True)
     out = []
-    for row in range(len(poses)):
-        stand(row)
-        out.append(photo_path(folder, row + 1))
-        keep_photo(camera.photo(), out[-1])
-    return out
-
-
-def photo_path(folder: Path, number: int) -> Path:
-    """Path of the photo of a pose."""
-    return folder / f"pose{number:04d}.png"
-
-
-def keep_photo(picture: Picture, path: Path) -> None:
-    """Writes a photo."""
-    opencv().imwrite(str(path), picture)
-
-
-def ask_person(folder: Path, poses: Poses) -> Callable[[int], None]:
-    """Has a person drive to each pose and say so. What it returns raises `LrmError`: nobody says so."""
-
-    def stand(row: int) -> None:
-        """Waits for Enter."""
-        angles = ", ".join(f"{angle:.1f}" for angle in np.degrees(poses.q[row]))
-        print(f"pose {row + 1} of {len(poses)}: {angles} deg; stand still, then Enter", end=" ", flush=True)
+    for number, q in enumerate(np.degrees(poses.q), start=1):
+        angles = ", ".join(f"{angle:.1f}" for angle in q)
+        print(f"pose {number} of {len(poses)}: {angles} deg; stand still, then Enter", end=" ", flush=True)
         if not sys.stdin.readline():
-            raise LrmError(f"stopped before pose {row + 1}; the photos so far are in {folder}")
-
-    return stand
+            raise LrmError(f"stopped before pose {number}; the photos so far are in {folder}")
+        out.append(keep_photo(camera, folder, number))
+    return out

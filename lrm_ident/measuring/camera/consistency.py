@@ -7,16 +7,13 @@ mount between two photos (change point by the largest F statistic, Andrews 1993)
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
-from lrm_ident.data.rigid_motion import inverse, skew
 from lrm_ident.data.weights.whitening import root_of
-from lrm_ident.measuring.camera.board_pose import BoardPose
-from lrm_ident.measuring.camera.hand_eye import HandEye
+from lrm_ident.measuring.camera.hand_eye import HandEye, lever_columns
 from lrm_ident.residual.significance import f_test_p_value
 from lrm_math.arm.arm import Arm
 from lrm_math.arrays import Array
@@ -68,7 +65,7 @@ class PhotoRegression:
     @cached_property
     def camera_columns(self) -> Array:
         """(N, 6, 6), a shift and a rotation vector of the camera, in the arm's axes."""
-        return _lever_columns(self.tool[:, :3, 3], np.broadcast_to(np.eye(3), (len(self.tool), 3, 3)))
+        return lever_columns(self.tool[:, :3, 3])
 
     @cached_property
     def mount_columns(self) -> Array:
@@ -76,13 +73,6 @@ class PhotoRegression:
         R = self.tool[:, :3, :3]
         out = np.zeros((len(R), 6, 6))
         out[:, :3, :3] = out[:, 3:, 3:] = R
-        return out
-
-    @cached_property
-    def scale_columns(self) -> Array:
-        """(N, 6, 1), a board larger by its whole size."""
-        out = np.zeros((len(self.seen), 6, 1))
-        out[:, :3, 0] = self.seen
         return out
 
     def solved(self, *more: Array) -> tuple[Array, Array, float]:
@@ -102,7 +92,7 @@ class PhotoRegression:
         return theta[-extra:] if extra else theta[:0], covariance[-extra:, -extra:], squares
 
 
-def photo_regression(arm: Arm, poses: Poses, boards: Sequence[BoardPose], found: HandEye) -> PhotoRegression:
+def photo_regression(arm: Arm, poses: Poses, found: HandEye) -> PhotoRegression:
     """The regression of photos taken at commanded poses."""
     model = model_of(arm, [effect for name in ARM_EFFECTS for effect in effects_at(arm, name)])
     keys = [key for key in model.keys if split_key(key)[1] not in ("base", "tool") or key.startswith("compliance")]
@@ -110,32 +100,16 @@ def photo_regression(arm: Arm, poses: Poses, boards: Sequence[BoardPose], found:
     typical = np.array([PART if key.endswith("_mm") else size for key, size in zip(keys, sizes, strict=True)])
     J = parameter_jacobian(equilibrium(model, poses), keys, Sensed(attitude=True))
     turns = J[:, :, [key.startswith("offsets.joint") and key.endswith("theta_rad") for key in keys]]
-    seen = np.array([board.matrix for board in boards])
-    measured = found.camera @ seen @ inverse(found.mount)
-    covariance = measured_covariance(found, boards)
     floor = np.diag([ARM_ERROR[0] ** 2] * 3 + [ARM_ERROR[1] ** 2] * 3)
     floor = floor + JOINT_ERROR**2 * turns @ turns.transpose(0, 2, 1)
-    from_camera = (found.camera[:3, :3] @ seen[:, :3, 3, None])[:, :, 0]
-    return PhotoRegression(measured, from_camera, found.residual, root_of(covariance + floor), J * typical)
-
-
-def measured_covariance(found: HandEye, boards: Sequence[BoardPose]) -> Array:
-    """(N, 6, 6), covariance of the measured tool poses in the arm's axes: the board's, carried to the tool's origin."""
-    seen, own = (np.array([getattr(board, name) for board in boards]) for name in ("matrix", "covariance"))
-    return measured_covariance_of(found.camera, found.mount, seen, own)
-
-
-def measured_covariance_of(camera: Array, mount: Array, seen: Array, own: Array) -> Array:
-    """Covariance from the board's poses `seen` (N, 4, 4) in the camera's frame and their own, `own` (N, 6, 6)."""
-    tool, origin = camera @ seen @ inverse(mount), (camera @ seen)[:, :3, 3]
-    lever = _lever_columns(tool[:, :3, 3] - origin, np.broadcast_to(np.eye(3), (len(tool), 3, 3)))
-    turned = lever @ np.kron(np.eye(2), camera[:3, :3])
-    return np.asarray(turned @ own @ turned.transpose(0, 2, 1))
+    from_camera = (found.camera[:3, :3] @ found.seen[:, :3, 3, None])[:, :, 0]
+    return PhotoRegression(found.tool, from_camera, found.residual, root_of(found.covariance + floor), J * typical)
 
 
 def board_scale(photos: PhotoRegression) -> tuple[float, float] | None:
     """Factor by which the board is larger than stated, and its standard error; None if it is as stated."""
-    (scale,), covariance, _ = photos.solved(photos.scale_columns)
+    larger = np.pad(photos.seen, ((0, 0), (0, 3)))[:, :, None]  # by its whole size
+    (scale,), covariance, _ = photos.solved(larger)
     error = float(np.sqrt(covariance[0, 0]))
     # The residual is measured less nominal: measured positions too large by s shrink under a larger board by −s.
     if abs(scale) < max(SMALLEST_SCALE, SURE * error):
@@ -147,28 +121,18 @@ def find_step(photos: PhotoRegression) -> Step | None:
     """A step of the camera or of the board's mount between two photos, if there surely is one."""
     count = len(photos.tool)
     _, _, before = photos.solved()
-    sides = range(FEWEST_SIDE, count - FEWEST_SIDE + 1)
-    tried = []
-    for what, columns in (("camera", photos.camera_columns), ("board", photos.mount_columns)):
-        for k in sides:
-            later = (np.arange(count) >= k)[:, None, None]
-            theta, _, squares = photos.solved(columns * later)
+    moved = {"camera": photos.camera_columns, "board": photos.mount_columns}
+    number, tried = np.arange(count)[:, None, None], []
+    for what, columns in moved.items():
+        for k in range(FEWEST_SIDE, count - FEWEST_SIDE + 1):
+            theta, _, squares = photos.solved(columns * (number >= k))
             tried.append((squares, what, k, theta))
     if not tried:
         return None
     squares, what, k, theta = min(tried, key=lambda one: one[0])
     p_value = f_test_p_value(before, squares, 6, 6 * count - 12) * len(tried)
     shift, turn = float(np.linalg.norm(theta[:3])), float(np.linalg.norm(theta[3:]))
-    moved = photos.camera_columns if what == "camera" else photos.mount_columns
-    size = float(np.sqrt(((moved @ theta)[k:, :3] ** 2).sum(axis=1).mean())) + 0.1 * turn
+    size = float(np.sqrt(((moved[what] @ theta)[k:, :3] ** 2).sum(axis=1).mean())) + 0.1 * turn
     if p_value > SIGNIFICANT or size < SMALLEST_STEP:
         return None
     return Step(what, k, shift, turn)
-
-
-def _lever_columns(arms: Array, axes: Array) -> Array:
-    """(N, 6, 6), shift and rotation vector of a body, seen at points `arms` (N, 3), m, from where it turns."""
-    out = np.zeros((len(arms), 6, 6))
-    out[:, :3, :3] = out[:, 3:, 3:] = axes
-    out[:, :3, 3:] = -skew(arms) @ axes
-    return out

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
-from lrm_ident.data.rigid_motion import homogeneous, inverse
+from lrm_ident.data.rigid_motion import homogeneous, inverse, skew
 from lrm_ident.measuring.camera.board_pose import BoardPose
 from lrm_ident.measuring.camera.opencv import opencv
 from lrm_math.arrays import Array
@@ -26,12 +26,26 @@ MAX_RELATIVE_ERROR = 0.08  # m: median residual above which arm, poses and photo
 class HandEye:
     """`camera` (4, 4): camera in the arm's frame; `mount` (4, 4): board in the tool's frame (m).
 
-    `residual`: (N, 6), what is left of position and rotation vector in the arm's axes (m, rad).
+    Attributes:
+        seen: (N, 4, 4), the board in the camera's frame. own: (N, 6, 6), covariance of that (m, rad).
+        residual: (N, 6), what is left of position and rotation vector in the arm's axes (m, rad).
     """
 
     camera: Array
     mount: Array
+    seen: Array
+    own: Array
     residual: Array
+
+    @property
+    def tool(self) -> Array:
+        """(N, 4, 4), measured tool poses in the arm's frame."""
+        return np.asarray(self.camera @ self.seen @ inverse(self.mount))
+
+    @property
+    def covariance(self) -> Array:
+        """(N, 6, 6), covariance of the measured tool poses in the arm's axes: the board's, carried to the tool."""
+        return measured_covariance(self.camera, self.mount, self.seen, self.own)
 
 
 def hand_eye(tool: Array, boards: Sequence[BoardPose]) -> HandEye:
@@ -41,7 +55,7 @@ def hand_eye(tool: Array, boards: Sequence[BoardPose]) -> HandEye:
     """
     if len(boards) < FEWEST_POSES:
         raise LrmError(f"{len(boards)} usable photos; camera and board need {FEWEST_POSES} poses or more to be placed")
-    seen = np.array([board.matrix for board in boards])
+    seen, own = (np.array([getattr(board, name) for board in boards]) for name in ("matrix", "covariance"))
     cv2 = opencv()
     R, t, S, u = cv2.calibrateRobotWorldHandEye(
         list(seen[:, :3, :3]), list(seen[:, :3, 3]), list(tool[:, :3, :3]), list(tool[:, :3, 3])
@@ -57,13 +71,28 @@ def hand_eye(tool: Array, boards: Sequence[BoardPose]) -> HandEye:
             f"the photos do not fit the poses (median {middle * 1e3:.0f} mm): is it this arm, are the poses in the "
             "order of the photos, do the joints turn the way the arm file says?"
         )
-    return HandEye(camera, mount, residual)
+    return HandEye(camera, mount, seen, own, residual)
 
 
 def pose_difference(measured: Array, nominal: Array) -> Array:
     """(N, 6), position and rotation vector of measured (N, 4, 4) less nominal poses, in fixed axes (m, rad)."""
     turned = Rotation.from_matrix(measured[:, :3, :3] @ nominal[:, :3, :3].transpose(0, 2, 1)).as_rotvec()
     return np.concatenate([measured[:, :3, 3] - nominal[:, :3, 3], turned], axis=1)
+
+
+def measured_covariance(camera: Array, mount: Array, seen: Array, own: Array) -> Array:
+    """Covariance of tool poses from the board's `seen` (N, 4, 4) in the camera's frame and their own, (N, 6, 6)."""
+    board = camera @ seen
+    lever = lever_columns((board @ inverse(mount))[:, :3, 3] - board[:, :3, 3])
+    turned = lever @ np.kron(np.eye(2), camera[:3, :3])
+    return np.asarray(turned @ own @ turned.transpose(0, 2, 1))
+
+
+def lever_columns(arms: Array) -> Array:
+    """(N, 6, 6), shift and rotation vector of a body, seen at points `arms` (N, 3), m, from where it turns."""
+    out = np.tile(np.eye(6), (len(arms), 1, 1))
+    out[:, :3, 3:] = -skew(arms)
+    return out
 
 
 def _left(z: Array, tool: Array, seen: Array) -> Array:

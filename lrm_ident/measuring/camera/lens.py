@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from functools import cached_property
 from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import Field
 
-from lrm_ident.measuring.camera.board import BoardTable, CharucoBoard, Corners
+from lrm_ident.measuring.camera.board import CharucoBoard, Corners
 from lrm_ident.measuring.camera.opencv import opencv
 from lrm_math.arrays import Array
 from lrm_math.errors import LrmError
@@ -21,8 +19,8 @@ TILTED = 10.0  # deg by which some boards must lean, else focal length and dista
 Coefficients = Annotated[list[float], Field(min_length=5, max_length=5)]
 
 
-class LensFile(StrictSchema):
-    """The file of a camera, schema `lrm/camera/1`. `distortion`: k1, k2, p1, p2, k3. `noise_px`: of a corner."""
+class Lens(StrictSchema):
+    """A lens, and its file, schema `lrm/camera/1`. `distortion`: k1, k2, p1, p2, k3. `noise_px`: of a corner."""
 
     schema_: Literal["lrm/camera/1"] = Field(alias="schema")
     width_px: int
@@ -34,37 +32,26 @@ class LensFile(StrictSchema):
     distortion: Coefficients
     noise_px: float
     photos: int
-    board: BoardTable
+    board: CharucoBoard
 
+    @property
+    def matrix(self) -> Array:
+        """(3, 3), of the camera (px)."""
+        return np.array([[self.focal_x_px, 0, self.centre_x_px], [0, self.focal_y_px, self.centre_y_px], [0, 0, 1.0]])
 
-@dataclass(frozen=True, eq=False)
-class Lens:
-    """A lens: camera matrix `K` (3, 3), `distortion` (5,), picture size (px), noise of a corner (px per axis)."""
-
-    K: Array
-    distortion: Array
-    size: tuple[int, int]
-    noise: float
-
-    @classmethod
-    def of(cls, file: LensFile) -> Lens:
-        """Lens of a file."""
-        K = np.array([[file.focal_x_px, 0, file.centre_x_px], [0, file.focal_y_px, file.centre_y_px], [0, 0, 1.0]])
-        return cls(K, np.array(file.distortion), (file.width_px, file.height_px), file.noise_px)
+    @property
+    def size(self) -> tuple[int, int]:
+        """Width and height of a picture (px)."""
+        return self.width_px, self.height_px
 
     def project(self, points: Array) -> tuple[Array, Array]:
         """Pixels (n, 2) of points (n, 3) in the camera's frame (m), and their derivatives (n, 2, 3) (px/m)."""
         cv2, still = opencv(), np.zeros(3)
-        pixels, J = cv2.projectPoints(points.reshape(-1, 1, 3), still, still, self.K, self.distortion)
+        pixels, J = cv2.projectPoints(points.reshape(-1, 1, 3), still, still, self.matrix, np.array(self.distortion))
         return pixels.reshape(-1, 2), np.asarray(J)[:, 3:6].reshape(-1, 2, 3)
 
-    @cached_property
-    def edge(self) -> Array:
-        """(2,), px: the far corner of the picture."""
-        return np.array(self.size, dtype=np.float64)
 
-
-def calibrate_lens(photos: Sequence[Corners], board: CharucoBoard, size: tuple[int, int]) -> LensFile:
+def calibrate_lens(photos: Sequence[Corners], board: CharucoBoard, size: tuple[int, int]) -> Lens:
     """The lens from the corners of several photos of the board.
 
     Raises `LrmError`: too few photos, or boards that all face the camera.
@@ -82,7 +69,7 @@ def calibrate_lens(photos: Sequence[Corners], board: CharucoBoard, size: tuple[i
         raise LrmError(f"the boards lean by {lean.max():.0f} deg at most; lean some by 20 to 45 deg, in all directions")
     numbers = sum(2 * len(found.numbers) for found in photos)
     noise = float(rms) / np.sqrt(2.0) * np.sqrt(numbers / max(numbers - 9 - 6 * len(photos), 1))
-    return LensFile(
+    return Lens(
         schema="lrm/camera/1",
         width_px=size[0],
         height_px=size[1],
@@ -93,5 +80,5 @@ def calibrate_lens(photos: Sequence[Corners], board: CharucoBoard, size: tuple[i
         distortion=np.asarray(distortion).ravel()[:5].tolist(),
         noise_px=noise,
         photos=len(photos),
-        board=board.table,
+        board=board,
     )

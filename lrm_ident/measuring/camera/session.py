@@ -17,29 +17,21 @@ from lrm_ident.data.rigid_motion import inverse, placement_motion
 from lrm_ident.data.weights.whitening import Whitening, position_sd, whitening_of
 from lrm_ident.fitting.identifiability import fit_identifiable
 from lrm_ident.fitting.model_fit import nominal_model
-from lrm_ident.measuring.camera.board import CharucoBoard, RejectedPhoto, read_picture
-from lrm_ident.measuring.camera.board_pose import BoardPose, find_board, information_of
+from lrm_ident.measuring.camera.board import RejectedPhoto, read_picture
+from lrm_ident.measuring.camera.board_pose import BoardPose, covariance_at, find_board
 from lrm_ident.measuring.camera.capture import Picture
-from lrm_ident.measuring.camera.consistency import (
-    PhotoRegression,
-    board_scale,
-    find_step,
-    measured_covariance,
-    measured_covariance_of,
-    photo_regression,
-)
-from lrm_ident.measuring.camera.hand_eye import HandEye, hand_eye
-from lrm_ident.measuring.camera.lens import Lens, LensFile
+from lrm_ident.measuring.camera.consistency import PhotoRegression, board_scale, find_step, photo_regression
+from lrm_ident.measuring.camera.hand_eye import HandEye, hand_eye, measured_covariance
+from lrm_ident.measuring.camera.lens import Lens
 from lrm_math.arm.arm import BASE, Arm, Placement
 from lrm_math.arrays import Array
 from lrm_math.errors import LrmError
 from lrm_math.kinematics.chain import chain_of
 from lrm_math.kinematics.forward import frames
 from lrm_math.kinematics.poses import Poses
-from lrm_math.model.model import Model
 from lrm_math.model.reading import FrameTable
 from lrm_math.model.sensed import Sensed
-from lrm_math.toml_file import StrictSchema, read_toml
+from lrm_math.toml_file import StrictSchema
 
 LEVELLINGS, ENOUGH_TO_LEVEL = 3, 40
 NEAREST, EDGE = 0.08, 15.0  # m; px
@@ -51,7 +43,7 @@ class CameraSession(StrictSchema):
 
     schema_: Literal["lrm/camera-session/1"] = Field(alias="schema")
     arm: str
-    lens: LensFile
+    lens: Lens
     camera: FrameTable
     mount: FrameTable
 
@@ -64,11 +56,6 @@ class CameraSession(StrictSchema):
         """(N, 4, 4), the board in the camera's frame at commanded poses of the arm as drawn (m)."""
         camera, mount = self.motions
         return np.asarray(inverse(camera) @ tool_poses(arm, poses) @ mount)
-
-
-def read_session(path: Path) -> CameraSession:
-    """A session's file. Raises `FileError`."""
-    return read_toml(path, CameraSession)
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,19 +87,16 @@ class CameraMeasurements:
     photos: PhotoSet
 
 
-def read_photos(files: Sequence[Path], lens: Lens, board: CharucoBoard) -> PhotoSet:
+def read_photos(files: Sequence[Path], lens: Lens) -> PhotoSet:
     """The board's pose in every photo that is of use. Raises `LrmError`: a picture of another size."""
-    return read_pictures(((file.name, read_picture(file)) for file in files), lens, board)
+    return read_pictures(((file.name, read_picture(file)) for file in files), lens)
 
 
-def read_pictures(pictures: Iterable[tuple[str, Picture]], lens: Lens, board: CharucoBoard) -> PhotoSet:
+def read_pictures(pictures: Iterable[tuple[str, Picture]], lens: Lens) -> PhotoSet:
     """The board's pose in every named picture that is of use. Raises `LrmError`: one of another size."""
     rows, boards, refused = [], [], []
     for row, (name, picture) in enumerate(pictures):
-        if picture.shape[::-1] != lens.size:
-            size = "{} × {}".format(*picture.shape[::-1])
-            raise LrmError(f"{name}: {size} pixels; the lens was calibrated for {lens.size[0]} × {lens.size[1]}")
-        found = find_board(picture, board, lens)
+        found = find_board(name, picture, lens)
         if isinstance(found, RejectedPhoto):
             refused.append((name, found.reason))
         else:
@@ -124,14 +108,14 @@ def read_pictures(pictures: Iterable[tuple[str, Picture]], lens: Lens, board: Ch
     return PhotoSet(tuple(rows), tuple(boards), tuple(refused))
 
 
-def measure(arm: Arm, arm_name: str, poses: Poses, photos: PhotoSet, lens: LensFile, path: Path) -> CameraMeasurements:
+def measure(arm: Arm, arm_name: str, poses: Poses, photos: PhotoSet, lens: Lens, path: Path) -> CameraMeasurements:
     """Measurements from photos at commanded poses (all of them, in the photos' order).
 
     Raises `LrmError`: too few photos, or photos that do not belong together (another board, a camera that moved, …).
     """
     taken = poses.take(np.array(photos.rows, dtype=np.int64))
     found = hand_eye(tool_poses(arm, taken), photos.boards)
-    _check(photo_regression(arm, taken, photos.boards, found), photos, lens)
+    _check(photo_regression(arm, taken, found), photos, lens)
     for _ in range(LEVELLINGS if len(taken) >= ENOUGH_TO_LEVEL else 0):
         found = _levelled(arm, _measurements(taken, photos, found, path), found)
     data = _measurements(taken, photos, found, path)
@@ -147,21 +131,15 @@ def _levelled(arm: Arm, data: Measurements, found: HandEye) -> HandEye:
     The nominal arm alone places the camera some degrees askew, and gravity with it.
     """
     model = fit_identifiable(nominal_model(arm), data, nominal_model(arm).keys).fit.model
-    drawn = asdict(arm.base)
-    fitted = {name: value + _offset(model, name) for name, value in drawn.items()}
-    back = placement_motion(arm.base) @ inverse(placement_motion(Placement(**fitted)))
+    keys = {name: f"offsets.{BASE}.{name}_{'mm' if len(name) == 1 else 'rad'}" for name in asdict(arm.base)}
+    fitted = Placement(**{name: getattr(arm.base, name) + model.value(key) for name, key in keys.items()})
+    back = placement_motion(arm.base) @ inverse(placement_motion(fitted))
     return replace(found, camera=back @ found.camera)
-
-
-def _offset(model: Model, name: str) -> float:
-    unit = "mm" if len(name) == 1 else "rad"
-    return model.value(f"offsets.{BASE}.{name}_{unit}")
 
 
 def _measurements(taken: Poses, photos: PhotoSet, found: HandEye, path: Path) -> Measurements:
     """Tool poses in the arm's frame and their covariance."""
-    tool = found.camera @ np.array([board.matrix for board in photos.boards]) @ inverse(found.mount)
-    covariance = measured_covariance(found, photos.boards)
+    tool, covariance = found.tool, found.covariance
     number = np.array(photos.rows, dtype=np.int64) + 1
     return Measurements(
         poses=taken,
@@ -183,7 +161,7 @@ def tool_poses(arm: Arm, poses: Poses) -> Array:
     return frames(chain, chain.values(list(poses.q.T.copy())), len(poses))[:, -1]
 
 
-def _check(photos: PhotoRegression, taken: PhotoSet, lens: LensFile) -> None:
+def _check(photos: PhotoRegression, taken: PhotoSet, lens: Lens) -> None:
     """Raises `LrmError` if the photos do not belong together."""
     step = find_step(photos)
     if step is not None:
@@ -209,10 +187,9 @@ def _table(T: Array) -> FrameTable:
 
 def expected_covariance(session: CameraSession, arm: Arm, poses: Poses) -> Array:
     """(N, 6, 6), covariance with which a photo at commanded poses would give the tool's pose (m, rad)."""
-    lens, corners = Lens.of(session.lens), CharucoBoard(session.lens.board).corners
     seen = session.seen(arm, poses)
-    own = np.array([np.linalg.inv(information_of(board, corners, lens)) for board in seen]) * lens.noise**2
-    return measured_covariance_of(*session.motions, seen, own)
+    own = np.array([covariance_at(board, session.lens) for board in seen])
+    return measured_covariance(*session.motions, seen, own)
 
 
 def expected_weights(session: CameraSession, arm: Arm, poses: Poses) -> Whitening:
@@ -223,12 +200,11 @@ def expected_weights(session: CameraSession, arm: Arm, poses: Poses) -> Whitenin
 
 def visible(session: CameraSession, arm: Arm, poses: Poses) -> NDArray[np.bool_]:
     """(N,), whether the camera sees the whole board, not too much from the side, at commanded poses."""
-    lens, board = Lens.of(session.lens), CharucoBoard(session.lens.board)
-    seen = session.seen(arm, poses)
-    corners = board.corners @ seen[:, :3, :3].transpose(0, 2, 1) + seen[:, None, :3, 3]
+    lens, seen = session.lens, session.seen(arm, poses)
+    corners = lens.board.corners @ seen[:, :3, :3].transpose(0, 2, 1) + seen[:, None, :3, 3]
     ahead = np.min(corners[:, :, 2], axis=1) > NEAREST
     pixels = lens.project(np.where(ahead[:, None, None], corners, [0.0, 0.0, 1.0]).reshape(-1, 3))[0]
-    margin: Array = np.minimum(pixels, lens.edge - pixels).min(axis=1).reshape(len(seen), -1).min(axis=1)
+    margin: Array = np.minimum(pixels, np.array(lens.size) - pixels).min(axis=1).reshape(len(seen), -1).min(axis=1)
     towards = np.einsum("ni,ni->n", seen[:, :3, 2], seen[:, :3, 3]) / np.linalg.norm(seen[:, :3, 3], axis=1)
     good: NDArray[np.bool_] = ahead & (margin > EDGE) & (towards > FACING)
     return good

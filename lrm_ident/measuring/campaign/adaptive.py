@@ -54,7 +54,9 @@ class AdaptiveCampaign:
             found = self._assess(file) if len(file.done) >= FIRST_BATCH else None
             if found is not None:
                 self.say(f"{len(file.done)} poses: {findings_words(found)}")
-                if found.reached(self.goal) and (not self.goal.explain or _same_names(found, before)):
+                # a name that comes and goes is not sure
+                same = before is not None and sorted(before.named) == sorted(found.named)
+                if found.reached(self.goal) and (same or not self.goal.explain):
                     self.say(self._saved(found, plan, file))
                     return result
             before = found
@@ -115,11 +117,6 @@ def repeats_of(batch: Sequence[PlannedPose], plan: Sequence[PlannedPose], file: 
 def _is_left(pose: PlannedPose, file: DataFile, result: CampaignResult) -> bool:
     """Whether a pose was not measured, nor in vain; repeats of the plan are not needed, those of a batch are."""
     return pose.repeat_of == pose.number and pose.number not in file.done and pose.number not in result.failed
-
-
-def _same_names(found: AdaptiveFindings, before: AdaptiveFindings | None) -> bool:
-    """Whether the batch before gave the same names: a name that comes and goes is not sure."""
-    return before is not None and sorted(before.named) == sorted(found.named)
 
 
 def _poses(planned: Sequence[PlannedPose]) -> Poses:

@@ -43,41 +43,13 @@ class ArmState:
     session: int
 
 
-@dataclass(frozen=True)
-class CampaignHead:
-    """Facts known before the first row; `start`: commanded angles (rad). `started`: tracker time of t_s = 0 (s).
-
-    `power_on`: name of the servos' power-on session, another whenever they were switched on anew.
-    """
-
-    arm: str
-    source: str
-    start: tuple[float, ...]
-    plan_sha256: str
-    started: float
-    power_on: str
-
-    def toml(self) -> str:
-        """The metadata file."""
-        angles = [round(math.degrees(q), 6) for q in self.start]
-        return metadata_toml(
-            self.arm,
-            self.source,
-            start_q_deg=angles,
-            poses_sha256=self.plan_sha256,
-            t0_s=self.started,
-            power_ons=[self.power_on],
-        )
-
-
 class DataFile:
     """`NAME.csv` with its metadata `NAME.toml`, open for more rows. `done`: numbers of the poses it has, in order."""
 
     def __init__(self, path: Path, joints: int) -> None:
         """Opens the file, and cuts off an unfinished line. Raises `FileError`: it is no file of a campaign."""
         self.path, self._joints = path, joints
-        self._check_header()
-        self.cut = _cut_unfinished(path)
+        self._cut_unfinished()
         self.done: list[int] = []
         self.last_session, self._last_t = 1, 0.0
         if path.exists() and path.stat().st_size:
@@ -89,18 +61,17 @@ class DataFile:
         if self.done and self.head is None:
             raise FileError(self.metadata, "", "is missing beside the measured rows")
 
-    def _check_header(self) -> None:
-        """Raises `FileError` unless the file, if there is one, is of this campaign: nothing is cut off others."""
+    def _cut_unfinished(self) -> None:
+        """Cuts off what stands after the last end of a line. Raises `FileError`: the file is not of this campaign."""
         header = (",".join(self._columns()) + "\n").encode()
         try:
-            with self.path.open("rb") as file:
-                begun = file.read(len(header))
-        except FileNotFoundError:
-            return
+            content = self.path.read_bytes() if self.path.exists() else b""
+            if not header.startswith(content[: len(header)]):
+                raise FileError(self.path, "header", "is not that of this campaign", "give another file to write to")
+            if (end := content.rfind(b"\n") + 1) < len(content):
+                os.truncate(self.path, end)
         except OSError as error:
             raise FileError(self.path, "", f"cannot be read and written ({error.strerror})") from None
-        if not header.startswith(begun):
-            raise FileError(self.path, "header", "is not that of this campaign", "give another file to write to")
 
     @property
     def metadata(self) -> Path:
@@ -122,16 +93,17 @@ class DataFile:
     def __exit__(self, *_: object) -> None:
         self._file.close()
 
-    def begin(self, head: CampaignHead) -> int:
+    def begin(self, power_on: str, arm: str, source: str, **known: object) -> int:
         """Writes the metadata, of those that there are already the power-on session only; then an empty file's header.
 
-        Returns the session of the next rows: the last row's, or the next one if the servos were switched on anew.
+        `power_on`: name of the servos' power-on session, another whenever they were switched on anew; the others as of
+        `metadata_toml`. Returns the session of the next rows: the last row's, or the next one if they were.
         """
         if self.head is None:
-            self._write_metadata(head.toml())
+            self._write_metadata(metadata_toml(arm, source, **known, power_ons=[power_on]))
         if not self.path.stat().st_size:
             self._write(",".join(self._columns()))
-        return self._open_session(head.power_on)
+        return self._open_session(power_on)
 
     def _open_session(self, power_on: str) -> int:
         assert self.head is not None
@@ -177,17 +149,3 @@ class DataFile:
 def after_midnight(t: float, last: float) -> float:
     """A time (s) by a clock that starts again every midnight, as the first one that is not before `last`."""
     return t + DAY * max(0, math.ceil((last - t) / DAY))
-
-
-def _cut_unfinished(path: Path) -> str:
-    """Cuts off what stands after the last end of a line; returns it."""
-    try:
-        content = path.read_bytes()
-        end = content.rfind(b"\n") + 1
-        if end < len(content):
-            os.truncate(path, end)
-    except FileNotFoundError:
-        return ""
-    except OSError as error:
-        raise FileError(path, "", f"cannot be read and written ({error.strerror})") from None
-    return content[end:].decode(errors="replace")

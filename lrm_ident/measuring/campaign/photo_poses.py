@@ -3,16 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
 
 from lrm_ident.data.measurement_file.write import StatedQuantity, csv_text, quantity_columns
 from lrm_ident.measuring.campaign.data_file import ArmState
-from lrm_ident.measuring.campaign.plan import PlannedPose, lightest
-from lrm_ident.measuring.campaign.run import Clock, PoseTiming, Unreachable
-from lrm_ident.measuring.campaign.session import DrivenArm, Loads, OpenArm
-from lrm_math.arm.arm import Arm
-from lrm_math.errors import LrmError
+from lrm_ident.measuring.campaign.plan import PlannedPose
+from lrm_ident.measuring.campaign.run import CampaignArm, Clock, PoseTiming, Unreachable
 
 
 @dataclass
@@ -37,55 +33,48 @@ class PhotographedPoses:
 
 
 @dataclass(frozen=True)
-class PhotoOrder:
-    """Order to drive through a plan. `drive`, `loads`: as of `CampaignOrder`.
+class PhotoCampaign:
+    """Parts that poses are photographed with. `rest`: where the arm cools.
 
     `take`: takes the photo of that number, from 1. `on_photo`: called with all so far, after each.
     """
 
-    drive: OpenArm
-    arm: Arm
+    arm: CampaignArm
     clock: Clock
     timing: PoseTiming
-    loads: Loads
+    rest: PlannedPose
     take: Callable[[int], object]
     on_photo: Callable[[PhotographedPoses], object]
     on_progress: Callable[[str], object]
 
-
-def photograph(order: PhotoOrder, plan: Sequence[PlannedPose]) -> PhotographedPoses:
-    """Stands at every pose of a plan, and has its photo taken. Raises `LrmError`."""
-    found, payload = PhotographedPoses(), None
-    rest = lightest(plan, order.arm)
-    opened: AbstractContextManager[DrivenArm] = order.drive(order.clock, order.loads)
-    with opened as driven:
-        if driven.joints != order.arm.dof:
-            raise LrmError(f"{order.arm.name} has {order.arm.dof} joints, {driven.robot} has {driven.joints}")
+    def run(self, plan: Sequence[PlannedPose]) -> PhotographedPoses:
+        """Stands at every pose of a plan, and has its photo taken. Raises `LrmError`."""
+        found, payload = PhotographedPoses(), None
         for pose in plan:
             if pose.payload != payload:
-                driven.arm.change_payload(pose.payload)
+                self.arm.change_payload(pose.payload)
                 payload = pose.payload
-            if why := driven.arm.too_warm():
-                order.on_progress(f"pose {pose.number}: {why}: cooling")
-                driven.arm.cool(rest)
-            _at(order, driven, pose, found)
-    return found
+            if why := self.arm.too_warm():
+                self.on_progress(f"pose {pose.number}: {why}: cooling")
+                self.arm.cool(self.rest)
+            if why := self._at(pose, found):
+                found.failed[pose.number] = why
+                self.on_progress(f"pose {pose.number}: no photo: {why}")
+        return found
 
-
-def _at(order: PhotoOrder, driven: DrivenArm, pose: PlannedPose, found: PhotographedPoses) -> None:
-    why = ""
-    for _ in range(order.timing.attempts):
-        try:
-            state = driven.arm.go(pose)
-        except Unreachable as error:
-            why = str(error)
-            break
-        order.clock.sleep(order.timing.settle)
-        order.take(len(found.poses) + 1)
-        if not (why := driven.arm.disturbed()):
-            found.poses.append(pose)
-            found.states.append(state)
-            order.on_photo(found)
-            return
-    found.failed[pose.number] = why
-    order.on_progress(f"pose {pose.number}: no photo: {why}")
+    def _at(self, pose: PlannedPose, found: PhotographedPoses) -> str:
+        """Has the photo of one pose taken; why there is none, else empty."""
+        why = ""
+        for _ in range(self.timing.attempts):
+            try:
+                state = self.arm.go(pose)
+            except Unreachable as error:
+                return str(error)
+            self.clock.sleep(self.timing.settle)
+            self.take(len(found.poses) + 1)
+            if not (why := self.arm.disturbed()):
+                found.poses.append(pose)
+                found.states.append(state)
+                self.on_photo(found)
+                break
+        return why

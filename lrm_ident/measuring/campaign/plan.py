@@ -38,10 +38,6 @@ class CampaignPlan:
     poses: tuple[PlannedPose, ...]
     sha256: str
 
-    def left(self, done: Sequence[int]) -> tuple[PlannedPose, ...]:
-        """The poses whose numbers are not among those done."""
-        return tuple(pose for pose in self.poses if pose.number not in set(done))
-
 
 def lightest(poses: Sequence[PlannedPose], arm: Arm) -> PlannedPose:
     """The pose that loads the joints least: smallest sum of squared gravity torques of the nominal arm."""

@@ -178,20 +178,18 @@ class RoverArm:
 
     def _move(self, goal: Sequence[float], payload: float) -> None:
         """Moves on planned ways, from where an expired lease stopped it. Raises `Unreachable`, or what ends all."""
-        for _ in range(ATTEMPTS - 1):
+        for left in reversed(range(ATTEMPTS)):
             try:
                 self._try_to_move(goal, payload)
+                break
             except (MotionInterrupted, RequestRefused) as error:
                 expired = error.why == LEASE_LOST if isinstance(error, MotionInterrupted) else error.code == "lease"
-                if not expired:
+                if not expired or not left:
                     raise
                 self.clock.sleep(LEASE_BACK_S)
                 mode = self.rover.mode()
                 if mode.mode == "holding" and mode.why != LEASE_LOST:  # somebody has stopped the arm meanwhile
                     raise MotionInterrupted(mode.mode, mode.why) from None
-            else:
-                return
-        self._try_to_move(goal, payload)
 
     def _try_to_move(self, goal: Sequence[float], payload: float) -> None:
         here = self.rover.commanded_q()

@@ -103,7 +103,8 @@ class PoseCampaign:
     def run(self, plan: Sequence[PlannedPose], file: DataFile) -> CampaignResult:
         """Measures every pose of the plan that the file does not have, in order. Raises what ends it before."""
         result, payload, began = CampaignResult(), None, self.clock.now()
-        left = [pose for pose in plan if pose.number not in set(file.done)]
+        done = set(file.done)
+        left = [pose for pose in plan if pose.number not in done]
         total = len(file.done) + len(left)
         for place, pose in enumerate(left):
             if pose.payload != payload:
@@ -122,11 +123,13 @@ class PoseCampaign:
             self.arm.cool(self.rest)
         faults: list[str] = []
         for _ in range(self.timing.attempts):
+            begin = self.clock.now()
             try:
-                state, rest = self.measure(pose)
+                state = self.arm.go(pose)
             except Unreachable as error:
                 faults.append(str(error))
                 break
+            rest = rest_at(self.tracker, self.numbers, self.clock, self.timing, begin)
             if why := self.arm.disturbed():
                 words = f"pose {pose.number}: its row is dropped: {why}"
                 self.on_progress(CampaignProgress(words, len(file.done), 0, 0.0, True))
@@ -139,12 +142,6 @@ class PoseCampaign:
             result.repeated += 1
         result.failed[pose.number] = faults[-1]
         return f"pose {pose.number} not measured: {faults[-1]}"
-
-    def measure(self, pose: PlannedPose) -> tuple[ArmState, RestMean | UnstableDwell]:
-        """Goes to a pose, waits for its time, and averages over the end of the rest."""
-        begin = self.clock.now()
-        state = self.arm.go(pose)
-        return state, rest_at(self.tracker, self.numbers, self.clock, self.timing, begin)
 
 
 def rest_at(

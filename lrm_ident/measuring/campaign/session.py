@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import threading
+import math
 import time
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, ExitStack, contextmanager
@@ -13,11 +13,10 @@ from typing import TypeAlias
 
 from lrm_ident.design.adaptive_batch import StoppingGoal
 from lrm_ident.measuring.campaign.adaptive import AdaptiveCampaign
-from lrm_ident.measuring.campaign.data_file import CampaignHead, DataFile
+from lrm_ident.measuring.campaign.data_file import DataFile
 from lrm_ident.measuring.campaign.lerobot_robot import KIND as LEROBOT
 from lrm_ident.measuring.campaign.lerobot_robot import LeRobotServos, connected_robot
 from lrm_ident.measuring.campaign.plan import CampaignPlan, lightest
-from lrm_ident.measuring.campaign.release_key import asked_for_release, release_key
 from lrm_ident.measuring.campaign.rover_arm import DaemonSolver, RoverArm
 from lrm_ident.measuring.campaign.run import (
     CampaignArm,
@@ -30,7 +29,7 @@ from lrm_ident.measuring.campaign.run import (
 from lrm_ident.measuring.campaign.servo_arm import ServoArm, Servos
 from lrm_ident.measuring.servo_bus.dynamixel import DYNAMIXEL
 from lrm_ident.measuring.servo_bus.feetech import FEETECH
-from lrm_ident.measuring.servo_bus.servos import connected_bus
+from lrm_ident.measuring.servo_bus.servos import connected_bus, release_key
 from lrm_ident.measuring.tracker.dtrack import parse_dtrack
 from lrm_ident.measuring.tracker.frames import TargetNumbers, Tracker, TrackerFrame
 from lrm_ident.measuring.tracker.source import OpenTracker, open_tracker
@@ -64,7 +63,7 @@ class RealClock:
 
 @dataclass(frozen=True)
 class DrivenArm:
-    """An arm that is ready to be driven. `robot`: its name. `joints`: how many it has. `start`: commanded angles (rad).
+    """An arm that is ready to be driven. `robot`: its name. `start`: commanded angles (rad).
 
     `power_on`: name of the servos' present power-on session. `solver`: gives its inverse kinematics; without a daemon
     with the model of a file, or of the arm as drawn.
@@ -72,7 +71,6 @@ class DrivenArm:
 
     arm: CampaignArm
     robot: str
-    joints: int
     start: tuple[float, ...]
     power_on: str
     solver: Callable[[Path | None], GoalSolver]
@@ -112,12 +110,11 @@ def measure(order: CampaignOrder, plan: CampaignPlan, output: Path, goal: Stoppi
     file.check_plan(plan.sha256)
     clock: Clock = RealClock()
     with order.track() as tracker, order.drive(clock, order.loads) as driven, file:
-        if driven.joints != order.arm.dof:
-            raise LrmError(f"{order.arm_name} has {order.arm.dof} joints, {driven.robot} has {driven.joints}")
         first = first_frame(tracker, order.tracker)
         source = f"lrm-ident measure: {driven.robot}, {order.tracker}"
-        head = CampaignHead(order.arm_name, source, driven.start, plan.sha256, first.t, driven.power_on)
-        driven.arm.session = file.begin(head)
+        start = [round(math.degrees(q), 6) for q in driven.start]
+        about = {"start_q_deg": start, "poses_sha256": plan.sha256, "t0_s": first.t}
+        driven.arm.session = file.begin(driven.power_on, order.arm_name, source, **about)
         rest = lightest(plan.poses, order.arm)
         campaign = PoseCampaign(driven.arm, tracker, order.numbers, clock, order.timing, rest, order.on_progress)
         if goal is None:
@@ -125,44 +122,35 @@ def measure(order: CampaignOrder, plan: CampaignPlan, output: Path, goal: Stoppi
         return AdaptiveCampaign(campaign, order.arm, goal, order.on_findings).run(plan.poses, file)
 
 
-def by_daemon(rover: Rover, take: bool, client: str = "lrm-ident measure") -> OpenArm:
-    """The arm of a daemon, its lease held meanwhile by a client of that name."""
-
-    @contextmanager
-    def drive(clock: Clock, loads: Loads) -> Iterator[DrivenArm]:
-        """Acquires the lease."""
-        with rover.control(client, take):
-            arm = RoverArm(rover, clock, loads, 1)
-            solver = DaemonSolver.of(rover)
-            yield DrivenArm(arm, arm.info.robot, len(arm.names), arm.commanded(), power_on(rover), lambda _: solver)
-
-    return drive
+@contextmanager
+def by_daemon(rover: Rover, arm: Arm, take: bool, client: str, clock: Clock, loads: Loads) -> Iterator[DrivenArm]:
+    """The arm of a daemon, its lease held meanwhile by a client of that name. Raises `LrmError`: it is another arm."""
+    with rover.control(client, take):
+        driven = RoverArm(rover, clock, loads, 1)
+        if len(driven.names) != arm.dof:
+            raise LrmError(f"{arm.name} has {arm.dof} joints, {driven.info.robot} has {len(driven.names)}")
+        solver = DaemonSolver.of(rover)
+        yield DrivenArm(driven, driven.info.robot, driven.commanded(), power_on(rover), lambda _: solver)
 
 
-def by_servos(text: str, arm: Arm, speed: float, may_release: Callable[[], bool] = asked_for_release) -> OpenArm:
+@contextmanager
+def by_servos(text: str, arm: Arm, speed: float, release: bool, clock: Clock, loads: Loads) -> Iterator[DrivenArm]:
     """The arm of bare servos (`connected_bus`) or of a robot of LeRobot (`connected_robot`), as the text names it.
 
-    Every connection counts as a power-on session. `speed`: rad/s of the fastest joint. `may_release`: see
-    `release_key`, for bare servos.
+    Every connection counts as a power-on session. `speed`: rad/s of the fastest joint. `release`: see `release_key`.
     """
-
-    @contextmanager
-    def drive(clock: Clock, loads: Loads) -> Iterator[DrivenArm]:
-        """Connects the servos."""
-        with ExitStack() as held:
-            servos: Servos
-            kind = next((kind for kind in BUSES if text.startswith(kind.prefix)), None)
-            if kind is not None:
-                servos = bare = held.enter_context(connected_bus(text, kind, arm))
-                held.enter_context(release_key(bare, may_release))
-            else:
-                servos = LeRobotServos.of(held.enter_context(connected_robot(text)), arm)
-            driven = ServoArm(servos, arm, clock, loads, speed)
-            session = f"{text.partition(':')[0]}-{time.time_ns()}"
-            solver = partial(ModelSolver.of, arm=arm, rounded=driven.rounded)
-            yield DrivenArm(driven, text, arm.dof, driven.seen(), session, solver)
-
-    return drive
+    with ExitStack() as held:
+        servos: Servos
+        kind = next((kind for kind in BUSES if text.startswith(kind.prefix)), None)
+        if kind is not None:
+            servos = bare = held.enter_context(connected_bus(text, kind, arm))
+            held.enter_context(release_key(bare, release))
+        else:
+            servos = LeRobotServos.of(held.enter_context(connected_robot(text)), arm)
+        driven = ServoArm(servos, arm, clock, loads, speed)
+        session = f"{text.partition(':')[0]}-{time.time_ns()}"
+        solver = partial(ModelSolver.of, arm=arm, rounded=driven.rounded)
+        yield DrivenArm(driven, text, driven.seen(), session, solver)
 
 
 def drives_servos(robot: str) -> bool:
@@ -192,10 +180,9 @@ def power_on(rover: Rover) -> str:
 
 
 class ZenohTracker(AbstractContextManager["ZenohTracker"]):
-    """Listens on a key. What is no frame is counted in `garbage`, and otherwise ignored."""
+    """Listens on a key; what is no frame is ignored."""
 
     def __init__(self, rover: Rover, key: str) -> None:
-        self.garbage = 0
         self._frames: list[TrackerFrame] = []
         self._subscriber = rover.listen(key, self._received)
 
@@ -205,12 +192,10 @@ class ZenohTracker(AbstractContextManager["ZenohTracker"]):
     def frames(self, seconds: float) -> list[TrackerFrame]:
         """See `Tracker`."""
         self._frames = []
-        threading.Event().wait(seconds)
+        time.sleep(seconds)
         return list(self._frames)
 
     def _received(self, data: bytes) -> None:
         frame = parse_dtrack(data)
-        if frame is None:
-            self.garbage += 1
-        elif len(self._frames) < MOST_FRAMES:
+        if frame is not None and len(self._frames) < MOST_FRAMES:
             self._frames.append(frame)

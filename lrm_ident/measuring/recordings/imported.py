@@ -1,4 +1,7 @@
-"""Measurements out of a recording and the poses that were driven to: `lrm-ident import`."""
+"""Measurements out of a recording and the poses that were driven to: `lrm-ident import`.
+
+Rests of the arm are at regular times, or wherever the tip stood still.
+"""
 
 from __future__ import annotations
 
@@ -7,26 +10,41 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lrm_ident.data.measurement_file.conventions import read_positions
 from lrm_ident.data.measurement_file.load import load_pose_table
 from lrm_ident.data.measurement_file.write import StatedQuantity, csv_text, quantity_columns
-from lrm_ident.measuring.recordings.cells import read_cells
 from lrm_ident.measuring.recordings.mcap_file import SUFFIX as MCAP
 from lrm_ident.measuring.recordings.mcap_file import read_joints, read_mcap
-from lrm_ident.measuring.recordings.motive_csv import is_motive, read_motive
 from lrm_ident.measuring.recordings.published_mat import AXES, read_mat_poses, read_mat_positions
-from lrm_ident.measuring.recordings.rests import RestTimes, Rows, check_number, regular_rests, still_rests
 from lrm_ident.measuring.recordings.take import RecordedTake
-from lrm_ident.measuring.recordings.vicon_csv import is_vicon, read_vicon
-from lrm_ident.measuring.tracker.dwell import UnstableDwell, rest_mean
+from lrm_ident.measuring.recordings.tracker_csv import read_export
+from lrm_ident.measuring.tracker.dwell import RestMean, UnstableDwell, rest_mean
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_file import MM
 from lrm_math.arrays import Array
-from lrm_math.errors import FileError
+from lrm_math.errors import FileError, LrmError
 from lrm_math.model.reading import Reading
 
 LEAST_SD = 1e-4 * MM
+STILL_M = 1e-3
+"""m: how far the tip may be from where it is one dwell later; more than noise and sag, less than any move."""
+END_S = 0.1
+"""s before a rest ends that are not used: the next move may have begun."""
+Rows = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class RestTimes:
+    """Regular rests: the first one ends at `first` s of the recording, the others every `every` s."""
+
+    first: float
+    every: float
+
+    def ends(self, count: int) -> Array:
+        """(count,), end of each rest (s)."""
+        return np.asarray(self.first + self.every * np.arange(count))
 
 
 @dataclass(frozen=True)
@@ -35,7 +53,7 @@ class RecordingOrder:
 
     `tool`, `base`: names of the bodies at the tip and at the base. `times`: of regular rests; None: they are looked
     for. `skip`: rests before the first pose. `dwell`: s at the end of a rest to average over. `axes`: as in `Reading`.
-    `rotation`: of a Vicon export, see `vicon_csv`.
+    `rotation`: of a Vicon export, see `read_export`.
     """
 
     tool: str | None = None
@@ -96,29 +114,16 @@ def import_recording(source: Path, poses: Path, arm: Arm, order: RecordingOrder)
 
     `poses` may be an MCAP file: the joint states in it at the rests, without loads.
     """
-    if poses.suffix == MCAP:
-        take, joints = _take(source, order), read_joints(poses, arm)
-        rests = _rests(take, order, None)
-        q = np.array([joints.at(take.t[rows]).mean(axis=0) for rows in rests]).reshape(len(rests), arm.dof)
-        number = np.arange(1.0, len(rests) + 1)
-        return _averaged(take, rests, DrivenPoses(number, q, np.zeros(len(rests)), number), order)
-    driven = _driven(poses, arm)
-    if source.suffix == ".mat":
+    driven = None if poses.suffix == MCAP else _driven(poses, arm)
+    if source.suffix == ".mat" and driven is not None:
         return _one_each(source, driven, order)
-    take = _take(source, order)
-    return _averaged(take, _rests(take, order, len(driven.q)), driven, order)
-
-
-def _take(source: Path, order: RecordingOrder) -> RecordedTake:
-    if source.suffix == MCAP:
-        return read_mcap(source)
-    cells = read_cells(source)
-    if is_motive(cells):
-        return read_motive(source, cells)
-    if is_vicon(cells):
-        return read_vicon(source, cells, order.rotation)
-    right = "should be a .mat file of positions, an .mcap, or a CSV export of OptiTrack Motive, Vicon Tracker or Nexus"
-    raise FileError(source, "line 1", f"begins with '{cells[0][0][:30] if cells else ''}'", right)
+    take = read_mcap(source) if source.suffix == MCAP else read_export(source, order.rotation)
+    rests = _rests(take, order, None if driven is None else len(driven.q))
+    if driven is None:
+        q, number = read_joints(poses, arm, take.t), np.arange(1.0, len(rests) + 1)
+        means = np.array([q[rows].mean(axis=0) for rows in rests]).reshape(len(rests), arm.dof)
+        driven = DrivenPoses(number, means, np.zeros(len(rests)), number)
+    return _averaged(take, rests, driven, order)
 
 
 def _driven(path: Path, arm: Arm) -> DrivenPoses:
@@ -147,23 +152,55 @@ def _rests(take: RecordedTake, order: RecordingOrder, count: int | None) -> Sequ
         fit = int((t[-1] - order.times.first) // order.times.every) + 1
         return regular_rests(t, max(1, fit) if count is None else count, order.times, order.dwell)
     found = still_rests(t, take.pair(order.tool, order.base).tip, order.dwell)
-    if count is None and not found[order.skip :]:
+    left = found[order.skip :]
+    if count is None and not left:
         raise FileError(take.path, "", f"the tip rests nowhere for {2.0 * order.dwell:g} s")
-    return found[order.skip :] if count is None else check_number(found, count, order.skip)
+    if count is not None and len(left) != count:
+        skipped = f", {order.skip} of them skipped" if order.skip else ""
+        raise LrmError(
+            f"the tip rests {len(found)} times{skipped}, there are {count} poses; give --skip for rests before the "
+            "first pose, or --every and --first for rests at regular times"
+        )
+    return left
 
 
 def _averaged(take: RecordedTake, rests: Sequence[Rows], driven: DrivenPoses, order: RecordingOrder) -> ImportedRows:
     pair = take.pair(order.tool, order.base)
     means = [rest_mean(pair.frames(rows), pair.numbers) for rows in rests]
-    left_out = {
-        int(number): mean.why
-        for number, mean in zip(driven.number, means, strict=True)
-        if isinstance(mean, UnstableDwell)
-    }
-    kept = [k for k, mean in enumerate(means) if not isinstance(mean, UnstableDwell)]
-    if not kept:
+    fit = {k: mean for k, mean in enumerate(means) if isinstance(mean, RestMean)}
+    left_out = {int(driven.number[k]): mean.why for k, mean in enumerate(means) if isinstance(mean, UnstableDwell)}
+    if not fit:
         raise FileError(take.path, "", f"no rest is fit: {next(iter(left_out.values()))}")
-    good = [mean for mean in means if not isinstance(mean, UnstableDwell)]
+    good = list(fit.values())
     tip = read_positions(Reading(axes=order.axes), np.array([mean.tip for mean in good]))
     times, sd = np.array([mean.t for mean in good]) - take.t[0], np.array([mean.sd for mean in good])
-    return ImportedRows(driven.take(np.array(kept)), tip, times, sd, left_out)
+    return ImportedRows(driven.take(np.array(list(fit))), tip, times, sd, left_out)
+
+
+def regular_rests(t: Array, count: int, times: RestTimes, dwell: float) -> list[Rows]:
+    """The frames of the last `dwell` s before the end of each of `count` rests; t: (N,), s from the first frame.
+
+    Raises `LrmError` if the recording ends before.
+    """
+    ends = times.ends(count)
+    if ends[-1] > t[-1] + dwell:
+        raise LrmError(f"the last of {count} rests would end at {ends[-1]:.1f} s, the recording ends at {t[-1]:.1f} s")
+    return [np.flatnonzero((t > end - dwell) & (t <= end)) for end in ends]
+
+
+def still_rests(t: Array, tip: Array, dwell: float) -> list[Rows]:
+    """The frames of the last `dwell` s of every stretch of at least twice that in which the tip (N, 3) stands still."""
+    seen = np.flatnonzero(np.isfinite(tip).all(axis=1))
+    if not len(seen):
+        return []
+    later = np.searchsorted(t[seen], t[seen] + dwell, side="right") - 1
+    moved = np.linalg.norm(tip[seen[later]] - tip[seen], axis=1)
+    lasting = t[seen[later]] - t[seen] > 0.5 * dwell
+    stands = (moved < STILL_M) & lasting
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], stands, [False]]).astype(np.int64)))
+    rests = []
+    for begin, end in zip(edges[0::2], edges[1::2], strict=True):
+        first, last = t[seen[begin]], t[seen[later[end - 1]]] - END_S
+        if last - first >= 2.0 * dwell:
+            rests.append(np.flatnonzero((t > last - dwell) & (t <= last)))
+    return rests

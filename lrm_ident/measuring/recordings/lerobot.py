@@ -65,21 +65,17 @@ class LeRobotRests:
     """R rests of a dataset, in the order recorded.
 
     Attributes:
-        command, feedback: (R, n), means over the rest (rad). scatter: RMS deviation of a reading within a rest (rad).
+        command, feedback: (R, n), means over the rest (rad).
+        feedback_sd: RMS deviation of a reading within a rest, but no less than the encoder's rounding (rad).
         t: (R,), s, of the middle of each rest in its episode. episode, frame: (R,), where it is in the dataset.
     """
 
     command: Array
     feedback: Array
-    scatter: float
+    feedback_sd: float
     t: Array
     episode: Integers
     frame: Integers
-
-    @property
-    def feedback_sd(self) -> float:
-        """Standard deviation to state for the feedback (rad): scatter, but no less than the encoder's rounding."""
-        return float(max(self.scatter, np.radians(LEAST_SD_DEG)))
 
 
 def read_frames(folder: Path, arm: Arm) -> LeRobotFrames:
@@ -105,7 +101,8 @@ def read_lerobot(folder: Path, arm: Arm, dwell: float) -> LeRobotRests:
     scatter = float(np.sqrt(np.mean([feedback[rows].var(axis=0).mean() for rows in rests])))
     middle = np.array([rows[len(rows) // 2] for rows in rests])
     commanded, read = (np.array([values[rows].mean(axis=0) for rows in rests]) for values in (command, feedback))
-    return LeRobotRests(commanded, read, scatter, t[middle], episode[middle], middle)
+    sd = float(max(scatter, np.radians(LEAST_SD_DEG)))
+    return LeRobotRests(commanded, read, sd, t[middle], episode[middle], middle)
 
 
 def dataset_info(folder: Path) -> Mapping[str, Any]:

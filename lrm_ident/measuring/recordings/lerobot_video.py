@@ -6,34 +6,26 @@ the arm stands, and what flickers is noise of the camera and of the compression.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Sequence
+from itertools import groupby
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from lrm_ident.measuring.camera.board import CharucoBoard
+from lrm_ident.fitting.progress import OnProgress, silent
 from lrm_ident.measuring.camera.capture import Picture
-from lrm_ident.measuring.camera.lens import Lens, LensFile
+from lrm_ident.measuring.camera.lens import Lens
 from lrm_ident.measuring.camera.session import CameraMeasurements, measure, read_pictures
 from lrm_ident.measuring.recordings.encoder_checkup import elapsed, last_sides
 from lrm_ident.measuring.recordings.lerobot import Integers, LeRobotFrames, dataset_info, read_columns
 from lrm_math.arm.arm import Arm
+from lrm_math.arrays import Array
 from lrm_math.errors import FileError, LrmError, UnknownName
 from lrm_math.kinematics.poses import Poses
 
 MOST = 5
 """Frames of a rest that are averaged."""
-Located = tuple[Path, float]
-
-
-@dataclass(frozen=True, eq=False)
-class RestPicture:
-    """Mean grey picture (H, W) of a rest; `name`: where it is, for a person."""
-
-    name: str
-    picture: Picture
 
 
 def camera_named(folder: Path, name: str) -> str:
@@ -48,31 +40,31 @@ def camera_named(folder: Path, name: str) -> str:
     raise UnknownName("video", name, known)
 
 
-def rest_pictures(folder: Path, camera: str, frames: LeRobotFrames, rests: Sequence[Integers]) -> Iterator[RestPicture]:
-    """A picture for each rest (rows of `frames`). Raises `FileError`: a video is missing or ends too early."""
-    where, decoder, opened = _located(folder, camera), _pyav(), None
-    try:
-        for number, rows in enumerate(rests, start=1):
-            episode = int(frames.episode[rows[0]])
-            path, start = where(episode)
-            if opened is None or opened[0] != path:
-                if opened is not None:
-                    opened[1].close()
-                opened = path, _opened(decoder, path)
-            chosen = rows[np.unique(np.linspace(0, len(rows) - 1, MOST).astype(np.int64))]
-            picture = _mean(opened[1], path, start + frames.t[chosen])
-            yield RestPicture(f"rest {number}, episode {episode} at {frames.t[chosen[0]]:.1f} s", picture)
-    finally:
-        if opened is not None:
-            opened[1].close()
+def rest_pictures(
+    folder: Path, camera: str, frames: LeRobotFrames, rests: Sequence[Integers], progress: OnProgress = silent
+) -> Iterator[tuple[str, Picture]]:
+    """Name and mean grey picture (H, W) of each rest (rows of `frames`).
+
+    Raises `FileError`: a video is missing or ends too early.
+    """
+    episodes = [int(frames.episode[rows[0]]) for rows in rests]
+    where, done = _located(folder, camera, set(episodes)), 0
+    for path, group in groupby(zip(episodes, rests, strict=True), lambda one: where[one[0]][0]):
+        with _opened(path) as container:
+            for episode, rows in group:
+                done += 1
+                chosen = rows[np.unique(np.linspace(0, len(rows) - 1, MOST).astype(np.int64))]
+                picture = _mean(container, path, where[episode][1] + frames.t[chosen])
+                yield f"rest {done}, episode {episode} at {frames.t[chosen[0]]:.1f} s", picture
+                progress(done, len(rests))
 
 
-def _mean(container: Any, path: Path, times: Sequence[float]) -> Picture:
+def _mean(container: Any, path: Path, times: Array) -> Picture:
     """Mean picture of the frames nearest to some times (s), which rise."""
     stream = container.streams.video[0]
     slack = 0.5 / float(stream.average_rate or 30)
     container.seek(max(0, int((times[0] - slack) / stream.time_base)), stream=stream)
-    left, seen = list(times), list[Any]()
+    left, seen = times.tolist(), list[Any]()
     for frame in container.decode(stream):
         if left and frame.time is not None and frame.time >= left[0] - slack:
             seen.append(frame.to_ndarray(format="gray").astype(np.float32))
@@ -82,50 +74,39 @@ def _mean(container: Any, path: Path, times: Sequence[float]) -> Picture:
     raise FileError(path, "", f"the video ends before {times[-1]:.1f} s", "are all videos of the dataset whole?")
 
 
-def _located(folder: Path, camera: str) -> Any:
-    """Gives for an episode its video, and where in that it begins (s). Raises `FileError`."""
-    info = dataset_info(folder)
-    version, per_chunk = str(info["codebase_version"]), int(info.get("chunks_size", 1000))
-
-    def apart(episode: int) -> Located:
-        """A file for each."""
-        return folder / "videos" / f"chunk-{episode // per_chunk:03d}" / camera / f"episode_{episode:06d}.mp4", 0.0
-
-    if version.startswith("v2"):
-        return apart
+def _located(folder: Path, camera: str, episodes: set[int]) -> dict[int, tuple[Path, float]]:
+    """The video of each episode, and where in it that begins (s). Raises `FileError`."""
+    info, videos = dataset_info(folder), folder / "videos"
+    if str(info["codebase_version"]).startswith("v2"):
+        chunk = int(info.get("chunks_size", 1000))
+        return {n: (videos / f"chunk-{n // chunk:03d}" / camera / f"episode_{n:06d}.mp4", 0.0) for n in episodes}
     columns = [f"videos/{camera}/{name}" for name in ("chunk_index", "file_index", "from_timestamp")]
     table = read_columns(folder / "meta" / "episodes", ("episode_index", *columns))
-    return lambda episode: _together(folder, camera, table, columns, episode)
+    found = {
+        int(n): (videos / camera / f"chunk-{int(chunk):03d}" / f"file-{int(file):03d}.mp4", float(start))
+        for n, chunk, file, start in zip(*table.values(), strict=True)
+        if n in episodes
+    }
+    if missing := episodes - found.keys():
+        raise FileError(folder / "meta" / "episodes", "episode_index", f"no episode {min(missing)}")
+    return found
 
 
-def _together(
-    folder: Path, camera: str, table: Mapping[str, Sequence[Any]], columns: Sequence[str], episode: int
-) -> Located:
-    if episode not in table["episode_index"]:
-        raise FileError(folder / "meta" / "episodes", "episode_index", f"no episode {episode}")
-    chunk, file, start = (table[name][list(table["episode_index"]).index(episode)] for name in columns)
-    return folder / "videos" / camera / f"chunk-{int(chunk):03d}" / f"file-{int(file):03d}.mp4", float(start)
-
-
-def _opened(decoder: Any, path: Path) -> Any:
+def _opened(path: Path) -> Any:
+    try:
+        import av
+    except ImportError:
+        raise LrmError("videos are read with PyAV; pip install 'lrm-arm[video]'") from None
     if not path.is_file():
         raise FileError(path, "", "no such file: the video is missing")
     try:
-        container = decoder.open(str(path))
+        container = av.open(str(path))
     except (OSError, ValueError) as error:
         raise FileError(path, "", f"cannot be read as a video ({str(error).splitlines()[0]})") from None
     if not container.streams.video:
         container.close()
         raise FileError(path, "", "has no video in it")
     return container
-
-
-def _pyav() -> Any:
-    try:
-        import av
-    except ImportError:
-        raise LrmError("videos are read with PyAV; pip install 'lrm-arm[video]'") from None
-    return av
 
 
 def measure_video(
@@ -135,9 +116,9 @@ def measure_video(
     dwell: float,
     arm: Arm,
     arm_name: str,
-    lens: LensFile,
+    lens: Lens,
     on_gripper: bool,
-    progress: Callable[[int, int], object],
+    progress: OnProgress,
 ) -> CameraMeasurements:
     """Measurements from the rests of a video; with the camera `on_gripper`, of a board that stands beside the arm.
 
@@ -146,14 +127,8 @@ def measure_video(
     name, rests = camera_named(dataset, camera), list(frames.rests(dwell))
     if not rests:
         raise LrmError(f"{dataset}: the arm never rests for {dwell:g} s; stop for a moment now and then")
-
-    def pictures() -> Iterator[tuple[str, Picture]]:
-        """Each with its name."""
-        for number, one in enumerate(rest_pictures(dataset, name, frames, rests), start=1):
-            yield one.name, one.picture
-            progress(number, len(rests))
-
-    seen = read_pictures(pictures(), Lens.of(lens), CharucoBoard(lens.board))
+    pictures = rest_pictures(dataset, name, frames, rests, progress)
+    seen = read_pictures(pictures, lens)
     if not seen.rows:
         where, why = seen.refused[0]
         raise LrmError(f"{name}: the board is seen at none of the {len(rests)} rests; {where}: {why}")
@@ -166,4 +141,4 @@ def measure_video(
         number=np.arange(1, len(rests) + 1),
     )
     photos = seen.from_gripper if on_gripper else seen
-    return replace(measure(arm, arm_name, poses, photos, lens, dataset), photos=photos)
+    return measure(arm, arm_name, poses, photos, lens, dataset)

@@ -9,7 +9,6 @@ from __future__ import annotations
 import json
 from collections import defaultdict
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -29,18 +28,6 @@ Placed = tuple[float, tuple[float, ...]]
 """Time (s), and x, y, z (m) and quaternion x, y, z, w."""
 
 
-@dataclass(frozen=True, eq=False)
-class JointTrack:
-    """Joint states over M messages: `t` (M,) in s, `q` (M, n) in rad, in the order of the arm's joints."""
-
-    t: Array
-    q: Array
-
-    def at(self, t: Array) -> Array:
-        """(N, n), the last that was said at times (N,); the first before it."""
-        return np.asarray(self.q[np.maximum(np.searchsorted(self.t, t, side="right") - 1, 0)])
-
-
 def read_mcap(path: Path) -> RecordedTake:
     """All bodies of a file. Raises `FileError`: no MCAP file, or none of its topics has poses."""
     found: defaultdict[str, dict[float, tuple[float, ...]]] = defaultdict(dict)
@@ -55,20 +42,24 @@ def read_mcap(path: Path) -> RecordedTake:
     return RecordedTake(path, times, {name: _track(times, track) for name, track in found.items()})
 
 
-def read_joints(path: Path, arm: Arm) -> JointTrack:
-    """Joint states of an arm. Raises `FileError`: there are none, of several topics, or of other joints."""
+def read_joints(path: Path, arm: Arm, t: Array) -> Array:
+    """(N, n), joint angles (rad) of an arm that were said last at times (N,), s; the first before it.
+
+    Raises `FileError`: there are none, of several topics, or of other joints.
+    """
     topics: dict[str, str] = {}
     rows: defaultdict[str, list[tuple[float, list[float]]]] = defaultdict(list)
-    for topic, kind, t, message in _messages(path):
+    for topic, kind, recorded, message in _messages(path):
         topics[topic] = kind
         if kind == JOINTS:
-            rows[topic].append((_stamped(message.header.stamp, t), _angles(path, topic, message, arm)))
+            rows[topic].append((_stamped(message.header.stamp, recorded), _angles(path, topic, message, arm)))
     if len(rows) != 1:
         what = f"has {len(rows)} topics of joint states" if rows else f"has no topic of joint states{_listed(topics)}"
         raise FileError(path, "", what, "should be one sensor_msgs/JointState, or give the poses as a CSV")
     (track,) = rows.values()
     track.sort(key=lambda row: row[0])
-    return JointTrack(np.array([t for t, _ in track]), np.array([q for _, q in track]))
+    last = np.searchsorted([at for at, _ in track], t, side="right") - 1
+    return np.array([q for _, q in track])[np.maximum(last, 0)]
 
 
 def _angles(path: Path, topic: str, message: Any, arm: Arm) -> list[float]:

@@ -9,8 +9,15 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Protocol, TypeVar
 
-from lrm_ident.measuring.servo_bus.kind import BusServoKind, Register
-from lrm_ident.measuring.servo_bus.packets import BROADCAST, Answer, Instruction, Packet, PacketReader
+from lrm_ident.measuring.servo_bus.kind import (
+    BROADCAST,
+    Answer,
+    BusServoKind,
+    Instruction,
+    Packet,
+    PacketReader,
+    Register,
+)
 from lrm_math.errors import LrmError
 
 ANSWER_S, LOOK_S = 0.5, 0.1
@@ -47,7 +54,7 @@ class ServoHost:
 
     def read(self, number: int, register: Register) -> int:
         """Value of a register. Raises `NoAnswer`."""
-        return register.read(bytes(register.address) + self._read(number, register.address, register.length))
+        return register.decoded(self._read(number, register.address, register.length))
 
     def memory(self, number: int) -> bytes:
         """Whole memory of a servo. Two of one number stand at different angles, and garble each other's answers.
@@ -66,11 +73,11 @@ class ServoHost:
         parameters = self.kind.packet.words(register.address, register.length) + bytes(numbers)
         question = self.kind.packet(BROADCAST, Instruction.SYNC_READ, parameters)
         answers = self._heard(question, numbers, ANSWER_S)
-        return {number: register.read(bytes(register.address) + answers[number].data) for number in numbers}
+        return {number: register.decoded(answers[number].data[: register.length]) for number in numbers}
 
     def write(self, number: int, register: Register, value: int) -> None:
         """Writes a register, and waits until the servo says so. Raises `NoAnswer`; `LrmError`: it refuses."""
-        parameters = self.kind.packet.words(register.address) + _bytes_of(register, value)
+        parameters = self.kind.packet.words(register.address) + register.encoded(value)
         answer = self._transfer(number, Instruction.WRITE, parameters)
         if answer.refused:
             raise LrmError(f"servo {number} refuses {value} at address {register.address}: {answer.refused}")
@@ -82,7 +89,7 @@ class ServoHost:
     def move(self, goals: Mapping[int, int]) -> None:
         """Gives servos their goals (counts) by number, all in one packet that nobody answers."""
         goal = self.kind.goal
-        data = b"".join(bytes([number]) + _bytes_of(goal, count) for number, count in goals.items())
+        data = b"".join(bytes([number]) + goal.encoded(count) for number, count in goals.items())
         parameters = self.kind.packet.words(goal.address, goal.length) + data
         with _line_is_there():
             self.line.write(self.kind.packet(BROADCAST, Instruction.SYNC_WRITE, parameters).encoded())
@@ -99,10 +106,8 @@ class ServoHost:
     def _answers(self, number: int) -> bool:
         try:
             self._transfer(number, Instruction.PING, b"", LOOK_S)
-        except GarbledAnswer:
-            return True
-        except NoAnswer:
-            return False
+        except NoAnswer as error:
+            return isinstance(error, GarbledAnswer)
         return True
 
     def _read(self, number: int, address: int, length: int) -> bytes:
@@ -154,9 +159,3 @@ def _with_retries(request: Callable[[], Said]) -> Said:
         except NoAnswer:
             continue
     return request()
-
-
-def _bytes_of(register: Register, value: int) -> bytes:
-    memory = bytearray(register.address + register.length)
-    register.write(memory, value)
-    return bytes(memory[register.address : register.address + register.length])

@@ -7,8 +7,7 @@ high bit first) of all bytes before it (Robotis, e-Manual, "DYNAMIXEL Protocol 2
 
 from __future__ import annotations
 
-from lrm_ident.measuring.servo_bus.kind import BusServoKind, Register, TwosComplement
-from lrm_ident.measuring.servo_bus.packets import Answer, Instruction, Packet
+from lrm_ident.measuring.servo_bus.kind import Answer, BusServoKind, Instruction, Packet, Register, TwosComplement
 
 STUFFED = b"\xff\xff\xfd"
 POLYNOMIAL = 0x8005
@@ -70,7 +69,6 @@ POSITION, TEMPERATURE = TwosComplement(132, 4), Register(146)
 DYNAMIXEL = BusServoKind(
     prefix="dynamixel:",
     packet=DynamixelPacket,
-    baud=1_000_000,
     models=MODELS,
     modes=(POSITION_MODE, CURRENT_POSITION_MODE),
     last_read=SIZE,

@@ -7,8 +7,7 @@ bytes between header and itself (Feetech, "Communication protocol user manual"; 
 
 from __future__ import annotations
 
-from lrm_ident.measuring.servo_bus.kind import BusServoKind, Register
-from lrm_ident.measuring.servo_bus.packets import Answer, Packet
+from lrm_ident.measuring.servo_bus.kind import Answer, BusServoKind, Packet, Register
 
 
 class FeetechPacket(Packet):
@@ -41,7 +40,6 @@ LAST_READ = 71
 FEETECH = BusServoKind(
     prefix="feetech:",
     packet=FeetechPacket,
-    baud=1_000_000,
     models={MODEL_STS3215: "STS3215", MODEL_STS3250: "STS3250"},
     modes=(0,),
     last_read=LAST_READ,

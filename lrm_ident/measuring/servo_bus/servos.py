@@ -8,9 +8,11 @@ from __future__ import annotations
 
 import math
 import re
+import signal
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from typing import NoReturn
 
 from lrm_ident.data.wording import joint_labels
 from lrm_ident.measuring.servo_bus.bus import GarbledAnswer, NoAnswer, ServoHost
@@ -24,6 +26,7 @@ MIDDLE = 2048
 POLL_S = 0.02
 LOOKED_FOR = range(1, 21)
 """Numbers that are asked for when a servo is missing."""
+WORD = "release"
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,26 +106,59 @@ def connected_bus(text: str, kind: BusServoKind, arm: Arm) -> Iterator[BusServos
     except (serial.SerialException, OSError) as error:
         raise LrmError(f"--robot {text}: {path} cannot be opened ({' '.join(str(error).split())})") from None
     with line:
-        try:
-            servos = held_servos(text, ServoHost(line, kind), arm, numbers)
-        except NoAnswer as error:
-            raise LrmError(f"--robot {text}: {error}") from None
-        yield servos
+        yield held_servos(text, ServoHost(line, kind), arm, numbers)
+
+
+class ReleaseKey(KeyboardInterrupt):
+    """The release key of servos without a daemon was pressed: Ctrl-backslash, which the terminal sends as SIGQUIT.
+
+    It stops as Ctrl-C does: nothing more is commanded, and the arm holds where it was sent last. Only if the person
+    says so besides, by an option before or by a word after, the servos lose their torque (`released`), and it falls.
+    """
+
+    released = False
+
+
+@contextmanager
+def release_key(servos: BusServos, release: bool) -> Iterator[None]:
+    """Listens to the release key meanwhile, on the main thread. `release`: said before; else it asks."""
+    before = signal.signal(signal.SIGQUIT, _press)
+    try:
+        yield
+    except ReleaseKey as pressed:
+        signal.signal(signal.SIGQUIT, signal.SIG_IGN)  # pressed again it says nothing new
+        if release or _asked_for_release():
+            servos.release()
+            pressed.released = True
+        raise
+    finally:
+        signal.signal(signal.SIGQUIT, before)
+
+
+def _asked_for_release() -> bool:
+    """Asks on the terminal. Anything but the word, and no terminal, is no."""
+    try:
+        return input(f"The arm holds. To release its torque, so that it falls, type {WORD}: ").strip() == WORD
+    except (EOFError, KeyboardInterrupt):
+        return False
+
+
+def _press(*_: object) -> NoReturn:
+    raise ReleaseKey
 
 
 def held_servos(name: str, host: ServoHost, arm: Arm, numbers: Sequence[int]) -> BusServos:
     """The servos of an arm's joints by their numbers, with torque where they stand, none unless all are fit.
 
-    Raises `LrmError`: one is missing, there twice, of another kind; `NoAnswer`: the line is bad.
+    Raises `LrmError`: one is missing, there twice, of another kind; or the line is bad.
     """
-    joints = joint_labels(arm)
     try:
         limits = tuple(_limits(host, number) for number in numbers)
-    except LrmError as error:
+        for number in numbers:
+            _hold(host, number)
+    except (NoAnswer, LrmError) as error:
         raise LrmError(f"--robot {name}: {error}") from None
-    for number in numbers:
-        _hold(host, number)
-    return BusServos(name, host, joints, tuple(numbers), limits)
+    return BusServos(name, host, joint_labels(arm), tuple(numbers), limits)
 
 
 def _limits(host: ServoHost, number: int) -> tuple[int, int]:

@@ -54,7 +54,7 @@ def rest_mean(frames: Sequence[TrackerFrame], numbers: TargetNumbers) -> RestMea
             f"target {_most_lost(frames, numbers)} unseen in {len(frames) - len(known)} of {len(frames)}"
         )
     tips = np.array([tip for _, tip in known])
-    if _longest_run(tips) >= FROZEN:
+    if max(len(list(same)) for _, same in groupby(tips.tolist())) >= FROZEN:
         return UnstableDwell("frozen: exactly the same position again and again")
     away = np.linalg.norm(tips - np.median(tips, axis=0), axis=1)
     outliers = int(np.sum(away > max(OUTLIER * float(np.median(away)), FINEST)))
@@ -72,8 +72,3 @@ def rest_mean(frames: Sequence[TrackerFrame], numbers: TargetNumbers) -> RestMea
 def _most_lost(frames: Sequence[TrackerFrame], numbers: TargetNumbers) -> int:
     wanted = [number for number in (numbers.tool, numbers.base) if number is not None]
     return min(wanted, key=lambda number: sum(number in frame.targets for frame in frames))
-
-
-def _longest_run(tips: Array) -> int:
-    """Number of the most positions one after the other that are exactly the same."""
-    return max(sum(1 for _ in group) for _, group in groupby(map(tuple, tips.tolist())))

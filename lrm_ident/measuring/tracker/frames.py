@@ -10,9 +10,6 @@ import numpy as np
 
 from lrm_math.arrays import Array
 
-RIGID = 1e-2
-"""Largest deviation of R R^T from the identity: a matrix printed with three digits still passes."""
-
 
 @dataclass(frozen=True, eq=False)
 class TargetPose:
@@ -56,8 +53,3 @@ def tip_position(frame: TrackerFrame, numbers: TargetNumbers) -> Array | None:
         return None if tool is None else tool.position
     base = frame.targets.get(numbers.base)
     return None if base is None else np.asarray(base.rotation.T @ (tool.position - base.position))
-
-
-def is_rotation(matrix: Array) -> bool:
-    """Whether a matrix (3, 3) is a rotation, within `RIGID`."""
-    return bool(np.abs(matrix @ matrix.T - np.eye(3)).max() < RIGID and np.linalg.det(matrix) > 0.0)

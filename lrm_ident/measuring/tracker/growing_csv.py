@@ -15,20 +15,17 @@ from lrm_math.arm.arm_file import MM
 from lrm_math.errors import FileError
 
 COLUMNS = ("t_s", "x_mm", "y_mm", "z_mm")
-POLL = 0.02
-"""s between two looks at the file."""
 
 
 class GrowingCsv(AbstractContextManager["GrowingCsv"]):
     """Follows the end of a file with the columns `t_s, x_mm, y_mm, z_mm`; its targets have the number `tool`.
 
-    A line that is no frame is counted in `garbage`, and otherwise ignored; the last, unfinished one waits.
+    A line that is no frame is ignored; the last, unfinished one waits.
     """
 
     def __init__(self, path: Path, tool: int) -> None:
         """Raises `FileError`: no such file, or no such columns."""
-        self.garbage = 0
-        self._path, self._tool, self._line, self._part = path, tool, 0, ""
+        self._tool, self._line, self._part = tool, 0, ""
         try:
             self._file = path.open(encoding="utf-8", errors="replace", newline="")
         except OSError as error:
@@ -46,18 +43,12 @@ class GrowingCsv(AbstractContextManager["GrowingCsv"]):
     def frames(self, seconds: float) -> list[TrackerFrame]:
         """See `Tracker`."""
         self._new_frames()
-        end = time.monotonic() + seconds
-        found: list[TrackerFrame] = []
-        while (left := end - time.monotonic()) > 0.0:
-            time.sleep(min(POLL, left))
-            found += self._new_frames()
-        return found
+        time.sleep(seconds)
+        return self._new_frames()
 
     def _new_frames(self) -> list[TrackerFrame]:
         *whole, self._part = (self._part + self._file.read()).split("\n")
-        frames = [self._frame(line) for line in whole]
-        self.garbage += sum(frame is None for frame in frames)
-        return [frame for frame in frames if frame is not None]
+        return [frame for frame in map(self._frame, whole) if frame is not None]
 
     def _frame(self, line: str) -> TrackerFrame | None:
         cells = next(csv.reader([line]), [])

@@ -7,9 +7,9 @@ from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import TypeAlias
 
+from lrm_ident.measuring.tracker.dtrack import UdpTracker
 from lrm_ident.measuring.tracker.frames import TargetNumbers, Tracker
 from lrm_ident.measuring.tracker.growing_csv import GrowingCsv
-from lrm_ident.measuring.tracker.udp import UdpTracker
 from lrm_math.errors import LrmError
 
 FORMS = "dtrack:PORT, dtrack:ADDRESS:PORT, csv:FILE, camera:0,SESSION or zenoh:KEY"

@@ -7,12 +7,10 @@ from itertools import chain
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lrm_ident.data.measurement_file.number_table import numbers_of, read_csv
-from lrm_ident.design.candidate_poses import ClearanceRules, violated_rules
-from lrm_ident.design.workspace.presets import default_study
-from lrm_ident.design.workspace.voxel_grid import Area, parse_area
+from lrm_ident.design.candidate_poses import ClearanceRules, keeps_rules
+from lrm_ident.design.workspace.voxel_grid import Area, default_study, parse_area
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_file import MM
 from lrm_math.arrays import Array
@@ -68,7 +66,7 @@ def draw_goals(arm: Arm, count: int, seed: int, area: Area | None = None) -> Arr
         q = rng.uniform(low, high, size=(AT_ONCE, arm.dof))
         tips = equilibrium(model_of(arm, ()), poses_of(q)).tcp
         inside = np.ones(len(q), dtype=np.bool_) if area is None else area.holds(tips)
-        found = np.concatenate([found, tips[inside][_clear(arm, q[inside], rules)]])
+        found = np.concatenate([found, tips[inside][keeps_rules(arm, q[inside], rules)]])
         if len(found) >= count:
             return found[:count]
     where = "" if area is None else f" at the {area.name}"
@@ -86,9 +84,3 @@ def _task(arm: Arm, seed: int) -> tuple[PlacedGoal, ...]:
         for name, words in PLACES.items()
     ]
     return tuple(chain.from_iterable(zip(*legs, strict=True)))
-
-
-def _clear(arm: Arm, q: Array, rules: ClearanceRules) -> NDArray[np.bool_]:
-    if not len(q):
-        return np.zeros(0, dtype=np.bool_)
-    return np.asarray(~np.any(list(violated_rules(arm, q, rules).values()), axis=0))

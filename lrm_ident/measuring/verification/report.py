@@ -9,27 +9,30 @@ from typing import Any
 
 from lrm_ident.data.wording import in_mm
 from lrm_ident.measuring.verification.goal_run import AttainedPosition, Verification
-from lrm_ident.report.document import Document, ResultTable
+from lrm_ident.report.document import Block, Document, ResultTable
 from lrm_math.errors import FileError
 from lrm_math.text_file import read_content
 
 MM = 1e3
 
 
+FIGURES = ("mean|.2f", "RMS|.2f", "worst|.2f", "rounding, RMS|.2f", "predicted, RMS|.2f")
+UNLIKE = 10.0
+"""Ratio of the error at goals to the predicted one from which it is said; chosen, not fitted."""
+
+
 def verification_document(found: Verification, earlier: Mapping[str, Any] | None) -> Document:
     """Result of `lrm-ident verify`, schema `lrm/verification/1`; `earlier`: that of another model at the same goals."""
-    rows = [summary_row("now", values(found))]
-    if earlier is not None:
-        rows.insert(0, summary_row("before", earlier))
-    table = ResultTable(COLUMNS, rows, f"Where the tip landed: {len(found.attained)} goals, mm from the goal")
-    table_by_place = [place_table(found)] if len(found.places) > 1 else []
-    left = [f"not reached: goal {number}: {why}" for number, why in found.failed.items()]
-    return Document(
-        [table, *table_by_place, *left, *unlike_the_model(found)],
-        "lrm/verification/1",
-        values(found),
-        goal_table(found.attained),
-    )
+    now = values(found)
+    rows = [(name, _model(of), *_figures(of)) for name, of in (("before", earlier), ("now", now)) if of is not None]
+    title = f"Where the tip landed: {len(found.attained)} goals, mm from the goal"
+    blocks: list[Block] = [ResultTable(("", "model", *FIGURES), rows, title)]
+    if len(found.places) > 1:
+        parts = [(place, found.at(place)) for place in found.places]
+        by_place = [(place, len(part.attained), *_figures(values(part))) for place, part in parts]
+        blocks.append(ResultTable(("at the", "goals|d", *FIGURES), by_place, "By place, mm from the goal"))
+    blocks += [f"not reached: goal {number}: {why}" for number, why in found.failed.items()]
+    return Document([*blocks, *unlike_the_model(found)], "lrm/verification/1", now, goal_table(found.attained))
 
 
 def unlike_the_model(found: Verification) -> list[str]:
@@ -44,28 +47,14 @@ def unlike_the_model(found: Verification) -> list[str]:
     ]
 
 
-UNLIKE = 10.0
-"""Ratio of the error at goals to the predicted one from which it is said; chosen, not fitted."""
-COLUMNS = ("", "model", "mean|.2f", "RMS|.2f", "worst|.2f", "rounding, RMS|.2f", "predicted, RMS|.2f")
+def _model(found: Mapping[str, Any]) -> str:
+    return found["model_sha256"][:12] or "nominal"
 
 
-def summary_row(name: str, found: Mapping[str, Any]) -> tuple[object, ...]:
-    """A line of the summary."""
-    error, predicted = found["error"], found["predicted_rms_mm"]
-    figures = (error["mean_mm"], error["rms_mm"], error["max_mm"], found["rounding_rms_mm"])
-    return name, found["model_sha256"][:12] or "nominal", *figures, predicted
-
-
-def place_table(found: Verification) -> ResultTable:
-    """One row per place."""
-    columns = ("at the", "goals|d", "mean|.2f", "RMS|.2f", "worst|.2f", "rounding, RMS|.2f", "predicted, RMS|.2f")
-    rows = []
-    for place in found.places:
-        part = found.at(place)
-        error, predicted = part.error, part.predicted
-        figures = [MM * one for one in (error.mean, error.rms, error.max, part.rounding)]
-        rows.append((place, len(part.attained), *figures, None if predicted is None else MM * predicted))
-    return ResultTable(columns, rows, "By place, mm from the goal")
+def _figures(found: Mapping[str, Any]) -> tuple[Any, ...]:
+    """Cells of `FIGURES` from the values of the JSON file."""
+    error = found["error"]
+    return error["mean_mm"], error["rms_mm"], error["max_mm"], found["rounding_rms_mm"], found["predicted_rms_mm"]
 
 
 def values(found: Verification) -> dict[str, Any]:
@@ -103,7 +92,7 @@ def read_verification(path: Path) -> dict[str, Any]:
         found: dict[str, Any] = json.loads(content)
         if found["schema"] != "lrm/verification/1":
             raise KeyError("schema")
-        summary_row("before", found)
+        _model(found), _figures(found)
     except (ValueError, KeyError, TypeError, IndexError):
         raise FileError(path, "", "is no result of lrm-ident verify --json") from None
     return found

@@ -13,7 +13,7 @@ from examples.so101.feetech_bus import FeetechBus
 from examples.so101.feetech_servo import LOAD, LOCK, MOVING, SIZE, STEP, STS3215, FeetechServo
 from lrm_ident.measuring.servo_bus import feetech as table
 from lrm_ident.measuring.servo_bus.feetech import FeetechPacket
-from lrm_ident.measuring.servo_bus.packets import BROADCAST, Instruction, PacketReader
+from lrm_ident.measuring.servo_bus.kind import BROADCAST, Instruction, PacketReader
 
 PACKETS = st.builds(FeetechPacket, st.integers(0, 253), st.integers(0, 0x83), st.binary(max_size=40))
 

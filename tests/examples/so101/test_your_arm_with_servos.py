@@ -59,10 +59,10 @@ def test_the_camera_takes_its_photos_by_itself(tmp_path: Path, monkeypatch: pyte
     pytest.importorskip("cv2", reason="OpenCV is not installed (extra 'camera')")
     from examples.so101.camera import poses_for_photos
     from examples.so101.demo import table
-    from tests.ident.measuring.camera.test_camera import lens_file
+    from tests.ident.measuring.camera.test_camera import LENS
 
     monkeypatch.chdir(tmp_path)
-    Path("lens.toml").write_text(tomli_w.dumps(lens_file().model_dump(by_alias=True)))
+    Path("lens.toml").write_text(tomli_w.dumps(LENS.model_dump(by_alias=True)))
     Path("poses.csv").write_text(table("q{}_deg", np.degrees(poses_for_photos(10, 1))))
     (command,) = [line for line in commands_of(ROOT / "docs" / "your-arm.md") if line.startswith("camera")]
     with simulated_so101(tmp_path, "gain", 1) as link, simulated_camera(link) as camera:

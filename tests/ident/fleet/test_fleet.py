@@ -200,7 +200,7 @@ def test_a_cluster_of_two_workers_finds_the_same_bit_for_bit(manifest: Path, tmp
 
 def _without_times(record: ArmRecord) -> list[str]:
     """The lines of a record but those of dates and durations."""
-    text = json.dumps(record.as_json() | {"seconds": 0.0}).replace("\\n", "\n")
+    text = json.dumps(record.model_dump(by_alias=True) | {"seconds": 0.0}).replace("\\n", "\n")
     return [line for line in text.splitlines() if not line.startswith("date = ")]
 
 

@@ -18,8 +18,7 @@ from hypothesis import strategies as st
 from lrm_ident.design.workspace.arm_variants import lengthened, parse_variant
 from lrm_ident.design.workspace.capability_map import CapabilityMap, capability_map, pose_solver
 from lrm_ident.design.workspace.orientation_grid import directions, rotations
-from lrm_ident.design.workspace.presets import default_study
-from lrm_ident.design.workspace.voxel_grid import VoxelGrid, bounding_ball, grid_around, parse_area
+from lrm_ident.design.workspace.voxel_grid import VoxelGrid, bounding_ball, default_study, grid_around, parse_area
 from lrm_math.arm.arm import Arm, Joint, Placement
 from lrm_math.arm.arm_file import load_arm
 from lrm_math.arrays import Array

@@ -26,7 +26,6 @@ pytest.importorskip("cv2", reason="OpenCV is not installed (extra 'camera')")
 
 from lrm_ident.measuring.camera.board import PIXELS, Corners, RejectedPhoto, board_pdf, find_corners
 from lrm_ident.measuring.camera.board_pose import BoardPose, board_pose
-from lrm_ident.measuring.camera.lens import LensFile
 from lrm_ident.measuring.camera.opencv import opencv
 from lrm_ident.measuring.camera.session import (
     CameraMeasurements,
@@ -48,16 +47,7 @@ from validation.camera.scene import (
 )
 
 NOISE = 0.2  # px
-LENS = replace(WEBCAM, noise=NOISE)
-
-
-def lens_file() -> LensFile:
-    (fx, _, cx), (_, fy, cy), _ = LENS.K.tolist()
-    return LensFile(
-        schema="lrm/camera/1", width_px=LENS.size[0], height_px=LENS.size[1], focal_x_px=fx, focal_y_px=fy,
-        centre_x_px=cx, centre_y_px=cy, distortion=LENS.distortion.tolist(), noise_px=NOISE, photos=20,
-        board=BOARD.table,
-    )  # fmt: skip
+LENS = WEBCAM.model_copy(update={"noise_px": NOISE})
 
 
 def held(seed: int) -> Array:
@@ -117,7 +107,7 @@ def test_covariance_of_the_pose_is_that_of_its_errors() -> None:
     rng = np.random.default_rng(0)
     squares = []
     for seed in range(60):
-        found = board_pose(corners_of(held(seed), rng), BOARD, LENS)
+        found = board_pose(corners_of(held(seed), rng), LENS)
         if isinstance(found, BoardPose):
             error = error_of(found, held(seed))
             squares.append(error @ np.linalg.solve(found.covariance, error))
@@ -129,7 +119,7 @@ def test_a_small_board_far_away_has_two_poses() -> None:
     far = np.eye(4)
     far[:3, :3] = Rotation.from_rotvec([0.12, 0.0, 0.0]).as_matrix()
     far[:3, 3] = [-0.05, -0.04, 2.0]
-    found = board_pose(corners_of(far, np.random.default_rng(2)), BOARD, LENS)
+    found = board_pose(corners_of(far, np.random.default_rng(2)), LENS)
     assert isinstance(found, RejectedPhoto)
     assert "two poses" in found.reason
 
@@ -148,10 +138,10 @@ def simulated(
     )
     rest = equilibrium(true.model, poses)
     boards = np.concatenate([true.boards(rest)[:30], later.boards(rest)[30:]])
-    found = [board_pose(corners_of(board, rng, scale), BOARD, LENS) for board in boards]
+    found = [board_pose(corners_of(board, rng, scale), LENS) for board in boards]
     rows = tuple(row for row, one in enumerate(found) if isinstance(one, BoardPose))
     taken = tuple(one for one in found if isinstance(one, BoardPose))
-    return measure(true.model.arm, "so101", poses, PhotoSet(rows, taken, ()), lens_file(), Path("photos.csv"))
+    return measure(true.model.arm, "so101", poses, PhotoSet(rows, taken, ()), LENS, Path("photos.csv"))
 
 
 def moved(shift: list[float], turn: list[float]) -> Array:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Iterator
-from contextlib import contextmanager, nullcontext
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from http.server import BaseHTTPRequestHandler, HTTPServer
 from pathlib import Path
@@ -22,10 +22,9 @@ from lrm_ident.measuring.camera.capture import Picture, open_camera
 from lrm_ident.measuring.camera.opencv import opencv
 from lrm_ident.measuring.camera.session import CameraSession
 from lrm_ident.measuring.campaign.data_file import ArmState
-from lrm_ident.measuring.campaign.photo_poses import PhotographedPoses, PhotoOrder, photograph
+from lrm_ident.measuring.campaign.photo_poses import PhotoCampaign, PhotographedPoses
 from lrm_ident.measuring.campaign.plan import PlannedPose
 from lrm_ident.measuring.campaign.run import PoseTiming, Unreachable
-from lrm_ident.measuring.campaign.session import DrivenArm
 from lrm_ident.measuring.tracker.dwell import LEAST, RestMean, rest_mean
 from lrm_ident.measuring.tracker.frames import TargetNumbers
 from lrm_math.arm.arm_file import load_arm
@@ -33,7 +32,7 @@ from lrm_math.errors import LrmError
 from lrm_math.kinematics.poses import poses_of
 from lrm_math.model.equilibrium import equilibrium
 from lrm_math.model.model import model_of
-from tests.ident.measuring.camera.test_camera import lens_file
+from tests.ident.measuring.camera.test_camera import LENS
 from tests.support.commands import stderr_of
 from validation.camera.rendered_photos import PhotoScene
 from validation.camera.scene import BOARD, CAMERA, CameraRig, board_mount, poses_in_view
@@ -43,7 +42,7 @@ RIG = CameraRig(model_of(ARM, ()), CAMERA, board_mount(ARM))
 SESSION = CameraSession(
     schema="lrm/camera-session/1",
     arm="so101",
-    lens=lens_file(),
+    lens=LENS,
     camera=frame_table(CAMERA[:3, :3], CAMERA[:3, 3]),
     mount=frame_table(RIG.mount[:3, :3], RIG.mount[:3, 3]),
 )
@@ -176,14 +175,10 @@ class NoTime:
 
 def test_a_photo_at_every_pose_that_can_be_reached(tmp_path: Path) -> None:
     standing, taken, said = StandingArm(), list[int](), list[str]()
-    driven = DrivenArm(standing, "servos", ARM.dof, standing.commanded(), "1", lambda _: None)  # type: ignore[arg-type, return-value]
     plan = [PlannedPose(n, (0.1 * n,) * ARM.dof, 0.0, (), n) for n in (1, 2, 3)]
     kept: list[PhotographedPoses] = []
-    order = PhotoOrder(
-        lambda *_: nullcontext(driven), ARM, NoTime(), PoseTiming(), lambda _: None, taken.append, kept.append,
-        said.append,
-    )  # fmt: skip
-    found = photograph(order, plan)
+    campaign = PhotoCampaign(standing, NoTime(), PoseTiming(), plan[0], taken.append, kept.append, said.append)
+    found = campaign.run(plan)
     assert standing.went == [1, 3, 3]
     assert taken == [1, 2, 2]  # the photo of an arm that was moved is taken again
     assert found.failed == {2: "joint 1 would leave its limits"}
@@ -207,7 +202,7 @@ def test_a_robot_goes_with_a_camera_and_an_empty_folder(tmp_path: Path) -> None:
 def _toml() -> str:
     import tomli_w
 
-    return tomli_w.dumps(lens_file().model_dump(by_alias=True))
+    return tomli_w.dumps(LENS.model_dump(by_alias=True))
 
 
 def test_poses_in_view_are_shown() -> None:

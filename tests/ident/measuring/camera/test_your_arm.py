@@ -20,7 +20,7 @@ pytest.importorskip("cv2", reason="OpenCV is not installed (extra 'camera')")
 from lrm_ident.cli.groups import camera as commands
 from lrm_ident.data.robot_files.urdf import read_urdf
 from lrm_ident.data.robot_files.urdf_export import bare_urdf
-from lrm_ident.measuring.camera.board import CharucoBoard, Corners
+from lrm_ident.measuring.camera.board import Corners
 from lrm_ident.measuring.camera.board_pose import BoardPose, board_pose
 from lrm_ident.measuring.camera.lens import Lens
 from lrm_ident.measuring.camera.session import PhotoSet
@@ -43,12 +43,10 @@ def test_every_command_of_the_page(tmp_path: Path, monkeypatch: pytest.MonkeyPat
     poses = poses_in_view(true, PHOTOS, 1)
     boards, rng = true.boards(equilibrium(true.model, poses)), np.random.default_rng(0)
 
-    def seen(files: Sequence[Path], lens: Lens, board: CharucoBoard) -> PhotoSet:
-        points = [board.corners @ pose[:3, :3].T + pose[:3, 3] for pose in boards]
+    def seen(files: Sequence[Path], lens: Lens) -> PhotoSet:
+        points = [lens.board.corners @ pose[:3, :3].T + pose[:3, 3] for pose in boards]
         found = [
-            board_pose(
-                Corners(np.arange(len(p)), WEBCAM.project(p)[0] + 0.5 + rng.normal(0, NOISE, (len(p), 2))), board, lens
-            )
+            board_pose(Corners(np.arange(len(p)), WEBCAM.project(p)[0] + 0.5 + rng.normal(0, NOISE, (len(p), 2))), lens)
             for p in points
         ]
         assert all(isinstance(one, BoardPose) for one in found)

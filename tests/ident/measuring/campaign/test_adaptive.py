@@ -13,7 +13,7 @@ from lrm_ident.data.measurement_file.load import load_measurements
 from lrm_ident.design.adaptive_batch import BATCH, FIRST_BATCH, AdaptiveFindings, StoppingGoal
 from lrm_ident.measuring.campaign import adaptive
 from lrm_ident.measuring.campaign.adaptive import AdaptiveCampaign
-from lrm_ident.measuring.campaign.data_file import ArmState, CampaignHead, DataFile
+from lrm_ident.measuring.campaign.data_file import ArmState, DataFile
 from lrm_ident.measuring.campaign.plan import PlannedPose
 from lrm_ident.measuring.campaign.run import PoseCampaign, PoseTiming, Unreachable
 from lrm_ident.measuring.tracker.frames import TargetNumbers, TargetPose, TrackerFrame
@@ -82,7 +82,7 @@ def run(rig: TwoJointRig, path: Path, goal: StoppingGoal) -> list[str]:
     told: list[str] = []
     file = DataFile(path, ARM.dof)
     with file:
-        file.begin(CampaignHead("two-joint", "test", (0.0,) * ARM.dof, "plan", 0.0, "power"))
+        file.begin("power", "two-joint", "test", poses_sha256="plan", t0_s=0.0)
         campaign = PoseCampaign(rig, rig, TargetNumbers(1, None), rig, PoseTiming(), PLAN[0], lambda _: None)
         AdaptiveCampaign(campaign, ARM, goal, told.append).run(PLAN, file)
     return told

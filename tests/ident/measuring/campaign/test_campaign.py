@@ -13,7 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from lrm_ident.data.measurement_file.load import load_measurements
-from lrm_ident.measuring.campaign.data_file import ArmState, CampaignHead, DataFile, after_midnight
+from lrm_ident.measuring.campaign.data_file import ArmState, DataFile, after_midnight
 from lrm_ident.measuring.campaign.plan import PlannedPose, lightest, load_plan
 from lrm_ident.measuring.campaign.run import CampaignProgress, PoseCampaign, PoseTiming, Unreachable
 from lrm_ident.measuring.tracker.dwell import RestMean
@@ -112,7 +112,7 @@ def run(world: FakeWorld, path: Path, told: list[CampaignProgress] | None = None
     file.check_plan("plan")
     on_progress = (lambda _: None) if told is None else told.append
     with file:
-        file.begin(CampaignHead("lrm-lab", "test", (0.0,) * 6, "plan", world.t, "power"))
+        file.begin("power", "lrm-lab", "test", start_q_deg=[0.0] * 6, poses_sha256="plan", t0_s=world.t)
         campaign = PoseCampaign(world, world, NUMBERS, world, PoseTiming(), POSES[0], on_progress)
         return campaign.run(POSES, file).failed
 
@@ -189,7 +189,7 @@ def test_a_session_is_another_exactly_where_the_servos_were_switched_on_anew(run
     with TemporaryDirectory() as folder:
         for name, rows in runs:
             with DataFile(path := Path(folder) / "data.csv", 6) as file:
-                session = file.begin(CampaignHead("lrm-lab", "test", (0.0,) * 6, "plan", 1000.0, name))
+                session = file.begin(name, "lrm-lab", "test", poses_sha256="plan", t0_s=1000.0)
                 before = expected[-1] if expected else (name, 1)
                 assert session == before[1] + (before[0] != name)
                 for _ in range(rows):

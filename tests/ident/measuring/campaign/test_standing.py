@@ -9,7 +9,9 @@ import pytest
 
 from lrm_ident.measuring.campaign.plan import PlannedPose
 from lrm_ident.measuring.campaign.rover_arm import RoverArm
-from lrm_ident.measuring.campaign.session import RealClock, power_on
+from lrm_ident.measuring.campaign.session import RealClock, by_daemon, power_on
+from lrm_math.arm.arm_file import load_arm
+from lrm_math.errors import LrmError
 from lrmd.client import MotionInterrupted, Rover
 from lrmd.config import load_config
 from tests.support.daemon.in_memory_daemon import CONFIG, SimulatedDaemon
@@ -47,6 +49,16 @@ def arm(rover: Rover) -> RoverArm:
     found = RoverArm(rover, RealClock(), lambda _: None, 1)
     rover.move(dict(zip(names, found.rounded(Q), strict=True)))
     return found
+
+
+def test_a_daemon_of_an_arm_with_other_joints_is_refused(daemon: InMemoryDaemon) -> None:
+    assert daemon.boot_id == "boot1"
+    with Rover("rover") as rover:
+        with rover.control("campaign"):
+            rover.arm("given", dict.fromkeys(rover.info().names[:6], 0.0))
+        driven = by_daemon(rover, load_arm("so101"), False, "campaign", RealClock(), lambda _: None)
+        with pytest.raises(LrmError, match="so101 has 5 joints, rover has 6"), driven:
+            pass
 
 
 def stopped(_: InMemoryDaemon, rover: Rover) -> None:

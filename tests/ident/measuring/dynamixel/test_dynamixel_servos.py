@@ -13,7 +13,7 @@ from lrm_ident.measuring.campaign.servo_arm import TORQUE, ServoArm
 from lrm_ident.measuring.servo_bus import dynamixel as table
 from lrm_ident.measuring.servo_bus.bus import ServoHost
 from lrm_ident.measuring.servo_bus.dynamixel import DYNAMIXEL, DynamixelPacket
-from lrm_ident.measuring.servo_bus.packets import Instruction, PacketReader
+from lrm_ident.measuring.servo_bus.kind import Instruction, PacketReader
 from lrm_ident.measuring.servo_bus.servos import BusServos, held_servos
 from lrm_math.arm.arm_file import load_arm
 from lrm_math.errors import LrmError

@@ -15,11 +15,9 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from lrm_ident.data.measurement_file.number_table import numbers_of, read_csv
-from lrm_ident.measuring.recordings.cells import read_cells
-from lrm_ident.measuring.recordings.motive_csv import is_motive, read_motive
+from lrm_ident.measuring.recordings.imported import still_rests
 from lrm_ident.measuring.recordings.published_mat import read_mat_positions
-from lrm_ident.measuring.recordings.rests import still_rests
-from lrm_ident.measuring.recordings.vicon_csv import is_vicon, read_vicon
+from lrm_ident.measuring.recordings.tracker_csv import read_export
 from lrm_math.errors import FileError
 from tests.conftest import ROOT
 from tests.support.commands import run_command, stderr_of, stdout_of
@@ -173,6 +171,15 @@ def test_what_cannot_be_read_is_one_line_and_nothing_is_written(
     assert not data.with_suffix(".toml").exists()
 
 
+@pytest.mark.parametrize(("write", "header"), [(motive, 8), (lambda path: vicon(path, "quaternion"), 5)])
+def test_an_export_without_frames_is_one_line(tmp_path: Path, write: Callable[[Path], Path], header: int) -> None:
+    source = write(tmp_path / "take.csv")
+    for rest in ([], ["", ",,"]):
+        source.write_text("\n".join([*source.read_text().splitlines()[:header], *rest]) + "\n")
+        with pytest.raises(FileError, match="no frames below"):
+            read_export(source, None)
+
+
 def test_rotations_that_may_mean_two_things_are_asked_for(tmp_path: Path) -> None:
     source, data = vicon(tmp_path / "take.csv", "helical"), tmp_path / "data.csv"
     words = ("import", source, poses(tmp_path), "--arm", "lrm-lab", "-o", data, "--tool", "Tool:Tool")
@@ -186,9 +193,7 @@ def test_markers_of_nexus_are_bodies_too(tmp_path: Path) -> None:
     rows = ["Trajectories", "100", ";;Arm:tip;;", "Frame;Sub Frame;X;Y;Z", ";;mm;mm;mm"]
     rows += [f"{k + 1};0;" + ";".join(f"{v * 1e3:.4f}" for v in tool[k]) for k in range(len(t))]
     path.write_text("\n".join(row.replace(",", ";") for row in rows) + "\n")
-    cells = read_cells(path)
-    assert is_vicon(cells)
-    take = read_vicon(path, cells, None)
+    take = read_export(path, None)
     np.testing.assert_allclose(take.bodies["Arm:tip"].position, tool, atol=1e-6)
     np.testing.assert_allclose(take.t, t, atol=1e-9)
 
@@ -201,11 +206,7 @@ def test_garbage_is_a_file_error_or_no_recording(data: bytes, head: bytes) -> No
     with TemporaryDirectory() as folder, suppress(FileError):
         path = Path(folder) / "take.csv"
         path.write_bytes(head + data)
-        cells = read_cells(path)
-        if is_motive(cells):
-            assert len(read_motive(path, cells).bodies)
-        elif is_vicon(cells):
-            assert len(read_vicon(path, cells, "helical").bodies)
+        assert len(read_export(path, "helical").bodies)
 
 
 @given(st.binary(max_size=400), st.booleans())

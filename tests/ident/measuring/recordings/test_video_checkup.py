@@ -23,7 +23,7 @@ from lrm_math.arm.arm_file import load_arm
 from lrm_math.kinematics.poses import poses_of
 from lrm_math.model.equilibrium import equilibrium
 from lrm_math.model.model import model_of
-from tests.ident.measuring.camera.test_camera import LENS, corners_of, lens_file
+from tests.ident.measuring.camera.test_camera import LENS, corners_of
 from tests.support.commands import stderr_of, stdout_of
 from validation.camera.rendered_photos import PhotoScene
 from validation.camera.scene import BOARD, CAMERA, CameraRig, board_mount, poses_in_view, rig
@@ -46,7 +46,7 @@ def filmed(true: CameraRig, tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("filmed")
     poses = poses_in_view(true, STOPS, 1)
     write_filmed(folder / "mine", PhotoScene(), poses.q, true.boards(equilibrium(true.model, poses)), "v3.0", QUICK)
-    (folder / "lens.toml").write_text(tomli_w.dumps(lens_file().model_dump(by_alias=True)))
+    (folder / "lens.toml").write_text(tomli_w.dumps(LENS.model_dump(by_alias=True)))
     return folder
 
 
@@ -74,7 +74,7 @@ def test_both_formats_have_the_same_pictures(true: CameraRig, tmp_path: Path) ->
         folder = write_filmed(tmp_path / version, PhotoScene(), poses.q, boards, version, QUICK)
         frames = read_frames(folder, ARM)
         rests = list(frames.rests(0.5))
-        pictures.append([one.picture for one in rest_pictures(folder, FRONT, frames, rests)])
+        pictures.append([picture for _, picture in rest_pictures(folder, FRONT, frames, rests)])
         assert len(rests) == 2
     for number, (old, new) in enumerate(zip(*pictures, strict=True)):
         still = PhotoScene().photo(BOARD, boards[number], number)
@@ -90,7 +90,7 @@ def test_what_a_video_cannot_give_is_one_line(filmed: Path, tmp_path: Path) -> N
     assert "give --lens" in stderr_of("checkup", dataset, "--video", "front")
     assert "go with --video" in stderr_of("checkup", dataset, *given)
     assert "0 rests of 20 s" in stderr_of("checkup", dataset, "--video", "front", *given, "--dwell", "20")
-    small = lens_file().model_copy(update={"width_px": 640, "height_px": 480})
+    small = LENS.model_copy(update={"width_px": 640, "height_px": 480})
     (tmp_path / "small.toml").write_text(tomli_w.dumps(small.model_dump(by_alias=True)))
     wrong = ("--lens", tmp_path / "small.toml", "-o", out)
     assert "calibrated for 640 × 480" in stderr_of("checkup", dataset, "--video", "front", *wrong)
@@ -112,7 +112,7 @@ def test_a_board_that_is_never_seen_is_one_line(true: CameraRig, tmp_path: Path)
     behind = np.tile(np.diag([1.0, 1.0, 1.0, 1.0]), (12, 1, 1))
     behind[:, 2, 3] = -1.0
     dataset = write_filmed(tmp_path / "mine", PhotoScene(), poses.q, behind, "v3.0", QUICK)
-    (tmp_path / "lens.toml").write_text(tomli_w.dumps(lens_file().model_dump(by_alias=True)))
+    (tmp_path / "lens.toml").write_text(tomli_w.dumps(LENS.model_dump(by_alias=True)))
     given = ("--video", "front", "--lens", tmp_path / "lens.toml", "-o", tmp_path / "data.csv")
     said = stderr_of("checkup", dataset, *given)
     assert "the board is seen at none of the 12 rests; rest 1, episode 0 at" in said
@@ -132,12 +132,12 @@ def test_a_camera_on_the_gripper_measures_a_board_beside_the_arm() -> None:
     shift[:3, 3] = -np.array([*BOARD.size, 0.0]) / 2.0
     boards = np.linalg.inv(camera) @ stands @ shift
     rng = np.random.default_rng(1)
-    found = [board_pose(corners_of(board, rng), BOARD, LENS) for board in boards]
+    found = [board_pose(corners_of(board, rng), LENS) for board in boards]
     rows = tuple(row for row, one in enumerate(found) if isinstance(one, BoardPose))
     taken = tuple(one for one in found if isinstance(one, BoardPose))
     assert len(rows) > 25
     photos = PhotoSet(rows, taken, ()).from_gripper
-    seen = measure(ARM, "so101", poses, photos, lens_file(), Path("video"))
+    seen = measure(ARM, "so101", poses, photos, LENS, Path("video"))
     off = seen.data.tcp - equilibrium(model_of(ARM, ()), poses_of(seen.data.poses.q)).tcp
     covariance = seen.data.covariance
     assert covariance is not None

@@ -9,8 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from lrm_ident.design.workspace.presets import default_study
-from lrm_ident.design.workspace.voxel_grid import parse_area
+from lrm_ident.design.workspace.voxel_grid import default_study, parse_area
 from lrm_ident.measuring.campaign.plan import PlannedPose
 from lrm_ident.measuring.campaign.run import PoseTiming, Unreachable
 from lrm_ident.measuring.verification.goal_commands import GoalCommand
