@@ -1,4 +1,4 @@
-"""The arm as commands reach it: their options, its daemon or bare servos, its loads, and interruptions."""
+"""The arm as commands reach it: its daemon or bare servos, its loads, and interruptions."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, NoReturn
+from typing import TYPE_CHECKING, NoReturn
 
-from typer import Exit, Option
+from typer import Exit
 
 from lrm_ident.cli.common import show
 from lrm_math.arm.arm_file import GRAM, load_arm
@@ -28,46 +28,6 @@ if TYPE_CHECKING:
 SO101 = "so101"
 """The arm of servos that are driven without a daemon, if no other is named."""
 SERVOS = "lerobot:, feetech: and dynamixel:"
-AnyRobot = Annotated[
-    str,
-    Option(
-        help="Whose daemon; or a robot of LeRobot: lerobot:so101_follower,port=/dev/ttyACM0,id=mine; or bare Feetech "
-        "(SO-100, SO-101, LeKiwi) or Dynamixel (Koch) servos: feetech:/dev/ttyACM0,ids=1-5, "
-        "dynamixel:/dev/ttyUSB0,ids=1-5."
-    ),
-]
-Connect = Annotated[
-    str | None, Option(metavar="ENDPOINT", help="zenoh endpoint. Default: LRM_CONNECT, or tcp/127.0.0.1:7447.")
-]
-TrackerName = Annotated[
-    str,
-    Option(
-        help="dtrack:PORT (ART's ASCII datagrams), zenoh:KEY (the same on zenoh), csv:FILE that is being written, or a "
-        "camera and its DATA.camera.toml of camera read: camera:0,DATA.camera.toml."
-    ),
-]
-ToolTarget = Annotated[int, Option(min=0, help="Number of the target at the tip.")]
-BaseTarget = Annotated[
-    int, Option(min=-1, help="Number of the target at the base; -1: positions are in the arm's frame.")
-]
-Pause = Annotated[float, Option("--pause", min=0, help="Seconds from one pose to the next.")]
-Settle = Annotated[float, Option(min=0, help="Seconds of rest at least, before the averaging.")]
-Dwell = Annotated[float, Option(min=0.05, help="Seconds at the end of the rest to average over.")]
-LoadCommand = Annotated[
-    str | None,
-    Option(
-        metavar="COMMAND",
-        help="Changes the load, with the grams as its last word. Default: a question on the terminal.",
-    ),
-]
-Speed = Annotated[
-    float | None,
-    Option(min=1.0, max=180.0, metavar="DEG_PER_S", help="Of the fastest joint, without a daemon. Default: 30."),
-]
-Release = Annotated[
-    bool, Option("--release", help="Bare servos: Ctrl-\\ takes their torque without a question, and the arm falls.")
-]
-Take = Annotated[bool, Option("--take", help="Take the arm over if another client has it.")]
 
 
 @dataclass(frozen=True)

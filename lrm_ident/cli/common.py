@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
@@ -64,7 +64,7 @@ def publish_figure(figure: Path, draw: Callable[[Path], None], behind: ResultTab
 def read_model(path: Path, catalogue: Catalogue) -> tuple[ModelFile, Model]:
     """A model file, as it stands and as a model; notices go to stderr."""
     file, model, notices = inputs.read_model(path, catalogue)
-    tell(notices)
+    notice(*notices)
     return file, model
 
 
@@ -79,14 +79,14 @@ def opened(
     """A study from its files, which shows what it does as bars on stderr; notices go there, too."""
     with bars() as progress:
         study = inputs.read_study(model, data, effects_file, reading, progress, part)
-        tell(study.notices)
+        notice(*study.notices)
         yield study
 
 
 def identifiable(study: Study) -> Study:
     """The study with free parameters that the data alone identify; a notice goes to stderr if that changes them."""
     own = study.identifiable()
-    tell(own.notices[len(study.notices) :])
+    notice(*own.notices[len(study.notices) :])
     return own
 
 
@@ -128,13 +128,14 @@ def read_measurements(
 ) -> Measurements:
     """Measurements that the arm can have made; what a person should know of the file goes to stderr."""
     data = inputs.read_measurements(path, arm, arm_name, reading, usual)
-    tell(data.notices)
+    notice(*data.notices)
     return data
 
 
-def notice(words: str) -> None:
-    """Tells a person something, on stderr."""
-    log.print(f"notice: {words}", markup=False, highlight=False)
+def notice(*notices: str) -> None:
+    """Tells a person something, one line each, on stderr."""
+    for words in notices:
+        log.print(f"notice: {words}", markup=False, highlight=False)
 
 
 def one_of(what: str, name: str, names: Sequence[Name]) -> Name:
@@ -143,12 +144,6 @@ def one_of(what: str, name: str, names: Sequence[Name]) -> Name:
         if known == name:
             return known
     raise UnknownName(what, name, names)
-
-
-def tell(notices: Iterable[str]) -> None:
-    """Tells a person several things, one line each, on stderr."""
-    for words in notices:
-        notice(words)
 
 
 @contextmanager

@@ -15,7 +15,7 @@ from typer import Argument, Exit, Option
 
 from lrm_ident.cli import arguments as arg
 from lrm_ident.cli.command import command
-from lrm_ident.cli.common import LISTED, bars, identifiable, notice, opened, progress, publish, show, tell
+from lrm_ident.cli.common import LISTED, bars, identifiable, notice, opened, progress, publish, show
 from lrm_ident.data.atomic_write import write_text
 from lrm_ident.data.measurement_file.load import load_poses
 from lrm_ident.data.wording import in_minutes
@@ -101,7 +101,7 @@ def add(
     with opened(model, data, effects_file, reading) as read:
         study = identifiable(read)
         after = study.add(effect)
-        tell(after.notices[len(study.notices) :])
+        notice(*after.notices[len(study.notices) :])
         before, errors = after.errors_before, after.errors
     after.save(output)
     publish(step_document(effect, after.taken, before, errors), json, most=None if show_all else LISTED)
@@ -149,7 +149,7 @@ def auto(
     together with the prior. With --field: what no name explains is predicted too, beside the names.
     """
     read = read_study(model, data, effects_file, reading)  # without bars, which steps would be printed into
-    tell(read.notices)
+    notice(*read.notices)
     study = identifiable(read)
     numbers, begun, taken = count(), monotonic(), list[AutoStep]()
     rates = None if prior is None else load_rates(prior)

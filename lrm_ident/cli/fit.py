@@ -23,7 +23,6 @@ from lrm_ident.cli.common import (
     read_measurements,
     read_model,
     show,
-    tell,
 )
 from lrm_ident.data.atomic_write import write_bytes, write_text
 from lrm_ident.data.measurement_file.load import load_poses
@@ -100,7 +99,7 @@ def fit(
     with bars() as progress:
         begun = Study(model, measured, arm_name, catalogue, progress=progress)
         fitted = begun.fit(parameters, loss_named(loss), prior, unbounded)
-        tell(fitted.notices)
+        notice(*fitted.notices)
         step = fitted.taken
         document = fit_document(step.fit, step.held, fitted.errors, measured)
         if step.stated_prior:
@@ -132,7 +131,7 @@ def predict(
         )
     asked = load_poses(poses, the_model.arm, how)
     here, left_out = at_data(the_model, poses, asked.sha256 or "")
-    tell(left_out)
+    notice(*left_out)
     settled = equilibrium(here, asked)
     table = _predictions(settled)
     within, q = the_model.within, settled.poses.q
@@ -200,7 +199,7 @@ def _start_model(data: Measurements, arm: Arm, effects: str | None, start: Path 
         raise FileError(str(start), "arm", f"is a model of {loaded.arm.name}{arm_difference(loaded.arm, arm)}")
     if loaded:
         loaded, left_out = at_data(loaded, data.path, data.sha256)
-        tell(left_out)
+        notice(*left_out)
     if effects is None and loaded:
         return loaded
     names = DEFAULT_EFFECTS if effects is None else [name.strip() for name in effects.split(",")]

@@ -45,7 +45,7 @@ def checkup(
     With a board in the video (--video, --lens, -o; extras: camera, video) the frames of the rests are photos: where the
     tip truly was, what the arm's parts and springs explain of it, and what is missing.
     """
-    from lrm_ident.cli.groups.checkup_report import checkup_document
+    from lrm_ident.cli.groups.checkup_report import checkup_document, studied, with_video
     from lrm_ident.measuring.recordings.encoder_checkup import checkup as check
     from lrm_ident.measuring.recordings.lerobot import read_frames
 
@@ -59,7 +59,6 @@ def checkup(
     if video is None or lens is None or output is None:
         publish(document, json)
         return
-    from lrm_ident.cli.groups.video_report import studied, with_video
     from lrm_ident.data.measurement_file.write import measurements_csv, write_with_metadata
     from lrm_ident.measuring.camera.lens import LensFile
     from lrm_ident.measuring.recordings.lerobot_video import measure_video

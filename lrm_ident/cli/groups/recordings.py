@@ -9,7 +9,7 @@ import numpy as np
 from typer import Argument, Option
 
 from lrm_ident.cli import arguments as arg
-from lrm_ident.cli.arm_access import SO101, Dwell
+from lrm_ident.cli.arm_access import SO101
 from lrm_ident.cli.command import command, stated_reading
 from lrm_ident.cli.common import notice, one_of, show
 from lrm_ident.data.measurement_file.write import write_with_metadata
@@ -41,7 +41,7 @@ def import_(
     every: Annotated[float | None, Option(min=0.1, help="Seconds from the end of one rest to the next.")] = None,
     first: Annotated[float | None, Option(min=0, help="End of the first rest, seconds from the first frame.")] = None,
     skip: Annotated[int, Option(min=0, help="Rests before the first pose; without --every they are looked for.")] = 0,
-    dwell: Dwell = 1.0,
+    dwell: arg.Dwell = 1.0,
     axes: Annotated[str | None, Option(help="Which axes of the file are the arm's x, y, z: x,-z,y.")] = None,
     rotation: Annotated[str | None, Option(help="Of Vicon's RX, RY, RZ: helical or euler-xyz.")] = None,
 ) -> None:
@@ -71,8 +71,7 @@ def import_(
     name, the_arm = arm_for(poses, arm)
     found = import_recording(recording, poses, the_arm, order)
     write_with_metadata(output, found.csv(), name, f"import: {recording.name}")
-    for words in found.notices:
-        notice(words)
+    notice(*found.notices)
     for number, why in found.left_out.items():
         show(f"left out: pose {number}: {why}")
     show(f"{len(found.tip)} of {len(found.tip) + len(found.left_out)} poses are in {output}")

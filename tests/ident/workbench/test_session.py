@@ -15,7 +15,7 @@ from typing import Any
 
 import pytest
 
-from lrm_ident.cli.command_list import COMMANDS
+from lrm_ident.cli.app import COMMANDS
 from lrm_ident.workbench.gate import Gate
 from lrm_ident.workbench.session import WorkbenchSession
 from lrm_ident.workbench.work.commands import commands_text
@@ -182,7 +182,7 @@ def test_the_gate(kind: str, headers: dict[str, str], query: str, let_in: bool) 
 @pytest.mark.slow
 def test_what_computes_is_not_loaded_before_the_page_is_served() -> None:
     """The page's process would wait for it; the other process loads it meanwhile."""
-    code = "import sys, lrm_ident.cli.page.workbench, lrm_ident.workbench.application; print(*sys.modules)"
+    code = "import sys, lrm_ident.cli.workbench, lrm_ident.workbench.application; print(*sys.modules)"
     loaded = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.split()
     assert not {"scipy", "numpy", "rich", "zenoh"} & set(loaded)
 
