@@ -6,12 +6,10 @@ from dataclasses import replace
 from pathlib import Path
 
 from lrm_ident.data.atomic_write import check_outputs, write_text
-from lrm_ident.workbench.last_session import note_session
+from lrm_ident.workbench.address import note_session
 from lrm_ident.workbench.session_state import SessionState
 from lrm_ident.workbench.taken_steps import with_data, with_law, with_poses, with_step, with_undone, without_last
-from lrm_ident.workbench.work.followed_file import FollowedFile, follow_file
-from lrm_ident.workbench.work.messages import WorkDone, WorkFailure, WorkMessage, WorkNotice, WorkProgress, WorkResult
-from lrm_ident.workbench.work.opened_data import keep_opened
+from lrm_ident.workbench.work.session_files import FollowedFile, follow_file, keep_opened
 from lrm_ident.workbench.work.tasks import (
     FIELD,
     AddTask,
@@ -24,6 +22,11 @@ from lrm_ident.workbench.work.tasks import (
     PosesTask,
     ProposeTask,
     StepResult,
+    WorkDone,
+    WorkFailure,
+    WorkMessage,
+    WorkNotice,
+    WorkProgress,
     WorkTask,
     kept_name,
 )
@@ -39,7 +42,6 @@ class WorkbenchSession(SessionState):
 
     def open(self, task: OpenTask) -> None:
         """Opens files, the model kept here; the steps so far stay as they are until that has worked."""
-        self._give_way()
         self._begin(replace(task, kept=self.new_file()))
 
     def new_file(self) -> Path:
@@ -50,24 +52,21 @@ class WorkbenchSession(SessionState):
     def add(self, effect: str) -> None:
         """Adds an effect at a place; waits for a diagnosis of this step that is under way, which it needs."""
         step = self._steady()
-        self._begin(AddTask(step.files, effect, self.new_file(), step.packed))
+        self._begin(AddTask(step.files, effect, self.new_file(), step.packed), waits=True)
 
     def add_field(self) -> None:
         """Adds what no name explains, where the model predicts better with it; no diagnosis is needed for that."""
         step = self._steady()
-        self._give_way()
         self._begin(AddTask(step.files, FIELD, self.new_file(), step.packed))
 
     def auto(self) -> None:
         """Follows the advice until it says stop."""
         step = self._steady()
-        self._give_way()
         self._begin(AutoTask(step.files, self.folder, self.taken.count, step.packed))
 
     def propose(self) -> None:
         """Looks for a law."""
         step = self._steady()
-        self._give_way()
         self._begin(ProposeTask(step.files, self.folder / f"law-{len(self.taken.done)}.py"))
 
     def next_poses(self) -> None:
@@ -84,7 +83,6 @@ class WorkbenchSession(SessionState):
             raise LrmError("no law is proposed; press Propose a law first")
         if step.files.effects_file is not None:
             raise LrmError("this model has effects of its own already; add the law on the command line")
-        self._give_way()
         files = replace(step.files, effects_file=self.taken.law.file)
         self._begin(AddTask(files, self.taken.law.name, self.new_file(), step.packed))
 
@@ -116,7 +114,6 @@ class WorkbenchSession(SessionState):
     def reload(self) -> None:
         """Goes on with the measurements as their file is now."""
         step = self._ready()
-        self._give_way()
         self.opened, self.stale = None, False
         self._begin(CompareTask(step.files))
 
@@ -189,8 +186,14 @@ class WorkbenchSession(SessionState):
         elif isinstance(message, WorkNotice):
             if message.words not in self.notices:
                 self.notices = [*self.notices, message.words][-NOTICES_KEPT:]
-        elif isinstance(message, WorkResult):
-            self._take_result(message.value)
+        elif isinstance(message, StepResult):
+            self.taken = with_step(self.taken, self._at_work, message)
+            self._noted()
+        elif isinstance(message, LawResult):
+            self.taken = with_law(self.taken, message)
+            self._noted()
+        elif isinstance(message, PosesResult):
+            self.poses, self.taken = message, with_poses(self.taken, message)
         elif isinstance(message, WorkFailure):
             self.progress = None
             self.fail(message.words)
@@ -202,20 +205,12 @@ class WorkbenchSession(SessionState):
                 self._diagnose()
         self._changed()
 
-    def _take_result(self, value: StepResult | LawResult | PosesResult) -> None:
-        if isinstance(value, PosesResult):
-            self.poses, self.taken = value, with_poses(self.taken, value)
-            return
-        if isinstance(value, LawResult):
-            self.taken = with_law(self.taken, value)
-        else:
-            self.taken = with_step(self.taken, self._at_work, value)
-        self._noted()
-
     # ---- inside
 
-    def _begin(self, task: WorkTask) -> None:
-        """Starts a task now, or after the one at work."""
+    def _begin(self, task: WorkTask, waits: bool = False) -> None:
+        """Starts a task now, or after the one at work; `waits`: also after a diagnosis under way."""
+        if not waits:
+            self._give_way()
         if not isinstance(task, DiagnoseTask):
             self.failure = ""
         if self.worker.task is not None:

@@ -5,26 +5,20 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING
 
-from lrm_ident.workbench.taken_steps import TakenSteps
-from lrm_ident.workbench.work.commands import DoneCommand
-from lrm_ident.workbench.work.followed_file import FollowedFile
-from lrm_ident.workbench.work.messages import WorkProgress
-from lrm_ident.workbench.work.opened_data import OpenedData
+from lrm_ident.workbench.taken_steps import DoneCommand, TakenSteps
+from lrm_ident.workbench.work.session_files import FollowedFile, OpenedData
 from lrm_ident.workbench.work.tasks import (
     DiagnoseTask,
     OpenFiles,
     PosesResult,
     StepResult,
     StepView,
+    WorkProgress,
     WorkTask,
 )
 from lrm_ident.workbench.work.worker import WorkProcess
 from lrm_math.errors import LrmError
-
-if TYPE_CHECKING:
-    from lrm_ident.report.model_report import ModelReport
 
 
 @dataclass
@@ -65,11 +59,6 @@ class SessionState:
     def shown(self) -> StepView | None:
         """View of the last step."""
         return self.step.shown if self.step else None
-
-    @property
-    def report(self) -> ModelReport | None:
-        """All that is known of the last step."""
-        return self.step.report if self.step else None
 
     @property
     def busy(self) -> bool:

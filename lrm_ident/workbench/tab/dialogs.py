@@ -10,7 +10,7 @@ from nicegui import ui
 
 from lrm_ident.workbench.session import WorkbenchSession
 from lrm_ident.workbench.tab.rover_panel import RoverPanel
-from lrm_ident.workbench.work.commands import commands_text
+from lrm_ident.workbench.taken_steps import commands_text
 from lrm_ident.workbench.work.tasks import LawResult, PosesResult
 from lrm_math.errors import LrmError
 

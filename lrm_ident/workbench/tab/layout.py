@@ -5,23 +5,44 @@ from __future__ import annotations
 import html
 import json
 from collections.abc import Callable
+from pathlib import Path
 
 from nicegui import ui
 
-from lrm_ident.workbench.section import section_html
+from lrm_ident.report.plots.interactive import assets
 from lrm_ident.workbench.session import WorkbenchSession
-from lrm_ident.workbench.tab.command_bar import ChosenEffect, CommandBar
+from lrm_ident.workbench.tab.command_bar import ChosenEffect, CommandBar, FileNotice
 from lrm_ident.workbench.tab.dialogs import commands_dialog, law_dialog, live_dialog, poses_dialog, save_dialog
-from lrm_ident.workbench.tab.file_notice import FileNotice
-from lrm_ident.workbench.tab.head import FOLDER, head_html
 from lrm_ident.workbench.tab.rover_panel import RoverPanel
 from lrm_ident.workbench.tab.tour_dialog import TourDialog
+from lrm_ident.workbench.work.tasks import section_html
 from lrm_math.errors import LrmError
 
+FOLDER = Path(__file__).parent
+FILES = {
+    "/lrm/static": (assets.LIBRARY, *assets.SCRIPTS, assets.STYLE),
+    "/lrm/tab": (FOLDER / "workbench.css", FOLDER / "workbench.js"),
+}
+"""Files that the page fetches, by their folder in the address."""
 PANELS = FOLDER / "panels.html"
 REFRESH_S, ROVER_S = 0.1, 0.2
 SHOWN_MS = 300
 """Until the browser shows the numbers that it was sent."""
+
+
+def head_html() -> str:
+    """HTML of the head. The library of charts is the largest file; nothing waits for it."""
+    addresses = [f"{folder}/{file.name}" for folder, files in FILES.items() for file in files]
+    styles = "".join(f'<link rel="stylesheet" href="{one}">' for one in addresses if one.endswith(".css"))
+    library, *scripts = [one for one in addresses if one.endswith(".js")]
+    return f"""{styles}
+<script async src="{library}" onload="window.lrm && lrm.ready()"></script>
+{"".join(f'<script defer src="{one}"></script>' for one in scripts)}
+<script>{assets.THEME.read_text(encoding="utf-8")}
+document.documentElement.lang = "en";
+addEventListener("load", () => Quasar.LoadingBar.setDefaults({{ hijackFilter: () => false }}));
+addEventListener("load", () => Quasar.Dark.set(document.documentElement.dataset.theme === "dark"));
+window.lrmEmit = (name, value) => emitEvent(name, value);</script>"""
 
 
 class WorkbenchPage:

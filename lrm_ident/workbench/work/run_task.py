@@ -22,13 +22,14 @@ from lrm_ident.fitting.effect_plugins import sha256_of
 from lrm_ident.fitting.levenberg_marquardt import check_enough
 from lrm_ident.fitting.progress import Progress
 from lrm_ident.report.diagnosis.laws import proposal_document
-from lrm_ident.report.document_html import blocks_html
+from lrm_ident.report.document import Block, Document
+from lrm_ident.report.document_html import blocks_html, table_html
 from lrm_ident.report.model_report import ModelReport, after_step, quick_report, with_comparison, with_diagnosis
+from lrm_ident.report.plots.interactive.values import figure_values, values_text
 from lrm_ident.study.inputs import read_measurements, read_study
+from lrm_ident.study.model_history import model_text, undo_step
 from lrm_ident.study.study import MAX_EFFECTS, Study
-from lrm_ident.workbench.work.messages import Send, WorkFailure, WorkNotice, WorkProgress, WorkResult
 from lrm_ident.workbench.work.next_poses import next_poses
-from lrm_ident.workbench.work.showing import step_shown
 from lrm_ident.workbench.work.tasks import (
     FIELD,
     AddTask,
@@ -41,9 +42,15 @@ from lrm_ident.workbench.work.tasks import (
     PosesResult,
     PosesTask,
     ProposeTask,
+    Send,
     StepResult,
+    StepView,
+    WorkFailure,
+    WorkNotice,
+    WorkProgress,
     WorkTask,
     kept_name,
+    section_html,
     unpacked,
 )
 from lrm_math.arm.arm import Arm
@@ -72,7 +79,7 @@ def open_files(task: OpenTask, send: Send) -> None:
         check_enough(len(study.data), len(study.model.free), study.prior)
         _tell(study.notices, send)
         study.save(task.kept)
-        send(WorkResult(step_found(files, quick_report(study))))
+        send(step_found(files, quick_report(study)))
         return
     name, arm = arm_for(task.data, task.arm)
     data = _read(task.data, arm, name, task.reading, None)
@@ -97,9 +104,9 @@ def diagnose_step(task: DiagnoseTask, send: Send) -> None:
     study = _study(task.files, send)
     compared = study.compare()
     found = with_comparison(unpacked(task.packed), compared)
-    send(WorkResult(step_found(task.files, found)))
+    send(step_found(task.files, found))
     found = with_diagnosis(found, study.diagnose(screened=_screened(task.files, study), compared=compared))
-    send(WorkResult(step_found(task.files, found)))
+    send(step_found(task.files, found))
 
 
 @run_task.register
@@ -151,11 +158,11 @@ def propose(task: ProposeTask, send: Send) -> None:
     found = _study(task.files, send).propose()
     words = blocks_html(proposal_document(found).blocks)
     if found.best is None:
-        send(WorkResult(LawResult(words)))
+        send(LawResult(words))
         return
     write_text(task.kept, found.best.source)
     law = found.best.law
-    send(WorkResult(LawResult(words, task.kept, f"{law_id(law)}@joint{law.joint + 1}")))
+    send(LawResult(words, task.kept, f"{law_id(law)}@joint{law.joint + 1}"))
 
 
 @run_task.register
@@ -169,7 +176,7 @@ def choose_next(task: PosesTask, send: Send) -> None:
         problem = str(error)
         for path in (task.files.data, task.files.model):
             problem = problem.replace(str(path), path.name)
-        send(WorkResult(PosesResult(name, problem=problem)))
+        send(PosesResult(name, problem=problem))
         return
     write_text(task.kept, found.table)
     command: tuple[str | Path, ...] = (
@@ -182,7 +189,7 @@ def choose_next(task: PosesTask, send: Send) -> None:
         "-o",
         task.kept,
     )
-    send(WorkResult(PosesResult(name, blocks_html(found.document.blocks), found.table, command=command)))
+    send(PosesResult(name, blocks_html(found.document.blocks), found.table, command=command))
 
 
 def step_found(files: OpenFiles, found: ModelReport) -> StepResult:
@@ -219,7 +226,7 @@ def _send_step(files: OpenFiles, send: Send, before: bytes | None = None) -> byt
     _tell(study.notices, send)
     found = quick_report(study)
     step = step_found(files, found if before is None else after_step(found, unpacked(before)))
-    send(WorkResult(step))
+    send(step)
     return step.packed
 
 
@@ -235,3 +242,34 @@ def _screened(files: OpenFiles, study: Study) -> Diagnosis:
         _LAST.clear()
         _LAST[content] = found
     return _LAST[content]
+
+
+def step_shown(found: ModelReport) -> StepView:
+    """Title, verdict, figures and tables of a report."""
+    file = found.file
+    return StepView(
+        title=f"{file.arm} · {found.poses.path.name} · {found.field.poses} poses",
+        data_sha256=found.poses.sha256,
+        verdict=found.verdict,
+        diagnosed=found.diagnosis is not None,
+        values=values_text(figure_values(found)),
+        numbers=_numbers(found),
+        model=model_text(file),
+        before=model_text(undo_step(file)) if len(file.history) > 1 else None,
+    )
+
+
+def _numbers(found: ModelReport) -> str:
+    sections = {
+        "What is missing, and what these data cannot show": _html(found.diagnosis),
+        "Where it fails": _html(found.comparison),
+        "Steps": table_html(found.history),
+        "Parameters": table_html(found.parameters),
+        "Provenance": table_html(found.provenance),
+    }
+    return "".join(section_html(title, text) for title, text in sections.items())
+
+
+def _html(part: Document | None) -> str:
+    blocks: list[Block] = [] if part is None else list(part.blocks)
+    return blocks_html(blocks)

@@ -18,9 +18,8 @@ import pytest
 from lrm_ident.cli.app import COMMANDS
 from lrm_ident.workbench.gate import Gate
 from lrm_ident.workbench.session import WorkbenchSession
-from lrm_ident.workbench.work.commands import commands_text
-from lrm_ident.workbench.work.dropped import keep_dropped, task_for
-from lrm_ident.workbench.work.followed_file import follow_file
+from lrm_ident.workbench.taken_steps import commands_text
+from lrm_ident.workbench.work.session_files import follow_file, keep_dropped, task_for
 from lrm_ident.workbench.work.tasks import DiagnoseTask, OpenTask
 from lrm_ident.workbench.work.worker import WorkProcess
 from lrm_math.errors import FileError, LrmError
@@ -49,7 +48,7 @@ def until(session: WorkbenchSession, holds: Callable[[], bool]) -> None:
 
 
 def diagnosed(session: WorkbenchSession) -> bool:
-    return session.report is not None and session.report.diagnosis is not None and session.worker.task is None
+    return session.step is not None and session.step.report.diagnosis is not None and session.worker.task is None
 
 
 @pytest.mark.slow
@@ -60,11 +59,11 @@ def test_add_and_undo_as_the_commands_do(session: WorkbenchSession, tmp_path: Pa
     with pytest.raises(LrmError, match="still at work"):
         session.undo()
     until(session, lambda: len(session.taken.steps) == 2 and diagnosed(session))
-    assert session.report is not None
-    first, second = session.report.file.history
+    assert session.step is not None
+    first, second = session.step.report.file.history
     assert second.held_out_rms_mm is not None
     assert second.held_out_rms_mm < 0.3 * (first.held_out_rms_mm or 0.0)
-    assert "Nothing is missing" in session.report.verdict
+    assert "Nothing is missing" in session.step.report.verdict
     session.save(tmp_path / "saved.toml")
     for command in commands_text(session.taken.done).splitlines():
         words = command.replace("step-", "again-").split()[1:]
