@@ -27,9 +27,8 @@ from lrm_ident.fitting.cross_validation import FOLDS
 from lrm_ident.fitting.effect_plugins import catalogue_with
 from lrm_ident.fitting.executors import executor_for, rounds_of
 from lrm_ident.fitting.priors import load_rates
-from lrm_ident.report.diagnosis.course import course_document, step_blocks, step_document
+from lrm_ident.report.diagnosis.course import course_document, proposal_document, step_blocks, step_document
 from lrm_ident.report.diagnosis.diagnosis import diagnosis_document, selftest_document
-from lrm_ident.report.diagnosis.laws import proposal_document
 from lrm_ident.report.effects import effect_blocks
 from lrm_ident.report.fit import error_blocks
 from lrm_ident.report.plots.diagnosis import draw_report

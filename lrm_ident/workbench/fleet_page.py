@@ -6,7 +6,7 @@ from html import escape
 
 from lrm_ident.fleet.fleet_figures import fleet_figures
 from lrm_ident.fleet.fleet_report import FleetResult, fleet_document
-from lrm_ident.report.document_html import blocks_html
+from lrm_ident.report.document import blocks_html
 from lrm_ident.report.plain_names import plain_name
 from lrm_ident.report.plots.interactive.assets import SCRIPTS_OF_FLEET
 from lrm_ident.report.plots.interactive.values import values_text

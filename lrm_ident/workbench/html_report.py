@@ -8,8 +8,7 @@ from pathlib import Path
 
 from lrm_ident.data.error_stats import error_stats
 from lrm_ident.data.wording import in_mm
-from lrm_ident.report.document import Block, Document
-from lrm_ident.report.document_html import blocks_html, table_html
+from lrm_ident.report.document import Document, blocks_html, table_html
 from lrm_ident.report.model_report import ModelReport
 from lrm_ident.report.plain_names import step_title
 from lrm_ident.report.plots.interactive.assets import LIBRARY, SCRIPTS, STYLE, THEME, text_of
@@ -179,8 +178,8 @@ def html_report(found: ModelReport) -> str:
         verdict=escape(found.verdict),
         summary=escape(_summary(found)),
         ladder=escape(_ladder(found)),
-        comparison=blocks_html(_blocks(found.comparison)),
-        diagnosis=blocks_html(_blocks(found.diagnosis)),
+        comparison=blocks_html(found.comparison.blocks if found.comparison else ()),
+        diagnosis=blocks_html(found.diagnosis.blocks if found.diagnosis else ()),
         history=table_html(found.history),
         parameters=table_html(found.parameters),
         provenance=table_html(found.provenance),
@@ -191,10 +190,6 @@ def html_report(found: ModelReport) -> str:
 def _arm_name(arm: str) -> str:
     """A shipped arm's name, or that of an arm file without its folder."""
     return Path(arm).stem if arm.endswith(".toml") else arm
-
-
-def _blocks(part: Document | None) -> list[Block]:
-    return [] if part is None else list(part.blocks)
 
 
 def _ladder(found: ModelReport) -> str:

@@ -14,11 +14,9 @@ from lrm_ident.diagnosis.diagnosis_report import DiagnosisReport, report_of
 from lrm_ident.fitting.levenberg_marquardt import Fit
 from lrm_ident.report.diagnosis.course import step_blocks
 from lrm_ident.report.diagnosis.diagnosis import diagnosis_document
-from lrm_ident.report.document import Block
-from lrm_ident.report.document_html import blocks_html
+from lrm_ident.report.document import Block, blocks_html
 from lrm_ident.report.fit import comparison_document, parameter_table
-from lrm_ident.report.history import history_table
-from lrm_ident.report.model_report import quick_report, with_comparison, with_diagnosis
+from lrm_ident.report.model_report import history_table, quick_report, with_comparison, with_diagnosis
 from lrm_ident.report.plots.plot import plot
 from lrm_ident.residual.error_breakdown import ModelComparison
 from lrm_ident.study.study import Study

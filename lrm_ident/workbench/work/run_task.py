@@ -21,9 +21,8 @@ from lrm_ident.diagnosis.symbolic_regression.law_file import law_id
 from lrm_ident.fitting.effect_plugins import sha256_of
 from lrm_ident.fitting.levenberg_marquardt import check_enough
 from lrm_ident.fitting.progress import Progress
-from lrm_ident.report.diagnosis.laws import proposal_document
-from lrm_ident.report.document import Block, Document
-from lrm_ident.report.document_html import blocks_html, table_html
+from lrm_ident.report.diagnosis.course import proposal_document
+from lrm_ident.report.document import blocks_html, table_html
 from lrm_ident.report.model_report import ModelReport, after_step, quick_report, with_comparison, with_diagnosis
 from lrm_ident.report.plots.interactive.values import figure_values, values_text
 from lrm_ident.study.inputs import read_measurements, read_study
@@ -261,15 +260,12 @@ def step_shown(found: ModelReport) -> StepView:
 
 def _numbers(found: ModelReport) -> str:
     sections = {
-        "What is missing, and what these data cannot show": _html(found.diagnosis),
-        "Where it fails": _html(found.comparison),
+        "What is missing, and what these data cannot show": blocks_html(
+            found.diagnosis.blocks if found.diagnosis else ()
+        ),
+        "Where it fails": blocks_html(found.comparison.blocks if found.comparison else ()),
         "Steps": table_html(found.history),
         "Parameters": table_html(found.parameters),
         "Provenance": table_html(found.provenance),
     }
     return "".join(section_html(title, text) for title, text in sections.items())
-
-
-def _html(part: Document | None) -> str:
-    blocks: list[Block] = [] if part is None else list(part.blocks)
-    return blocks_html(blocks)

@@ -19,8 +19,7 @@ from lrm_ident.diagnosis.diagnose import diagnose
 from lrm_ident.diagnosis.diagnosis_report import build_report
 from lrm_ident.fitting.loss import SQUARED
 from lrm_ident.fitting.model_fit import fit_model, nominal_model
-from lrm_ident.report.document import ListSection, ResultTable, heading
-from lrm_ident.report.document_html import blocks_html
+from lrm_ident.report.document import ListSection, ResultTable, blocks_html, heading
 from lrm_ident.report.model_report import quick_report, with_diagnosis
 from lrm_ident.report.plain_names import PLAIN, plain_name
 from lrm_ident.report.plots.interactive.candidate_view import NO_FUNCTION, candidate_view, drivers_of, von_neumann_ratio

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from lrm_ident.report.plots.interactive.fair_sample import fair_rows
+from lrm_ident.report.plots.interactive.group_means import fair_rows
 from lrm_ident.residual.picture.error_field import MOST_DRAWN, WORST_DRAWN, drawn_rows
 from tests.conftest import EXAMPLE
 from tests.support.browser import SHOTS, BrowserLog, RunningWorkbench, idle, opened, wait_for, workbench

@@ -27,10 +27,6 @@ NAMES = (
     "scene/solids",
     "scene/scene_input",
     "scene/scene",
-    "scene/arm_views",
-    "page/shared",
-    "page/sample",
-    "charts/queue",
     "page/brush",
     "charts/candidates",
     "page/what_if",
@@ -40,7 +36,6 @@ NAMES = (
     "scene/picture",
     "charts/turn",
     "page/controls",
-    "page/print",
     "page/figures",
 )
 SCRIPTS = tuple(FOLDER / f"{name}.js" for name in NAMES)

@@ -14,12 +14,11 @@ from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.wording import in_mm, p_words, quantity
 from lrm_ident.diagnosis.diagnosis_report import DISPLAY_UNITS
 from lrm_ident.report.diagnosis.diagnosis import MARKS
-from lrm_ident.report.history import data_of
-from lrm_ident.report.model_report import ModelReport
+from lrm_ident.report.document import plain
+from lrm_ident.report.model_report import ModelReport, data_of
 from lrm_ident.report.plain_names import plain_name, step_title
 from lrm_ident.report.plots.interactive.candidate_view import SHARE, CandidateView
-from lrm_ident.report.plots.interactive.fair_sample import fair_rows
-from lrm_ident.report.plots.interactive.group_means import explained_by_means, shown_most
+from lrm_ident.report.plots.interactive.group_means import explained_by_means, fair_rows, shown_most
 from lrm_ident.report.step_card import AS_WELL, StepCard, error_fall, of_data, rivals
 from lrm_ident.residual.picture.error_field import COLOURS, ErrorField
 from lrm_ident.residual.thresholds import MIN_GAIN
@@ -150,22 +149,13 @@ def _card(found: ModelReport, card: StepCard) -> dict[str, Any]:
     floor = found.floor_mm
     judged = (found.judged or {}).get(card.number - 1)
     return {
-        "step": card.number,
-        "name": card.name,
-        "title": card.title,
-        "estimate": card.estimate,
-        "claim": card.claim,
-        "estimates": list(card.estimates),
-        "before": fall.before,
-        "after": fall.after,
-        "held": fall.held_out,
+        **plain(card),
+        **plain(fall),
         "share": fall.share_of_excess(floor),
         "rivals": [{"name": name, "title": plain_name(name), "why": why} for name, why in rivals(card, judged)],
         "equivalent": [plain_name(name) for name in card.equivalent],
         "asked": judged is not None or card.rivals_mm is not None,
         "unrivalled": fall.held_out and card.unrivalled(fall.after),
-        "joint": card.joint,
-        "driver": card.driver,
     }
 
 
@@ -175,7 +165,7 @@ def _together(found: ModelReport) -> dict[str, Any] | None:
     if steps < 2:
         return None
     fall = error_fall(found.file, found.field, steps, found.poses.sha256, steps)
-    return {"steps": steps, "before": fall.before, "after": fall.after, "held": fall.held_out}
+    return {"steps": steps, **plain(fall)}
 
 
 def _where(found: ModelReport) -> dict[str, Any]:

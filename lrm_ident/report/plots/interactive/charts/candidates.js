@@ -1,4 +1,4 @@
-// Which effect: the list of candidates, and the chosen one beside the data. `page`: of shared.js.
+// Which effect: the list of candidates, and the chosen one beside the data. `page`: of figures.js.
 "use strict";
 function lrmCandidates(page) {
   const { state, place, element, draw, selected, poseOf, wireScatter } = page;
