@@ -42,7 +42,7 @@ SECTIONS = {
         ListedCommand("undo", "diagnosis", "Take the last step of a model back, exactly."),
         ListedCommand("auto", "diagnosis", "Add effects as diagnose advises, until none is missing."),
         ListedCommand("propose", "diagnosis", "Propose a law where no known effect fits."),
-        ListedCommand("checkup", "groups.checkup", "Name what a LeRobot recording tells of an arm."),
+        ListedCommand("checkup", "groups.recordings", "Name what a LeRobot recording tells of an arm."),
         ListedCommand("fleet", "groups.fleet", "Identify many arms of one kind, see them together."),
     ),
     "Look": (

@@ -111,31 +111,26 @@ def resumable(where: str) -> Iterator[None]:
 
 def load_changer(load_command: str | None) -> Callable[[float], None]:
     """Changes the load (kg) by a command, or asks a person for it where it differs from the last one."""
+    last = 0.0  # the first poses may need no load
 
-    def by_command(payload: float) -> None:
-        """Runs the command with the load (g) as its last word."""
-        words = [*shlex.split(load_command or ""), f"{payload / GRAM:.4g}"]
-        done = subprocess.run(words, capture_output=True, text=True)
-        if done.returncode:
-            raise LrmError(f"--load-command: exit code {done.returncode} of {shlex.join(words)}: {done.stderr.strip()}")
+    def change(payload: float) -> None:
+        """Runs the command with the load (g) as its last word, or asks at the terminal and waits."""
+        nonlocal last
+        if load_command:
+            words = [*shlex.split(load_command), f"{payload / GRAM:.4g}"]
+            done = subprocess.run(words, capture_output=True, text=True)
+            if done.returncode:
+                problem = f"exit code {done.returncode} of {shlex.join(words)}: {done.stderr.strip()}"
+                raise LrmError(f"--load-command: {problem}")
+        elif payload != last:
+            if not sys.stdin.isatty():
+                raise LrmError(
+                    f"a load of {payload / GRAM:g} g is wanted, and nobody to put it on: give --load-command"
+                )
+            input(f"Put {payload / GRAM:g} g on the tool, then press Enter. ")
+        last = payload
 
-    def by_person(payload: float) -> None:
-        """Asks at the terminal for the load (kg), and waits."""
-        if not sys.stdin.isatty():
-            raise LrmError(f"a load of {payload / GRAM:g} g is wanted, and nobody to put it on: give --load-command")
-        input(f"Put {payload / GRAM:g} g on the tool, then press Enter. ")
-
-    if load_command:
-        return by_command
-    state = {"payload": 0.0}  # the first poses may need no load
-
-    def when_changed(payload: float) -> None:
-        """Asks only if the load differs from the last one (kg)."""
-        if payload != state["payload"]:
-            by_person(payload)
-            state["payload"] = payload
-
-    return when_changed
+    return change
 
 
 def _end(*_: object) -> NoReturn:

@@ -40,12 +40,12 @@ def publish(
     json: Path | None,
     figure: Path | None = None,
     draw: Callable[[Path], None] | None = None,
-    most: int | None = None,
+    in_full: bool = True,
 ) -> None:
-    """Writes a result's JSON file, prints it (`most` lines of a list), and draws its figure with the numbers behind."""
+    """Writes a result's JSON file, prints it (lists cut, or `in_full`), draws its figure with the numbers behind."""
     if json:
         write_text(json, result.json())
-    write(out, result.blocks, most)
+    write(out, result.blocks, None if in_full else LISTED)
     if figure and draw:
         publish_figure(figure, draw, result.behind)
 

@@ -15,7 +15,7 @@ from typer import Argument, Exit, Option
 
 from lrm_ident.cli import arguments as arg
 from lrm_ident.cli.command import command
-from lrm_ident.cli.common import LISTED, bars, identifiable, notice, opened, progress, publish, show
+from lrm_ident.cli.common import bars, identifiable, notice, opened, progress, publish, show
 from lrm_ident.data.atomic_write import write_text
 from lrm_ident.data.measurement_file.load import load_poses
 from lrm_ident.data.wording import in_minutes
@@ -79,7 +79,7 @@ def diagnose(
     rates = None if prior is None else load_rates(prior)
     with opened(model, data, effects_file, reading) as study:
         report = identifiable(study).diagnose(rates)
-    publish(diagnosis_document(report), json, figure, partial(draw_report, report), None if show_all else LISTED)
+    publish(diagnosis_document(report), json, figure, partial(draw_report, report), show_all)
 
 
 @command
@@ -103,7 +103,7 @@ def add(
         notice(*after.notices[len(study.notices) :])
         before, errors = after.errors_before, after.errors
     after.save(output)
-    publish(step_document(effect, after.taken, before, errors), json, most=None if show_all else LISTED)
+    publish(step_document(effect, after.taken, before, errors), json, in_full=show_all)
     show(f"Model written to {output}")
 
 
@@ -185,7 +185,7 @@ def auto(
     publish(
         course_document(course, report_of(course.confirmed), after.held_out, whole, with_prior, with_field),
         json,
-        most=None if show_all else LISTED,
+        in_full=show_all,
     )
 
 

@@ -13,7 +13,6 @@ from typer import Option
 from lrm_ident.cli import arguments as arg
 from lrm_ident.cli.command import command
 from lrm_ident.cli.common import (
-    LISTED,
     arm_difference,
     bars,
     leave_out_poses,
@@ -108,7 +107,7 @@ def fit(
             document = replace(document, blocks=blocks, values=values)
     if output:
         fitted.save(output)
-    publish(document, json, most=None if show_all else LISTED)
+    publish(document, json, in_full=show_all)
     show(f"Model written to {output}" if output else "Not saved; give -o MODEL to keep it.")
 
 
@@ -174,13 +173,7 @@ def compare(
         from lrm_ident.report.plots.comparison_scene import scene_file
 
         write_bytes(mcap, scene_file(comparison, models_on_data(study)))
-    publish(
-        comparison_document(comparison),
-        json,
-        figure,
-        partial(draw_comparison, comparison),
-        None if show_all else LISTED,
-    )
+    publish(comparison_document(comparison), json, figure, partial(draw_comparison, comparison), show_all)
 
 
 def _without_prior(begun: Study, fitted: Study, prior: Prior, parameters: str, unbounded: bool) -> PriorComparison:

@@ -7,8 +7,15 @@ from pathlib import Path
 
 from lrm_ident.data.atomic_write import check_outputs, write_text
 from lrm_ident.workbench.address import note_session
-from lrm_ident.workbench.session_state import SessionState
-from lrm_ident.workbench.taken_steps import with_data, with_law, with_poses, with_step, with_undone, without_last
+from lrm_ident.workbench.session_state import (
+    SessionState,
+    with_data,
+    with_law,
+    with_poses,
+    with_step,
+    with_undone,
+    without_last,
+)
 from lrm_ident.workbench.work.session_files import FollowedFile, follow_file, keep_opened
 from lrm_ident.workbench.work.tasks import (
     FIELD,

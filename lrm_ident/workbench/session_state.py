@@ -1,16 +1,25 @@
-"""State of the workbench that all tabs show: steps, the work going on, and what a person may do next."""
+"""State of the workbench that all tabs show: the steps taken, the work going on, and what a person may do next.
+
+What each result of a task adds to the steps are pure functions on values.
+"""
 
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass, field
+import shlex
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from lrm_ident.workbench.taken_steps import DoneCommand, TakenSteps
 from lrm_ident.workbench.work.session_files import FollowedFile, OpenedData
 from lrm_ident.workbench.work.tasks import (
+    AddTask,
+    AutoTask,
+    CompareTask,
     DiagnoseTask,
+    LawResult,
     OpenFiles,
+    OpenTask,
     PosesResult,
     StepResult,
     StepView,
@@ -19,6 +28,130 @@ from lrm_ident.workbench.work.tasks import (
 )
 from lrm_ident.workbench.work.worker import WorkProcess
 from lrm_math.errors import LrmError
+from lrm_math.model.reading import Reading
+
+
+@dataclass(frozen=True)
+class DoneCommand:
+    """A command: its words, and the options of reading and effects that all of them share."""
+
+    words: tuple[str | Path, ...]
+    effects_file: Path | None = None
+    reading: Reading | None = None
+
+    @property
+    def text(self) -> str:
+        """Text for a shell."""
+        words = ["lrm-ident", *map(str, self.words)]
+        if self.effects_file is not None:
+            words += ["--effects-file", str(self.effects_file)]
+        for name, value in ({} if self.reading is None else self.reading.said()).items():
+            text = ",".join(map(str, value)) if isinstance(value, list) else str(value)
+            words.append(f"--{name.replace('_', '-')}={text}")
+        return shlex.join(words)
+
+
+def commands_text(done: Sequence[DoneCommand]) -> str:
+    """One command a line."""
+    return "".join(f"{command.text}\n" for command in done)
+
+
+@dataclass(frozen=True)
+class TakenSteps:
+    """Steps, the last one being the model, with what was done as commands.
+
+    Attributes:
+        law: the last proposed law. count: how many names of files were given away.
+        undone: what there was before the last `undo`, which `redo` gives back; None after anything else.
+    """
+
+    steps: tuple[StepResult, ...] = ()
+    law: LawResult | None = None
+    done: tuple[DoneCommand, ...] = ()
+    count: int = 0
+    undone: TakenSteps | None = None
+
+    @property
+    def last(self) -> StepResult | None:
+        """The model, or None if nothing is open."""
+        return self.steps[-1] if self.steps else None
+
+
+def with_law(taken: TakenSteps, law: LawResult) -> TakenSteps:
+    """After `propose`."""
+    files = taken.steps[-1].files
+    kept = () if law.file is None else ("-o", law.file)
+    words = ("propose", files.model, files.data, *kept)
+    return replace(taken, law=law, done=(*taken.done, DoneCommand(words, files.effects_file, files.reading)))
+
+
+def with_poses(taken: TakenSteps, poses: PosesResult) -> TakenSteps:
+    """After the next poses were chosen; unchanged where that was not possible."""
+    if not poses.command or taken.last is None:
+        return taken
+    return replace(taken, done=(*taken.done, DoneCommand(poses.command, taken.last.files.effects_file)))
+
+
+def with_step(taken: TakenSteps, task: WorkTask | None, step: StepResult) -> TakenSteps:
+    """After a task has given a step: a new one, or the last one with more that is known of it."""
+    if isinstance(task, OpenTask):
+        return TakenSteps((step,), None, (_opened(task, step),), taken.count)
+    if isinstance(task, DiagnoseTask):
+        same = taken.last is not None and taken.last.files == step.files
+        return replace(taken, steps=(*taken.steps[:-1], step)) if same else taken
+    if isinstance(task, CompareTask) and taken.last is not None and taken.last.files.model == step.files.model:
+        same = taken.last.shown.data_sha256 == step.shown.data_sha256
+        return replace(taken, steps=(*taken.steps[:-1], step), undone=taken.undone if same else None)
+    if isinstance(task, AddTask):
+        words = ("add", task.files.model, task.files.data, task.effect, "-o", step.files.model)
+        return _did(taken, step, words)
+    if isinstance(task, AutoTask):
+        return _followed(taken, task, step)
+    return replace(taken, steps=(*taken.steps, step))
+
+
+def without_last(taken: TakenSteps, kept: Path) -> TakenSteps:
+    """After `undo`, whose model is kept in a file: the step before is the last one again, if the page knows it."""
+    last, earlier, before = taken.steps[-1], taken.steps[:-1], taken
+    taken = replace(taken, undone=before)
+    done = (*taken.done, DoneCommand(("undo", last.files.model, "-o", kept)))
+    if earlier and earlier[-1].shown.model == last.shown.before:
+        known = replace(earlier[-1], files=replace(last.files, model=kept))
+        return replace(taken, steps=(*earlier[:-1], known), done=done)
+    return replace(taken, steps=earlier, done=done)
+
+
+def with_undone(taken: TakenSteps) -> TakenSteps:
+    """After `redo`: all is as before the last `undo`, but for names of files, which are given away once."""
+    return taken if taken.undone is None else replace(taken.undone, count=taken.count)
+
+
+def with_data(taken: TakenSteps, data: Path) -> TakenSteps:
+    """Steps on the same measurements from another file."""
+    last = taken.steps[-1]
+    return replace(taken, steps=(*taken.steps[:-1], replace(last, files=replace(last.files, data=data))), undone=None)
+
+
+def _did(taken: TakenSteps, step: StepResult, words: tuple[str | Path, ...]) -> TakenSteps:
+    command = DoneCommand(words, step.files.effects_file, step.files.reading)
+    return replace(taken, steps=(*taken.steps, step), law=None, done=(*taken.done, command), undone=None)
+
+
+def _followed(taken: TakenSteps, task: AutoTask, step: StepResult) -> TakenSteps:
+    """A step of `auto`, whose command stands once in the list however many steps it has taken."""
+    number = int(step.files.model.stem.split("-")[1]) - task.number + 1
+    before = taken if number == 1 else replace(taken, done=taken.done[:-1])
+    words = ("auto", task.files.model, task.files.data, "-o", step.files.model)
+    after = _did(before, step, (*words, "--max-effects", str(number), "--no-nested"))
+    return replace(after, count=task.number + number)
+
+
+def _opened(task: OpenTask, step: StepResult) -> DoneCommand:
+    """A fit, or a copy of the model that was opened: steps are taken from that."""
+    if task.model is not None:
+        return DoneCommand(("compare", step.files.model, task.data), task.effects_file, task.reading)
+    words: tuple[str | Path, ...] = ("fit", task.data, "-o", task.kept)
+    return DoneCommand(words if task.arm is None else (*words, "--arm", task.arm), None, task.reading)
 
 
 @dataclass

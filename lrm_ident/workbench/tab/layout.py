@@ -12,9 +12,15 @@ from nicegui import ui
 from lrm_ident.report.plots.interactive import assets
 from lrm_ident.workbench.session import WorkbenchSession
 from lrm_ident.workbench.tab.command_bar import ChosenEffect, CommandBar, FileNotice
-from lrm_ident.workbench.tab.dialogs import commands_dialog, law_dialog, live_dialog, poses_dialog, save_dialog
+from lrm_ident.workbench.tab.dialogs import (
+    TourDialog,
+    commands_dialog,
+    law_dialog,
+    live_dialog,
+    poses_dialog,
+    save_dialog,
+)
 from lrm_ident.workbench.tab.rover_panel import RoverPanel
-from lrm_ident.workbench.tab.tour_dialog import TourDialog
 from lrm_ident.workbench.work.tasks import section_html
 from lrm_math.errors import LrmError
 
