@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -14,7 +15,7 @@ from lrm_ident.report.diagnosis.diagnosis import diagnosis_document
 from lrm_ident.report.document import Document, ResultTable
 from lrm_ident.report.fit import comparison_document, estimate_table
 from lrm_ident.report.plain_names import in_words
-from lrm_ident.report.plots.interactive.candidate_view import CandidateView, candidate_view
+from lrm_ident.report.plots.interactive.candidate_view import candidate_view
 from lrm_ident.report.step_card import EarlierDiagnosis, StepCard, judgement, step_cards
 from lrm_ident.residual.covariates import Covariate, covariates
 from lrm_ident.residual.error_breakdown import ModelComparison
@@ -98,7 +99,7 @@ class ModelReport:
         file: the model with its history. poses: the drawn poses of the measurements; `field` says of how many.
         field: the error field of every step. covariates: what errors may follow, at the drawn poses.
         comparison, diagnosis: what the commands of these names print; None as long as they are not done.
-        candidates: the best ones beside the data, in the order of the ranking.
+        candidates: the best ones beside the data (`candidate_view`), in the order of the ranking.
         marked: numbers of the poses to look at, by why: worst, outliers, far poses, regimes of larger error.
         cards: of the steps after the first. judged: by number of the step, the diagnosis that came after it.
     """
@@ -110,7 +111,7 @@ class ModelReport:
     parameters: ResultTable
     comparison: Document | None = None
     diagnosis: Document | None = None
-    candidates: tuple[CandidateView, ...] = ()
+    candidates: tuple[Mapping[str, Any], ...] = ()
     marked: Mapping[str, tuple[int, ...]] | None = None
     cards: tuple[StepCard, ...] = ()
     judged: Mapping[int, EarlierDiagnosis] | None = None
