@@ -39,7 +39,7 @@ SECTIONS = {
         ListedCommand("fit", "fit", "Fit the model of an arm to measurements."),
         ListedCommand("diagnose", "diagnosis", "Find out which physical effect a model misses."),
         ListedCommand("add", "diagnosis", "Add an effect and refit everything."),
-        ListedCommand("undo", "diagnosis", "Take the last step of a model back, exactly."),
+        ListedCommand("undo", "fit", "Take the last step of a model back, exactly."),
         ListedCommand("auto", "diagnosis", "Add effects as diagnose advises, until none is missing."),
         ListedCommand("propose", "diagnosis", "Propose a law where no known effect fits."),
         ListedCommand("checkup", "groups.recordings", "Name what a LeRobot recording tells of an arm."),
@@ -50,7 +50,7 @@ SECTIONS = {
         ListedCommand("report", "report", "Write one HTML file with everything."),
         ListedCommand("workbench", "workbench", "All of it on a page in the browser (extra: page)."),
         ListedCommand("predict", "fit", "Predict the TCP and the joints' torques at poses."),
-        ListedCommand("effects", "diagnosis", "Explain the effects that the tool knows."),
+        ListedCommand("effects", "fit", "Explain the effects that the tool knows."),
     ),
     "Design": (
         ListedCommand("design", "design", "Choose the poses to measure next."),

@@ -1,4 +1,4 @@
-"""Commands that fit, predict and compare. Each reads, calls pure functions, writes its files, and prints."""
+"""Commands that fit, predict and compare, take a step back, and explain effects: those that diagnose nothing."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Annotated
 
 import numpy as np
-from typer import Option
+from typer import Argument, Option
 
 from lrm_ident.cli import arguments as arg
 from lrm_ident.cli.command import command
@@ -32,17 +32,23 @@ from lrm_ident.fitting.loss import loss_named
 from lrm_ident.fitting.model_fit import DEFAULT_EFFECTS, nominal_model
 from lrm_ident.fitting.priors import Prior
 from lrm_ident.report.document import Document, ResultTable
+from lrm_ident.report.effects import effect_blocks
 from lrm_ident.report.fit import comparison_document, fit_document
 from lrm_ident.report.plots.comparison import draw_comparison
 from lrm_ident.report.priors import PriorComparison
 from lrm_ident.residual.error_breakdown import HeldOutResidual
+from lrm_ident.study.inputs import arm_from
+from lrm_ident.study.model_history import fit_words, undo_step, write_model
 from lrm_ident.study.other_data import at_data
 from lrm_ident.study.study import Study
 from lrm_math.arm.arm import Arm
-from lrm_math.errors import FileError, LrmError
+from lrm_math.effects import FIELDS, FREE_FORMS, OWN_EFFECT
+from lrm_math.errors import FileError, LrmError, UnknownName
 from lrm_math.model.equilibrium import Equilibrium, equilibrium
 from lrm_math.model.model import Model, model_of
+from lrm_math.model.model_file import ModelFile
 from lrm_math.model.reading import AS_NAMED, Reading
+from lrm_math.toml_file import read_toml
 
 
 @command
@@ -174,6 +180,30 @@ def compare(
 
         write_bytes(mcap, scene_file(comparison, models_on_data(study)))
     publish(comparison_document(comparison), json, figure, partial(draw_comparison, comparison), show_all)
+
+
+@command
+def undo(model: arg.ModelPath, output: arg.NewModel) -> None:
+    """Take the last step of a model's history back, exactly."""
+    restored = undo_step(read_toml(model, ModelFile))
+    write_model(output, restored, arm_from(model, restored.arm))
+    known = restored.provenance
+    how = "" if known is None else fit_words(known.loss, known.left_out)
+    show(f"Back before the last step{how and f' ({how})'}; model written to {output}")
+
+
+@command
+def effects(
+    name: Annotated[str | None, Argument(metavar="ID", help="One effect; all of them if not given.")] = None,
+    effects_file: arg.EffectsFile = None,
+) -> None:
+    """Explain the effects that the tool knows: cause, formula, parameters, what data it takes to see them."""
+    catalogue = (*catalogue_with(effects_file), *FREE_FORMS, *FIELDS)
+    chosen = [kind for kind in catalogue if name in (None, kind.id)]
+    if not chosen:
+        raise UnknownName("effect", str(name), [kind.id for kind in catalogue], OWN_EFFECT)
+    for kind in chosen:
+        show(*effect_blocks(kind, in_full=name is not None))
 
 
 def _without_prior(begun: Study, fitted: Study, prior: Prior, parameters: str, unbounded: bool) -> PriorComparison:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import TYPE_CHECKING
 
 import numpy as np
 from rich.text import Text
@@ -11,7 +12,6 @@ from lrm_ident.data.error_stats import error_stats
 from lrm_ident.data.wording import enumerate_words, in_mm, p_words
 from lrm_ident.diagnosis.auto import AutoRun, AutoStep
 from lrm_ident.diagnosis.diagnosis_report import DiagnosisReport
-from lrm_ident.diagnosis.symbolic_regression.proposal import LawProposal
 from lrm_ident.report.diagnosis.diagnosis import diagnosis_document, left_values, no_cause, took_words
 from lrm_ident.report.document import Block, Document, ResultTable, heading
 from lrm_ident.report.fit import error_blocks, parameter_table
@@ -21,6 +21,9 @@ from lrm_ident.study.error_summary import ErrorSummary
 from lrm_ident.study.field_step import WHAT_IT_IS
 from lrm_ident.study.step import StudyStep
 from lrm_math.model.deployed_model import field_of
+
+if TYPE_CHECKING:
+    from lrm_ident.diagnosis.symbolic_regression.proposal import LawProposal
 
 RIVALS_SHOWN, BAR = 4, 20
 SHOWN = 8

@@ -5,18 +5,21 @@ from __future__ import annotations
 import re
 from collections import Counter, defaultdict
 from collections.abc import Collection, Iterator, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from lrm_ident.data.wording import enumerate_words, in_mm, in_percent, p_words, poses_words
 from lrm_ident.diagnosis.diagnose import Diagnosis
 from lrm_ident.diagnosis.diagnosis_report import DiagnosisReport, RankedCandidate
-from lrm_ident.diagnosis.inject_recover import InjectionTrial
 from lrm_ident.report.document import Block, Document, FoldedSection, ResultTable, heading, section
 from lrm_ident.report.plain_names import in_words, plain_name
 from lrm_ident.residual.predictable_residual import PredictableResidual
 from lrm_ident.residual.thresholds import MIN_GAIN
 from lrm_math.effects import Effect, compensable, variants
+
+if TYPE_CHECKING:
+    from lrm_ident.diagnosis.inject_recover import InjectionTrial
 
 SHOWN, REFUSED_SHOWN, RANKED = 8, 4, 30
 VERDICTS = {
