@@ -11,15 +11,8 @@ from nicegui import ui
 
 from lrm_ident.report.plots.interactive import assets
 from lrm_ident.workbench.session import WorkbenchSession
+from lrm_ident.workbench.tab import dialogs
 from lrm_ident.workbench.tab.command_bar import ChosenEffect, CommandBar, FileNotice
-from lrm_ident.workbench.tab.dialogs import (
-    TourDialog,
-    commands_dialog,
-    law_dialog,
-    live_dialog,
-    poses_dialog,
-    save_dialog,
-)
 from lrm_ident.workbench.tab.rover_panel import RoverPanel
 from lrm_ident.workbench.work.tasks import section_html
 from lrm_math.errors import LrmError
@@ -68,7 +61,7 @@ class WorkbenchPage:
         self.notice = FileNotice(session, self._button)
         ui.html(PANELS.read_text(encoding="utf-8"), sanitize=False).classes("lrm-full")
         self.numbers = ui.html("", sanitize=False).classes("lrm-numbers")
-        self.tour = TourDialog()
+        self.tour = dialogs.TourDialog()
         ui.on("lrm_choose", lambda event: self._choose(event.args))
         ui.on("lrm_key", lambda event: self._press(event.args))
         ui.timer(REFRESH_S, self.refresh)
@@ -110,11 +103,11 @@ class WorkbenchPage:
         if session.taken.law is not self.law:
             self.law = session.taken.law
             if self.law is not None:
-                law_dialog(self.law, session, self._do)
+                dialogs.law_dialog(self.law, session, self._do)
         if session.poses is not self.poses:
             self.poses = session.poses
             if self.poses is not None:
-                poses_dialog(self.poses)
+                dialogs.poses_dialog(self.poses)
         shown = session.shown
         if shown is None or self.drawn == session.drawn:
             return
@@ -168,13 +161,13 @@ class WorkbenchPage:
         self.session.add(self.chosen.name)
 
     def _save(self) -> None:
-        save_dialog(self.session, self._do)
+        dialogs.save_dialog(self.session, self._do)
 
     def _commands(self) -> None:
-        commands_dialog(self.session)
+        dialogs.commands_dialog(self.session)
 
     def _live(self) -> None:
-        live_dialog(self.session, self.rover, self._do)
+        dialogs.live_dialog(self.session, self.rover, self._do)
 
 
 def _gone(session: WorkbenchSession) -> str:
