@@ -69,25 +69,24 @@ def history_values(file: ModelFile) -> list[dict[str, object]]:
 def provenance_table(file: ModelFile) -> ResultTable:
     """Provenance of a model: data, tool, date, how it was fitted."""
     known = file.provenance
-    rows: list[tuple[str, str]] = [("arm", file.arm), ("effects", ", ".join(map(marked, file.effects)))]
+    said: dict[str, object] = {"arm": file.arm, "effects": ", ".join(map(marked, file.effects))}
     if known is not None:
-        rows += [
-            ("data", known.data),
-            ("SHA-256 of the data", known.data_sha256),
-            *([("SHA-256 of the arm", known.arm_sha256)] if known.arm_sha256 is not None else []),
-            ("poses fitted", str(known.poses)),
-            ("loss", known.loss),
-            ("tool", known.tool),
-            ("date", known.date),
-        ]
-        if known.prior is not None:
-            rows.append(("prior", known.prior))
-        if known.left_out:
-            rows.append(("poses left out", enumerate_words(list(map(str, known.left_out)), POSES_SHOWN)))
-        if known.reading is not None:
-            rows += [(f"read with {name}", str(value)) for name, value in known.reading.said().items()]
-        if known.effects_file is not None:
-            rows += [("effects file", known.effects_file), ("its SHA-256", str(known.effects_sha256))]
+        reading = {} if known.reading is None else known.reading.said()
+        said |= {
+            "data": known.data,
+            "SHA-256 of the data": known.data_sha256,
+            "SHA-256 of the arm": known.arm_sha256,
+            "poses fitted": str(known.poses),
+            "loss": known.loss,
+            "tool": known.tool,
+            "date": known.date,
+            "prior": known.prior,
+            "poses left out": enumerate_words(list(map(str, known.left_out)), POSES_SHOWN) or None,
+            **{f"read with {name}": str(value) for name, value in reading.items()},
+            "effects file": known.effects_file,
+            "its SHA-256": known.effects_sha256,
+        }
+    rows = [(what, value) for what, value in said.items() if value is not None]
     return ResultTable(("what", "value"), rows, "Where the model comes from")
 
 

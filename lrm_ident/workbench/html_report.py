@@ -171,12 +171,15 @@ def standalone_page(
 
 def html_report(found: ModelReport) -> str:
     """The report's text."""
-    title = f"{_arm_name(found.file.arm)}: model and measurements {found.poses.path.name}"
+    arm, known = found.file.arm, found.file.provenance
+    name = Path(arm).stem if arm.endswith(".toml") else arm  # of an arm file without its folder
+    title = f"{name}: model and measurements {found.poses.path.name}"
+    made = "" if known is None else f"; fitted {known.date[:10]} with {known.tool}"
     document = found.document()
     body = BODY.format(
         title=escape(title),
         verdict=escape(found.verdict),
-        summary=escape(_summary(found)),
+        summary=escape(f"{found.field.poses} poses of {found.poses.path.name}{made}"),
         ladder=escape(_ladder(found)),
         comparison=blocks_html(found.comparison.blocks if found.comparison else ()),
         diagnosis=blocks_html(found.diagnosis.blocks if found.diagnosis else ()),
@@ -187,20 +190,9 @@ def html_report(found: ModelReport) -> str:
     return standalone_page(title, body, values_text(figure_values(found)), document, SCRIPTS, START, "lrm.ready();")
 
 
-def _arm_name(arm: str) -> str:
-    """A shipped arm's name, or that of an arm file without its folder."""
-    return Path(arm).stem if arm.endswith(".toml") else arm
-
-
 def _ladder(found: ModelReport) -> str:
     """The error from the nominal arm over the fit to the last step, all on the open data."""
     nominal = f"nominal {in_mm(error_stats(found.field.nominal_residual).rms)} mm"
     steps = (f"{step_title(step.name)} {in_mm(step.error.rms)} mm" for step in found.field.steps)
     noise = "" if found.floor_mm is None else f"; noise {in_mm(found.floor_mm * 1e-3)} mm"
     return f"RMS on these data: {' → '.join([nominal, *steps])}{noise}."
-
-
-def _summary(found: ModelReport) -> str:
-    known = found.file.provenance
-    made = "" if known is None else f"; fitted {known.date[:10]} with {known.tool}"
-    return f"{found.field.poses} poses of {found.poses.path.name}{made}"

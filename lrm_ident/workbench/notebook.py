@@ -5,7 +5,6 @@ from __future__ import annotations
 import base64
 import tempfile
 from collections.abc import Iterable
-from functools import singledispatch
 from html import escape
 from pathlib import Path
 
@@ -41,40 +40,24 @@ STYLE = (
 """Of text and tables, which a notebook shows without the page's style, and with one of its own that goes before."""
 
 
-@singledispatch
 def html_of(result: object) -> str:
     """HTML of a result. Raises `LrmError` for what is none."""
+    match result:
+        case ModelComparison():
+            return _tables(comparison_document(result).blocks) + _picture(result)
+        case DiagnosisReport():
+            return _tables(diagnosis_document(result).blocks) + _picture(result)
+        case AutoRun(steps=taken):
+            steps: list[Block] = [block for k, step in enumerate(taken) for block in step_blocks(k, step, taken[0])]
+            return _tables(steps) + html_of(report_of(result.confirmed))
+        case Fit():
+            return _tables([parameter_table(result)])
+        case Study():
+            try:
+                return _tables([history_table(result.file)])
+            except LrmError as error:
+                return f"<p>{escape(str(error))}</p>"
     raise LrmError(f"no picture is known for a {type(result).__name__}")
-
-
-@html_of.register
-def _(result: ModelComparison) -> str:
-    return _tables(comparison_document(result).blocks) + _picture(result)
-
-
-@html_of.register
-def _(result: DiagnosisReport) -> str:
-    return _tables(diagnosis_document(result).blocks) + _picture(result)
-
-
-@html_of.register
-def _(result: AutoRun) -> str:
-    taken = result.steps
-    steps: list[Block] = [block for k, step in enumerate(taken) for block in step_blocks(k, step, taken[0])]
-    return _tables(steps) + html_of(report_of(result.confirmed))
-
-
-@html_of.register
-def _(result: Fit) -> str:
-    return _tables([parameter_table(result)])
-
-
-@html_of.register
-def _(result: Study) -> str:
-    try:
-        return _tables([history_table(result.file)])
-    except LrmError as error:
-        return f"<p>{escape(str(error))}</p>"
 
 
 def page_of(study: Study) -> str:

@@ -90,7 +90,8 @@ def _blocks(report: DiagnosisReport) -> list[Block]:
         f"fit, {in_mm(report.held_out.rms)} mm held out; noise floor {noise}; "
         f"likeness of neighbours (Moran's I) {found.structure.moran_i:.2f}, p {p_words(found.structure.p_value)}",
         *_far_poses(report),
-        *left_blocks(report.left),
+        in_words(report.left.predictable.sentence),
+        *section("\nWhere what is left is concentrated", (in_words(one.sentence) for one in report.left.regimes)),
         _ranking_table(report),
     ]
     if found.data.several_kinds:
@@ -261,12 +262,6 @@ def selftest_document(poses: int, trials: Sequence[InjectionTrial], refused: Seq
         {"truth": t.truth, "moved_rms_mm": t.moved * 1e3, "outcome": t.outcome, "named": t.named} for t in trials
     ]
     return Document(blocks, "lrm/selftest/1", {"poses": poses, "trials": records})
-
-
-def left_blocks(left: PredictableResidual) -> list[Block]:
-    """One sentence on what could be predicted, and one on each regime."""
-    regimes = section("\nWhere what is left is concentrated", (in_words(regime.sentence) for regime in left.regimes))
-    return [in_words(left.predictable.sentence), *regimes]
 
 
 def left_values(left: PredictableResidual) -> dict[str, object]:

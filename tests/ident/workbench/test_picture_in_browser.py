@@ -31,7 +31,7 @@ FROM_ABOVE = """(() => {
 
 BLUE = """(() => {
   const { canvas, content } = lrm.scenes.field, ratio = canvas.width / canvas.clientWidth;
-  const at = lrmView.projection(content.box, canvas.clientWidth, canvas.clientHeight);
+  const at = lrmScene.projection(content.box, canvas.clientWidth, canvas.clientHeight);
   const areas = lrmSolids.capsules(content.arms[0], at).map((one) => 2 * one.size * one.length + 3.14 * one.size ** 2);
   const { data } = canvas.getContext("2d").getImageData(0, 0, canvas.width, canvas.height);
   let blue = 0;

@@ -71,7 +71,10 @@ def candidate_view(
     around = turns[joint] + joint_turns(fitted.residual - added, found.joint_jacobian)[joint]
     observable = lever[joint] > SHARE**2 * lever[joint].mean()
     drawn = rows[rows >= 0]  # thousands of poses say no more of what a form follows
-    followed = [one.take(drawn) for one in known if _may_follow(scored.candidate.effect, one)]
+    of_time = not {"time", "session"}.isdisjoint(
+        scored.candidate.effect.depends_on
+    )  # else it moves nothing in its course
+    followed = [one.take(drawn) for one in known if of_time or one.kind not in OF_TIME]
     drivers = _drivers(scored.candidate.effect, turns[joint][drawn], followed, joint, observable[drawn])
     seen = observable[rows] & (rows >= 0)
     joint_shown, driver_shown = shown_most(explained, known, joints)
@@ -90,11 +93,6 @@ def candidate_view(
         "about": {name: getattr(about, name) for name in ("cause", "formula", "needs", "source")},
         "size": _size(scored),
     }
-
-
-def _may_follow(effect: Effect, known: Covariate) -> bool:
-    """Whether an effect may follow a covariate: the course of time moves only what depends on it."""
-    return known.kind not in OF_TIME or not {"time", "session"}.isdisjoint(effect.depends_on)
 
 
 def _drivers(

@@ -42,7 +42,7 @@ function lrmPrint(page) {
 
 const lrm = (() => {
   const page = lrmShared(), { state, norm } = page;
-  for (const part of [lrmQueue, lrmBrush, lrmCandidates, lrmWhatIf, lrmSteps, lrmField, lrmPose, lrmPicture, lrmTurn,
+  for (const part of [lrmQueue, lrmBrush, lrmCandidates, lrmSteps, lrmField, lrmPose, lrmPicture, lrmTurn,
     lrmControls, lrmPrint]) Object.assign(page, part(page));
   const { choose, showStep, glide } = page;
 
