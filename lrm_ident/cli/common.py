@@ -113,14 +113,15 @@ def start_model(arm: Arm, model: Path | None) -> Model:
     if model is None:
         return nominal_model(arm)
     fitted = load_model(model)
-    if fitted.arm != arm:
-        raise FileError(model, "arm", f"is a model of {fitted.arm.name}{arm_difference(fitted.arm, arm)}")
+    check_arm(model, fitted.arm, arm)
     return fitted
 
 
-def arm_difference(one: Arm, arm: Arm) -> str:
-    """Words that follow the name of an arm that is not the other one."""
-    return f", not of {arm.name}" if one.name != arm.name else ": another arm file of that name"
+def check_arm(path: Path, one: Arm, arm: Arm) -> None:
+    """Raises `FileError` if the arm of a model file is not the one that is meant."""
+    if one != arm:
+        differs = f", not of {arm.name}" if one.name != arm.name else ": another arm file of that name"
+        raise FileError(path, "arm", f"is a model of {one.name}{differs}")
 
 
 def read_measurements(

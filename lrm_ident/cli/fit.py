@@ -13,8 +13,8 @@ from typer import Argument, Option
 from lrm_ident.cli import arguments as arg
 from lrm_ident.cli.command import command
 from lrm_ident.cli.common import (
-    arm_difference,
     bars,
+    check_arm,
     leave_out_poses,
     notice,
     opened,
@@ -43,7 +43,7 @@ from lrm_ident.study.other_data import at_data
 from lrm_ident.study.study import Study
 from lrm_math.arm.arm import Arm
 from lrm_math.effects import FIELDS, FREE_FORMS, OWN_EFFECT
-from lrm_math.errors import FileError, LrmError, UnknownName
+from lrm_math.errors import LrmError, UnknownName
 from lrm_math.model.equilibrium import Equilibrium, equilibrium
 from lrm_math.model.model import Model, model_of
 from lrm_math.model.model_file import ModelFile
@@ -218,9 +218,8 @@ def _without_prior(begun: Study, fitted: Study, prior: Prior, parameters: str, u
 
 def _start_model(data: Measurements, arm: Arm, effects: str | None, start: Path | None, catalogue: Catalogue) -> Model:
     loaded = read_model(start, catalogue)[1] if start else None
-    if loaded and loaded.arm != arm:
-        raise FileError(str(start), "arm", f"is a model of {loaded.arm.name}{arm_difference(loaded.arm, arm)}")
-    if loaded:
+    if start and loaded:
+        check_arm(start, loaded.arm, arm)
         loaded, left_out = at_data(loaded, data.path, data.sha256)
         notice(*left_out)
     if effects is None and loaded:

@@ -120,10 +120,15 @@ def _index_table(title: str, chosen: Observability, random: Observability) -> Re
     return ResultTable(columns, [(name, *vars(indices).values()) for name, indices in named], title)
 
 
+def _known(found: PoseDesign) -> dict[str, ExpectedAccuracy]:
+    """Accuracy expected of each set of poses that there is."""
+    sets = {"now": found.before, "with these": found.after, "with blind ones": found.random_after}
+    return {name: knowledge for name, knowledge in sets.items() if knowledge is not None}
+
+
 def _error_table(found: PoseDesign) -> ResultTable:
     """The parameters that stay least known, as motion of the TCP."""
-    sets = {"now": found.before, "with these": found.after, "with blind ones": found.random_after}
-    known = {name: knowledge for name, knowledge in sets.items() if knowledge is not None}
+    known = _known(found)
     columns = ("parameter (mm of TCP motion)", *(f"{name}|.3f" for name in known))
     worst = np.argsort(-found.after.standard_errors)[:WORST_SHOWN]
     rows = [(found.keys[j], *(knowledge.standard_errors[j] for knowledge in known.values())) for j in worst]
@@ -135,14 +140,13 @@ def _knowledge_table(found: PoseDesign) -> ResultTable:
 
     A cell is empty where a rival is never detectable.
     """
-    sets = {"now": found.before, "with_these": found.after, "with_blind_ones": found.random_after}
-    known = {name: knowledge for name, knowledge in sets.items() if knowledge is not None}
+    known = _known(found)
     errors = zip(*(knowledge.standard_errors for knowledge in known.values()), strict=True)
     rows: list[tuple[object, ...]] = [(key, "mm", *row) for key, row in zip(found.keys, errors, strict=True)]
     separated = [knowledge.discrimination.rivals for knowledge in known.values() if knowledge.discrimination]
     for rivals in zip(*separated, strict=True):
         rows.append((rivals[0].name, "typical sizes", *(rival.detectable_size for rival in rivals)))
-    return ResultTable(("what", "unit", *(f"{name}|.6g" for name in known)), rows)
+    return ResultTable(("what", "unit", *(f"{name.replace(' ', '_')}|.6g" for name in known)), rows)
 
 
 def _gains(task: DesignProblem, found: PoseDesign) -> Iterator[str]:

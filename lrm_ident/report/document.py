@@ -158,24 +158,17 @@ def write(console: Console, blocks: Iterable[Block], most: int | None = None) ->
     """
     for block in blocks:
         if isinstance(block, ResultTable):
-            _write_table(console, block)
+            if console.soft_wrap or block.least_width <= console.width:
+                console.print(block.grid(), soft_wrap=False)
+            else:
+                write(console, [block.stacked()])
             continue
-        parts: Iterable[str | Text] = (block,) if isinstance(block, str | Text) else _lines(block, most)
-        for text in parts:
+        texts: list[str | Text] = (
+            [block] if isinstance(block, str | Text) else [heading(block.title), *block.shown(most)]
+        )
+        for text in texts:
             shown = text if console.soft_wrap else _wrapped(text, console.width)
             console.print(shown, highlight=False, markup=False)
-
-
-def _lines(section: ListSection, most: int | None) -> Iterator[str | Text]:
-    yield heading(section.title)
-    yield from section.shown(most)
-
-
-def _write_table(console: Console, table: ResultTable) -> None:
-    if console.soft_wrap or table.least_width <= console.width:
-        console.print(table.grid(), soft_wrap=False)
-    else:
-        write(console, [table.stacked()])
 
 
 def _wrapped(text: str | Text, width: int) -> Text:

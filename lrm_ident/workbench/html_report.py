@@ -11,7 +11,7 @@ from lrm_ident.data.wording import in_mm
 from lrm_ident.report.document import Document, blocks_html, table_html
 from lrm_ident.report.model_report import ModelReport
 from lrm_ident.report.plain_names import step_title
-from lrm_ident.report.plots.interactive.assets import LIBRARY, SCRIPTS, STYLE, THEME, text_of
+from lrm_ident.report.plots.interactive.assets import LIBRARY, SCRIPTS, STYLE, THEME
 from lrm_ident.report.plots.interactive.values import figure_values, values_text
 
 PAGE = """<!doctype html>
@@ -164,7 +164,7 @@ def standalone_page(
         body=body,
         values=values,
         result=document.json().replace("</", "<\\/"),
-        scripts=text_of(scripts),
+        scripts="\n".join(path.read_text(encoding="utf-8") for path in scripts),
         start=f"<script>{start}</script>\n<script>{library}</script>\n<script>{end}</script>",
     )
 

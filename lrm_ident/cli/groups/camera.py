@@ -18,24 +18,8 @@ from lrm_ident.cli.common import notice, progress, show
 from lrm_ident.data.atomic_write import write_bytes, write_text
 from lrm_ident.data.measurement_file.load import load_poses, read_pose_feedback
 from lrm_ident.data.measurement_file.write import measurements_csv, write_with_metadata
-from lrm_ident.measuring.camera.board import (
-    BoardTable,
-    CharucoBoard,
-    RejectedPhoto,
-    board_pdf,
-    board_text,
-    find_corners,
-    read_picture,
-)
-from lrm_ident.measuring.camera.capture import (
-    ask_person,
-    is_camera,
-    keep_photo,
-    open_camera,
-    photo_path,
-    photos_in,
-    take_photos,
-)
+from lrm_ident.measuring.camera import board as charuco
+from lrm_ident.measuring.camera import capture
 from lrm_ident.measuring.camera.lens import Lens, LensFile, calibrate_lens
 from lrm_ident.measuring.camera.session import ENOUGH_TO_LEVEL, CameraMeasurements, measure, read_photos
 from lrm_ident.report.document import ListSection
@@ -62,9 +46,9 @@ def board(
 ) -> None:
     """Write a ChArUco board as a PDF at true scale, with a ruler to check the print."""
     table = _board(columns, rows, square_mm)
-    write_bytes(output, board_pdf(CharucoBoard(table), paper))
+    write_bytes(output, charuco.board_pdf(charuco.CharucoBoard(table), paper))
     show(
-        f"Board of {board_text(table)} written to {output}.",
+        f"Board of {charuco.board_text(table)} written to {output}.",
         "Print it at 100 % ('actual size'), lay a ruler on the line of 100 mm, glue it on something flat and stiff.",
     )
 
@@ -78,13 +62,13 @@ def calibrate(
     square_mm: SquareMm = 15.0,
 ) -> None:
     """Calibrate a camera's lens from photos of the board: 15 or more, near and far, leaning, out to the edges."""
-    the_board, files = CharucoBoard(_board(columns, rows, square_mm)), photos_in(Path(photos))
+    the_board, files = charuco.CharucoBoard(_board(columns, rows, square_mm)), capture.photos_in(Path(photos))
     found, refused, sizes = [], [], set()
     with progress("looking for the board") as tick:
         for number, file in enumerate(files, start=1):
-            picture = read_picture(file)
-            corners = find_corners(picture, the_board)
-            if isinstance(corners, RejectedPhoto):
+            picture = charuco.read_picture(file)
+            corners = charuco.find_corners(picture, the_board)
+            if isinstance(corners, charuco.RejectedPhoto):
                 refused.append(f"{file.name}: {corners.reason}")
             else:
                 found.append(corners)
@@ -143,31 +127,31 @@ def read(
     the_arm, file = load_arm(arm), read_toml(lens, LensFile)
     commanded = load_poses(poses, the_arm)
     if robot is not None:
-        if not is_camera(photos):
+        if not capture.is_camera(photos):
             raise LrmError(f"--robot {robot}: it goes with a camera; {photos} is a folder of photos")
         if folder.exists() and any(folder.iterdir()):
             raise FileError(folder, "", "has photos already", "move them away, or read them with their poses")
         folder.mkdir(parents=True, exist_ok=True)
         driven, access = folder / "poses.csv", ArmAccess(robot, connect, speed, take, release)
-        with open_camera(photos) as opened:
+        with capture.open_camera(photos) as opened:
             photo_poses(
                 poses,
                 arm,
                 access,
-                lambda k: keep_photo(opened.photo(), photo_path(folder, k)),
+                lambda k: capture.keep_photo(opened.photo(), capture.photo_path(folder, k)),
                 driven,
                 settle,
                 load_command,
             )
-        poses, commanded, files = driven, load_poses(driven, the_arm), photos_in(folder)
-    elif is_camera(photos):
-        with open_camera(photos) as opened:
-            files = take_photos(opened, folder, commanded, ask_person(folder, commanded))
+        poses, commanded, files = driven, load_poses(driven, the_arm), capture.photos_in(folder)
+    elif capture.is_camera(photos):
+        with capture.open_camera(photos) as opened:
+            files = capture.take_photos(opened, folder, commanded, capture.ask_person(folder, commanded))
     else:
-        files = photos_in(Path(photos))
+        files = capture.photos_in(Path(photos))
     if len(files) != len(commanded):
         raise FileError(photos, "", f"{len(files)} photos for {len(commanded)} poses of {poses.name}", "one for each")
-    seen = read_photos(files, Lens.of(file), CharucoBoard(file.board))
+    seen = read_photos(files, Lens.of(file), charuco.CharucoBoard(file.board))
     show_refused([f"{name}: {reason}" for name, reason in seen.refused])
     found = measure(the_arm, arm_name_for(arm, output.parent), commanded, seen, file, output)
     feedback, feedback_sd = read_pose_feedback(poses, the_arm)
@@ -194,7 +178,7 @@ def _show(found: CameraMeasurements, photos: int, output: Path) -> None:
     )
 
 
-def _board(columns: int, rows: int, square_mm: float) -> BoardTable:
+def _board(columns: int, rows: int, square_mm: float) -> charuco.BoardTable:
     for name, value, low, high in (
         ("columns", columns, 3, 20),
         ("rows", rows, 3, 20),
@@ -202,7 +186,7 @@ def _board(columns: int, rows: int, square_mm: float) -> BoardTable:
     ):
         if not low <= value <= high:
             raise LrmError(f"--{name} {value:g}: should be {low} to {high}")
-    return BoardTable(columns=columns, rows=rows, square_mm=float(square_mm))
+    return charuco.BoardTable(columns=columns, rows=rows, square_mm=float(square_mm))
 
 
 def show_refused(lines: list[str]) -> None:

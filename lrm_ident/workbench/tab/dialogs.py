@@ -71,27 +71,24 @@ def commands_dialog(session: WorkbenchSession) -> None:
 
 def live_dialog(session: WorkbenchSession, rover: RoverPanel, do: Do) -> None:
     """A file that grows, or a daemon, to be followed."""
-    with _dialog("lrm-live", "live data") as dialog:
-        _of_file(session, lambda action: _closing(dialog, do, action))
-        _of_rover(rover, dialog, lambda action: _closing(dialog, do, action))
-
-
-def _of_file(session: WorkbenchSession, do: Do) -> None:
     at_hand = str(session.step.files.data) if session.step else ""
-    ui.label("A file that is being measured: its rows appear as they are written.").classes("lrm-small")
-    path = ui.input("Follow the file", value=at_hand).classes("lrm-full")
-    with ui.row():
-        _button("Follow the file", lambda: do(lambda: session.follow(Path(path.value).expanduser())))
-        ui.button("Stop following", on_click=lambda: do(session.stop_following)).props("no-caps flat")
+    with _dialog("lrm-live", "live data") as dialog:
 
+        def button(text: str, action: Callable[[], object], look: str = "unelevated") -> None:
+            """A button that closes the dialog."""
+            ui.button(text, on_click=lambda: _closing(dialog, do, action)).props(f"no-caps {look}")
 
-def _of_rover(rover: RoverPanel, dialog: ui.dialog, do: Do) -> None:
-    ui.label("A running lrmd: where its arm is, and where the model thinks the tip is.").classes("lrm-small")
-    robot = ui.input("Robot", value="rover").classes("lrm-full")
-    endpoint = ui.input("zenoh endpoint", value="tcp/127.0.0.1:7447").classes("lrm-full")
-    with _buttons(dialog):
-        _button("Listen to the rover", lambda: do(lambda: rover.listen(robot.value, endpoint.value)))
-        ui.button("Stop listening", on_click=lambda: do(rover.hang_up)).props("no-caps flat")
+        ui.label("A file that is being measured: its rows appear as they are written.").classes("lrm-small")
+        path = ui.input("Follow the file", value=at_hand).classes("lrm-full")
+        with ui.row():
+            button("Follow the file", lambda: session.follow(Path(path.value).expanduser()))
+            button("Stop following", session.stop_following, "flat")
+        ui.label("A running lrmd: where its arm is, and where the model thinks the tip is.").classes("lrm-small")
+        robot = ui.input("Robot", value="rover").classes("lrm-full")
+        endpoint = ui.input("zenoh endpoint", value="tcp/127.0.0.1:7447").classes("lrm-full")
+        with _buttons(dialog):
+            button("Listen to the rover", lambda: rover.listen(robot.value, endpoint.value))
+            button("Stop listening", rover.hang_up, "flat")
 
 
 @contextmanager

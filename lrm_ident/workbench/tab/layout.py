@@ -80,7 +80,11 @@ class WorkbenchPage:
             self._button("Save…", self._save, "write the model as a file (S)")
             self._button("Report", lambda: ui.run_javascript("window.open('/lrm/report')"), "everything in one file")
             self._button("Commands", self._commands, "what was done, as commands (C)")
-            self._button("Live…", self._live, "follow a file that grows, or a rover")
+            self._button(
+                "Live…",
+                lambda: dialogs.live_dialog(self.session, self.rover, self._do),
+                "follow a file that grows, or a rover",
+            )
             self._button("Tour", lambda: self.tour.go_to(0), "six steps on the shipped data")
             self._button("◐", lambda: ui.run_javascript("lrmTurnDark()"), "light or dark", name="light or dark")
 
@@ -165,9 +169,6 @@ class WorkbenchPage:
 
     def _commands(self) -> None:
         dialogs.commands_dialog(self.session)
-
-    def _live(self) -> None:
-        dialogs.live_dialog(self.session, self.rover, self._do)
 
 
 def _gone(session: WorkbenchSession) -> str:

@@ -105,17 +105,8 @@ def follow_file(source: Path, folder: Path) -> FollowedFile:
     return FollowedFile(source, place / source.name)
 
 
-@dataclass(frozen=True)
-class DroppedFiles:
-    """Files by their part: measurements (with the metadata beside them), a model, an arm."""
-
-    data: Path | None = None
-    model: Path | None = None
-    arm: Path | None = None
-
-
-def keep_dropped(folder: Path, contents: Mapping[str, bytes]) -> DroppedFiles:
-    """Writes dropped files to a folder and tells which is which by ending and schema. Raises `FileError`."""
+def keep_dropped(folder: Path, contents: Mapping[str, bytes]) -> dict[str, Path]:
+    """Writes dropped files to a folder; by ending and schema they are `data`, `model` or `arm`. Raises `FileError`."""
     found: dict[str, Path] = {}
     for name, content in contents.items():
         path = folder / Path(name).name
@@ -125,25 +116,27 @@ def keep_dropped(folder: Path, contents: Mapping[str, bytes]) -> DroppedFiles:
             raise FileError(path.name, "", f"a second file that is {kind}", "drop one data set and one model at a time")
         if kind != "metadata":
             found[kind] = path
-    return DroppedFiles(**found)
+    return found
 
 
-def task_for(dropped: DroppedFiles, now: OpenFiles | None) -> OpenTask:
+def task_for(dropped: Mapping[str, Path], now: OpenFiles | None) -> OpenTask:
     """The task that opens dropped files. To a data set alone a model is fitted, a model alone takes the data at hand.
 
     Raises `FileError`.
     """
-    data = dropped.data or (now.data if now is not None else None)
+    data = dropped.get("data", None if now is None else now.data)
     if data is None:
-        raise FileError(dropped.model or dropped.arm, "", "there are no measurements yet", "drop a .csv with it")
-    if dropped.data is not None and dropped.model is None and dropped.arm is None and now is not None:
+        raise FileError(
+            dropped.get("model", dropped.get("arm")), "", "there are no measurements yet", "drop a .csv with it"
+        )
+    if set(dropped) == {"data"} and now is not None:
         # here, since the page would wait for all that it needs
         from lrm_ident.data.measurement_file.metadata import metadata_of
 
-        metadata = metadata_of(dropped.data)
+        metadata = metadata_of(data)
         if metadata is None or metadata.arm is None:
             return OpenTask(data, now.model)
-    return OpenTask(data, dropped.model, None if dropped.arm is None else str(dropped.arm))
+    return OpenTask(data, dropped.get("model"), str(dropped["arm"]) if "arm" in dropped else None)
 
 
 def _kind(path: Path) -> str:

@@ -114,9 +114,8 @@ def test_dropped_files_are_told_apart(tmp_path: Path) -> None:
     model = b'schema = "lrm/model/1"\narm = "lrm-lab"\neffects = []\n'
     contents = {"../x.csv": EXAMPLE.read_bytes(), "x.toml": EXAMPLE.with_suffix(".toml").read_bytes(), "m.toml": model}
     found = keep_dropped(tmp_path, contents)
-    assert found.data == tmp_path / "x.csv"
-    assert found.model == tmp_path / "m.toml"
-    assert task_for(found, None).model == found.model
+    assert found == {"data": tmp_path / "x.csv", "model": tmp_path / "m.toml"}
+    assert task_for(found, None).model == found["model"]
     with pytest.raises(FileError, match="second file that is model"):
         keep_dropped(tmp_path, {"a.toml": model, "b.toml": model})
     with pytest.raises(FileError, match=r"should be a \.csv"):

@@ -7,7 +7,6 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lrm_ident.data.error_stats import error_stats
 from lrm_ident.data.measurements import Measurements
@@ -102,7 +101,8 @@ def values_text(values: Mapping[str, Any]) -> str:
 
 
 def _step(found: ModelReport, number: int) -> dict[str, Any]:
-    step = found.field.steps[number]
+    step, lever = found.field.steps[number], found.field.lever
+    mean = lever.mean(axis=1, keepdims=True)  # a turn about a short lever is enormous for a small error
     judged = (found.judged or {}).get(number)
     return {
         "name": step.name,
@@ -110,13 +110,8 @@ def _step(found: ModelReport, number: int) -> dict[str, Any]:
         "verdict": "" if judged is None else judged.verdict,
         "rms": in_mm(step.error.rms),
         "residual": rounded(step.residual * 1e3, UM),
-        "turns": rounded(np.degrees(np.where(_moves(found.field), step.turns, np.nan)), ANGLE),
+        "turns": rounded(np.degrees(np.where(lever > SHARE**2 * mean, step.turns, np.nan)), ANGLE),
     }
-
-
-def _moves(field: ErrorField) -> NDArray[np.bool_]:
-    """(n, M), whether the lever of a joint is long enough to see its turn: else a small error is an enormous turn."""
-    return np.asarray(field.lever > SHARE**2 * field.lever.mean(axis=1, keepdims=True))
 
 
 def _entry(found: ModelReport, number: int) -> dict[str, Any]:
