@@ -4,16 +4,67 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
+from dataclasses import dataclass
 from importlib import import_module
 from traceback import extract_tb
 from typing import Annotated, Any, NoReturn
 
 import typer
 from typer.core import TyperGroup
-from typer.main import get_command_from_info, get_command_name, get_group
+from typer.main import get_command_from_info, get_group
+from typer.models import CommandInfo
 
-from lrm_ident.cli.command_list import COMMANDS, SECTIONS
 from lrm_math.errors import LrmError
+
+
+@dataclass(frozen=True)
+class ListedCommand:
+    """A command or group of commands: its module below `lrm_ident.cli`, and its line in the help."""
+
+    name: str
+    module: str
+    summary: str
+
+
+SECTIONS = {
+    "Measure": (
+        ListedCommand("arm", "groups.arm", "Describe an arm: from a URDF, to one, or by hand."),
+        ListedCommand("measure", "campaign", "Drive the arm through poses, measure its tip at each."),
+        ListedCommand("camera", "groups.camera", "Measure with a webcam and a printed board."),
+        ListedCommand("import", "groups.recordings", "Turn a tracker's recording into measurements."),
+        ListedCommand("align", "component_tests", "Find how far the tracker's targets read wrong."),
+        ListedCommand("stiffness", "component_tests", "Test one servo under load."),
+    ),
+    "Identify": (
+        ListedCommand("fit", "fit", "Fit the model of an arm to measurements."),
+        ListedCommand("diagnose", "diagnosis", "Find out which physical effect a model misses."),
+        ListedCommand("add", "diagnosis", "Add an effect and refit everything."),
+        ListedCommand("undo", "fit", "Take the last step of a model back, exactly."),
+        ListedCommand("auto", "diagnosis", "Add effects as diagnose advises, until none is missing."),
+        ListedCommand("propose", "diagnosis", "Propose a law where no known effect fits."),
+        ListedCommand("checkup", "groups.recordings", "Name what a LeRobot recording tells of an arm."),
+        ListedCommand("fleet", "groups.fleet", "Identify many arms of one kind, see them together."),
+    ),
+    "Look": (
+        ListedCommand("compare", "fit", "Show where a model fails on measurements."),
+        ListedCommand("report", "report", "Write one HTML file with everything."),
+        ListedCommand("workbench", "workbench", "All of it on a page in the browser (extra: page)."),
+        ListedCommand("predict", "fit", "Predict the TCP and the joints' torques at poses."),
+        ListedCommand("effects", "fit", "Explain the effects that the tool knows."),
+    ),
+    "Design": (
+        ListedCommand("design", "design", "Choose the poses to measure next."),
+        ListedCommand("choose-poses", "design", "Choose the best poses among measured ones."),
+        ListedCommand("identify-parameters", "design", "Find out which parameters poses can tell."),
+        ListedCommand("selftest", "diagnosis", "Tell before measuring what poses would show."),
+        ListedCommand("reach", "workspace", "Map what an arm can reach; compare variants of it."),
+    ),
+    "Drive": (
+        ListedCommand("verify", "campaign", "Send the tip to goals and measure where it lands."),
+    ),
+}  # fmt: skip
+COMMANDS = {command.name: command for section in SECTIONS.values() for command in section}
+WIDEST = max(map(len, COMMANDS))
 
 
 class LazyGroup(TyperGroup):
@@ -29,14 +80,20 @@ class LazyGroup(TyperGroup):
             return None
         if self.commands[cmd_name] is None:
             import_module(f"lrm_ident.cli.{COMMANDS[cmd_name].module}")
-            self.commands[cmd_name] = _registered(cmd_name)
+            registered: list[Any] = [*app.registered_groups, *app.registered_commands]
+            found = next(one for one in registered if one.name == cmd_name)
+            self.commands[cmd_name] = (
+                get_command_from_info(found, pretty_exceptions_short=True, rich_markup_mode=None)
+                if isinstance(found, CommandInfo)
+                else get_group(found.typer_instance)
+            )
         return self.commands[cmd_name]
 
     def format_commands(self, ctx: Any, formatter: Any) -> None:
         """Lists the commands by what they are for."""
         for title, section in SECTIONS.items():
             with formatter.section(title):
-                formatter.write_dl([(f"{command.name:<{_WIDEST}}", command.summary) for command in section])
+                formatter.write_dl([(f"{command.name:<{WIDEST}}", command.summary) for command in section])
 
 
 class WrappedHelp(TyperGroup.context_class.formatter_class):  # type: ignore[name-defined,misc]
@@ -58,7 +115,6 @@ class WrappedHelp(TyperGroup.context_class.formatter_class):  # type: ignore[nam
 _HYPHEN = "\u2011"
 """A hyphen where no line ends."""
 TyperGroup.context_class.formatter_class = WrappedHelp
-_WIDEST = max(map(len, COMMANDS))
 app = typer.Typer(
     cls=LazyGroup,
     no_args_is_help=True,
@@ -69,17 +125,6 @@ app = typer.Typer(
     help="Identify the model of a robot arm from measured TCP positions, see where it fails, find what is missing.\n\n"
     "Start with:\n\n\b\n  lrm-ident fit DATA.csv --arm lrm-lab -o model.toml\n  lrm-ident diagnose model.toml DATA.csv",
 )
-
-
-def _registered(name: str) -> Any:
-    """The click command of a command or group that its module has registered."""
-    for group in app.registered_groups:
-        if group.name == name and group.typer_instance is not None:
-            return get_group(group.typer_instance)
-    for command in app.registered_commands:
-        if command.callback is not None and (command.name or get_command_name(command.callback.__name__)) == name:
-            return get_command_from_info(command, pretty_exceptions_short=True, rich_markup_mode=None)
-    raise LookupError(f"{COMMANDS[name].module} registers no command '{name}'")
 
 
 def _print_version(wanted: bool) -> None:

@@ -76,3 +76,43 @@ Count = Annotated[int, Option("-n", "--count", min=1, help="How many poses to ch
 IndexName = Annotated[str, Option(help="What to raise: O1 (determinant), O2, O3, O4 or O5 (docs/design.md).")]
 Seed = Annotated[int, Option(help="Of the random starts.")]
 PosesOutput = Annotated[Path | None, Option("-o", "--output", metavar="CSV", help="Where to write the poses.")]
+AnyRobot = Annotated[
+    str,
+    Option(
+        help="Whose daemon; or a robot of LeRobot: lerobot:so101_follower,port=/dev/ttyACM0,id=mine; or bare Feetech "
+        "(SO-100, SO-101, LeKiwi) or Dynamixel (Koch) servos: feetech:/dev/ttyACM0,ids=1-5, "
+        "dynamixel:/dev/ttyUSB0,ids=1-5."
+    ),
+]
+Connect = Annotated[
+    str | None, Option(metavar="ENDPOINT", help="zenoh endpoint. Default: LRM_CONNECT, or tcp/127.0.0.1:7447.")
+]
+TrackerName = Annotated[
+    str,
+    Option(
+        help="dtrack:PORT (ART's ASCII datagrams), zenoh:KEY (the same on zenoh), csv:FILE that is being written, or a "
+        "camera and its DATA.camera.toml of camera read: camera:0,DATA.camera.toml."
+    ),
+]
+ToolTarget = Annotated[int, Option(min=0, help="Number of the target at the tip.")]
+BaseTarget = Annotated[
+    int, Option(min=-1, help="Number of the target at the base; -1: positions are in the arm's frame.")
+]
+Pause = Annotated[float, Option("--pause", min=0, help="Seconds from one pose to the next.")]
+Settle = Annotated[float, Option(min=0, help="Seconds of rest at least, before the averaging.")]
+Dwell = Annotated[float, Option(min=0.05, help="Seconds at the end of the rest to average over.")]
+LoadCommand = Annotated[
+    str | None,
+    Option(
+        metavar="COMMAND",
+        help="Changes the load, with the grams as its last word. Default: a question on the terminal.",
+    ),
+]
+Speed = Annotated[
+    float | None,
+    Option(min=1.0, max=180.0, metavar="DEG_PER_S", help="Of the fastest joint, without a daemon. Default: 30."),
+]
+Release = Annotated[
+    bool, Option("--release", help="Bare servos: Ctrl-\\ takes their torque without a question, and the arm falls.")
+]
+Take = Annotated[bool, Option("--take", help="Take the arm over if another client has it.")]

@@ -1,4 +1,4 @@
-"""The arm as commands reach it: their options, its daemon or bare servos, its loads, and interruptions."""
+"""The arm as commands reach it: its daemon or bare servos, its loads, and interruptions."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, NoReturn
+from typing import TYPE_CHECKING, NoReturn
 
-from typer import Exit, Option
+from typer import Exit
 
 from lrm_ident.cli.common import show
 from lrm_math.arm.arm_file import GRAM, load_arm
@@ -29,46 +29,6 @@ if TYPE_CHECKING:
 SO101 = "so101"
 """The arm of servos that are driven without a daemon, if no other is named."""
 SERVOS = "lerobot:, feetech: and dynamixel:"
-AnyRobot = Annotated[
-    str,
-    Option(
-        help="Whose daemon; or a robot of LeRobot: lerobot:so101_follower,port=/dev/ttyACM0,id=mine; or bare Feetech "
-        "(SO-100, SO-101, LeKiwi) or Dynamixel (Koch) servos: feetech:/dev/ttyACM0,ids=1-5, "
-        "dynamixel:/dev/ttyUSB0,ids=1-5."
-    ),
-]
-Connect = Annotated[
-    str | None, Option(metavar="ENDPOINT", help="zenoh endpoint. Default: LRM_CONNECT, or tcp/127.0.0.1:7447.")
-]
-TrackerName = Annotated[
-    str,
-    Option(
-        help="dtrack:PORT (ART's ASCII datagrams), zenoh:KEY (the same on zenoh), csv:FILE that is being written, or a "
-        "camera and its DATA.camera.toml of camera read: camera:0,DATA.camera.toml."
-    ),
-]
-ToolTarget = Annotated[int, Option(min=0, help="Number of the target at the tip.")]
-BaseTarget = Annotated[
-    int, Option(min=-1, help="Number of the target at the base; -1: positions are in the arm's frame.")
-]
-Pause = Annotated[float, Option("--pause", min=0, help="Seconds from one pose to the next.")]
-Settle = Annotated[float, Option(min=0, help="Seconds of rest at least, before the averaging.")]
-Dwell = Annotated[float, Option(min=0.05, help="Seconds at the end of the rest to average over.")]
-LoadCommand = Annotated[
-    str | None,
-    Option(
-        metavar="COMMAND",
-        help="Changes the load, with the grams as its last word. Default: a question on the terminal.",
-    ),
-]
-Speed = Annotated[
-    float | None,
-    Option(min=1.0, max=180.0, metavar="DEG_PER_S", help="Of the fastest joint, without a daemon. Default: 30."),
-]
-Release = Annotated[
-    bool, Option("--release", help="Bare servos: Ctrl-\\ takes their torque without a question, and the arm falls.")
-]
-Take = Annotated[bool, Option("--take", help="Take the arm over if another client has it.")]
 
 
 @dataclass(frozen=True)
@@ -152,31 +112,26 @@ def resumable(where: str) -> Iterator[None]:
 
 def load_changer(load_command: str | None) -> Callable[[float], None]:
     """Changes the load (kg) by a command, or asks a person for it where it differs from the last one."""
+    last = 0.0  # the first poses may need no load
 
-    def by_command(payload: float) -> None:
-        """Runs the command with the load (g) as its last word."""
-        words = [*shlex.split(load_command or ""), f"{payload / GRAM:.4g}"]
-        done = subprocess.run(words, capture_output=True, text=True)
-        if done.returncode:
-            raise LrmError(f"--load-command: exit code {done.returncode} of {shlex.join(words)}: {done.stderr.strip()}")
+    def change(payload: float) -> None:
+        """Runs the command with the load (g) as its last word, or asks at the terminal and waits."""
+        nonlocal last
+        if load_command:
+            words = [*shlex.split(load_command), f"{payload / GRAM:.4g}"]
+            done = subprocess.run(words, capture_output=True, text=True)
+            if done.returncode:
+                problem = f"exit code {done.returncode} of {shlex.join(words)}: {done.stderr.strip()}"
+                raise LrmError(f"--load-command: {problem}")
+        elif payload != last:
+            if not sys.stdin.isatty():
+                raise LrmError(
+                    f"a load of {payload / GRAM:g} g is wanted, and nobody to put it on: give --load-command"
+                )
+            input(f"Put {payload / GRAM:g} g on the tool, then press Enter. ")
+        last = payload
 
-    def by_person(payload: float) -> None:
-        """Asks at the terminal for the load (kg), and waits."""
-        if not sys.stdin.isatty():
-            raise LrmError(f"a load of {payload / GRAM:g} g is wanted, and nobody to put it on: give --load-command")
-        input(f"Put {payload / GRAM:g} g on the tool, then press Enter. ")
-
-    if load_command:
-        return by_command
-    state = {"payload": 0.0}  # the first poses may need no load
-
-    def when_changed(payload: float) -> None:
-        """Asks only if the load differs from the last one (kg)."""
-        if payload != state["payload"]:
-            by_person(payload)
-            state["payload"] = payload
-
-    return when_changed
+    return change
 
 
 def _end(*_: object) -> NoReturn:

@@ -1,4 +1,4 @@
-"""Commands that drive the arm through poses: to measure its tip at each, or to have photos taken."""
+"""Commands that drive the arm: to measure its tip at poses, to have photos taken, to see where it lands at goals."""
 
 from __future__ import annotations
 
@@ -11,28 +11,12 @@ from typing import TYPE_CHECKING, Annotated
 from typer import Option
 
 from lrm_ident.cli import arguments as arg
-from lrm_ident.cli.arm_access import (
-    AnyRobot,
-    ArmAccess,
-    BaseTarget,
-    Connect,
-    Dwell,
-    LoadCommand,
-    Pause,
-    Release,
-    Settle,
-    Speed,
-    Take,
-    ToolTarget,
-    TrackerName,
-    load_changer,
-    resumable,
-    target_numbers,
-)
+from lrm_ident.cli.arm_access import ArmAccess, load_changer, resumable, target_numbers
 from lrm_ident.cli.command import command
-from lrm_ident.cli.common import show
+from lrm_ident.cli.common import publish, show
 from lrm_ident.data.atomic_write import write_text
 from lrm_ident.data.measurement_file.conventions import LENGTH_UNITS
+from lrm_math.arm.arm_file import GRAM
 from lrm_math.errors import LrmError
 
 if TYPE_CHECKING:
@@ -42,21 +26,21 @@ if TYPE_CHECKING:
 @command
 def measure(
     poses: arg.PosesFile,
-    tracker: TrackerName,
+    tracker: arg.TrackerName,
     output: Annotated[
         Path,
         Option("-o", "--output", metavar="DATA", help="Measurements; an interrupted file goes on."),
         arg.CompanionFiles(appended=True),
     ],
-    robot: AnyRobot = "rover",
-    connect: Connect = None,
+    robot: arg.AnyRobot = "rover",
+    connect: arg.Connect = None,
     arm: arg.ArmName = None,
-    tool: ToolTarget = 1,
-    base: BaseTarget = 0,
-    pause: Pause = 15.0,
-    settle: Settle = 0.5,
-    dwell: Dwell = 1.0,
-    load_command: LoadCommand = None,
+    tool: arg.ToolTarget = 1,
+    base: arg.BaseTarget = 0,
+    pause: arg.Pause = 15.0,
+    settle: arg.Settle = 0.5,
+    dwell: arg.Dwell = 1.0,
+    load_command: arg.LoadCommand = None,
     until: Annotated[
         str | None,
         Option(metavar="LENGTH", help="Adaptive: until the held-out error is surely below this, such as 0.6mm."),
@@ -64,9 +48,9 @@ def measure(
     explain: Annotated[
         bool, Option("--explain", help="Adaptive: until what is missing has a name, and nothing is missing any more.")
     ] = False,
-    take: Take = False,
-    speed: Speed = None,
-    release: Release = False,
+    take: arg.Take = False,
+    speed: arg.Speed = None,
+    release: arg.Release = False,
 ) -> None:
     """Drive the arm through POSES and measure its tip at each: DATA, one row as soon as it is known.
 
@@ -160,3 +144,51 @@ def _say(progress: CampaignProgress) -> None:
 
 def _duration(seconds: float) -> str:
     return f"{seconds:.0f} s" if seconds < 120.0 else f"{seconds / 60.0:.0f} min"
+
+
+@command
+def verify(
+    tracker: arg.TrackerName,
+    robot: arg.AnyRobot = "rover",
+    connect: arg.Connect = None,
+    goals: Annotated[
+        str, Option(help="How many random goals; a CSV of x_mm, y_mm, z_mm to visit in order; or hole-to-basket.")
+    ] = "50",
+    arm: arg.ArmName = None,
+    payload_g: Annotated[float, Option(min=0, help="What the tool carries.")] = 0.0,
+    seed: Annotated[int, Option(help="Of the goals: the same goals before and after.")] = 0,
+    before: Annotated[
+        Path | None, Option(metavar="JSON", help="An earlier result (--json), of another model, to stand beside.")
+    ] = None,
+    tool: arg.ToolTarget = 1,
+    base: arg.BaseTarget = 0,
+    settle: arg.Settle = 0.5,
+    dwell: arg.Dwell = 1.0,
+    take: arg.Take = False,
+    model: Annotated[
+        Path | None,
+        Option(metavar="MODEL", help="Corrects the commands, without a daemon. Default: none, the arm as drawn."),
+    ] = None,
+    speed: arg.Speed = None,
+    json: arg.JsonFile = None,
+) -> None:
+    """Send the tip to goals through inverse kinematics with a model, and measure where it lands.
+
+    The model is the one that the daemon uses; with LeRobot or bare Feetech servos that of --model. Beside the measured
+    error stands what it predicts: rounding to counts, and the model's own uncertainty.
+    """
+    from lrm_ident.measuring.campaign.run import PoseTiming
+    from lrm_ident.measuring.campaign.session import RealClock, connected
+    from lrm_ident.measuring.verification.goal_run import GoalRun
+    from lrm_ident.measuring.verification.goals import goals_named
+    from lrm_ident.measuring.verification.report import read_verification, verification_document
+
+    earlier = None if before is None else read_verification(before)
+    numbers, clock, timing = target_numbers(tool, base, tracker), RealClock(), PoseTiming(0.0, settle, dwell)
+    with ArmAccess(robot, connect, speed, take, model=model).connection(arm, "lrm-ident verify") as link:
+        wanted = goals_named(goals, link.arm, seed)
+        with connected(link.daemon, tracker, numbers) as opened, link.drive(clock, lambda _: None) as driven:
+            parts = (link.arm, opened, numbers, clock, timing, payload_g * GRAM)
+            run = GoalRun(driven.arm, driven.solver(model), *parts)
+            found = run.visit(wanted, lambda number, words: show(f"[{number}/{len(wanted)}] {words}"))
+    publish(verification_document(found, earlier), json)

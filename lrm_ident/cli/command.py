@@ -33,11 +33,6 @@ READING_OPTIONS: dict[str, Any] = {
 """Options that a parameter `reading` of a command stands for."""
 
 
-def command(function: Callable[..., None]) -> Callable[..., None]:
-    """Registers a command. Its outputs are checked before the work; a parameter `reading` becomes its options."""
-    return command_of(app)(function)
-
-
 def command_group(name: str, summary: str) -> Typer:
     """A group of commands of the application, as yet without any."""
     group = Typer(no_args_is_help=True, rich_markup_mode=None, help=summary)
@@ -46,7 +41,7 @@ def command_group(name: str, summary: str) -> Typer:
 
 
 def command_of(group: Typer, name: str | None = None) -> Callable[[Callable[..., None]], Callable[..., None]]:
-    """Registers a command of a group as `command` does."""
+    """Registers commands of a group: outputs are checked before the work, a parameter `reading` becomes its options."""
 
     def register(function: Callable[..., None]) -> Callable[..., None]:
         """Adds the function to the group under its own name."""
@@ -63,7 +58,12 @@ def _checked(function: Callable[..., None]) -> Callable[..., None]:
     own = [parameter.replace(annotation=hints[name]) for name, parameter in signature.parameters.items()]
     shown = [parameter for parameter in own if parameter.name != "reading"]
     reads = len(shown) < len(own)
-    beside = {name: mark for name, hint in hints.items() for mark in _marks(hint)}
+    beside = {
+        name: mark
+        for name, hint in hints.items()
+        for mark in getattr(hint, "__metadata__", ())
+        if isinstance(mark, CompanionFiles)
+    }
     if reads:
         for name, option in READING_OPTIONS.items():
             annotation = Annotated[str | None, option]
@@ -83,10 +83,6 @@ def _checked(function: Callable[..., None]) -> Callable[..., None]:
     run.__signature__ = signature.replace(parameters=shown)  # type: ignore[attr-defined]
     run.__annotations__ = {parameter.name: parameter.annotation for parameter in shown}
     return run
-
-
-def _marks(hint: Any) -> list[CompanionFiles]:
-    return [mark for mark in getattr(hint, "__metadata__", ()) if isinstance(mark, CompanionFiles)]
 
 
 def _outputs(values: dict[str, Any], beside: Mapping[str, CompanionFiles]) -> dict[str, Path]:
@@ -128,3 +124,7 @@ def _whole_numbers(name: str, text: str) -> list[int]:
         return [int(word) for word in text.split(",")]
     except ValueError:
         raise LrmError(f"--{name.replace('_', '-')} {text}: should be whole numbers by commas") from None
+
+
+command = command_of(app)
+"""Registers a command of the application."""

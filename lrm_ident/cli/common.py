@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
@@ -40,12 +40,12 @@ def publish(
     json: Path | None,
     figure: Path | None = None,
     draw: Callable[[Path], None] | None = None,
-    most: int | None = None,
+    in_full: bool = True,
 ) -> None:
-    """Writes a result's JSON file, prints it (`most` lines of a list), and draws its figure with the numbers behind."""
+    """Writes a result's JSON file, prints it (lists cut, or `in_full`), draws its figure with the numbers behind."""
     if json:
         write_text(json, result.json())
-    write(out, result.blocks, most)
+    write(out, result.blocks, None if in_full else LISTED)
     if figure and draw:
         publish_figure(figure, draw, result.behind)
 
@@ -64,7 +64,7 @@ def publish_figure(figure: Path, draw: Callable[[Path], None], behind: ResultTab
 def read_model(path: Path, catalogue: Catalogue) -> tuple[ModelFile, Model]:
     """A model file, as it stands and as a model; notices go to stderr."""
     file, model, notices = inputs.read_model(path, catalogue)
-    tell(notices)
+    notice(*notices)
     return file, model
 
 
@@ -79,14 +79,14 @@ def opened(
     """A study from its files, which shows what it does as bars on stderr; notices go there, too."""
     with bars() as progress:
         study = inputs.read_study(model, data, effects_file, reading, progress, part)
-        tell(study.notices)
+        notice(*study.notices)
         yield study
 
 
 def identifiable(study: Study) -> Study:
     """The study with free parameters that the data alone identify; a notice goes to stderr if that changes them."""
     own = study.identifiable()
-    tell(own.notices[len(study.notices) :])
+    notice(*own.notices[len(study.notices) :])
     return own
 
 
@@ -113,14 +113,15 @@ def start_model(arm: Arm, model: Path | None) -> Model:
     if model is None:
         return nominal_model(arm)
     fitted = load_model(model)
-    if fitted.arm != arm:
-        raise FileError(model, "arm", f"is a model of {fitted.arm.name}{arm_difference(fitted.arm, arm)}")
+    check_arm(model, fitted.arm, arm)
     return fitted
 
 
-def arm_difference(one: Arm, arm: Arm) -> str:
-    """Words that follow the name of an arm that is not the other one."""
-    return f", not of {arm.name}" if one.name != arm.name else ": another arm file of that name"
+def check_arm(path: Path, one: Arm, arm: Arm) -> None:
+    """Raises `FileError` if the arm of a model file is not the one that is meant."""
+    if one != arm:
+        differs = f", not of {arm.name}" if one.name != arm.name else ": another arm file of that name"
+        raise FileError(path, "arm", f"is a model of {one.name}{differs}")
 
 
 def read_measurements(
@@ -128,13 +129,14 @@ def read_measurements(
 ) -> Measurements:
     """Measurements that the arm can have made; what a person should know of the file goes to stderr."""
     data = inputs.read_measurements(path, arm, arm_name, reading, usual)
-    tell(data.notices)
+    notice(*data.notices)
     return data
 
 
-def notice(words: str) -> None:
-    """Tells a person something, on stderr."""
-    log.print(f"notice: {words}", markup=False, highlight=False)
+def notice(*notices: str) -> None:
+    """Tells a person something, one line each, on stderr."""
+    for words in notices:
+        log.print(f"notice: {words}", markup=False, highlight=False)
 
 
 def one_of(what: str, name: str, names: Sequence[Name]) -> Name:
@@ -143,12 +145,6 @@ def one_of(what: str, name: str, names: Sequence[Name]) -> Name:
         if known == name:
             return known
     raise UnknownName(what, name, names)
-
-
-def tell(notices: Iterable[str]) -> None:
-    """Tells a person several things, one line each, on stderr."""
-    for words in notices:
-        notice(words)
 
 
 @contextmanager

@@ -32,10 +32,8 @@ from lrm_ident.fitting.executors import executor_for, in_this_process
 from lrm_ident.fitting.identifiability import fit_identifiable
 from lrm_ident.fitting.parameter_sets import TABLE_4_5, fittable, select_parameters
 from lrm_ident.measuring.camera.session import CameraSession, expected_weights, visible
-from lrm_ident.report.design import choice_document, design_document, pose_table
-from lrm_ident.report.identifiability import elimination_document
-from lrm_ident.report.plots.design import draw_choice, draw_design
-from lrm_ident.report.plots.identifiability import draw_elimination
+from lrm_ident.report.design import choice_document, design_document, elimination_document, pose_table
+from lrm_ident.report.plots.design import draw_choice, draw_design, draw_elimination
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_file import GRAM, MM, load_arm
 from lrm_math.arrays import Array

@@ -1,4 +1,4 @@
-"""Commands that find what is missing: effects, diagnose, add, undo, auto, propose, selftest."""
+"""Commands that find what is missing: diagnose, add, auto, propose, selftest."""
 
 from __future__ import annotations
 
@@ -15,54 +15,31 @@ from typer import Argument, Exit, Option
 
 from lrm_ident.cli import arguments as arg
 from lrm_ident.cli.command import command
-from lrm_ident.cli.common import LISTED, bars, identifiable, notice, opened, progress, publish, show, tell
+from lrm_ident.cli.common import bars, identifiable, notice, opened, progress, publish, show
 from lrm_ident.data.atomic_write import write_text
 from lrm_ident.data.measurement_file.load import load_poses
 from lrm_ident.data.wording import in_minutes
 from lrm_ident.diagnosis.auto import AutoStep
 from lrm_ident.diagnosis.diagnosis_report import report_of
-from lrm_ident.diagnosis.inject_recover import InjectionPlan, detectable_effects, run_trials
-from lrm_ident.diagnosis.symbolic_regression.law_file import law_id
 from lrm_ident.fitting.cross_validation import FOLDS
-from lrm_ident.fitting.effect_plugins import catalogue_with
 from lrm_ident.fitting.executors import executor_for, rounds_of
 from lrm_ident.fitting.priors import load_rates
-from lrm_ident.report.diagnosis.course import course_document, step_blocks, step_document
+from lrm_ident.report.diagnosis.course import course_document, proposal_document, step_blocks, step_document
 from lrm_ident.report.diagnosis.diagnosis import diagnosis_document, selftest_document
-from lrm_ident.report.diagnosis.laws import proposal_document
-from lrm_ident.report.effects import effect_blocks
 from lrm_ident.report.fit import error_blocks
 from lrm_ident.report.plots.diagnosis import draw_report
 from lrm_ident.residual.error_breakdown import NestedResidual
 from lrm_ident.study.field_step import WHAT_IT_IS, NoBetterPrediction
-from lrm_ident.study.inputs import arm_from, read_study
-from lrm_ident.study.model_history import fit_words, undo_step, write_model
+from lrm_ident.study.inputs import read_study
 from lrm_ident.study.model_on_data import ErrorSummary
 from lrm_ident.study.study import MAX_EFFECTS, Study
 from lrm_math.arm.arm_file import MM, load_arm
-from lrm_math.effects import FIELDS, FREE_FORMS, OWN_EFFECT
-from lrm_math.errors import LrmError, UnknownName
+from lrm_math.errors import LrmError
 from lrm_math.model.deployed_model import field_of
-from lrm_math.model.model_file import ModelFile
 from lrm_math.model.reading import AS_NAMED, Reading
-from lrm_math.toml_file import read_toml
 
 UNASKED_S = 120.0
 """Time that choosing the effects anew in every fold may take without being asked for."""
-
-
-@command
-def effects(
-    name: Annotated[str | None, Argument(metavar="ID", help="One effect; all of them if not given.")] = None,
-    effects_file: arg.EffectsFile = None,
-) -> None:
-    """Explain the effects that the tool knows: cause, formula, parameters, what data it takes to see them."""
-    catalogue = (*catalogue_with(effects_file), *FREE_FORMS, *FIELDS)
-    chosen = [kind for kind in catalogue if name in (None, kind.id)]
-    if not chosen:
-        raise UnknownName("effect", str(name), [kind.id for kind in catalogue], OWN_EFFECT)
-    for kind in chosen:
-        show(*effect_blocks(kind, in_full=name is not None))
 
 
 @command
@@ -80,7 +57,7 @@ def diagnose(
     rates = None if prior is None else load_rates(prior)
     with opened(model, data, effects_file, reading) as study:
         report = identifiable(study).diagnose(rates)
-    publish(diagnosis_document(report), json, figure, partial(draw_report, report), None if show_all else LISTED)
+    publish(diagnosis_document(report), json, figure, partial(draw_report, report), show_all)
 
 
 @command
@@ -101,21 +78,11 @@ def add(
     with opened(model, data, effects_file, reading) as read:
         study = identifiable(read)
         after = study.add(effect)
-        tell(after.notices[len(study.notices) :])
+        notice(*after.notices[len(study.notices) :])
         before, errors = after.errors_before, after.errors
     after.save(output)
-    publish(step_document(effect, after.taken, before, errors), json, most=None if show_all else LISTED)
+    publish(step_document(effect, after.taken, before, errors), json, in_full=show_all)
     show(f"Model written to {output}")
-
-
-@command
-def undo(model: arg.ModelPath, output: arg.NewModel) -> None:
-    """Take the last step of a model's history back, exactly."""
-    restored = undo_step(read_toml(model, ModelFile))
-    write_model(output, restored, arm_from(model, restored.arm))
-    known = restored.provenance
-    how = "" if known is None else fit_words(known.loss, known.left_out)
-    show(f"Back before the last step{how and f' ({how})'}; model written to {output}")
 
 
 @command
@@ -149,7 +116,7 @@ def auto(
     together with the prior. With --field: what no name explains is predicted too, beside the names.
     """
     read = read_study(model, data, effects_file, reading)  # without bars, which steps would be printed into
-    tell(read.notices)
+    notice(*read.notices)
     study = identifiable(read)
     numbers, begun, taken = count(), monotonic(), list[AutoStep]()
     rates = None if prior is None else load_rates(prior)
@@ -186,7 +153,7 @@ def auto(
     publish(
         course_document(course, report_of(course.confirmed), after.held_out, whole, with_prior, with_field),
         json,
-        most=None if show_all else LISTED,
+        in_full=show_all,
     )
 
 
@@ -224,6 +191,8 @@ def propose(
 
     Writes the best as an effect of your own (docs/effects.md): read it, then add it with --effects-file.
     """
+    from lrm_ident.diagnosis.symbolic_regression.law_file import law_id
+
     with opened(model, data, effects_file, reading) as study:
         found = identifiable(study).propose()
     publish(proposal_document(found), json)
@@ -256,6 +225,8 @@ def selftest(
 
     Injects each effect at its typical size into an arm with random errors, at your poses; prints what would be named.
     """
+    from lrm_ident.diagnosis.inject_recover import InjectionPlan, detectable_effects, run_trials
+
     plan = InjectionPlan(arm, load_poses(poses, load_arm(arm)), noise_mm * MM, seed, effects_file)
     names, refused = detectable_effects(plan, only)
     if not names:

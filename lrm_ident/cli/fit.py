@@ -1,4 +1,4 @@
-"""Commands that fit, predict and compare. Each reads, calls pure functions, writes its files, and prints."""
+"""Commands that fit, predict and compare, take a step back, and explain effects: those that diagnose nothing."""
 
 from __future__ import annotations
 
@@ -8,14 +8,13 @@ from pathlib import Path
 from typing import Annotated
 
 import numpy as np
-from typer import Option
+from typer import Argument, Option
 
 from lrm_ident.cli import arguments as arg
 from lrm_ident.cli.command import command
 from lrm_ident.cli.common import (
-    LISTED,
-    arm_difference,
     bars,
+    check_arm,
     leave_out_poses,
     notice,
     opened,
@@ -23,7 +22,6 @@ from lrm_ident.cli.common import (
     read_measurements,
     read_model,
     show,
-    tell,
 )
 from lrm_ident.data.atomic_write import write_bytes, write_text
 from lrm_ident.data.measurement_file.conventions import arm_for, metadata_of
@@ -34,17 +32,23 @@ from lrm_ident.fitting.loss import loss_named
 from lrm_ident.fitting.model_fit import DEFAULT_EFFECTS, nominal_model
 from lrm_ident.fitting.priors import Prior
 from lrm_ident.report.document import Document, ResultTable
+from lrm_ident.report.effects import effect_blocks
 from lrm_ident.report.fit import comparison_document, fit_document
 from lrm_ident.report.plots.comparison import draw_comparison
 from lrm_ident.report.priors import PriorComparison
 from lrm_ident.residual.error_breakdown import HeldOutResidual
+from lrm_ident.study.inputs import arm_from
+from lrm_ident.study.model_history import fit_words, undo_step, write_model
 from lrm_ident.study.other_data import at_data
 from lrm_ident.study.study import Study
 from lrm_math.arm.arm import Arm
-from lrm_math.errors import FileError, LrmError
+from lrm_math.effects import FIELDS, FREE_FORMS, OWN_EFFECT
+from lrm_math.errors import LrmError, UnknownName
 from lrm_math.model.equilibrium import Equilibrium, equilibrium
 from lrm_math.model.model import Model, model_of
+from lrm_math.model.model_file import ModelFile
 from lrm_math.model.reading import AS_NAMED, Reading
+from lrm_math.toml_file import read_toml
 
 
 @command
@@ -100,7 +104,7 @@ def fit(
     with bars() as progress:
         begun = Study(model, measured, arm_name, catalogue, progress=progress)
         fitted = begun.fit(parameters, loss_named(loss), prior, unbounded)
-        tell(fitted.notices)
+        notice(*fitted.notices)
         step = fitted.taken
         document = fit_document(step.fit, step.held, fitted.errors, measured)
         if step.stated_prior:
@@ -109,7 +113,7 @@ def fit(
             document = replace(document, blocks=blocks, values=values)
     if output:
         fitted.save(output)
-    publish(document, json, most=None if show_all else LISTED)
+    publish(document, json, in_full=show_all)
     show(f"Model written to {output}" if output else "Not saved; give -o MODEL to keep it.")
 
 
@@ -132,7 +136,7 @@ def predict(
         )
     asked = load_poses(poses, the_model.arm, how)
     here, left_out = at_data(the_model, poses, asked.sha256 or "")
-    tell(left_out)
+    notice(*left_out)
     settled = equilibrium(here, asked)
     table = _predictions(settled)
     within, q = the_model.within, settled.poses.q
@@ -175,13 +179,31 @@ def compare(
         from lrm_ident.report.plots.comparison_scene import scene_file
 
         write_bytes(mcap, scene_file(comparison, models_on_data(study)))
-    publish(
-        comparison_document(comparison),
-        json,
-        figure,
-        partial(draw_comparison, comparison),
-        None if show_all else LISTED,
-    )
+    publish(comparison_document(comparison), json, figure, partial(draw_comparison, comparison), show_all)
+
+
+@command
+def undo(model: arg.ModelPath, output: arg.NewModel) -> None:
+    """Take the last step of a model's history back, exactly."""
+    restored = undo_step(read_toml(model, ModelFile))
+    write_model(output, restored, arm_from(model, restored.arm))
+    known = restored.provenance
+    how = "" if known is None else fit_words(known.loss, known.left_out)
+    show(f"Back before the last step{how and f' ({how})'}; model written to {output}")
+
+
+@command
+def effects(
+    name: Annotated[str | None, Argument(metavar="ID", help="One effect; all of them if not given.")] = None,
+    effects_file: arg.EffectsFile = None,
+) -> None:
+    """Explain the effects that the tool knows: cause, formula, parameters, what data it takes to see them."""
+    catalogue = (*catalogue_with(effects_file), *FREE_FORMS, *FIELDS)
+    chosen = [kind for kind in catalogue if name in (None, kind.id)]
+    if not chosen:
+        raise UnknownName("effect", str(name), [kind.id for kind in catalogue], OWN_EFFECT)
+    for kind in chosen:
+        show(*effect_blocks(kind, in_full=name is not None))
 
 
 def _without_prior(begun: Study, fitted: Study, prior: Prior, parameters: str, unbounded: bool) -> PriorComparison:
@@ -196,11 +218,10 @@ def _without_prior(begun: Study, fitted: Study, prior: Prior, parameters: str, u
 
 def _start_model(data: Measurements, arm: Arm, effects: str | None, start: Path | None, catalogue: Catalogue) -> Model:
     loaded = read_model(start, catalogue)[1] if start else None
-    if loaded and loaded.arm != arm:
-        raise FileError(str(start), "arm", f"is a model of {loaded.arm.name}{arm_difference(loaded.arm, arm)}")
-    if loaded:
+    if start and loaded:
+        check_arm(start, loaded.arm, arm)
         loaded, left_out = at_data(loaded, data.path, data.sha256)
-        tell(left_out)
+        notice(*left_out)
     if effects is None and loaded:
         return loaded
     names = DEFAULT_EFFECTS if effects is None else [name.strip() for name in effects.split(",")]

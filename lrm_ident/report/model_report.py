@@ -4,16 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
 from lrm_ident.data.measurements import Measurements
+from lrm_ident.data.wording import decimals, enumerate_words
 from lrm_ident.diagnosis.diagnosis_report import DiagnosisReport
 from lrm_ident.report.diagnosis.diagnosis import diagnosis_document
 from lrm_ident.report.document import Document, ResultTable
 from lrm_ident.report.fit import comparison_document, estimate_table
-from lrm_ident.report.history import history_table, history_values, provenance_table
-from lrm_ident.report.plots.interactive.candidate_view import CandidateView, candidate_view
+from lrm_ident.report.plain_names import in_words
+from lrm_ident.report.plots.interactive.candidate_view import candidate_view
 from lrm_ident.report.step_card import EarlierDiagnosis, StepCard, judgement, step_cards
 from lrm_ident.residual.covariates import Covariate, covariates
 from lrm_ident.residual.error_breakdown import ModelComparison
@@ -21,11 +23,71 @@ from lrm_ident.residual.picture.error_field import ErrorField, error_field
 from lrm_ident.study.model_history import models_of_history
 from lrm_ident.study.other_data import at_data
 from lrm_ident.study.study import Study
+from lrm_math.effects import marked
 from lrm_math.model.equilibrium import equilibrium
 from lrm_math.model.model import Model
-from lrm_math.model.model_file import ModelFile, to_model
+from lrm_math.model.model_file import HistoryTable, ModelFile, to_model
 
+POSES_SHOWN = 20
+
+
+HASH_SHOWN = 8
+"""Digits of a data set's SHA-256 that are shown: enough to tell data sets of one person apart."""
 CANDIDATES = 12
+
+
+def data_of(entry: HistoryTable) -> str:
+    """First digits of the SHA-256 of the data that a step's errors are of; "" where that is not known."""
+    return "" if entry.provenance is None else entry.provenance.data_sha256[:HASH_SHOWN]
+
+
+def history_table(file: ModelFile) -> ResultTable:
+    """Every step of a model's history with its error in the fit and held out, and the data that these are of."""
+    known = [value for entry in file.history for value in (entry.fit_rms_mm, entry.held_out_rms_mm) if value]
+    spec = f".{decimals(*known)}f"
+    rows = [
+        (number, in_words(entry.step), entry.fit_rms_mm, entry.held_out_rms_mm, data_of(entry))
+        for number, entry in enumerate(file.history)
+    ]
+    columns = ("|", "step", f"fit RMS mm|{spec}", f"held out RMS mm|{spec}", "data (SHA-256)|")
+    return ResultTable(columns, rows, "Steps")
+
+
+def history_values(file: ModelFile) -> list[dict[str, object]]:
+    """History for JSON, unrounded."""
+    return [
+        {
+            "step": entry.step,
+            "fit_rms_mm": entry.fit_rms_mm,
+            "held_out_rms_mm": entry.held_out_rms_mm,
+            "data_sha256": None if entry.provenance is None else entry.provenance.data_sha256,
+        }
+        for entry in file.history
+    ]
+
+
+def provenance_table(file: ModelFile) -> ResultTable:
+    """Provenance of a model: data, tool, date, how it was fitted."""
+    known = file.provenance
+    said: dict[str, object] = {"arm": file.arm, "effects": ", ".join(map(marked, file.effects))}
+    if known is not None:
+        reading = {} if known.reading is None else known.reading.said()
+        said |= {
+            "data": known.data,
+            "SHA-256 of the data": known.data_sha256,
+            "SHA-256 of the arm": known.arm_sha256,
+            "poses fitted": str(known.poses),
+            "loss": known.loss,
+            "tool": known.tool,
+            "date": known.date,
+            "prior": known.prior,
+            "poses left out": enumerate_words(list(map(str, known.left_out)), POSES_SHOWN) or None,
+            **{f"read with {name}": str(value) for name, value in reading.items()},
+            "effects file": known.effects_file,
+            "its SHA-256": known.effects_sha256,
+        }
+    rows = [(what, value) for what, value in said.items() if value is not None]
+    return ResultTable(("what", "value"), rows, "Where the model comes from")
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,7 +98,7 @@ class ModelReport:
         file: the model with its history. poses: the drawn poses of the measurements; `field` says of how many.
         field: the error field of every step. covariates: what errors may follow, at the drawn poses.
         comparison, diagnosis: what the commands of these names print; None as long as they are not done.
-        candidates: the best ones beside the data, in the order of the ranking.
+        candidates: the best ones beside the data (`candidate_view`), in the order of the ranking.
         marked: numbers of the poses to look at, by why: worst, outliers, far poses, regimes of larger error.
         cards: of the steps after the first. judged: by number of the step, the diagnosis that came after it.
     """
@@ -48,7 +110,7 @@ class ModelReport:
     parameters: ResultTable
     comparison: Document | None = None
     diagnosis: Document | None = None
-    candidates: tuple[CandidateView, ...] = ()
+    candidates: tuple[Mapping[str, Any], ...] = ()
     marked: Mapping[str, tuple[int, ...]] | None = None
     cards: tuple[StepCard, ...] = ()
     judged: Mapping[int, EarlierDiagnosis] | None = None

@@ -137,13 +137,14 @@ def _card(
     added = [effect for name, effect in after.items() if name not in before]
     first, _, rest = entry.step.removeprefix("add ").partition(", or ")
     numbers = {name: words for effect in added for name, words in _estimates(effect, entry).items()}
+    free = sum(key in entry.sigma for effect in added for key in effect.keys)
     joint, driver = _shown(added[0].place if added else "", field, number, known)
     return StepCard(
         number=number,
         name=first,
         title=_capital(step_title(entry.step)),
         claim=_claim(added, numbers),
-        estimate=next(iter(numbers.values())) if len(_free(added, entry)) == 1 else "",
+        estimate=next(iter(numbers.values())) if free == 1 else "",
         estimates=tuple(f"{name} = {words}" for name, words in numbers.items()),
         joint=joint,
         driver=driver,
@@ -172,10 +173,6 @@ def _estimates(effect: Effect, entry: HistoryTable) -> dict[str, str]:
         for key, parameter in zip(effect.keys, effect.parameters, strict=True)
         if key in entry.parameters
     }
-
-
-def _free(added: Sequence[Effect], entry: HistoryTable) -> list[str]:
-    return [key for effect in added for key in effect.keys if key in entry.sigma]
 
 
 def _claim(added: Sequence[Effect], numbers: Mapping[str, str]) -> str:

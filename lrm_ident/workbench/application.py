@@ -3,15 +3,23 @@
 from __future__ import annotations
 
 import asyncio
+import tempfile
 import webbrowser
+from pathlib import Path
+from urllib.parse import quote
 
+from fastapi import Request
+from fastapi.responses import JSONResponse, PlainTextResponse, Response
 from nicegui import app, ui
+from starlette.datastructures import UploadFile
 
 from lrm_ident.workbench.address import HOST, WorkbenchAddress
 from lrm_ident.workbench.gate import Gate
-from lrm_ident.workbench.routes import add_routes
 from lrm_ident.workbench.session import WorkbenchSession
-from lrm_ident.workbench.tab.layout import WorkbenchPage
+from lrm_ident.workbench.tab.layout import FILES, WorkbenchPage
+from lrm_ident.workbench.work.session_files import keep_dropped, task_for
+from lrm_ident.workbench.work.tasks import PosesResult
+from lrm_math.errors import LrmError
 
 TITLE, TICK_S = "lrm-ident workbench", 0.03
 RECONNECT_S = 30.0
@@ -19,9 +27,9 @@ RECONNECT_S = 30.0
 
 
 def run_application(place: WorkbenchAddress, session: WorkbenchSession, tour: bool, show: bool) -> None:
-    """Serves the page until it is stopped; for the arguments see `serve`."""
+    """Serves the page until it is stopped; for the arguments see the command."""
     _add_page(session, tour)
-    add_routes(app, session)
+    _add_routes(session)
     app.add_middleware(Gate, port=place.port, token=place.token)
     _when_started(place, session, show)
     ui.run(
@@ -71,3 +79,60 @@ def _when_started(place: WorkbenchAddress, session: WorkbenchSession, show: bool
 
     running: list[asyncio.Task[None]] = []
     app.on_startup(lambda: running.extend(map(asyncio.create_task, (ticking(), announcing()))))
+
+
+def _add_routes(session: WorkbenchSession) -> None:
+    """Static files; what the page fetches, 404 where there is none yet; dropped files."""
+    for folder, files in FILES.items():
+        for file in files:
+            app.add_static_file(local_file=file, url_path=f"{folder}/{file.name}", max_cache_age=0)
+
+    def values() -> Response:
+        """The values of the figures."""
+        return _text(session.shown.values if session.shown else None, "application/json")
+
+    def model() -> Response:
+        """The model file, to be saved."""
+        return _text(session.shown.model if session.shown else None, "application/toml", "model.toml")
+
+    def poses() -> Response:
+        """The next poses, to be saved."""
+        found = session.poses or PosesResult("")
+        return _text(found.table, "text/csv", f"{Path(found.data).stem}-next.csv", "no poses are chosen yet")
+
+    def report() -> Response:
+        """The report of the last step, in a thread of its own, since it loads what computes."""
+        from lrm_ident.workbench.html_report import html_report
+
+        return _text(html_report(session.step.report) if session.step else None, "text/html")
+
+    async def drop(request: Request) -> Response:
+        """Opens dropped files; 400 with the reason if they cannot be opened."""
+        files = [file for file in (await request.form()).getlist("files") if isinstance(file, UploadFile)]
+        contents = {str(file.filename): await file.read() for file in files}
+        try:
+            _open_dropped(session, contents)
+        except LrmError as error:
+            session.fail(str(error))
+            return JSONResponse({"error": str(error)}, status_code=400)
+        return JSONResponse({"opened": sorted(contents)})
+
+    for answer in (values, model, poses, report):
+        app.add_api_route(f"/lrm/{answer.__name__}", answer, methods=["GET"], response_model=None)
+    app.add_api_route("/lrm/drop", drop, methods=["POST"], response_model=None)
+
+
+def _open_dropped(session: WorkbenchSession, contents: dict[str, bytes]) -> None:
+    """Opens files by their names and contents. Raises `LrmError`."""
+    if session.busy:
+        raise LrmError("still at work; wait, or press Cancel, before you open other files")
+    dropped = keep_dropped(Path(tempfile.mkdtemp(prefix="dropped-", dir=session.folder)), contents)
+    session.open(task_for(dropped, session.step.files if session.step else None))
+
+
+def _text(text: str | None, kind: str, name: str = "", missing: str = "no model is open yet") -> Response:
+    """A text of a media type, to be saved under a name if it has one; 404 and what is missing where there is none."""
+    if not text:
+        return PlainTextResponse(missing, status_code=404)
+    headers = {"content-disposition": f"attachment; filename*=UTF-8''{quote(name)}"} if name else {}
+    return Response(text, media_type=kind, headers=headers)

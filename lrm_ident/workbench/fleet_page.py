@@ -6,11 +6,11 @@ from html import escape
 
 from lrm_ident.fleet.fleet_figures import fleet_figures
 from lrm_ident.fleet.fleet_report import FleetResult, fleet_document
-from lrm_ident.report.document_html import blocks_html
+from lrm_ident.report.document import blocks_html
 from lrm_ident.report.plain_names import plain_name
 from lrm_ident.report.plots.interactive.assets import SCRIPTS_OF_FLEET
 from lrm_ident.report.plots.interactive.values import values_text
-from lrm_ident.workbench.standalone import standalone_page
+from lrm_ident.workbench.html_report import standalone_page
 
 BODY = """<header>
 <h1>{title}</h1>

@@ -5,7 +5,6 @@ from __future__ import annotations
 import base64
 import tempfile
 from collections.abc import Iterable
-from functools import singledispatch
 from html import escape
 from pathlib import Path
 
@@ -14,11 +13,9 @@ from lrm_ident.diagnosis.diagnosis_report import DiagnosisReport, report_of
 from lrm_ident.fitting.levenberg_marquardt import Fit
 from lrm_ident.report.diagnosis.course import step_blocks
 from lrm_ident.report.diagnosis.diagnosis import diagnosis_document
-from lrm_ident.report.document import Block
-from lrm_ident.report.document_html import blocks_html
+from lrm_ident.report.document import Block, blocks_html
 from lrm_ident.report.fit import comparison_document, parameter_table
-from lrm_ident.report.history import history_table
-from lrm_ident.report.model_report import quick_report, with_comparison, with_diagnosis
+from lrm_ident.report.model_report import history_table, quick_report, with_comparison, with_diagnosis
 from lrm_ident.report.plots.plot import plot
 from lrm_ident.residual.error_breakdown import ModelComparison
 from lrm_ident.study.study import Study
@@ -43,40 +40,24 @@ STYLE = (
 """Of text and tables, which a notebook shows without the page's style, and with one of its own that goes before."""
 
 
-@singledispatch
 def html_of(result: object) -> str:
     """HTML of a result. Raises `LrmError` for what is none."""
+    match result:
+        case ModelComparison():
+            return _tables(comparison_document(result).blocks) + _picture(result)
+        case DiagnosisReport():
+            return _tables(diagnosis_document(result).blocks) + _picture(result)
+        case AutoRun(steps=taken):
+            steps: list[Block] = [block for k, step in enumerate(taken) for block in step_blocks(k, step, taken[0])]
+            return _tables(steps) + html_of(report_of(result.confirmed))
+        case Fit():
+            return _tables([parameter_table(result)])
+        case Study():
+            try:
+                return _tables([history_table(result.file)])
+            except LrmError as error:
+                return f"<p>{escape(str(error))}</p>"
     raise LrmError(f"no picture is known for a {type(result).__name__}")
-
-
-@html_of.register
-def _(result: ModelComparison) -> str:
-    return _tables(comparison_document(result).blocks) + _picture(result)
-
-
-@html_of.register
-def _(result: DiagnosisReport) -> str:
-    return _tables(diagnosis_document(result).blocks) + _picture(result)
-
-
-@html_of.register
-def _(result: AutoRun) -> str:
-    taken = result.steps
-    steps: list[Block] = [block for k, step in enumerate(taken) for block in step_blocks(k, step, taken[0])]
-    return _tables(steps) + html_of(report_of(result.confirmed))
-
-
-@html_of.register
-def _(result: Fit) -> str:
-    return _tables([parameter_table(result)])
-
-
-@html_of.register
-def _(result: Study) -> str:
-    try:
-        return _tables([history_table(result.file)])
-    except LrmError as error:
-        return f"<p>{escape(str(error))}</p>"
 
 
 def page_of(study: Study) -> str:

@@ -6,76 +6,55 @@ from dataclasses import replace
 from pathlib import Path
 
 from lrm_ident.data.atomic_write import check_outputs, write_text
-from lrm_ident.workbench.last_session import note_session
-from lrm_ident.workbench.session_state import SessionState
-from lrm_ident.workbench.taken_steps import with_data, with_law, with_poses, with_step, with_undone, without_last
-from lrm_ident.workbench.work.followed_file import FollowedFile, follow_file
-from lrm_ident.workbench.work.messages import WorkDone, WorkFailure, WorkMessage, WorkNotice, WorkProgress, WorkResult
-from lrm_ident.workbench.work.opened_data import keep_opened
-from lrm_ident.workbench.work.tasks import (
-    FIELD,
-    AddTask,
-    AutoTask,
-    CompareTask,
-    DiagnoseTask,
-    LawResult,
-    OpenTask,
-    PosesResult,
-    PosesTask,
-    ProposeTask,
-    StepResult,
-    WorkTask,
-    kept_name,
-)
+from lrm_ident.workbench import session_state as state
+from lrm_ident.workbench.address import note_session
+from lrm_ident.workbench.work import tasks
+from lrm_ident.workbench.work.session_files import FollowedFile, follow_file, keep_opened
 from lrm_math.errors import LrmError
 
 NOTICES_KEPT = 8
 
 
-class WorkbenchSession(SessionState):
+class WorkbenchSession(state.SessionState):
     """Steps of a person with one model on one set of measurements, and their results."""
 
     # ---- what a person does
 
-    def open(self, task: OpenTask) -> None:
+    def open(self, task: tasks.OpenTask) -> None:
         """Opens files, the model kept here; the steps so far stay as they are until that has worked."""
-        self._give_way()
         self._begin(replace(task, kept=self.new_file()))
 
     def new_file(self) -> Path:
         """File in which the next step is kept."""
         self.taken = replace(self.taken, count=self.taken.count + 1)
-        return self.folder / kept_name(self.taken.count - 1)
+        return self.folder / tasks.kept_name(self.taken.count - 1)
 
     def add(self, effect: str) -> None:
         """Adds an effect at a place; waits for a diagnosis of this step that is under way, which it needs."""
         step = self._steady()
-        self._begin(AddTask(step.files, effect, self.new_file(), step.packed))
+        self._begin(tasks.AddTask(step.files, effect, self.new_file(), step.packed), waits=True)
 
     def add_field(self) -> None:
         """Adds what no name explains, where the model predicts better with it; no diagnosis is needed for that."""
         step = self._steady()
-        self._give_way()
-        self._begin(AddTask(step.files, FIELD, self.new_file(), step.packed))
+        self._begin(tasks.AddTask(step.files, tasks.FIELD, self.new_file(), step.packed))
 
     def auto(self) -> None:
         """Follows the advice until it says stop."""
         step = self._steady()
-        self._give_way()
-        self._begin(AutoTask(step.files, self.folder, self.taken.count, step.packed))
+        self._begin(tasks.AutoTask(step.files, self.folder, self.taken.count, step.packed))
 
     def propose(self) -> None:
         """Looks for a law."""
         step = self._steady()
-        self._give_way()
-        self._begin(ProposeTask(step.files, self.folder / f"law-{len(self.taken.done)}.py"))
+        self._begin(tasks.ProposeTask(step.files, self.folder / f"law-{len(self.taken.done)}.py"))
 
     def next_poses(self) -> None:
         """Chooses the next poses to measure. Raises `LrmError` as long as there is no diagnosis that says what for."""
         step = self._steady()
         if not step.shown.diagnosed:
             raise LrmError("the poses are chosen to tell candidates apart: wait until every effect has been tried")
-        self._begin(PosesTask(step.files, step.packed, self.folder / f"poses-{len(self.taken.done)}.csv"))
+        self._begin(tasks.PosesTask(step.files, step.packed, self.folder / f"poses-{len(self.taken.done)}.csv"))
 
     def add_law(self) -> None:
         """Adds the proposed law, from its file. Raises `LrmError` if there is none."""
@@ -84,9 +63,8 @@ class WorkbenchSession(SessionState):
             raise LrmError("no law is proposed; press Propose a law first")
         if step.files.effects_file is not None:
             raise LrmError("this model has effects of its own already; add the law on the command line")
-        self._give_way()
         files = replace(step.files, effects_file=self.taken.law.file)
-        self._begin(AddTask(files, self.taken.law.name, self.new_file(), step.packed))
+        self._begin(tasks.AddTask(files, self.taken.law.name, self.new_file(), step.packed))
 
     def undo(self) -> None:
         """Takes the last step back, exactly. Raises `LrmError` if there is none."""
@@ -96,12 +74,12 @@ class WorkbenchSession(SessionState):
         self._give_way()
         kept = self.new_file()
         write_text(kept, step.shown.before)
-        self.taken = without_last(self.taken, kept)
+        self.taken = state.without_last(self.taken, kept)
         self._noted()
         if self.step is not None and self.step.files.model == kept:
             self._diagnose()
         else:
-            self._begin(CompareTask(replace(step.files, model=kept)))
+            self._begin(tasks.CompareTask(replace(step.files, model=kept)))
 
     def redo(self) -> None:
         """Takes a step again that was taken back. Raises `LrmError` if there is none."""
@@ -109,23 +87,22 @@ class WorkbenchSession(SessionState):
         if self.taken.undone is None:
             raise LrmError("nothing to redo: no step was taken back since the last change")
         self._give_way()
-        self.taken = with_undone(self.taken)
+        self.taken = state.with_undone(self.taken)
         self._noted()
         self._diagnose()
 
     def reload(self) -> None:
         """Goes on with the measurements as their file is now."""
         step = self._ready()
-        self._give_way()
         self.opened, self.stale = None, False
-        self._begin(CompareTask(step.files))
+        self._begin(tasks.CompareTask(step.files))
 
     def keep(self) -> None:
         """Goes on with the measurements as they were read. Raises `LrmError` if there is no copy of these."""
         step = self._ready()
         if self.opened is None or self.opened.copy is None:
             raise LrmError(f"{step.files.data} changed while it was read: press Reload")
-        self.taken = with_data(self.taken, self.opened.copy)
+        self.taken = state.with_data(self.taken, self.opened.copy)
         self.opened, self.stale = replace(self.opened, path=self.opened.copy), False
         self._noted()
         self._diagnose()
@@ -135,7 +112,7 @@ class WorkbenchSession(SessionState):
         if self.offered is None:
             raise LrmError("there is no session before this one")
         files, self.offered = self.offered, None
-        self.open(OpenTask(files.data, files.model, None, files.effects_file, files.reading))
+        self.open(tasks.OpenTask(files.data, files.model, None, files.effects_file, files.reading))
 
     def follow(self, source: Path) -> None:
         """Shows a file of measurements as it grows; nothing is diagnosed meanwhile. Raises `FileError`."""
@@ -178,53 +155,51 @@ class WorkbenchSession(SessionState):
             self._look_at(self.followed)
         if self.worker.task is None and self._waiting is not None:
             task, self._waiting = self._waiting, None
-            if isinstance(task, AddTask) and self.step is not None:
+            if isinstance(task, tasks.AddTask) and self.step is not None:
                 task = replace(task, packed=self.step.packed)  # with the diagnosis that it has waited for
             self._begin(task)
         self._look_at_data()
 
-    def _take(self, message: WorkMessage) -> None:
-        if isinstance(message, WorkProgress):
+    def _take(self, message: tasks.WorkMessage) -> None:
+        if isinstance(message, tasks.WorkProgress):
             self.progress = message
-        elif isinstance(message, WorkNotice):
+        elif isinstance(message, tasks.WorkNotice):
             if message.words not in self.notices:
                 self.notices = [*self.notices, message.words][-NOTICES_KEPT:]
-        elif isinstance(message, WorkResult):
-            self._take_result(message.value)
-        elif isinstance(message, WorkFailure):
+        elif isinstance(message, tasks.StepResult):
+            self.taken = state.with_step(self.taken, self._at_work, message)
+            self._noted()
+        elif isinstance(message, tasks.LawResult):
+            self.taken = state.with_law(self.taken, message)
+            self._noted()
+        elif isinstance(message, tasks.PosesResult):
+            self.poses, self.taken = message, state.with_poses(self.taken, message)
+        elif isinstance(message, tasks.WorkFailure):
             self.progress = None
             self.fail(message.words)
-            if not isinstance(self._at_work, DiagnoseTask):
+            if not isinstance(self._at_work, tasks.DiagnoseTask):
                 self._diagnose()
-        elif isinstance(message, WorkDone):
+        elif isinstance(message, tasks.WorkDone):
             self.progress = None
             if self._waiting is None:
                 self._diagnose()
         self._changed()
 
-    def _take_result(self, value: StepResult | LawResult | PosesResult) -> None:
-        if isinstance(value, PosesResult):
-            self.poses, self.taken = value, with_poses(self.taken, value)
-            return
-        if isinstance(value, LawResult):
-            self.taken = with_law(self.taken, value)
-        else:
-            self.taken = with_step(self.taken, self._at_work, value)
-        self._noted()
-
     # ---- inside
 
-    def _begin(self, task: WorkTask) -> None:
-        """Starts a task now, or after the one at work."""
-        if not isinstance(task, DiagnoseTask):
+    def _begin(self, task: tasks.WorkTask, waits: bool = False) -> None:
+        """Starts a task now, or after the one at work; `waits`: also after a diagnosis under way."""
+        if not waits:
+            self._give_way()
+        if not isinstance(task, tasks.DiagnoseTask):
             self.failure = ""
         if self.worker.task is not None:
             self._waiting = task
         else:
             self._at_work = task
             self.worker.start(task)
-        if not isinstance(task, DiagnoseTask) or self.progress is None:
-            self.progress = WorkProgress("starting")
+        if not isinstance(task, tasks.DiagnoseTask) or self.progress is None:
+            self.progress = tasks.WorkProgress("starting")
         self._changed()
 
     def _noted(self) -> None:
@@ -250,7 +225,7 @@ class WorkbenchSession(SessionState):
         step = self.step
         try:
             if step is not None and followed.grown():
-                self._begin(CompareTask(replace(step.files, data=followed.copy)))
+                self._begin(tasks.CompareTask(replace(step.files, data=followed.copy)))
         except LrmError as error:
             self.followed = None
             self.fail(str(error))
@@ -259,14 +234,14 @@ class WorkbenchSession(SessionState):
         step = self.step
         waits = step is not None and not step.shown.diagnosed and not self.stale
         if step is not None and waits and self.followed is None and self.worker.task is None:
-            self._begin(DiagnoseTask(step.files, step.packed))
+            self._begin(tasks.DiagnoseTask(step.files, step.packed))
 
     def _give_way(self) -> None:
         """Ends a diagnosis under way that nobody waits for."""
-        if isinstance(self.worker.task, DiagnoseTask):
+        if isinstance(self.worker.task, tasks.DiagnoseTask):
             self.worker.cancel()
 
-    def _steady(self) -> StepResult:
+    def _steady(self) -> tasks.StepResult:
         """The last step, on measurements that are still what was read. Raises `LrmError`."""
         step = self._ready()
         self._look_at_data(now=True)

@@ -1,30 +1,144 @@
-"""State of the workbench that all tabs show: steps, the work going on, and what a person may do next."""
+"""State of the workbench that all tabs show: the steps taken, the work going on, and what a person may do next.
+
+What each result of a task adds to the steps are pure functions on values.
+"""
 
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass, field
+import shlex
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
-from lrm_ident.workbench.taken_steps import TakenSteps
-from lrm_ident.workbench.work.commands import DoneCommand
-from lrm_ident.workbench.work.followed_file import FollowedFile
-from lrm_ident.workbench.work.messages import WorkProgress
-from lrm_ident.workbench.work.opened_data import OpenedData
-from lrm_ident.workbench.work.tasks import (
-    DiagnoseTask,
-    OpenFiles,
-    PosesResult,
-    StepResult,
-    StepView,
-    WorkTask,
-)
+from lrm_ident.workbench.work import tasks
+from lrm_ident.workbench.work.session_files import FollowedFile, OpenedData
 from lrm_ident.workbench.work.worker import WorkProcess
 from lrm_math.errors import LrmError
+from lrm_math.model.reading import Reading
 
-if TYPE_CHECKING:
-    from lrm_ident.report.model_report import ModelReport
+
+@dataclass(frozen=True)
+class DoneCommand:
+    """A command: its words, and the options of reading and effects that all of them share."""
+
+    words: tuple[str | Path, ...]
+    effects_file: Path | None = None
+    reading: Reading | None = None
+
+    @property
+    def text(self) -> str:
+        """Text for a shell."""
+        words = ["lrm-ident", *map(str, self.words)]
+        if self.effects_file is not None:
+            words += ["--effects-file", str(self.effects_file)]
+        for name, value in ({} if self.reading is None else self.reading.said()).items():
+            text = ",".join(map(str, value)) if isinstance(value, list) else str(value)
+            words.append(f"--{name.replace('_', '-')}={text}")
+        return shlex.join(words)
+
+
+def commands_text(done: Sequence[DoneCommand]) -> str:
+    """One command a line."""
+    return "".join(f"{command.text}\n" for command in done)
+
+
+@dataclass(frozen=True)
+class TakenSteps:
+    """Steps, the last one being the model, with what was done as commands.
+
+    Attributes:
+        law: the last proposed law. count: how many names of files were given away.
+        undone: what there was before the last `undo`, which `redo` gives back; None after anything else.
+    """
+
+    steps: tuple[tasks.StepResult, ...] = ()
+    law: tasks.LawResult | None = None
+    done: tuple[DoneCommand, ...] = ()
+    count: int = 0
+    undone: TakenSteps | None = None
+
+    @property
+    def last(self) -> tasks.StepResult | None:
+        """The model, or None if nothing is open."""
+        return self.steps[-1] if self.steps else None
+
+
+def with_law(taken: TakenSteps, law: tasks.LawResult) -> TakenSteps:
+    """After `propose`."""
+    files = taken.steps[-1].files
+    kept = () if law.file is None else ("-o", law.file)
+    words = ("propose", files.model, files.data, *kept)
+    return replace(taken, law=law, done=(*taken.done, DoneCommand(words, files.effects_file, files.reading)))
+
+
+def with_poses(taken: TakenSteps, poses: tasks.PosesResult) -> TakenSteps:
+    """After the next poses were chosen; unchanged where that was not possible."""
+    if not poses.command or taken.last is None:
+        return taken
+    return replace(taken, done=(*taken.done, DoneCommand(poses.command, taken.last.files.effects_file)))
+
+
+def with_step(taken: TakenSteps, task: tasks.WorkTask | None, step: tasks.StepResult) -> TakenSteps:
+    """After a task has given a step: a new one, or the last one with more that is known of it."""
+    if isinstance(task, tasks.OpenTask):
+        return TakenSteps((step,), None, (_opened(task, step),), taken.count)
+    if isinstance(task, tasks.DiagnoseTask):
+        same = taken.last is not None and taken.last.files == step.files
+        return replace(taken, steps=(*taken.steps[:-1], step)) if same else taken
+    if isinstance(task, tasks.CompareTask) and taken.last is not None and taken.last.files.model == step.files.model:
+        same = taken.last.shown.data_sha256 == step.shown.data_sha256
+        return replace(taken, steps=(*taken.steps[:-1], step), undone=taken.undone if same else None)
+    if isinstance(task, tasks.AddTask):
+        words = ("add", task.files.model, task.files.data, task.effect, "-o", step.files.model)
+        return _did(taken, step, words)
+    if isinstance(task, tasks.AutoTask):
+        return _followed(taken, task, step)
+    return replace(taken, steps=(*taken.steps, step))
+
+
+def without_last(taken: TakenSteps, kept: Path) -> TakenSteps:
+    """After `undo`, whose model is kept in a file: the step before is the last one again, if the page knows it."""
+    last, earlier, before = taken.steps[-1], taken.steps[:-1], taken
+    taken = replace(taken, undone=before)
+    done = (*taken.done, DoneCommand(("undo", last.files.model, "-o", kept)))
+    if earlier and earlier[-1].shown.model == last.shown.before:
+        known = replace(earlier[-1], files=replace(last.files, model=kept))
+        return replace(taken, steps=(*earlier[:-1], known), done=done)
+    return replace(taken, steps=earlier, done=done)
+
+
+def with_undone(taken: TakenSteps) -> TakenSteps:
+    """After `redo`: all is as before the last `undo`, but for names of files, which are given away once."""
+    return taken if taken.undone is None else replace(taken.undone, count=taken.count)
+
+
+def with_data(taken: TakenSteps, data: Path) -> TakenSteps:
+    """Steps on the same measurements from another file."""
+    last = taken.steps[-1]
+    return replace(taken, steps=(*taken.steps[:-1], replace(last, files=replace(last.files, data=data))), undone=None)
+
+
+def _did(taken: TakenSteps, step: tasks.StepResult, words: tuple[str | Path, ...]) -> TakenSteps:
+    command = DoneCommand(words, step.files.effects_file, step.files.reading)
+    return replace(taken, steps=(*taken.steps, step), law=None, done=(*taken.done, command), undone=None)
+
+
+def _followed(taken: TakenSteps, task: tasks.AutoTask, step: tasks.StepResult) -> TakenSteps:
+    """A step of `auto`, whose command stands once in the list however many steps it has taken."""
+    number = int(step.files.model.stem.split("-")[1]) - task.number + 1
+    before = taken if number == 1 else replace(taken, done=taken.done[:-1])
+    words = ("auto", task.files.model, task.files.data, "-o", step.files.model)
+    after = _did(before, step, (*words, "--max-effects", str(number), "--no-nested"))
+    return replace(after, count=task.number + number)
+
+
+def _opened(task: tasks.OpenTask, step: tasks.StepResult) -> DoneCommand:
+    """A fit, or a copy of the model that was opened: steps are taken from that."""
+    if task.model is not None:
+        return DoneCommand(("compare", step.files.model, task.data), task.effects_file, task.reading)
+    words: tuple[str | Path, ...] = ("fit", task.data, "-o", task.kept)
+    return DoneCommand(words if task.arm is None else (*words, "--arm", task.arm), None, task.reading)
 
 
 @dataclass
@@ -43,38 +157,33 @@ class SessionState:
     folder: Path
     worker: WorkProcess
     taken: TakenSteps = field(default_factory=TakenSteps)
-    progress: WorkProgress | None = None
+    progress: tasks.WorkProgress | None = None
     failure: str = ""
     notices: list[str] = field(default_factory=list)
     followed: FollowedFile | None = None
-    offered: OpenFiles | None = None
+    offered: tasks.OpenFiles | None = None
     opened: OpenedData | None = None
     stale: bool = False
-    poses: PosesResult | None = None
+    poses: tasks.PosesResult | None = None
     version: int = 0
     drawn: int = 0
-    _waiting: WorkTask | None = None
-    _at_work: WorkTask | None = None
+    _waiting: tasks.WorkTask | None = None
+    _at_work: tasks.WorkTask | None = None
 
     @property
-    def step(self) -> StepResult | None:
+    def step(self) -> tasks.StepResult | None:
         """The last step."""
         return self.taken.last
 
     @property
-    def shown(self) -> StepView | None:
+    def shown(self) -> tasks.StepView | None:
         """View of the last step."""
         return self.step.shown if self.step else None
 
     @property
-    def report(self) -> ModelReport | None:
-        """All that is known of the last step."""
-        return self.step.report if self.step else None
-
-    @property
     def busy(self) -> bool:
         """Whether work is going on that a person requested; the diagnosis of a step gives way to it."""
-        return self.worker.task is not None and not isinstance(self.worker.task, DiagnoseTask)
+        return self.worker.task is not None and not isinstance(self.worker.task, tasks.DiagnoseTask)
 
     @property
     def can_diagnose(self) -> bool:
@@ -104,7 +213,7 @@ class SessionState:
         self.failure = re.sub(rf"{re.escape(str(self.folder))}/(dropped-\w+/)?", "", words)
         self._changed()
 
-    def _ready(self) -> StepResult:
+    def _ready(self) -> tasks.StepResult:
         """The last step. Raises `LrmError` if there is none, or other work goes on."""
         if self.step is None:
             raise LrmError("no model is open yet")

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from lrm_ident.data.measurement_file.conventions import frame_motion
 from lrm_ident.data.rigid_motion import inverse
 from lrm_ident.measuring.camera.board import CharucoBoard
 from lrm_ident.measuring.camera.opencv import opencv

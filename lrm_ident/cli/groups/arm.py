@@ -79,8 +79,7 @@ def import_urdf(
         ),
     )
     publish(arm_document(found.arm, found.difference), json)
-    for words in found.notices:
-        notice(words)
+    notice(*found.notices)
     write_text(output, text)
     show(f"Arm written to {output}")
 

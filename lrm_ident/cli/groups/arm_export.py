@@ -6,25 +6,18 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TypeAlias
 
+from lrm_ident.data.robot_files import urdf_export as export
 from lrm_ident.data.robot_files.lerobot_calibration import beyond_zeros, calibration_text, corrected, joint_config_text
 from lrm_ident.data.robot_files.mjcf import mjcf
 from lrm_ident.data.robot_files.mjcf_patch import patched_mjcf
 from lrm_ident.data.robot_files.mjcf_robot import read_mjcf
 from lrm_ident.data.robot_files.ros2_control import with_offsets
 from lrm_ident.data.robot_files.urdf import read_urdf
-from lrm_ident.data.robot_files.urdf_export import (
-    ExportedFile,
-    bare_urdf,
-    corrected_urdf,
-    exported_difference,
-    left_out,
-    rigid_part,
-)
 from lrm_math.effects import split_key
 from lrm_math.errors import FileError, LrmError
 from lrm_math.model.model import Model
 
-Writer: TypeAlias = Callable[[Model, Path], ExportedFile]
+Writer: TypeAlias = Callable[[Model, Path], export.ExportedFile]
 """Makes the file for a model that is written at a path. Raises `LrmError`."""
 
 
@@ -63,17 +56,19 @@ def writer_for(output: Path, own: Mapping[str, Path], base: str | None, tip: str
     return known[option, output.suffix]
 
 
-def _urdf(model: Model, urdf: Path | None, base: str | None, tip: str | None, keep: Sequence[str]) -> ExportedFile:
-    robot = read_urdf(urdf) if urdf else bare_urdf(model.arm)
-    rigid = rigid_part(model, keep)
-    text = corrected_urdf(rigid, robot, base, tip)
-    off = exported_difference(rigid, text, base, tip)
-    return ExportedFile(text, f"URDF (at most {off:.1g} m off the model's rigid part)", left_out(model))
+def _urdf(
+    model: Model, urdf: Path | None, base: str | None, tip: str | None, keep: Sequence[str]
+) -> export.ExportedFile:
+    robot = read_urdf(urdf) if urdf else export.bare_urdf(model.arm)
+    rigid = export.rigid_part(model, keep)
+    text = export.corrected_urdf(rigid, robot, base, tip)
+    off = export.exported_difference(rigid, text, base, tip)
+    return export.ExportedFile(text, f"URDF (at most {off:.1g} m off the model's rigid part)", export.left_out(model))
 
 
-def _zeros(model: Model, text: str, what: str) -> ExportedFile:
+def _zeros(model: Model, text: str, what: str) -> export.ExportedFile:
     """A file that holds the zero offsets of a model alone."""
-    return ExportedFile(text, what, beyond_zeros(model))
+    return export.ExportedFile(text, what, beyond_zeros(model))
 
 
 def _as_drawn(model: Model, places: Sequence[str]) -> Model:

@@ -12,7 +12,7 @@ import tomli_w
 from typer import Argument, Option
 
 from lrm_ident.cli import arguments as arg
-from lrm_ident.cli.arm_access import AnyRobot, ArmAccess, Connect, LoadCommand, Release, Settle, Speed, Take
+from lrm_ident.cli.arm_access import ArmAccess
 from lrm_ident.cli.campaign import photo_poses
 from lrm_ident.cli.command import command_group, command_of
 from lrm_ident.cli.common import notice, progress, show
@@ -113,13 +113,13 @@ def read(
         Option("-o", "--output", metavar="DATA", help="Where to write the measurements (.csv)."),
         arg.CompanionFiles({".toml": "metadata", ".camera.toml": "session"}),
     ],
-    robot: Annotated[str | None, AnyRobot.__metadata__[0]] = None,
-    connect: Connect = None,
-    settle: Settle = 0.5,
-    speed: Speed = None,
-    load_command: LoadCommand = None,
-    take: Take = False,
-    release: Release = False,
+    robot: Annotated[str | None, arg.AnyRobot.__metadata__[0]] = None,
+    connect: arg.Connect = None,
+    settle: arg.Settle = 0.5,
+    speed: arg.Speed = None,
+    load_command: arg.LoadCommand = None,
+    take: arg.Take = False,
+    release: arg.Release = False,
 ) -> None:
     """Turn photos of the board on the arm into measurements: its pose, with its covariance, for every commanded pose.
 

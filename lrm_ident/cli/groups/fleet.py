@@ -9,7 +9,7 @@ from typer import Argument, Option
 
 from lrm_ident.cli import arguments as arg
 from lrm_ident.cli.command import command
-from lrm_ident.cli.common import LISTED, progress, publish, show
+from lrm_ident.cli.common import progress, publish, show
 from lrm_ident.data.atomic_write import check_replaceable, write_bytes, write_text
 from lrm_ident.fitting.executors import executor_for
 from lrm_ident.fleet.fleet_prior import FleetKnowledge, prior_text
@@ -43,7 +43,7 @@ def fleet(
         records = run_fleet(members, results, pool, tick)
     found = fleet_result(members, records, results / MODELS)
     document = fleet_document(found)
-    publish(document, json, most=None if show_all else LISTED)
+    publish(document, json, in_full=show_all)
     write_text(results / "fleet.csv", table_csv(found))
     parquet = table_parquet(found)
     if parquet is not None:

@@ -1,4 +1,4 @@
-"""`lrm-ident import`: measurements from a tracker's recording, or the rests of a LeRobot dataset."""
+"""`lrm-ident import`, `checkup`: what a tracker's recording and a LeRobot dataset tell of an arm."""
 
 from __future__ import annotations
 
@@ -9,12 +9,13 @@ import numpy as np
 from typer import Argument, Option
 
 from lrm_ident.cli import arguments as arg
-from lrm_ident.cli.arm_access import SO101, Dwell
+from lrm_ident.cli.arm_access import SO101
 from lrm_ident.cli.command import command, stated_reading
-from lrm_ident.cli.common import notice, one_of, show
+from lrm_ident.cli.common import notice, one_of, progress, publish, show
 from lrm_ident.data.measurement_file.write import write_with_metadata
 from lrm_math.arm.arm_file import load_arm
 from lrm_math.errors import LrmError
+from lrm_math.toml_file import read_toml
 
 LEROBOT = "lerobot"
 
@@ -41,7 +42,7 @@ def import_(
     every: Annotated[float | None, Option(min=0.1, help="Seconds from the end of one rest to the next.")] = None,
     first: Annotated[float | None, Option(min=0, help="End of the first rest, seconds from the first frame.")] = None,
     skip: Annotated[int, Option(min=0, help="Rests before the first pose; without --every they are looked for.")] = 0,
-    dwell: Dwell = 1.0,
+    dwell: arg.Dwell = 1.0,
     axes: Annotated[str | None, Option(help="Which axes of the file are the arm's x, y, z: x,-z,y.")] = None,
     rotation: Annotated[str | None, Option(help="Of Vicon's RX, RY, RZ: helical or euler-xyz.")] = None,
 ) -> None:
@@ -70,8 +71,7 @@ def import_(
     name, the_arm = arm_for(poses, arm)
     found = import_recording(recording, poses, the_arm, order)
     write_with_metadata(output, found.csv(), name, f"import: {recording.name}")
-    for words in found.notices:
-        notice(words)
+    notice(*found.notices)
     for number, why in found.left_out.items():
         show(f"left out: pose {number}: {why}")
     show(f"{len(found.tip)} of {len(found.tip) + len(found.left_out)} poses are in {output}")
@@ -91,3 +91,58 @@ def _import_lerobot(dataset: Path, output: Path, arm: str | None, dwell: float) 
         f"{len(rests.t)} rests of {len(np.unique(rests.episode))} episodes written to {output}.",
         f"Joint {worst + 1}'s servo is off its command most: by {np.abs(off[:, worst]).mean():.2f} deg on average.",
     )
+
+
+@command
+def checkup(
+    dataset: Annotated[Path, Argument(metavar="DATASET", help="Folder of a LeRobot dataset, v2.1 or v3, in degrees.")],
+    arm: Annotated[str, Option("--arm", metavar="ARM", help="A shipped arm or an arm file.")] = "so101",
+    dwell: Annotated[float, Option(min=0.2, help="Seconds that a rest lasts at least.")] = 0.5,
+    video: Annotated[
+        str | None,
+        Option(metavar="CAMERA", help="Camera of the dataset that sees the board: observation.images.front, or front."),
+    ] = None,
+    lens: Annotated[
+        Path | None, Option(metavar="LENS", help="That camera's lens, written by camera calibrate.")
+    ] = None,
+    on_gripper: Annotated[
+        bool, Option("--on-gripper", help="That camera is on the gripper; the board stands beside the arm.")
+    ] = False,
+    output: Annotated[
+        Path | None,
+        Option("-o", "--output", metavar="DATA", help="Where to write the measurements of the video (.csv)."),
+        arg.CompanionFiles({".toml": "metadata"}),
+    ] = None,
+    json: arg.JsonFile = None,
+) -> None:
+    """Name what a recording of teleoperation tells of an arm: sag, dead band, leader offset, drift, a slip.
+
+    It looks at rests, where command (action) and encoder (observation.state) should agree, and finds what their
+    difference follows. Two minutes with a stop now and then are enough. The dataset is not changed.
+
+    With a board in the video (--video, --lens, -o; extras: camera, video) the frames of the rests are photos: where the
+    tip truly was, what the arm's parts and springs explain of it, and what is missing.
+    """
+    from lrm_ident.cli.groups.checkup_report import checkup_document, studied, with_video
+    from lrm_ident.measuring.recordings.encoder_checkup import checkup as check
+    from lrm_ident.measuring.recordings.lerobot import read_frames
+
+    if video is None and (lens is not None or output is not None or on_gripper):
+        raise LrmError("--lens, --on-gripper and -o go with --video")
+    if video is not None and (lens is None or output is None):
+        raise LrmError(f"--video {video}: give --lens (camera calibrate) and -o, where its measurements go")
+    the_arm = load_arm(arm)
+    frames = read_frames(dataset, the_arm)
+    document = checkup_document(check(frames, the_arm, dwell), the_arm, dataset.name)
+    if video is None or lens is None or output is None:
+        publish(document, json)
+        return
+    from lrm_ident.data.measurement_file.write import measurements_csv, write_with_metadata
+    from lrm_ident.measuring.camera.lens import Lens
+    from lrm_ident.measuring.recordings.lerobot_video import measure_video
+    from lrm_ident.study.api import load
+
+    with progress("looking at the rests") as tick:
+        photos = measure_video(dataset, video, frames, dwell, the_arm, arm, read_toml(lens, Lens), on_gripper, tick)
+    write_with_metadata(output, measurements_csv(photos.data), arm, f"video, {dataset.name}", frame="arm")
+    publish(with_video(document, photos, studied(load(output, arm)), output), json)

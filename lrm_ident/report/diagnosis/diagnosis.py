@@ -5,18 +5,21 @@ from __future__ import annotations
 import re
 from collections import Counter, defaultdict
 from collections.abc import Collection, Iterator, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from lrm_ident.data.wording import enumerate_words, in_mm, in_percent, p_words, poses_words
 from lrm_ident.diagnosis.diagnose import Diagnosis
 from lrm_ident.diagnosis.diagnosis_report import DiagnosisReport, RankedCandidate
-from lrm_ident.diagnosis.inject_recover import InjectionTrial
 from lrm_ident.report.document import Block, Document, FoldedSection, ResultTable, heading, section
 from lrm_ident.report.plain_names import in_words, plain_name
 from lrm_ident.residual.predictable_residual import PredictableResidual
 from lrm_ident.residual.thresholds import MIN_GAIN
 from lrm_math.effects import Effect, compensable, variants
+
+if TYPE_CHECKING:
+    from lrm_ident.diagnosis.inject_recover import InjectionTrial
 
 SHOWN, REFUSED_SHOWN, RANKED = 8, 4, 30
 VERDICTS = {
@@ -87,7 +90,8 @@ def _blocks(report: DiagnosisReport) -> list[Block]:
         f"fit, {in_mm(report.held_out.rms)} mm held out; noise floor {noise}; "
         f"likeness of neighbours (Moran's I) {found.structure.moran_i:.2f}, p {p_words(found.structure.p_value)}",
         *_far_poses(report),
-        *left_blocks(report.left),
+        in_words(report.left.predictable.sentence),
+        *section("\nWhere what is left is concentrated", (in_words(one.sentence) for one in report.left.regimes)),
         _ranking_table(report),
     ]
     if found.data.several_kinds:
@@ -258,12 +262,6 @@ def selftest_document(poses: int, trials: Sequence[InjectionTrial], refused: Seq
         {"truth": t.truth, "moved_rms_mm": t.moved * 1e3, "outcome": t.outcome, "named": t.named} for t in trials
     ]
     return Document(blocks, "lrm/selftest/1", {"poses": poses, "trials": records})
-
-
-def left_blocks(left: PredictableResidual) -> list[Block]:
-    """One sentence on what could be predicted, and one on each regime."""
-    regimes = section("\nWhere what is left is concentrated", (in_words(regime.sentence) for regime in left.regimes))
-    return [in_words(left.predictable.sentence), *regimes]
 
 
 def left_values(left: PredictableResidual) -> dict[str, object]:

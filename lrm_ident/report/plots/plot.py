@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from functools import singledispatch
 from pathlib import Path
 
 from lrm_ident.diagnosis.diagnosis_report import DiagnosisReport
@@ -12,17 +11,11 @@ from lrm_ident.residual.error_breakdown import ModelComparison
 from lrm_math.errors import LrmError
 
 
-@singledispatch
 def plot(result: object, path: str | Path) -> None:
     """Draws a comparison or a diagnosis as PNG, SVG or PDF. Raises `FileError`."""
-    raise LrmError(f"{path}: cannot plot a {type(result).__name__}; should be the result of compare or diagnose")
-
-
-@plot.register
-def _(result: ModelComparison, path: str | Path) -> None:
-    draw_comparison(result, Path(path))
-
-
-@plot.register
-def _(result: DiagnosisReport, path: str | Path) -> None:
-    draw_report(result, Path(path))
+    if isinstance(result, ModelComparison):
+        draw_comparison(result, Path(path))
+    elif isinstance(result, DiagnosisReport):
+        draw_report(result, Path(path))
+    else:
+        raise LrmError(f"{path}: cannot plot a {type(result).__name__}; should be the result of compare or diagnose")

@@ -1,16 +1,17 @@
-"""The dialogs of the workbench. Each calls back what it is given; `Do` does it, and shows why it cannot be done."""
+"""The dialogs of the workbench and its tour. Each calls back what it is given; `Do` does it, or shows why it cannot."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 
 from nicegui import ui
 
 from lrm_ident.workbench.session import WorkbenchSession
+from lrm_ident.workbench.session_state import commands_text
 from lrm_ident.workbench.tab.rover_panel import RoverPanel
-from lrm_ident.workbench.work.commands import commands_text
 from lrm_ident.workbench.work.tasks import LawResult, PosesResult
 from lrm_math.errors import LrmError
 
@@ -70,27 +71,24 @@ def commands_dialog(session: WorkbenchSession) -> None:
 
 def live_dialog(session: WorkbenchSession, rover: RoverPanel, do: Do) -> None:
     """A file that grows, or a daemon, to be followed."""
-    with _dialog("lrm-live", "live data") as dialog:
-        _of_file(session, lambda action: _closing(dialog, do, action))
-        _of_rover(rover, dialog, lambda action: _closing(dialog, do, action))
-
-
-def _of_file(session: WorkbenchSession, do: Do) -> None:
     at_hand = str(session.step.files.data) if session.step else ""
-    ui.label("A file that is being measured: its rows appear as they are written.").classes("lrm-small")
-    path = ui.input("Follow the file", value=at_hand).classes("lrm-full")
-    with ui.row():
-        _button("Follow the file", lambda: do(lambda: session.follow(Path(path.value).expanduser())))
-        ui.button("Stop following", on_click=lambda: do(session.stop_following)).props("no-caps flat")
+    with _dialog("lrm-live", "live data") as dialog:
 
+        def button(text: str, action: Callable[[], object], look: str = "unelevated") -> None:
+            """A button that closes the dialog."""
+            ui.button(text, on_click=lambda: _closing(dialog, do, action)).props(f"no-caps {look}")
 
-def _of_rover(rover: RoverPanel, dialog: ui.dialog, do: Do) -> None:
-    ui.label("A running lrmd: where its arm is, and where the model thinks the tip is.").classes("lrm-small")
-    robot = ui.input("Robot", value="rover").classes("lrm-full")
-    endpoint = ui.input("zenoh endpoint", value="tcp/127.0.0.1:7447").classes("lrm-full")
-    with _buttons(dialog):
-        _button("Listen to the rover", lambda: do(lambda: rover.listen(robot.value, endpoint.value)))
-        ui.button("Stop listening", on_click=lambda: do(rover.hang_up)).props("no-caps flat")
+        ui.label("A file that is being measured: its rows appear as they are written.").classes("lrm-small")
+        path = ui.input("Follow the file", value=at_hand).classes("lrm-full")
+        with ui.row():
+            button("Follow the file", lambda: session.follow(Path(path.value).expanduser()))
+            button("Stop following", session.stop_following, "flat")
+        ui.label("A running lrmd: where its arm is, and where the model thinks the tip is.").classes("lrm-small")
+        robot = ui.input("Robot", value="rover").classes("lrm-full")
+        endpoint = ui.input("zenoh endpoint", value="tcp/127.0.0.1:7447").classes("lrm-full")
+        with _buttons(dialog):
+            button("Listen to the rover", lambda: rover.listen(robot.value, endpoint.value))
+            button("Stop listening", rover.hang_up, "flat")
 
 
 @contextmanager
@@ -117,3 +115,87 @@ def _button(text: str, action: Callable[[], object]) -> ui.button:
 def _closing(dialog: ui.dialog, do: Do, action: Callable[[], object]) -> None:
     dialog.close()
     do(action)
+
+
+@dataclass(frozen=True)
+class TourStop:
+    """One stop: the panel that it points to, its title, and what to see and do there."""
+
+    panel: str
+    title: str
+    words: str
+
+
+TOUR = (
+    TourStop(
+        "panel-field",
+        "1 of 6: the error field",
+        "Every dot is a measured tool position of a printed arm; every arrow points from where the model says the tool "
+        "should be to where it was measured, magnified as printed below. The model was fitted already, yet the arrows "
+        "follow a pattern. Drag to turn the scene; point at a dot to see its pose.",
+    ),
+    TourStop(
+        "panel-turn",
+        "2 of 6: where it fails",
+        "The same errors as turns of one joint. Against the torque of joint 2 they jump where the torque changes sign. "
+        "Try other joints and quantities: nowhere else is there such a step. Drag a box around some points: they are "
+        "marked in every view.",
+    ),
+    TourStop(
+        "panel-effect",
+        "3 of 6: which effect",
+        "Every known effect at every place was tried. The list says which held-out error each would leave: ● is "
+        "supported, ◐ cannot be told from others, ○ has no evidence. Play in joint 2 is first by far.",
+    ),
+    TourStop(
+        "panel-form",
+        "4 of 6: its form beside the data",
+        "Left: what the data do, and the formula of the chosen effect on them. Right: what it would add against what "
+        "is missing. Where points follow the line the formula fits; choose another candidate to see one that does not.",
+    ),
+    TourStop(
+        "panel-history",
+        "5 of 6: press Add",
+        "Press Add: everything is refitted with the effect. The error falls, fitted and held out, and the arrows "
+        "shrink, on the same scale. Undo takes the step back exactly; press a step to see it again.",
+    ),
+    TourStop(
+        "panel-effect",
+        "6 of 6: know when to stop",
+        "Once the held-out error has reached the noise floor, the verdict says that nothing is missing. Save the model "
+        "for the rover, write a report, or drop your own CSV on this page.",
+    ),
+)
+
+
+class TourDialog:
+    """A card in the corner that says what the marked panel shows. `stop`: where the tour is."""
+
+    def __init__(self) -> None:
+        self.stop = -1
+        with ui.element("section").classes("lrm-tour").props("role=dialog aria-label=tour") as self.card:
+            self.title = ui.html("", sanitize=False)
+            self.words = ui.label()
+            with ui.row().classes("q-mt-sm"):
+                self.back = ui.button("Back", on_click=lambda: self.go_to(self.stop - 1)).props("no-caps flat dense")
+                ui.button("Next", on_click=lambda: self.go_to(self.stop + 1)).props("no-caps dense data-name=next")
+                ui.button("Close", on_click=self.leave).props("no-caps flat dense data-name=close-tour")
+        self.card.set_visibility(False)
+
+    def go_to(self, stop: int) -> None:
+        """Shows a stop; before the first and after the last the tour ends."""
+        if not 0 <= stop < len(TOUR):
+            self.leave()
+            return
+        self.stop = stop
+        at = TOUR[stop]
+        self.title.set_content(f"<h2>{at.title}</h2>")
+        self.words.set_text(at.words)
+        self.back.set_enabled(stop > 0)
+        self.card.set_visibility(True)
+        ui.run_javascript(f"lrmTour('{at.panel}')")
+
+    def leave(self) -> None:
+        """Ends the tour."""
+        self.card.set_visibility(False)
+        ui.run_javascript("lrmTour('')")

@@ -5,23 +5,43 @@ from __future__ import annotations
 import html
 import json
 from collections.abc import Callable
+from pathlib import Path
 
 from nicegui import ui
 
-from lrm_ident.workbench.section import section_html
+from lrm_ident.report.plots.interactive import assets
 from lrm_ident.workbench.session import WorkbenchSession
-from lrm_ident.workbench.tab.command_bar import ChosenEffect, CommandBar
-from lrm_ident.workbench.tab.dialogs import commands_dialog, law_dialog, live_dialog, poses_dialog, save_dialog
-from lrm_ident.workbench.tab.file_notice import FileNotice
-from lrm_ident.workbench.tab.head import FOLDER, head_html
+from lrm_ident.workbench.tab import dialogs
+from lrm_ident.workbench.tab.command_bar import ChosenEffect, CommandBar, FileNotice
 from lrm_ident.workbench.tab.rover_panel import RoverPanel
-from lrm_ident.workbench.tab.tour_dialog import TourDialog
+from lrm_ident.workbench.work.tasks import section_html
 from lrm_math.errors import LrmError
 
+FOLDER = Path(__file__).parent
+FILES = {
+    "/lrm/static": (assets.LIBRARY, *assets.SCRIPTS, assets.STYLE),
+    "/lrm/tab": (FOLDER / "workbench.css", FOLDER / "workbench.js"),
+}
+"""Files that the page fetches, by their folder in the address."""
 PANELS = FOLDER / "panels.html"
 REFRESH_S, ROVER_S = 0.1, 0.2
 SHOWN_MS = 300
 """Until the browser shows the numbers that it was sent."""
+
+
+def head_html() -> str:
+    """HTML of the head. The library of charts is the largest file; nothing waits for it."""
+    addresses = [f"{folder}/{file.name}" for folder, files in FILES.items() for file in files]
+    styles = "".join(f'<link rel="stylesheet" href="{one}">' for one in addresses if one.endswith(".css"))
+    library, *scripts = [one for one in addresses if one.endswith(".js")]
+    return f"""{styles}
+<script async src="{library}" onload="window.lrm && lrm.ready()"></script>
+{"".join(f'<script defer src="{one}"></script>' for one in scripts)}
+<script>{assets.THEME.read_text(encoding="utf-8")}
+document.documentElement.lang = "en";
+addEventListener("load", () => Quasar.LoadingBar.setDefaults({{ hijackFilter: () => false }}));
+addEventListener("load", () => Quasar.Dark.set(document.documentElement.dataset.theme === "dark"));
+window.lrmEmit = (name, value) => emitEvent(name, value);</script>"""
 
 
 class WorkbenchPage:
@@ -41,7 +61,7 @@ class WorkbenchPage:
         self.notice = FileNotice(session, self._button)
         ui.html(PANELS.read_text(encoding="utf-8"), sanitize=False).classes("lrm-full")
         self.numbers = ui.html("", sanitize=False).classes("lrm-numbers")
-        self.tour = TourDialog()
+        self.tour = dialogs.TourDialog()
         ui.on("lrm_choose", lambda event: self._choose(event.args))
         ui.on("lrm_key", lambda event: self._press(event.args))
         ui.timer(REFRESH_S, self.refresh)
@@ -60,7 +80,11 @@ class WorkbenchPage:
             self._button("Save…", self._save, "write the model as a file (S)")
             self._button("Report", lambda: ui.run_javascript("window.open('/lrm/report')"), "everything in one file")
             self._button("Commands", self._commands, "what was done, as commands (C)")
-            self._button("Live…", self._live, "follow a file that grows, or a rover")
+            self._button(
+                "Live…",
+                lambda: dialogs.live_dialog(self.session, self.rover, self._do),
+                "follow a file that grows, or a rover",
+            )
             self._button("Tour", lambda: self.tour.go_to(0), "six steps on the shipped data")
             self._button("◐", lambda: ui.run_javascript("lrmTurnDark()"), "light or dark", name="light or dark")
 
@@ -83,11 +107,11 @@ class WorkbenchPage:
         if session.taken.law is not self.law:
             self.law = session.taken.law
             if self.law is not None:
-                law_dialog(self.law, session, self._do)
+                dialogs.law_dialog(self.law, session, self._do)
         if session.poses is not self.poses:
             self.poses = session.poses
             if self.poses is not None:
-                poses_dialog(self.poses)
+                dialogs.poses_dialog(self.poses)
         shown = session.shown
         if shown is None or self.drawn == session.drawn:
             return
@@ -141,13 +165,10 @@ class WorkbenchPage:
         self.session.add(self.chosen.name)
 
     def _save(self) -> None:
-        save_dialog(self.session, self._do)
+        dialogs.save_dialog(self.session, self._do)
 
     def _commands(self) -> None:
-        commands_dialog(self.session)
-
-    def _live(self) -> None:
-        live_dialog(self.session, self.rover, self._do)
+        dialogs.commands_dialog(self.session)
 
 
 def _gone(session: WorkbenchSession) -> str:

@@ -46,7 +46,7 @@ class RoverPanel:
         step = self.session.step
         if self.link is None or step is None:
             return
-        from lrm_ident.report.plots.interactive.values import rounded
+        from lrm_ident.report.plots.interactive.candidate_view import rounded
 
         try:
             tip = self.link.tip(self._model_of(step.files))

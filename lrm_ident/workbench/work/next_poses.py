@@ -8,8 +8,6 @@ from functools import partial
 from math import sqrt
 from typing import Any
 
-import numpy as np
-
 from lrm_ident.data.error_stats import error_stats
 from lrm_ident.data.weights.whitening import measured_alike
 from lrm_ident.design.candidate_poses import ClearanceRules, clear_poses, parse_levels
@@ -41,7 +39,8 @@ class NextPoses:
 
 def next_poses(study: Study, found: ModelReport, progress: Progress) -> NextPoses:
     """Chooses the next poses. Raises `LrmError`: no choice can tell any rivals apart, or there are too few poses."""
-    noise_mm, loads_g, arm, data = _noise_mm(found), _loads_g(study.data.poses.payload), study.model.arm, study.data
+    noise_mm, arm, data = _noise_mm(found), study.model.arm, study.data
+    loads_g = sorted({round(float(load) / GRAM, 3) for load in (data.poses.payload.min(), data.poses.payload.max())})
     offer = clear_poses(arm, parse_levels(arm), [load * GRAM for load in loads_g], ClearanceRules(), SEED)
     problem = DesignProblem(
         model=study.model,
@@ -58,7 +57,8 @@ def next_poses(study: Study, found: ModelReport, progress: Progress) -> NextPose
         measured_weights=data.whitening,
     )
     refused, ticked = list[str](), partial(progress, "choosing poses")
-    for names in rival_pairs(_ranking(found)):
+    ranking: Any = [] if found.diagnosis is None else found.diagnosis.values["ranking"]
+    for names in rival_pairs(ranking):
         rivals = tuple(effect for name in names for effect in effects_at(arm, name, study.catalogue))
         task = replace(problem, rivals=rivals)
         try:
@@ -88,16 +88,7 @@ def rival_pairs(ranking: Sequence[Mapping[str, Any]]) -> tuple[tuple[str, ...], 
     return tuple((names[0], rival) for rival in list(rest)[:MOST_RIVALS]) or ((names[0],),)
 
 
-def _ranking(found: ModelReport) -> Sequence[Mapping[str, Any]]:
-    return [] if found.diagnosis is None else found.diagnosis.values["ranking"]  # type: ignore[return-value]
-
-
 def _noise_mm(found: ModelReport) -> float:
     """Noise per axis (mm), in three digits: the floor that the data show, else all that the last step leaves."""
     left = found.floor_mm if found.floor_mm is not None else error_stats(found.field.steps[-1].residual).rms / MM
     return float(f"{left / sqrt(3.0):.3g}")
-
-
-def _loads_g(payload: np.ndarray[Any, Any]) -> tuple[float, ...]:
-    """The least and the greatest load of the data (g)."""
-    return tuple(sorted({round(float(load) / GRAM, 3) for load in (payload.min(), payload.max())}))

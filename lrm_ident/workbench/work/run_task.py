@@ -21,31 +21,15 @@ from lrm_ident.diagnosis.symbolic_regression.law_file import law_id
 from lrm_ident.fitting.effect_plugins import sha256_of
 from lrm_ident.fitting.levenberg_marquardt import check_enough
 from lrm_ident.fitting.progress import Progress
-from lrm_ident.report.diagnosis.laws import proposal_document
-from lrm_ident.report.document_html import blocks_html
+from lrm_ident.report.diagnosis.course import proposal_document
+from lrm_ident.report.document import blocks_html, table_html
 from lrm_ident.report.model_report import ModelReport, after_step, quick_report, with_comparison, with_diagnosis
+from lrm_ident.report.plots.interactive.values import figure_values, values_text
 from lrm_ident.study.inputs import read_measurements, read_study
+from lrm_ident.study.model_history import model_text, undo_step
 from lrm_ident.study.study import MAX_EFFECTS, Study
-from lrm_ident.workbench.work.messages import Send, WorkFailure, WorkNotice, WorkProgress, WorkResult
+from lrm_ident.workbench.work import tasks
 from lrm_ident.workbench.work.next_poses import next_poses
-from lrm_ident.workbench.work.showing import step_shown
-from lrm_ident.workbench.work.tasks import (
-    FIELD,
-    AddTask,
-    AutoTask,
-    CompareTask,
-    DiagnoseTask,
-    LawResult,
-    OpenFiles,
-    OpenTask,
-    PosesResult,
-    PosesTask,
-    ProposeTask,
-    StepResult,
-    WorkTask,
-    kept_name,
-    unpacked,
-)
 from lrm_math.arm.arm import Arm
 from lrm_math.errors import LrmError
 from lrm_math.model.reading import Reading
@@ -57,67 +41,67 @@ _READ: dict[str, tuple[Arm, Measurements]] = {}
 
 
 @singledispatch
-def run_task(task: WorkTask, send: Send) -> None:
+def run_task(task: tasks.WorkTask, send: tasks.Send) -> None:
     """Does a task; sends how far it is, and its results. Raises `LrmError`."""
-    send(WorkFailure(f"no work is known for {type(task).__name__}"))
+    send(tasks.WorkFailure(f"no work is known for {type(task).__name__}"))
 
 
 @run_task.register
-def open_files(task: OpenTask, send: Send) -> None:
+def open_files(task: tasks.OpenTask, send: tasks.Send) -> None:
     """Reads the files, fits a model if there is none, and keeps it."""
-    send(WorkProgress("reading the files"))
-    files = OpenFiles(task.kept, task.data, task.effects_file, task.reading)
+    send(tasks.WorkProgress("reading the files"))
+    files = tasks.OpenFiles(task.kept, task.data, task.effects_file, task.reading)
     if task.model is not None:
         study = read_study(task.model, task.data, task.effects_file, task.reading, read=_read)
         check_enough(len(study.data), len(study.model.free), study.prior)
         _tell(study.notices, send)
         study.save(task.kept)
-        send(WorkResult(step_found(files, quick_report(study))))
+        send(step_found(files, quick_report(study)))
         return
     name, arm = arm_for(task.data, task.arm)
     data = _read(task.data, arm, name, task.reading, None)
     _tell(data.notices, send)
-    send(WorkProgress("fitting"))
+    send(tasks.WorkProgress("fitting"))
     study = Study.of(data, progress=_bars(send)).fit()
     study.save(task.kept)
     _send_step(files, send)
 
 
 @run_task.register
-def look(task: CompareTask, send: Send) -> None:
+def look(task: tasks.CompareTask, send: tasks.Send) -> None:
     """Reads the files anew."""
-    send(WorkProgress("reading the files"))
+    send(tasks.WorkProgress("reading the files"))
     _send_step(task.files, send)
 
 
 @run_task.register
-def diagnose_step(task: DiagnoseTask, send: Send) -> None:
+def diagnose_step(task: tasks.DiagnoseTask, send: tasks.Send) -> None:
     """Compares, then diagnoses."""
-    send(WorkProgress("held-out error"))
+    send(tasks.WorkProgress("held-out error"))
     study = _study(task.files, send)
     compared = study.compare()
-    found = with_comparison(unpacked(task.packed), compared)
-    send(WorkResult(step_found(task.files, found)))
+    found = with_comparison(tasks.unpacked(task.packed), compared)
+    send(step_found(task.files, found))
     found = with_diagnosis(found, study.diagnose(screened=_screened(task.files, study), compared=compared))
-    send(WorkResult(step_found(task.files, found)))
+    send(step_found(task.files, found))
 
 
 @run_task.register
-def add_effect(task: AddTask, send: Send) -> None:
+def add_effect(task: tasks.AddTask, send: tasks.Send) -> None:
     """Adds the effect, refits everything, and keeps the model; a field is added to the fit as it is."""
     study = _study(task.files, send)
-    if task.effect == FIELD:
+    if task.effect == tasks.FIELD:
         study.add_field().save(task.kept)
     else:
-        send(WorkProgress(f"adding {task.effect}: looking for outliers"))
+        send(tasks.WorkProgress(f"adding {task.effect}: looking for outliers"))
         screened = _screened(task.files, study)
-        send(WorkProgress(f"adding {task.effect}: refitting everything"))
+        send(tasks.WorkProgress(f"adding {task.effect}: refitting everything"))
         study.add(task.effect, screened).save(task.kept)
     _send_step(replace(task.files, model=task.kept), send, task.packed)
 
 
 @run_task.register
-def follow_advice(task: AutoTask, send: Send) -> None:
+def follow_advice(task: tasks.AutoTask, send: tasks.Send) -> None:
     """Takes step after step and keeps each."""
     numbers, errors, coming, packed = count(task.number), list[str](), list[str](), task.packed
 
@@ -131,7 +115,7 @@ def follow_advice(task: AutoTask, send: Send) -> None:
         errors.append(in_mm(error_stats(step.held_out).rms))
         coming.clear()
         if step.added:
-            kept = task.folder / kept_name(next(numbers))
+            kept = task.folder / tasks.kept_name(next(numbers))
             study.save(kept)
             packed = _send_step(replace(task.files, model=kept), send, packed)
 
@@ -139,58 +123,50 @@ def follow_advice(task: AutoTask, send: Send) -> None:
         """Says which round it is, and how far the last one brought the error."""
         known = [*errors, *coming]
         fall = f": {' → '.join(known[-2:])} mm" if known else ""
-        send(WorkProgress(f"auto, round {max(len(known), 1)} of at most {MAX_EFFECTS}{fall}; {what}", done, of))
+        send(tasks.WorkProgress(f"auto, round {max(len(known), 1)} of at most {MAX_EFFECTS}{fall}; {what}", done, of))
 
     study = replace(_study(task.files, send), progress=on_progress)
     study.auto(on_step=on_step, on_confirmed=on_confirmed)
 
 
 @run_task.register
-def propose(task: ProposeTask, send: Send) -> None:
+def propose(task: tasks.ProposeTask, send: tasks.Send) -> None:
     """Looks for a law, and keeps its file."""
     found = _study(task.files, send).propose()
     words = blocks_html(proposal_document(found).blocks)
     if found.best is None:
-        send(WorkResult(LawResult(words)))
+        send(tasks.LawResult(words))
         return
     write_text(task.kept, found.best.source)
     law = found.best.law
-    send(WorkResult(LawResult(words, task.kept, f"{law_id(law)}@joint{law.joint + 1}")))
+    send(tasks.LawResult(words, task.kept, f"{law_id(law)}@joint{law.joint + 1}"))
 
 
 @run_task.register
-def choose_next(task: PosesTask, send: Send) -> None:
+def choose_next(task: tasks.PosesTask, send: tasks.Send) -> None:
     """Chooses the next poses, and keeps their file; what cannot be is said of the user's own file."""
-    send(WorkProgress("reading the files"))
+    send(tasks.WorkProgress("reading the files"))
     name = task.files.data.name
     try:
-        found = next_poses(_study(task.files, send), unpacked(task.packed), _bars(send))
+        found = next_poses(_study(task.files, send), tasks.unpacked(task.packed), _bars(send))
     except LrmError as error:
         problem = str(error)
         for path in (task.files.data, task.files.model):
             problem = problem.replace(str(path), path.name)
-        send(WorkResult(PosesResult(name, problem=problem)))
+        send(tasks.PosesResult(name, problem=problem))
         return
     write_text(task.kept, found.table)
-    command: tuple[str | Path, ...] = (
-        "design",
-        *found.arguments,
-        "--model",
-        task.files.model,
-        "--have",
-        task.files.data,
-        "-o",
-        task.kept,
-    )
-    send(WorkResult(PosesResult(name, blocks_html(found.document.blocks), found.table, command=command)))
+    files: tuple[str | Path, ...] = ("--model", task.files.model, "--have", task.files.data, "-o", task.kept)
+    command = ("design", *found.arguments, *files)
+    send(tasks.PosesResult(name, blocks_html(found.document.blocks), found.table, command=command))
 
 
-def step_found(files: OpenFiles, found: ModelReport) -> StepResult:
+def step_found(files: tasks.OpenFiles, found: ModelReport) -> tasks.StepResult:
     """Result of a step, for the page."""
-    return StepResult(files, step_shown(found), pickle.dumps(found))
+    return tasks.StepResult(files, step_shown(found), pickle.dumps(found))
 
 
-def _study(files: OpenFiles, send: Send) -> Study:
+def _study(files: tasks.OpenFiles, send: tasks.Send) -> Study:
     """The study of files whose notices were shown before; it says what it does. Raises `FileError`."""
     return read_study(files.model, files.data, files.effects_file, files.reading, _bars(send), read=_read)
 
@@ -208,26 +184,26 @@ def _read(path: Path, arm: Arm, arm_name: str, reading: Reading, usual: Reading 
     return data
 
 
-def _tell(notices: Iterable[str], send: Send) -> None:
+def _tell(notices: Iterable[str], send: tasks.Send) -> None:
     for words in notices:
-        send(WorkNotice(words))
+        send(tasks.WorkNotice(words))
 
 
-def _send_step(files: OpenFiles, send: Send, before: bytes | None = None) -> bytes:
+def _send_step(files: tasks.OpenFiles, send: tasks.Send, before: bytes | None = None) -> bytes:
     """Sends the step of files; gives all that is known of it, packed. `before`: the same of the step before."""
     study = _study(files, send)
     _tell(study.notices, send)
     found = quick_report(study)
-    step = step_found(files, found if before is None else after_step(found, unpacked(before)))
-    send(WorkResult(step))
+    step = step_found(files, found if before is None else after_step(found, tasks.unpacked(before)))
+    send(step)
     return step.packed
 
 
-def _bars(send: Send) -> Progress:
-    return lambda what, done, of: send(WorkProgress(what, done, of))
+def _bars(send: tasks.Send) -> Progress:
+    return lambda what, done, of: send(tasks.WorkProgress(what, done, of))
 
 
-def _screened(files: OpenFiles, study: Study) -> Diagnosis:
+def _screened(files: tasks.OpenFiles, study: Study) -> Diagnosis:
     """The screening of a step, made once in a process: `add` needs the one that its ranking came from."""
     content = f"{sha256_of(files.model)} {study.data.sha256} {files.effects_file}"
     if content not in _LAST:
@@ -235,3 +211,31 @@ def _screened(files: OpenFiles, study: Study) -> Diagnosis:
         _LAST.clear()
         _LAST[content] = found
     return _LAST[content]
+
+
+def step_shown(found: ModelReport) -> tasks.StepView:
+    """Title, verdict, figures and tables of a report."""
+    file = found.file
+    return tasks.StepView(
+        title=f"{file.arm} · {found.poses.path.name} · {found.field.poses} poses",
+        data_sha256=found.poses.sha256,
+        verdict=found.verdict,
+        diagnosed=found.diagnosis is not None,
+        values=values_text(figure_values(found)),
+        numbers=_numbers(found),
+        model=model_text(file),
+        before=model_text(undo_step(file)) if len(file.history) > 1 else None,
+    )
+
+
+def _numbers(found: ModelReport) -> str:
+    sections = {
+        "What is missing, and what these data cannot show": blocks_html(
+            found.diagnosis.blocks if found.diagnosis else ()
+        ),
+        "Where it fails": blocks_html(found.comparison.blocks if found.comparison else ()),
+        "Steps": table_html(found.history),
+        "Parameters": table_html(found.parameters),
+        "Provenance": table_html(found.provenance),
+    }
+    return "".join(tasks.section_html(title, text) for title, text in sections.items())

@@ -1,4 +1,4 @@
-"""Tasks of the workbench for its process, and their results: plain values that need none of what computes.
+"""Tasks of the workbench for its process, and what comes back of them: plain values that need none of what computes.
 
 The page's process is up in a moment for that; `run_task.py` does the work.
 """
@@ -6,6 +6,7 @@ The page's process is up in a moment for that; `run_task.py` does the work.
 from __future__ import annotations
 
 import pickle
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -16,9 +17,36 @@ from lrm_math.model.reading import AS_NAMED, Reading
 if TYPE_CHECKING:
     from lrm_ident.report.model_report import ModelReport
 
-
 FIELD = "residual_field"
 """The effect that names no cause; its class is not loaded where the page is served."""
+
+
+@dataclass(frozen=True)
+class WorkProgress:
+    """Progress of the work; `of` is 0 as long as its length is not known."""
+
+    what: str
+    done: int = 0
+    of: int = 0
+
+
+@dataclass(frozen=True)
+class WorkNotice:
+    """Notice of a file for a person."""
+
+    words: str
+
+
+@dataclass(frozen=True)
+class WorkDone:
+    """The task is done."""
+
+
+@dataclass(frozen=True)
+class WorkFailure:
+    """Reason why a task ended without a result, in one line."""
+
+    words: str
 
 
 @dataclass(frozen=True)
@@ -161,6 +189,9 @@ class PosesTask:
     kept: Path
 
 
+WorkMessage = WorkProgress | WorkNotice | StepResult | LawResult | PosesResult | WorkDone | WorkFailure
+"""What comes back of a task: any number of results, at last whether it is done."""
+Send = Callable[[WorkMessage], None]
 WorkTask = OpenTask | CompareTask | DiagnoseTask | AddTask | AutoTask | ProposeTask | PosesTask
 
 
@@ -173,3 +204,8 @@ def unpacked(packed: bytes) -> ModelReport:
 def kept_name(number: int) -> str:
     """Name of the file of a step."""
     return f"step-{number}.toml"
+
+
+def section_html(title: str, text: str) -> str:
+    """A section with a title around HTML; nothing where there is none."""
+    return f"<section><h2>{title}</h2>{text}</section>" if text else ""

@@ -13,8 +13,7 @@ from dataclasses import dataclass, field
 from multiprocessing.connection import Connection
 from typing import Any
 
-from lrm_ident.workbench.work.messages import WorkDone, WorkFailure, WorkMessage, WorkProgress
-from lrm_ident.workbench.work.tasks import WorkTask
+from lrm_ident.workbench.work.tasks import WorkDone, WorkFailure, WorkMessage, WorkProgress, WorkTask
 from lrm_math.errors import LrmError
 
 SMALLEST_PAUSE = 0.05

@@ -10,8 +10,7 @@ import pytest
 from typer.main import get_command
 from typer.testing import CliRunner
 
-from lrm_ident.cli.app import app, run
-from lrm_ident.cli.command_list import COMMANDS, SECTIONS
+from lrm_ident.cli.app import COMMANDS, SECTIONS, app, run
 
 
 def loaded_by(code: str) -> set[str]:
@@ -65,7 +64,7 @@ def test_the_version_is_that_of_the_package() -> None:
 def test_the_help_loads_no_command_and_no_numbers() -> None:
     code = "from typer.testing import CliRunner\nfrom lrm_ident.cli.app import app\nCliRunner().invoke(app, ['--help'])"
     loaded = loaded_by(code)
-    assert "lrm_ident.cli.command_list" in loaded
+    assert "lrm_ident.cli.app" in loaded
     assert not {"numpy", "scipy", "pydantic", "matplotlib", "lrm_ident.cli.command"} & loaded
 
 

@@ -24,7 +24,7 @@ from tests.support.source_files import files, syntax_tree
 
 FOREIGN = b"pose,q1_deg\n1,2\n"
 WRITES = {"write_text", "write_bytes", "savefig", "imwrite"}
-OWN_FOLDERS = {"atomic_write.py", "capture.py", "identify_arm.py", "proposal.py", "dropped.py", "followed_file.py"}
+OWN_FOLDERS = {"atomic_write.py", "capture.py", "identify_arm.py", "proposal.py", "session_files.py"}
 """The writer, and what writes into folders that it made itself a moment before."""
 
 

@@ -9,8 +9,7 @@ import pytest
 
 from lrm_ident.report.document import ResultTable
 from lrm_ident.report.fit import comparison_document
-from lrm_ident.report.history import provenance_table
-from lrm_ident.report.model_report import quick_report
+from lrm_ident.report.model_report import provenance_table, quick_report
 from lrm_ident.report.plain_names import plain_name, step_title
 from lrm_ident.study.model_history import model_text
 from lrm_ident.study.study import Study

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from lrm_ident.report.plots.interactive.fair_sample import fair_rows
+from lrm_ident.report.plots.interactive.group_means import fair_rows
 from lrm_ident.residual.picture.error_field import MOST_DRAWN, WORST_DRAWN, drawn_rows
 from tests.conftest import EXAMPLE
 from tests.support.browser import SHOTS, BrowserLog, RunningWorkbench, idle, opened, wait_for, workbench
@@ -31,7 +31,7 @@ FROM_ABOVE = """(() => {
 
 BLUE = """(() => {
   const { canvas, content } = lrm.scenes.field, ratio = canvas.width / canvas.clientWidth;
-  const at = lrmView.projection(content.box, canvas.clientWidth, canvas.clientHeight);
+  const at = lrmScene.projection(content.box, canvas.clientWidth, canvas.clientHeight);
   const areas = lrmSolids.capsules(content.arms[0], at).map((one) => 2 * one.size * one.length + 3.14 * one.size ** 2);
   const { data } = canvas.getContext("2d").getImageData(0, 0, canvas.width, canvas.height);
   let blue = 0;

@@ -15,12 +15,11 @@ from typing import Any
 
 import pytest
 
-from lrm_ident.cli.command_list import COMMANDS
+from lrm_ident.cli.app import COMMANDS
 from lrm_ident.workbench.gate import Gate
 from lrm_ident.workbench.session import WorkbenchSession
-from lrm_ident.workbench.work.commands import commands_text
-from lrm_ident.workbench.work.dropped import keep_dropped, task_for
-from lrm_ident.workbench.work.followed_file import follow_file
+from lrm_ident.workbench.session_state import commands_text
+from lrm_ident.workbench.work.session_files import follow_file, keep_dropped, task_for
 from lrm_ident.workbench.work.tasks import DiagnoseTask, OpenTask
 from lrm_ident.workbench.work.worker import WorkProcess
 from lrm_math.errors import FileError, LrmError
@@ -49,7 +48,7 @@ def until(session: WorkbenchSession, holds: Callable[[], bool]) -> None:
 
 
 def diagnosed(session: WorkbenchSession) -> bool:
-    return session.report is not None and session.report.diagnosis is not None and session.worker.task is None
+    return session.step is not None and session.step.report.diagnosis is not None and session.worker.task is None
 
 
 @pytest.mark.slow
@@ -60,11 +59,11 @@ def test_add_and_undo_as_the_commands_do(session: WorkbenchSession, tmp_path: Pa
     with pytest.raises(LrmError, match="still at work"):
         session.undo()
     until(session, lambda: len(session.taken.steps) == 2 and diagnosed(session))
-    assert session.report is not None
-    first, second = session.report.file.history
+    assert session.step is not None
+    first, second = session.step.report.file.history
     assert second.held_out_rms_mm is not None
     assert second.held_out_rms_mm < 0.3 * (first.held_out_rms_mm or 0.0)
-    assert "Nothing is missing" in session.report.verdict
+    assert "Nothing is missing" in session.step.report.verdict
     session.save(tmp_path / "saved.toml")
     for command in commands_text(session.taken.done).splitlines():
         words = command.replace("step-", "again-").split()[1:]
@@ -115,9 +114,8 @@ def test_dropped_files_are_told_apart(tmp_path: Path) -> None:
     model = b'schema = "lrm/model/1"\narm = "lrm-lab"\neffects = []\n'
     contents = {"../x.csv": EXAMPLE.read_bytes(), "x.toml": EXAMPLE.with_suffix(".toml").read_bytes(), "m.toml": model}
     found = keep_dropped(tmp_path, contents)
-    assert found.data == tmp_path / "x.csv"
-    assert found.model == tmp_path / "m.toml"
-    assert task_for(found, None).model == found.model
+    assert found == {"data": tmp_path / "x.csv", "model": tmp_path / "m.toml"}
+    assert task_for(found, None).model == found["model"]
     with pytest.raises(FileError, match="second file that is model"):
         keep_dropped(tmp_path, {"a.toml": model, "b.toml": model})
     with pytest.raises(FileError, match=r"should be a \.csv"):
@@ -182,7 +180,7 @@ def test_the_gate(kind: str, headers: dict[str, str], query: str, let_in: bool) 
 @pytest.mark.slow
 def test_what_computes_is_not_loaded_before_the_page_is_served() -> None:
     """The page's process would wait for it; the other process loads it meanwhile."""
-    code = "import sys, lrm_ident.cli.page.workbench, lrm_ident.workbench.application; print(*sys.modules)"
+    code = "import sys, lrm_ident.cli.workbench, lrm_ident.workbench.application; print(*sys.modules)"
     loaded = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.split()
     assert not {"scipy", "numpy", "rich", "zenoh"} & set(loaded)
 

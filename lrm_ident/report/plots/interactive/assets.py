@@ -10,7 +10,6 @@ blank.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from pathlib import Path
 
 FOLDER = Path(__file__).resolve().parent
@@ -20,34 +19,21 @@ THEME = FOLDER / "page" / "theme.js"
 NAMES = (
     "charts/chart",
     "page/glossary",
-    "scene/view",
     "scene/pen",
     "scene/axes",
     "scene/arrows",
     "scene/solids",
-    "scene/scene_input",
     "scene/scene",
-    "scene/arm_views",
-    "page/shared",
-    "page/sample",
-    "charts/queue",
     "page/brush",
     "charts/candidates",
-    "page/what_if",
     "page/steps",
     "scene/field",
     "page/pose",
     "scene/picture",
     "charts/turn",
     "page/controls",
-    "page/print",
     "page/figures",
 )
 SCRIPTS = tuple(FOLDER / f"{name}.js" for name in NAMES)
 """In the order in which they are loaded; the library may come after them."""
 SCRIPTS_OF_FLEET = tuple(FOLDER / f"{name}.js" for name in ("charts/chart", "charts/fleet"))
-
-
-def text_of(scripts: Iterable[Path]) -> str:
-    """Scripts one after the other."""
-    return "\n".join(path.read_text(encoding="utf-8") for path in scripts)

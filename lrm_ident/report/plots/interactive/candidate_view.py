@@ -8,8 +8,8 @@ turn of one joint, against its own driver, and the residual around it. A form of
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from itertools import combinations
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,15 +17,17 @@ from scipy.spatial import cKDTree
 
 from lrm_ident.data.weights.whitening import RowWeights
 from lrm_ident.diagnosis.diagnose import Diagnosis
-from lrm_ident.diagnosis.diagnosis_report import RankedCandidate
+from lrm_ident.diagnosis.diagnosis_report import DISPLAY_UNITS, RankedCandidate
 from lrm_ident.diagnosis.screening.score_test import ScoredCandidate
 from lrm_ident.report.plots.interactive.group_means import explained_by_means, joints_of, shown_most
 from lrm_ident.residual.covariates import Covariate, scaled
 from lrm_ident.residual.picture.error_field import joint_turns
 from lrm_math.arm.place_names import joint_numbers
 from lrm_math.arrays import Array
-from lrm_math.effects import Description, Effect
+from lrm_math.effects import Effect
 
+UM, ANGLE = 3, 4
+"""Decimals of millimetres and degrees in the drawing only."""
 OF_TIME = ("order", "time", "temperature")
 SHARE = 0.2
 """Part of a joint's lever below which its turn cannot be observed at a pose, as a share of the RMS lever."""
@@ -33,41 +35,23 @@ NO_FUNCTION, MUCH_BETTER = 0.1, 0.5
 """Von Neumann's ratio above which a form is no function of its driver; what a second one must at least reduce it to."""
 
 
-@dataclass(frozen=True, eq=False)
-class CandidateView:
-    """One candidate on the drawn poses; NaN at those that were not screened.
-
-    Attributes:
-        added: (M, 3), motion of the TCP that it would add beyond the fitted parameters (m).
-        turns: (n, M), the same as a turn of each joint (rad).
-        shown: the joint, from 0, and the covariate whose chart shows most of `turns`.
-        joint: the one whose turn its motion is most like. driver: name of what its form is a function of.
-        second: name of the other driver of a form of two, else "".
-        refused: why it cannot be the cause, else "".
-        form: (M,), the turn of that joint that the candidate says (rad). around: (M,), with what would then be left.
-        observable: (M,), whether the joint's lever is long enough to observe a turn. about: texts of the effect.
-        size: estimate that `added` is of, in the file's unit, with that unit, where the effect has one parameter.
-    """
-
-    name: str
-    added: Array
-    turns: Array
-    shown: tuple[int, str]
-    joint: int
-    driver: str
-    second: str
-    refused: str
-    form: Array
-    around: Array
-    observable: NDArray[np.bool_]
-    about: Description
-    size: tuple[float, str] | None = None
+def rounded(values: Array, decimals: int) -> Any:
+    """Nested lists without NaN, which become null."""
+    plain = np.round(values, decimals).astype(object)
+    plain[~np.isfinite(values)] = None
+    return plain.tolist()
 
 
 def candidate_view(
     ranked: RankedCandidate, found: Diagnosis, known: Sequence[Covariate], rows: NDArray[np.int64]
-) -> CandidateView:
-    """A candidate beside the data of a diagnosis.
+) -> dict[str, Any]:
+    """Values that the page draws of a candidate, in mm and degrees, at the drawn poses; null where it was not screened.
+
+    `added`: motion of the TCP that it would add beyond the fitted parameters; `turns`: the same as a turn of each
+    joint; `shown`: the joint, from 0, and the covariate whose chart shows most of that. `joint`: the one whose turn its
+    motion is most like; `driver`, `second`: what its form is a function of. `form`: the turn of that joint that the
+    candidate says; `around`: with what would then be left; both null where the joint's lever is too short to observe a
+    turn. `refused`: why it cannot be the cause, else "". `size`: of an effect with one parameter, that of `added`.
 
     Args:
         known: covariates of the poses that were screened. rows: (M,), number of every drawn pose among them, or −1.
@@ -87,28 +71,28 @@ def candidate_view(
     around = turns[joint] + joint_turns(fitted.residual - added, found.joint_jacobian)[joint]
     observable = lever[joint] > SHARE**2 * lever[joint].mean()
     drawn = rows[rows >= 0]  # thousands of poses say no more of what a form follows
-    followed = [one.take(drawn) for one in known if _may_follow(scored.candidate.effect, one)]
+    of_time = not {"time", "session"}.isdisjoint(
+        scored.candidate.effect.depends_on
+    )  # else it moves nothing in its course
+    followed = [one.take(drawn) for one in known if of_time or one.kind not in OF_TIME]
     drivers = _drivers(scored.candidate.effect, turns[joint][drawn], followed, joint, observable[drawn])
-    return CandidateView(
-        name=scored.name,
-        added=_drawn(added, rows),
-        turns=_drawn(beyond.T, rows).T,
-        shown=shown_most(explained, known, joints),
-        joint=joint,
-        driver=drivers[0].name,
-        second=drivers[1].name if len(drivers) > 1 else "",
-        refused=scored.implausible or found.unexplained.spurious.get(scored.name, ""),
-        form=_drawn(turns[joint], rows),
-        around=_drawn(around, rows),
-        observable=observable[rows] & (rows >= 0),
-        about=scored.candidate.effect.about,
-        size=_size(scored),
-    )
-
-
-def _may_follow(effect: Effect, known: Covariate) -> bool:
-    """Whether an effect may follow a covariate: the course of time moves only what depends on it."""
-    return known.kind not in OF_TIME or not {"time", "session"}.isdisjoint(effect.depends_on)
+    seen = observable[rows] & (rows >= 0)
+    joint_shown, driver_shown = shown_most(explained, known, joints)
+    about = scored.candidate.effect.about
+    return {
+        "name": scored.name,
+        "added": rounded(_drawn(added, rows) * 1e3, UM),
+        "turns": rounded(np.degrees(_drawn(beyond.T, rows).T), ANGLE),
+        "shown": {"joint": joint_shown, "driver": driver_shown},
+        "joint": joint,
+        "driver": drivers[0].name,
+        "second": drivers[1].name if len(drivers) > 1 else "",
+        "refused": scored.implausible or found.unexplained.spurious.get(scored.name, ""),
+        "form": rounded(np.where(seen, np.degrees(_drawn(turns[joint], rows)), np.nan), ANGLE),
+        "around": rounded(np.where(seen, np.degrees(_drawn(around, rows)), np.nan), ANGLE),
+        "about": {name: getattr(about, name) for name in ("cause", "formula", "needs", "source")},
+        "size": _size(scored),
+    }
 
 
 def _drivers(
@@ -128,11 +112,13 @@ def _angles_of_law(effect: Effect, known: Sequence[Covariate]) -> tuple[Covariat
     return found if len(found) == 2 else ()
 
 
-def _size(scored: ScoredCandidate) -> tuple[float, str] | None:
+def _size(scored: ScoredCandidate) -> dict[str, object] | None:
+    """Size of an effect that has one, in the unit that is shown."""
     if scored.size != 1:
         return None
     [parameter], [theta] = scored.candidate.parameters, scored.alone.theta
-    return float(theta * parameter.typical / parameter.si), parameter.unit
+    scale, symbol = DISPLAY_UNITS.get(parameter.unit, (1.0, f" {parameter.unit}"))
+    return {"value": float(theta * parameter.typical / parameter.si) * scale, "unit": symbol}
 
 
 def _drawn(values: Array, rows: NDArray[np.int64]) -> Array:

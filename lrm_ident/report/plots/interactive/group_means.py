@@ -1,12 +1,14 @@
-"""Group means of an error over a covariate: how much of it a chart of a joint's turn shows."""
+"""Group means of an error over a covariate: how much a chart of a joint's turn shows; a fair sample of its poses."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lrm_ident.residual.covariates import Covariate, levels
+from lrm_ident.residual.picture.error_field import MOST_DRAWN, SEED, WORST_DRAWN
 from lrm_math.arrays import Array
 
 GROUPS, DECIMALS = 12, 6
@@ -55,3 +57,22 @@ def shown_most(explained: Sequence[Array], known: Sequence[Covariate], joints: S
     ]
     *_, joint, name = min(near, default=(True, 0.0, joints[0], known[0].name))
     return joint, name
+
+
+def fair_rows(residual: Array, poses: int) -> NDArray[np.int64] | None:
+    """Rows of the drawn poses that show errors as often as they occur; None where every pose is drawn.
+
+    The drawn poses are the worst, all of them, and a random part of the others. Of the worst as large a part is kept,
+    evenly from the largest error to the least of them, from a random start (Cochran 1977, Sampling Techniques, ch. 5
+    and 8).
+
+    Args:
+        residual: (M, 3), of the drawn poses. poses: how many there are in all.
+    """
+    if len(residual) >= poses:
+        return None
+    order = np.argsort(-np.linalg.norm(residual, axis=1), kind="stable")
+    rate = (MOST_DRAWN - WORST_DRAWN) / (poses - WORST_DRAWN)
+    start = np.random.default_rng(SEED).random()
+    kept = np.unique(np.floor(np.arange(start, WORST_DRAWN * rate) / rate).astype(np.int64))
+    return np.sort(np.concatenate([order[kept], order[WORST_DRAWN:]]))

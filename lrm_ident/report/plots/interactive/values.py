@@ -7,26 +7,20 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lrm_ident.data.error_stats import error_stats
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.wording import in_mm, p_words, quantity
-from lrm_ident.diagnosis.diagnosis_report import DISPLAY_UNITS
 from lrm_ident.report.diagnosis.diagnosis import MARKS
-from lrm_ident.report.history import data_of
-from lrm_ident.report.model_report import ModelReport
+from lrm_ident.report.document import plain
+from lrm_ident.report.model_report import ModelReport, data_of
 from lrm_ident.report.plain_names import plain_name, step_title
-from lrm_ident.report.plots.interactive.candidate_view import SHARE, CandidateView
-from lrm_ident.report.plots.interactive.fair_sample import fair_rows
-from lrm_ident.report.plots.interactive.group_means import explained_by_means, shown_most
+from lrm_ident.report.plots.interactive.candidate_view import ANGLE, SHARE, UM, rounded
+from lrm_ident.report.plots.interactive.group_means import explained_by_means, fair_rows, shown_most
 from lrm_ident.report.step_card import AS_WELL, StepCard, error_fall, of_data, rivals
 from lrm_ident.residual.picture.error_field import COLOURS, ErrorField
 from lrm_ident.residual.thresholds import MIN_GAIN
-from lrm_math.arrays import Array
 
-UM, ANGLE = 3, 4
-"""Decimals of millimetres and degrees in the drawing only, and the least p value that is printed."""
 SUPPORTED, BESIDE = "supported", "beside"
 STANDINGS = {
     SUPPORTED: MARKS[SUPPORTED],
@@ -106,15 +100,9 @@ def values_text(values: Mapping[str, Any]) -> str:
     return json.dumps(values, separators=(",", ":"), allow_nan=False).replace("</", "<\\/")
 
 
-def rounded(values: Array, decimals: int) -> Any:
-    """Nested lists without NaN, which become null."""
-    plain = np.round(values, decimals).astype(object)
-    plain[~np.isfinite(values)] = None
-    return plain.tolist()
-
-
 def _step(found: ModelReport, number: int) -> dict[str, Any]:
-    step = found.field.steps[number]
+    step, lever = found.field.steps[number], found.field.lever
+    mean = lever.mean(axis=1, keepdims=True)  # a turn about a short lever is enormous for a small error
     judged = (found.judged or {}).get(number)
     return {
         "name": step.name,
@@ -122,13 +110,8 @@ def _step(found: ModelReport, number: int) -> dict[str, Any]:
         "verdict": "" if judged is None else judged.verdict,
         "rms": in_mm(step.error.rms),
         "residual": rounded(step.residual * 1e3, UM),
-        "turns": rounded(np.degrees(np.where(_moves(found.field), step.turns, np.nan)), ANGLE),
+        "turns": rounded(np.degrees(np.where(lever > SHARE**2 * mean, step.turns, np.nan)), ANGLE),
     }
-
-
-def _moves(field: ErrorField) -> NDArray[np.bool_]:
-    """(n, M), whether the lever of a joint is long enough to see its turn: else a small error is an enormous turn."""
-    return np.asarray(field.lever > SHARE**2 * field.lever.mean(axis=1, keepdims=True))
 
 
 def _entry(found: ModelReport, number: int) -> dict[str, Any]:
@@ -150,22 +133,13 @@ def _card(found: ModelReport, card: StepCard) -> dict[str, Any]:
     floor = found.floor_mm
     judged = (found.judged or {}).get(card.number - 1)
     return {
-        "step": card.number,
-        "name": card.name,
-        "title": card.title,
-        "estimate": card.estimate,
-        "claim": card.claim,
-        "estimates": list(card.estimates),
-        "before": fall.before,
-        "after": fall.after,
-        "held": fall.held_out,
+        **plain(card),
+        **plain(fall),
         "share": fall.share_of_excess(floor),
         "rivals": [{"name": name, "title": plain_name(name), "why": why} for name, why in rivals(card, judged)],
         "equivalent": [plain_name(name) for name in card.equivalent],
         "asked": judged is not None or card.rivals_mm is not None,
         "unrivalled": fall.held_out and card.unrivalled(fall.after),
-        "joint": card.joint,
-        "driver": card.driver,
     }
 
 
@@ -175,7 +149,7 @@ def _together(found: ModelReport) -> dict[str, Any] | None:
     if steps < 2:
         return None
     fall = error_fall(found.file, found.field, steps, found.poses.sha256, steps)
-    return {"steps": steps, "before": fall.before, "after": fall.after, "held": fall.held_out}
+    return {"steps": steps, **plain(fall)}
 
 
 def _where(found: ModelReport) -> dict[str, Any]:
@@ -191,22 +165,25 @@ def _where(found: ModelReport) -> dict[str, Any]:
 def _ranking(found: ModelReport, ranking: Any) -> list[dict[str, Any]]:
     """The candidates: the one that the verdict names, its rivals, others with support in the order of `diagnose`, then
     by the error that they would leave."""
-    views = {view.name: view for view in found.candidates}
+    views = {view["name"]: view for view in found.candidates}
     named = [(f"{advice['effect']}@{advice['place']}", advice) for advice in ranking]
     known = [(views[name], advice) for name, advice in named if name in views]
     first = known[0][1] if known else None
     weighted, order = found.poses.several_kinds, list(STANDINGS)
-    out = [_candidate(view, advice, _standing(view, advice, first, weighted), weighted) for view, advice in known]
+    out = [
+        _candidate(view, advice, _standing(view["refused"], advice, first, weighted), weighted)
+        for view, advice in known
+    ]
     top = 0 if first is None or first["verdict"] == "no_evidence" else 1
     left = {one["name"]: one["heldOut"] * (one["standing"] != BESIDE) for one in out}
     return out[:top] + sorted(out[top:], key=lambda one: (order.index(one["standing"]), left[one["name"]]))
 
 
-def _standing(view: CandidateView, advice: Mapping[str, Any], first: Mapping[str, Any] | None, weighted: bool) -> str:
+def _standing(refused: str, advice: Mapping[str, Any], first: Mapping[str, Any] | None, weighted: bool) -> str:
     """One of `STANDINGS`: the verdict, but of those without evidence what would help is told apart."""
     if advice["verdict"] != "no_evidence":
         return BESIDE if advice is not first and advice["verdict"] == SUPPORTED else str(advice["verdict"])
-    if view.refused:
+    if refused:
         return "refused"
     if first is None or first["verdict"] == "no_evidence":
         return "no_evidence"
@@ -227,11 +204,10 @@ def _held(advice: Mapping[str, Any], weighted: bool) -> str:
     return value if not advice["approximate"] else f"≈ {value} {'(all, weighted)' if weighted else ''}".rstrip()
 
 
-def _candidate(view: CandidateView, advice: Mapping[str, Any], standing: str, weighted: bool) -> dict[str, Any]:
-    observable = view.observable
+def _candidate(view: Mapping[str, Any], advice: Mapping[str, Any], standing: str, weighted: bool) -> dict[str, Any]:
     return {
-        "name": view.name,
-        "title": plain_name(view.name),
+        **view,
+        "title": plain_name(view["name"]),
         "verdict": advice["verdict"],
         "standing": standing,
         "mark": STANDINGS[standing],
@@ -246,23 +222,4 @@ def _candidate(view: CandidateView, advice: Mapping[str, Any], standing: str, we
             f"{key} = " + (quantity(one["value"], one["se"]) if one["se"] else f"{one['value']:.4g}")
             for key, one in advice["parameters"].items()
         ],
-        "size": _size(view),
-        "about": {name: getattr(view.about, name) for name in ("cause", "formula", "needs", "source")},
-        "added": rounded(view.added * 1e3, UM),
-        "turns": rounded(np.degrees(view.turns), ANGLE),
-        "shown": {"joint": view.shown[0], "driver": view.shown[1]},
-        "joint": view.joint,
-        "driver": view.driver,
-        "second": view.second,
-        "form": rounded(np.where(observable, np.degrees(view.form), np.nan), ANGLE),
-        "around": rounded(np.where(observable, np.degrees(view.around), np.nan), ANGLE),
     }
-
-
-def _size(view: CandidateView) -> dict[str, object] | None:
-    """Size of an effect that has one, as `added` shows it, in the unit that is shown; None of others."""
-    if view.size is None:
-        return None
-    value, unit = view.size
-    scale, symbol = DISPLAY_UNITS.get(unit, (1.0, f" {unit}"))
-    return {"value": value * scale, "unit": symbol}

@@ -22,7 +22,7 @@ from lrm_ident.diagnosis.symbolic_regression.search import LawColumns, LawSearch
 from lrm_ident.fitting.effect_plugins import effects_in, file_of, sha256_of
 from lrm_ident.fitting.identifiability import fit_identifiable
 from lrm_ident.fitting.levenberg_marquardt import fit
-from lrm_ident.report.diagnosis.laws import proposal_document
+from lrm_ident.report.diagnosis.course import proposal_document
 from lrm_ident.residual.error_breakdown import HeldOutResidual
 from lrm_ident.study.model_history import model_file, model_text
 from lrm_math.arm.arm import Arm

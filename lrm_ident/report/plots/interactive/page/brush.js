@@ -1,11 +1,38 @@
-// Poses that are marked in every figure: by a box around them, by a click, by why they are worth a look.
+// Which poses are shown: all, or where these are too many a fair sample, or that and all of the worst; and which are marked
+// in every figure: by a box around them, by a click, by why they are worth a look.
 "use strict";
 function lrmBrush(page) {
   const { state, place } = page;
 
+  // Rows of the sample, in measured order.
+  function sample() {
+    const v = state.values;
+    return v.fair && !state.worst ? v.fair : v.pose.map((_, row) => row);
+  }
+
+  // Rows of the points of flat charts: the sample, and what is marked beside it.
+  function points() {
+    const shown = sample();
+    if (!state.brushed || shown.length === state.values.pose.length) return shown;
+    const known = new Set(shown);
+    return state.values.pose.map((_, row) => row).filter((row) => known.has(row) || state.brushed.has(state.values.pose[row]));
+  }
+
+  // Words on `count` poses that are shown; nothing where these are all.
+  function says(count) {
+    const v = state.values, which = v.fair ? (state.worst ? ", the worst among them" : ", a fair sample") : "";
+    return count === v.poses ? "" : `shown: ${count} of ${v.poses} poses${which}`;
+  }
+
+  // The line beside every flat chart.
+  function tellSample() {
+    const line = says(points().length);
+    for (const box of document.querySelectorAll(".lrm-sample")) box.textContent = line;
+  }
+
   function brush(poses) {
     state.brushed = poses && poses.size ? poses : null;
-    page.drawField(); page.drawTurn(); page.drawCandidate(); page.tellSample();
+    page.drawField(); page.drawTurn(); page.drawCandidate(); tellSample();
     const note = place("brushed");
     if (note) note.textContent = state.brushed ? `${state.brushed.size} poses marked` : "";
   }
@@ -41,5 +68,5 @@ function lrmBrush(page) {
     figure.on("plotly_click", (event) => toggle(event.points[0].customdata));
   }
 
-  return { brush, toggle, marked, selected, poseOf, wireScatter };
+  return { sample, points, says, tellSample, brush, toggle, marked, selected, poseOf, wireScatter };
 }

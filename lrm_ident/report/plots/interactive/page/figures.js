@@ -1,9 +1,48 @@
 // The interactive figures of the workbench and the report: drawn from the values of values.py.
 // lrm.show(values) draws all that has a place (an element with the figure's id) on the page.
 "use strict";
+// What the parts of the page share: what is chosen, and how places and words are found. `page` of every other script is this,
+// with what the scripts loaded before have added to it.
+function lrmShared() {
+  const state = { values: null, step: 0, beside: null, joint: 0, driver: "", candidate: null, brushed: null, pose: null, size: 0,
+    worst: false };
+  const place = (id) => document.getElementById("lrm-" + id);
+  const emit = (name, value) => { if (window.lrmEmit) window.lrmEmit(name, value); };
+  const words = (value, digits = 2) => value === null ? "–" : value.toFixed(digits);
+  const norm = (v) => Math.hypot(v[0], v[1], v[2]);
+  const rowOfPose = () => Math.max(state.values.pose.indexOf(state.pose), 0);
+
+  function element(tag, text, name) {
+    const out = document.createElement(tag);
+    if (text) out.textContent = text;
+    if (name) out.className = name;
+    return out;
+  }
+
+  return { state, scenes: {}, place, emit, words, norm, rowOfPose, element };
+}
+
+// Paper is light, and gets every figure in full, also those that were not in view yet.
+function lrmPrint(page) {
+  const PAPER_RATIO = 3;
+  const { state, scenes } = page;
+
+  function print(begin) {
+    if (begin) print.theme = document.documentElement.dataset.theme;
+    for (const one of Object.values(scenes)) one.ratio = begin ? PAPER_RATIO : 0;
+    page.theme(begin ? "light" : print.theme);
+    page.drawWaiting(() => true);
+    lrmChart.onPaper(begin);
+    for (const one of Object.values(scenes)) one.draw();
+  }
+  window.addEventListener("beforeprint", () => { if (state.values) print(true); });
+  window.addEventListener("afterprint", () => { if (state.values) print(false); });
+  return { print };
+}
+
 const lrm = (() => {
   const page = lrmShared(), { state, norm } = page;
-  for (const part of [lrmSample, lrmQueue, lrmBrush, lrmCandidates, lrmWhatIf, lrmSteps, lrmField, lrmPose, lrmPicture, lrmTurn,
+  for (const part of [lrmQueue, lrmBrush, lrmCandidates, lrmSteps, lrmField, lrmPose, lrmPicture, lrmTurn,
     lrmControls, lrmPrint]) Object.assign(page, part(page));
   const { choose, showStep, glide } = page;
 

@@ -2,6 +2,7 @@
 "use strict";
 function lrmPose(page) {
   const { state, scenes, place, words, norm, rowOfPose } = page;
+  const { colour } = lrmChart;
 
   function hover(row) {
     if (row === undefined || state.values.pose[row] === state.pose) return;
@@ -23,11 +24,45 @@ function lrmPose(page) {
       `error ${words(norm(r))} mm (${r.map((c) => (c < 0 ? "" : "+") + c.toFixed(2)).join(" ")})`;
   }
 
-  // Both arms of a pose, flat, so that the pointer need not wait for the scene: from the side, in the vertical plane
-  // through its TCP, and from above.
+  // Both arms of a pose, flat, so that the pointer need not wait for the scene.
   function drawArm() {
     const box = place("arm"), v = state.values, row = rowOfPose();
-    if (box) box.replaceChildren(...lrmArmViews(v.nominal[row], v.bent[row], v.tcp[row]));
+    if (box) box.replaceChildren(...armViews(v.nominal[row], v.bent[row], v.tcp[row]));
+  }
+
+  // Both arms, from the side in the vertical plane through the TCP and from above.
+  function armViews(nominal, bent, measured) {
+    const base = nominal[0], tip = nominal[nominal.length - 1];
+    const reach = Math.hypot(tip[0] - base[0], tip[1] - base[1]) || 1;
+    const along = [(tip[0] - base[0]) / reach, (tip[1] - base[1]) / reach];
+    const views = [["from the side", (p) => [(p[0] - base[0]) * along[0] + (p[1] - base[1]) * along[1], -p[2]]],
+      ["from above", (p) => [p[0], -p[1]]]];
+    const make = (tag, attributes) => {
+      const out = document.createElementNS("http://www.w3.org/2000/svg", tag);
+      for (const key in attributes) out.setAttribute(key, attributes[key]);
+      return out;
+    };
+    return views.map(([name, flat]) => {
+      const arms = [nominal.map(flat), bent.map(flat)], seen = measured ? [flat(measured)] : [];
+      const all = [...arms[0], ...arms[1], ...seen], xs = all.map((p) => p[0]), ys = all.map((p) => p[1]);
+      const size = Math.max(Math.max(...xs) - Math.min(...xs), Math.max(...ys) - Math.min(...ys), 1), pad = 0.12 * size;
+      const middle = [(Math.max(...xs) + Math.min(...xs)) / 2, (Math.max(...ys) + Math.min(...ys)) / 2];
+      const svg = make("svg", { role: "img", "aria-label": `nominal and bent arm ${name}`,
+        viewBox: [middle[0] - size / 2 - pad, middle[1] - size / 2 - pad, size + 2 * pad, size + 2 * pad].join(" ") });
+      const line = (points, ink, dash, width) => svg.append(make("polyline", { points: points.map((p) => p.join()).join(" "),
+        fill: "none", stroke: ink, "stroke-width": width * size, "stroke-dasharray": dash * size, "stroke-linecap": "round" }));
+      line(arms[0], colour("soft"), 0.03, 0.014);
+      line(arms[1], colour("model"), 0, 0.02);
+      for (const at of seen) {
+        svg.append(make("circle", { cx: at[0], cy: at[1], r: 0.03 * size, fill: "none", stroke: colour("held"),
+          "stroke-width": 0.015 * size }));
+      }
+      const figure = document.createElement("figure"), caption = document.createElement("figcaption");
+      figure.className = "lrm-arm-view";
+      caption.textContent = name;
+      figure.append(svg, caption);
+      return figure;
+    });
   }
 
   // A running daemon: both arms and words; null: no daemon any longer.
@@ -37,7 +72,7 @@ function lrmPose(page) {
     panel.hidden = !told;
     if (!told) return;
     place("rover-words").textContent = told.words;
-    arms.replaceChildren(...(told.bent ? lrmArmViews(told.nominal, told.bent, null) : []));
+    arms.replaceChildren(...(told.bent ? armViews(told.nominal, told.bent, null) : []));
   }
 
   return { hover, tell, drawArm, rover };

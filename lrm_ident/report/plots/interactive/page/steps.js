@@ -1,4 +1,4 @@
-// The steps that were taken: the sentence of the step shown, the errors of all, and a card of each. `page`: of shared.js.
+// The steps that were taken: the sentence of the step shown, the errors of all, and a card of each. `page`: of figures.js.
 "use strict";
 function lrmSteps(page) {
   const { state, place, element, draw, words } = page;
@@ -11,12 +11,12 @@ function lrmSteps(page) {
 
   // One sentence and figure on the step shown; what it says and what is drawn are of the same step.
   function tellFall() {
-    const box = place("fall"), v = state.values, number = state.step, card = v.cards.find((one) => one.step === number);
+    const box = place("fall"), v = state.values, number = state.step, card = v.cards.find((one) => one.number === number);
     if (!box) return;
     const what = card ? named(card) : number ? v.steps[number].title : `${v.fitted} parameters fitted`;
     const [from, to] = card ? [card.before, card.after] : [number ? v.steps[number - 1].rms : v.nominalRms, v.steps[number].rms];
     const held = number || heldOut(0) === null ? "" : `; ${inMm(heldOut(0))} held out`;
-    const kind = card && card.held ? "held-out RMS" : number ? "RMS on these data" : `RMS from nominal to fitted${held}`;
+    const kind = card && card.held_out ? "held-out RMS" : number ? "RMS on these data" : `RMS from nominal to fitted${held}`;
     const figure = element("span", `${words(Number(from))} → ${inMm(to)}`, "lrm-fall-figure");
     box.replaceChildren(element("span", what + ": ", "lrm-fall-what"), figure, " ",
       element("span", [kind, floorWords()].filter(Boolean).join(", "), "lrm-soft"));
@@ -104,24 +104,24 @@ function lrmSteps(page) {
   // The end of the course: what all steps did.
   function together() {
     const v = state.values, all = v.together;
-    if (all) return element("p", `All ${all.steps} steps together: ${words(all.before)} → ${words(all.after)} mm${all.held ? ", held out" : ""}.`, "lrm-together");
+    if (all) return element("p", `All ${all.steps} steps together: ${words(all.before)} → ${words(all.after)} mm${all.held_out ? ", held out" : ""}.`, "lrm-together");
     return v.cards.length ? "" : element("p", "No step beyond the fit was taken.", "lrm-soft");
   }
 
   // What is known of other effects where none is listed; else how to learn it.
   function others(card) {
     if (card.asked) return "No other effect was near.";
-    const steps = state.values.steps.length - card.step, times = steps > 1 ? ` ${steps} times` : "";
+    const steps = state.values.steps.length - card.number, times = steps > 1 ? ` ${steps} times` : "";
     return `What else it could have been is not in the model file: take ${steps > 1 ? "these steps" : "this step"} back` +
       ` (lrm-ident undo${times}) and diagnose the model before it (lrm-ident diagnose).`;
   }
 
   function article(card) {
     const out = element("article", "", "lrm-card-of-step"), fall = `${words(card.before)}\u00a0→\u00a0${inMm(card.after)}`;
-    const heading = element("h3", `${card.step}. ${named(card)}: ${fall}`);
+    const heading = element("h3", `${card.number}. ${named(card)}: ${fall}`);
     const share = card.share === null ? "" : `; ${Math.round(100 * card.share)} % of the mean square above the noise`;
     const says = element("div", "", "lrm-card-says");
-    says.append(element("p", `${card.claim ? (card.equivalent.length ? "If it is this one: " : "") + card.claim + ". " : ""}${card.held ? "Held-out RMS" : "RMS on these data"}: ${fall}${share}.`));
+    says.append(element("p", `${card.claim ? (card.equivalent.length ? "If it is this one: " : "") + card.claim + ". " : ""}${card.held_out ? "Held-out RMS" : "RMS on these data"}: ${fall}${share}.`));
     if (card.unrivalled) says.append(element("p", "No other effect explained it as well."));
     if (card.rivals.length) {
       const list = element("ul");
@@ -129,7 +129,7 @@ function lrmSteps(page) {
       says.append(element("h4", card.equivalent.length ? "What else it could be" : "What else it could have been, and why not"), list);
     } else if (!card.unrivalled) says.append(element("p", others(card), "lrm-soft"));
     const figure = element("div", "", "lrm-figure lrm-card-figure"), more = element("details", "", "lrm-soft");
-    figure.id = "lrm-card-" + card.step;
+    figure.id = "lrm-card-" + card.number;
     more.append(element("summary", `${card.estimates.length} coefficient${card.estimates.length > 1 ? "s" : ""} of ${card.name}`), element("p", card.estimates.join(", ")));
     out.append(heading, says, figure, element("p", "", "lrm-sample lrm-soft"), ...(card.estimates.length ? [more] : []));
     return out;
@@ -138,14 +138,14 @@ function lrmSteps(page) {
   // The residual against what the effect follows, before and after the step.
   function drawCard(card) {
     const v = state.values, driver = v.drivers.find((one) => one.name === card.driver);
-    const [before, after] = [v.steps[card.step - 1].turns[card.joint], v.steps[card.step].turns[card.joint]];
+    const [before, after] = [v.steps[card.number - 1].turns[card.joint], v.steps[card.number].turns[card.joint]];
     if (!driver) return;
     const rows = page.sample(), x = at(driver.values, rows);
     const points = (name, y, ink, symbol) => ({ type: "scatter", mode: "markers", name, x, y: at(y, rows), hoverinfo: "skip",
       marker: { size: 5, symbol, color: ink, opacity: 0.55 } });
     const mean = (name, y, ink) => ({ type: "scatter", mode: "lines", name, ...binned(x, at(y, rows)), hoverinfo: "skip",
       line: { color: ink, width: 2.5 } });
-    draw("card-" + card.step, [points("before", before, colour("held"), "circle-open"), points("after", after, colour("model"), "circle"),
+    draw("card-" + card.number, [points("before", before, colour("held"), "circle-open"), points("after", after, colour("model"), "circle"),
       mean("mean before", before, colour("held")), mean("mean after", after, colour("model"))], { dragmode: false,
       xaxis: { title: { text: driver.label, standoff: 4 } },
       yaxis: { title: { text: `turn of joint ${card.joint + 1}, deg`, standoff: 4 }, range: range(before).limits } });

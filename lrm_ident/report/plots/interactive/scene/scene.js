@@ -2,9 +2,38 @@
 // A canvas needs no graphics card, and is on paper what it is on the screen. All lengths in mm.
 "use strict";
 const lrmScene = (() => {
-  const { FIRST, view, boxOf, projection } = lrmView;
   const { colour, ring, frame } = lrmPen;
   const scenes = new Set();
+
+  // From where scenes are seen: one orthographic view for all, so that two fields beside each other turn together.
+  const FIRST = { azimuth: -45, elevation: 27, zoom: 1, shift: [0, 0] }, DEG = Math.PI / 180;
+  const view = { ...FIRST, shift: [0, 0] };
+  const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+
+  // The box that everything is in: the least and the greatest corner.
+  function boxOf(points) {
+    const low = [Infinity, Infinity, Infinity], high = [-Infinity, -Infinity, -Infinity];
+    for (const p of points) {
+      for (let k = 0; k < 3; k++) { low[k] = Math.min(low[k], p[k]); high[k] = Math.max(high[k], p[k]); }
+    }
+    return [low, high];
+  }
+
+  // From mm to the screen: [right, down, towards the viewer (mm)] for a canvas of a size in px; its `scale` in px/mm.
+  function projection(box, width, height) {
+    const a = view.azimuth * DEG, e = view.elevation * DEG, steep = FIRST.elevation * DEG;
+    const right = [-Math.sin(a), Math.cos(a), 0], towards = [Math.cos(e) * Math.cos(a), Math.cos(e) * Math.sin(a), Math.sin(e)];
+    const up = [-Math.sin(e) * Math.cos(a), -Math.sin(e) * Math.sin(a), Math.cos(e)];
+    const [low, high] = box, middle = low.map((l, k) => (l + high[k]) / 2), size = low.map((l, k) => high[k] - l);
+    const across = Math.hypot(size[0], size[1]), tall = size[2] * Math.cos(steep) + across * Math.sin(steep);
+    const scale = view.zoom * Math.min((width - Math.min(64, 0.18 * width)) / across, (height - 56) / tall);
+    const at = (p) => {
+      const q = p.map((c, k) => c - middle[k]);
+      return [width / 2 + scale * (dot(q, right) + view.shift[0] * across), height / 2 + 6 - scale * (dot(q, up) + view.shift[1] * across),
+        dot(q, towards)];
+    };
+    return Object.assign(at, { scale });
+  }
 
   function layer() {
     const canvas = document.createElement("canvas");
@@ -89,14 +118,103 @@ const lrmScene = (() => {
       pen.fillText(c.title, 6, 4);
     }
 
-    lrmSceneInput(canvas, self, view, FIRST, () => { for (const one of scenes) one.later(); }, on);
+    wire(canvas, self, on);
     new ResizeObserver(later).observe(element);
     return self;
   }
+
+  // Pointer, wheel, fingers and keys on a scene: drag turns it, with shift marks a box of dots, with the right button moves it.
+  function wire(canvas, self, on) {
+    const NEAR = 9;
+    const place = (event) => {
+      const frame = canvas.getBoundingClientRect();
+      return [event.clientX - frame.left, event.clientY - frame.top];
+    };
+    function nearest(at) {
+      let best = null, distance = NEAR;
+      self.dots.forEach((p, row) => {
+        const d = Math.hypot(p[0] - at[0], p[1] - at[1]);
+        if (d < distance && self.seen(row)) [best, distance] = [row, d];
+      });
+      return best;
+    }
+    const fingers = new Map();
+    const apart = () => { const [a, b] = [...fingers.values()]; return Math.hypot(a[0] - b[0], a[1] - b[1]); };
+    canvas.onpointerdown = (event) => {
+      canvas.setPointerCapture(event.pointerId);
+      fingers.set(event.pointerId, place(event));
+      self.drag = { from: place(event), last: place(event), moved: false, marks: event.shiftKey, box: null,
+        pan: event.button === 2, apart: fingers.size === 2 ? apart() : 0 };
+    };
+    canvas.onpointermove = (event) => {
+      const at = place(event), drag = self.drag;
+      if (!drag) {
+        const row = nearest(at);
+        canvas.style.cursor = row === null ? "grab" : "pointer";
+        if (row !== null) on.hover(row);
+        return;
+      }
+      fingers.set(event.pointerId, at);
+      const [dx, dy] = [at[0] - drag.last[0], at[1] - drag.last[1]];
+      drag.moved = drag.moved || Math.hypot(at[0] - drag.from[0], at[1] - drag.from[1]) > 3;
+      if (!drag.moved) return;
+      if (fingers.size === 2 && drag.apart) {
+        zoom(apart() / drag.apart);
+        drag.apart = apart();
+      } else if (drag.marks) {
+        drag.box = [Math.min(at[0], drag.from[0]), Math.min(at[1], drag.from[1]), Math.abs(at[0] - drag.from[0]),
+          Math.abs(at[1] - drag.from[1])];
+      } else if (drag.pan) {
+        view.shift = [view.shift[0] + dx / canvas.clientWidth / view.zoom, view.shift[1] - dy / canvas.clientWidth / view.zoom];
+      } else turn(-0.5 * dx, 0.5 * dy);
+      drag.last = at;
+      redraw();
+    };
+    canvas.onpointerup = canvas.onpointercancel = (event) => {
+      const drag = self.drag;
+      fingers.delete(event.pointerId);
+      if (!drag || fingers.size) return;
+      self.drag = null;
+      if (drag.box) {
+        const [x, y, w, h] = drag.box;
+        on.mark(self.dots.flatMap((p, row) => (p[0] >= x && p[0] <= x + w && p[1] >= y && p[1] <= y + h && self.seen(row) ? [row] : [])));
+      } else if (!drag.moved && event.type === "pointerup") {
+        const row = nearest(drag.from);
+        if (row !== null) on.toggle(row);
+      }
+      redraw();
+    };
+    canvas.oncontextmenu = (event) => event.preventDefault();
+    canvas.onwheel = (event) => {
+      if (document.activeElement !== canvas) return; // the wheel scrolls the page until the scene was clicked
+      event.preventDefault();
+      zoom(event.deltaY < 0 ? 1.15 : 1 / 1.15);
+      redraw();
+    };
+    canvas.ondblclick = () => look();
+    canvas.onkeydown = (event) => {
+      const moves = { ArrowLeft: [-10, 0], ArrowRight: [10, 0], ArrowUp: [0, 10], ArrowDown: [0, -10] }[event.key];
+      if (moves) turn(...moves);
+      else if (event.key === "+" || event.key === "=") zoom(1.2);
+      else if (event.key === "-") zoom(1 / 1.2);
+      else if (event.key === "0") look();
+      else return;
+      event.preventDefault();
+      redraw();
+    };
+    const turn = (right, up) => {
+      view.azimuth += right;
+      view.elevation = Math.min(Math.max(view.elevation + up, -90), 90);
+    };
+    const zoom = (by) => { view.zoom = Math.min(Math.max(view.zoom * by, 0.3), 30); };
+  }
+
+  const redraw = () => { for (const one of scenes) one.later(); };
+
   // All scenes seen from an azimuth and an elevation (deg); from where they were first without.
   function look(from) {
     Object.assign(view, FIRST, { shift: [0, 0] }, from ? { azimuth: from[0], elevation: from[1] } : {});
-    for (const one of scenes) one.later();
+    redraw();
   }
-  return Object.assign(scene, { boxOf, look, view });
+  return Object.assign(scene, { boxOf, projection, look, view });
 })();

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 from typing import Annotated
 
@@ -10,9 +11,10 @@ from typer import Argument, Option
 from lrm_ident.cli import arguments as arg
 from lrm_ident.cli.command import command
 from lrm_ident.data.examples import EXAMPLE
-from lrm_ident.workbench.address import new_place
-from lrm_ident.workbench.server import serve
+from lrm_ident.workbench.address import WorkbenchAddress, last_session, new_place
+from lrm_ident.workbench.session import WorkbenchSession
 from lrm_ident.workbench.work.tasks import OpenTask
+from lrm_ident.workbench.work.worker import work_process
 from lrm_math.errors import FileError, LrmError
 from lrm_math.model.reading import AS_NAMED, Reading
 
@@ -36,7 +38,32 @@ def workbench(
     model, data = _model_and_data(files or [])
     place = new_place(port)
     task = OpenTask(data or EXAMPLE, model, arm, effects_file, reading)
-    serve(place, task, tour=data is None, show=show_page)
+    _serve(place, task, tour=data is None, show=show_page)
+
+
+def _serve(place: WorkbenchAddress, opened: OpenTask, tour: bool, show: bool) -> None:
+    """Runs the workbench until it is stopped. Raises `LrmError` if NiceGUI is not installed.
+
+    Args:
+        tour: whether the first tab begins with the guided tour. show: whether the browser is opened.
+    """
+    worker = work_process()
+    offered = last_session(place.folder, None if tour else opened.data)
+    session = WorkbenchSession(place.folder, worker, offered=offered)
+    session.open(opened)
+    os.environ.setdefault("NICEGUI_STORAGE_PATH", str(place.folder / ".page"))
+    try:
+        from lrm_ident.workbench.application import run_application
+
+        run_application(place, session, tour, show)
+    except ModuleNotFoundError as error:
+        raise LrmError(
+            f"the workbench needs '{error.name}', which is not installed: pip install 'lrm-arm[page]'"
+        ) from None
+    finally:
+        worker.close()
+        if session.again:
+            print(f"Go on with: {session.again}", flush=True)
 
 
 def _model_and_data(files: list[Path]) -> tuple[Path | None, Path | None]:

@@ -1,0 +1,151 @@
+"""Files of a session: measurements that are open and may change, those that are followed, those that are dropped."""
+
+from __future__ import annotations
+
+import hashlib
+import shutil
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from lrm_ident.workbench.work.tasks import OpenFiles, OpenTask
+from lrm_math.errors import FileError
+from lrm_math.toml_file import schema_of
+
+LOOK_S = 0.5
+
+
+@dataclass
+class OpenedData:
+    """A data file that is open.
+
+    Attributes:
+        path: of the file. sha256: of what was read of it. copy: where that is kept, or None if it changed too soon.
+    """
+
+    path: Path
+    sha256: str
+    copy: Path | None
+    _seen: tuple[int, int] | None = None
+    _looked: float = 0.0
+    _differs: bool = False
+
+    def changed(self, now: bool = False) -> bool:
+        """Whether the file is no longer what was read, or is gone. Looks twice a second; `now`: at once."""
+        clock = time.monotonic()
+        if not now and clock - self._looked < LOOK_S:
+            return self._differs
+        self._looked = clock
+        try:
+            stat = self.path.stat()
+            seen = stat.st_mtime_ns, stat.st_size
+            if seen != self._seen:
+                self._seen, self._differs = seen, _sha256(self.path) != self.sha256
+        except OSError:
+            self._seen, self._differs = None, True
+        return self._differs
+
+
+def keep_opened(path: Path, sha256: str, folder: Path) -> OpenedData:
+    """Copies a data file that was read, with the metadata beside it, to a folder."""
+    copy = folder / f"data-{sha256[:8]}" / path.name
+    if path != copy:
+        copy.parent.mkdir(parents=True, exist_ok=True)
+        _copy_there(path, copy)
+        _copy_there(path.with_suffix(".toml"), copy.with_suffix(".toml"))
+    return OpenedData(path, sha256, copy if copy.is_file() and _sha256(copy) == sha256 else None)
+
+
+def _copy_there(source: Path, copy: Path) -> None:
+    if source.is_file():
+        shutil.copyfile(source, copy)
+
+
+def _sha256(path: Path) -> str:
+    return hashlib.sha256(path.read_bytes()).hexdigest()
+
+
+@dataclass
+class FollowedFile:
+    """A growing CSV. `copy`: where its whole lines are, with the metadata beside it; `size` bytes of it are there."""
+
+    source: Path
+    copy: Path
+    size: int = -1
+    looked: float = 0.0
+
+    def grown(self) -> bool:
+        """Whether it has changed; then the copy is new. Raises `FileError` if it is gone."""
+        now = time.monotonic()
+        if now - self.looked < LOOK_S:
+            return False
+        self.looked = now
+        try:
+            content = self.source.read_bytes()
+        except OSError as error:
+            raise FileError(self.source, "", f"cannot be followed any longer ({error.strerror})") from None
+        whole = content[: content.rfind(b"\n") + 1]
+        if len(whole) == self.size or whole.count(b"\n") < 2:
+            return False
+        self.size = len(whole)
+        self.copy.write_bytes(whole)
+        _copy_there(self.source.with_suffix(".toml"), self.copy.with_suffix(".toml"))
+        return True
+
+
+def follow_file(source: Path, folder: Path) -> FollowedFile:
+    """Follows a file; its copies go to a folder. Raises `FileError`."""
+    if not source.is_file():
+        raise FileError(source, "", "no such file")
+    if source.suffix != ".csv":
+        raise FileError(source, "", f"a {source.suffix or 'nameless'} file", "only a .csv can be followed")
+    place = folder / "followed"
+    place.mkdir(exist_ok=True)
+    return FollowedFile(source, place / source.name)
+
+
+def keep_dropped(folder: Path, contents: Mapping[str, bytes]) -> dict[str, Path]:
+    """Writes dropped files to a folder; by ending and schema they are `data`, `model` or `arm`. Raises `FileError`."""
+    found: dict[str, Path] = {}
+    for name, content in contents.items():
+        path = folder / Path(name).name
+        path.write_bytes(content)
+        kind = _kind(path)
+        if kind in found:
+            raise FileError(path.name, "", f"a second file that is {kind}", "drop one data set and one model at a time")
+        if kind != "metadata":
+            found[kind] = path
+    return found
+
+
+def task_for(dropped: Mapping[str, Path], now: OpenFiles | None) -> OpenTask:
+    """The task that opens dropped files. To a data set alone a model is fitted, a model alone takes the data at hand.
+
+    Raises `FileError`.
+    """
+    data = dropped.get("data", None if now is None else now.data)
+    if data is None:
+        raise FileError(
+            dropped.get("model", dropped.get("arm")), "", "there are no measurements yet", "drop a .csv with it"
+        )
+    if set(dropped) == {"data"} and now is not None:
+        # here, since the page would wait for all that it needs
+        from lrm_ident.data.measurement_file.conventions import metadata_of
+
+        metadata = metadata_of(data)
+        if metadata is None or metadata.arm is None:
+            return OpenTask(data, now.model)
+    return OpenTask(data, dropped.get("model"), str(dropped["arm"]) if "arm" in dropped else None)
+
+
+def _kind(path: Path) -> str:
+    if path.suffix == ".csv":
+        return "data"
+    if path.suffix != ".toml":
+        raise FileError(path.name, "", f"a {path.suffix or 'nameless'} file", "should be a .csv or a .toml")
+    schema = schema_of(path) or ""
+    for prefix, kind in (("lrm/model/", "model"), ("lrm/arm/", "arm"), ("lrm/measurements/", "metadata")):
+        if schema.startswith(prefix):
+            return kind
+    raise FileError(path.name, "schema", f"is {schema or 'not said'}", "should be a model, an arm or metadata of a CSV")
