@@ -59,10 +59,10 @@ class ApiProcess:
         self._estops_seen = 0
         now = time.monotonic_ns()
         self._model = ActiveModel(config, self._shared)
-        if self._model.guard is None:
-            self._emit("no_shapes", "warning", f"{config.arm.name} has no collision shapes; no move is checked")
-        guard, stored = self._model.guard or (lambda *_: None), restored_state(config, self._emit)
+        guard, stored = self._model.guard, restored_state(config, self._emit)
         self._controller = Controller(config, gravity_torques(config.arm), stored, guard, now, time.time_ns())
+        if self._controller.unchecked:
+            self._emit("no_shapes", "warning", f"{self._controller.unchecked}; no move is checked")
         self._publisher = StatePublisher(config, self._controller, self._shared, self._ramp, self._ik, self.boot_id)
         self._publisher.model = self._model.deployed.path
         self._writer = BackgroundWriter(config.state, self._on_write)

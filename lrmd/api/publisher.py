@@ -74,7 +74,7 @@ class StatePublisher:
         return Reply(
             **self._header(tail), mode=self._controller.mode.value, seconds=result.seconds,
             lease=None if lease is None else lease.token, lease_ms=None if lease is None else self._config.lease / 1e6,
-            model_sha256=self._model_sha256,
+            model_sha256=self._model_sha256, unchecked=result.unchecked,
         )  # fmt: skip
 
     def reloaded(self, tail: str, deployed: DeployedModel) -> ReloadReply:

@@ -73,7 +73,8 @@ def run_motion(
             rover.hold()
             print("held", file=sys.stderr)
             return 1
-    print(f"there, after {seconds:.1f} s")
+    unchecked = f"; not checked for collisions: {rover.unchecked}" if rover.unchecked else ""
+    print(f"there, after {seconds:.1f} s{unchecked}")
     return 0
 
 

@@ -13,9 +13,9 @@ from lrmd.safety.thermal_model import ThermalMonitor, Torques
 
 
 class MotionCheck:
-    """`guard` checks clearances, `torques` gives the joint torques of a pose, `thermal` the temperatures."""
+    """`guard` checks clearances, or None; `torques` gives the joint torques of a pose, `thermal` the temperatures."""
 
-    def __init__(self, config: Config, torques: Torques, guard: Guard, thermal: ThermalMonitor) -> None:
+    def __init__(self, config: Config, torques: Torques, guard: Guard | None, thermal: ThermalMonitor) -> None:
         self._config, self._thermal = config, thermal
         self.torques, self.guard = torques, guard
 
@@ -43,7 +43,7 @@ class MotionCheck:
                     path.append(there)
                     numbers.append(number)
             here = ramp.at(ramp.length)
-        if not numbers:
+        if not numbers or self.guard is None:
             return
         try:
             self.guard(path, payload)

@@ -81,7 +81,7 @@ def _move(s: ControllerState, request: MoveRequest, now: int) -> RequestResult:
     s.transition(Trigger.MOVE, "move", now)
     s.payload, s.rest_goal = payload, None
     s.orders.start(legs, departure, now)
-    return RequestResult(seconds=_seconds(s, legs, departure))
+    return RequestResult(seconds=_seconds(s, legs, departure), unchecked=s.unchecked)
 
 
 def _legs(s: ControllerState, request: MoveRequest) -> list[Leg]:
