@@ -13,9 +13,8 @@ from rich.table import Table
 
 from bench.ik_peers import PEERS, EaikSolver, PeerSolver
 from bench.timing import race
-from lrm_math.arm.arm import Arm
+from lrm_math.arm.arm import Arm, JointLimits
 from lrm_math.arm.arm_file import load_arm
-from lrm_math.arm.joint_limits import JointLimits
 from lrm_math.arrays import Array
 from lrm_math.ik.goal import Goal, point, point_along, pose
 from lrm_math.ik.nominal import solver_of

@@ -31,8 +31,7 @@ from lrmd.ik.deployed_model import DeployedModel
 from lrmd.messages.codec import Message, error_reply, pack
 from lrmd.messages.control import DeployRequest, JogRequest, MoveRequest, ReloadRequest, UndeployRequest
 from lrmd.messages.zenoh_session import own_client
-from lrmd.persistence.background_writer import BackgroundWriter, SaveSchedule
-from lrmd.persistence.state_file import restored_state
+from lrmd.persistence.state_file import BackgroundWriter, SaveSchedule, restored_state
 from lrmd.safety.thermal_model import gravity_torques
 
 PERIOD, STANDBY_PERIOD = SECOND // 50, 4 * SECOND // 50

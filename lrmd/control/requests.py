@@ -8,8 +8,7 @@ from lrmd.config import SECOND
 from lrmd.control import thermal_protection, updates
 from lrmd.control.arming_pose import arming_pulses
 from lrmd.control.jogging import request_jog
-from lrmd.control.pulses import overlaid, pulses_of
-from lrmd.control.ramp_orders import Departure, Leg
+from lrmd.control.ramp_orders import Departure, Leg, overlaid, pulses_of
 from lrmd.control.state import ControllerState, RequestResult
 from lrmd.control.state_machine import LIVE, InvalidTransition, Mode, Trigger, next_mode
 from lrmd.errors import RequestError

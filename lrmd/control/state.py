@@ -13,8 +13,7 @@ from typing import Any, Literal
 from lrmd.config import Config
 from lrmd.control.lease import Lease
 from lrmd.control.motion_check import MotionCheck
-from lrmd.control.pulses import Pulses, angles, overlaid
-from lrmd.control.ramp_orders import Departure, OrderScheduler
+from lrmd.control.ramp_orders import Departure, OrderScheduler, Pulses, angles, overlaid
 from lrmd.control.state_machine import Mode, Trigger, next_mode
 from lrmd.errors import RequestError
 from lrmd.link.protocol import VERSION as PROTOCOL

@@ -1,7 +1,7 @@
 /* Inverse kinematics of an elastic arm: the inner loops of lrm_math.ik.
  *
  * C99 and libm only, no state, no allocation: every function works on its arguments, so that threads do not meet.
- * Python packs a model into one `Arm` (kernel_model.py, structures.py) and calls the functions marked API with ctypes.
+ * Python packs a model into one `Arm` (kernel_model.py, shared_library.py) and calls the functions marked API with ctypes.
  * Lengths in m, angles in rad, loads in N m; frames are four columns x, y, z, origin: twelve numbers.
  *
  *   1 Arm, state                    5 Error of a goal, Newton's method     9 Poses: all branches
