@@ -19,7 +19,7 @@ from lrm_math.ik.answer import Branch, Nearest, NotConverged, distinct
 from lrm_math.ik.goal import IkQuery
 from lrm_math.ik.kernel.kernel_model import matrices
 from lrm_math.ik.kernel.shared_library import KernelFound, kernel
-from lrm_math.ik.nominal import NominalSolver, solver_of
+from lrm_math.ik.nominal import NominalSolver
 from lrm_math.ik.packed_arm import EquilibriumBatch, PackedArm
 from lrm_math.kinematics.pieper import PieperForm, pieper_form
 from lrm_math.kinematics.poses import poses_of
@@ -86,7 +86,7 @@ class CalibratedArm(PackedArm):
     def nominal_solver(self) -> NominalSolver:
         """Inverse of the nominal arm, limits widened by `SLACK`."""
         joints = (replace(j, lower=j.lower - SLACK, upper=j.upper + SLACK) for j in self.model.arm.joints)
-        return solver_of(replace(self.model.arm, joints=tuple(joints)))
+        return NominalSolver.of(replace(self.model.arm, joints=tuple(joints)))
 
     def nominal_tool(self, q: Array) -> Array:
         """(4, 4), tool frame of the nominal arm at angles (n,); m."""

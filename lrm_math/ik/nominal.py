@@ -62,8 +62,9 @@ class NominalSolver(PackedArm):
     """
 
     @classmethod
+    @lru_cache(maxsize=64)
     def of(cls, arm: Arm) -> NominalSolver:
-        """Solver of any arm that the kernel has room for; `LrmError` for another one when it is first asked."""
+        """Solver of any arm, made once; `LrmError` when it is first asked, for one that the kernel has no room for."""
         return cls(model_of(arm, ()))
 
     def solve(self, goal: Goal, near: Sequence[float] | None = None) -> NominalAnswer:
@@ -190,9 +191,3 @@ def poses_checked(positions: ArrayLike, rotations: ArrayLike) -> tuple[Array, Ar
     if not finite.all():
         raise LrmError(f"goal {int(np.argmin(finite)) + 1}: position or rotation is not finite")
     return p, R
-
-
-@lru_cache(maxsize=64)
-def solver_of(arm: Arm) -> NominalSolver:
-    """The solver of an arm."""
-    return NominalSolver.of(arm)
