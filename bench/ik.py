@@ -13,12 +13,11 @@ from rich.table import Table
 
 from bench.ik_peers import PEERS, EaikSolver, PeerSolver
 from bench.timing import race
-from lrm_math.arm.arm import Arm
+from lrm_math.arm.arm import Arm, JointLimits
 from lrm_math.arm.arm_file import load_arm
-from lrm_math.arm.joint_limits import JointLimits
 from lrm_math.arrays import Array
 from lrm_math.ik.goal import Goal, point, point_along, pose
-from lrm_math.ik.nominal import solver_of
+from lrm_math.ik.nominal import NominalSolver
 from lrm_math.kinematics.chain import chain_of
 from lrm_math.kinematics.forward import frames
 
@@ -75,7 +74,7 @@ def run_peer(arm: Arm, name: str, solve: Callable[[Array], Array | None], T: Arr
 
 def run_batches(arm: Arm, q: Array, T: Array) -> SolverRow:
     """All branches of all goals: worst error of any branch, and goals of which the angles drawn were not found."""
-    solver, missed, worst, solved = solver_of(arm), 0, 0.0, 0
+    solver, missed, worst, solved = NominalSolver.of(arm), 0, 0.0, 0
     for start in range(0, len(T), BATCH):
         part = slice(start, start + BATCH)
         batch = solver.solve_batch(T[part, :3, 3], T[part, :3, :3])
@@ -92,7 +91,7 @@ def run_batches(arm: Arm, q: Array, T: Array) -> SolverRow:
 
 def run_goals(arm: Arm, name: str, goals: list[Goal]) -> SolverRow:
     """Success and error of our solver for goals of any kind."""
-    solver, solved, worst = solver_of(arm), 0, 0.0
+    solver, solved, worst = NominalSolver.of(arm), 0, 0.0
     for goal in goals:
         answer = solver.solve(goal)
         solved += answer.solved
@@ -104,7 +103,7 @@ def run_goals(arm: Arm, name: str, goals: list[Goal]) -> SolverRow:
 
 def branches_of_eaik_missed(arm: Arm, T: Array) -> int:
     """Number of EAIK's branches within the limits that ours misses. Raises `ImportError` where it is not installed."""
-    peer, solver, missed = EaikSolver(arm), solver_of(arm), 0
+    peer, solver, missed = EaikSolver(arm), NominalSolver.of(arm), 0
     for pose_ in T:
         q = peer.branches(pose_)
         theirs = q[((q >= peer.lower) & (q <= peer.upper)).all(axis=1)]
@@ -117,7 +116,7 @@ def rows(arm: Arm, count: int) -> Iterator[SolverRow]:
     """The table, ours first; peers that are not installed say so."""
     q, T = reachable(arm, count)
     goals = [pose(pose_[:3, 3], pose_[:3, :3]) for pose_ in T[:TIMED]]
-    solver = solver_of(arm)
+    solver = NominalSolver.of(arm)
     contenders: dict[str, Callable[[], object]] = {}
 
     def timed(name: str, run: Callable[[object], object], over: list[object]) -> None:
@@ -159,7 +158,7 @@ def rows(arm: Arm, count: int) -> Iterator[SolverRow]:
 def one_pose(arm: Arm, ours: str) -> dict[str, Callable[[], object]]:
     """Solvers to race for one pose, all branches: our closed form under the name `ours`, our whole answer, and EAIK."""
     _, T = reachable(arm, TIMED)
-    goals, solver = [pose(t[:3, 3], t[:3, :3]) for t in T], solver_of(arm)
+    goals, solver = [pose(t[:3, 3], t[:3, :3]) for t in T], NominalSolver.of(arm)
     if solver.form is None:
         raise ValueError(f"{arm.name} has no closed form")
     turns = [cycle(goals), cycle(goals), cycle(T)]

@@ -33,9 +33,8 @@ KINDS = ("direct", "cube", "position", "approach", "unreachable")
 
 def answer(solver: Any, kind: str, tool: Array) -> tuple[float, list[tuple[float, ...]], float]:
     """Processor time (s), branches (rad), and distance of the nearest command (m) where there are none."""
-    from lrm_math.ik.cube import Cube
-    from lrm_math.ik.direct import Direct
     from lrm_math.ik.goal import point, point_along, pose
+    from lrm_math.ik.methods import Cube, Direct
 
     goal = pose(tool[:3, 3], tool[:3, :3])
     if kind == "position":

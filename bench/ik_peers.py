@@ -8,8 +8,7 @@ from typing import Any
 import numpy as np
 
 from bench.peers import Pinocchio
-from lrm_math.arm.arm import Arm
-from lrm_math.arm.joint_limits import JointLimits
+from lrm_math.arm.arm import Arm, JointLimits
 from lrm_math.arrays import Array
 from lrm_math.kinematics.chain import X, chain_of
 from lrm_math.kinematics.screw_axes import screw_axes_of

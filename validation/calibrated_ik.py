@@ -26,13 +26,10 @@ from lrm_math.arm.servo_table import PwmClock
 from lrm_math.arrays import Array
 from lrm_math.effects import CATALOGUE, effects_at
 from lrm_math.ik.answer import CalibratedReply, NotConverged, Solved
-from lrm_math.ik.branch import AT_LIMIT
 from lrm_math.ik.calibrated import CalibratedSolver
-from lrm_math.ik.calibrated_arm import Method
-from lrm_math.ik.cube import Cube
-from lrm_math.ik.direct import Direct
+from lrm_math.ik.calibrated_arm import AT_LIMIT, Method
 from lrm_math.ik.goal import CHAR_LENGTH, IkQuery, pose
-from lrm_math.ik.iterative import Iterative
+from lrm_math.ik.methods import Cube, Direct, Iterative
 from lrm_math.kinematics.forward import frames
 from lrm_math.kinematics.poses import poses_of
 from lrm_math.model.deployed_model import COMPENSATED

@@ -22,8 +22,7 @@ from lrm_ident.diagnosis.screening.linearised_fit import PRIOR_SD
 from lrm_ident.fitting.identifiability import select_identifiable
 from lrm_ident.fitting.parameter_sets import fittable
 from lrm_ident.fitting.progress import OnProgress, silent
-from lrm_math.arm.arm import Arm
-from lrm_math.arm.joint_limits import sides_within
+from lrm_math.arm.arm import Arm, sides_within
 from lrm_math.arrays import Array
 from lrm_math.effects import Effect
 from lrm_math.errors import LrmError

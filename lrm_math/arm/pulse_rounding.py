@@ -14,8 +14,7 @@ from enum import StrEnum
 
 import numpy as np
 
-from lrm_math.arm.arm import Arm
-from lrm_math.arm.joint_limits import JointLimits
+from lrm_math.arm.arm import Arm, JointLimits
 from lrm_math.arm.servo_table import PwmClock, ServoTable
 from lrm_math.arrays import Vector3
 from lrm_math.errors import LrmError

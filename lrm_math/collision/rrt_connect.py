@@ -1,6 +1,6 @@
 """Path planning: RRT-Connect in joint space (Kuffner & LaValle 2000), then shortcuts (Geraerts & Overmars 2007).
 
-All pieces of a path are straight moves that `check_move` proves free. The result depends only on the arguments: the
+All pieces of a path are straight moves that `straight_move` proves free. The result depends only on the arguments: the
 same random generator in the same state gives the same path, and effort is counted in samples, not in seconds.
 """
 
@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
 from typing import Literal, TypeAlias
 
 import numpy as np
@@ -16,8 +15,7 @@ from numpy.typing import ArrayLike
 
 from lrm_math.arrays import Array
 from lrm_math.collision.scene import ClosestPair, Scene
-from lrm_math.collision.straight_move import RESOLUTION, MotionClearance, check_move
-from lrm_math.errors import LrmError
+from lrm_math.collision.straight_move import RESOLUTION, MotionClearance
 
 STEP = 0.4
 """rad: extension step of a tree; lengths of moves are Euclidean norms of joint angles."""
@@ -31,22 +29,6 @@ Check: TypeAlias = Callable[[Array, Array, float], MotionClearance]
 Reason: TypeAlias = Literal[
     "start outside limits", "goal outside limits", "start in collision", "goal in collision", "not found"
 ]
-
-
-@dataclass(frozen=True, eq=False)
-class PlannedPath:
-    """A collision-free path: straight moves through the waypoints (M, n) in rad, start and goal included.
-
-    `samples`: random poses drawn to find it.
-    """
-
-    waypoints: Array
-    samples: int
-
-    @property
-    def length(self) -> float:
-        """Sum of the Euclidean norms of all moves (rad)."""
-        return float(_lengths(self.waypoints).sum())
 
 
 @dataclass(frozen=True)
@@ -76,56 +58,41 @@ class NoPath:
 
 
 def plan(
-    scene: Scene,
-    start: ArrayLike,
-    goal: ArrayLike,
-    rng: np.random.Generator,
-    *,
-    limits: ArrayLike | None = None,
-    margin: float | None = None,
-    samples: int = 2000,
-    check: Check | None = None,
-) -> PlannedPath | NoPath:
+    scene: Scene, start: ArrayLike, goal: ArrayLike, rng: np.random.Generator, margin: float, samples: int, check: Check
+) -> Array | NoPath:
     """A collision-free path from start to goal, each (n,) in rad, or why there is none.
 
-    The straight move is tried first. Other paths keep `straight_move.RESOLUTION` more than the margin, so that every
-    part of them passes `check_move` again.
+    The path: straight moves through waypoints (M, n) in rad, start and goal included. The straight move is tried first.
+    Other paths keep `straight_move.RESOLUTION` more than the margin, so that every part of them passes `check` again.
 
     Args:
-        limits: (2, n), lower and upper joint limits (rad); the arm's if None.
-        margin: m; the one of the arm's file if None.
-        samples: random poses to try before giving up.
-        check: collision check of the straight pieces, for instance of the elastic arm; `check_move` if None. It may
-            be stricter than that; start and goal should pass it.
+        margin: m. samples: random poses to try before giving up.
+        check: collision check of the straight pieces; it may be stricter than that of the rigid arm.
 
     Raises:
-        LrmError: start, goal or limits of the wrong shape or not finite, a margin below zero.
+        LrmError: start or goal of the wrong shape or not finite.
     """
-    keep = scene.margin_or_default(margin)
-    a, b = scene.pose(start), scene.pose(goal)
-    box = scene.limits if limits is None else scene.poses(limits)
-    if len(box) != 2 or (box[0] > box[1]).any():
-        raise LrmError(f"limits of shape {box.shape}; should be (2, {scene.chain.dof}), lower first (rad)")
+    a, b, limits = scene.pose(start), scene.pose(goal), scene.limits
     ends: tuple[tuple[Array, Reason, Reason], ...] = (
         (a, "start outside limits", "start in collision"),
         (b, "goal outside limits", "goal in collision"),
     )
     for q, outside, _ in ends:
-        beyond = np.flatnonzero((q < box[0] - LIMIT_ROUND_OFF) | (q > box[1] + LIMIT_ROUND_OFF))
+        beyond = np.flatnonzero((q < limits[0] - LIMIT_ROUND_OFF) | (q > limits[1] + LIMIT_ROUND_OFF))
         if len(beyond):
-            return NoPath(outside, int(beyond[0]) + 1, None, keep, 0)
-    check_piece = check or partial(check_move, scene)
-    straight = check_piece(a, b, keep)
+            return NoPath(outside, int(beyond[0]) + 1, None, margin, 0)
+    straight = check(a, b, margin)
     if straight.free:
-        return PlannedPath(np.array([a, b]), 0)
+        return np.array([a, b])
     for q, _, close in ends:
         closest = scene.closest(q)
-        if closest.distance < keep + RESOLUTION:
-            return NoPath(close, None, closest, keep, 0)
-    found = _connect(check_piece, a, b, box, keep + RESOLUTION, rng, samples)
+        if closest.distance < margin + RESOLUTION:
+            return NoPath(close, None, closest, margin, 0)
+    found = _connect(check, a, b, limits, margin + RESOLUTION, rng, samples)
     if found is None:
-        return NoPath("not found", None, ClosestPair(straight.distance, straight.first, straight.second), keep, samples)
-    return PlannedPath(_shortened(check_piece, found.waypoints, keep + RESOLUTION, rng), found.samples)
+        closest = ClosestPair(straight.distance, straight.first, straight.second)
+        return NoPath("not found", None, closest, margin, samples)
+    return _shortened(check, found, margin + RESOLUTION, rng)
 
 
 class _Tree:
@@ -165,7 +132,7 @@ class _Tree:
 
 def _connect(
     check: Check, start: Array, goal: Array, limits: Array, margin: float, rng: np.random.Generator, samples: int
-) -> PlannedPath | None:
+) -> Array | None:
     """RRT-Connect: by turns, one tree extends towards a random pose, the other connects to the pose reached."""
     trees = _Tree(start), _Tree(goal)
     for sample in range(1, samples + 1):
@@ -175,7 +142,7 @@ def _connect(
         if met:
             branches = [one.branch(tip), other.branch(end)]
             first, last = branches if sample % 2 else branches[::-1]
-            return PlannedPath(_without_repeats(np.array([*first[::-1], *last])), sample)
+            return _without_repeats(np.array([*first[::-1], *last]))
     return None
 
 

@@ -23,9 +23,8 @@ from lrm_math.arm.collision_shapes import Box, Capsule
 from lrm_math.arrays import Array
 from lrm_math.collision.distance import depth_in_box, segment_to_box, segment_to_segment
 from lrm_math.errors import LrmError, UnknownName
-from lrm_math.kinematics.chain import Chain, chain_of
+from lrm_math.kinematics.chain import Chain, chain_of, rotation_about
 from lrm_math.kinematics.forward import frames
-from lrm_math.kinematics.rotations import rotation_about
 
 Indices = NDArray[np.intp]
 BATCH = 500

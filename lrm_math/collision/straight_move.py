@@ -70,22 +70,6 @@ def rigid_bodies(scene: Scene) -> ArmBodies:
     return ArmBodies(scene, lambda q: scene.separations(scene.frames(q)))
 
 
-def check_move(scene: Scene, q0: ArrayLike, q1: ArrayLike, margin: float | None = None) -> MotionClearance:
-    """Whether the nominal rigid arm keeps a margin on the straight move from q0 to q1, each (n,) in rad.
-
-    The proof holds for the rigid arm; the margin has to cover elastic deflection. All joints have to move in
-    proportion.
-
-    Args:
-        margin: m; the one of the arm's file if None.
-
-    Raises:
-        LrmError: angles of the wrong shape or not finite, a margin below zero.
-    """
-    bodies = ArmBodies(scene, lambda q: scene.distances(scene.frames(q)))
-    return check_bodies(bodies, scene.pose(q0), scene.pose(q1), scene.margin_or_default(margin))
-
-
 def check_bodies(bodies: ArmBodies, start: Array, end: Array, keep: float) -> MotionClearance:
     """Whether all pairs of bodies keep a separation (m, below zero for an overlap) from start to end (n,) in rad.
 

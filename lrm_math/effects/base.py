@@ -22,8 +22,8 @@ from lrm_math.arrays import Array
 from lrm_math.effects.measured_range import MeasuredRange
 from lrm_math.errors import LrmError
 from lrm_math.kinematics.chain import Number
-from lrm_math.kinematics.linear_combination import linear_combination
 from lrm_math.kinematics.poses import Poses
+from lrm_math.kinematics.scalar_or_array import linear_combination
 
 UNIT_IN_SI = {
     "rad": 1.0,

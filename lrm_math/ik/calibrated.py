@@ -11,14 +11,13 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from lrm_math.arm.joint_limits import checked_angles
+from lrm_math.arm.arm import checked_angles
 from lrm_math.arm.pulse_rounding import RoundedCommand, Rounding, ServoCounts, round_to_counts
 from lrm_math.arm.servo_table import PwmClock
 from lrm_math.arrays import Vector3
 from lrm_math.errors import LrmError, NoEquilibrium
-from lrm_math.ik.answer import CalibratedReply, NoAllowedBranch, NotConverged, Solved, Unsolved
-from lrm_math.ik.branch import Branch, IkSolutions, apart, distinct
-from lrm_math.ik.calibrated_arm import CalibratedArm, Method, nearest
+from lrm_math.ik.answer import Branch, CalibratedReply, NoAllowedBranch, NotConverged, Solved, Unsolved, apart, distinct
+from lrm_math.ik.calibrated_arm import CalibratedArm, IkSolutions, Method, nearest
 from lrm_math.ik.goal import Goal, IkQuery, Rotation, rotation_rows
 from lrm_math.ik.methods import DEFAULT
 from lrm_math.kinematics.poses import poses_of

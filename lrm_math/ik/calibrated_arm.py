@@ -15,13 +15,11 @@ import numpy as np
 from lrm_math.arm.arm import BASE, TOOL, Arm, Joint, Placement
 from lrm_math.arrays import Array
 from lrm_math.errors import LrmError
-from lrm_math.ik.answer import Nearest, NotConverged
-from lrm_math.ik.branch import AT_LIMIT, Branch, IkSolutions, distinct
+from lrm_math.ik.answer import Branch, Nearest, NotConverged, distinct
 from lrm_math.ik.goal import IkQuery
 from lrm_math.ik.kernel.kernel_model import matrices
-from lrm_math.ik.kernel.shared_library import kernel
-from lrm_math.ik.kernel.structures import KernelFound
-from lrm_math.ik.nominal import NominalSolver, solver_of
+from lrm_math.ik.kernel.shared_library import KernelFound, kernel
+from lrm_math.ik.nominal import NominalSolver
 from lrm_math.ik.packed_arm import EquilibriumBatch, PackedArm
 from lrm_math.kinematics.pieper import PieperForm, pieper_form
 from lrm_math.kinematics.poses import poses_of
@@ -33,6 +31,8 @@ SLACK = 0.4
 FREE_STARTS = (10, 96)
 """Number of library poses from which goals that leave motion free are sought, at first and if that leads nowhere."""
 SIDE_CHANGES = 3
+AT_LIMIT = 1e-9
+"""rad: a command this far beyond a limit is at the limit."""
 ALIGNED = 1e-4
 """m/rad: where some joint motion moves the tool no faster, a solution is called singular."""
 REACHED = 0.01
@@ -41,6 +41,25 @@ RETRACTIONS = (0.0, 0.005, 0.01, 0.02, 0.04, 0.08, 0.16)
 """Shares of the distance to the second joint by which goals beyond the nominal arm's reach are retracted."""
 LINEARISATIONS, STEADY = 30, 1e-11
 """Most calls of the kernel for effects that it does not know; rad: change of the slots that ends them."""
+
+
+@dataclass(frozen=True, slots=True)
+class IkSolutions:
+    """Commands that a method found, and its steps; `error`: m, before the final Newton's method, if it has one."""
+
+    commands: tuple[Branch, ...]
+    steps: int
+    error: float | None = None
+
+    @property
+    def within(self) -> list[Branch]:
+        """Commands within the limits."""
+        return [command for command in self.commands if command.margin >= -AT_LIMIT]
+
+    @property
+    def beyond(self) -> list[Branch]:
+        """Commands beyond, the least excess first."""
+        return sorted((c for c in self.commands if c.margin < -AT_LIMIT), key=lambda command: -command.margin)
 
 
 class Method(Protocol):
@@ -67,7 +86,7 @@ class CalibratedArm(PackedArm):
     def nominal_solver(self) -> NominalSolver:
         """Inverse of the nominal arm, limits widened by `SLACK`."""
         joints = (replace(j, lower=j.lower - SLACK, upper=j.upper + SLACK) for j in self.model.arm.joints)
-        return solver_of(replace(self.model.arm, joints=tuple(joints)))
+        return NominalSolver.of(replace(self.model.arm, joints=tuple(joints)))
 
     def nominal_tool(self, q: Array) -> Array:
         """(4, 4), tool frame of the nominal arm at angles (n,); m."""

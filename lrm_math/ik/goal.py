@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from lrm_math.arrays import Array, Vector3
 from lrm_math.errors import LrmError
-from lrm_math.kinematics.rotations import rotation_about
+from lrm_math.kinematics.chain import rotation_about
 
 Rotation: TypeAlias = tuple[Vector3, Vector3, Vector3]
 

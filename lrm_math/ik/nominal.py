@@ -11,16 +11,13 @@ from operator import itemgetter
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from lrm_math.arm.arm import Arm
-from lrm_math.arm.joint_limits import checked_angles
+from lrm_math.arm.arm import Arm, checked_angles
 from lrm_math.arrays import Array, Vector3
 from lrm_math.errors import LrmError
-from lrm_math.ik.answer import IkVerdict, Nearest, NominalAnswer
-from lrm_math.ik.branch import Branch, distinct
+from lrm_math.ik.answer import Branch, IkVerdict, Nearest, NominalAnswer, distinct
 from lrm_math.ik.goal import Goal, pose
 from lrm_math.ik.kernel.kernel_model import frames_as_numbers, goal_numbers
-from lrm_math.ik.kernel.shared_library import kernel
-from lrm_math.ik.kernel.structures import BRANCHES, Integer, Real
+from lrm_math.ik.kernel.shared_library import BRANCHES, Integer, Real, kernel
 from lrm_math.ik.packed_arm import PackedArm
 from lrm_math.kinematics.screw_axes import screw_axes_of
 from lrm_math.model.model import model_of
@@ -65,8 +62,9 @@ class NominalSolver(PackedArm):
     """
 
     @classmethod
+    @lru_cache(maxsize=64)
     def of(cls, arm: Arm) -> NominalSolver:
-        """Solver of any arm that the kernel has room for; `LrmError` for another one when it is first asked."""
+        """Solver of any arm, made once; `LrmError` when it is first asked, for one that the kernel has no room for."""
         return cls(model_of(arm, ()))
 
     def solve(self, goal: Goal, near: Sequence[float] | None = None) -> NominalAnswer:
@@ -193,9 +191,3 @@ def poses_checked(positions: ArrayLike, rotations: ArrayLike) -> tuple[Array, Ar
     if not finite.all():
         raise LrmError(f"goal {int(np.argmin(finite)) + 1}: position or rotation is not finite")
     return p, R
-
-
-@lru_cache(maxsize=64)
-def solver_of(arm: Arm) -> NominalSolver:
-    """The solver of an arm."""
-    return NominalSolver.of(arm)

@@ -8,7 +8,7 @@ from functools import cached_property, lru_cache
 
 import numpy as np
 
-from lrm_math.arm.joint_limits import JointLimits
+from lrm_math.arm.arm import JointLimits
 from lrm_math.arrays import Array
 from lrm_math.errors import LrmError
 from lrm_math.ik.kernel.kernel_model import KernelModel, frames_as_numbers, packed, with_laws

@@ -259,3 +259,12 @@ def rotate(v: Vector, plane: tuple[int, int], angle: Angle) -> None:
             v[i], v[j] = -s * v[j], s * v[i]
         else:
             v[i], v[j] = c * v[i] - s * v[j], s * v[i] + c * v[j]
+
+
+def rotation_about(axis: int, angle: float) -> Array:
+    """(3, 3), rotation by an angle (rad) about the axis x, y or z (0, 1, 2)."""
+    out, (i, j) = np.eye(3), PLANE[axis]
+    out[i, i] = out[j, j] = np.cos(angle)
+    out[j, i] = np.sin(angle)
+    out[i, j] = -out[j, i]
+    return out

@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lrm_math.arrays import Array
-from lrm_math.kinematics.chain import Chain
-from lrm_math.kinematics.rotations import rotation_about
+from lrm_math.kinematics.chain import Chain, rotation_about
 from lrm_math.kinematics.statics import Weight
 
 Indices = NDArray[np.int64]

@@ -24,7 +24,7 @@ from lrm_math.kinematics import statics
 from lrm_math.kinematics.chain import Chain, Number, is_zero
 from lrm_math.kinematics.dual import Dual
 from lrm_math.kinematics.forward import ChainGeometry, chain_geometry
-from lrm_math.kinematics.linear_combination import linear_combination
+from lrm_math.kinematics.scalar_or_array import linear_combination
 from lrm_math.model.effect_binding import BoundEffect, anchor_shift, bind_effect, changes_of, distortion, frame_basis
 from lrm_math.model.equilibrium import Equilibrium
 from lrm_math.model.fixed_point import NewtonPreconditioner

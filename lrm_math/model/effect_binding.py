@@ -19,8 +19,8 @@ from lrm_math.effects.measured_range import MeasuredRange, held
 from lrm_math.effects.targets import BODY, BODY_AMOUNTS, FRAME, RADIAL, SCALE, SERVO, Kind, kind_of, slot_of
 from lrm_math.errors import UnknownName
 from lrm_math.kinematics.chain import Chain, Number
-from lrm_math.kinematics.linear_combination import linear_combination
 from lrm_math.kinematics.poses import Poses, poses_of
+from lrm_math.kinematics.scalar_or_array import linear_combination
 from lrm_math.kinematics.statics import WeightChange
 
 AXES = "xyz"

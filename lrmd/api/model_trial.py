@@ -1,10 +1,12 @@
 """Trial of a model file in a process of its own, with bounds of memory and time: what passes it is cheap to load.
 
-The process is spawned: it holds no descriptor of the daemon's, neither zenoh's nor the port nor the shared memory.
+A model has to be plausible: its arm comes to rest, and within its limits, over a sample of its range. The process is
+spawned: it holds no descriptor of the daemon's, neither zenoh's nor the port nor the shared memory.
 """
 
 from __future__ import annotations
 
+import math
 import os
 import resource
 import signal
@@ -12,14 +14,20 @@ from multiprocessing import get_context
 from multiprocessing.connection import Connection
 from pathlib import Path
 
-from lrm_math.errors import FileError, LrmError
+import numpy as np
+
+from lrm_math.arm.arm import Arm
+from lrm_math.arrays import Array
+from lrm_math.errors import FileError, LrmError, NoEquilibrium
+from lrm_math.kinematics.poses import poses_of
+from lrm_math.model.equilibrium import equilibrium
+from lrm_math.model.model import Model
 from lrmd.config import Config
 from lrmd.errors import RequestError
 from lrmd.ik.deployed_model import DeployedModel, deploy_file
 from lrmd.ik.service import solver_of
 from lrmd.ramp.parent import die_with_parent
 from lrmd.safety.collision_guard import Guard, guard_of
-from lrmd.safety.model_check import check_comes_to_rest
 
 MEMORY = 64 << 20
 """Bytes of address space for the file, beyond what the process and the nominal arm take."""
@@ -109,3 +117,33 @@ def _limit(size: int) -> tuple[int, int]:
 def _address_space() -> int:
     """Bytes of address space of this process."""
     return int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
+
+
+SAMPLES = 256
+OVERSHOOT = 0.1
+"""Share of a joint's range by which the arm may rest outside: it sags at the ends of its range, too."""
+
+
+def check_comes_to_rest(arm: Arm, model: Model) -> None:
+    """Raises `LrmError` if the unloaded arm, at a pose of the sample, rests far outside its limits or not at all."""
+    lower, upper = (np.array([getattr(joint, side) for joint in arm.joints]) for side in ("lower", "upper"))
+    q = lower + (upper - lower) * np.random.default_rng(0).random((SAMPLES, arm.dof))
+    try:
+        at_rest = equilibrium(model, poses_of(q))
+    except NoEquilibrium as error:
+        why = str(error).partition(": ")[2]
+        raise LrmError(f"no model of this arm: commanded to {_pose(q[error.poses[0] - 1])} deg, {why}") from None
+    slots = [np.broadcast_to(at_rest.slots[k], SAMPLES) for k in model.chain.joint_slots]
+    angles = np.stack(slots, axis=1) - [joint.theta for joint in arm.joints]
+    outside = np.maximum(lower - angles, angles - upper) - OVERSHOOT * (upper - lower)
+    row, joint = np.unravel_index(int(outside.argmax()), outside.shape)
+    if not outside[row, joint] <= 0.0:
+        low, high = math.degrees(lower[joint]), math.degrees(upper[joint])
+        raise LrmError(
+            f"no model of this arm: commanded to {_pose(q[row])} deg, {arm.joint_names[joint]} would rest at "
+            f"{math.degrees(angles[row, joint]):.0f} deg; its limits are {low:g} to {high:g} deg"
+        )
+
+
+def _pose(q: Array) -> str:
+    return " ".join(f"{angle:.0f}" for angle in np.degrees(q))

@@ -31,8 +31,7 @@ from lrmd.ik.deployed_model import DeployedModel
 from lrmd.messages.codec import Message, error_reply, pack
 from lrmd.messages.control import DeployRequest, JogRequest, MoveRequest, ReloadRequest, UndeployRequest
 from lrmd.messages.zenoh_session import own_client
-from lrmd.persistence.background_writer import BackgroundWriter, SaveSchedule
-from lrmd.persistence.state_file import restored_state
+from lrmd.persistence.state_file import BackgroundWriter, SaveSchedule, restored_state
 from lrmd.safety.thermal_model import gravity_torques
 
 PERIOD, STANDBY_PERIOD = SECOND // 50, 4 * SECOND // 50
@@ -59,10 +58,10 @@ class ApiProcess:
         self._estops_seen = 0
         now = time.monotonic_ns()
         self._model = ActiveModel(config, self._shared)
-        if self._model.guard is None:
-            self._emit("no_shapes", "warning", f"{config.arm.name} has no collision shapes; no move is checked")
-        guard, stored = self._model.guard or (lambda *_: None), restored_state(config, self._emit)
+        guard, stored = self._model.guard, restored_state(config, self._emit)
         self._controller = Controller(config, gravity_torques(config.arm), stored, guard, now, time.time_ns())
+        if self._controller.unchecked:
+            self._emit("no_shapes", "warning", f"{self._controller.unchecked}; no move is checked")
         self._publisher = StatePublisher(config, self._controller, self._shared, self._ramp, self._ik, self.boot_id)
         self._publisher.model = self._model.deployed.path
         self._writer = BackgroundWriter(config.state, self._on_write)

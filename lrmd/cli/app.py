@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any, NoReturn, TypeAlias, get_args
 
 from lrm_math.errors import LrmError
-from lrmd.cli import cartesian, motion, status
+from lrmd.cli import motion, status
 from lrmd.client import MotionInterrupted
 from lrmd.messages.codec import field_named
 from lrmd.messages.kinematics import IkRequest
@@ -87,10 +87,10 @@ def parser() -> argparse.ArgumentParser:
     command("move", motion.move, "move servos and wait until they are there", _move)
     command("gripper", motion.gripper, "turn the gripper's servo", _motion).add_argument("angle", metavar="ANGLE")
     command("pan-tilt", motion.pan_tilt, "turn the camera", _motion, _pan_tilt)
-    command("ik", cartesian.ik, "commands that bring the bent arm's tool to a place (mm)", _goal)
-    command("goto", cartesian.goto, "bring the tool to a place (mm): plan a way, and go", _goal, _motion)
-    command("plan", cartesian.plan, "a way to joint angles, round what is between; with --go, take it", _plan, _motion)
-    command("fk", cartesian.fk, "where the bent arm's tool is for joint angles (mm)", _fk, _payload)
+    command("ik", motion.ik, "commands that bring the bent arm's tool to a place (mm)", _goal)
+    command("goto", motion.goto, "bring the tool to a place (mm): plan a way, and go", _goal, _motion)
+    command("plan", motion.plan, "a way to joint angles, round what is between; with --go, take it", _plan, _motion)
+    command("fk", motion.fk, "where the bent arm's tool is for joint angles (mm)", _fk, _payload)
     command("hold", motion.hold, "stop where it is, with pulses on; anybody may")
     relax = command("relax", motion.relax, "stop the pulses: what they carried falls")
     relax.add_argument("servo", nargs="*", metavar="SERVO", help="which (default: all)")

@@ -50,7 +50,11 @@ class Rover(RoverSession):
 
     Methods raise `NoReply` without a reply of the daemon, `RequestRefused` on its error reply, `SeveralDaemons` if more
     than one program answers, and, if they command, `DaemonRestarted` when the daemon is not that of the lease any more.
+
+    `unchecked`: why the last move was not checked for collisions; empty if it was.
     """
+
+    unchecked: str = ""
 
     # ---- commands
 
@@ -82,7 +86,8 @@ class Rover(RoverSession):
         path = [dict(w) for w in waypoints]
         with field_named():
             request = MoveRequest(lease=self._token(), waypoints=path, pace=pace, speed=speed, payload_kg=payload_kg)
-        seconds = self._query(Reply, "rpc/move", request).seconds or 0.0
+        reply = self._query(Reply, "rpc/move", request)
+        seconds, self.unchecked = reply.seconds or 0.0, reply.unchecked
         if wait:
             self._wait(("armed",), ("moving",), 2 * seconds + 5.0)
         return seconds

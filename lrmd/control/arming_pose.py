@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 from lrmd.config import Config
-from lrmd.control.pulses import within_limits
+from lrmd.control.ramp_orders import within_limits
 from lrmd.errors import RequestError
 from lrmd.messages.control import ArmRequest
 from lrmd.persistence.state_file import StoredState

@@ -8,8 +8,7 @@ from collections.abc import Mapping
 from lrm_math.errors import LrmError
 from lrmd.config import SECOND, Config
 from lrmd.control import thermal_protection
-from lrmd.control.pulses import Pulses, armed_index
-from lrmd.control.ramp_orders import Departure, Jog, Leg
+from lrmd.control.ramp_orders import Departure, Jog, Leg, Pulses, armed_index
 from lrmd.control.state import ControllerState, RequestResult
 from lrmd.control.state_machine import Trigger, next_mode
 from lrmd.errors import RequestError

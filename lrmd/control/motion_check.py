@@ -2,20 +2,21 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 from lrmd.config import Config
-from lrmd.control.pulses import Pulses, angles, corners, overlaid
-from lrmd.control.ramp_orders import Leg
+from lrmd.control.ramp_orders import Leg, Pulses, angles, overlaid
 from lrmd.errors import RequestError
+from lrmd.ramp.stepping import Move
 from lrmd.safety.collision_guard import ClearanceViolation, Guard
 from lrmd.safety.thermal_model import ThermalMonitor, Torques
 
 
 class MotionCheck:
-    """`guard` checks clearances, `torques` gives the joint torques of a pose, `thermal` the temperatures."""
+    """`guard` checks clearances, or None; `torques` gives the joint torques of a pose, `thermal` the temperatures."""
 
-    def __init__(self, config: Config, torques: Torques, guard: Guard, thermal: ThermalMonitor) -> None:
+    def __init__(self, config: Config, torques: Torques, guard: Guard | None, thermal: ThermalMonitor) -> None:
         self._config, self._thermal = config, thermal
         self.torques, self.guard = torques, guard
 
@@ -43,7 +44,7 @@ class MotionCheck:
                     path.append(there)
                     numbers.append(number)
             here = ramp.at(ramp.length)
-        if not numbers:
+        if not numbers or self.guard is None:
             return
         try:
             self.guard(path, payload)
@@ -64,3 +65,18 @@ def _collision(error: ClearanceViolation, waypoint: int) -> RequestError:
         "collision", f"waypoint {waypoint}: {error}", waypoint=waypoint, bodies=[error.first, error.second],
         distance_m=error.distance, fraction=error.fraction,
     )  # fmt: skip
+
+
+def corners(config: Config, ramp: Move) -> list[int]:
+    """Ticks at which the path through joint space bends: a joint stops, or passes a point of its level-1 table.
+
+    Between them all joints turn in proportion, so each segment is straight in angles, too.
+    """
+    found = set()
+    for servo, start, distance, ticks in zip(
+        config.servos[: config.dof], ramp.start, ramp.distance, ramp.ticks, strict=False
+    ):
+        if distance:
+            passed = [(round(p * 1e9) - start) * ticks / distance for p in servo.table.pulse]
+            found |= {ticks, *(round_k(k) for k in passed if 0 < k < ticks for round_k in (math.floor, math.ceil))}
+    return sorted(found)

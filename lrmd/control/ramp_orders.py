@@ -1,15 +1,64 @@
-"""Orders for the ramp: the newest one, and the queue of legs and servos behind it."""
+"""Orders for the ramp, in pulses (ns) by the clients' angles (rad): the newest one, and the queue of legs behind it."""
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
-from lrmd.config import Config
-from lrmd.control.pulses import Pulses, overlaid
+from lrmd.config import Config, ServoConfig
+from lrmd.errors import RequestError
 from lrmd.ramp.shared_memory import AT_ONCE, HOLD_PULSE, RampOrder
 from lrmd.ramp.stepping import Move, Pace, Way, move
+
+Pulses = tuple[int, ...]
+
+
+def within_limits(servo: ServoConfig, pulse: int) -> int:
+    """The pulse (ns). Raises `RequestError` if it is outside the servo's limits."""
+    if not servo.lowest <= pulse <= servo.highest:
+        low, high = sorted(servo.angle(p) for p in (servo.lowest, servo.highest))
+        angle = servo.angle(pulse)
+        raise RequestError(
+            "limit",
+            f"{servo.name}: {math.degrees(angle):.1f} deg is outside its limits "
+            f"{math.degrees(low):g} to {math.degrees(high):g} deg",
+            servo=servo.name, q_rad=angle, limits_rad=[low, high],
+        )  # fmt: skip
+    return pulse
+
+
+def pulses_of(config: Config, angles: Mapping[str, float], outputs: int) -> Pulses:
+    """Pulse (ns) of every servo named in `angles` (rad), `HOLD_PULSE` for the others.
+
+    Raises `RequestError` for no angles, a servo without pulses or an angle outside the limits; `UnknownName`.
+    """
+    if not angles:
+        raise RequestError("no_angles", f"no angles; name servos: {', '.join(config.names)}")
+    pulses = [HOLD_PULSE] * len(config.servos)
+    for name, angle in angles.items():
+        i = armed_index(config, name, outputs)
+        pulses[i] = within_limits(config.servos[i], config.servos[i].pulse_ns(angle))
+    return tuple(pulses)
+
+
+def angles(config: Config, pulses: Sequence[int]) -> list[float]:
+    """Angle (rad) of every servo for these pulses (ns); 0 where none was ever sent."""
+    return [s.angle(p) if p else 0.0 for s, p in zip(config.servos, pulses, strict=False)]
+
+
+def armed_index(config: Config, name: str, outputs: int) -> int:
+    """The number of a servo that has pulses. Raises `RequestError` if it has none, `UnknownName`."""
+    i = config.index(name)
+    if not outputs >> i & 1:
+        raise RequestError("not_armed", f"{name} has no pulses; arm it first", servo=name)
+    return i
+
+
+def overlaid(under: Sequence[int], over: Sequence[int]) -> Pulses:
+    """Pulses (ns) of `over`, those of `under` where `over` is `HOLD_PULSE`."""
+    return tuple(old if new == HOLD_PULSE else new for old, new in zip(under, over, strict=True))
 
 
 @dataclass(frozen=True)

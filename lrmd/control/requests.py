@@ -8,8 +8,7 @@ from lrmd.config import SECOND
 from lrmd.control import thermal_protection, updates
 from lrmd.control.arming_pose import arming_pulses
 from lrmd.control.jogging import request_jog
-from lrmd.control.pulses import overlaid, pulses_of
-from lrmd.control.ramp_orders import Departure, Leg
+from lrmd.control.ramp_orders import Departure, Leg, overlaid, pulses_of
 from lrmd.control.state import ControllerState, RequestResult
 from lrmd.control.state_machine import LIVE, InvalidTransition, Mode, Trigger, next_mode
 from lrmd.errors import RequestError
@@ -81,7 +80,7 @@ def _move(s: ControllerState, request: MoveRequest, now: int) -> RequestResult:
     s.transition(Trigger.MOVE, "move", now)
     s.payload, s.rest_goal = payload, None
     s.orders.start(legs, departure, now)
-    return RequestResult(seconds=_seconds(s, legs, departure))
+    return RequestResult(seconds=_seconds(s, legs, departure), unchecked=s.unchecked)
 
 
 def _legs(s: ControllerState, request: MoveRequest) -> list[Leg]:

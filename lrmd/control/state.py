@@ -13,8 +13,7 @@ from typing import Any, Literal
 from lrmd.config import Config
 from lrmd.control.lease import Lease
 from lrmd.control.motion_check import MotionCheck
-from lrmd.control.pulses import Pulses, angles, overlaid
-from lrmd.control.ramp_orders import Departure, OrderScheduler
+from lrmd.control.ramp_orders import Departure, OrderScheduler, Pulses, angles, overlaid
 from lrmd.control.state_machine import Mode, Trigger, next_mode
 from lrmd.errors import RequestError
 from lrmd.link.protocol import VERSION as PROTOCOL
@@ -39,10 +38,12 @@ class ControllerEvent:
 
 @dataclass(frozen=True)
 class RequestResult:
-    """Result of a request: expected duration (s) where it is known, and the lease it granted."""
+    """Result of a request: expected duration (s) where it is known, the lease it granted, and why the motion that it
+    began was not checked for collisions."""
 
     seconds: float | None = None
     lease: Lease | None = None
+    unchecked: str = ""
 
 
 LEAD = 12
@@ -59,7 +60,13 @@ class ControllerState:
     """
 
     def __init__(
-        self, config: Config, torques: Torques, stored: StoredState | None, guard: Guard, now: int, wall: int
+        self,
+        config: Config,
+        torques: Torques,
+        stored: StoredState | None,
+        guard: Guard | None,
+        now: int,
+        wall: int,
     ) -> None:
         self.config = config
         self.mode, self.why, self.since = Mode.DISARMED, "started", now
@@ -115,6 +122,11 @@ class ControllerState:
             raise RequestError("busy", "the ramp has not read the last order yet; ask again", retryable=True)
         remaining = self.report.remaining if self.orders.way.parts else 0
         return self.orders.departure(remaining, LEAD, self.position)
+
+    @property
+    def unchecked(self) -> str:
+        """Reason why no motion is checked for collisions; empty if motions are."""
+        return "" if self.motion_check.guard else f"{self.config.arm.name} has no collision shapes"
 
     @property
     def going_to_rest(self) -> bool:

@@ -10,8 +10,7 @@ from collections.abc import Iterable
 
 from lrm_math.errors import LrmError
 from lrmd.config import SECOND
-from lrmd.control.pulses import Pulses, overlaid
-from lrmd.control.ramp_orders import Leg
+from lrmd.control.ramp_orders import Leg, Pulses, overlaid
 from lrmd.control.state import ControllerState
 from lrmd.control.state_machine import STATIONARY, Mode, Trigger
 from lrmd.errors import RequestError

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import TypeAlias
 
 import numpy as np
 
@@ -25,12 +26,8 @@ MERGE = 1e-6
 """Fraction of a move: corners closer together are merged."""
 
 
-@dataclass(frozen=True)
-class JointPath:
-    """Waypoints (rad) from the start to the goal, and the number of random `samples` of the search."""
-
-    waypoints: tuple[tuple[float, ...], ...]
-    samples: int
+JointPath: TypeAlias = tuple[tuple[float, ...], ...]
+"""Waypoints (rad) from the start to the goal."""
 
 
 @dataclass(eq=False)
@@ -66,7 +63,7 @@ class Planner:
         moves that the guard allows.
         """
         found = self._find_from(start, goals, seed, check_cancelled)
-        if isinstance(found, JointPath):
+        if not isinstance(found, str):
             return found
         apart = self.guard.separation(np.array([start, *goals]), self.payload)
         clear = apart >= self.scene.margin + RESOLUTION  # both the rigid and the loaded arm
@@ -74,7 +71,7 @@ class Planner:
             return found
         direct = (q for q in goals if self._allows(np.array(start), np.array(q)))
         if (goal := next(direct, None)) is not None:
-            return JointPath(_with_corners(self.config, np.array([start, goal])), 0)
+            return _with_corners(self.config, np.array([start, goal]))
         way = self.way_out(np.array(start), np.random.default_rng([seed, len(goals)]), check_cancelled)
         if way is None:
             return found
@@ -82,7 +79,7 @@ class Planner:
         if isinstance(onward, str):
             return onward
         first = _with_corners(self.config, np.array(way))
-        return JointPath((*first[:-1], *onward.waypoints), onward.samples)
+        return (*first[:-1], *onward)
 
     def way_out(
         self, start: Array, rng: np.random.Generator, check_cancelled: Callable[[], None]
@@ -138,23 +135,23 @@ class Planner:
         while searches:
             for search in tuple(searches):
                 found = self._attempt(start, search, check)
-                if isinstance(found, JointPath):
-                    return found
-                if found is not None:
+                if isinstance(found, str):
                     reasons.append(found)
                     searches.remove(search)
+                elif found is not None:
+                    return found
         return reasons[0]
 
     def _attempt(self, start: Sequence[float], search: _GoalSearch, check: Check) -> JointPath | str | None:
         """A path, the reason why there is none, or None to try again."""
         margin = self.scene.margin + search.extra_margin
-        found = plan(self.scene, start, search.goal, search.rng, margin=margin, samples=SAMPLES, check=check)
+        found = plan(self.scene, start, search.goal, search.rng, margin, SAMPLES, check)
         if isinstance(found, NoPath):
             return self._reason(found, start, search)
-        waypoints = _with_corners(self.config, found.waypoints)
+        waypoints = _with_corners(self.config, found)
         violation = self._violation(waypoints)
         if not violation:
-            return JointPath(waypoints, found.samples)
+            return waypoints
         search.rejected, search.extra_margin = search.rejected + 1, search.extra_margin + MARGIN_STEP
         return f"every path found violates the margin: {violation}" if search.rejected == MAX_REJECTED else None
 
@@ -182,7 +179,7 @@ class Planner:
         return self.guard.check(np.array([start, end]), self.payload)[0].free
 
 
-def _with_corners(config: Config, path: Array) -> tuple[tuple[float, ...], ...]:
+def _with_corners(config: Config, path: Array) -> JointPath:
     """The path (M, n) with a waypoint wherever a joint passes a point of its level-1 table."""
     out = [tuple(path[0].tolist())]
     for before, after in pairwise(path):

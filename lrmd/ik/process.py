@@ -251,8 +251,7 @@ class IkProcess:
 def _plan_content(path: JointPath | str) -> dict[str, Any]:
     if isinstance(path, str):
         return {"found": False, "text": path}
-    moves = f"{len(path.waypoints) - 1} straight moves"
-    return {"found": True, "text": moves, "waypoints_rad": [list(q) for q in path.waypoints]}
+    return {"found": True, "text": f"{len(path) - 1} straight moves", "waypoints_rad": [list(q) for q in path]}
 
 
 def run(config: Config, memory: SharedFd, boot_id: str) -> None:

@@ -15,8 +15,7 @@ from lrm_math.arm.pulse_rounding import Rounding
 from lrm_math.arrays import Array
 from lrm_math.collision.scene import Clearance, ClosestPair, Scene, clearance_of
 from lrm_math.errors import LrmError
-from lrm_math.ik.answer import CalibratedReply, NoAllowedBranch, Solved, Unsolved
-from lrm_math.ik.branch import Branch
+from lrm_math.ik.answer import Branch, CalibratedReply, NoAllowedBranch, Solved, Unsolved
 from lrm_math.ik.calibrated import CalibratedSolver
 from lrm_math.ik.calibrated_arm import CalibratedArm, Method
 from lrm_math.ik.goal import Goal, IkQuery, point, point_along, pose_rpy

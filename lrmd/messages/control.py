@@ -266,13 +266,17 @@ class Event(Header):
 
 
 class Reply(Header):
-    """Reply to a request that was carried out: the resulting mode. `model_sha256`: empty for the nominal arm."""
+    """Reply to a request that was carried out: the resulting mode. `model_sha256`: empty for the nominal arm.
+
+    `unchecked`: why the motion that `rpc/move` began was not checked for collisions; empty if it was.
+    """
 
     mode: str
     lease: str | None = None
     lease_ms: float | None = None
     seconds: float | None = None
     model_sha256: str = ""
+    unchecked: str = ""
 
 
 class FieldPart(Part):

@@ -16,8 +16,8 @@ from scipy.spatial.transform import Rotation
 from lrm_math.arrays import Array
 from lrm_math.effects.field.residual_field import ResidualField
 from lrm_math.ik.calibrated import CalibratedSolver
-from lrm_math.ik.direct import Direct
 from lrm_math.ik.goal import IkQuery, pose
+from lrm_math.ik.methods import Direct
 from lrm_math.kinematics.forward import frames
 from lrm_math.kinematics.poses import poses_of
 from lrm_math.model.equilibrium import equilibrium

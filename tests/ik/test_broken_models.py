@@ -17,9 +17,9 @@ from lrm_math.arm.arm import Arm
 from lrm_math.effects import CATALOGUE, compensable, effects_at
 from lrm_math.errors import LrmError
 from lrm_math.ik.calibrated import CalibratedSolver
-from lrm_math.ik.direct import Direct
 from lrm_math.ik.goal import point, pose
 from lrm_math.ik.kernel.kernel_model import KernelModel, with_laws
+from lrm_math.ik.methods import Direct
 from lrm_math.ik.nominal import NominalSolver
 from lrm_math.model.model import Model, model_of
 from lrm_math.model.model_file import load_model

@@ -8,10 +8,10 @@ from hypothesis import given, settings
 
 from lrm_math.arm.arm import Arm
 from lrm_math.effects import effects_at
-from lrm_math.ik.branch import IkSolutions
 from lrm_math.ik.calibrated import CalibratedSolver
-from lrm_math.ik.direct import Direct
+from lrm_math.ik.calibrated_arm import IkSolutions
 from lrm_math.ik.goal import CHAR_LENGTH, Goal, IkQuery
+from lrm_math.ik.methods import Direct
 from lrm_math.kinematics.forward import frames
 from lrm_math.kinematics.poses import poses_of
 from lrm_math.model.equilibrium import equilibrium

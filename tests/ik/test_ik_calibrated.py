@@ -20,10 +20,8 @@ from lrm_math.effects import CATALOGUE, effects_at
 from lrm_math.errors import LrmError
 from lrm_math.ik.answer import IkVerdict, NotConverged, Solved, Unsolved
 from lrm_math.ik.calibrated import CalibratedSolver
-from lrm_math.ik.cube import Cube
-from lrm_math.ik.direct import Direct
 from lrm_math.ik.goal import Goal, IkQuery, point, point_along, pose
-from lrm_math.ik.iterative import Iterative
+from lrm_math.ik.methods import Cube, Direct, Iterative
 from lrm_math.kinematics.forward import frames
 from lrm_math.kinematics.poses import Poses, poses_of
 from lrm_math.model.covariance import Covariance

@@ -20,8 +20,8 @@ from lrm_math.effects import CATALOGUE, effects_at
 from lrm_math.ik.answer import IkVerdict, Nearest, Solved, Unsolved
 from lrm_math.ik.calibrated import CalibratedSolver
 from lrm_math.ik.calibrated_arm import nearest
-from lrm_math.ik.direct import Direct
 from lrm_math.ik.goal import CHAR_LENGTH, Goal, IkQuery, point, point_along, pose
+from lrm_math.ik.methods import Direct
 from lrm_math.kinematics.forward import frames
 from lrm_math.kinematics.poses import Poses
 from lrm_math.model.deployed_model import COMPENSATED

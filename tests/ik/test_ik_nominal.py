@@ -16,7 +16,7 @@ from lrm_math.arrays import Array
 from lrm_math.errors import LrmError
 from lrm_math.ik.answer import IkVerdict, NominalAnswer
 from lrm_math.ik.goal import CHAR_LENGTH, Goal, point, point_along, pose, pose_rpy
-from lrm_math.ik.nominal import solver_of
+from lrm_math.ik.nominal import NominalSolver
 from lrm_math.kinematics.chain import chain_of
 from lrm_math.kinematics.forward import frames
 from lrm_math.kinematics.screw_axes import screw_axes_of
@@ -83,7 +83,7 @@ def check_solves(arm: Arm, goal: Goal, answer: NominalAnswer) -> None:
 @pytest.mark.slow
 @given(shipped | meeting_arms, seeds)
 def test_every_branch_solves_the_goal_and_the_original_angles_are_found(arm: Arm, seed: int) -> None:
-    solver = solver_of(arm)
+    solver = NominalSolver.of(arm)
     assert solver.form is not None
     for q in angles(arm, seed, 3):
         goal = goal_at(arm, q)
@@ -99,7 +99,7 @@ def test_many_reachable_poses_all_solved(name: str) -> None:
     arm = load_arm(name)
     q = angles(arm, 1, 20_000)
     p, R = tool(arm, q)
-    batch = solver_of(arm).solve_batch(p, R)
+    batch = NominalSolver.of(arm).solve_batch(p, R)
     assert batch.solved.all()
     assert np.isfinite(batch.q).all()
     assert np.where(batch.valid, apart(batch.q, q[:, None]), np.inf).min(axis=1).max() < 1e-6
@@ -113,7 +113,7 @@ def test_many_reachable_poses_all_solved(name: str) -> None:
 @given(shipped | meeting_arms, seeds)
 @settings(max_examples=40)
 def test_batch_and_single_goals_agree(arm: Arm, seed: int) -> None:
-    solver = solver_of(arm)
+    solver = NominalSolver.of(arm)
     p, R = tool(arm, angles(replace_limits(arm, -3.0, 3.0), seed, 4))
     batch = solver.solve_batch(p, R)
     for i in range(4):
@@ -143,7 +143,7 @@ def test_branches_agree_with_eaik(arm: Arm, seed: int) -> None:
         theirs = np.array(robot.IK(T).Q).reshape(-1, 6)
         took_p, took_R = tool(arm, theirs)
         exact = (np.linalg.norm(took_p - p, axis=1) < 1e-8) & (np.abs(took_R - R).max(axis=(1, 2)) < 1e-7)
-        ours = np.array([branch.q for branch in solver_of(arm).solve(goal_at(arm, q))])
+        ours = np.array([branch.q for branch in NominalSolver.of(arm).solve(goal_at(arm, q))])
         assert all(apart(ours, x).min() < 1e-5 for x in theirs[exact])
         if exact.all():
             assert all(apart(theirs, x).min() < 1e-5 for x in ours)
@@ -154,10 +154,10 @@ def test_branches_agree_with_eaik(arm: Arm, seed: int) -> None:
 def test_near_orders_the_branches(arm: Arm, seed: int) -> None:
     q, near = angles(arm, seed, 2)
     goal = goal_at(arm, q)
-    distances = [branch.distance(tuple(near)) for branch in solver_of(arm).solve(goal, near)]
+    distances = [branch.distance(tuple(near)) for branch in NominalSolver.of(arm).solve(goal, near)]
     assert distances == sorted(distances)
-    assert apart(np.array(solver_of(arm).solve(goal, q).branches[0].q), q) < 1e-6
-    margins = [branch.margin for branch in solver_of(arm).solve(goal)]
+    assert apart(np.array(NominalSolver.of(arm).solve(goal, q).branches[0].q), q) < 1e-6
+    margins = [branch.margin for branch in NominalSolver.of(arm).solve(goal)]
     assert margins == sorted(margins, reverse=True)
 
 
@@ -166,7 +166,7 @@ def test_multi_turn_limits_give_the_nearest_equivalent_angle(lab: Arm) -> None:
     q = np.array([0.3, 0.5, -0.4, 0.9, 0.7, 0.2])
     for turns in (-1, 0, 1):
         near = q + 2 * math.pi * turns
-        best = solver_of(arm).solve(goal_at(arm, q), near).branches[0]
+        best = NominalSolver.of(arm).solve(goal_at(arm, q), near).branches[0]
         np.testing.assert_allclose(best.q, near, atol=1e-9)
 
 
@@ -177,7 +177,7 @@ def test_angles_at_the_limits_are_found(arm: Arm, seed: int, corner: int) -> Non
     for i, joint in enumerate(arm.joints):
         if corner & (1 << i):
             q[i] = joint.upper if seed & (1 << i) else joint.lower
-    answer = solver_of(arm).solve(goal_at(arm, q))
+    answer = NominalSolver.of(arm).solve(goal_at(arm, q))
     check_solves(arm, goal_at(arm, q), answer)
     assert apart(np.array([branch.q for branch in answer]), q).min() < 1e-6
 
@@ -188,21 +188,21 @@ def test_axes_1_and_3_aligned(arm: Arm, seed: int, tilt: float) -> None:
     q = angles(arm, seed, 1)[0] * 0.4
     q[1] = tilt
     goal = goal_at(arm, q)
-    answer = solver_of(arm).solve(goal)
+    answer = NominalSolver.of(arm).solve(goal)
     check_solves(arm, goal, answer)
     if tilt == 0.0:
         assert answer.verdict is IkVerdict.SINGULAR
         assert "1 and 3" in answer.singularity
         family = next(branch for branch in answer if branch.free is not None)
         assert family.q[0] + family.q[2] == pytest.approx(q[0] + q[2], abs=1e-8)
-        assert solver_of(arm).solve(goal, q).branches[0].distance(tuple(q)) < 1e-6
+        assert NominalSolver.of(arm).solve(goal, q).branches[0].distance(tuple(q)) < 1e-6
 
 
 @pytest.mark.parametrize("name", SHIPPED)
 def test_self_motion_with_few_members_within_the_limits(name: str) -> None:
     arm = load_arm(name)
     q = np.array([arm.joints[0].upper - 1e-4, 0.0, arm.joints[2].upper - 1e-4, 0.8, -0.5, 0.1])
-    check_solves(arm, goal_at(arm, q), solver_of(arm).solve(goal_at(arm, q)))
+    check_solves(arm, goal_at(arm, q), NominalSolver.of(arm).solve(goal_at(arm, q)))
 
 
 def industrial_arm() -> Arm:
@@ -227,12 +227,12 @@ def test_shoulder_singularity(seed: int) -> None:
     q = angles(arm, seed, 1)[0] * 0.4
     q[1], q[2], q[4] = math.radians(60), math.radians(60), 0.7
     goal = goal_at(arm, q)
-    answer = solver_of(arm).solve(goal)
+    answer = NominalSolver.of(arm).solve(goal)
     check_solves(arm, goal, answer)
     assert answer.verdict is IkVerdict.SINGULAR
     assert "axes 4, 5 and 6 meet lies on axis 1" in answer.singularity
     assert any(branch.free == 1 for branch in answer)
-    assert solver_of(arm).solve(goal, q).branches[0].distance(tuple(q)) < 1e-6
+    assert NominalSolver.of(arm).solve(goal, q).branches[0].distance(tuple(q)) < 1e-6
 
 
 @pytest.mark.slow
@@ -241,11 +241,11 @@ def test_stretched_arms_at_the_edge_of_reach(arm: Arm, seed: int) -> None:
     q = angles(arm, seed, 1)[0]
     q[3] = 0.0
     goal = goal_at(arm, q)
-    answer = solver_of(arm).solve(goal)
+    answer = NominalSolver.of(arm).solve(goal)
     check_solves(arm, goal, answer)
     assert answer.verdict is IkVerdict.SINGULAR
     assert "axis 5" in answer.singularity
-    best = solver_of(arm).solve(goal, q).branches[0]
+    best = NominalSolver.of(arm).solve(goal, q).branches[0]
     assert best.q[2] + best.q[4] == pytest.approx(q[2] + q[4], abs=1e-6)
 
 
@@ -264,7 +264,7 @@ def metric(goal: Goal, p: Array, R: Array) -> Array:
 @settings(max_examples=8)
 @given(seed=seeds, arm=shipped)
 def test_nearest_is_reachable_and_nothing_is_nearer(kind: str, seed: int, arm: Arm) -> None:
-    solver = solver_of(arm)
+    solver = NominalSolver.of(arm)
     rng = np.random.default_rng(seed)
     p, R = tool(arm, angles(arm, seed, 1))
     far = p[0] + 0.4 * (p[0] - screw_axes_of(arm).point[1]) / np.linalg.norm(
@@ -290,7 +290,7 @@ def test_out_of_reach_by_the_length_of_the_stretched_arm(lab: Arm) -> None:
     shoulder = screw_axes_of(lab).point[1]
     wrist = 103.505e-3 + 43.06953e-3 + 107.75e-3 + 43.25e-3 + 73.27e-3
     out = np.array([math.sin(math.pi / 3), 0.0, math.cos(math.pi / 3)])
-    answer = solver_of(lab).solve(point(shoulder + (wrist + 0.05) * out))
+    answer = NominalSolver.of(lab).solve(point(shoulder + (wrist + 0.05) * out))
     assert answer.verdict is IkVerdict.OUT_OF_REACH
     assert answer.nearest is not None
     assert answer.nearest.distance == pytest.approx(0.05, abs=1e-9)
@@ -303,8 +303,8 @@ def test_out_of_reach_by_the_length_of_the_stretched_arm(lab: Arm) -> None:
 def test_outside_limits_names_the_joint_and_the_excess(arm: Arm, seed: int) -> None:
     q = angles(arm, seed, 1)[0]
     goal, tight = goal_at(arm, q), replace_limits(arm, -0.05, 0.05)
-    answer = solver_of(tight).solve(goal)
-    free = solver_of(replace_limits(arm, -math.pi, math.pi)).solve(goal)
+    answer = NominalSolver.of(tight).solve(goal)
+    free = NominalSolver.of(replace_limits(arm, -math.pi, math.pi)).solve(goal)
     least = min(max(abs(x) - 0.05 for x in branch.q) for branch in free)
     if least > 0.0:
         assert answer.verdict is IkVerdict.OUTSIDE_LIMITS
@@ -321,9 +321,9 @@ def test_positions_and_directions_of_reachable_poses_are_solved(arm: Arm, seed: 
     q, near = angles(arm, seed, 2)
     p, R = tool(arm, q)
     for goal in (point(p[0]), point_along(p[0], R[0][:, 2])):
-        check_solves(arm, goal, solver_of(arm).solve(goal))
-        check_solves(arm, goal, solver_of(arm).solve(goal, near))
-        already = solver_of(arm).solve(goal, q).branches[0]
+        check_solves(arm, goal, NominalSolver.of(arm).solve(goal))
+        check_solves(arm, goal, NominalSolver.of(arm).solve(goal, near))
+        already = NominalSolver.of(arm).solve(goal, q).branches[0]
         assert already.distance(tuple(q)) < 1e-3, "an arm that is there already need not move"
 
 
@@ -331,7 +331,7 @@ def test_positions_and_directions_of_reachable_poses_are_solved(arm: Arm, seed: 
 def test_free_roll_minimises_joint_motion(lab: Arm) -> None:
     turns = np.linspace(0, 2 * np.pi, 1000)
     about = np.array([[[math.cos(t), -math.sin(t), 0], [math.sin(t), math.cos(t), 0], [0, 0, 1]] for t in turns])
-    solver, further = solver_of(lab), 0
+    solver, further = NominalSolver.of(lab), 0
     for seed in range(200):
         q, near = angles(lab, seed, 2)
         p, R = tool(lab, q)
@@ -345,7 +345,7 @@ def test_free_roll_minimises_joint_motion(lab: Arm) -> None:
 @pytest.mark.parametrize("seed", range(4))
 def test_arms_without_a_closed_form(seed: int) -> None:
     arm = random_arm(seed, 6)
-    solver = solver_of(arm)
+    solver = NominalSolver.of(arm)
     assert solver.form is None
     for q in angles(arm, seed, 3):
         goal = goal_at(arm, q)
@@ -357,12 +357,12 @@ def test_arms_without_a_closed_form(seed: int) -> None:
 def test_a_calibrated_arm_near_a_closed_form(lab: Arm) -> None:
     joints = tuple(replace(j, a=j.a + 1e-3 * (i + 1), alpha=j.alpha + 0.01) for i, j in enumerate(lab.joints))
     bent = replace(lab, joints=joints)
-    assert solver_of(bent).form is None
+    assert NominalSolver.of(bent).form is None
     q = angles(bent, 5, 1)[0]
     p, R = tool(bent, q)
-    answer = solver_of(bent).solve(pose(p[0], R[0]))
+    answer = NominalSolver.of(bent).solve(pose(p[0], R[0]))
     check_solves(bent, pose(p[0], R[0]), answer)
-    batch = solver_of(bent).solve_batch(p, R)
+    batch = NominalSolver.of(bent).solve_batch(p, R)
     assert batch.valid[0].sum() == min(8, len(answer))
 
 
@@ -372,7 +372,7 @@ def test_arms_of_other_numbers_of_joints(joints: int) -> None:
     q = angles(arm, joints, 1)[0]
     p, R = tool(arm, q)
     goal = pose(p[0], R[0]) if joints > 4 else point(p[0])
-    check_solves(arm, goal, solver_of(arm).solve(goal))
+    check_solves(arm, goal, NominalSolver.of(arm).solve(goal))
 
 
 @pytest.mark.parametrize(
@@ -400,7 +400,7 @@ def test_rounded_rotations_are_orthonormalised(lab: Arm) -> None:
     p, R = tool(lab, q)
     goal = pose(p[0], R[0].round(6))
     np.testing.assert_allclose(np.array(goal.rotation) @ np.array(goal.rotation).T, np.eye(3), atol=1e-14)
-    check_solves(lab, goal, solver_of(lab).solve(goal))
+    check_solves(lab, goal, NominalSolver.of(lab).solve(goal))
 
 
 def test_roll_pitch_yaw_turn_about_fixed_axes() -> None:
@@ -414,10 +414,10 @@ def test_roll_pitch_yaw_turn_about_fixed_axes() -> None:
 
 def test_invalid_queries_are_refused(lab: Arm) -> None:
     with pytest.raises(LrmError, match="6 finite joint angles"):
-        solver_of(lab).solve(point([0.2, 0, 0.2]), [0.0] * 5)
+        NominalSolver.of(lab).solve(point([0.2, 0, 0.2]), [0.0] * 5)
     with pytest.raises(LrmError, match="6 finite joint angles"):
-        solver_of(lab).solve(point([0.2, 0, 0.2]), [0.0] * 5 + [float("nan")])
+        NominalSolver.of(lab).solve(point([0.2, 0, 0.2]), [0.0] * 5 + [float("nan")])
     with pytest.raises(LrmError, match="shape"):
-        solver_of(lab).solve_batch([[0.1, 0.2, 0.3]], np.eye(3))
+        NominalSolver.of(lab).solve_batch([[0.1, 0.2, 0.3]], np.eye(3))
     with pytest.raises(LrmError, match="goal 2"):
-        solver_of(lab).solve_batch([[0.1, 0.2, 0.3], [0.1, np.inf, 0.3]], [np.eye(3)] * 2)
+        NominalSolver.of(lab).solve_batch([[0.1, 0.2, 0.3], [0.1, np.inf, 0.3]], [np.eye(3)] * 2)

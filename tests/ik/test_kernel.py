@@ -27,7 +27,7 @@ from lrm_math.ik.goal import IkQuery, pose
 from lrm_math.ik.kernel import shared_library
 from lrm_math.ik.kernel.kernel_model import KernelModel, packed, with_laws
 from lrm_math.ik.kernel.laws import KERNEL_LAWS, kernel_laws
-from lrm_math.ik.kernel.structures import KernelArm
+from lrm_math.ik.kernel.shared_library import KernelArm
 from lrm_math.ik.packed_arm import PackedArm
 from lrm_math.kinematics.chain import chain_of
 from lrm_math.kinematics.forward import frames

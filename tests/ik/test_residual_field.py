@@ -12,11 +12,10 @@ from lrm_math.effects import effects_at
 from lrm_math.effects.field.residual_field import BEYOND, ResidualField
 from lrm_math.effects.measured_range import MeasuredRange
 from lrm_math.ik.answer import Solved
-from lrm_math.ik.branch import IkSolutions
 from lrm_math.ik.calibrated import CalibratedSolver
-from lrm_math.ik.cube import Cube
-from lrm_math.ik.direct import Direct
+from lrm_math.ik.calibrated_arm import IkSolutions
 from lrm_math.ik.goal import CHAR_LENGTH, Goal, IkQuery
+from lrm_math.ik.methods import Cube, Direct
 from lrm_math.kinematics.poses import Poses, poses_of
 from lrm_math.model.covariance import Covariance, drawn_models
 from lrm_math.model.deployed_model import field_of, named_part

@@ -14,9 +14,8 @@ from lrm_math.effects.base import Amounts
 from lrm_math.ik.answer import Solved, Unsolved
 from lrm_math.ik.calibrated import CalibratedSolver
 from lrm_math.ik.calibrated_arm import Method
-from lrm_math.ik.cube import Cube
-from lrm_math.ik.direct import Direct
 from lrm_math.ik.goal import IkQuery, point, point_along
+from lrm_math.ik.methods import Cube, Direct
 from lrm_math.kinematics.poses import Poses, poses_of
 from lrm_math.kinematics.scalar_or_array import cos, magnitude, sin
 from lrm_math.model.equilibrium import equilibrium

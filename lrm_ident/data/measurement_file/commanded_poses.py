@@ -9,8 +9,7 @@ from numpy.typing import NDArray
 
 from lrm_ident.data.measurement_file.number_table import NumberTable
 from lrm_ident.data.wording import enumerate_words
-from lrm_math.arm.arm import Arm
-from lrm_math.arm.joint_limits import sides_within
+from lrm_math.arm.arm import Arm, sides_within
 from lrm_math.arrays import Array
 from lrm_math.effects.friction import friction_states
 from lrm_math.kinematics.poses import Poses

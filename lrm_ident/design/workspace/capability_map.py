@@ -18,7 +18,7 @@ from lrm_math.arm.arm import Arm
 from lrm_math.arrays import Array
 from lrm_math.collision.scene import Scene, clearance
 from lrm_math.errors import LrmError
-from lrm_math.ik.nominal import NominalSolver, solver_of
+from lrm_math.ik.nominal import NominalSolver
 
 BATCH = 8000  # goals solved at once: as many as fit into the processor's cache
 
@@ -87,7 +87,7 @@ def pose_solver(arm: Arm) -> NominalSolver:
     """The inverse kinematics of the map. Raises `LrmError` for an arm of fewer than six joints."""
     if arm.dof < 6:
         raise LrmError(f"arm '{arm.name}' has {arm.dof} joints; a capability map needs whole poses, which take six")
-    return solver_of(arm)
+    return NominalSolver.of(arm)
 
 
 def capability_map(

@@ -1,7 +1,7 @@
 /* Inverse kinematics of an elastic arm: the inner loops of lrm_math.ik.
  *
  * C99 and libm only, no state, no allocation: every function works on its arguments, so that threads do not meet.
- * Python packs a model into one `Arm` (kernel_model.py, structures.py) and calls the functions marked API with ctypes.
+ * Python packs a model into one `Arm` (kernel_model.py, shared_library.py) and calls the functions marked API with ctypes.
  * Lengths in m, angles in rad, loads in N m; frames are four columns x, y, z, origin: twelve numbers.
  *
  *   1 Arm, state                    5 Error of a goal, Newton's method     9 Poses: all branches
@@ -640,9 +640,9 @@ static void in_rows(const double R[3][3], const double *v, double *out) {
     for (int i = 0; i < 3; i++) out[i] = dot(R[i], v);
 }
 
-/* The branches of a pose (Pieper 1968), as pieper.py derives them, that lie in a window; `mask`: those asked for.
+/* The branches of a pose (Pieper 1968), as pieper.py derives them, that lie in a window.
  * Bits 4, 2, 1 of a branch's number: signs of elbow, shoulder, wrist. */
-static void closed_form(const Form *f, const double *g, const Window *win, double missed, int mask, Branches *out) {
+static void closed_form(const Form *f, const double *g, const Window *win, double missed, Branches *out) {
     double r[3][3], p[3], c[3], C[3], K[3], X[3], seen[3];
     const double L2 = f->length * f->length, *link = f->links[0];
     out->exists = out->degenerate = 0;
@@ -667,7 +667,6 @@ static void closed_form(const Form *f, const double *g, const Window *win, doubl
     }
     for (int elbow = 0; elbow < elbow_count; elbow++) {
         const int first = f->shape == SKEW ? 2 * elbow : 4 * elbow;
-        if (!(mask >> first & (f->shape == SKEW ? 3 : 15))) continue;
         const double t3 = elbows[elbow], q3 = into_window(win, at[2], t3 - f->offsets[1]);
         if (isnan(q3)) continue;
         const double cos3 = cos(t3), sin3 = sin(t3);
@@ -710,7 +709,6 @@ static void closed_form(const Form *f, const double *g, const Window *win, doubl
             for (int k = 0; k < 3; k++) across(turn[k][0], turn[k][1], f->links[k], n);
             for (int wrist = 0; wrist < (lost4 ? 1 : 2); wrist++, sin5 = -sin5) {
                 const int number = first + (f->shape == SKEW ? 0 : 2 * shoulder) + wrist;
-                if (!(mask >> number & 1)) continue;
                 const double free4 = win->towards[at[3]] + f->offsets[2];
                 const double t4 = lost4 ? free4 : atan2(sin5 * m[1] - side * m[0], sin5 * m[0] + side * m[1]);
                 const double q4 = into_window(win, at[3], t4 - f->offsets[2]);
@@ -960,7 +958,7 @@ API int ik_pose(const Arm *a, const double *goal, const double *near, Found *fou
     found->count = found->steps = b.exists = 0;
     if (a->has_form) {
         const Window all = window_of(a, NULL, 0);
-        closed_form(&a->form, goal, &all, INFINITY, 255, &b);
+        closed_form(&a->form, goal, &all, INFINITY, &b);
     }
     for (int k = 0; k < BRANCHES; k++) {
         if (!(b.exists >> k & 1)) continue;
@@ -1073,58 +1071,32 @@ static void command_jacobian(const Arm *a, int rows, const double *q, State *w) 
     total_jacobian(a, rows, law_slope, w);
 }
 
-/* Second derivatives of half the squared error by joints i <= j, beside the product of their Jacobian's columns: an
- * inner joint turns the screw of an outer one, and a small rotation a large rotation vector (Bullo & Murray 1995). */
-static double bend(const State *w, int rows, const double *u, int i, int j) {
-    double v[3], T[2][3], turned[3], theta[3];
-    for (int r = 0; r < 3; r++) v[r] = w->total[r][j];
-    cross(u, v, turned);
-    const double straight = -dot(w->e, turned);
-    if (rows < 6) return straight;
-    for (int r = 0; r < 3; r++) {
-        T[0][r] = w->total[3 + r][i], T[1][r] = w->total[3 + r][j], theta[r] = w->e[3 + r] / LEVER;
-    }
-    const double square = larger(dot(theta, theta), 1e-6), half = 0.5 * sqrt(square);
-    const double c = (1 - half / tan(half)) / square;
-    cross(T[0], T[1], turned);
-    return straight - 0.5 * dot(theta, turned) - c * (square * dot(T[0], T[1]) - dot(theta, T[0]) * dot(theta, T[1]));
-}
-
-/* Damped Newton descent (Levenberg 1944) of the squared error over the commands q within the limits, in place. Returns
- * the square (m^2). */
+/* Damped least squares (Levenberg 1944) over the commands q within the limits, in place: a joint that would leave its
+ * limit stays. Returns the square of the error (m^2). */
 static double descend(const Arm *a, const double *goal, int rows, double *q, double *s, int steps, Found *found) {
     const int n = a->joints;
     State w, next;
     double damping = 1e-2, f = settled_error(a, goal, rows, q, s, &w);
     for (int it = 0; it < steps && f < INFINITY; it++) {
-        double gradient[MAX_JOINTS], top = 0;
-        Row curvature[MAX_JOINTS];
-        double moved[MAX_JOINTS], there[MAX_SLOTS], new = INFINITY;
-        int stuck[MAX_JOINTS];
+        double gradient[MAX_JOINTS], moved[MAX_JOINTS], there[MAX_SLOTS], top = 0, new = INFINITY;
         command_jacobian(a, rows, q, &w);
-        gram(w.total, rows, n, 0, curvature), transposed_times(w.total, rows, n, w.e, gradient);
-        for (int i = 0; i < n; i++) {
-            top = larger(top, curvature[i][i]);
-            stuck[i] = (q[i] <= a->lower[i] && gradient[i] < 0) || (q[i] >= a->upper[i] && gradient[i] > 0);
-            for (int j = 0; j <= i; j++) curvature[i][j] += bend(&w, rows, w.axis[a->joint[j]], j, i);
+        transposed_times(w.total, rows, n, w.e, gradient);
+        for (int j = 0; j < n; j++) {
+            const int stuck = (q[j] <= a->lower[j] && gradient[j] < 0) || (q[j] >= a->upper[j] && gradient[j] > 0);
+            double square = 0;
+            for (int r = 0; r < rows; r++) w.total[r][j] *= !stuck, square += w.total[r][j] * w.total[r][j];
+            top = larger(top, square);
         }
         for (int tries = 0; tries < 20 && !(new < f); tries++) {
-            Row H[MAX_JOINTS];
-            double p[MAX_JOINTS], step[MAX_JOINTS], gain = 0;
-            for (int i = 0; i < n; i++) {
-                for (int j = 0; j <= i; j++) H[i][j] = stuck[i] || stuck[j] ? 0 : curvature[i][j];
-                H[i][i] = stuck[i] ? 1 : H[i][i] + damping * top, p[i] = stuck[i] ? 0 : gradient[i];
-            }
-            if (!factorise(H, n)) { damping = larger(3 * damping, 1e-3); continue; }
-            substitute(H, p, n);
-            shortened(p, n, 0.7);
+            double step[MAX_JOINTS], gain = 0;
+            damped_step(a, &w, rows, damping * top, step);
+            shortened(step, n, 0.7);
             for (int j = 0; j < n; j++) {
-                moved[j] = clipped(q[j] + p[j], a->lower[j], a->upper[j]), step[j] = moved[j] - q[j];
+                moved[j] = clipped(q[j] + step[j], a->lower[j], a->upper[j]), step[j] = moved[j] - q[j];
                 gain += step[j] * gradient[j];
             }
             if (gain < 1e-11 * f || largest(step, n) < 1e-9) return f;
-            COPY(there, s, a->slots);
-            move(a, &w, step, there);
+            COPY(there, s, a->slots), move(a, &w, step, there);
             new = settled_error(a, goal, rows, moved, there, &next), found->steps++;
             damping = new < f ? 0.1 * damping : larger(5 * damping, 1e-3);
         }
@@ -1219,8 +1191,8 @@ API int ik_newton(const Arm *a, const double *goal, int rows, const double *near
 static void nominal_pose(const Arm *a, const double *goal, const double *towards, int limited, double *q, int *kind) {
     const Window open = window_of(a, towards, 0), within = window_of(a, towards, limited);
     Branches b;
-    closed_form(&a->form, goal, &within, 0, 255, &b);
-    if (b.degenerate && limited) closed_form(&a->form, goal, &open, 0, 255, &b);
+    closed_form(&a->form, goal, &within, 0, &b);
+    if (b.degenerate && limited) closed_form(&a->form, goal, &open, 0, &b);
     for (int k = 0; k < BRANCHES; k++) {
         kind[k] = b.exists >> k & 1 ? 0 : -1;
         if (kind[k] == 0) COPY(q + 6 * k, b.q[k], 6);
@@ -1253,17 +1225,14 @@ API void ik_nominal(const Arm *a, int count, const double *goals, const double *
     for (int k = 0; margin && k < 8 * count; k++) margin[k] = -excess_of(a, q + 6 * k);
 }
 
-/* The nominal branch q nearest to `near` in a window: its number, or -1 if there is none. */
-static int nearest_branch(const Form *f, const double *goal, const double *near, const Window *win, int mask,
-                          double *q) {
+/* The nominal branch q nearest to `near` in a window; 0 if there is none. */
+static int nearest_branch(const Form *f, const double *goal, const double *near, const Window *win, double *q) {
     Branches b;
     double least = INFINITY;
-    int number = -1;
-    closed_form(f, goal, win, 0, mask, &b);
+    closed_form(f, goal, win, 0, &b);
     for (int k = 0; k < BRANCHES; k++)
-        if (b.exists >> k & 1 && apart(b.q[k], near, 6) < least) least = apart(b.q[k], near, 6), number = k;
-    if (number >= 0) COPY(q, b.q[number], 6);
-    return number;
+        if (b.exists >> k & 1 && apart(b.q[k], near, 6) < least) least = apart(b.q[k], near, 6), COPY(q, b.q[k], 6);
+    return least < INFINITY;
 }
 
 /* Of a cube of points^3 goals about `centre` for the arm as drawn, within the limits of the deflected one, that whose
@@ -1276,7 +1245,6 @@ API int ik_cube(const Arm *a, const Arm *drawn, const double *centre, double sid
     const Window win = window_of(a, q, 1);
     const int count = points * points * points;
     double near[6], goal[12], last[6], slots[MAX_SLOTS], there[MAX_SLOTS], offset[3] = {0}, from[3], best = INFINITY;
-    int likely = 255;
     State w;
     COPY(near, q, 6), COPY(last, q, 6), COPY(slots, s, a->slots), COPY(goal, centre, 12), COPY(from, centre + 9, 3);
     for (int k = 0; k < 2 * count && (k < count || best > side / (points - 1)); k++) {
@@ -1287,11 +1255,7 @@ API int ik_cube(const Arm *a, const Arm *drawn, const double *centre, double sid
             off[x] = goal[9 + x] + offset[x] - target[x];
         }
         if (k < count && length(off, 3) - 0.5 * distance(goal + 9, from) > best + 0.1 * tolerance) continue;
-        int number = nearest_branch(&drawn->form, goal, near, &win, likely, command_);
-        if (likely != 255 && (number < 0 || apart(command_, near, 6) >= 0.2))
-            number = nearest_branch(&drawn->form, goal, near, &win, 255, command_);
-        if (number < 0) continue;
-        likely = 1 << number;
+        if (!nearest_branch(&drawn->form, goal, near, &win, command_)) continue;
         COPY(there, slots, a->slots);
         for (int j = 0; j < 6; j++) there[a->joint[j]] += command_[j] - last[j];
         if (settle(a, command_, UNKNOWN, tolerance, there, &w) < 0) continue;

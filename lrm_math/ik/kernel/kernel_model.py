@@ -15,10 +15,19 @@ from lrm_math.arrays import Array
 from lrm_math.effects.field.residual_field import WAVES_ALONE
 from lrm_math.errors import LrmError
 from lrm_math.ik.goal import Goal
-from lrm_math.ik.kernel import structures
 from lrm_math.ik.kernel.laws import KERNEL_LAWS, KernelLaw
-from lrm_math.ik.kernel.shared_library import kernel
-from lrm_math.ik.kernel.structures import KernelArm, KernelFound, fits
+from lrm_math.ik.kernel.shared_library import (
+    MAX_BODIES,
+    MAX_JOINTS,
+    MAX_LAWS,
+    MAX_POSES,
+    MAX_SLOTS,
+    MAX_SPRINGS,
+    KernelArm,
+    KernelFound,
+    fits,
+    kernel,
+)
 from lrm_math.kinematics.moving_slots import MovingSlots
 from lrm_math.kinematics.pieper import PieperForm
 
@@ -29,8 +38,8 @@ DESCENTS, KEPT = 24, 4
 BELOW = {
     "joint": ("slots", 0), "other": ("slots", 0), "spring_load": ("slots", 0), "inboard": ("slots", 1),
     "counted": ("bodies", 1), "moved": ("bodies", 1), "law_joint": ("joints", 0), "axis": ("", 6),
-    "law": ("", len(set(KERNEL_LAWS.values()))), "spring_from": ("", structures.MAX_SPRINGS + 1),
-    "term_axis": ("", 4), "field_axis": ("", 4), "term_factor": ("", WAVES_ALONE * structures.MAX_JOINTS + 1),
+    "law": ("", len(set(KERNEL_LAWS.values()))), "spring_from": ("", MAX_SPRINGS + 1),
+    "term_axis": ("", 4), "field_axis": ("", 4), "term_factor": ("", WAVES_ALONE * MAX_JOINTS + 1),
 }  # fmt: skip
 """Bounds of an array's indices into other arrays: a count of the arm's, and a number."""
 
@@ -79,7 +88,7 @@ class KernelModel:
 
     def with_library(self, tcp: Array, q: Array, slots: Array) -> KernelModel:
         """A copy with seeds, M poses at rest: tool frames (M, 4, 4), commands (M, n), slot amounts (M, V)."""
-        fits("library poses", len(q), structures.MAX_POSES)
+        fits("library poses", len(q), MAX_POSES)
         columns = np.ascontiguousarray(frames_as_numbers(tcp[:, :3, 3], tcp[:, :3, :3]).T, dtype=np.float32)
         kept = (np.ascontiguousarray(q), np.ascontiguousarray(slots), columns)
         memory = self.with_(start=slots.mean(axis=0)).memory
@@ -89,7 +98,7 @@ class KernelModel:
     def with_springs(self, zero: Array, compliances: Array) -> KernelModel:
         """A copy with other amounts without load (V,) and compliances (V, V), rad/N·m or m/N·m."""
         rows, columns = np.nonzero(compliances)
-        fits("springs", len(rows), structures.MAX_SPRINGS)
+        fits("springs", len(rows), MAX_SPRINGS)
         counts = np.bincount(rows, minlength=len(zero)).cumsum()
         return self.with_(
             zero=zero, spring_from=[0, *counts.tolist()], spring_load=columns, spring=compliances[rows, columns]
@@ -192,9 +201,9 @@ def packed(
     """An arm without springs, laws, closed form or library; limits (rad). Raises `LrmError` beyond a fixed maximum."""
     V, n, B = len(moving.slots), len(moving.joints), len(moving.inboard)
     for name, count, most in (
-        ("moving slots", V, structures.MAX_SLOTS),
-        ("joints", n, structures.MAX_JOINTS),
-        ("bodies", B, structures.MAX_BODIES),
+        ("moving slots", V, MAX_SLOTS),
+        ("joints", n, MAX_JOINTS),
+        ("bodies", B, MAX_BODIES),
     ):
         fits(name, count, most)
     memory = KernelArm(slots=V, joints=n, others=len(moving.others), bodies=B, laws_known=1, reach=reach)
@@ -208,7 +217,7 @@ def packed(
 
 def with_laws(arm: KernelModel, laws: Sequence[KernelLaw], complete: bool) -> KernelModel:
     """The arm with joint laws; not `complete`: Python corrects commands, by no more than `nonlinear_bound`, rad."""
-    fits("joint laws", len(laws), structures.MAX_LAWS)
+    fits("joint laws", len(laws), MAX_LAWS)
     p = np.zeros((len(laws), 4))
     for row, (_, _, values) in zip(p, laws, strict=True):
         row[: len(values)] = values

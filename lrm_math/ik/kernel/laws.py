@@ -18,7 +18,7 @@ from lrm_math.effects.field.residual_field import JOINTS_TOGETHER, WAVES_ALONE, 
 from lrm_math.effects.forces import CableSpring
 from lrm_math.effects.servo_errors import CommonGain, Coupling, Eccentricity, ServoGain, coupled_joints
 from lrm_math.effects.targets import Kind
-from lrm_math.ik.kernel.structures import MAX_TERMS, fits
+from lrm_math.ik.kernel.shared_library import MAX_TERMS, fits
 from lrm_math.model.effect_binding import BoundEffect, EffectBinding
 from lrm_math.model.model import Model
 

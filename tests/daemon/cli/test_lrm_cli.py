@@ -159,6 +159,19 @@ def test_arm_move_look_and_disarm(daemon: InMemoryDaemon, does: Callable[..., st
     assert daemon.sim.core.lease is None, "every command gave its lease back"
 
 
+def test_a_move_of_an_arm_without_shapes_says_that_it_was_not_checked(
+    daemon: InMemoryDaemon, does: Callable[..., str]
+) -> None:
+    does("arm", "--q", ZERO)
+    assert "checked" not in does("move", "--joint", "2", "10deg")
+    daemon.sim.core.motion_check.guard = None
+    said = does("move", "--joint", "2", "0deg")
+    assert said.endswith("s; not checked for collisions: lrm-rover has no collision shapes\n")
+    with Rover() as rover, rover.control("test"):
+        rover.move({"joint2": 0.1}, wait=False)
+        assert rover.unchecked == "lrm-rover has no collision shapes"
+
+
 def test_metrics_show_how_late_the_ticks_were(daemon: InMemoryDaemon, does: Callable[..., str]) -> None:
     assert does("state", "--metrics").splitlines()[-1].strip() == "us", "no ticks, no bars"
     for us, ticks in {12: 60, 97: 30, 103: 9, 40_000: 1}.items():

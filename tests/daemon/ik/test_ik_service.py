@@ -19,9 +19,7 @@ from lrm_math.collision.scene import Scene, clearance, clearance_of
 from lrm_math.effects.measured_range import MeasuredRange
 from lrm_math.errors import LrmError
 from lrm_math.ik.answer import Solved
-from lrm_math.ik.direct import Direct
-from lrm_math.ik.iterative import Iterative
-from lrm_math.ik.methods import DEFAULT, METHODS
+from lrm_math.ik.methods import DEFAULT, METHODS, Direct, Iterative
 from lrm_math.kinematics.forward import frames
 from lrm_math.kinematics.poses import poses_of
 from lrm_math.model.equilibrium import equilibrium

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from numpy.typing import ArrayLike
 
 from lrm_ident.data.measurements import Measurements
 from lrm_math.arm.arm import Arm, Placement
@@ -19,7 +20,7 @@ from lrm_math.arm.collision_shapes import Box, Capsule, Shapes
 from lrm_math.arrays import Array
 from lrm_math.collision.distance import depth_in_box, segment_to_box, segment_to_segment
 from lrm_math.collision.scene import Scene, clearance, clearance_of
-from lrm_math.collision.straight_move import RESOLUTION, check_bodies, check_move, rigid_bodies
+from lrm_math.collision.straight_move import RESOLUTION, ArmBodies, MotionClearance, check_bodies, rigid_bodies
 from lrm_math.effects import effects_at
 from lrm_math.errors import FileError, LrmError
 from lrm_math.kinematics.forward import frames
@@ -343,6 +344,12 @@ def test_distances_change_no_faster_than_the_motion_bound(arm: Arm, seed: int) -
     assert (change <= np.abs(nudged - q) @ scene.motion_bound.T + 1e-7).all()
 
 
+def check_move(scene: Scene, q0: ArrayLike, q1: ArrayLike, margin: float | None = None) -> MotionClearance:
+    """Whether the rigid arm keeps a margin (m; its own if None) by the distances of its bodies."""
+    bodies = ArmBodies(scene, lambda q: scene.distances(scene.frames(q)))
+    return check_bodies(bodies, scene.pose(q0), scene.pose(q1), scene.margin if margin is None else margin)
+
+
 @pytest.mark.slow
 @settings(max_examples=60)
 @given(shaped_arms, seeds, st.sampled_from([0.0, 0.005, 0.03]))
@@ -465,7 +472,7 @@ def test_invalid_angles(lab: Arm, q: list[float]) -> None:
 @pytest.mark.parametrize("margin", [-0.01, math.nan, math.inf])
 def test_invalid_margins(lab: Arm, margin: float) -> None:
     with pytest.raises(LrmError, match="margin"):
-        check_move(Scene.of(lab), np.zeros(6), np.ones(6), margin)
+        Scene.of(lab).margin_or_default(margin)
 
 
 def test_invalid_frames(lab: Arm) -> None:
