@@ -7,6 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
+from lrm_ident.data.measurement_file.approach_path import states_from_beside
 from lrm_ident.data.measurement_file.number_table import NumberTable, cell_place
 from lrm_ident.data.wording import enumerate_words
 from lrm_math.arm.arm import Arm
@@ -25,10 +26,14 @@ class BeyondLimits(FileError):
     """A joint angle beyond the limits of the arm."""
 
 
-def read_poses(table: NumberTable, arm: Arm, how: Reading, start: Array | None = None) -> Poses:
+def read_poses(
+    table: NumberTable, arm: Arm, how: Reading, start: Array | None = None, beside: float | None = None
+) -> Poses:
     """The poses of a table, its joints in the arm's order and with its signs. Raises `FileError`.
 
-    `start`: (n,), joint angles before the first one (rad).
+    Args:
+        start: (n,), joint angles before the first one (rad).
+        beside: how far (rad) from it the arm was sent before each pose; None where that is not known.
     """
     q, number, none = read_angles(table, arm), table.integers("pose"), np.zeros(len(table))
     moves = directions(q, start, after_gap(number))
@@ -39,6 +44,10 @@ def read_poses(table: NumberTable, arm: Arm, how: Reading, start: Array | None =
         sides = sides_within(arm, q, table["approach"] * (how.joint_sign or np.ones(q.shape[1])))
     straight = bool(np.all((sides == moves) | (moves == 0.0))) and "approach" not in table
     t, session, payload = table.column("t"), table.column("session"), table.column("payload")
+    friction = friction_states(q, moves, start) if straight else None
+    if not straight and beside is not None and "sides" in table:
+        begins = after_gap(number) | (False if session is None else np.diff(session, prepend=session[:1]) != 0.0)
+        friction = states_from_beside(q, sides, arm, beside, begins)
     return Poses(
         q=q,
         payload=none if payload is None else payload,
@@ -47,7 +56,7 @@ def read_poses(table: NumberTable, arm: Arm, how: Reading, start: Array | None =
         session=session,
         temperature=table.column("temperature"),
         number=number,
-        friction=friction_states(q, moves, start) if straight else None,
+        friction=friction,
         running=None if t is None else _running(t, none if session is None else session),
         sha256=table.cells.sha256,
     )

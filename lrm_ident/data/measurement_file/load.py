@@ -20,7 +20,13 @@ from lrm_ident.data.measurement_file.known_columns import (
     quantities_of_joints,
 )
 from lrm_ident.data.measurement_file.measured_columns import read_feedback, with_sensed
-from lrm_ident.data.measurement_file.metadata import NOTHING_STATED, metadata_of, sidecar_notices, start_angles
+from lrm_ident.data.measurement_file.metadata import (
+    NOTHING_STATED,
+    beside_of,
+    metadata_of,
+    sidecar_notices,
+    start_angles,
+)
 from lrm_ident.data.measurement_file.number_table import NumberTable, read_numbers, without_bad_rows
 from lrm_ident.data.measurement_file.row_checks import row_notices, without_lost
 from lrm_ident.data.measurements import Measurements
@@ -47,7 +53,7 @@ def load_measurements(path: Path, arm: Arm, reading: Reading = AS_NAMED, usual: 
     good = without_bad_rows(cells, known, how.bad_rows == "skip")
     table = read_numbers(good, known)
     pose, repeat_of = numbered_rows(table)
-    poses, about_poses = read_poses(table, arm, how, start), pose_notices(table, arm)
+    poses, about_poses = read_poses(table, arm, how, start, beside_of(metadata)), pose_notices(table, arm)
     data = Measurements(
         poses=poses,
         pose=pose,

@@ -23,15 +23,17 @@ from lrm_math.toml_file import read_toml, schema_of
 class Metadata(Reading):
     """Metadata file `NAME.toml`, schema `lrm/measurements/1`; it may say how the numbers are to be read.
 
-    `feedback_sd_deg`: standard deviation of the joints' encoders. `distance_from_mm`: the point that distances are
-    measured from, in the frame of the positions; `distance_sd_mm`: their standard deviation. `poses_sha256`, `t0_s`: of
-    a campaign, its file of poses and the tracker's time at t_s = 0; `power_ons`: a name of each `session` from 1.
+    `approach_deg`: how far from it every joint stood before it came to a pose. `feedback_sd_deg`: standard deviation of
+    the joints' encoders. `distance_from_mm`: the point that distances are measured from, in the frame of the positions;
+    `distance_sd_mm`: their standard deviation. `poses_sha256`, `t0_s`: of a campaign, its file of poses and the
+    tracker's time at t_s = 0; `power_ons`: a name of each `session` from 1.
     """
 
     schema_: Literal["lrm/measurements/1"] = Field(alias="schema")
     arm: str | None = None
     source: str = ""
     start_q_deg: list[float] | None = None
+    approach_deg: Annotated[float, Field(gt=0, le=45)] | None = None
     noise_sd_mm: Annotated[float, Field(gt=0)] | None = None
     feedback_sd_deg: Annotated[float, Field(gt=0)] | None = None
     distance_from_mm: Annotated[list[FiniteFloat], Field(min_length=3, max_length=3)] | None = None
@@ -68,6 +70,11 @@ def start_angles(path: Path, metadata: Metadata, arm: Arm, how: Reading) -> Arra
     if stated is not None and len(stated) != arm.dof:
         raise FileError(path.with_suffix(".toml"), "start_q_deg", f"{len(stated)} angles", f"should be {arm.dof}")
     return None if stated is None else read_joints(how, np.radians(stated))
+
+
+def beside_of(metadata: Metadata) -> float | None:
+    """How far (rad) from each pose the arm was sent before it, or None."""
+    return None if metadata.approach_deg is None else float(np.radians(metadata.approach_deg))
 
 
 def sidecar_notices(path: Path) -> tuple[str, ...]:

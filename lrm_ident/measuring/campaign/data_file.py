@@ -47,7 +47,8 @@ class ArmState:
 class CampaignHead:
     """Facts known before the first row; `start`: commanded angles (rad). `started`: tracker time of t_s = 0 (s).
 
-    `power_on`: name of the servos' power-on session, another whenever they were switched on anew.
+    `power_on`: name of the servos' power-on session, another whenever they were switched on anew. `approach`: see
+    `DrivenArm`.
     """
 
     arm: str
@@ -56,6 +57,7 @@ class CampaignHead:
     plan_sha256: str
     started: float
     power_on: str
+    approach: float | None = None
 
     def toml(self) -> str:
         """The metadata file."""
@@ -64,6 +66,7 @@ class CampaignHead:
             self.arm,
             self.source,
             start_q_deg=angles,
+            approach_deg=None if self.approach is None else round(math.degrees(self.approach), 6),
             poses_sha256=self.plan_sha256,
             t0_s=self.started,
             power_ons=[self.power_on],

@@ -18,7 +18,7 @@ from lrm_ident.measuring.campaign.lerobot_robot import KIND as LEROBOT
 from lrm_ident.measuring.campaign.lerobot_robot import LeRobotServos, connected_robot
 from lrm_ident.measuring.campaign.plan import CampaignPlan, lightest
 from lrm_ident.measuring.campaign.release_key import asked_for_release, release_key
-from lrm_ident.measuring.campaign.rover_arm import DaemonSolver, RoverArm
+from lrm_ident.measuring.campaign.rover_arm import APPROACH, DaemonSolver, RoverArm
 from lrm_ident.measuring.campaign.run import (
     CampaignArm,
     CampaignProgress,
@@ -68,6 +68,7 @@ class DrivenArm:
 
     `power_on`: name of the servos' present power-on session. `solver`: gives its inverse kinematics; without a daemon
     with the model of a file, or of the arm as drawn.
+    `approach`: how far (rad) beside a pose it stands before it comes straight from there, None where it may go round.
     """
 
     arm: CampaignArm
@@ -76,6 +77,7 @@ class DrivenArm:
     start: tuple[float, ...]
     power_on: str
     solver: Callable[[Path | None], GoalSolver]
+    approach: float | None = None
 
 
 Loads: TypeAlias = Callable[[float], object]
@@ -116,7 +118,9 @@ def measure(order: CampaignOrder, plan: CampaignPlan, output: Path, goal: Stoppi
             raise LrmError(f"{order.arm_name} has {order.arm.dof} joints, {driven.robot} has {driven.joints}")
         first = first_frame(tracker, order.tracker)
         source = f"lrm-ident measure: {driven.robot}, {order.tracker}"
-        head = CampaignHead(order.arm_name, source, driven.start, plan.sha256, first.t, driven.power_on)
+        head = CampaignHead(
+            order.arm_name, source, driven.start, plan.sha256, first.t, driven.power_on, driven.approach
+        )
         driven.arm.session = file.begin(head)
         rest = lightest(plan.poses, order.arm)
         campaign = PoseCampaign(driven.arm, tracker, order.numbers, clock, order.timing, rest, order.on_progress)
@@ -160,7 +164,7 @@ def by_servos(text: str, arm: Arm, speed: float, may_release: Callable[[], bool]
             driven = ServoArm(servos, arm, clock, loads, speed)
             session = f"{text.partition(':')[0]}-{time.time_ns()}"
             solver = partial(ModelSolver.of, arm=arm, rounded=driven.rounded)
-            yield DrivenArm(driven, text, arm.dof, driven.seen(), session, solver)
+            yield DrivenArm(driven, text, arm.dof, driven.seen(), session, solver, APPROACH)
 
     return drive
 
