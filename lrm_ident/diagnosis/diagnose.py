@@ -9,7 +9,7 @@ Of thousands of poses a part is screened, drawn at random, with those that the f
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -32,7 +32,7 @@ from lrm_ident.residual.residual_structure import NoiseFloor, ResidualStructure
 from lrm_ident.residual.significance import benjamini_yekutieli
 from lrm_ident.residual.thresholds import FLOOR_RATIO, MORAN_THRESHOLD, NOT_NOISE
 from lrm_math.arrays import Array
-from lrm_math.effects import CATALOGUE, Effect
+from lrm_math.effects import CATALOGUE, Effect, variants
 from lrm_math.model.equilibrium import batch_equilibrium
 from lrm_math.model.model import Model
 
@@ -173,9 +173,26 @@ def select_without(diagnosis: Diagnosis, refused: Collection[str]) -> Diagnosis:
 
 
 def _select(scores: Screening, progress: OnProgress, refused: Collection[str] = ()) -> Diagnosis:
-    whole, linear, ranked = scores.fit, scores.linear, scores.ranked
-    possible = [one for one in ranked if one.name not in refused]
+    """Selects effects. Where all of them only resemble some structure, the forms of these are tried in their place: a
+    plain effect is named before a form that helps more, and must not hide it."""
+    possible = [one for one in scores.ranked if one.name not in refused]
     tried = [one for one in possible if not scores.like_noise or one.candidate.priority == REFINEMENT]
+    found = _selected(scores, progress, possible, tried)
+    if found.supported:
+        return found
+    names = {one.name for one in found.selected}
+    forms = [one for one in tried if names & set(variants(one.candidate.effect))]
+    instead = _selected(scores, progress, possible, forms) if forms else found
+    return instead if instead.supported else found
+
+
+def _selected(
+    scores: Screening,
+    progress: OnProgress,
+    possible: Sequence[ScoredCandidate],
+    tried: Sequence[ScoredCandidate],
+) -> Diagnosis:
+    whole, linear, ranked = scores.fit, scores.linear, scores.ranked
     weights = None if scores.rates is None else scores.rates.weights([one.name for one in tried])
     selection = forward_select(scores.scored, scores.sets, linear, progress, weights, tried)
     selected = selection.effects

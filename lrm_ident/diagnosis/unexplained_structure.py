@@ -10,11 +10,12 @@ import numpy as np
 
 from lrm_ident.data.weights.whitening import RowWeights
 from lrm_ident.diagnosis.forward_selection import Selection, improves_prediction
+from lrm_ident.diagnosis.screening.candidates import FORM
 from lrm_ident.diagnosis.screening.column_sets import ColumnSets
 from lrm_ident.diagnosis.screening.linearised_fit import LinearEstimate, LinearisedFit
 from lrm_ident.residual.better_prediction import predicts_better
 from lrm_ident.residual.free_functions import FreeFunction
-from lrm_ident.residual.thresholds import MAX_FREE_FUNCTIONS, MIN_FREE_GAIN, PROMISING
+from lrm_ident.residual.thresholds import MAX_FREE_FUNCTIONS, MIN_FREE_GAIN, PROMISING, SIMILAR_GAIN
 
 RANKED, LIKELY = 5, 20  # functions that are ranked by held-out error, and those that are cross-validated for it
 
@@ -48,7 +49,11 @@ class UnexplainedStructure:
 def unexplained_structure(
     selection: Selection, functions: Sequence[FreeFunction], weigh: RowWeights
 ) -> UnexplainedStructure:
-    """Tries free functions on what the selected effects leave. `weigh`: relative weights of the rows."""
+    """Tries free functions on what the selected effects leave. `weigh`: relative weights of the rows.
+
+    A form of an effect that the model does not have names no cause, and may be part of a free function: it is spurious
+    only where these explain much more.
+    """
     linear, fit = selection.steps[0].fit, selection.steps[-1].fit
     in_sample = _squares(functions, fit, weigh)
     free = _select_free(in_sample, fit, weigh)
@@ -61,12 +66,21 @@ def unexplained_structure(
             if len(one.covariates) == 1 and one.place == free[0].place and one.covariates[0] in names
         ]
         among = _projected([*free, *own], linear, weigh)
+        most = linear.beside(*(scored.projected for scored in selection.effects), *among).now
         for scored in selection.effects:
+            if scored.candidate.priority == FORM and _saves_as_much(scored.alone, most, linear.now):
+                continue
             others = [other.projected for other in selection.effects if other is not scored]
             without = linear.beside(*others, *among)
             if not improves_prediction(without.explain(scored.projected), without.now, linear.now):
                 spurious[scored.name] = free[0].name
     return UnexplainedStructure(tuple(free), spurious, in_sample, fit, weigh)
+
+
+def _saves_as_much(then: LinearEstimate, most: LinearEstimate, now: LinearEstimate) -> bool:
+    """Whether one saves most of the held-out squares that all together save."""
+    saved, possible = (float((now.held_out - each.held_out).mean()) for each in (then, most))
+    return saved > SIMILAR_GAIN * possible
 
 
 def _projected(functions: Sequence[FreeFunction], fit: LinearisedFit, weigh: RowWeights) -> ColumnSets:

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
+from lrm_ident.data.measurement_file.approach_path import states_from_beside
 from lrm_ident.data.measurement_file.number_table import NumberTable
 from lrm_ident.data.wording import enumerate_words
 from lrm_math.arm.arm import Arm, sides_within
@@ -19,8 +20,15 @@ LISTED = 8
 SAME_POSE = float(np.radians(1.0))
 
 
-def read_poses(table: NumberTable, arm: Arm, how: Reading, start: Array | None = None) -> Poses:
-    """The poses of a table. `start`: (n,), joint angles before the first one (rad)."""
+def read_poses(
+    table: NumberTable, arm: Arm, how: Reading, start: Array | None = None, beside: float | None = None
+) -> Poses:
+    """The poses of a table.
+
+    Args:
+        start: (n,), joint angles before the first one (rad).
+        beside: how far (rad) from it the arm was sent before each pose; None where that is not known.
+    """
     q, number, none = table["angles"], table.integers("pose"), np.zeros(len(table))
     moves = directions(q, start, after_gap(number))
     sides = moves
@@ -30,6 +38,10 @@ def read_poses(table: NumberTable, arm: Arm, how: Reading, start: Array | None =
         sides = sides_within(arm, q, table["approach"] * (how.joint_sign or np.ones(q.shape[1])))
     straight = bool(np.all((sides == moves) | (moves == 0.0))) and "approach" not in table
     t, session, payload = table.column("t"), table.column("session"), table.column("payload")
+    friction = friction_states(q, moves, start) if straight else None
+    if not straight and beside is not None and "sides" in table:
+        begins = after_gap(number) | (False if session is None else np.diff(session, prepend=session[:1]) != 0.0)
+        friction = states_from_beside(q, sides, arm, beside, begins)
     return Poses(
         q=q,
         payload=none if payload is None else payload,
@@ -38,7 +50,7 @@ def read_poses(table: NumberTable, arm: Arm, how: Reading, start: Array | None =
         session=session,
         temperature=table.column("temperature"),
         number=number,
-        friction=friction_states(q, moves, start) if straight else None,
+        friction=friction,
         running=None if t is None else _running(t, none if session is None else session),
         sha256=table.cells.sha256,
     )

@@ -32,15 +32,17 @@ ANGLE_UNITS = {"deg": float(np.radians(1.0)), "rad": 1.0}
 class Metadata(Reading):
     """Metadata file `NAME.toml`, schema `lrm/measurements/1`; it may say how the numbers are to be read.
 
-    `feedback_sd_deg`: standard deviation of the joints' encoders. `distance_from_mm`: the point that distances are
-    measured from, in the frame of the positions; `distance_sd_mm`: their standard deviation. `poses_sha256`, `t0_s`: of
-    a campaign, its file of poses and the tracker's time at t_s = 0; `power_ons`: a name of each `session` from 1.
+    `approach_deg`: how far from it every joint stood before it came to a pose. `feedback_sd_deg`: standard deviation of
+    the joints' encoders. `distance_from_mm`: the point that distances are measured from, in the frame of the positions;
+    `distance_sd_mm`: their standard deviation. `poses_sha256`, `t0_s`: of a campaign, its file of poses and the
+    tracker's time at t_s = 0; `power_ons`: a name of each `session` from 1.
     """
 
     schema_: Literal["lrm/measurements/1"] = Field(alias="schema")
     arm: str | None = None
     source: str = ""
     start_q_deg: list[float] | None = None
+    approach_deg: Annotated[float, Field(gt=0, le=45)] | None = None
     noise_sd_mm: Annotated[float, Field(gt=0)] | None = None
     feedback_sd_deg: Annotated[float, Field(gt=0)] | None = None
     distance_from_mm: Annotated[list[FiniteFloat], Field(min_length=3, max_length=3)] | None = None
@@ -48,6 +50,11 @@ class Metadata(Reading):
     poses_sha256: str | None = None
     t0_s: float | None = None
     power_ons: list[str] = []
+
+    @property
+    def beside(self) -> float | None:
+        """How far (rad) from each pose the arm was sent before it, or None."""
+        return None if self.approach_deg is None else float(np.radians(self.approach_deg))
 
 
 PLAUSIBLE = {"noise_sd_mm": SD, "distance_sd_mm": SD, "feedback_sd_deg": TURN_SD}

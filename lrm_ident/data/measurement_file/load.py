@@ -56,7 +56,7 @@ def read_measured(
     cells = arm_columns(file, arm, said.how, known)
     units = stated_units(cells)
     table = checked_rows(read_numbers(cells, known, said.how.bad_rows == "skip"))
-    poses, noise_sd = read_poses(table, arm, said.how, said.start), said.metadata.noise_sd_mm
+    poses, noise_sd = read_poses(table, arm, said.how, said.start, said.metadata.beside), said.metadata.noise_sd_mm
     data = Measurements(
         poses=poses,
         pose=table.integers("pose"),

@@ -129,7 +129,7 @@ def _propose(
     for law, _ in classed[:REFITS]:
         whole = law if known is None else known.law.plus(law)
         on_progress(f"refitting with {whole.formula}")
-        one = _refit(whole, fitted, data, found)
+        one = _refit(whole, fitted, data, found, known)
         refits += [] if one is None else [one]
     best = min(refits, key=lambda one: one.error.rms, default=None)
     if best is None or best.error.rms > (1.0 - MIN_GAIN) * before.rms:
@@ -152,12 +152,15 @@ def _equivalent(search: LawSearch, order: NDArray[np.int64], without: Array) -> 
     return found
 
 
-def _refit(law: Law, fitted: Fit, data: Measurements, found: LawProposal) -> RefittedLaw | None:
-    """The law as an effect of its file, everything refitted; None if that fails."""
+def _refit(
+    law: Law, fitted: Fit, data: Measurements, found: LawProposal, known: RefittedLaw | None
+) -> RefittedLaw | None:
+    """The law as an effect of its file, everything refitted; None if that fails. `known`: what it was added to."""
+    beside = "alone" if known is None else f"with {known.law.formula}"
     largest = np.abs(law.values(data.poses, fitted.rest.joint_torque)).max(axis=0)
     facts = (
-        f"{found.tried} laws were tried. Held out, the model alone has {in_mm(found.before.rms)} mm; with a law\n"
-        f"chosen anew in every block about {in_mm(found.nested)} mm. Against pure noise: p {p_words(found.p_value)}."
+        f"{found.tried} laws were tried. Held out, the model {beside}\nhas {in_mm(found.before.rms)} mm; with a law "
+        f"chosen anew in every block about {in_mm(found.nested)} mm.\nAgainst pure noise: p {p_words(found.p_value)}."
     )
     source = law_source(law, tuple((typical_size(law) / largest).tolist()), data.path.name, facts)
     with TemporaryDirectory(prefix="law-") as folder:

@@ -67,6 +67,7 @@ class DrivenArm:
 
     `power_on`: name of the servos' present power-on session. `solver`: gives its inverse kinematics; without a daemon
     with the model of a file, or of the arm as drawn.
+    `approach`: how far (rad) beside a pose it stands before it comes straight from there, None where it may go round.
     """
 
     arm: CampaignArm
@@ -74,6 +75,7 @@ class DrivenArm:
     start: tuple[float, ...]
     power_on: str
     solver: Callable[[Path | None], GoalSolver]
+    approach: float | None = None
 
 
 Loads: TypeAlias = Callable[[float], object]
@@ -113,7 +115,8 @@ def measure(order: CampaignOrder, plan: CampaignPlan, output: Path, goal: Stoppi
         first = first_frame(tracker, order.tracker)
         source = f"lrm-ident measure: {driven.robot}, {order.tracker}"
         start = [round(math.degrees(q), 6) for q in driven.start]
-        about = {"start_q_deg": start, "poses_sha256": plan.sha256, "t0_s": first.t}
+        beside = None if driven.approach is None else round(math.degrees(driven.approach), 6)
+        about = {"start_q_deg": start, "approach_deg": beside, "poses_sha256": plan.sha256, "t0_s": first.t}
         driven.arm.session = file.begin(driven.power_on, order.arm_name, source, **about)
         rest = lightest(plan.poses, order.arm)
         campaign = PoseCampaign(driven.arm, tracker, order.numbers, clock, order.timing, rest, order.on_progress)

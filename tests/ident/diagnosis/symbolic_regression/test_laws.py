@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 
 from lrm_ident.data.measurement_file.load import load_measurements
 from lrm_ident.data.measurements import Measurements
+from lrm_ident.data.wording import in_mm
 from lrm_ident.diagnosis.add_effect import add_effects
 from lrm_ident.diagnosis.screening.linearised_fit import LinearisedFit, linearise
 from lrm_ident.diagnosis.symbolic_regression.grammar import Law, extensions_at, laws_at, quantities_at
@@ -53,6 +54,10 @@ def base_fit(arm: Arm, data: Measurements) -> Model:
 
 
 SUM = on("three-joint", hidden("report", "sum", None, lambda _: FormulaJoint(2, 0.02, "np.sin(q[1] + q[3])")))
+PRODUCT = on(
+    "three-joint",
+    hidden("report", "product", None, lambda _: FormulaJoint(2, 0.03, "np.sin(q[1]) * np.sin(q[3] + 0.7)")),
+)
 NOTHING = on("three-joint", nothing("report"))
 
 
@@ -172,6 +177,20 @@ def test_a_law_is_proposed_written_added_and_remembered(tmp_path: Path) -> None:
     law.rename(tmp_path / "elsewhere.py")
     with pytest.raises(FileError, match=r"sway\.py, which is gone"):
         load_model(path)
+
+
+@pytest.mark.slow
+def test_the_file_of_a_sum_says_what_its_last_term_was_added_to(tmp_path: Path) -> None:
+    """Before: the error of the model with the other terms was said to be that of the model alone."""
+    data, arm = case_data(PRODUCT, tmp_path), three_joints()
+    found = propose_law(base_fit(arm, data), data)
+    assert found.best is not None
+    law = found.best.law
+    assert len(law.terms) == 2
+    errors = re.findall(r"the model (.+)\nhas (\S+) mm; with", found.best.source)
+    ((beside, error),) = errors
+    assert beside in {f"with δq2 = a {term}" for term in re.findall(r"[ab] (sin\(q1\) \* \w+\(q3\))", law.formula)}
+    assert float(error) < float(in_mm(found.before.rms))
 
 
 @pytest.mark.slow

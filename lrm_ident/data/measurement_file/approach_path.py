@@ -1,0 +1,51 @@
+"""The path of a campaign that comes to every pose from beside it, and what friction remembers of it."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lrm_math.arm.arm import Arm
+from lrm_math.arrays import Array
+from lrm_math.effects.friction import TRAVELS_DEG, turned_over
+
+STILL = np.radians(0.1)
+"""rad: a joint that is sent no farther stays: a step of an encoder of 12 bits is 0.088°."""
+
+
+def states_from_beside(q: Array, sides: Array, arm: Arm, distance: float, begins: NDArray[np.bool_]) -> Array:
+    """(N, n, K), friction states as `friction_states` has them, of an arm that is sent straight to beside each pose and
+    from there to it; all joints by `distance` (rad), from below or from above, as far as their limits let.
+
+    Args:
+        q: (N, n), commanded angles in the measured order (rad).
+        sides: (N, n), sign of each joint's last move: they tell from which side a pose was come to.
+        begins: (N,), whether it is not known where the arm stood before. There, and where no side explains the signs,
+            friction has turned over with the last move. Where two do, as with every joint at a limit, the first.
+    """
+    states = np.repeat(sides[:, :, None], len(TRAVELS_DEG), axis=2)
+    for row in range(1, len(q)):
+        for beside in () if begins[row] else _besides(q[row], arm, distance):
+            then, last = _after([q[row - 1], beside, q[row]], states[row - 1], sides[row - 1])
+            if np.array_equal(last, sides[row]):
+                states[row] = then
+                break
+    return states
+
+
+def _besides(q: Array, arm: Arm, distance: float) -> tuple[Array, ...]:
+    """(n,) each, where the arm may have been sent before a pose (n,): below it, above it, nowhere else."""
+    low, high = np.array([(joint.lower, joint.upper) for joint in arm.joints]).T
+    return np.clip(q - distance, low, high), np.clip(q + distance, low, high), q
+
+
+def _after(way: list[Array], states: Array, side: Array) -> tuple[Array, Array]:
+    """States (n, K) and sign of the last move (n,) after straight moves from point to point (n,)."""
+    for here, there in pairwise(way):
+        move = there - here
+        moved = np.abs(move) > STILL
+        side = np.where(moved, np.sign(move), side)
+        states = turned_over(states, np.where(moved, np.abs(move), 0.0), side)
+    return states, side
