@@ -1,4 +1,9 @@
-"""The arm between two links of a URDF: axes to Denavit–Hartenberg links, masses and centres of mass with them."""
+"""The arm between two links of a URDF: axes to modified Denavit–Hartenberg links, centres of mass with them.
+
+Between skew or crossing axes the frames stand on the common normal (Denavit & Hartenberg 1955). Between nearly parallel
+ones its feet run off to infinity; there the frames stay where the description has them, and the angle beta takes the
+rest (Hayati & Mirmirani 1985).
+"""
 
 from __future__ import annotations
 
@@ -8,10 +13,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from lrm_ident.data.rigid_motion import inverse, placement, placement_motion, turn
-from lrm_ident.data.robot_files.denavit_hartenberg import DhLink, dh_links
+from lrm_ident.data.rigid_motion import inverse, placement, placement_motion, shift, turn
 from lrm_ident.data.robot_files.urdf import Urdf, UrdfJoint, UrdfMass, tip_pose
-from lrm_math.arm.arm import Arm, Body, Joint
+from lrm_math.arm.arm import NEARLY_PARALLEL, Arm, Body, Joint
 from lrm_math.arm.plausible_arm import implausible
 from lrm_math.arrays import Array, Vector3
 from lrm_math.errors import FileError, raise_faults
@@ -25,6 +29,25 @@ CHECKED = 200
 """Random poses at which the imported arm is compared with the URDF's own kinematics."""
 AGREES = 1e-9
 """m and rad: a larger difference is a fault of the import, and refused."""
+SAME = 1e-14
+"""m or rad: what round-off alone makes of a zero."""
+
+
+@dataclass(frozen=True)
+class DhLink:
+    """Rz(theta) Tz(d) Tx(a) Rx(alpha) Ry(beta); rad and m."""
+
+    theta: float
+    d: float
+    a: float
+    alpha: float
+    beta: float
+
+    @property
+    def motion(self) -> Array:
+        """(4, 4), from the frame on one axis to that on the next."""
+        along = turn((0, 0, 1), self.theta) @ shift((self.a, 0.0, self.d))
+        return along @ turn((1, 0, 0), self.alpha) @ turn((0, 1, 0), self.beta)
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,6 +138,49 @@ def axis_to_z(axis: Vector3) -> Array:
     if sine < 1e-15:
         return np.eye(4) if axis[2] > 0 else turn((1.0, 0.0, 0.0), math.pi)
     return turn((across / sine).tolist(), math.atan2(sine, axis[2]))
+
+
+def dh_link(point: Array, axis: Array) -> DhLink:
+    """The link from a frame whose z is one axis to the next axis: a `point` (3,), m, on it and its direction (3,)."""
+    sine = float(np.hypot(axis[0], axis[1]))
+    if sine < NEARLY_PARALLEL:
+        return _parallel(point, axis)
+    theta = math.atan2(-axis[1], -axis[0]) - math.pi / 2.0  # x along z × axis
+    normal = np.array([math.cos(theta), math.sin(theta), 0.0])
+    alpha = math.atan2(sine, axis[2])
+    if theta < -math.pi / 2.0 or theta >= math.pi / 2.0:  # of the two directions of the normal, the smaller turn
+        theta, alpha, normal = theta + math.copysign(math.pi, -theta), -alpha, -normal
+    beyond = float(point @ np.cross((0.0, 0.0, 1.0), normal)) / (-math.sin(alpha))
+    foot = point - beyond * axis
+    return DhLink(theta, float(foot[2]), _clean(float(foot @ normal)), alpha, 0.0)
+
+
+def _parallel(point: Array, axis: Array) -> DhLink:
+    """The next frame stands at `point`; alpha and beta turn z into the axis."""
+    a = float(np.hypot(point[0], point[1]))
+    theta = math.atan2(point[1], point[0]) if a > SAME else 0.0
+    if theta < -math.pi / 2.0 or theta >= math.pi / 2.0:
+        theta, a = theta - math.copysign(math.pi, theta), -a
+    x, y, z = (turn((0, 0, 1), -theta)[:3, :3] @ axis).tolist()
+    beta = math.asin(x)
+    return DhLink(_clean(theta), float(point[2]), a if abs(a) > SAME else 0.0, _clean(math.atan2(-y, z)), _clean(beta))
+
+
+def dh_links(axes: Sequence[Array], start: Array) -> tuple[list[DhLink], list[Array]]:
+    """Links between consecutive joint frames (4, 4), each turning about its z, and the frames of ours on their axes.
+
+    `start`: (4, 4), the frame on the first axis. All in one fixed frame.
+    """
+    ours, links = [start], list[DhLink]()
+    for after in axes[1:]:
+        seen = inverse(ours[-1]) @ after
+        links.append(dh_link(seen[:3, 3], seen[:3, 2]))
+        ours.append(ours[-1] @ links[-1].motion)
+    return links, ours
+
+
+def _clean(value: float) -> float:
+    return value if abs(value) > SAME else 0.0
 
 
 def _joint(joint: UrdfJoint, link: DhLink | None, notices: list[str]) -> Joint:
