@@ -19,30 +19,45 @@ from pathlib import Path
 
 import numpy as np
 
-from lrm_ident.data.examples import EXAMPLE as EXAMPLE
+from lrm_ident.data.examples import EXAMPLE
 from lrm_ident.data.measurement_file.conventions import arm_for
-from lrm_ident.data.measurement_file.load import load_poses as load_poses
+from lrm_ident.data.measurement_file.load import load_poses
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.registration.anchor import with_anchor
 from lrm_ident.diagnosis.auto import AutoRun
 from lrm_ident.diagnosis.diagnosis_report import DiagnosisReport
-from lrm_ident.fitting.effect_plugins import catalogue_with as catalogue_with
+from lrm_ident.fitting.effect_plugins import catalogue_with
 from lrm_ident.fitting.levenberg_marquardt import Fit
 from lrm_ident.fitting.loss import SQUARED, loss_named
 from lrm_ident.fitting.model_fit import DEFAULT_EFFECTS
 from lrm_ident.residual.error_breakdown import ModelComparison
-from lrm_ident.study.inputs import read_measurements
-from lrm_ident.study.inputs import read_study as read_study
+from lrm_ident.study.inputs import read_measurements, read_study
 from lrm_ident.study.other_data import at_data
 from lrm_ident.study.step import StudyStep
-from lrm_ident.study.study import MAX_EFFECTS
-from lrm_ident.study.study import Study as Study
+from lrm_ident.study.study import MAX_EFFECTS, Study
 from lrm_math.arrays import Array
 from lrm_math.kinematics.poses import Poses
 from lrm_math.model.equilibrium import equilibrium
 from lrm_math.model.model import Model
-from lrm_math.model.model_file import load_model as load_model
+from lrm_math.model.model_file import load_model
 from lrm_math.model.reading import AS_NAMED, Reading
+
+__all__ = [
+    "EXAMPLE",
+    "Study",
+    "add",
+    "auto",
+    "catalogue_with",
+    "compare",
+    "diagnose",
+    "fit",
+    "load",
+    "load_model",
+    "load_poses",
+    "predict",
+    "read_study",
+    "save",
+]
 
 
 def load(path: str | Path, arm: str | None = None, reading: Reading = AS_NAMED) -> Measurements:

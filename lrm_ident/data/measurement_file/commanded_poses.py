@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from lrm_ident.data.measurement_file.approach_path import states_from_beside
 from lrm_ident.data.measurement_file.number_table import NumberTable
 from lrm_ident.data.wording import enumerate_words
-from lrm_math.arm.arm import Arm, sides_within
+from lrm_math.arm.arm import Arm, feasible_approach
 from lrm_math.arrays import Array
 from lrm_math.effects.friction import friction_states
 from lrm_math.kinematics.poses import Poses
@@ -35,7 +35,7 @@ def read_poses(
     if "sides" in table:
         sides = table["sides"]
     elif "approach" in table:
-        sides = sides_within(arm, q, table["approach"] * (how.joint_sign or np.ones(q.shape[1])))
+        sides = feasible_approach(arm, q, table["approach"] * (how.joint_sign or np.ones(q.shape[1])))
     straight = bool(np.all((sides == moves) | (moves == 0.0))) and "approach" not in table
     t, session, payload = table.column("t"), table.column("session"), table.column("payload")
     friction = friction_states(q, moves, start) if straight else None

@@ -190,5 +190,5 @@ def test_no_command_waits_for_scipy_stats() -> None:
     every = ", ".join({f"lrm_ident.cli.{command.module}" for command in COMMANDS.values()})
     code = f"import sys, {every}; print(*sys.modules)"
     loaded = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.split()
-    assert "lrm_ident.diagnosis.inject_recover" in loaded
+    assert "lrm_ident.diagnosis.diagnose" in loaded
     assert "scipy.stats" not in loaded
