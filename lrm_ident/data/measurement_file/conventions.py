@@ -109,7 +109,9 @@ def conventions_of(path: Path, arm: Arm, reading: Reading, usual: Reading | None
         if values is not None and len(values) != arm.dof:
             raise FileError(path, "", f"{name} has {len(values)} joints", f"{arm.name} has {arm.dof}")
     if stated is not None and len(stated) != arm.dof:
-        raise FileError(file, "start_q_deg", f"{len(stated)} angles", f"should be {arm.dof}")
+        raise FileError(
+            file, "start_q_deg", f"{len(stated)} angles", f"{arm.name} has {arm.dof} joints; is this another arm?"
+        )
     start = None if stated is None else read_joints(how, np.radians(stated))
     return Conventions(beside, how, start, *motion_of(how), notices)
 
