@@ -23,7 +23,7 @@ from lrm_ident.fitting.identifiability import select_identifiable
 from lrm_ident.fitting.parameter_sets import fittable
 from lrm_ident.fitting.progress import OnProgress, silent
 from lrm_math.arm.arm import Arm
-from lrm_math.arm.joint_limits import sides_within
+from lrm_math.arm.joint_limits import feasible_approach
 from lrm_math.arrays import Array
 from lrm_math.effects import Effect
 from lrm_math.errors import LrmError
@@ -181,7 +181,7 @@ def _distinct(twice: Poses) -> Poses:
 def _sided(arm: Arm, poses: Poses, side: Array) -> Poses:
     """Poses to which all joints come from one side (N,), those at a limit from within."""
     every = np.repeat(side[:, None], poses.q.shape[1], axis=1)
-    return Poses(poses.q, poses.payload, sides_within(arm, poses.q, every))
+    return Poses(poses.q, poses.payload, feasible_approach(arm, poses.q, every))
 
 
 def _side_matters(problem: DesignProblem, candidates: Poses) -> bool:

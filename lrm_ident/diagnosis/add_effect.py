@@ -59,7 +59,7 @@ def add_effects(
 def _with_shapes(model: Model, data: Measurements, effects: Sequence[Effect], new: Sequence[str], loss: Loss) -> Fit:
     """The fit of what is identifiable of the free parameters and the `new` ones at the effects' best shapes.
 
-    Of thousands of poses a part is searched, and what it can tell then freed; then all are fitted, once.
+    Of thousands of poses a part is searched; then all are fitted, with whatever of the base they can tell.
     """
     part, keys = data.take(some_rows(len(data))), [*model.free, *new]
     best = fit_identifiable(model, part, keys, loss, required=() if len(data) > len(part) else new).fit

@@ -22,8 +22,8 @@ from lrm_ident.fitting.least_squares.iteration import LevenbergMarquardt, Optimu
 from lrm_ident.fitting.least_squares.objective import NoiseScale, Objective
 from lrm_ident.fitting.least_squares.smoothness import Smoothness
 from lrm_ident.fitting.loss import SQUARED, Loss, robust_scale
-from lrm_ident.fitting.parameter_sets import Bounds, bounds_of, searched_shapes
-from lrm_ident.fitting.priors import WEAK, Prior, weak_prior, with_ranges
+from lrm_ident.fitting.parameter_sets import Bounds, bounds_of, nuisance_shapes
+from lrm_ident.fitting.priors import WEAK, Prior, weak_prior, with_range_priors
 from lrm_math.arrays import Array
 from lrm_math.errors import LrmError
 from lrm_math.model.deployed_model import field_of
@@ -164,8 +164,8 @@ def _fit_at(optimum: Optimum, damped: bool) -> Fit:
         parameters = objective.effective_parameters(inverse, noise, free)
         sigma = objective.residual_sd(iterate, parameters)
         noise = replace(noise, sigma=noise.sigma or sigma)
-        if shapes := searched_shapes(model):
-            inverse = _inverse_beside(optimum, shapes, noise)
+        if shapes := nuisance_shapes(model):
+            inverse = _marginal_inverse(optimum, shapes, noise)
         covariance[np.ix_(free, free)] = noise.sigma**2 * inverse
     return Fit(
         model=model,
@@ -184,11 +184,11 @@ def _fit_at(optimum: Optimum, damped: bool) -> Fit:
     )
 
 
-def _inverse_beside(optimum: Optimum, shapes: tuple[str, ...], noise: NoiseScale) -> Array:
-    """(p, p), the inverse Hessian of the p parameters off their bounds with the searched shapes marginalised, known to
-    the ranges that are searched beside what the data say."""
+def _marginal_inverse(optimum: Optimum, shapes: tuple[str, ...], noise: NoiseScale) -> Array:
+    """(p, p), inverse Hessian of the p parameters off their bounds (scaled), the nuisance `shapes` marginalised by
+    Laplace's approximation; the ranges in which these are searched are their prior."""
     objective, free = optimum.objective, optimum.free
-    model, prior = objective.model, with_ranges(objective.prior, objective.model, shapes)
+    model, prior = objective.model, with_range_priors(objective.prior, objective.model, shapes)
     wide = replace(objective, model=model.with_free((*model.free, *shapes)), prior=prior)
     columns = wide.linearise(replace(optimum.iterate, linearised={}), noise).columns
     inverse = wide.inverse_hessian(columns, noise, np.append(free, np.ones(len(shapes), dtype=np.bool_)))

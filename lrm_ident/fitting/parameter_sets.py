@@ -57,8 +57,9 @@ def fittable(model: Model) -> tuple[str, ...]:
     return tuple(key for key, p in zip(model.keys, model.parameters, strict=True) if p.fixed is None)
 
 
-def searched_shapes(model: Model) -> tuple[str, ...]:
-    """Keys of the shape parameters, held at the values that fit best, of effects that are fitted at least in part."""
+def nuisance_shapes(model: Model) -> tuple[str, ...]:
+    """Keys of the nuisance parameters: shapes, held at the values that fit best, of effects that are fitted in part or
+    whole."""
     begun = {name_of_key(key) for key in model.free}
     return tuple(
         key

@@ -176,7 +176,7 @@ def weak_prior(model: Model) -> Prior:
     return Prior(WEAK, model.free, np.zeros(len(typical)), np.diag((WEAK_SD * np.array(typical)) ** 2))
 
 
-def with_ranges(prior: Prior | None, model: Model, shapes: Sequence[str]) -> Prior:
+def with_range_priors(prior: Prior | None, model: Model, shapes: Sequence[str]) -> Prior:
     """The product of a prior, if there is one, and of independent ones with the mean and the variance of the ranges in
     which shape parameters are searched, of those that it does not know."""
     known = Prior("ranges", (), np.empty(0), np.empty((0, 0))) if prior is None else prior

@@ -59,8 +59,8 @@ class JointLimits:
         return Violation(worst + 1, -margins[worst])
 
 
-def sides_within(arm: Arm, q: Array, side: Array) -> Array:
-    """(N, n), signs of the last moves to angles q (N, n), rad, asked for as `side` (N, n): at a limit from within."""
+def feasible_approach(arm: Arm, q: Array, side: Array) -> Array:
+    """Directions of approach (N, n) to angles q (N, n), rad, requested as `side` (N, n): at a limit from within."""
     limits = JointLimits.of(arm)
     from_above = np.where(q <= np.array(limits.lower) + AT_LIMIT, -1.0, side)
     return np.where(q >= np.array(limits.upper) - AT_LIMIT, 1.0, from_above)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from lrm_ident.data.measurement_file.number_table import NumberTable, cell_place
 from lrm_ident.data.wording import enumerate_words
 from lrm_math.arm.arm import Arm
-from lrm_math.arm.joint_limits import sides_within
+from lrm_math.arm.joint_limits import feasible_approach
 from lrm_math.arrays import Array
 from lrm_math.effects.friction import friction_states
 from lrm_math.errors import FileError
@@ -36,7 +36,7 @@ def read_poses(table: NumberTable, arm: Arm, how: Reading, start: Array | None =
     if "sides" in table:
         sides = table["sides"]
     elif "approach" in table:
-        sides = sides_within(arm, q, table["approach"] * (how.joint_sign or np.ones(q.shape[1])))
+        sides = feasible_approach(arm, q, table["approach"] * (how.joint_sign or np.ones(q.shape[1])))
     straight = bool(np.all((sides == moves) | (moves == 0.0))) and "approach" not in table
     t, session, payload = table.column("t"), table.column("session"), table.column("payload")
     return Poses(

@@ -24,7 +24,7 @@ FREE = ("offsets.joint2.theta_rad", "compliance.joint2.k_rad_per_Nm", "complianc
 STANDARD_ERROR = 0.5 / (3 * POSES)  # of a parameter: so much may another value lower the RMS, relatively
 
 
-def world(seed: int, softness: float, width: float) -> tuple[Model, Measurements]:
+def play_and_measurements(seed: int, softness: float, width: float) -> tuple[Model, Measurements]:
     """A model without the play of joint 2 (rad) that a torque (N·m) takes up, and measurements of the arm with it."""
     rng, arm = np.random.default_rng(seed), load_arm("lrm-lab")
     base = effects_at(arm, "offsets") + effects_at(arm, "compliance")
@@ -37,7 +37,7 @@ def world(seed: int, softness: float, width: float) -> tuple[Model, Measurements
 
 @pytest.mark.parametrize(("seed", "softness"), [(0, 0.02), (1, 0.05), (2, 0.1)])
 def test_the_shape_of_an_added_effect_fits_best(seed: int, softness: float) -> None:
-    model, data = world(seed, softness, 0.03)
+    model, data = play_and_measurements(seed, softness, 0.03)
     [effect] = effects_at(model.arm, PLAY)
     found = add_effects(model, data, [effect])
     shape, rms = found.model.value(SOFTNESS), error_stats(found.residual).rms
@@ -49,7 +49,7 @@ def test_the_shape_of_an_added_effect_fits_best(seed: int, softness: float) -> N
 
 
 def test_a_shape_that_nothing_shows_leaves_standard_errors_finite() -> None:
-    model, data = world(3, 0.02, 0.0)
+    model, data = play_and_measurements(3, 0.02, 0.0)
     [effect] = effects_at(model.arm, PLAY)
     found = add_effects(model, data, [effect])
     width = found.model.free.index(WIDTH)
@@ -58,7 +58,7 @@ def test_a_shape_that_nothing_shows_leaves_standard_errors_finite() -> None:
 
 
 def test_standard_errors_count_that_the_shape_is_unknown_too() -> None:
-    model, data = world(1, 0.04, 0.03)
+    model, data = play_and_measurements(1, 0.04, 0.03)
     [effect] = effects_at(model.arm, PLAY)
     held = add_effects(model, data, [effect])
     free = fit(held.model.with_free((*held.model.free, SOFTNESS)), data, near=held.rest)

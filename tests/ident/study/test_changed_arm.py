@@ -36,7 +36,7 @@ def change_mass(folder: Path) -> None:
     arm.write_text(re.sub(r"^mass_g = .*$", "mass_g = 123.0", arm.read_text(), count=1, flags=re.MULTILINE))
 
 
-def stderr_of(*words: object) -> str:
+def notices_of(*words: object) -> str:
     code, _, stderr = run_command(*words)
     assert code == 0, stderr
     return " ".join(stderr.split())
@@ -45,13 +45,13 @@ def stderr_of(*words: object) -> str:
 def test_the_file_keeps_the_digest_of_its_arm(folder: Path) -> None:
     text = tomllib.loads((folder / "model.toml").read_text())
     assert text["provenance"]["arm_sha256"] == arm_sha256(load_arm(folder / "arm.toml"))
-    assert SAID not in stderr_of("compare", folder / "model.toml", folder / "data.csv")
+    assert SAID not in notices_of("compare", folder / "model.toml", folder / "data.csv")
 
 
 def test_another_arm_of_that_name_is_told(folder: Path) -> None:
     model, data = folder / "model.toml", folder / "data.csv"
     change_mass(folder)
-    assert stderr_of("compare", model, data).count(f"model.toml: two-joint {SAID}") == 1
+    assert notices_of("compare", model, data).count(f"model.toml: two-joint {SAID}") == 1
     with pytest.raises(FileError, match=SAID):
         lrm.load_model(model)
     stdout_of("fit", data, "--arm", folder / "arm.toml", "--start", model, "-o", folder / "again.toml")
@@ -64,7 +64,7 @@ def test_a_model_of_before_the_digest_is_read_as_ever(folder: Path) -> None:
     model.write_text(re.sub(r"^arm_sha256 = .*\n", "", model.read_text(), flags=re.MULTILINE))
     change_mass(folder)
     np.testing.assert_array_equal(lrm.load_model(model).values, before)
-    assert SAID not in stderr_of("compare", model, folder / "data.csv")
+    assert SAID not in notices_of("compare", model, folder / "data.csv")
 
 
 def test_goals_are_not_driven_to_by_a_model_of_another_arm_of_that_name(folder: Path) -> None:
