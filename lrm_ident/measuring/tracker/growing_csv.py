@@ -15,8 +15,6 @@ from lrm_math.arm.arm_file import MM
 from lrm_math.errors import FileError
 
 COLUMNS = ("t_s", "x_mm", "y_mm", "z_mm")
-POLL = 0.02
-"""s between two looks at the file."""
 
 
 class GrowingCsv(AbstractContextManager["GrowingCsv"]):
@@ -46,12 +44,8 @@ class GrowingCsv(AbstractContextManager["GrowingCsv"]):
     def frames(self, seconds: float) -> list[TrackerFrame]:
         """See `Tracker`."""
         self._new_frames()
-        end = time.monotonic() + seconds
-        found: list[TrackerFrame] = []
-        while (left := end - time.monotonic()) > 0.0:
-            time.sleep(min(POLL, left))
-            found += self._new_frames()
-        return found
+        time.sleep(seconds)
+        return self._new_frames()
 
     def _new_frames(self) -> list[TrackerFrame]:
         *whole, self._part = (self._part + self._file.read()).split("\n")

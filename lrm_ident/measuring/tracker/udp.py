@@ -41,13 +41,10 @@ class UdpTracker(AbstractContextManager["UdpTracker"]):
         end = time.monotonic() + seconds
         found: list[TrackerFrame] = []
         for _ in range(FLOOD):
-            left = end - time.monotonic()
-            if left <= 0.0:
-                break
-            self._socket.settimeout(left)
+            self._socket.settimeout(max(0.0, end - time.monotonic()))  # 0: what came, and is read late
             try:
                 frame = parse_dtrack(self._socket.recv(LONGEST))
-            except TimeoutError:
+            except (TimeoutError, BlockingIOError):
                 break
             except OSError:
                 continue

@@ -161,6 +161,18 @@ def test_garbage_on_the_port_is_passed_over() -> None:
         assert tracker.garbage == 10
 
 
+def test_a_frame_that_came_in_time_counts_however_late_a_busy_computer_reads_it() -> None:
+    good = rest(10)
+    with UdpTracker("127.0.0.1", 0) as tracker, socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
+
+        def send() -> None:
+            for one in good:
+                sender.sendto(dtrack_text(one), ("127.0.0.1", tracker.port))
+
+        tracker._drain = send  # type: ignore[method-assign]
+        assert [one.number for one in tracker.frames(0.0)] == list(range(10))
+
+
 @given(st.lists(st.one_of(st.binary(max_size=200), st.integers(0, 9)), min_size=1, max_size=30))
 @settings(max_examples=15)
 def test_whatever_comes_on_the_port_the_frames_among_it_arrive(sent: list[bytes | int]) -> None:
