@@ -70,6 +70,15 @@ def test_offline_tool_meets_the_daemon_through_its_client_only() -> None:
         assert not imported or (measures and all(name.startswith("lrmd.client.") for name in imported)), path
 
 
+def test_imports_of_the_projects_own_modules_name_some_that_are_there() -> None:
+    """Types are not checked in all of validation and the tests: there an import could name a file that moved."""
+    for path in (path for package in (*LAYERS, "validation", "examples", "bench", "tests") for path in files(package)):
+        for name in imported_names(path):
+            if name.split(".")[0] in LAYERS:
+                module = ROOT.joinpath(*name.split(".")[:-1])
+                assert module.is_dir() or module.with_suffix(".py").is_file(), f"{path.relative_to(ROOT)}: {name}"
+
+
 def test_what_ships_needs_nothing_that_does_not() -> None:
     for path in (path for package in LAYERS for path in files(package)):
         shipped = {name.split(".")[0] for name in imported_names(path)}

@@ -9,10 +9,8 @@ import argparse
 import tempfile
 from pathlib import Path
 
-from lrm_ident.measuring.camera.detection import RejectedPhoto, find_corners
-
 from lrm_ident.data.measurement_file.write import measurements_csv
-from lrm_ident.measuring.camera.board import CharucoBoard, read_picture
+from lrm_ident.measuring.camera.board import CharucoBoard, RejectedPhoto, find_corners, read_picture
 from lrm_ident.measuring.camera.capture import photos_in
 from lrm_ident.measuring.camera.lens import Lens, calibrate_lens
 from lrm_ident.measuring.camera.session import measure, read_photos

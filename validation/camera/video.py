@@ -10,10 +10,9 @@ import tempfile
 from pathlib import Path
 
 import numpy as np
-from lrm_ident.measuring.camera.detection import RejectedPhoto, find_corners
 
 from lrm_ident.data.measurement_file.write import measurements_csv
-from lrm_ident.measuring.camera.board import CharucoBoard, read_picture
+from lrm_ident.measuring.camera.board import CharucoBoard, RejectedPhoto, find_corners, read_picture
 from lrm_ident.measuring.camera.capture import photos_in
 from lrm_ident.measuring.camera.lens import Lens, LensFile, calibrate_lens
 from lrm_ident.measuring.camera.session import CameraMeasurements, measure, read_photos
