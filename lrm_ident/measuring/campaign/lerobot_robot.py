@@ -116,7 +116,7 @@ class LeRobotServos:
         """See `Servos`: LeRobot would take them for answers to what is asked next."""
         port = getattr(getattr(self.robot.bus, "port_handler", None), "ser", None)
         if port is not None:
-            port.reset_input_buffer()
+            port.read(port.in_waiting)
 
     def _read(self, register: str) -> Mapping[str, Any]:
         found = dict(self.robot.bus.sync_read(register, list(self.joints)))

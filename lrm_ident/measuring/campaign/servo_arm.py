@@ -34,8 +34,8 @@ Answer = TypeVar("Answer")
 
 
 class Servos(Protocol):
-    """Servos of an arm, one for each of its `joints`, in their order. A method that asks them raises `ConnectionError`
-    or `RuntimeError` where an answer did not come."""
+    """Servos of an arm, one for each of its `joints`, in their order. A method that asks them raises `OSError` or
+    `RuntimeError` where an answer did not come, or the line is gone."""
 
     @property
     def name(self) -> str:
@@ -209,6 +209,6 @@ class ServoArm:
                     self.clock.sleep(GLANCE_S)
                     self.servos.forget_late_answers()
                 return request()
-            except (ConnectionError, RuntimeError) as error:
+            except (OSError, RuntimeError) as error:
                 why = " ".join(str(error).split())
         raise LrmError(f"{self.servos.name} does not answer: {why}")

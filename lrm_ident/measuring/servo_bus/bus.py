@@ -33,7 +33,6 @@ class SerialLine(Protocol):
 
     def write(self, data: bytes, /) -> int | None: ...
     def read(self, size: int = 1, /) -> bytes: ...
-    def reset_input_buffer(self) -> None: ...
     @property
     def in_waiting(self) -> int: ...
 
@@ -94,7 +93,7 @@ class ServoHost:
     def forget_late_answers(self) -> None:
         """Empties the line. Raises `NoAnswer`: it is gone."""
         with _line_is_there():
-            self.line.reset_input_buffer()
+            self.line.read(self.line.in_waiting)
 
     def _answers(self, number: int) -> bool:
         try:

@@ -146,7 +146,7 @@ def test_the_makers_sdk_speaks_with_it() -> None:
             self.line = line_of(1, 2)
 
         def clearPort(self) -> None:  # noqa: N802
-            self.line.reset_input_buffer()
+            self.line.waiting = b""
 
         def writePort(self, packet: list[int]) -> int:  # noqa: N802
             return self.line.write(bytes(packet))

@@ -54,9 +54,6 @@ class BusLine:
         out, self.waiting = self.waiting[:size], self.waiting[size:]
         return out
 
-    def reset_input_buffer(self) -> None:
-        self.waiting = b""
-
     @property
     def in_waiting(self) -> int:
         return len(self.waiting)
