@@ -136,8 +136,9 @@ def linearised(fitted: Fit, data: Measurements, weigh: RowWeights) -> Linearised
     """A fit linearised at its minimum, with the joint-space blocks. `weigh`: relative weights of its rows."""
     keys = [key for key in fitted.model.free if key not in fitted.at_bound]
     typical = np.array([fitted.model.parameter(key).typical for key in keys])
-    columns = (parameter_jacobian(fitted.rest, keys, data.whitening.sensed) * typical).reshape(-1, len(keys))
+    residual = data.residual(fitted.rest).reshape(-1, 1)
+    jacobian = parameter_jacobian(fitted.rest, keys, data.whitening.sensed)
+    columns = (jacobian * typical).reshape(len(residual), len(keys))
     fold = joint_space_folds(data.poses.q, data.repeat_of)
     poses = [np.flatnonzero(fold == number) for number in range(fold.max() + 1)]
-    residual = data.residual(fitted.rest).reshape(-1, 1)
     return linearise(weigh(columns), weigh(residual)[:, 0], poses, fitted.sigma)

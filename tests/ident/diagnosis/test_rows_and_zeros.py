@@ -16,6 +16,7 @@ from lrm_ident.diagnosis.diagnose import diagnose
 from lrm_ident.diagnosis.diagnosis_report import build_report
 from lrm_ident.diagnosis.shifted_rows import ShiftedRows, shifted_rows
 from lrm_ident.fitting.identifiability import fit_identifiable
+from lrm_ident.fitting.levenberg_marquardt import fit
 from lrm_ident.report.diagnosis.diagnosis import diagnosis_document
 from lrm_ident.residual.thresholds import WITHIN_TWO_DEVIATIONS
 from lrm_math.arm.arm import Arm
@@ -24,6 +25,7 @@ from lrm_math.effects.backlash import Backlash
 from lrm_math.effects.compliance import LateralCompliance
 from lrm_math.effects.servo_errors import Eccentricity, ServoGain
 from lrm_math.kinematics.poses import Poses
+from lrm_math.model.equilibrium import equilibrium
 from lrm_math.model.model import Model, model_of
 from validation.hidden_effects.data import ARM_FILE
 from validation.synthetic import GroundTruth, load_arm, measure, random_poses
@@ -80,6 +82,21 @@ def test_shifted_rows_are_said_and_no_name_takes_what_came_free_without_them(lab
     assert found.fit.sigma < 1.1 * NOISE
     assert found.shifted == (ShiftedRows(100, 114, 1),)
     assert "Poses 100 to 114 look shifted by one row" in str(diagnosis_document(report).blocks)
+
+
+@settings(max_examples=5)
+@given(st.integers(0, 1000))
+def test_a_model_whose_parameters_all_lie_at_bounds_is_diagnosed(lab: Arm, seed: int) -> None:
+    """An arm that rises under its load, as far as a fit to shifted rows can tell: springs cannot be negative."""
+    springs = model_of(lab, effects_at(lab, "compliance"))
+    rng, data = np.random.default_rng(seed), measured(seed, 60)
+    bent = springs.with_values(rng.uniform(0.01, 0.05, len(springs.keys)))
+    rigid, sagged = (equilibrium(each, data.poses).tcp for each in (springs, bent))
+    risen = replace(data, tcp=2.0 * rigid - sagged)
+    found = diagnose(fit(springs.with_free(springs.keys), risen).model, risen, KINDS)
+    assert set(found.fit.at_bound) == set(found.fit.model.free)
+    np.testing.assert_allclose(found.fit.residual, risen.tcp - rigid, atol=1e-9)
+    assert found.scored
 
 
 @settings(max_examples=5)
