@@ -92,7 +92,7 @@ class BoardReply(Enum):
     BARE = auto()
     """INFO: it has neither."""
     FOREIGN = auto()
-    """INFO: pulses with other settings, or a chip that does not answer: it is left alone."""
+    """INFO: pulses with other settings, or in doubt after a chip fault: left to the silence timeout."""
     NOT_SET_UP = auto()
     """ERROR 5, or a status without the bit."""
     OTHER_ERROR = auto()
@@ -220,11 +220,14 @@ def reply_of_error(frame: Frame) -> BoardReply:
 
 
 def reply_of_info(info: BoardInfo, board: BoardSettings) -> BoardReply:
-    """Kind of an INFO, where the settings are to be those of `board`."""
+    """Kind of an INFO, where the settings are to be those of `board`.
+
+    The chip answered, since INFO has its prescale: a chip fault is an earlier one, which the next write that it
+    acknowledges clears. Only where there are pulses it leaves in doubt which.
+    """
     same = info.prescale == board.prescale and info.silence_ms == board.silence_ms
     as_wanted = same and BoardStatus.SET_UP in info.status
-    if BoardStatus.CHIP_FAULT in info.status:
-        return BoardReply.FOREIGN if BoardStatus.SET_UP in info.status else BoardReply.NOT_SET_UP
     if BoardStatus.PULSING in info.status:
-        return BoardReply.PULSING if as_wanted else BoardReply.FOREIGN
+        certain = as_wanted and BoardStatus.CHIP_FAULT not in info.status
+        return BoardReply.PULSING if certain else BoardReply.FOREIGN
     return BoardReply.RESTING if as_wanted else BoardReply.BARE

@@ -415,6 +415,22 @@ class DaemonStateMachine(RuleBasedStateMachine):
         self.sim.board.power_cycle(self.sim.now)
         self.sim.outputs = self.sim._pulses()
 
+    @rule(ticks=st.integers(1, 120))
+    def silence_chip(self, ticks: int) -> None:
+        """The chip does not acknowledge for some time, then the line is free of faults."""
+        self.sim.board.chip.answers = False
+        self.sim.run(ticks)
+        self.mend_line()
+
+    @rule()
+    def mend_line(self) -> None:
+        """Without faults on the line, the link is ready once the board has stopped pulses of which it is in doubt."""
+        w = self.sim
+        w.stall = w.lost_in = w.lost_out = w.unplugged = 0
+        w.board.chip.answers = True
+        w.run((w.config.reply + w.config.link.silence_ms * 1_000_000) // TICK + 20)
+        assert w.ramp.link is LinkState.READY
+
     @rule()
     def kill_ramp(self) -> None:
         self.sim.restart_ramp()

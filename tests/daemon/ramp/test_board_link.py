@@ -184,3 +184,26 @@ def test_a_reply_that_is_not_in_the_table_changes_nothing(state: LinkState, repl
     link.begin(state)
     action = link.step(reply)
     assert (link.state, action) == TABLE.get((state, reply), (state, None))
+
+
+@given(before=st.integers(0, 12), silent=st.integers(1, 400), pulsing=st.booleans(), restart=st.booleans())
+@settings(max_examples=60, deadline=None)
+def test_a_chip_that_answers_again_is_used_again(
+    config: Config, before: int, silent: int, pulsing: bool, restart: bool
+) -> None:
+    """Whenever it was silent: at power-on, in the handshake, at rest or with pulses, the host's program being restarted
+    meanwhile or not. The pulses stay off, or as they were."""
+    line = RampWithBoard(config)
+    for _ in range(before):
+        line.tick(line.order() if pulsing and line.ramp.link is LinkState.READY else None)
+    pulses = count(line)
+    line.board.chip.answers = False
+    for n in range(silent):
+        line.tick()
+        if restart and n == silent // 2:
+            line.ramp.opened(line.now)
+    line.board.chip.answers = True
+    for _ in range((config.reply + config.link.silence_ms * 1_000_000) // TICK + 20):
+        line.tick()
+    assert line.ramp.link is LinkState.READY
+    assert count(line) in (0, pulses)
