@@ -55,6 +55,8 @@ class Diagnosis:
         equivalent: for each selected one, names of candidates that these data cannot distinguish from it.
         screening: what it selected from.
         outliers: numbers of the poses left out. shifted: rows that carry another row's position.
+        measured: all poses, outliers too. distance: (M,), of each of these from where the model has it (m), NaN where
+            that is not known.
         loss: of every fit.
     """
 
@@ -69,6 +71,8 @@ class Diagnosis:
     not_testable: tuple[tuple[Effect, str], ...]
     screened: NDArray[np.int64]
     screening: Screening
+    measured: Measurements
+    distance: Array
     outliers: tuple[int, ...] = ()
     shifted: tuple[ShiftedRows, ...] = ()
     loss: Loss = SQUARED
@@ -97,6 +101,13 @@ class Diagnosis:
     def supported(self) -> tuple[ScoredCandidate, ...]:
         """Effects that are there as far as these data show, most helpful first."""
         return tuple(scored for scored in self.selected if scored.name not in self.unexplained.spurious)
+
+    @property
+    def outlying(self) -> dict[int, float]:
+        """Distance (m) from where the model has it of each pose left out, by its number; none of shifted rows."""
+        moved = {number for block in self.shifted for number in range(block.first, block.last + 1)}
+        far = zip(self.measured.pose.tolist(), self.distance.tolist(), strict=True)
+        return {n: d for n, d in far if n in self.outliers and n not in moved and np.isfinite(d)}
 
     @property
     def verdict(self) -> Verdict:
@@ -160,16 +171,20 @@ def diagnose(
         del found  # it holds the columns of every candidate
         found = screen(free_base_parameters(fit(before, rest, loss=loss), rest, loss), rest, kinds, progress)
     selected = _select(replace(found, rates=rates), progress)
-    if not left_out:
-        return selected
-    return replace(selected, outliers=tuple(sorted(left_out)), shifted=_shifted(selected, data))
+    return _with_outliers(selected, data, left_out) if left_out else selected
 
 
 def select_without(diagnosis: Diagnosis, refused: Collection[str]) -> Diagnosis:
     """The same diagnosis with other effects selected: none of the refused (`effect@place`), of which those that were
     selected beside them may not be needed, and others may."""
     found = _select(diagnosis.screening, silent, refused)
-    return replace(found, outliers=diagnosis.outliers, shifted=diagnosis.shifted)
+    return replace(
+        found,
+        measured=diagnosis.measured,
+        distance=diagnosis.distance,
+        outliers=diagnosis.outliers,
+        shifted=diagnosis.shifted,
+    )
 
 
 def _select(scores: Screening, progress: OnProgress, refused: Collection[str] = ()) -> Diagnosis:
@@ -208,14 +223,22 @@ def _selected(
         not_testable=scores.not_testable,
         screened=scores.screened,
         screening=scores,
+        measured=scores.data,
+        distance=np.full(len(scores.data), np.nan),
         loss=whole.loss,
     )
 
 
-def _shifted(found: Diagnosis, data: Measurements) -> tuple[ShiftedRows, ...]:
-    """The blocks of all measured rows that carry the position of a neighbouring row."""
+def _with_outliers(found: Diagnosis, data: Measurements, left_out: Collection[int]) -> Diagnosis:
+    """The diagnosis with the poses left out, and the blocks of rows that carry the position of a neighbouring row."""
     predicted = np.full((len(data), 3), np.nan)
     rest, rows = batch_equilibrium(found.fit.model, data.poses)
     predicted[rows] = rest.tcp
     limit = 2 * OUTLIER_DISTANCE * robust_scale(np.linalg.norm(found.fit.residual, axis=1))
-    return shifted_rows(data.pose, data.tcp, predicted, limit)
+    return replace(
+        found,
+        measured=data,
+        distance=np.linalg.norm(data.tcp - predicted, axis=1),
+        outliers=tuple(sorted(left_out)),
+        shifted=shifted_rows(data.pose, data.tcp, predicted, limit),
+    )

@@ -149,7 +149,10 @@ def report_of(confirmed: ConfirmedDiagnosis, predictable: PredictableError | Non
         predictable: of the confirmed diagnosis's cross-validation, where that is known already.
     """
     diagnosis, supported = confirmed.diagnosis, confirmed.supported
-    left = predictable_residual(diagnosis.fit, diagnosis.data, confirmed.blocks, predictable)
+    all_poses = diagnosis.measured.without([n for n in diagnosis.outliers if n not in diagnosis.outlying])
+    left = predictable_residual(
+        diagnosis.fit, diagnosis.data, confirmed.blocks, all_poses, diagnosis.outlying, predictable
+    )
     before = error_stats(confirmed.held_out)
     quiet = confirmed.verdict in ("nothing_missing", "noise_unknown")
     more = left.predictable.more_to_find and (quiet or confirmed.verdict == "unpredictable")

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
 
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.fitting.held_out import HeldOutBlock
@@ -15,17 +18,35 @@ from lrm_math.model.derivatives import parameter_jacobian
 
 @dataclass(frozen=True, eq=False)
 class PredictableResidual:
-    """Share that a nameless model predicts of the held-out residual, and the regimes where the residual is largest."""
+    """Share that a nameless model predicts of the held-out residual, and the regimes where the residual is largest.
+
+    `pose`: (M,), numbers of the poses that the regimes part.
+    """
 
     predictable: PredictableError
     regimes: tuple[Regime, ...]
+    pose: NDArray[np.int64]
 
 
 def predictable_residual(
-    fitted: Fit, data: Measurements, blocks: Sequence[HeldOutBlock], known: PredictableError | None = None
+    fitted: Fit,
+    data: Measurements,
+    blocks: Sequence[HeldOutBlock],
+    all_poses: Measurements,
+    outlying: Mapping[int, float],
+    known: PredictableError | None = None,
 ) -> PredictableResidual:
-    """Tries a Gaussian process on what a cross-validated fit leaves, and looks for regimes. `known`: of the former."""
+    """Tries a Gaussian process on what a cross-validated fit leaves, and looks for regimes.
+
+    Args:
+        data: of the fit. all_poses: these, and those that were left out: outliers that lie together are a regime.
+        outlying: distance (m) of each of the latter from where the model has it, by its number.
+        known: of the Gaussian process.
+    """
     keys = [key for key in fitted.model.free if key not in fitted.at_bound]
     columns = parameter_jacobian(fitted.rest, keys).reshape(-1, len(keys))
     predictable = known or predictable_error(data, blocks)
-    return PredictableResidual(predictable, find_regimes(data, studentised_squares(fitted.residual, columns)))
+    squares = dict(zip(data.pose.tolist(), studentised_squares(fitted.residual, columns).tolist(), strict=True))
+    squares |= {number: distance**2 for number, distance in outlying.items()}
+    together = np.array([squares[number] for number in all_poses.pose.tolist()])
+    return PredictableResidual(predictable, find_regimes(all_poses, together), all_poses.pose)

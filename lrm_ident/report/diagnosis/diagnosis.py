@@ -91,7 +91,7 @@ def _blocks(report: DiagnosisReport) -> list[Block]:
         f"likeness of neighbours (Moran's I) {found.structure.moran_i:.2f}, p {p_words(found.structure.p_value)}",
         *_far_poses(report),
         in_words(report.left.predictable.sentence),
-        *section("\nWhere what is left is concentrated", (in_words(one.sentence) for one in report.left.regimes)),
+        *section(_concentrated(found), (in_words(one.sentence) for one in report.left.regimes)),
         _ranking_table(report),
     ]
     if found.data.several_kinds:
@@ -112,6 +112,11 @@ def _blocks(report: DiagnosisReport) -> list[Block]:
         names = ", ".join(_untestable_names(found))
         blocks.append(FoldedSection("\nNot testable", refused, f"{names}; --all says where and why"))
     return [*blocks, f"\nNext: {in_words(report.hint)}"]
+
+
+def _concentrated(found: Diagnosis) -> str:
+    """Heading of the regimes."""
+    return f"\nWhere what is left is concentrated{', outliers included' if found.outlying else ''}"
 
 
 def _untestable_names(found: Diagnosis) -> Iterator[str]:
