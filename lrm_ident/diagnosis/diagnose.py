@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Literal
 
 import numpy as np
@@ -55,8 +56,6 @@ class Diagnosis:
         equivalent: for each selected one, names of candidates that these data cannot distinguish from it.
         screening: what it selected from.
         outliers: numbers of the poses left out. shifted: rows that carry another row's position.
-        measured: all poses, outliers too. distance: (M,), of each of these from where the model has it (m), NaN where
-            that is not known.
         loss: of every fit.
     """
 
@@ -71,8 +70,6 @@ class Diagnosis:
     not_testable: tuple[tuple[Effect, str], ...]
     screened: NDArray[np.int64]
     screening: Screening
-    measured: Measurements
-    distance: Array
     outliers: tuple[int, ...] = ()
     shifted: tuple[ShiftedRows, ...] = ()
     loss: Loss = SQUARED
@@ -102,12 +99,21 @@ class Diagnosis:
         """Effects that are there as far as these data show, most helpful first."""
         return tuple(scored for scored in self.selected if scored.name not in self.unexplained.spurious)
 
-    @property
+    @cached_property
     def outlying(self) -> dict[int, float]:
-        """Distance (m) from where the model has it of each pose left out, by its number; none of shifted rows."""
-        moved = {number for block in self.shifted for number in range(block.first, block.last + 1)}
-        far = zip(self.measured.pose.tolist(), self.distance.tolist(), strict=True)
-        return {n: d for n, d in far if n in self.outliers and n not in moved and np.isfinite(d)}
+        """Distance (m) of each pose left out, now or in the model's fit, from where the model has it, by its number.
+
+        None of rows that look shifted, nor where no position was measured or the model has no equilibrium.
+        """
+        shifted = {number for block in self.shifted for number in range(block.first, block.last + 1)}
+        whole = self.data.whole
+        left_out = whole.take(~np.isin(whole.pose, [*self.data.pose, *shifted]))
+        if not len(left_out):
+            return {}
+        rest, rows = batch_equilibrium(self.fit.model, left_out.poses)
+        distance = np.linalg.norm(left_out.tcp[rows] - rest.tcp, axis=1)
+        found = zip(left_out.pose[rows].tolist(), distance.tolist(), strict=True)
+        return {number: far for number, far in found if np.isfinite(far)}
 
     @property
     def verdict(self) -> Verdict:
@@ -171,20 +177,16 @@ def diagnose(
         del found  # it holds the columns of every candidate
         found = screen(free_base_parameters(fit(before, rest, loss=loss), rest, loss), rest, kinds, progress)
     selected = _select(replace(found, rates=rates), progress)
-    return _with_outliers(selected, data, left_out) if left_out else selected
+    if not left_out:
+        return selected
+    return replace(selected, outliers=tuple(sorted(left_out)), shifted=_shifted(selected, data))
 
 
 def select_without(diagnosis: Diagnosis, refused: Collection[str]) -> Diagnosis:
     """The same diagnosis with other effects selected: none of the refused (`effect@place`), of which those that were
     selected beside them may not be needed, and others may."""
     found = _select(diagnosis.screening, silent, refused)
-    return replace(
-        found,
-        measured=diagnosis.measured,
-        distance=diagnosis.distance,
-        outliers=diagnosis.outliers,
-        shifted=diagnosis.shifted,
-    )
+    return replace(found, outliers=diagnosis.outliers, shifted=diagnosis.shifted)
 
 
 def _select(scores: Screening, progress: OnProgress, refused: Collection[str] = ()) -> Diagnosis:
@@ -223,22 +225,14 @@ def _selected(
         not_testable=scores.not_testable,
         screened=scores.screened,
         screening=scores,
-        measured=scores.data,
-        distance=np.full(len(scores.data), np.nan),
         loss=whole.loss,
     )
 
 
-def _with_outliers(found: Diagnosis, data: Measurements, left_out: Collection[int]) -> Diagnosis:
-    """The diagnosis with the poses left out, and the blocks of rows that carry the position of a neighbouring row."""
+def _shifted(found: Diagnosis, data: Measurements) -> tuple[ShiftedRows, ...]:
+    """The blocks of all measured rows that carry the position of a neighbouring row."""
     predicted = np.full((len(data), 3), np.nan)
     rest, rows = batch_equilibrium(found.fit.model, data.poses)
     predicted[rows] = rest.tcp
     limit = 2 * OUTLIER_DISTANCE * robust_scale(np.linalg.norm(found.fit.residual, axis=1))
-    return replace(
-        found,
-        measured=data,
-        distance=np.linalg.norm(data.tcp - predicted, axis=1),
-        outliers=tuple(sorted(left_out)),
-        shifted=shifted_rows(data.pose, data.tcp, predicted, limit),
-    )
+    return shifted_rows(data.pose, data.tcp, predicted, limit)

@@ -149,10 +149,7 @@ def report_of(confirmed: ConfirmedDiagnosis, predictable: PredictableError | Non
         predictable: of the confirmed diagnosis's cross-validation, where that is known already.
     """
     diagnosis, supported = confirmed.diagnosis, confirmed.supported
-    all_poses = diagnosis.measured.without([n for n in diagnosis.outliers if n not in diagnosis.outlying])
-    left = predictable_residual(
-        diagnosis.fit, diagnosis.data, confirmed.blocks, all_poses, diagnosis.outlying, predictable
-    )
+    left = predictable_residual(diagnosis.fit, diagnosis.data, confirmed.blocks, diagnosis.outlying, predictable)
     before = error_stats(confirmed.held_out)
     quiet = confirmed.verdict in ("nothing_missing", "noise_unknown")
     more = left.predictable.more_to_find and (quiet or confirmed.verdict == "unpredictable")

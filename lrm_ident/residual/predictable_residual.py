@@ -12,7 +12,7 @@ from lrm_ident.data.measurements import Measurements
 from lrm_ident.fitting.held_out import HeldOutBlock
 from lrm_ident.fitting.levenberg_marquardt import Fit
 from lrm_ident.residual.predictability import PredictableError, predictable_error
-from lrm_ident.residual.regime import Regime, find_regimes, studentised_squares
+from lrm_ident.residual.regime import Regime, find_regimes, outlier_regimes, studentised_squares
 from lrm_math.model.derivatives import parameter_jacobian
 
 
@@ -32,15 +32,14 @@ def predictable_residual(
     fitted: Fit,
     data: Measurements,
     blocks: Sequence[HeldOutBlock],
-    all_poses: Measurements,
     outlying: Mapping[int, float],
     known: PredictableError | None = None,
 ) -> PredictableResidual:
     """Tries a Gaussian process on what a cross-validated fit leaves, and looks for regimes.
 
     Args:
-        data: of the fit. all_poses: these, and those that were left out: outliers that lie together are a regime.
-        outlying: distance (m) of each of the latter from where the model has it, by its number.
+        outlying: of poses that were left out of the data, the distance (m) from where the model has them, by their
+            numbers. Outliers that lie together are a regime.
         known: of the Gaussian process.
     """
     keys = [key for key in fitted.model.free if key not in fitted.at_bound]
@@ -48,5 +47,8 @@ def predictable_residual(
     predictable = known or predictable_error(data, blocks)
     squares = dict(zip(data.pose.tolist(), studentised_squares(fitted.residual, columns).tolist(), strict=True))
     squares |= {number: distance**2 for number, distance in outlying.items()}
-    together = np.array([squares[number] for number in all_poses.pose.tolist()])
-    return PredictableResidual(predictable, find_regimes(all_poses, together), all_poses.pose)
+    together = data.whole.take(np.isin(data.whole.pose, [*squares]))
+    squared = np.array([squares[number] for number in together.pose.tolist()])
+    clusters = outlier_regimes(together, squared, ~np.isin(together.pose, data.pose))
+    others = [one for one in find_regimes(together, squared) if one.name not in {same.name for same in clusters}]
+    return PredictableResidual(predictable, (*clusters, *others), together.pose)

@@ -3,7 +3,8 @@
 For every quantity an interval is chosen on one half of the poses, by the rank sum test of the residuals' sizes (Mann &
 Whitney 1947), and tested on the other half; p values of many random halvings are aggregated (twice the median;
 Meinshausen, Meier & Bühlmann 2009), and those of all quantities adjusted for false discovery under any dependence
-(Benjamini & Yekutieli 2001).
+(Benjamini & Yekutieli 2001). Poses that were left out as outliers are few and far: whether an interval holds more of
+them than of the others is told by Kuiper's test (1960, with the correction of Stephens 1970).
 """
 
 from __future__ import annotations
@@ -126,6 +127,43 @@ def find_regimes(data: Measurements, squares: Array) -> tuple[Regime, ...]:
         if (p_value := adjusted[quantity.symbol]) < SIGNIFICANCE
     ]
     return tuple(one for one in found if one.inside > MIN_REGIME_RATIO * one.outside)
+
+
+def outlier_regimes(data: Measurements, squares: Array, outlying: NDArray[np.bool_]) -> tuple[Regime, ...]:
+    """The regimes that hold significantly more of some outlying poses (N,) than of the others, the clearest first.
+
+    `squares`: (N,), squared residuals (m²).
+    """
+    if not 0 < outlying.sum() < len(data):
+        return ()
+    quantities = {one.symbol: one for one in covariates(data, np.empty((len(data), 0))) if one.kind in UNITS}
+    tested = {symbol: kuiper_interval(one.shown, outlying) for symbol, one in quantities.items()}
+    adjusted = benjamini_yekutieli({symbol: p_value for symbol, (p_value, _) in tested.items()})
+    return tuple(
+        _regime(quantities[symbol], tested[symbol][1], squares, adjusted[symbol])
+        for symbol in sorted(adjusted, key=lambda symbol: adjusted[symbol])
+        if adjusted[symbol] < SIGNIFICANCE
+    )
+
+
+def kuiper_interval(values: Array, chosen: NDArray[np.bool_]) -> tuple[float, NDArray[np.bool_]]:
+    """p value of Kuiper's test that some poses (N,) are drawn from all at random, and which poses (N,) lie in the
+    interval of the values (N,) that holds most more of them than of the others.
+
+    An interval that wraps around is not sought, so the p value is too large, if anything.
+    """
+    _, place = np.unique(values, return_inverse=True)
+    count, others = int(chosen.sum()), int((~chosen).sum())
+    ahead = np.bincount(place, chosen / count - ~chosen / others)
+    ahead = np.concatenate([[0.0], np.cumsum(ahead)])
+    rise = ahead - np.minimum.accumulate(ahead)
+    high = int(np.argmax(rise))
+    low = int(np.argmin(ahead[: high + 1]))
+    effective = np.sqrt(count * others / (count + others))
+    scaled_rise = (effective + 0.155 + 0.24 / effective) * rise[high]
+    terms = (2.0 * np.arange(1, 101) * scaled_rise) ** 2
+    p_value = 2.0 * float(((terms - 1.0) * np.exp(-0.5 * terms)).sum()) if scaled_rise > 0.4 else 1.0
+    return min(max(p_value, 0.0), 1.0), np.asarray((place >= low) & (place < high))
 
 
 def _halves(repeat_of: NDArray[np.int64]) -> list[NDArray[np.bool_]]:

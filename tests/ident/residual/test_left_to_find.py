@@ -22,7 +22,7 @@ from lrm_ident.residual.predictability import (
     pose_covariates,
     predictable_error,
 )
-from lrm_ident.residual.regime import find_regimes, studentised_squares
+from lrm_ident.residual.regime import find_regimes, kuiper_interval, studentised_squares
 from lrm_math.arm.arm import Arm
 from lrm_math.arrays import Array
 from lrm_math.effects import effects_at
@@ -198,3 +198,30 @@ def test_compare_says_what_a_nameless_model_could_predict(lab: Arm) -> None:
     np.testing.assert_allclose(held_out_rows(found.held_out.blocks), found.predictable.named)
     assert found.predictable.more_to_find
     assert found.predictable.follows[0] == "q2"
+
+
+@pytest.mark.parametrize("levels", [None, 7])
+@pytest.mark.parametrize(("few", "count"), [(4, 60), (12, 200), (40, 300)])
+def test_p_values_of_poses_drawn_at_random_are_no_smaller_than_they_say(
+    few: int, count: int, levels: int | None
+) -> None:
+    rng, p_values = np.random.default_rng(few), []
+    for _ in range(400):
+        values = rng.normal(size=count) if levels is None else rng.integers(levels, size=count).astype(float)
+        p_values.append(kuiper_interval(values, rng.permutation(count) < few)[0])
+    for level in (0.2, 0.05, 0.01):
+        assert np.mean(np.array(p_values) < level) < level + 3 * np.sqrt(level / 400)
+
+
+@given(count=st.integers(30, 200), few=st.integers(8, 14), start=st.floats(0, 1), seed=st.integers(0, 99))
+@settings(max_examples=50, deadline=None)
+def test_an_interval_of_chosen_poses_is_found_whatever_the_scale(count: int, few: int, start: float, seed: int) -> None:
+    values = np.random.default_rng(seed).permutation(count) * 1.0
+    first = int(start * (count - few))
+    chosen = (values >= first) & (values < first + few)
+    p_value, inside = kuiper_interval(values, chosen)
+    assert p_value < 1e-3
+    assert np.array_equal(inside, chosen)
+    scaled_p_value, same = kuiper_interval(np.exp(values / count), chosen)
+    assert scaled_p_value == p_value
+    assert np.array_equal(same, inside)
