@@ -22,7 +22,8 @@ from lrm_ident.design.observability import (
     observability,
     singular_values,
 )
-from lrm_ident.fitting.identifiability import ROUND_OFF, UnidentifiableParameter, explain_dependence, selection_order
+from lrm_ident.fitting.dependence import ROUND_OFF, UnidentifiableParameter, explain_dependence
+from lrm_ident.fitting.identifiability import selection_order
 from lrm_math.arrays import Array
 from lrm_math.errors import LrmError
 from lrm_math.model.equilibrium import Equilibrium

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.registration.row_choice import drawn_rows
 from lrm_ident.data.weights.whitening import PLAIN, Whitening
+from lrm_ident.fitting.dependence import ROUND_OFF, UnidentifiableParameter, explain_dependence
 from lrm_ident.fitting.least_squares.block_qr import compress
 from lrm_ident.fitting.levenberg_marquardt import Fit, fit
 from lrm_ident.fitting.loss import SQUARED, Loss
@@ -23,9 +24,7 @@ from lrm_math.kinematics.forward import chain_geometry
 from lrm_math.model.equilibrium import Equilibrium, equilibrium
 from lrm_math.model.model import Model
 
-ROUND_OFF = 1e-7  # a column is numerically dependent if its independent part is no more than this
 MIN_T = 3.0  # typical size over standard error of a parameter worth fitting
-NEGLIGIBLE = 0.05  # share of a combination that is not listed
 MAX_ITERATIONS = 6
 FEW = 0.2  # share of outliers
 MOST_AT_ONCE = 2000  # poses that are fitted without a start from a part of them, or screened
@@ -37,23 +36,6 @@ AFTER_TOOL = "offsets.joint*_mm"  # the pattern that follows the tool's position
 SHORT_LEVER = 0.05
 """m: closer to an axis, a tool offset of typical size (5 mm) equals a turn of more than 0.1 rad, too large for a zero
 offset and for the linearisation of the fit."""
-
-
-@dataclass(frozen=True)
-class UnidentifiableParameter:
-    """A parameter held at zero because the data cannot distinguish it from others.
-
-    Attributes:
-        survival: part (0 to 1) of its Jacobian column that is linearly independent of the kept ones.
-        combination: (key, amount): change of the kept parameters, in their file units, that moves the TCP as one file
-            unit of this parameter does.
-        standard_error: of this parameter if it were fitted too (SI); infinite if it is linearly dependent.
-    """
-
-    key: str
-    survival: float
-    combination: tuple[tuple[str, float], ...]
-    standard_error: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -146,6 +128,27 @@ def identifiable_beside(
     return tuple(order[j] for j in kept if j >= len(free))
 
 
+def _with_significant(
+    selected: IdentifiableSet, rest: Equilibrium, others: Sequence[str], data: Measurements
+) -> IdentifiableSet:
+    """A selection with those of `others` whose estimates beside it exceed `MIN_T` standard errors (Wald test): what is
+    many times its typical size is told by data that would not tell the typical size."""
+    order, whitening = [*selected.kept, *others], data.whitening
+    rows = compress(rest, order, whitening, np.full((1, 1), whitening.unit), whitening(data.residual(rest)))
+    basis = np.linalg.qr(rows.columns[:, : len(selected.kept)])[0]
+    chosen = list(selected.chosen)
+    for key, column in zip(others, rows.columns.T[len(selected.kept) :], strict=True):
+        left = column - basis @ (basis.T @ column)
+        size, value = float(np.linalg.norm(left)), rest.model.value(key) / rest.model.parameter(key).typical
+        if size <= ROUND_OFF * float(np.linalg.norm(column)):
+            continue
+        if abs(value * size + left @ rows.residual / size) > MIN_T * selected.noise:
+            basis = np.column_stack([basis, left / size])
+            chosen.append(selected.order.index(key))
+    dropped = tuple((j, independent) for j, independent in selected.dropped if j not in chosen)
+    return replace(selected, chosen=tuple(chosen), dropped=dropped)
+
+
 def _gram_schmidt(columns: Array, noise: float, given: int = 0) -> tuple[list[int], list[tuple[int, float]]]:
     """Columns with an independent part beyond the noise (the first `given` always), and the others with theirs."""
     rows = np.empty_like(columns.T, order="C")  # of an orthonormal basis, the first as many as columns are kept
@@ -178,31 +181,6 @@ def _columns(rest: Equilibrium, order: Sequence[str], whitening: Whitening) -> A
     """Compressed columns of parameters, relative to a noise of the whitening's unit (m)."""
     nothing = np.zeros((len(rest.poses), whitening.rows(rest.model.arm.dof)))
     return compress(rest, order, whitening, np.full((1, 1), whitening.unit), nothing).columns
-
-
-def explain_dependence(
-    columns: Array,
-    typical: Array,
-    order: Sequence[str],
-    model: Model,
-    kept: Sequence[int],
-    j: int,
-    independent: float,
-    noise: float,
-) -> UnidentifiableParameter:
-    """The combination of the `kept` columns that reproduces column `j` of `columns` (M, P), by least squares."""
-    whole = float(np.linalg.norm(columns[:, j]))
-    units = np.array([model.parameter(key).si for key in order])
-    share, *_ = np.linalg.lstsq(columns[:, kept], columns[:, j], rcond=None)
-    size = np.abs(share) * np.linalg.norm(columns[:, kept], axis=0)
-    parts = [
-        (order[k], float(amount * typical[k] / typical[j] * units[j] / units[k]))
-        for k, amount, matters in sorted(zip(kept, share, size, strict=True), key=lambda part: -part[2])
-        if matters > NEGLIGIBLE * whole
-    ]
-    survival = independent / whole if whole > 0 else 0.0
-    error = noise / independent * typical[j] if survival > ROUND_OFF else np.inf
-    return UnidentifiableParameter(order[j], survival, tuple(parts), float(error))
 
 
 @dataclass(frozen=True, eq=False)
@@ -263,6 +241,8 @@ def fit_identifiable(
         selected = select_identifiable(rest, keys, noise, data.whitening)
         if seen and selected.kept == seen[-1]:
             break
+        if required and not {*required} & {*selected.kept}:
+            selected = _with_significant(selected, rest, required, data)
         check_identifiable(required, selected.kept)
         check_told(model, data.poses, len(selected.kept), len(keys))
         chosen = [keys.index(key) for key in selected.kept]

@@ -10,7 +10,8 @@ from lrm_ident.data import wording
 from lrm_ident.data.error_stats import ErrorStats, error_stats
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.wording import change_words, decimals, in_mm, in_percent
-from lrm_ident.fitting.identifiability import UnidentifiableParameter, lost_to_outliers
+from lrm_ident.fitting.dependence import UnidentifiableParameter
+from lrm_ident.fitting.identifiability import lost_to_outliers
 from lrm_ident.fitting.levenberg_marquardt import Fit
 from lrm_ident.report.document import Block, Document, ResultTable, heading, section
 from lrm_ident.report.effects import field_blocks, field_values

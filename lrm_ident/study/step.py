@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from lrm_ident.fitting.identifiability import UnidentifiableParameter
+from lrm_ident.fitting.dependence import UnidentifiableParameter
 from lrm_ident.fitting.levenberg_marquardt import Fit
 from lrm_ident.fitting.parameter_sets import Bounds
 from lrm_ident.fitting.priors import Prior

@@ -12,8 +12,11 @@ from lrm_ident.data.error_stats import error_stats
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.diagnosis.add_effect import add_effects
 from lrm_ident.fitting.levenberg_marquardt import fit
+from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_file import load_arm
-from lrm_math.effects import effects_at
+from lrm_math.arrays import Array
+from lrm_math.effects import Description, JointEffect, LinearEffect, Parameter, effects_at
+from lrm_math.errors import LrmError
 from lrm_math.kinematics.poses import Poses
 from lrm_math.model.equilibrium import equilibrium
 from lrm_math.model.model import Model, model_of
@@ -66,3 +69,47 @@ def test_standard_errors_count_that_the_shape_is_unknown_too() -> None:
     width, C = held.model.free.index(WIDTH), free.covariance
     conditional = C[width, width] - C[width, -1] ** 2 / C[-1, -1]
     assert held.standard_error[width] > 1.05 * np.sqrt(conditional)
+
+
+class Belt(JointEffect, LinearEffect):
+    """A belt that turns a joint by the torque of the joint before."""
+
+    id = "belt"
+    about = Description(cause="A belt stretches.", formula="δq_n = c τ_(n-1)", source="made for this test")
+    parameters = (Parameter("c_rad_per_Nm", "turn per torque", 1e-4),)
+    depends_on = ()
+
+    @classmethod
+    def places(cls, arm: Arm) -> tuple[str, ...]:
+        return super().places(arm)[1:]
+
+    @property
+    def load_slots(self) -> tuple[str, ...]:
+        return (f"joint{self.joint}.theta",)
+
+    def basis(self, poses: Poses, tau: tuple[Array, ...]) -> tuple[tuple[Array, ...], ...]:
+        return ((tau[0],),)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_an_effect_of_many_times_its_typical_size_is_told(seed: int) -> None:
+    """A third of the typical size is no bound of what the data tell where the effect is far larger."""
+    rng, arm = np.random.default_rng(seed), load_arm("lrm-lab")
+    belt, amount = Belt(arm, f"joint{rng.integers(2, 5)}"), rng.uniform(0.02, 0.05) * rng.choice([-1, 1])
+    base = effects_at(arm, "offsets") + effects_at(arm, "compliance")
+    poses, number = Poses(rng.uniform(-0.9, 0.9, (POSES, arm.dof)), np.zeros(POSES)), np.arange(1, POSES + 1)
+    noise = rng.normal(0.0, 3e-4, (POSES, 3))
+    known = dict(zip(FREE, (0.02, 0.08, 0.09), strict=True))
+    model = replace(model_of(arm, base), free=FREE)
+    [key] = belt.keys
+    for hidden in (amount, 0.0):
+        tcp = equilibrium(model_of(arm, (*base, belt), {**known, key: hidden}), poses).tcp + noise
+        data = Measurements(poses, number, tcp, None, None, number, Path("-"), "")
+        if hidden == 0.0:
+            with pytest.raises(LrmError, match="cannot tell it"):
+                add_effects(model, data, [belt])
+            continue
+        found = add_effects(model, data, [belt])
+        error = found.standard_error[found.model.free.index(key)]
+        assert error > belt.parameters[0].typical / 3
+        assert abs(found.model.value(key) - hidden) < 4 * error < abs(hidden)
