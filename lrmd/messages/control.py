@@ -22,9 +22,7 @@ Angles = Annotated[dict[Label, Annotated[float, Field(ge=-20, le=20)]], Field(ma
 Servos = Annotated[list[Label], Field(max_length=16)]
 Token = Annotated[str, Field(min_length=1, max_length=64)]
 
-
 # ---- requests of clients
-
 
 LEASE_LOST = "lease lost"
 """Reason of the mode `holding` after a motion whose client did not renew its lease."""
@@ -266,10 +264,8 @@ class Event(Header):
 
 
 class Reply(Header):
-    """Reply to a request that was carried out: the resulting mode. `model_sha256`: empty for the nominal arm.
-
-    `unchecked`: why the motion that `rpc/move` began was not checked for collisions; empty if it was.
-    """
+    """Reply to a request that was carried out: the resulting mode. `model_sha256`: empty for the nominal arm;
+    `unchecked`: why the motion that `rpc/move` began was not checked for collisions, empty if it was."""
 
     mode: str
     lease: str | None = None
