@@ -25,6 +25,7 @@ from lrm_math.model.equilibrium import Equilibrium, equilibrium
 from lrm_math.model.model import Model
 
 MIN_T = 3.0  # typical size over standard error of a parameter worth fitting
+TOLERANCE = 0.01  # part of a column's square that is independent: reciprocal of the variance inflation factor
 MAX_ITERATIONS = 6
 FEW = 0.2  # share of outliers
 MOST_AT_ONCE = 2000  # poses that are fitted without a start from a part of them, or screened
@@ -132,7 +133,8 @@ def _with_significant(
     selected: IdentifiableSet, rest: Equilibrium, others: Sequence[str], data: Measurements
 ) -> IdentifiableSet:
     """A selection with those of `others` whose estimates beside it exceed `MIN_T` standard errors (Wald test): what is
-    many times its typical size is told by data that would not tell the typical size."""
+    many times its typical size is told by data that would not tell the typical size. `TOLERANCE` bounds how much a nearly
+    dependent column amplifies the noise (Belsley, Kuh & Welsch 1980)."""
     order, whitening = [*selected.kept, *others], data.whitening
     rows = compress(rest, order, whitening, np.full((1, 1), whitening.unit), whitening(data.residual(rest)))
     basis = np.linalg.qr(rows.columns[:, : len(selected.kept)])[0]
@@ -140,7 +142,7 @@ def _with_significant(
     for key, column in zip(others, rows.columns.T[len(selected.kept) :], strict=True):
         left = column - basis @ (basis.T @ column)
         size, value = float(np.linalg.norm(left)), rest.model.value(key) / rest.model.parameter(key).typical
-        if size <= ROUND_OFF * float(np.linalg.norm(column)):
+        if size**2 < TOLERANCE * float(column @ column):
             continue
         if abs(value * size + left @ rows.residual / size) > MIN_T * selected.noise:
             basis = np.column_stack([basis, left / size])
