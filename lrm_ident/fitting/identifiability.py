@@ -133,7 +133,7 @@ def _with_significant(
     selected: IdentifiableSet, rest: Equilibrium, others: Sequence[str], data: Measurements
 ) -> IdentifiableSet:
     """A selection with those of `others` whose estimates beside it exceed `MIN_T` standard errors (Wald test): what is
-    many times its typical size is told by data that would not tell the typical size. `TOLERANCE` bounds how much a nearly
+    many times its typical size is told by data that would not tell that. `TOLERANCE` bounds how much a nearly
     dependent column amplifies the noise (Belsley, Kuh & Welsch 1980)."""
     order, whitening = [*selected.kept, *others], data.whitening
     rows = compress(rest, order, whitening, np.full((1, 1), whitening.unit), whitening(data.residual(rest)))
