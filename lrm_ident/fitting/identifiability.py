@@ -142,7 +142,7 @@ def _with_significant(
     for key, column in zip(others, rows.columns.T[len(selected.kept) :], strict=True):
         left = column - basis @ (basis.T @ column)
         size, value = float(np.linalg.norm(left)), rest.model.value(key) / rest.model.parameter(key).typical
-        if size**2 < TOLERANCE * float(column @ column):
+        if size**2 <= TOLERANCE * float(column @ column):
             continue
         if abs(value * size + left @ rows.residual / size) > MIN_T * selected.noise:
             basis = np.column_stack([basis, left / size])
