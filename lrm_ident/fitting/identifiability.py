@@ -132,23 +132,26 @@ def identifiable_beside(
 def _with_significant(
     selected: IdentifiableSet, rest: Equilibrium, others: Sequence[str], data: Measurements
 ) -> IdentifiableSet:
-    """A selection with those of `others` whose estimates beside it exceed `MIN_T` standard errors (Wald test): what is
-    many times its typical size is told by data that would not tell that. `TOLERANCE` bounds how much a nearly
-    dependent column amplifies the noise (Belsley, Kuh & Welsch 1980)."""
+    """A selection with the `others`, where the estimates of all beside it exceed `MIN_T` standard errors (Wald test).
+
+    What is many times its typical size is told by data that would not tell that. `TOLERANCE` bounds how much a nearly
+    dependent column amplifies the noise (Belsley, Kuh & Welsch 1980). All must be told, since a curve of which single
+    coefficients stand out is not determined.
+    """
     order, whitening = [*selected.kept, *others], data.whitening
     rows = compress(rest, order, whitening, np.full((1, 1), whitening.unit), whitening(data.residual(rest)))
     basis = np.linalg.qr(rows.columns[:, : len(selected.kept)])[0]
-    chosen = list(selected.chosen)
     for key, column in zip(others, rows.columns.T[len(selected.kept) :], strict=True):
         left = column - basis @ (basis.T @ column)
         size, value = float(np.linalg.norm(left)), rest.model.value(key) / rest.model.parameter(key).typical
         if size**2 <= TOLERANCE * float(column @ column):
-            continue
-        if abs(value * size + left @ rows.residual / size) > MIN_T * selected.noise:
-            basis = np.column_stack([basis, left / size])
-            chosen.append(selected.order.index(key))
-    dropped = tuple((j, independent) for j, independent in selected.dropped if j not in chosen)
-    return replace(selected, chosen=tuple(chosen), dropped=dropped)
+            return selected
+        if abs(value * size + left @ rows.residual / size) <= MIN_T * selected.noise:
+            return selected
+        basis = np.column_stack([basis, left / size])
+    added = tuple(selected.order.index(key) for key in others)
+    dropped = tuple((j, independent) for j, independent in selected.dropped if j not in added)
+    return replace(selected, chosen=(*selected.chosen, *added), dropped=dropped)
 
 
 def _gram_schmidt(columns: Array, noise: float, given: int = 0) -> tuple[list[int], list[tuple[int, float]]]:

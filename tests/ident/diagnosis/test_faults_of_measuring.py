@@ -8,7 +8,6 @@ from lrm_ident.diagnosis.auto import AutoRun, run_auto
 from lrm_ident.diagnosis.diagnosis_report import DiagnosisReport, report_of
 from lrm_ident.fitting.identifiability import fit_identifiable
 from lrm_ident.report.diagnosis.diagnosis import diagnosis_document
-from lrm_ident.residual.thresholds import FLOOR_RATIO
 from lrm_math.arm.arm import Arm
 from lrm_math.effects import effects_at
 from lrm_math.model.model import model_of
@@ -41,8 +40,7 @@ def test_one_common_cause_is_one_name(lab: Arm, fault: str, named: str) -> None:
     run, report = course(lab, fault)
     assert named in run.steps[1].names
     assert len(run.steps) <= 3
-    most = 1.1 if run.steps[1].describes else FLOOR_RATIO  # a curve bends to more than a cause of one number
-    assert run.steps[-1].fit.sigma < most * NOISE_M
+    assert run.steps[-1].fit.sigma < 1.1 * NOISE_M
     assert report.verdict == "nothing_missing"
 
 
