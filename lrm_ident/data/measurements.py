@@ -72,7 +72,7 @@ class Measurements:
     distance_sd: Array | None = None
     distance_from: Array | None = None
     model_sd: float = 0.0
-    _whole: Measurements | None = None
+    _complete: Measurements | None = None
 
     def __repr__(self) -> str:
         of = "" if self.arm is None else f" of {self.arm.name}"
@@ -183,9 +183,9 @@ class Measurements:
         return parts[0] if len(parts) == 1 else np.nan_to_num(np.concatenate(parts, axis=1))
 
     @property
-    def whole(self) -> Measurements:
+    def complete(self) -> Measurements:
         """These measurements with the poses that were left out."""
-        return self._whole or self
+        return self._complete or self
 
     def turned(self, rotation: Array, translation: Array) -> Measurements:
         """Moves them to another frame: positions to R p + t, with rotation R (3, 3) and translation t (3,), m."""
@@ -195,7 +195,7 @@ class Measurements:
             covariance=None if self.covariance is None else turned_covariance(self.covariance, rotation),
             attitude=None if self.attitude is None else rotation @ self.attitude,
             distance_from=None if self.distance_from is None else rotation @ self.distance_from + translation,
-            _whole=None if self._whole is None else self._whole.turned(rotation, translation),
+            _complete=None if self._complete is None else self._complete.turned(rotation, translation),
         )
 
     def __len__(self) -> int:
@@ -209,14 +209,14 @@ class Measurements:
             self,
             **{name: part[chosen] for name, part in parts.items() if part is not None},
             poses=self.poses.take(chosen),
-            _whole=None,
+            _complete=None,
         )
 
     def without(self, numbers: Sequence[int]) -> Measurements:
         """Leaves the poses of these numbers out, which `left_out` then names too."""
         gone = np.isin(self.pose, numbers)
         left_out = tuple(sorted({*self.left_out, *self.pose[gone].tolist()}))
-        return replace(self.take(~gone), left_out=left_out, _whole=self.whole)
+        return replace(self.take(~gone), left_out=left_out, _complete=self.complete)
 
     def only(self, numbers: Sequence[int]) -> Measurements:
         """The poses of these numbers alone. Raises `FileError` if there are none."""

@@ -100,14 +100,14 @@ class Diagnosis:
         return tuple(scored for scored in self.selected if scored.name not in self.unexplained.spurious)
 
     @cached_property
-    def outlying(self) -> dict[int, float]:
+    def outlier_distances(self) -> dict[int, float]:
         """Distance (m) of each pose left out, now or in the model's fit, from where the model has it, by its number.
 
         None of rows that look shifted, nor where no position was measured or the model has no equilibrium.
         """
         shifted = {number for block in self.shifted for number in range(block.first, block.last + 1)}
-        whole = self.data.whole
-        left_out = whole.take(~np.isin(whole.pose, [*self.data.pose, *shifted]))
+        complete = self.data.complete
+        left_out = complete.take(~np.isin(complete.pose, [*self.data.pose, *shifted]))
         if not len(left_out):
             return {}
         rest, rows = batch_equilibrium(self.fit.model, left_out.poses)

@@ -149,7 +149,9 @@ def report_of(confirmed: ConfirmedDiagnosis, predictable: PredictableError | Non
         predictable: of the confirmed diagnosis's cross-validation, where that is known already.
     """
     diagnosis, supported = confirmed.diagnosis, confirmed.supported
-    left = predictable_residual(diagnosis.fit, diagnosis.data, confirmed.blocks, diagnosis.outlying, predictable)
+    left = predictable_residual(
+        diagnosis.fit, diagnosis.data, confirmed.blocks, diagnosis.outlier_distances, predictable
+    )
     before = error_stats(confirmed.held_out)
     quiet = confirmed.verdict in ("nothing_missing", "noise_unknown")
     more = left.predictable.more_to_find and (quiet or confirmed.verdict == "unpredictable")

@@ -25,7 +25,7 @@ from lrm_math.model.equilibrium import Equilibrium, equilibrium
 from lrm_math.model.model import Model
 
 MIN_T = 3.0  # typical size over standard error of a parameter worth fitting
-TOLERANCE = 0.01  # part of a column's square that is independent: reciprocal of the variance inflation factor
+MAX_VARIANCE_INFLATION = 100.0  # square of a column over that of its independent part (Marquardt 1970)
 MAX_ITERATIONS = 6
 FEW = 0.2  # share of outliers
 MOST_AT_ONCE = 2000  # poses that are fitted without a start from a part of them, or screened
@@ -134,9 +134,8 @@ def _with_significant(
 ) -> IdentifiableSet:
     """A selection with the `others`, where the estimates of all beside it exceed `MIN_T` standard errors (Wald test).
 
-    What is many times its typical size is told by data that would not tell that. `TOLERANCE` bounds how much a nearly
-    dependent column amplifies the noise (Belsley, Kuh & Welsch 1980). All must be told, since a curve of which single
-    coefficients stand out is not determined.
+    What is many times its typical size is told by data that would not tell that, unless the column is nearly dependent.
+    All must be told, since a curve of which single coefficients stand out is not determined.
     """
     order, whitening = [*selected.kept, *others], data.whitening
     rows = compress(rest, order, whitening, np.full((1, 1), whitening.unit), whitening(data.residual(rest)))
@@ -144,7 +143,7 @@ def _with_significant(
     for key, column in zip(others, rows.columns.T[len(selected.kept) :], strict=True):
         left = column - basis @ (basis.T @ column)
         size, value = float(np.linalg.norm(left)), rest.model.value(key) / rest.model.parameter(key).typical
-        if size**2 <= TOLERANCE * float(column @ column):
+        if float(column @ column) >= MAX_VARIANCE_INFLATION * size**2:
             return selected
         if abs(value * size + left @ rows.residual / size) <= MIN_T * selected.noise:
             return selected

@@ -32,22 +32,22 @@ def predictable_residual(
     fitted: Fit,
     data: Measurements,
     blocks: Sequence[HeldOutBlock],
-    outlying: Mapping[int, float],
+    outlier_distances: Mapping[int, float],
     known: PredictableError | None = None,
 ) -> PredictableResidual:
     """Tries a Gaussian process on what a cross-validated fit leaves, and looks for regimes.
 
     Args:
-        outlying: of poses that were left out of the data, the distance (m) from where the model has them, by their
-            numbers. Outliers that lie together are a regime.
+        outlier_distances: distance (m) of each pose that was left out of the data from where the model has it, by its
+            number. Outliers that lie together are a regime.
         known: of the Gaussian process.
     """
     keys = [key for key in fitted.model.free if key not in fitted.at_bound]
     columns = parameter_jacobian(fitted.rest, keys).reshape(-1, len(keys))
     predictable = known or predictable_error(data, blocks)
     squares = dict(zip(data.pose.tolist(), studentised_squares(fitted.residual, columns).tolist(), strict=True))
-    squares |= {number: distance**2 for number, distance in outlying.items()}
-    together = data.whole.take(np.isin(data.whole.pose, [*squares]))
+    squares |= {number: distance**2 for number, distance in outlier_distances.items()}
+    together = data.complete.take(np.isin(data.complete.pose, [*squares]))
     squared = np.array([squares[number] for number in together.pose.tolist()])
     clusters = outlier_regimes(together, squared, ~np.isin(together.pose, data.pose))
     others = [one for one in find_regimes(together, squared) if one.name not in {same.name for same in clusters}]

@@ -129,15 +129,15 @@ def find_regimes(data: Measurements, squares: Array) -> tuple[Regime, ...]:
     return tuple(one for one in found if one.inside > MIN_REGIME_RATIO * one.outside)
 
 
-def outlier_regimes(data: Measurements, squares: Array, outlying: NDArray[np.bool_]) -> tuple[Regime, ...]:
-    """The regimes that hold significantly more of some outlying poses (N,) than of the others, the clearest first.
+def outlier_regimes(data: Measurements, squares: Array, outliers: NDArray[np.bool_]) -> tuple[Regime, ...]:
+    """The regimes that hold significantly more of some outliers (N,) than of the others, the clearest first.
 
     `squares`: (N,), squared residuals (m²).
     """
-    if not 0 < outlying.sum() < len(data):
+    if not 0 < outliers.sum() < len(data):
         return ()
     quantities = {one.symbol: one for one in covariates(data, np.empty((len(data), 0))) if one.kind in UNITS}
-    tested = {symbol: kuiper_interval(one.shown, outlying) for symbol, one in quantities.items()}
+    tested = {symbol: kuiper_interval(one.shown, outliers) for symbol, one in quantities.items()}
     adjusted = benjamini_yekutieli({symbol: p_value for symbol, (p_value, _) in tested.items()})
     return tuple(
         _regime(quantities[symbol], tested[symbol][1], squares, adjusted[symbol])

@@ -47,8 +47,7 @@ def with_sensed(data: Measurements, table: NumberTable, metadata: Metadata) -> M
         notices.append("the distances are not used: state distance_sd_mm, and the positions' sd_mm or noise_sd_mm")
     start = metadata.distance_from_mm
     if distance is not None and start is None:
-        words = "the point that distances are measured from is not stated (distance_from_mm): it is estimated"
-        notices.append(words)
+        notices.append("where distances are measured from is not stated (distance_from_mm): it is estimated")
     if not len(data.positions):
         notices.append("no positions: every error is that of a distance")
         covariance, known, sd, weighed = None, None, distance_sd, distance_sd is not None

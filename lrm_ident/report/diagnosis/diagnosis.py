@@ -116,7 +116,7 @@ def _blocks(report: DiagnosisReport) -> list[Block]:
 
 def _concentrated(found: Diagnosis) -> str:
     """Heading of the regimes."""
-    return f"\nWhere what is left is concentrated{', outliers included' if found.outlying else ''}"
+    return f"\nWhere what is left is concentrated{', outliers included' if found.outlier_distances else ''}"
 
 
 def _untestable_names(found: Diagnosis) -> Iterator[str]:

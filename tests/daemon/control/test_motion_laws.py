@@ -420,10 +420,10 @@ class DaemonStateMachine(RuleBasedStateMachine):
         """The chip does not acknowledge for some time, then the line is free of faults."""
         self.sim.board.chip.answers = False
         self.sim.run(ticks)
-        self.mend_line()
+        self.restore_line()
 
     @rule()
-    def mend_line(self) -> None:
+    def restore_line(self) -> None:
         """Without faults on the line, the link is ready once the board has stopped pulses of which it is in doubt."""
         w = self.sim
         w.stall = w.lost_in = w.lost_out = w.unplugged = 0
