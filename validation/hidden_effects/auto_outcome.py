@@ -27,8 +27,8 @@ class AutoOutcome:
     """Outcome of `auto`.
 
     steps: for each step its name (a form counts as the effect that it refines) and all that the data cannot tell from
-    it. ratio: RMS error at unseen poses with the noise of a measurement added, over that noise. trouble: what failed,
-    with the last line that the tool printed.
+    it. findings: whether each is said to be a cause; the others only describe. ratio: RMS error at unseen poses with
+    the noise of a measurement added, over that noise. trouble: what failed, with the last line that the tool printed.
     """
 
     case: str
@@ -38,6 +38,7 @@ class AutoOutcome:
     ratio: float | None = None
     auto_s: float | None = None
     trouble: str = ""
+    findings: tuple[bool, ...] = ()
 
     @property
     def of(self) -> UnfamiliarCase:
@@ -57,9 +58,17 @@ class AutoOutcome:
     @property
     def false_names(self) -> tuple[str, ...]:
         """First name of each step in whose class there is no truth."""
+        return tuple(step[0] for step in self.steps if self._is_false(step))
+
+    @property
+    def false_findings(self) -> tuple[str, ...]:
+        """Those of them that are said to be a cause."""
+        said = zip(self.steps, self.findings, strict=True)
+        return tuple(step[0] for step, finding in said if finding and self._is_false(step))
+
+    def _is_false(self, step: tuple[str, ...]) -> bool:
         right = frozenset[str]().union(*(self.of.truths or ()))
-        plain = [step for step in self.steps if not any(_kind(name) in ALWAYS_TRUE for name in step)]
-        return tuple(step[0] for step in plain if not right & set(step))
+        return not right & set(step) and not any(_kind(name) in ALWAYS_TRUE for name in step)
 
     @property
     def near_floor(self) -> bool:
@@ -96,13 +105,14 @@ def _run(name: str, case: UnfamiliarCase, seed: int, poses: int, folder: Path) -
     run_tool("fit", data, "--arm", arm_file(case), "-o", model, *(["--loss", "huber"] if case.outliers else []))
     seconds = run_tool("auto", model, data, "--no-nested", "-o", better, "--json", course)
     found = json.loads(course.read_text(encoding="utf-8"))
-    steps = tuple(_names(step) for step in found["steps"] if step["added"])
+    added = [step for step in found["steps"] if step["added"]]
+    steps, findings = tuple(map(_names, added)), tuple(step["is"] == "finding" for step in added)
     arm = load_tool_arm(arm_file(case))
     poses_then = replace(lrm.load_poses(unseen, arm), sha256=None)  # of the same sessions: what belongs to them holds
     predicted = 1e3 * lrm.predict(lrm.load_model(better), poses_then)
     apart = (predicted - _tcp_mm(unseen))[1:]  # before the first pose the direction is not known
     ratio = float(np.sqrt((apart**2).sum(axis=1).mean() + FLOOR_MM**2) / FLOOR_MM)
-    return AutoOutcome(name, seed, steps, found["verdict"], ratio, seconds)
+    return AutoOutcome(name, seed, steps, found["verdict"], ratio, seconds, findings=findings)
 
 
 def _names(step: dict[str, Any]) -> tuple[str, ...]:

@@ -13,11 +13,13 @@ from collections.abc import Sequence
 from concurrent.futures import Executor
 from functools import partial
 from pathlib import Path
+from typing import get_args
 
 from lrm_ident.fitting.executors import as_finished, executor_for
 from validation.hidden_effects.auto_outcome import NEAR_FLOOR, AutoOutcome, examine_auto
 from validation.hidden_effects.tables import markdown_table, share, spread
 from validation.hidden_effects.unfamiliar_cases import UNFAMILIAR
+from validation.hidden_effects.unfamiliar_effects import Half
 
 TITLE = "# Other forms than the catalogue's: what `auto` ends with"
 GROUPS = ("one effect", "two effects", "three effects", "nothing hidden", "outside the catalogue")
@@ -55,7 +57,8 @@ def section(outcomes: Sequence[AutoOutcome], half: str, poses: int, seeds: int) 
     head = (
         f"Second catalogue of the independent generator, half `{half}`, {poses} random poses, {seeds} seeds per case, "
         "0.3 mm of noise per axis. *Named*: every hidden effect is the name of a step, or in its class. *False name*: "
-        "a step in whose class there is no truth (freed offsets and compliances are always true). *Wrong form*: all "
+        "a step in whose class there is no truth (freed offsets and compliances are always true), *as a finding* where "
+        "it is said to be a cause. *Wrong form*: all "
         f"named, nothing false, and yet more than {NEAR_FLOOR:.2f} times the floor is left. *Ratio*: RMS error at "
         "unseen poses with the noise of a measurement, over that noise, median (worst). *Falsely content*: the verdict "
         "is *nothing is missing* at a ratio above 1.15."
@@ -65,7 +68,15 @@ def section(outcomes: Sequence[AutoOutcome], half: str, poses: int, seeds: int) 
 
 def _totals(outcomes: Sequence[AutoOutcome]) -> str:
     groups = {group: [one for one in outcomes if one.of.group == group] for group in GROUPS} | {"all": list(outcomes)}
-    columns = ("data sets", "number", "all named", "with a false name", "wrong form", f"ratio ≤ {NEAR_FLOOR:.2f}")
+    columns = (
+        "data sets",
+        "number",
+        "all named",
+        "with a false name",
+        "as a finding",
+        "wrong form",
+        f"ratio ≤ {NEAR_FLOOR:.2f}",
+    )
     return markdown_table(
         (*columns, "ratio", "falsely content", "failed", "s per auto"),
         [
@@ -74,6 +85,7 @@ def _totals(outcomes: Sequence[AutoOutcome]) -> str:
                 str(len(found)),
                 share(one.all_named for one in found),
                 share(bool(one.false_names) for one in found),
+                share(bool(one.false_findings) for one in found),
                 share(one.wrong_form for one in found),
                 share(one.near_floor for one in found),
                 spread([one.ratio for one in found], 2),
@@ -120,7 +132,7 @@ def _line(one: AutoOutcome) -> str:
 
 def _options() -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog="python -m validation.hidden_effects.unfamiliar", description=__doc__)
-    parser.add_argument("--half", choices=("tune", "report"), default="tune")
+    parser.add_argument("--half", choices=get_args(Half), default="tune")
     parser.add_argument("--only", default="", help="only cases whose name contains this")
     parser.add_argument("--seeds", type=int, default=1, help="data sets per case")
     parser.add_argument("--poses", type=int, default=300, help="poses per data set")

@@ -33,6 +33,7 @@ from validation.hidden_effects.unfamiliar_effects import (
     weather,
     with_outliers,
 )
+from validation.hidden_effects.unforeseen_cases import unforeseen
 
 
 def _tuning() -> tuple[UnfamiliarCase, ...]:
@@ -107,4 +108,4 @@ def _reporting() -> tuple[UnfamiliarCase, ...]:
     )
 
 
-UNFAMILIAR = {each.name + "/" + each.half: each for each in (*_tuning(), *_reporting())}
+UNFAMILIAR = {each.name + "/" + each.half: each for each in (*_tuning(), *_reporting(), *unforeseen())}

@@ -146,21 +146,24 @@ def test_data_are_as_the_case_asks(name: str) -> None:
 
 def test_counts_of_a_run() -> None:
     one, two = "unequal-play2/tune", "unequal-play2+gear1/tune"
-    right = AutoOutcome(one, 0, (("backlash@joint2",),), "nothing_missing", 1.05)
-    in_class = AutoOutcome(one, 0, (("mass@link2", "backlash@joint2"),), "nothing_missing", 1.3)
-    false = AutoOutcome(one, 0, (("backlash@joint2",), ("mass@link2",), ("compliance@joint5",)), "", 1.02)
-    half = AutoOutcome(two, 0, (("backlash@joint2",),), "unexplained_structure", 3.0)
+    right = AutoOutcome(one, 0, (("backlash@joint2",),), "nothing_missing", 1.05, findings=(True,))
+    in_class = AutoOutcome(one, 0, (("mass@link2", "backlash@joint2"),), "nothing_missing", 1.3, findings=(True,))
+    names = (("backlash@joint2",), ("mass@link2",), ("compliance@joint5",))
+    false = AutoOutcome(one, 0, names, "", 1.02, findings=(True, True, True))
+    described = replace(false, findings=(True, False, True))
+    half = AutoOutcome(two, 0, (("backlash@joint2",),), "unexplained_structure", 3.0, findings=(True,))
     failed = AutoOutcome(one, 0, trouble="CommandFailed")
     assert right.all_named and in_class.all_named and false.all_named  # noqa: PT018
     assert not half.all_named
     assert half.truths_named == 1
     assert not failed.all_named
     assert [bool(one.false_names) for one in (right, in_class, false, half)] == [False, False, True, False]
+    assert [one.false_findings for one in (right, in_class, false, described)] == [(), (), ("mass@link2",), ()]
     assert [one.wrong_form for one in (right, in_class, false, half)] == [False, True, False, False]
     assert [one.falsely_content for one in (right, in_class, half)] == [False, True, False]
     text = section([right, false, half, failed], "tune", 300, 1)
     assert "mass@link2 ×1" in text
-    assert "| one effect | 3 | 2 (67 %) | 1 (33 %) |" in text
+    assert "| one effect | 3 | 2 (67 %) | 1 (33 %) | 1 (33 %) |" in text
 
 
 def test_nothing_hidden_is_the_bare_arm() -> None:
