@@ -30,7 +30,7 @@ from lrm_math.kinematics.chain import chain_of, pull_back, trig
 from lrm_math.kinematics.forward import frames
 from lrm_math.kinematics.poses import Poses, poses_of
 from lrm_math.model.derivatives import parameter_jacobian
-from lrm_math.model.equilibrium import equilibrium
+from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import Model, model_of
 from validation import synthetic
 
@@ -66,7 +66,7 @@ def comparisons() -> list[Comparison]:
     model = model_of(arm, effects_at(arm, "offsets") + effects_at(arm, "compliance"))
     option1 = replace(model, free=select_parameters(model, "option1"))
     fitted = fit(option1, data).model
-    rest = equilibrium(fitted, data.poses)
+    equilibrium = solve_equilibrium(fitted, data.poses)
     q = np.random.default_rng(0).uniform(-1.7, 1.7, (FK_POSES, 6))
     columns = [np.ascontiguousarray(column) for column in q.T]
     k = np.array([fitted.value(f"compliance.joint{i}.k_rad_per_Nm") for i in range(1, 7)])
@@ -79,9 +79,9 @@ def comparisons() -> list[Comparison]:
         OURS: lambda: frames(chain, chain.values(columns), FK_POSES),
         "lrm_math, TCP alone": tcp,
     }
-    bent: dict[str, Callable[[], object]] = {OURS: lambda: equilibrium(fitted, data.poses, tolerance=TOLERANCE)}
+    bent: dict[str, Callable[[], object]] = {OURS: lambda: solve_equilibrium(fitted, data.poses, tolerance=TOLERANCE)}
     jacobian: dict[str, Callable[[], object]] = {
-        OURS: lambda: parameter_jacobian(replace(rest)),  # a copy: the response of the last ones asked is kept
+        OURS: lambda: parameter_jacobian(replace(equilibrium)),  # a copy: the response of the last ones asked is kept
         "differences": lambda: differences(fitted, data.poses),
     }
     pinocchio = _pinocchio()
@@ -96,7 +96,7 @@ def comparisons() -> list[Comparison]:
     }
     example = load_measurements(EXAMPLE, arm)
     found = fit_identifiable(model, example, model.keys).fit.model
-    rover, J = load_arm("lrm-rover"), identification_jacobian(equilibrium(model, data.poses), TABLE_4_5)
+    rover, J = load_arm("lrm-rover"), identification_jacobian(solve_equilibrium(model, data.poses), TABLE_4_5)
     selection: dict[str, Callable[[], object]] = {
         OURS: lambda: exchange(J, CHOSEN, "O1"),
         "one exchange alone, decomposing": lambda: decomposed_exchange(J, CHOSEN),
@@ -118,7 +118,7 @@ def differences(model: Model, poses: Poses) -> np.ndarray:
     out = np.empty((len(poses), 3, len(model.keys)))
     for j, parameter in enumerate(model.parameters):
         step = 1e-4 * parameter.typical * (np.arange(len(model.keys)) == j)
-        up, down = (equilibrium(model.with_values(model.values + s), poses).tcp for s in (step, -step))
+        up, down = (solve_equilibrium(model.with_values(model.values + s), poses).tcp for s in (step, -step))
         out[:, :, j] = (up - down) / (2e-4 * parameter.typical)
     return out
 

@@ -143,12 +143,12 @@ def compare(
 def worst(model: Model, tools: Array, answers: list[list[tuple[float, ...]]]) -> float:
     """m, largest distance of any branch from its goal by the model's own equilibrium."""
     from lrm_math.kinematics.poses import poses_of
-    from lrm_math.model.equilibrium import equilibrium
+    from lrm_math.model.equilibrium import solve_equilibrium
 
     owner = [k for k, branches in enumerate(answers) for _ in branches]
     q = np.array([row for branches in answers for row in branches])
-    rest = equilibrium(model, poses_of(q, PAYLOAD), tolerance=1e-12)
-    return float(np.linalg.norm(rest.true_tcp - tools[owner, :3, 3], axis=1).max())
+    equilibrium = solve_equilibrium(model, poses_of(q, PAYLOAD), tolerance=1e-12)
+    return float(np.linalg.norm(equilibrium.true_tcp - tools[owner, :3, 3], axis=1).max())
 
 
 def main() -> None:

@@ -22,7 +22,7 @@ from lrm_math.ik.calibrated_arm import Method
 from lrm_math.ik.goal import pose
 from lrm_math.kinematics.poses import poses_of
 from lrm_math.model.deployed_model import named_part
-from lrm_math.model.equilibrium import equilibrium
+from lrm_math.model.equilibrium import solve_equilibrium
 from validation.calibrated_ik import METHODS, PAYLOAD, goals, shares_of_branches
 from validation.residual_field.nameless_arm import measured
 
@@ -61,8 +61,8 @@ def _outcome(
     solved = [(row, reply) for row, reply in enumerate(replies) if isinstance(reply, Solved)]
     owner = [row for row, reply in solved for _ in reply.branches]
     commands = np.array([branch.q for _, reply in solved for branch in reply.branches])
-    rest = equilibrium(solver.arm.model, poses_of(commands, PAYLOAD), tolerance=1e-12)
-    worst = float(np.linalg.norm(rest.tcp - tools[owner, :3, 3], axis=1).max())
+    equilibrium = solve_equilibrium(solver.arm.model, poses_of(commands, PAYLOAD), tolerance=1e-12)
+    worst = float(np.linalg.norm(equilibrium.tcp - tools[owner, :3, 3], axis=1).max())
     return InverseOutcome(method, len(solved) / len(tools), worst, len(commands) / len(tools), float(np.median(times)))
 
 

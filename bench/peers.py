@@ -12,7 +12,7 @@ from lrm_ident.design.observability import observability
 from lrm_math.arm.arm import Arm
 from lrm_math.arrays import Array
 from lrm_math.model.derivatives import parameter_jacobian
-from lrm_math.model.equilibrium import equilibrium
+from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import Model
 
 
@@ -99,10 +99,10 @@ def scipy_fit(model: Model, data: Measurements, jacobian: bool) -> OptimizeResul
         return model.with_values(values)
 
     def residual(z: Array) -> Array:
-        return np.asarray((data.tcp - equilibrium(at(z), data.poses).tcp).reshape(-1))
+        return np.asarray((data.tcp - solve_equilibrium(at(z), data.poses).tcp).reshape(-1))
 
     def derivative(z: Array) -> Array:
-        J = parameter_jacobian(equilibrium(at(z), data.poses), model.free)
+        J = parameter_jacobian(solve_equilibrium(at(z), data.poses), model.free)
         return np.asarray(-(J * scale).reshape(-1, len(scale)))
 
     return least_squares(residual, np.zeros(len(scale)), jac=derivative if jacobian else "2-point", method="trf")

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from lrm_math.ik.goal import Goal, point, point_along, pose, pose_rpy
     from lrm_math.kinematics.poses import Poses, poses_of
     from lrm_math.model.derivatives import joint_jacobian, parameter_jacobian
-    from lrm_math.model.equilibrium import Equilibrium, equilibrium
+    from lrm_math.model.equilibrium import Equilibrium, solve_equilibrium
     from lrm_math.model.model import Model, model_of
     from lrm_math.model.model_file import load_model
 
@@ -28,7 +28,7 @@ _NAMES = {
     "ik.goal": ("Goal", "point", "point_along", "pose", "pose_rpy"),
     "kinematics.poses": ("Poses", "poses_of"),
     "model.derivatives": ("joint_jacobian", "parameter_jacobian"),
-    "model.equilibrium": ("Equilibrium", "equilibrium"),
+    "model.equilibrium": ("Equilibrium", "solve_equilibrium"),
     "model.model": ("Model", "model_of"),
     "model.model_file": ("load_model",),
 }
@@ -48,7 +48,6 @@ __all__ = [
     "Parameter",
     "Poses",
     "effects_at",
-    "equilibrium",
     "joint_jacobian",
     "load_arm",
     "load_model",
@@ -59,6 +58,7 @@ __all__ = [
     "pose",
     "pose_rpy",
     "poses_of",
+    "solve_equilibrium",
 ]
 
 

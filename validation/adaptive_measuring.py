@@ -31,7 +31,7 @@ from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_file import load_arm as model_arm
 from lrm_math.arrays import Array
 from lrm_math.kinematics.poses import Poses, poses_of
-from lrm_math.model.equilibrium import equilibrium
+from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import Model
 from validation.synthetic import ArmDescription, load_arm, true_state
 from validation.synthetic.example import ARM_FILE
@@ -63,7 +63,7 @@ class SimulatedRig:
 
     def goal_error(self, model: Model, goals: Poses) -> float:
         """RMS distance (m) of the tip from goals: where the arm really is, at angles for which the model says goal."""
-        return float(np.sqrt(((self.true_tips(goals) - equilibrium(model, goals).tcp) ** 2).sum(axis=1).mean()))
+        return float(np.sqrt(((self.true_tips(goals) - solve_equilibrium(model, goals).tcp) ** 2).sum(axis=1).mean()))
 
 
 def with_repeats(rows: Sequence[int]) -> tuple[list[int], list[int]]:

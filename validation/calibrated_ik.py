@@ -100,8 +100,8 @@ def goals(model: Model, count: int, seed: int = 1) -> Array:
     """(N, 4, 4), tool frames at random commands within the limits, with a load, where the arm settles."""
     lower, upper = ([getattr(joint, end) for joint in model.arm.joints] for end in ("lower", "upper"))
     q = np.random.default_rng(seed).uniform(lower, upper, (count, model.arm.dof))
-    rest, _ = batch_equilibrium(model, poses_of(q, PAYLOAD), tolerance=1e-13)
-    return frames(model.chain, rest.slots, len(rest.poses))[:, -1]
+    equilibrium, _ = batch_equilibrium(model, poses_of(q, PAYLOAD), tolerance=1e-13)
+    return frames(model.chain, equilibrium.slots, len(equilibrium.poses))[:, -1]
 
 
 def replies(solver: CalibratedSolver, tools: Array, method: Method) -> list[CalibratedReply]:
@@ -116,9 +116,9 @@ def figures(name: str, solver: CalibratedSolver, tools: Array, method: Method) -
     solved = [(i, reply) for i, reply in enumerate(answers) if isinstance(reply, Solved)]
     owner = np.array([i for i, reply in solved for _ in reply.branches])
     commands = np.array([branch.q for _, reply in solved for branch in reply.branches])
-    rest, rows = batch_equilibrium(solver.arm.model, poses_of(commands, PAYLOAD), tolerance=1e-12)
+    equilibrium, rows = batch_equilibrium(solver.arm.model, poses_of(commands, PAYLOAD), tolerance=1e-12)
     error = np.full(len(commands), np.inf)
-    error[rows] = np.linalg.norm(rest.true_tcp - tools[owner[rows], :3, 3], axis=1)
+    error[rows] = np.linalg.norm(equilibrium.true_tcp - tools[owner[rows], :3, 3], axis=1)
     exact = {i for i, off in zip(owner.tolist(), error.tolist(), strict=True) if off <= EXACT}
     cube = [reply.cube_error for _, reply in solved if reply.cube_error is not None]
     times = np.array([reply.elapsed for reply in answers])

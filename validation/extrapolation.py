@@ -23,7 +23,7 @@ from lrm_math.arm.arm import Arm
 from lrm_math.arrays import Array
 from lrm_math.effects import FREE_FORMS, Effect, effects_at
 from lrm_math.kinematics.poses import Poses
-from lrm_math.model.equilibrium import equilibrium
+from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import Model, model_of
 from validation import synthetic
 from validation.synthetic.generate import directions
@@ -114,7 +114,7 @@ def _fitted(arm: Arm, data: Measurements, forms: Sequence[Effect], start: Model 
 
 
 def _error(model: Model, data: Measurements) -> ErrorStats:
-    return error_stats(data.tcp - equilibrium(model, data.poses).tcp)
+    return error_stats(data.tcp - solve_equilibrium(model, data.poses).tcp)
 
 
 def table(outcomes: Sequence[ExtrapolationOutcome]) -> str:

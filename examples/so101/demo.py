@@ -32,7 +32,7 @@ from lrm_ident.measuring.verification.goal_commands import GoalCommand, ModelSol
 from lrm_ident.report.document import heading
 from lrm_math.arrays import Array
 from lrm_math.kinematics.poses import poses_of
-from lrm_math.model.equilibrium import equilibrium
+from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import model_of
 from validation.camera.scene import write_lens_photos
 
@@ -110,7 +110,7 @@ def goals_in_view(poses: Array, count: int, seed: int) -> Array:
     goals, near = list[Array](), poses[-1]
     while len(goals) < count and (far := [k for k, q in enumerate(left) if abs(q[SHOULDER] - near[SHOULDER]) > FAR]):
         angles = left.pop(min(far, key=lambda k: float(np.abs(left[k] - near).max())))
-        tried = [*goals, equilibrium(model_of(ARM, ()), poses_of(angles)).tcp[0]]
+        tried = [*goals, solve_equilibrium(model_of(ARM, ()), poses_of(angles)).tcp[0]]
         if _seen_all_the_way(solver, [*tried, *tried], poses[-1]):
             goals, near = tried, angles
     return np.array(goals)

@@ -40,7 +40,7 @@ from lrm_math.arrays import Array
 from lrm_math.effects import effects_at
 from lrm_math.errors import LrmError
 from lrm_math.kinematics.poses import Poses, poses_of
-from lrm_math.model.equilibrium import equilibrium
+from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import Model
 from lrm_math.model.reading import AS_NAMED, Reading
 from lrm_math.number_list import parse_numbers
@@ -87,7 +87,7 @@ def choose_poses(
     model = replace(nominal, free=(*keys, *(key for key in nominal.free if key not in keys)))
     with progress("exchanging poses") as tick:
         found = select_poses(model, measured, count, kind, physical, seed, tick)
-    placed = replace(measured, tcp=measured.places(equilibrium(model, measured.poses)))
+    placed = replace(measured, tcp=measured.places(solve_equilibrium(model, measured.poses)))
     publish(choice_document(model, found, placed), json, figure, partial(draw_choice, found, placed))
     if output:
         write_text(output, measurements_csv(measured.take(found.rows)))
@@ -220,7 +220,7 @@ def identify_parameters(
     the_arm = load_arm(arm)
     start = start_model(the_arm, model)
     keys = fittable(start) if parameters == "all" else select_parameters(start, parameters)
-    settled = equilibrium(start, load_poses(poses, the_arm))
+    settled = solve_equilibrium(start, load_poses(poses, the_arm))
     found = eliminate(settled, keys, one_of("units", units, UNITS), threshold, noise_mm * MM)
     publish(elimination_document(start, found), json, figure, partial(draw_elimination, found))
 

@@ -44,7 +44,7 @@ from lrm_ident.study.study import Study
 from lrm_math.arm.arm import Arm
 from lrm_math.effects import FIELDS, FREE_FORMS, OWN_EFFECT
 from lrm_math.errors import LrmError, UnknownName
-from lrm_math.model.equilibrium import Equilibrium, equilibrium
+from lrm_math.model.equilibrium import Equilibrium, solve_equilibrium
 from lrm_math.model.model import Model, model_of
 from lrm_math.model.model_file import ModelFile
 from lrm_math.model.reading import AS_NAMED, Reading
@@ -137,7 +137,7 @@ def predict(
     asked = load_poses(poses, the_model.arm, how)
     here, left_out = at_data(the_model, poses, asked.sha256 or "")
     notice(*left_out)
-    settled = equilibrium(here, asked)
+    settled = solve_equilibrium(here, asked)
     table = _predictions(settled)
     within, q = the_model.within, settled.poses.q
     if within is not None and (said := within.sentence(q)):

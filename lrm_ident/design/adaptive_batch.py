@@ -23,7 +23,7 @@ from lrm_math.arrays import Array
 from lrm_math.effects import Effect, effects_at
 from lrm_math.errors import LrmError
 from lrm_math.kinematics.poses import Poses
-from lrm_math.model.equilibrium import equilibrium
+from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import Model
 
 FIRST_BATCH, BATCH = 40, 8
@@ -115,9 +115,9 @@ def random_poses_as_good(found: AdaptiveFindings, measured: Poses, every: Poses,
 
     By the covariance of the fitted parameters. None: not even all of them.
     """
-    settled, keys = equilibrium(found.model, every), found.model.free
+    settled, keys = solve_equilibrium(found.model, every), found.model.free
     columns = identification_jacobian(settled, keys)
-    own = identification_jacobian(equilibrium(found.model, measured), keys)
+    own = identification_jacobian(solve_equilibrium(found.model, measured), keys)
     wanted = _uncertainty(own, columns, found.noise)
     rng = np.random.default_rng(seed)
 

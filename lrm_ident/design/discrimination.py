@@ -23,7 +23,7 @@ from lrm_math.effects import Effect
 from lrm_math.effects.base import Excitation
 from lrm_math.errors import LrmError
 from lrm_math.kinematics.poses import Poses
-from lrm_math.model.equilibrium import Equilibrium, equilibrium
+from lrm_math.model.equilibrium import Equilibrium, solve_equilibrium
 from lrm_math.model.model import Model
 from lrm_math.model.sensed import TCP_ONLY, Sensed
 
@@ -79,7 +79,7 @@ def rival_columns(
         if not rows:
             name = effect.name
             raise LrmError(f"{name} has nothing that is not fitted already; name effects that the model lacks")
-    found = differentiate_candidates(equilibrium(model, poses), wanted, sensed)[1]
+    found = differentiate_candidates(solve_equilibrium(model, poses), wanted, sensed)[1]
     each = sensed.rows(model.arm.dof)
     return [(_default_columns(candidate) * MM_PER_M).reshape(len(poses), each, -1) for candidate in found]
 

@@ -27,7 +27,7 @@ from lrm_math.arrays import Array
 from lrm_math.effects import Effect
 from lrm_math.errors import LrmError
 from lrm_math.kinematics.poses import Poses
-from lrm_math.model.equilibrium import Equilibrium, equilibrium
+from lrm_math.model.equilibrium import Equilibrium, solve_equilibrium
 from lrm_math.model.model import Model
 
 RANDOM_DRAWS, STARTS = 20, 4
@@ -129,7 +129,7 @@ def design(
         sided = _distinct(_from_both_sides(problem.model.arm, candidates))
     else:  # random, so that other parameters do not absorb hysteresis
         sided = _sided(problem.model.arm, candidates, rng.choice([1.0, -1.0], len(candidates)))
-    settled = equilibrium(problem.model, sided)
+    settled = solve_equilibrium(problem.model, sided)
     whitening = problem.weights(sided)
     check_testable(settled, problem.rivals, whitening.sensed)
     noise = problem.noise if whitening.sd is None else whitening.unit
@@ -137,7 +137,7 @@ def design(
     moved, measured = identification_jacobian(settled, keys), None
     if problem.measured is not None:
         own = problem.weights(problem.measured) if problem.measured_weights is None else problem.measured_weights
-        measured = _weighted(problem, own, equilibrium(problem.model, problem.measured), keys)
+        measured = _weighted(problem, own, solve_equilibrium(problem.model, problem.measured), keys)
     weighted = _weighted(problem, whitening, settled, keys)
     width, already = sum(part.shape[2] for part in weighted), 0 if problem.measured is None else len(problem.measured)
     check_count(problem.count, len(sided), width, already, int(np.max(whitening.measured)))

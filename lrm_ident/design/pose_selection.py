@@ -16,7 +16,7 @@ from lrm_ident.fitting.levenberg_marquardt import Fit, fit
 from lrm_ident.fitting.parameter_sets import Bounds, bounds_of, no_bounds
 from lrm_ident.fitting.progress import OnProgress, silent
 from lrm_math.errors import LrmError
-from lrm_math.model.equilibrium import equilibrium
+from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import Model
 
 RANDOM_DRAWS = 20
@@ -66,7 +66,7 @@ def select_poses(
     """
     if count < len(model.free):
         raise LrmError(f"{count} poses for {len(model.free)} parameters; choose at least {len(model.free)} (-n)")
-    columns = identification_jacobian(equilibrium(model, data.poses), model.free, whitening=data.whitening)
+    columns = identification_jacobian(solve_equilibrium(model, data.poses), model.free, whitening=data.whitening)
     if physical:
         rows = _select_feasible(model, data, count, seed, progress)
     else:
@@ -88,13 +88,13 @@ def _select_feasible(model: Model, data: Measurements, count: int, seed: int, pr
     """The set of best O1 whose own identification, linear about the bounded fit to all poses, keeps the bounds."""
     bounds = bounds_of(model, model.free)
     fitted = fit(model, data, bounds)
-    columns = identification_jacobian(fitted.rest, model.free, whitening=data.whitening)
+    columns = identification_jacobian(fitted.equilibrium, model.free, whitening=data.whitening)
     check_count(count, len(columns), columns.shape[2], rows=columns.shape[1])
     position = [model.position(key) for key in model.free]
     typical = np.array([model.parameters[j].typical for j in position])
     values = fitted.model.values[position]
     limits = (bounds.lower - values) / typical, (bounds.upper - values) / typical
-    residual = data.whitening.unit * data.whitening(data.residual(fitted.rest)) * MM_PER_M
+    residual = data.whitening.unit * data.whitening(data.residual(fitted.equilibrium)) * MM_PER_M
     criterion = FeasibleCriterion(whiten(columns), residual, *limits)
     rows = maximise_criterion(criterion, count, STARTS, seed, progress).rows
     if not criterion.evaluate(rows).feasible:
@@ -107,7 +107,7 @@ def _select_feasible(model: Model, data: Measurements, count: int, seed: int, pr
 
 def _fit_subset(name: str, model: Model, data: Measurements, rows: Rows, limits: Bounds, physics: Bounds) -> SubsetFit:
     result = fit(model, data.take(rows), limits)
-    residual = data.position_error(equilibrium(result.model, data.poses))
+    residual = data.position_error(solve_equilibrium(result.model, data.poses))
     rest = np.setdiff1d(np.arange(len(data)), rows)
     values = [result.model.value(key) for key in model.free]
     violated = tuple(

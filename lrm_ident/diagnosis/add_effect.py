@@ -18,7 +18,7 @@ from lrm_ident.fitting.model_fit import DEFAULT_EFFECTS
 from lrm_ident.fitting.parameter_sets import Bounds, bounds_of
 from lrm_math.effects import Effect, Parameter, name_of_key, split_key
 from lrm_math.errors import LrmError, NoEquilibrium
-from lrm_math.model.equilibrium import equilibrium
+from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import Model, model_of
 
 MAX_MOMENT_FITS = 12
@@ -90,12 +90,12 @@ def free_base_parameters(fitted: Fit, data: Measurements, loss: Loss = SQUARED) 
     for _ in range(MAX_FREEINGS):
         model = fitted.model
         held = _held_base_parameters(model)
-        found = identifiable_beside(fitted.rest, model.free, held, fitted.sigma, data.whitening)
+        found = identifiable_beside(fitted.equilibrium, model.free, held, fitted.sigma, data.whitening)
         if not found or len(model.free) + len(found) > len(data):
             return fitted
         free = tuple(key for key in model.keys if key in (*model.free, *found))
         try:
-            fitted = fit(model.with_free(free), data, loss=loss, near=fitted.rest)
+            fitted = fit(model.with_free(free), data, loss=loss, near=fitted.equilibrium)
         except (NoEquilibrium, FitNotConverged, DegenerateFit):
             return fitted
     return fitted
@@ -131,8 +131,8 @@ def _fit_shapes(best: Fit, data: Measurements, tried: Mapping[str, Sequence[floa
     lower = np.append(limits.lower, [values[0] for values in tried.values()])
     upper = np.append(limits.upper, [values[-1] for values in tried.values()])
     try:
-        found = fit(best.model.with_free((*free, *tried)), data, Bounds(lower, upper), how, near=best.rest)
-        held = fit(found.model.with_free(free), data, loss=how, near=found.rest)
+        found = fit(best.model.with_free((*free, *tried)), data, Bounds(lower, upper), how, near=best.equilibrium)
+        held = fit(found.model.with_free(free), data, loss=how, near=found.equilibrium)
     except LrmError:
         return best
     return min(best, held, key=lambda one: error_stats(one.residual).rms)
@@ -144,7 +144,9 @@ def _fit_moment(best: Fit, data: Measurements, key: str, how: Loss) -> Fit:
     numbers, row = np.unique(data.poses.names(np.arange(len(data))), return_inverse=True)
     for _ in range(MAX_MOMENT_FITS):
         ends = (best.model.with_values_of([key], end) for end in (numbers[-1], numbers[0] - 1))
-        squares = [best.weight * (data.residual(equilibrium(model, data.poses)) ** 2).sum(axis=1) for model in ends]
+        squares = [
+            best.weight * (data.residual(solve_equilibrium(model, data.poses)) ** 2).sum(axis=1) for model in ends
+        ]
         added = np.cumsum(np.bincount(row.reshape(-1), squares[0] - squares[1]))
         moment = float(numbers[np.argmin(added)])
         if moment == best.model.value(key):

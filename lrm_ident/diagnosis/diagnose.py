@@ -110,8 +110,8 @@ class Diagnosis:
         left_out = complete.take(~np.isin(complete.pose, [*self.data.pose, *shifted]))
         if not len(left_out):
             return {}
-        rest, rows = batch_equilibrium(self.fit.model, left_out.poses)
-        distance = np.linalg.norm(left_out.tcp[rows] - rest.tcp, axis=1)
+        equilibrium, rows = batch_equilibrium(self.fit.model, left_out.poses)
+        distance = np.linalg.norm(left_out.tcp[rows] - equilibrium.tcp, axis=1)
         found = zip(left_out.pose[rows].tolist(), distance.tolist(), strict=True)
         return {number: far for number, far in found if np.isfinite(far)}
 
@@ -232,7 +232,7 @@ def _selected(
 def _shifted(found: Diagnosis, data: Measurements) -> tuple[ShiftedRows, ...]:
     """The blocks of all measured rows that carry the position of a neighbouring row."""
     predicted = np.full((len(data), 3), np.nan)
-    rest, rows = batch_equilibrium(found.fit.model, data.poses)
-    predicted[rows] = rest.tcp
+    equilibrium, rows = batch_equilibrium(found.fit.model, data.poses)
+    predicted[rows] = equilibrium.tcp
     limit = 2 * OUTLIER_DISTANCE * robust_scale(np.linalg.norm(found.fit.residual, axis=1))
     return shifted_rows(data.pose, data.tcp, predicted, limit)

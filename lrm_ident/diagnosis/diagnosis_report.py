@@ -22,7 +22,7 @@ from lrm_ident.residual.predictability import PredictableError
 from lrm_ident.residual.predictable_residual import PredictableResidual, predictable_residual
 from lrm_ident.residual.thresholds import MIN_GAIN
 from lrm_math.effects import Effect, Parameter
-from lrm_math.model.equilibrium import equilibrium
+from lrm_math.model.equilibrium import solve_equilibrium
 
 DISPLAY_UNITS = {
     "rad": (180.0 / np.pi, "°"),
@@ -136,7 +136,7 @@ def build_report(
 
 def _same_fit(diagnosis: Diagnosis, compared: ModelComparison) -> bool:
     """Whether the cross-validation of a comparison is that of the diagnosed fit."""
-    one, other = compared.rest.model, diagnosis.fit.model
+    one, other = compared.equilibrium.model, diagnosis.fit.model
     same = set(one.keys) == set(other.keys) and set(one.free) == set(other.free)
     refitted = compared.held_out.residual is not None
     return same and refitted and np.array_equal(compared.data.pose, diagnosis.data.pose)
@@ -163,7 +163,7 @@ def report_of(confirmed: ConfirmedDiagnosis, predictable: PredictableError | Non
         held_out=before,
         ranking=tuple(_rank(one, confirmed, before) for one in _order(diagnosis, supported)),
         share=confirmed.share,
-        limitations=audit(diagnosis.data, diagnosis.fit.rest.joint_torque),
+        limitations=audit(diagnosis.data, diagnosis.fit.equilibrium.joint_torque),
         hint=NEXT[verdict] if verdict in NEXT else _hint(diagnosis, supported),
         left=left,
         hints=parameter_hints(diagnosis.fit),
@@ -251,7 +251,7 @@ def _describe_effect(scored: ScoredCandidate, estimates: Estimates, fitted: Fit 
 def _largest_motion(fitted: Fit, effect: Effect) -> float:
     """The farthest that an effect of a fitted model moves the TCP at the measured poses (m)."""
     without = fitted.model.with_values_of([key for key in effect.keys if key in fitted.model.free], 0.0)
-    moved = fitted.rest.tcp - equilibrium(without, fitted.rest.poses, fitted.rest).tcp
+    moved = fitted.equilibrium.tcp - solve_equilibrium(without, fitted.equilibrium.poses, fitted.equilibrium).tcp
     return float(np.linalg.norm(moved, axis=1).max())
 
 

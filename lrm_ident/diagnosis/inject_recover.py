@@ -26,7 +26,7 @@ from lrm_math.arm.arm_file import load_arm
 from lrm_math.effects import Effect, effects_at
 from lrm_math.errors import LrmError
 from lrm_math.kinematics.poses import Poses
-from lrm_math.model.equilibrium import equilibrium
+from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import model_of
 
 NOMINAL_SD = 0.4  # of the arm's other errors, in typical sizes
@@ -73,7 +73,7 @@ def detectable_effects(plan: InjectionPlan, pattern: str = "*") -> tuple[list[st
     base = base.with_free(base.keys)
     effects = unfitted_effects(base, catalogue_with(plan.effects_file))
     plain = [one for one in effects if not one[0].variant_of]
-    testable, not_testable = split_testable(plain, equilibrium(base, plan.poses))
+    testable, not_testable = split_testable(plain, solve_equilibrium(base, plan.poses))
     names = [effect.name for effect, _ in testable]
     return [name for name in names if fnmatchcase(name, pattern)], not_testable
 
@@ -99,8 +99,8 @@ def _trial(plan: InjectionPlan, arm: Arm, name: str) -> InjectionTrial:
         size = parameter.typical * sign if parameter.fixed is None else parameter.fixed
         values[key] = float(size)
     try:
-        without = equilibrium(model_of(arm, base.effects, {k: values[k] for k in base.keys}), plan.poses).tcp
-        truth = equilibrium(model_of(arm, (*base.effects, effect), values), plan.poses).tcp
+        without = solve_equilibrium(model_of(arm, base.effects, {k: values[k] for k in base.keys}), plan.poses).tcp
+        truth = solve_equilibrium(model_of(arm, (*base.effects, effect), values), plan.poses).tcp
         number, tcp = np.arange(1, len(truth) + 1), truth + rng.normal(0, plan.noise, truth.shape)
         data = Measurements(plan.poses, number, tcp, None, plan.noise, number, Path("injected"), "")
         found = diagnose(fit_identifiable(base, data, base.keys).fit.model, data, catalogue)

@@ -20,7 +20,7 @@ from lrm_ident.residual.error_breakdown import NestedResidual
 from lrm_math.arrays import Array
 from lrm_math.effects import CATALOGUE
 from lrm_math.errors import LrmError
-from lrm_math.model.equilibrium import equilibrium
+from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import Model
 
 
@@ -65,5 +65,5 @@ def _predict(
 ) -> tuple[Array, tuple[str, ...]]:
     """(n, 3), measured − predicted TCP of the poses `out` (m), which selection and fit did not see; effects chosen."""
     run = run_auto(model, data.take(~out), max_effects, catalogue, loss=loss, rates=rates)
-    left = data.take(out).position_error(equilibrium(run.model, data.poses.take(out)))
+    left = data.take(out).position_error(solve_equilibrium(run.model, data.poses.take(out)))
     return left, tuple(step.added for step in run.steps[1:])

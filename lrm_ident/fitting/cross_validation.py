@@ -27,7 +27,7 @@ from lrm_math.arrays import Array
 from lrm_math.errors import LrmError, NoEquilibrium
 from lrm_math.kinematics.poses import Poses
 from lrm_math.model.deployed_model import field_of, named_part
-from lrm_math.model.equilibrium import Equilibrium, equilibrium
+from lrm_math.model.equilibrium import Equilibrium, solve_equilibrium
 from lrm_math.model.fixed_point import NewtonPreconditioner
 from lrm_math.model.model import Model
 
@@ -120,7 +120,7 @@ def held_out_blocks(
         return blocks_with_field(field, data, named)
     tests = _tests(data, fold)
     if not model.free:
-        return _blocks(data, tests, repeat(equilibrium(model, data.poses), len(tests)), progress)
+        return _blocks(data, tests, repeat(solve_equilibrium(model, data.poses), len(tests)), progress)
     if len(data) <= MOST_AT_ONCE:
         return _blocks(data, tests, _refitted(model, data, tests, bounds, loss, prior), progress)
     fitted = fit(model, data, bounds, loss, prior)
@@ -150,12 +150,12 @@ def _blocks(
 ) -> tuple[HeldOutBlock, ...]:
     """The blocks, from the equilibrium of each fold's fit at all poses."""
     blocks, whitening = [], data.whitening
-    for number, (test, rest) in enumerate(zip(tests, folds, strict=True)):
-        train, part, unseen = np.setdiff1d(np.arange(len(data)), test), data.take(test), rest.take(test)
+    for number, (test, equilibrium) in enumerate(zip(tests, folds, strict=True)):
+        train, part, unseen = np.setdiff1d(np.arange(len(data)), test), data.take(test), equilibrium.take(test)
         weighted = None
         if whitening.root is not None:
             weighted = whitening.unit * whitening.take(test)(part.residual(unseen))
-        left = data.position_error(rest)
+        left = data.position_error(equilibrium)
         blocks.append(HeldOutBlock(train, test, left[train], left[test], weighted, part.turn_error(unseen)))
         progress(number + 1, len(tests))
     return tuple(blocks)
@@ -172,7 +172,7 @@ def _refitted(
     """Equilibria at all poses of the fits to all but each block."""
     for rows in left_out:
         found = fit(model, data.take(np.setdiff1d(np.arange(len(data)), rows)), bounds, loss, prior)
-        yield equilibrium(found.model, data.poses)
+        yield solve_equilibrium(found.model, data.poses)
 
 
 def one_step_fits(
@@ -193,10 +193,13 @@ def one_step_fits(
     limits = bounds or bounds_of(model, model.free)
     objective = Objective(model, data, loss, fitted.prior)
     typical = objective.typical
-    iterate = objective.at(model.values[objective.columns] / typical, fitted.rest)
+    iterate = objective.at(model.values[objective.columns] / typical, fitted.equilibrium)
     free = np.array([key not in fitted.at_bound for key in model.free])
     noise = objective.noise_scale(iterate)
-    parts, preconditioner = objective.linearise_each(iterate, noise, blocks), objective.preconditioner(fitted.rest)
+    parts, preconditioner = (
+        objective.linearise_each(iterate, noise, blocks),
+        objective.preconditioner(fitted.equilibrium),
+    )
     for left_out, test in enumerate(blocks):
         others = NormalEquations.summed([part.normal for number, part in enumerate(parts) if number != left_out])
         A = objective.gauss_newton(others, noise)[np.ix_(free, free)]
@@ -204,18 +207,18 @@ def one_step_fits(
         z = iterate.z.copy()
         z[free] += np.linalg.lstsq(A, descent[free], rcond=None)[0]
         stepped = model.with_values_of(model.free, np.clip(z * typical, limits.lower, limits.upper))
-        rest = _settled(stepped, data.poses, fitted.rest, preconditioner)
-        if rest is None:  # too far for the effects' formulas: the fit shortens its steps
+        equilibrium = _settled(stepped, data.poses, fitted.equilibrium, preconditioner)
+        if equilibrium is None:  # too far for the effects' formulas: the fit shortens its steps
             yield from _refitted(model, data, [test], bounds, loss, prior)
         else:
-            yield rest
+            yield equilibrium
 
 
 def _settled(
     model: Model, poses: Poses, near: Equilibrium, preconditioner: NewtonPreconditioner | None
 ) -> Equilibrium | None:
     try:
-        return equilibrium(model, poses, near, preconditioner=preconditioner)
+        return solve_equilibrium(model, poses, near, preconditioner=preconditioner)
     except NoEquilibrium:
         return None
 

@@ -21,7 +21,7 @@ from lrm_ident.fitting.parameter_sets import Bounds, bounds_of, check_identifiab
 from lrm_math.arrays import Array
 from lrm_math.errors import NoEquilibrium
 from lrm_math.kinematics.forward import chain_geometry
-from lrm_math.model.equilibrium import Equilibrium, equilibrium
+from lrm_math.model.equilibrium import Equilibrium, solve_equilibrium
 from lrm_math.model.model import Model
 
 MIN_T = 3.0  # typical size over standard error of a parameter worth fitting
@@ -100,7 +100,7 @@ def _last_lever(model: Model) -> float:
 
 
 def select_identifiable(
-    rest: Equilibrium, keys: Sequence[str], noise: float, whitening: Whitening = PLAIN
+    equilibrium: Equilibrium, keys: Sequence[str], noise: float, whitening: Whitening = PLAIN
 ) -> IdentifiableSet:
     """Forward selection of parameters by Gram–Schmidt orthogonalisation of their Jacobian columns.
 
@@ -108,29 +108,29 @@ def select_identifiable(
     this noise; else the data hardly improve the prior knowledge (about zero).
 
     Args:
-        rest: equilibrium at the poses, at the parameters to linearise about.
+        equilibrium: equilibrium at the poses, at the parameters to linearise about.
         keys: candidates.
         noise: expected residual of the fit, m per axis.
         whitening: weights of what was, or will be, measured.
     """
-    order = selection_order(rest.model, keys)
-    columns = _columns(rest, order, whitening)
+    order = selection_order(equilibrium.model, keys)
+    columns = _columns(equilibrium, order, whitening)
     kept, dropped = _gram_schmidt(columns, noise)
-    return IdentifiableSet(rest.model, tuple(order), columns, tuple(kept), tuple(dropped), noise)
+    return IdentifiableSet(equilibrium.model, tuple(order), columns, tuple(kept), tuple(dropped), noise)
 
 
 def identifiable_beside(
-    rest: Equilibrium, free: Sequence[str], others: Sequence[str], noise: float, whitening: Whitening = PLAIN
+    equilibrium: Equilibrium, free: Sequence[str], others: Sequence[str], noise: float, whitening: Whitening = PLAIN
 ) -> tuple[str, ...]:
     """Those of `others` that the data can tell beside the parameters `free`, by the rule of `select_identifiable`."""
-    order = [*free, *selection_order(rest.model, others)]
-    columns = _columns(rest, order, whitening)
+    order = [*free, *selection_order(equilibrium.model, others)]
+    columns = _columns(equilibrium, order, whitening)
     kept, _ = _gram_schmidt(columns, noise, len(free))
     return tuple(order[j] for j in kept if j >= len(free))
 
 
 def _with_significant(
-    selected: IdentifiableSet, rest: Equilibrium, others: Sequence[str], data: Measurements
+    selected: IdentifiableSet, equilibrium: Equilibrium, others: Sequence[str], data: Measurements
 ) -> IdentifiableSet:
     """A selection with the `others`, where the estimates of all beside it exceed `MIN_T` standard errors (Wald test).
 
@@ -138,11 +138,16 @@ def _with_significant(
     All must be told, since a curve of which single coefficients stand out is not determined.
     """
     order, whitening = [*selected.kept, *others], data.whitening
-    rows = compress(rest, order, whitening, np.full((1, 1), whitening.unit), whitening(data.residual(rest)))
+    rows = compress(
+        equilibrium, order, whitening, np.full((1, 1), whitening.unit), whitening(data.residual(equilibrium))
+    )
     basis = np.linalg.qr(rows.columns[:, : len(selected.kept)])[0]
     for key, column in zip(others, rows.columns.T[len(selected.kept) :], strict=True):
         left = column - basis @ (basis.T @ column)
-        size, value = float(np.linalg.norm(left)), rest.model.value(key) / rest.model.parameter(key).typical
+        size, value = (
+            float(np.linalg.norm(left)),
+            equilibrium.model.value(key) / equilibrium.model.parameter(key).typical,
+        )
         if float(column @ column) >= MAX_VARIANCE_INFLATION * size**2:
             return selected
         if abs(value * size + left @ rows.residual / size) <= MIN_T * selected.noise:
@@ -171,20 +176,20 @@ def _gram_schmidt(columns: Array, noise: float, given: int = 0) -> tuple[list[in
     return kept, dropped
 
 
-def expected_noise(rest: Equilibrium, keys: Sequence[str], data: Measurements) -> float:
-    """Residual standard deviation per axis (m) of a fit of `keys`, by one linear least-squares step from `rest`."""
+def expected_noise(equilibrium: Equilibrium, keys: Sequence[str], data: Measurements) -> float:
+    """Residual standard deviation per axis (m) of a fit of `keys`, by one linear least-squares step."""
     whitening = data.whitening
-    residual = whitening(data.residual(rest))
-    rows = compress(rest, keys, whitening, np.full((1, 1), whitening.unit), residual)
+    residual = whitening(data.residual(equilibrium))
+    rows = compress(equilibrium, keys, whitening, np.full((1, 1), whitening.unit), residual)
     step, _, rank, _ = np.linalg.lstsq(rows.columns, rows.residual, rcond=ROUND_OFF)
     left = rows.residual - rows.columns @ step
     return float(np.sqrt(left @ left / max(data.measured_rows - int(rank), 1)))
 
 
-def _columns(rest: Equilibrium, order: Sequence[str], whitening: Whitening) -> Array:
+def _columns(equilibrium: Equilibrium, order: Sequence[str], whitening: Whitening) -> Array:
     """Compressed columns of parameters, relative to a noise of the whitening's unit (m)."""
-    nothing = np.zeros((len(rest.poses), whitening.rows(rest.model.arm.dof)))
-    return compress(rest, order, whitening, np.full((1, 1), whitening.unit), nothing).columns
+    nothing = np.zeros((len(equilibrium.poses), whitening.rows(equilibrium.model.arm.dof)))
+    return compress(equilibrium, order, whitening, np.full((1, 1), whitening.unit), nothing).columns
 
 
 @dataclass(frozen=True, eq=False)
@@ -209,9 +214,9 @@ def lost_to_outliers(found: Fit, held: Sequence[UnidentifiableParameter], data: 
     rows = np.setdiff1d(np.arange(len(data)), found.outliers)
     if not held or not 0 < len(found.outliers) < FEW * len(data):
         return ()
-    part, rest, keys = data.take(rows), found.rest.take(rows), [parameter.key for parameter in held]
-    noise = expected_noise(rest, [*found.model.free, *keys], part)
-    return identifiable_beside(rest, found.model.free, keys, noise, part.whitening)
+    part, equilibrium, keys = data.take(rows), found.equilibrium.take(rows), [parameter.key for parameter in held]
+    noise = expected_noise(equilibrium, [*found.model.free, *keys], part)
+    return identifiable_beside(equilibrium, found.model.free, keys, noise, part.whitening)
 
 
 def fit_identifiable(
@@ -236,29 +241,29 @@ def fit_identifiable(
     limits = signed or bounds_of(model, keys)
     if len(data) > MOST_AT_ONCE:
         coarse = fit_identifiable(model, data.take(some_rows(len(data))), keys, loss, signed).fit
-        rest, noise = equilibrium(coarse.model, data.poses), coarse.sigma
+        equilibrium, noise = solve_equilibrium(coarse.model, data.poses), coarse.sigma
     else:
-        rest = equilibrium(model, data.poses)
-        noise = expected_noise(rest, keys, data)
+        equilibrium = solve_equilibrium(model, data.poses)
+        noise = expected_noise(equilibrium, keys, data)
     seen: list[tuple[str, ...]] = []
     for _ in range(MAX_ITERATIONS):
-        selected = select_identifiable(rest, keys, noise, data.whitening)
+        selected = select_identifiable(equilibrium, keys, noise, data.whitening)
         if seen and selected.kept == seen[-1]:
             break
         if required and not {*required} & {*selected.kept}:
-            selected = _with_significant(selected, rest, required, data)
+            selected = _with_significant(selected, equilibrium, required, data)
         check_identifiable(required, selected.kept)
         check_told(model, data.poses, len(selected.kept), len(keys))
         chosen = [keys.index(key) for key in selected.kept]
         within = Bounds(limits.lower[chosen], limits.upper[chosen])
         try:
-            result = _fit_from_part(_holding(rest.model, keys, selected.kept), data, within, loss, rest)
+            result = _fit_from_part(_holding(equilibrium.model, keys, selected.kept), data, within, loss, equilibrium)
         except NoEquilibrium:  # what is held now balanced what is not: begin anew
             result = _fit_from_part(_holding(model, keys, selected.kept), data, within, loss)
         if selected.kept in seen:
             break
         seen.append(selected.kept)
-        rest, noise = result.rest, result.sigma
+        equilibrium, noise = result.equilibrium, result.sigma
     return IdentifiedFit(result, data, selected)
 
 

@@ -27,7 +27,7 @@ from lrm_ident.fitting.priors import WEAK, Prior, weak_prior, with_range_priors
 from lrm_math.arrays import Array
 from lrm_math.errors import LrmError
 from lrm_math.model.deployed_model import field_of
-from lrm_math.model.equilibrium import Equilibrium, equilibrium, measured_range
+from lrm_math.model.equilibrium import Equilibrium, measured_range, solve_equilibrium
 from lrm_math.model.model import Model
 
 MAX_STEPS = 60
@@ -41,7 +41,7 @@ class Fit(ShownInNotebook):
     """A fitted model.
 
     Attributes:
-        rest: the model's equilibrium at the data's poses.
+        equilibrium: the model's equilibrium at the data's poses.
         residual: (N, 3), measured − predicted TCP (m), along the distance where only that was measured.
         covariance: (P, P) of the free parameters (SI); zero rows for those at a bound. With a prior: of the posterior.
         effective_parameters: those not at a bound, less the part that a prior determines.
@@ -55,7 +55,7 @@ class Fit(ShownInNotebook):
     """
 
     model: Model
-    rest: Equilibrium
+    equilibrium: Equilibrium
     residual: Array
     covariance: Array
     effective_parameters: float
@@ -75,8 +75,8 @@ class Fit(ShownInNotebook):
     def take(self, rows: NDArray[np.int64]) -> Fit:
         """This fit, seen at some of its poses."""
         outliers = tuple(np.flatnonzero(np.isin(rows, self.outliers)).tolist())
-        rest, residual, weight = self.rest.take(rows), self.residual[rows], self.weight[rows]
-        return replace(self, rest=rest, residual=residual, weight=weight, outliers=outliers)
+        equilibrium, residual, weight = self.equilibrium.take(rows), self.residual[rows], self.weight[rows]
+        return replace(self, equilibrium=equilibrium, residual=residual, weight=weight, outliers=outliers)
 
     @property
     def weak_prior(self) -> Prior | None:
@@ -120,7 +120,7 @@ def fit(
     check_enough(len(data), len(model.free), prior)
     if field_of(model) is not None:
         raise LrmError("a residual field is fitted last, on what the causes leave; take it out first (undo)")
-    start = equilibrium(model, data.poses, near)
+    start = solve_equilibrium(model, data.poses, near)
     model = replace(model, within=measured_range(start), fitted_to=data.sha256)
     limits = bounds or bounds_of(model, model.free)
     smooth = Smoothness.of(model, prior)
@@ -136,7 +136,7 @@ def fit(
             raise
         weak = plain.with_smoothness(Smoothness.of(model, weak_prior(model)))
         found = _fit_at(weak.solve(MAX_STEPS_WITH_PRIOR), damped=True)
-    check_arm(found.rest, model.free)
+    check_arm(found.equilibrium, model.free)
     return found
 
 
@@ -156,7 +156,11 @@ def check_enough(poses: int, parameters: int, prior: Prior | None = None) -> Non
 def _fit_at(optimum: Optimum, damped: bool) -> Fit:
     """The fit that an optimum makes."""
     objective, iterate, free = optimum.objective, optimum.iterate, optimum.free
-    data, distance, model = objective.data, iterate.distance, objective.model.with_values(iterate.rest.model.values)
+    data, distance, model = (
+        objective.data,
+        iterate.distance,
+        objective.model.with_values(iterate.equilibrium.model.values),
+    )
     covariance, parameters, sigma = np.zeros((len(free), len(free))), 0.0, objective.residual_sd(iterate)
     if free.any():
         noise = NoiseScale(objective.noise_scale(iterate).scale, optimum.noise.sigma)
@@ -169,8 +173,8 @@ def _fit_at(optimum: Optimum, damped: bool) -> Fit:
         covariance[np.ix_(free, free)] = noise.sigma**2 * inverse
     return Fit(
         model=model,
-        rest=replace(iterate.rest, model=model),
-        residual=data.position_error(iterate.rest),
+        equilibrium=replace(iterate.equilibrium, model=model),
+        residual=data.position_error(iterate.equilibrium),
         covariance=covariance * np.outer(objective.typical, objective.typical),
         effective_parameters=parameters,
         sigma=sigma * data.whitening.unit,

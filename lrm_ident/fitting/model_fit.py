@@ -51,7 +51,7 @@ def fit_model(
     Raises `LrmError`: unknown parameters, too few poses, no convergence, or nothing that these poses can tell.
     """
     result = _fit_named(with_anchor(model, data), data, parameters, loss, unbounded, prior)
-    weighed = with_model_error(data, result.fit.rest, len(result.fit.model.free))
+    weighed = with_model_error(data, result.fit.equilibrium, len(result.fit.model.free))
     if weighed.model_sd > SETTLED * data.model_sd:
         return fit_model(model, weighed, parameters, loss, unbounded, prior)
     if not result.fit.model.free:

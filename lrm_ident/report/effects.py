@@ -62,7 +62,7 @@ def _parameter(parameter: Parameter) -> str:
 
 def field_blocks(found: ModelComparison, field: ResidualField) -> Iterator[Block]:
     """Errors of a model where its residual field speaks and where not; the angles that it was learned at, per joint."""
-    model, title = found.rest.model, f"Where {marked(field.name)} speaks"
+    model, title = found.equilibrium.model, f"Where {marked(field.name)} speaks"
     if found.speaks is None:
         yield f"{title}: not known, since the model file has no covariance"
     else:

@@ -72,7 +72,7 @@ def fit_document(
         parameter_table(fit),
         *section(
             "Held at zero, because these poses cannot tell them:",
-            (f"{p.key}: {_why(fit.rest, p)}" for p in held),
+            (f"{p.key}: {_why(fit.equilibrium, p)}" for p in held),
         ),
         *section(f"Correlated above {STRONG}:", _correlated(fit)),
     ]
@@ -114,9 +114,9 @@ def _held(model: Model, held: UnidentifiableParameter) -> dict[str, object]:
 def comparison_document(found: ModelComparison) -> Document:
     """Result of `lrm-ident compare`, schema `lrm/comparison/1`."""
     data = found.data
-    free = len(found.rest.model.free)
+    free = len(found.equilibrium.model.free)
     errors = ErrorSummary(found.nominal, found.error, found.held_out, found.predictable)
-    field = field_of(found.rest.model)
+    field = field_of(found.equilibrium.model)
     blocks = [
         *error_blocks(errors, f"{len(data)} poses, {free} parameters"),
         *(() if field is None else field_blocks(found, field)),
@@ -152,13 +152,13 @@ def comparison_document(found: ModelComparison) -> Document:
 
 def _rows_outside(found: ModelComparison) -> list[int]:
     """Rows of poses outside the range that the model was fitted on."""
-    within = found.rest.model.within
+    within = found.equilibrium.model.within
     return [] if within is None else np.flatnonzero(within.outside(found.data.poses.q).any(axis=1)).tolist()
 
 
 def _outside(found: ModelComparison) -> str:
     """Number of poses outside that range, and the error there and within; empty if none does."""
-    within, rows = found.rest.model.within, _rows_outside(found)
+    within, rows = found.equilibrium.model.within, _rows_outside(found)
     if within is None or not rows:
         return ""
     there, rest = error_stats(found.residual[rows]), np.delete(found.residual, rows, axis=0)
@@ -237,10 +237,10 @@ def stats_in_mm(error: ErrorStats) -> tuple[float, float, float, float]:
     return error.mean * 1e3, error.rms * 1e3, error.max * 1e3, error.sd * 1e3
 
 
-def _why(rest: Equilibrium, held: UnidentifiableParameter) -> str:
-    model = rest.model
+def _why(equilibrium: Equilibrium, held: UnidentifiableParameter) -> str:
+    model = equilibrium.model
     if held.survival == 0.0 and not held.combination:
-        massless = rest.weightless and held.key.startswith("compliance.")
+        massless = equilibrium.weightless and held.key.startswith("compliance.")
         return "does not move the TCP" + (": the arm's file gives no masses" if massless else " at any of these poses")
     if not held.combination or held.survival > 0.2:
         _, scale, unit = screen_unit(model, held.key)

@@ -24,7 +24,7 @@ from lrm_ident.study.model_history import models_of_history
 from lrm_ident.study.other_data import at_data
 from lrm_ident.study.study import Study
 from lrm_math.effects import marked
-from lrm_math.model.equilibrium import equilibrium
+from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import Model
 from lrm_math.model.model_file import HistoryTable, ModelFile, to_model
 
@@ -168,7 +168,7 @@ def quick_report(study: Study) -> ModelReport:
     file, model, data = study.file, study.model, study.data
     models = models_of_steps(study)
     arrows = error_field(data, models_on_data(study))
-    known = covariates(data, equilibrium(model, data.poses).joint_torque)
+    known = covariates(data, solve_equilibrium(model, data.poses).joint_torque)
     drawn = tuple(one.take(arrows.rows) for one in known)
     errors = {key: sd * models[-1][1].parameter(key).si for key, sd in file.sigma.items()}
     return ModelReport(
@@ -201,7 +201,7 @@ def with_diagnosis(found: ModelReport, report: DiagnosisReport) -> ModelReport:
     fitted, data = diagnosis.screened_subset
     row_of = {number: row for row, number in enumerate(data.pose.tolist())}
     rows = np.array([row_of.get(number, -1) for number in found.poses.pose.tolist()])
-    known = covariates(data, fitted.rest.joint_torque)
+    known = covariates(data, fitted.equilibrium.joint_torque)
     views = tuple(candidate_view(one, diagnosis, known, rows) for one in report.ranking[:CANDIDATES])
     numbers = diagnosis.data.pose
     regimes = {f"regime {one.where}": tuple(report.left.pose[one.rows].tolist()) for one in report.left.regimes}

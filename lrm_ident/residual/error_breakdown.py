@@ -26,7 +26,7 @@ from lrm_ident.residual.predictability import PredictableError, predictable_erro
 from lrm_math.arrays import Array
 from lrm_math.errors import LrmError
 from lrm_math.model.derivatives import joint_jacobian
-from lrm_math.model.equilibrium import Equilibrium, equilibrium
+from lrm_math.model.equilibrium import Equilibrium, solve_equilibrium
 from lrm_math.model.model import Model, model_of
 
 MAX_LEVELS, BINS, ORDER_PARTS, WORST = 8, 6, 10, 10
@@ -101,7 +101,7 @@ class ModelComparison(ShownInNotebook):
     """
 
     data: Measurements
-    rest: Equilibrium
+    equilibrium: Equilibrium
     residual: Array
     nominal: ErrorStats
     error: ErrorStats
@@ -113,7 +113,7 @@ class ModelComparison(ShownInNotebook):
 
     def __repr__(self) -> str:
         held_out = f", {in_mm(self.held_out.error.rms)} mm held out" if self.held_out.error else ""
-        arm = self.rest.model.arm.name
+        arm = self.equilibrium.model.arm.name
         return f"<Comparison of {arm} with {len(self.data)} poses: {in_mm(self.error.rms)} mm RMS{held_out}>"
 
 
@@ -139,19 +139,19 @@ def compare_unseen(model: Model, data: Measurements, progress: OnProgress = sile
 
 
 def _compared(model: Model, data: Measurements, held_out: HeldOutResidual) -> ModelComparison:
-    rest = equilibrium(model, data.poses)
-    residual = data.position_error(rest)
-    nominal = equilibrium(with_anchor(model_of(model.arm, ()), data), data.poses)
+    equilibrium = solve_equilibrium(model, data.poses)
+    residual = data.position_error(equilibrium)
+    nominal = solve_equilibrium(with_anchor(model_of(model.arm, ()), data), data.poses)
     distance = np.linalg.norm(residual, axis=1)
     return ModelComparison(
         data=data,
-        rest=rest,
+        equilibrium=equilibrium,
         residual=residual,
         nominal=data.errors(nominal),
-        error=data.errors(rest),
+        error=data.errors(equilibrium),
         held_out=held_out,
         predictable=predictable_error(data, held_out.blocks) if held_out.blocks else None,
-        factors=tuple(sorted(_factors(rest, data, residual), key=lambda factor: -factor.share)),
+        factors=tuple(sorted(_factors(equilibrium, data, residual), key=lambda factor: -factor.share)),
         worst=tuple(np.argsort(-distance)[:WORST].tolist()),
     )
 
@@ -172,10 +172,10 @@ def try_held_out(
     return HeldOutResidual(held_out_rows(blocks), blocks=blocks)
 
 
-def _factors(rest: Equilibrium, data: Measurements, residual: Array) -> Iterator[Factor]:
-    J = joint_jacobian(rest)
-    torque = rest.joint_torque
-    for i in range(rest.model.arm.dof):
+def _factors(equilibrium: Equilibrium, data: Measurements, residual: Array) -> Iterator[Factor]:
+    J = joint_jacobian(equilibrium)
+    torque = equilibrium.joint_torque
+    for i in range(equilibrium.model.arm.dof):
         column = J[:, :, i]
         by_angle, by_torque = _by_value(np.degrees(data.poses.q[:, i]), "°"), _by_quantile(torque[:, i], " N·m")
         yield _factor("angle", f"angle of joint {i + 1}", *by_angle, residual, column)
@@ -183,7 +183,7 @@ def _factors(rest: Equilibrium, data: Measurements, residual: Array) -> Iterator
     if np.ptp(data.poses.payload) > 0:
         yield _factor("load", "load", *_by_value(data.poses.payload * 1e3, " g"), residual)
     yield _factor("order", "order of measurement", *_by_order(data), residual)
-    yield _factor("region", "region of the workspace", *_by_octant(data.places(rest)), residual)
+    yield _factor("region", "region of the workspace", *_by_octant(data.places(equilibrium)), residual)
 
 
 def _factor(

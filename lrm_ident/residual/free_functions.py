@@ -83,7 +83,7 @@ class FreeFunction:
 
 
 def free_functions(
-    joint_jacobian: Array, data: Measurements, rest: Equilibrium, torque_before: Array
+    joint_jacobian: Array, data: Measurements, equilibrium: Equilibrium, torque_before: Array
 ) -> list[FreeFunction]:
     """Free functions of every covariate at every joint, then products of every pair of covariates.
 
@@ -93,12 +93,12 @@ def free_functions(
     `PRODUCT_DEGREE` at most.
 
     Args:
-        joint_jacobian: (n, 3, N), motion of the TCP for a unit rotation of each joint (m/rad). rest: the equilibrium.
+        joint_jacobian: (n, 3, N), motion of the TCP for a unit rotation of each joint (m/rad).
         torque_before: (N, `MEMORY`, n), scaled, at the poses measured before (`lagged`).
     """
-    known = [one for one in covariates(data, rest.joint_torque) if len(levels(scaled(one.values), 3)[0]) > 1]
+    known = [one for one in covariates(data, equilibrium.joint_torque) if len(levels(scaled(one.values), 3)[0]) > 1]
     shared = [one for one in known if one.kind in ("angle", "order")]
-    univariate = _radial(joint_jacobian, rest) + _common_modes(joint_jacobian, data, rest)
+    univariate = _radial(joint_jacobian, equilibrium) + _common_modes(joint_jacobian, data, equilibrium)
     bivariate, products = [], cache(_products)  # alike at every joint
     for joint, motion in enumerate(joint_jacobian):
         own = [one for one in known if one.kind == "torque" and one.joint == joint]
@@ -123,11 +123,11 @@ def _products(a: Covariate, b: Covariate) -> Array | None:
     return np.stack(found, axis=1) if found else None
 
 
-def _radial(joint_jacobian: Array, rest: Equilibrium) -> list[FreeFunction]:
+def _radial(joint_jacobian: Array, equilibrium: Equilibrium) -> list[FreeFunction]:
     """Radial motions of every joint's bearing: towards the weight F across its axis, Σ c F / √(|F|² + s²), per axis."""
-    chain, count, found = rest.model.chain, len(rest.poses), []
-    axes = frames(chain, rest.slots, count)[:, :, :3, :2]
-    mass = np.array([np.broadcast_to(weight.mass, count) for weight in rest.weights]).reshape(-1, count)
+    chain, count, found = equilibrium.model.chain, len(equilibrium.poses), []
+    axes = frames(chain, equilibrium.slots, count)[:, :, :3, :2]
+    mass = np.array([np.broadcast_to(weight.mass, count) for weight in equilibrium.weights]).reshape(-1, count)
     for joint in range(chain.dof):
         carried = mass[chain.counted[chain.index[f"joint{joint + 1}.d"]] :].sum(axis=0)
         force = carried[:, None] * np.einsum("c,nck->nk", chain.gravity, axes[:, joint])
@@ -148,14 +148,14 @@ def _radial(joint_jacobian: Array, rest: Equilibrium) -> list[FreeFunction]:
     return found
 
 
-def _common_modes(joint_jacobian: Array, data: Measurements, rest: Equilibrium) -> list[FreeFunction]:
+def _common_modes(joint_jacobian: Array, data: Measurements, equilibrium: Equilibrium) -> list[FreeFunction]:
     """A gain of all joints, a yielding of all joints, and a scale of all lengths, as functions of what all share."""
-    torque = rest.joint_torque
+    torque = equilibrium.joint_torque
     drivers = [one for one in covariates(data, torque[:, :0]) if one.kind in COMMON_DRIVERS]
     if np.ptp(total := np.abs(torque).sum(axis=1)) > CONSTANT:
         drivers.append(Covariate("total torque", total))
     stretch = np.zeros_like(joint_jacobian[0])
-    stretch[:3] = rest.tcp.T
+    stretch[:3] = equilibrium.tcp.T
     motions = {
         "the gain of all joints": np.einsum("jrn,nj->rn", joint_jacobian, data.poses.q),
         "the yielding of all joints": np.einsum("jrn,nj->rn", joint_jacobian, torque),

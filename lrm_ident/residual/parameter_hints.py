@@ -22,7 +22,7 @@ OF_THE_ANGLE = ("servo_gain", "eccentricity", "angle_curve", "cable_spring")
 
 def parameter_hints(fitted: Fit) -> tuple[str, ...]:
     """One question for each pattern in the estimates: a scale of all lengths, a turned frame, joints at few levels."""
-    columns = parameter_jacobian(fitted.rest, fitted.model.free).reshape(-1, len(fitted.model.free))
+    columns = parameter_jacobian(fitted.equilibrium, fitted.model.free).reshape(-1, len(fitted.model.free))
     return (*_scale(fitted, columns), *_turned_frame(fitted, columns), *_few_levels(fitted))
 
 
@@ -30,7 +30,7 @@ def _scale(fitted: Fit, columns: Array) -> Iterator[str]:
     """Whether the fitted lengths together stretch the arm as a tracker of another unit would."""
     lengths = [key.startswith("offsets.") and key.endswith("_mm") and ".base." not in key for key in fitted.model.free]
     others = columns[:, np.logical_not(lengths)]
-    moved, stretch = _beside(others, _motion(fitted, columns, lengths), fitted.rest.true_tcp.reshape(-1, 1))
+    moved, stretch = _beside(others, _motion(fitted, columns, lengths), fitted.equilibrium.true_tcp.reshape(-1, 1))
     share, likeness, error = _along(moved, stretch[:, 0], fitted.sigma)
     if sum(lengths) > 2 and likeness > LIKENESS and abs(share) > SURELY * error:
         longer = "longer" if share > 0 else "shorter"
@@ -46,7 +46,7 @@ def _turned_frame(fitted: Fit, columns: Array) -> Iterator[str]:
     units = {key.rsplit("_", 1)[1] for key, chosen in zip(fitted.model.free, base, strict=True) if chosen}
     if not {"rad", "mm"} <= units:
         return
-    moved, tcp = _motion(fitted, columns, base), fitted.rest.true_tcp
+    moved, tcp = _motion(fitted, columns, base), fitted.equilibrium.true_tcp
     turns = np.stack([np.cross(axis, tcp).reshape(-1) for axis in np.eye(3)], axis=1)
     angles = np.linalg.lstsq(turns, moved, rcond=None)[0]
     angle = float(np.linalg.norm(angles))
@@ -57,7 +57,7 @@ def _turned_frame(fitted: Fit, columns: Array) -> Iterator[str]:
 
 def _few_levels(fitted: Fit) -> Iterator[str]:
     """Joints whose errors over their own angle rest on few angles."""
-    excitation = Excitation(fitted.rest.poses, fitted.rest.joint_torque)
+    excitation = Excitation(fitted.equilibrium.poses, fitted.equilibrium.joint_torque)
     free = {split_key(key)[:2] for key in fitted.model.free}
     for joint, name in enumerate(fitted.model.arm.joint_names):
         levels = excitation.levels(joint)

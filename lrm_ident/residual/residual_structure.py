@@ -51,18 +51,18 @@ class NoiseFloor:
         return float(fdtrc(lack, pure, max(0.0, (degrees_of_freedom * ratio - pure) / lack))) if lack > 0 else 1.0
 
 
-def noise_floor(data: Measurements, rest: Equilibrium) -> NoiseFloor:
+def noise_floor(data: Measurements, equilibrium: Equilibrium) -> NoiseFloor:
     """Noise of the measurements: pooled standard deviation of what a model leaves at repeated poses (pure error, Draper
     and Smith 1998, section 2.1), else from the file, else unknown.
 
     A pose that is repeated from the other side, or under another load, does not repeat what friction and springs add:
-    what the model at `rest` knows of that is no noise. Where all repeat others to the last digit they were copied, and
-    say nothing of it.
+    what the model knows of that is no noise. Where all repeat others to the last digit they were copied, and say nothing
+    of it.
     """
     alone = data.distance is not None and not len(data.positions)
     measured = data.distance[:, None] if alone and data.distance is not None else data.tcp
     axes = measured.shape[1]
-    left = data.residual(rest)
+    left = data.residual(equilibrium)
     left = left[:, -1:] if alone else left[:, :axes]
     rows = np.flatnonzero(~np.isnan(measured[:, 0]))
     numbers, count = np.unique(data.repeat_of[rows], return_counts=True)

@@ -37,7 +37,7 @@ from lrm_ident.study.step import StudyStep
 from lrm_ident.study.study import MAX_EFFECTS, Study
 from lrm_math.arrays import Array
 from lrm_math.kinematics.poses import Poses
-from lrm_math.model.equilibrium import equilibrium
+from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import Model
 from lrm_math.model.model_file import load_model
 from lrm_math.model.reading import AS_NAMED, Reading
@@ -123,12 +123,12 @@ def predict(model: Model, poses: Poses) -> Array:
     At poses of a file other than that of the fit, effects of a session are left out, and a warning names them; they
     follow the numbers and times of poses that are of no file.
     """
-    return equilibrium(model if poses.sha256 is None else _here(model, None, poses.sha256), poses).tcp
+    return solve_equilibrium(model if poses.sha256 is None else _here(model, None, poses.sha256), poses).tcp
 
 
 def save(fit: Fit, data: Measurements, path: str | Path) -> None:
     """Writes a model file of one step, which the command line and the daemon read. Raises `FileError`."""
-    numbers = fit.rest.poses.number
+    numbers = fit.equilibrium.poses.number
     outliers = [] if numbers is None else np.setdiff1d(data.pose, numbers).tolist()
     replace(_study(fit, data.without(outliers), None), step=StudyStep("fit", fit)).save(path)
 

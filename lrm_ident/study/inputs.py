@@ -18,7 +18,7 @@ from lrm_ident.study.other_data import at_data
 from lrm_ident.study.study import Study
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_file import shipped_arms
-from lrm_math.model.equilibrium import equilibrium
+from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import Model
 from lrm_math.model.model_file import FIT_AGAIN, ModelFile, arm_mismatch, arm_of, to_model
 from lrm_math.model.reading import AS_NAMED, Reading
@@ -64,7 +64,7 @@ def read_study(
             notices += (f"as in the model's fit: {how}",)
     here, left_out = at_data(loaded, measured.path, measured.sha256)
     anchored = with_anchor(here, measured)
-    weighed = with_model_error(measured, equilibrium(anchored, measured.poses), len(anchored.free))
+    weighed = with_model_error(measured, solve_equilibrium(anchored, measured.poses), len(anchored.free))
     return Study(
         anchored,
         weighed,

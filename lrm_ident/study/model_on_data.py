@@ -24,7 +24,7 @@ from lrm_ident.study.step import StudyStep
 from lrm_math.effects import CATALOGUE
 from lrm_math.errors import LrmError
 from lrm_math.model.covariance import Covariance
-from lrm_math.model.equilibrium import equilibrium
+from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import Model, model_of
 from lrm_math.model.model_file import ModelFile, covariance_of, to_model
 from lrm_math.model.uncertainty import field_speaks
@@ -136,7 +136,7 @@ class ModelOnData:
     @cached_property
     def errors(self) -> ErrorSummary:
         """Errors of the nominal arm, of the last fit, and held out."""
-        fitted = self._error_of(self.model) if self.step is None else self.data.errors(self.step.fit.rest)
+        fitted = self._error_of(self.model) if self.step is None else self.data.errors(self.step.fit.equilibrium)
         return ErrorSummary(self.nominal_error, fitted, self.held_out)
 
     @cached_property
@@ -161,4 +161,4 @@ class ModelOnData:
 
     def _error_of(self, model: Model) -> ErrorStats:
         """TCP error of a model as it is."""
-        return self.data.errors(equilibrium(model, self.data.poses))
+        return self.data.errors(solve_equilibrium(model, self.data.poses))

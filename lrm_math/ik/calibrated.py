@@ -23,7 +23,7 @@ from lrm_math.ik.methods import DEFAULT
 from lrm_math.kinematics.poses import poses_of
 from lrm_math.model.covariance import Covariance
 from lrm_math.model.deployed_model import clock_of, deployed_part
-from lrm_math.model.equilibrium import equilibrium
+from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import Model
 from lrm_math.model.sensed import tool_rotation
 from lrm_math.model.uncertainty import PositionUncertainty, position_uncertainty
@@ -155,7 +155,7 @@ class CalibratedSolver:
         command, here = self._angles("q", q), self._angles("near", near)
         angles = np.array([command])
         side = None if here is None else np.sign(angles - here)
-        settled = equilibrium(self.arm.model, poses_of(angles, _checked_load(payload), side))
+        settled = solve_equilibrium(self.arm.model, poses_of(angles, _checked_load(payload), side))
         rotation = rotation_rows(tool_rotation(settled)[0])
         x, y, z = settled.true_tcp[0].tolist()
         uncertainty = position_uncertainty(settled, self.covariance, self.joint_sd)
@@ -184,7 +184,7 @@ class CalibratedSolver:
         if self.covariance is None and self.joint_sd is None:
             return None
         poses = poses_of(branch.q, query.payload, np.array([branch.direction], dtype=np.float64))
-        settled = equilibrium(self.arm.model, poses, self.arm.chain_amounts(np.array([branch.slots])))
+        settled = solve_equilibrium(self.arm.model, poses, self.arm.chain_amounts(np.array([branch.slots])))
         return position_uncertainty(settled, self.covariance, self.joint_sd)
 
     def _rounded(self, query: IkQuery, branch: Branch, rounding: Rounding) -> RoundedCommand | None:

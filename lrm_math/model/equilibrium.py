@@ -82,7 +82,7 @@ class Equilibrium:
         return np.asarray(self.loads_on([self.model.chain.index["base.beta"]])[:, 0])
 
 
-def equilibrium(
+def solve_equilibrium(
     model: Model,
     poses: Poses,
     start: Equilibrium | Sequence[Number] | None = None,
@@ -185,7 +185,7 @@ def batch_equilibrium(
         try:
             some = poses.take(rows)
             begin = None if start is None else [amounts_at(a, rows) for a in start]
-            return equilibrium(model, some, begin, tolerance), rows
+            return solve_equilibrium(model, some, begin, tolerance), rows
         except NoEquilibrium as error:
             names = some.names(np.arange(len(rows)))
             rows = rows[~np.isin(names, error.poses)]

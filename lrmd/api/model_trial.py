@@ -20,7 +20,7 @@ from lrm_math.arm.arm import Arm
 from lrm_math.arrays import Array
 from lrm_math.errors import FileError, LrmError, NoEquilibrium
 from lrm_math.kinematics.poses import poses_of
-from lrm_math.model.equilibrium import equilibrium
+from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import Model
 from lrmd.config import Config
 from lrmd.errors import RequestError
@@ -129,7 +129,7 @@ def check_comes_to_rest(arm: Arm, model: Model) -> None:
     lower, upper = (np.array([getattr(joint, side) for joint in arm.joints]) for side in ("lower", "upper"))
     q = lower + (upper - lower) * np.random.default_rng(0).random((SAMPLES, arm.dof))
     try:
-        at_rest = equilibrium(model, poses_of(q))
+        at_rest = solve_equilibrium(model, poses_of(q))
     except NoEquilibrium as error:
         why = str(error).partition(": ")[2]
         raise LrmError(f"no model of this arm: commanded to {_pose(q[error.poses[0] - 1])} deg, {why}") from None

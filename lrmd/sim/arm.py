@@ -16,7 +16,7 @@ from lrm_math.errors import LrmError, UnknownName
 from lrm_math.kinematics.poses import Poses
 from lrm_math.kinematics.statics import joint_torques
 from lrm_math.model.deployed_model import clock_of
-from lrm_math.model.equilibrium import Equilibrium, equilibrium
+from lrm_math.model.equilibrium import Equilibrium, solve_equilibrium
 from lrm_math.model.model import Model
 from lrmd.sim.pca9685_chip import Pca9685Chip
 from lrmd.sim.servo import LARGE_SERVO, SMALL_SERVO, SimulatedServo
@@ -130,7 +130,7 @@ class SimulatedArm:
             t=seconds,
             session=np.arange(1.0, n + 1.0),
         )
-        return equilibrium(self.truth, poses)
+        return solve_equilibrium(self.truth, poses)
 
     def _step(self, dt: float) -> None:
         furthest = max(abs(servo.move(dt)) for servo in self.servos)

@@ -20,7 +20,7 @@ from lrm_math.ik.goal import IkQuery, pose
 from lrm_math.ik.methods import Direct
 from lrm_math.kinematics.forward import frames
 from lrm_math.kinematics.poses import poses_of
-from lrm_math.model.equilibrium import equilibrium
+from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import Model
 from tests.ik.test_residual_field import LOWER, UPPER, commands, with_field
 from validation.calibrated_ik import distinct
@@ -33,7 +33,7 @@ STARTS, STEPS, JUMP = 60, 40, 0.1
 
 
 def tools(model: Model, q: Array) -> Array:
-    return frames(model.chain, equilibrium(model, poses_of(q), tolerance=1e-12).slots, len(q))[:, -1]
+    return frames(model.chain, solve_equilibrium(model, poses_of(q), tolerance=1e-12).slots, len(q))[:, -1]
 
 
 def twist(to: Array, since: Array) -> Array:

@@ -14,7 +14,7 @@ from lrm_math.ik.goal import CHAR_LENGTH, Goal, IkQuery
 from lrm_math.ik.methods import Direct
 from lrm_math.kinematics.forward import frames
 from lrm_math.kinematics.poses import poses_of
-from lrm_math.model.equilibrium import equilibrium
+from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import model_of
 from tests.ik.test_ik_calibrated import EXACT, MODELS, Array, goal_of, reachable, solver
 from tests.support.random_arms import arms
@@ -29,11 +29,11 @@ def commands_beside_folds(name: str, count: int) -> tuple[Array, Array]:
     arm = solver(name).arm
     moving = arm.errors.moving
     q, tools = reachable(arm.model, count, 31, PAYLOAD)
-    rest = arm.equilibria(PAYLOAD, q)
+    equilibrium = arm.equilibria(PAYLOAD, q)
     columns, h = [], 1e-6
     for v in moving.joints:
-        step = h * (np.arange(rest.slots.shape[1]) == v)
-        up, down = (arm.kernel(PAYLOAD).forward(rest.slots + way * step)[0] for way in (1, -1))
+        step = h * (np.arange(equilibrium.slots.shape[1]) == v)
+        up, down = (arm.kernel(PAYLOAD).forward(equilibrium.slots + way * step)[0] for way in (1, -1))
         spin = ((up - down)[:, :3, :3] / (2 * h)) @ tools[:, :3, :3].transpose(0, 2, 1)
         turn = CHAR_LENGTH * np.stack([spin[:, 2, 1], spin[:, 0, 2], spin[:, 1, 0]], axis=1)
         columns.append(np.concatenate([(up - down)[:, :3, 3] / (2 * h), turn], axis=1))
@@ -73,8 +73,8 @@ def test_branches_are_nearly_complete_and_all_reach_the_goal(name: str) -> None:
     owner = [i for i, found in enumerate(every) if found is not None for _ in found.commands]
     found = [command for some in every if some is not None for command in some.commands]
     commands, use = np.array([c.q for c in found]), np.array([c.margin > 0.0 for c in found])
-    rest = equilibrium(arm.model, poses_of(commands[use], PAYLOAD), tolerance=1e-12)
-    off = frames(arm.model.chain, rest.slots, int(use.sum()))[:, -1] - tools[np.array(owner)[use]]
+    equilibrium = solve_equilibrium(arm.model, poses_of(commands[use], PAYLOAD), tolerance=1e-12)
+    off = frames(arm.model.chain, equilibrium.slots, int(use.sum()))[:, -1] - tools[np.array(owner)[use]]
     assert np.abs(off[:, :3, 3]).max() <= EXACT
     assert np.abs(off[:, :3, :3]).max() <= 1e-8
 

@@ -26,7 +26,7 @@ from lrm_math.kinematics.forward import frames
 from lrm_math.kinematics.poses import Poses, poses_of
 from lrm_math.model.covariance import Covariance
 from lrm_math.model.deployed_model import COMPENSATED
-from lrm_math.model.equilibrium import batch_equilibrium, equilibrium
+from lrm_math.model.equilibrium import batch_equilibrium, solve_equilibrium
 from lrm_math.model.model import Model, model_of
 from lrm_math.model.model_file import load_model
 from tests.conftest import TABLE_B2
@@ -88,10 +88,10 @@ def reachable(model: Model, count: int, seed: int, payload: float) -> tuple[Arra
     """Commands (N, n) all over the limits and the tool frames (N, 4, 4) that they give."""
     rng = np.random.default_rng(seed)
     lower, upper = ([getattr(joint, end) for joint in model.arm.joints] for end in ("lower", "upper"))
-    rest, _ = batch_equilibrium(
+    equilibrium, _ = batch_equilibrium(
         model, poses_of(rng.uniform(lower, upper, (count, model.arm.dof)), payload), tolerance=1e-13
     )
-    return rest.poses.q, frames(model.chain, rest.slots, len(rest.poses))[:, -1]
+    return equilibrium.poses.q, frames(model.chain, equilibrium.slots, len(equilibrium.poses))[:, -1]
 
 
 def goal_of(frame: Array) -> Goal:
@@ -113,8 +113,8 @@ def test_direct_solves_what_the_calibrated_arm_reaches(name: str) -> None:
     owner = [i for i, reply in enumerate(replies) if isinstance(reply, Solved) for _ in reply.branches]
     commands = np.array([branch.q for reply in solved for branch in reply.branches])
     assert in_limits(model.arm, commands)
-    rest = equilibrium(model, poses_of(commands, payload), tolerance=1e-12)
-    reached = frames(model.chain, rest.slots, len(commands))[:, -1]
+    equilibrium = solve_equilibrium(model, poses_of(commands, payload), tolerance=1e-12)
+    reached = frames(model.chain, equilibrium.slots, len(commands))[:, -1]
     assert np.linalg.norm(reached[:, :3, 3] - tools[owner, :3, 3], axis=1).max() <= EXACT
     assert np.abs(reached[:, :3, :3] - tools[owner, :3, :3]).max() <= 1e-8
     assert max(reply.predicted_error for reply in solved) <= EXACT
@@ -235,7 +235,7 @@ def test_near_orders_branches_and_sets_the_side_of_arrival(name: str) -> None:
         side = np.sign(np.array(reply.q) - near)
         assert [i + 1 for i in np.flatnonzero(side != reply.direction)] == list(reply.detours)
         moved = Poses(np.array([reply.q]), np.zeros(1), np.array([reply.direction], dtype=float))
-        assert math.dist(equilibrium(model, moved, tolerance=1e-12).true_tcp[0], tool[:3, 3]) <= EXACT
+        assert math.dist(solve_equilibrium(model, moved, tolerance=1e-12).true_tcp[0], tool[:3, 3]) <= EXACT
         if not reply.detours:
             assert math.dist(solver(name).forward(reply.q, 0.0, near).tcp, tool[:3, 3]) <= EXACT
 
@@ -246,9 +246,9 @@ def test_single_pose_equilibrium_equals_batch(name: str) -> None:
     q, _ = reachable(model, 20, 17, 0.05)
     side = np.random.default_rng(17).choice([-1.0, 0.0, 1.0], q.shape)
     poses = Poses(q, np.full(len(q), 0.05), side)
-    batch = equilibrium(model, poses, tolerance=1e-13)
+    batch = solve_equilibrium(model, poses, tolerance=1e-13)
     for row in range(len(q)):
-        alone = equilibrium(model, poses.take([row]), tolerance=1e-13)
+        alone = solve_equilibrium(model, poses.take([row]), tolerance=1e-13)
         assert all(isinstance(amount, float) for amount in alone.slots)
         np.testing.assert_allclose(alone.tcp[0], batch.tcp[row], atol=1e-12)
         np.testing.assert_allclose(alone.joint_torque[0], batch.joint_torque[row], atol=1e-11)
@@ -316,7 +316,7 @@ def test_uncertainty_matches_monte_carlo() -> None:
     for noise in np.random.default_rng(0).normal(size=(400, 3)):
         values = model.values.copy()
         values[columns] += root @ noise
-        tips.append(equilibrium(model.with_values(values), poses_of(q, 0.05)).true_tcp[0])
+        tips.append(solve_equilibrium(model.with_values(values), poses_of(q, 0.05)).true_tcp[0])
     scatter = np.cov(np.array(tips).T)
     assert uncertainty.sd == pytest.approx(math.sqrt(np.trace(scatter)), rel=0.12)
     np.testing.assert_allclose(uncertainty.covariance, scatter, atol=0.2 * np.trace(scatter))

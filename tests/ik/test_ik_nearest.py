@@ -71,8 +71,8 @@ def goal_of(form: str, position: tuple[float, ...], turn: tuple[float, ...]) -> 
 
 def tools(model: Model, q: Array, payload: float) -> Array:
     """(M, 4, 4), tool frames at those of the commands (N, n) where the arm settles."""
-    rest, rows = batch_equilibrium(model, Poses(q, np.full(len(q), payload)))
-    return frames(model.chain, rest.slots, len(rows))[:, -1]
+    equilibrium, rows = batch_equilibrium(model, Poses(q, np.full(len(q), payload)))
+    return frames(model.chain, equilibrium.slots, len(rows))[:, -1]
 
 
 def error(found: Nearest) -> float:

@@ -35,7 +35,7 @@ from lrm_math.kinematics.pieper import pieper_form
 from lrm_math.kinematics.poses import Poses, poses_of
 from lrm_math.kinematics.screw_axes import screw_axes_of
 from lrm_math.model.deployed_model import COMPENSATED
-from lrm_math.model.equilibrium import equilibrium
+from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.joint_errors import JointErrorModel
 from lrm_math.model.model import Model, model_of
 from tests.support.random_arms import arms, random_arm
@@ -78,12 +78,12 @@ def moving(model: Model, slots: tuple[float | Array, ...], count: int) -> Array:
 def test_kinematics_and_loads_equal_those_of_the_chain(arm: Arm, seed: int, payload: float) -> None:
     model = random_model(arm, FLEXIBLE, seed, 0.03)
     poses = poses_of(np.random.default_rng(seed).uniform(-1.7, 1.7, (3, arm.dof)), payload)
-    rest = equilibrium(model, poses, tolerance=1e-14)
-    slots, kernel = moving(model, rest.slots, 3), flat(model, payload)
+    equilibrium = solve_equilibrium(model, poses, tolerance=1e-14)
+    slots, kernel = moving(model, equilibrium.slots, 3), flat(model, payload)
     tcp, tau = kernel.forward(slots)
-    np.testing.assert_allclose(tcp, frames(model.chain, rest.slots, 3)[:, -1], atol=1e-12)
-    np.testing.assert_allclose(kernel.frames(slots), frames(model.chain, rest.slots, 3), atol=1e-12)
-    np.testing.assert_allclose(tau, rest.loads_on(JointErrorModel(model).moving.slots.tolist()), atol=1e-11)
+    np.testing.assert_allclose(tcp, frames(model.chain, equilibrium.slots, 3)[:, -1], atol=1e-12)
+    np.testing.assert_allclose(kernel.frames(slots), frames(model.chain, equilibrium.slots, 3), atol=1e-12)
+    np.testing.assert_allclose(tau, equilibrium.loads_on(JointErrorModel(model).moving.slots.tolist()), atol=1e-11)
 
 
 def hayati_arm(beta: float) -> Arm:
@@ -150,13 +150,13 @@ def test_a_slot_that_slides_is_as_in_the_chain() -> None:
     effects = (*effects_at(arm, "compliance"), *effects_at(arm, "axial_play@joint3"))
     model = model_of(arm, effects, {"axial_play.joint3.b_mm": 0.004})
     q = np.random.default_rng(0).uniform(-1.0, 1.0, (4, 6))
-    rest = equilibrium(model, poses_of(q, 0.05), tolerance=1e-14)
+    equilibrium = solve_equilibrium(model, poses_of(q, 0.05), tolerance=1e-14)
     kernel = flat(model, 0.05)
     assert (np.array(JointErrorModel(model).moving.axes) >= 3).sum() == 1
-    slots = moving(model, rest.slots, 4)
+    slots = moving(model, equilibrium.slots, 4)
     tcp, tau = kernel.forward(slots)
-    np.testing.assert_allclose(tcp, frames(model.chain, rest.slots, 4)[:, -1], atol=1e-12)
-    np.testing.assert_allclose(tau, rest.loads_on(JointErrorModel(model).moving.slots.tolist()), atol=1e-11)
+    np.testing.assert_allclose(tcp, frames(model.chain, equilibrium.slots, 4)[:, -1], atol=1e-12)
+    np.testing.assert_allclose(tau, equilibrium.loads_on(JointErrorModel(model).moving.slots.tolist()), atol=1e-11)
     v = int(np.flatnonzero(JointErrorModel(model).moving.axes >= 3)[0])
     assert np.abs(tau[:, v]).min() > 0.1
     moved = slots.copy()
@@ -200,10 +200,10 @@ def test_laws_equal_the_effects_of_the_catalogue(name: str, seed: int) -> None:
     assert PackedArm(model).complete
     q, side = rng.uniform(-1.7, 1.7, (5, 6)), rng.integers(-1, 2, (5, 6))
     try:
-        rest = equilibrium(model, Poses(q, np.full(5, payload), side.astype(float)), tolerance=1e-14)
+        equilibrium = solve_equilibrium(model, Poses(q, np.full(5, payload), side.astype(float)), tolerance=1e-14)
     except NoEquilibrium:  # a random arm too soft to hold itself
         reject()
-    expected = moving(model, rest.slots, 5)
+    expected = moving(model, equilibrium.slots, 5)
     slots, _, iterations = flat(model, payload).settle(q, side, expected + 0.01, 1e-14)
     assert (iterations > 0).all()
     np.testing.assert_allclose(slots, expected, atol=1e-12)
@@ -218,8 +218,8 @@ def test_a_law_that_is_held_beyond_its_range_is_held_in_the_kernel(seed: int, ed
     model = replace(model, within=MeasuredRange(((-0.1, 0.1),) * 6, (0.0, 0.0), load))
     assert PackedArm(model).complete
     q = rng.uniform(-1.7, 1.7, (5, 6))
-    rest = equilibrium(model, poses_of(q, 0.2), tolerance=1e-14)
-    expected = moving(model, rest.slots, 5)
+    equilibrium = solve_equilibrium(model, poses_of(q, 0.2), tolerance=1e-14)
+    expected = moving(model, equilibrium.slots, 5)
     slots, _, iterations = flat(model, 0.2).settle(q, np.zeros((5, 6), dtype=int), expected + 0.01, 1e-14)
     assert (iterations > 0).all()
     np.testing.assert_allclose(slots, expected, atol=1e-12)
@@ -232,13 +232,13 @@ def test_equilibria_and_commands_are_those_of_the_model(seed: int, payload: floa
     model = random_model(load_arm("lrm-rover"), (*ON_JOINTS, *FLEXIBLE[2:]), seed, 0.15)
     laws, kernel, rng = JointErrorModel(model), flat(model, payload), np.random.default_rng(seed)
     q, side = rng.uniform(-1.5, 1.5, (6, 6)), rng.choice([-1.0, 0.0, 1.0], (6, 6))
-    rest = equilibrium(model, Poses(q, np.full(6, payload), side), tolerance=1e-13)
+    equilibrium = solve_equilibrium(model, Poses(q, np.full(6, payload), side), tolerance=1e-13)
     start = np.tile(laws.constants, (6, 1))
     start[:, laws.moving.joints] += q
     slots, tcp, iterations = kernel.settle(q, side, start, 1e-13)
     assert (iterations > 0).all()
-    np.testing.assert_allclose(slots, moving(model, rest.slots, 6), atol=1e-11)
-    np.testing.assert_allclose(tcp[:, 9:], rest.true_tcp, atol=1e-11)
+    np.testing.assert_allclose(slots, moving(model, equilibrium.slots, 6), atol=1e-11)
+    np.testing.assert_allclose(tcp[:, 9:], equilibrium.true_tcp, atol=1e-11)
     _, tau = kernel.forward(slots)
     for frame, row, command in zip(tcp, slots, q, strict=True):
         state = kernel.newton(pose(frame[9:], frame[:9].reshape(3, 3).T), row, command.tolist())
@@ -314,5 +314,5 @@ def test_a_settled_command_too_soft_is_not_at_rest() -> None:
     arm = load_arm("lrm-rover")
     model = model_of(arm, effects_at(arm, "compliance"), {"compliance.joint2.k_rad_per_Nm": 3.0})
     context = CalibratedSolver.of(model).arm
-    rest = context.equilibria(0.5, np.array([[0.0, 1.5, 0.0, 0.0, 0.0, 0.0]]))
-    assert len(rest.rows) == 0
+    equilibrium = context.equilibria(0.5, np.array([[0.0, 1.5, 0.0, 0.0, 0.0, 0.0]]))
+    assert len(equilibrium.rows) == 0

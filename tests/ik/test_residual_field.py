@@ -19,7 +19,7 @@ from lrm_math.ik.methods import Cube, Direct
 from lrm_math.kinematics.poses import Poses, poses_of
 from lrm_math.model.covariance import Covariance, drawn_models
 from lrm_math.model.deployed_model import field_of, named_part
-from lrm_math.model.equilibrium import equilibrium
+from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import Model, model_of
 from validation.calibrated_ik import DISTINCT, distinct
 from validation.residual_field.nameless_arm import measured
@@ -64,9 +64,9 @@ def test_the_kernel_settles_where_python_does(names: tuple[str, ...]) -> None:
     assert solver.arm.complete
     side = np.random.default_rng(3).integers(-1, 2, poses.q.shape).astype(float)
     kernel = solver.arm.equilibria(0.0, poses.q, side, tolerance=1e-12)
-    ours = equilibrium(model, Poses(poses.q, poses.payload, side), tolerance=1e-12)
+    ours = solve_equilibrium(model, Poses(poses.q, poses.payload, side), tolerance=1e-12)
     np.testing.assert_allclose(kernel.tcp[:, 9:], ours.tcp[kernel.rows], atol=1e-10)
-    moved = equilibrium(named_part(model), poses).tcp - equilibrium(model, poses).tcp
+    moved = solve_equilibrium(named_part(model), poses).tcp - solve_equilibrium(model, poses).tcp
     assert np.linalg.norm(moved, axis=1).max() > 1e-3, "a field worth the name"
 
 
@@ -86,8 +86,8 @@ def test_answers_reach_their_goals(names: tuple[str, ...], method: Direct | Cube
         solved += bool(found.within)
         for branch in found.within:
             side = np.array([branch.direction], dtype=float)
-            rest = equilibrium(model, Poses(np.array([branch.q]), np.zeros(1), side), tolerance=1e-12)
-            assert np.linalg.norm(rest.tcp[0] - there.tcp) < 2e-9
+            equilibrium = solve_equilibrium(model, Poses(np.array([branch.q]), np.zeros(1), side), tolerance=1e-12)
+            assert np.linalg.norm(equilibrium.tcp[0] - there.tcp) < 2e-9
     assert solved == len(goals)
 
 
@@ -180,7 +180,7 @@ def test_the_uncertainty_of_an_answer_is_that_of_drawn_models(share: float) -> N
         assert answer.sd is not None
         assert less.sd is not None
         at = poses_of([answer.q])
-        tips = np.array([equilibrium(one, at).tcp[0] for one in drawn])
+        tips = np.array([solve_equilibrium(one, at).tcp[0] for one in drawn])
         assert answer.sd == pytest.approx(np.sqrt(np.trace(np.cov(tips.T))), rel=0.1)
         assert answer.sd > 1.05 * less.sd, "springs alone are surer than springs and a field"
 

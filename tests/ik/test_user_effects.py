@@ -18,7 +18,7 @@ from lrm_math.ik.goal import IkQuery, point, point_along
 from lrm_math.ik.methods import Cube, Direct
 from lrm_math.kinematics.poses import Poses, poses_of
 from lrm_math.kinematics.scalar_or_array import cos, magnitude, sin
-from lrm_math.model.equilibrium import equilibrium
+from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import Model, model_of
 from tests.ik.test_ik_calibrated import EXACT, goal_of, reachable, table_b2
 
@@ -101,7 +101,7 @@ NAMES = ("sway", "sticky", "buckle", "creep")
 def off(model: Model, q: Sequence[float], direction: Sequence[int], position: Sequence[float]) -> float:
     """m, by the model's own equilibrium."""
     poses = Poses(np.array([q]), np.array([PAYLOAD]), np.array([direction], dtype=float))
-    return float(np.linalg.norm(equilibrium(model, poses, tolerance=1e-12).true_tcp[0] - position))
+    return float(np.linalg.norm(solve_equilibrium(model, poses, tolerance=1e-12).true_tcp[0] - position))
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -139,8 +139,8 @@ def test_what_is_out_of_reach_says_how_near_the_whole_model_comes(name: str) -> 
     reply = solver(name).solve(point((0.9, 0.0, 0.3)), PAYLOAD, method=Direct())
     assert isinstance(reply, Unsolved)
     model = solver(name).arm.model
-    rest = equilibrium(model, poses_of([reply.nearest.q], PAYLOAD))
-    assert np.linalg.norm(rest.true_tcp[0] - (0.9, 0.0, 0.3)) == pytest.approx(reply.nearest.distance, abs=1e-7)
+    equilibrium = solve_equilibrium(model, poses_of([reply.nearest.q], PAYLOAD))
+    assert np.linalg.norm(equilibrium.true_tcp[0] - (0.9, 0.0, 0.3)) == pytest.approx(reply.nearest.distance, abs=1e-7)
 
 
 def test_effects_of_the_catalogue_alone_are_left_to_the_kernel() -> None:

@@ -18,7 +18,7 @@ from lrm_math.effects.friction import friction_states
 from lrm_math.errors import LrmError
 from lrm_math.kinematics.poses import Poses, poses_of
 from lrm_math.model.deployed_model import named_part
-from lrm_math.model.equilibrium import equilibrium
+from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import Model, model_of
 from tests.ik.test_residual_field import with_field
 
@@ -56,12 +56,12 @@ def correction(arm: str, kind: str) -> Correction:
 
 
 def drawn_tip(model: Model, wish: Array) -> Array:
-    return equilibrium(model_of(model.arm, ()), poses_of(wish)).tcp[0]
+    return solve_equilibrium(model_of(model.arm, ()), poses_of(wish)).tcp[0]
 
 
 def real_tip(made: Correction, q: Array, motion: Motion) -> Array:
     poses = Poses(q[None], np.array([made.payload]), motion.side[None], friction=motion.friction[None])
-    return equilibrium(made.model, poses).tcp[0]
+    return solve_equilibrium(made.model, poses).tcp[0]
 
 
 @pytest.mark.parametrize("kind", ["five", "friction"])
@@ -189,6 +189,8 @@ def test_a_residual_field_is_corrected_too() -> None:
         q = made.command(wish, begun)
         poses = poses_of(q)
         off.append(np.linalg.norm(real_tip(made, q, begun.to(q)) - drawn_tip(model, wish)))
-        moved.append(np.linalg.norm(equilibrium(model, poses).tcp - equilibrium(named_part(model), poses).tcp))
+        moved.append(
+            np.linalg.norm(solve_equilibrium(model, poses).tcp - solve_equilibrium(named_part(model), poses).tcp)
+        )
     assert np.median(moved) > 1e-3
     assert np.median(off) < 0.05 * np.median(moved)

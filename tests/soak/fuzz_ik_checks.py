@@ -151,9 +151,9 @@ def frames_at(model: Model, poses: Poses) -> tuple[Array, Indices]:
     out, moving = np.full((len(poses), model.arm.dof + 2, 4, 4), np.inf), np.arange(len(poses))
     for tolerance in (TOLERANCE, 10.0 * TOLERANCE):
         if len(moving):
-            rest, rows = batch_equilibrium(model, poses.take(moving), tolerance=tolerance)
+            equilibrium, rows = batch_equilibrium(model, poses.take(moving), tolerance=tolerance)
             if len(rows):
-                out[moving[rows]] = frames(model.chain, rest.slots, len(rows))
+                out[moving[rows]] = frames(model.chain, equilibrium.slots, len(rows))
             moving = np.delete(moving, rows)
     return out, np.setdiff1d(np.arange(len(poses)), moving)
 

@@ -64,10 +64,10 @@ def random_requests(rng: random.Random, model: Model, count: int) -> list[Conten
     contents = [random_request(rng, model) for _ in range(count)]
     owners = [content for content in contents for _ in range(rng.choice([1, 1, 1, 1, 2]))]
     loads = np.array([content["payload_kg"] for content in owners])
-    rest, rows = batch_equilibrium(model, Poses(np.array([random_angles(rng, model) for _ in owners]), loads))
+    equilibrium, rows = batch_equilibrium(model, Poses(np.array([random_angles(rng, model) for _ in owners]), loads))
     tools: list[Array | None] = [None] * len(owners)
     if len(rows):
-        for row, tool in zip(rows.tolist(), frames(model.chain, rest.slots, len(rows))[:, -1], strict=True):
+        for row, tool in zip(rows.tolist(), frames(model.chain, equilibrium.slots, len(rows))[:, -1], strict=True):
             tools[row] = tool
     for content, tool in zip(owners, tools, strict=True):
         content["goals"].append(random_goal(rng, tool if rng.random() < REACHABLE else None))

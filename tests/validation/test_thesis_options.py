@@ -20,7 +20,7 @@ from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_file import load_arm, shipped_arms
 from lrm_math.errors import LrmError, UnknownName
 from lrm_math.kinematics.poses import poses_of
-from lrm_math.model.equilibrium import equilibrium
+from lrm_math.model.equilibrium import solve_equilibrium
 from tests.conftest import EXAMPLE
 from tests.support.commands import stderr_of, stdout_of
 from validation import synthetic
@@ -152,7 +152,7 @@ def test_parameters_of_one_load_serve_another_if_springs_are_linear(method: Opti
 
 def test_the_poses_are_the_exchange_searchs(lab: Arm, method: OptionStudy) -> None:
     empty = nominal_model(lab)
-    J = identification_jacobian(equilibrium(empty, method.data.poses), select_parameters(empty, "option3"))
+    J = identification_jacobian(solve_equilibrium(empty, method.data.poses), select_parameters(empty, "option3"))
     np.testing.assert_array_equal(method.of("option3").rows, exchange(J, 50).rows)
 
 

@@ -15,7 +15,7 @@ from lrm_ident.measuring.camera.capture import photos_in
 from lrm_ident.measuring.camera.lens import calibrate_lens
 from lrm_ident.measuring.camera.session import measure, read_photos
 from lrm_ident.study.api import add, diagnose, fit, load
-from lrm_math.model.equilibrium import equilibrium
+from lrm_math.model.equilibrium import solve_equilibrium
 from validation.camera.rendered_photos import PhotoScene
 from validation.camera.scene import BOARD, HIDDEN, poses_in_view, rig, tip_error, write_arm_photos, write_lens_photos
 
@@ -35,7 +35,7 @@ def main() -> None:
         for seed in range(1, given.seeds + 1):
             true = rig(seed, HIDDEN)
             poses = poses_in_view(true, given.photos, seed)
-            write_arm_photos(folder / f"arm{seed}", scene, true.boards(equilibrium(true.model, poses)))
+            write_arm_photos(folder / f"arm{seed}", scene, true.boards(solve_equilibrium(true.model, poses)))
             seen = read_photos(photos_in(folder / f"arm{seed}"), lens)
             found = measure(true.model.arm, "so101", poses, seen, lens, folder / f"data{seed}.csv")
             found.data.path.write_text(measurements_csv(found.data))

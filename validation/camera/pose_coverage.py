@@ -25,7 +25,7 @@ from lrm_ident.measuring.camera.hand_eye import measured_covariance
 from lrm_math.arrays import Array
 from lrm_math.effects import effects_at
 from lrm_math.kinematics.poses import Poses
-from lrm_math.model.equilibrium import equilibrium
+from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import Model, model_of
 from lrm_math.model.sensed import tool_rotation
 from validation.camera.rendered_photos import WEBCAM
@@ -56,16 +56,16 @@ class EstimatorErrors:
 
 def photographed(true: CameraRig, model: Model, poses: Poses, rng: np.random.Generator) -> Measurements:
     """Tool poses as photos of the board give them, with noise of their covariance."""
-    rest = equilibrium(model, poses)
-    boards = true.boards(rest)
+    equilibrium = solve_equilibrium(model, poses)
+    boards = true.boards(equilibrium)
     own = np.array([covariance_at(board, LENS) for board in boards])
     covariance = measured_covariance(true.camera, true.mount, boards, own)
     error = np.array([rng.multivariate_normal(np.zeros(6), one) for one in covariance])
     number = np.arange(1, len(poses) + 1)
     sd = position_sd(covariance)
-    attitude = Rotation.from_rotvec(error[:, 3:]).as_matrix() @ tool_rotation(rest)
+    attitude = Rotation.from_rotvec(error[:, 3:]).as_matrix() @ tool_rotation(equilibrium)
     return Measurements(
-        poses, number, rest.tcp + error[:, :3], sd, None, number, Path("photos"), "", covariance=covariance,
+        poses, number, equilibrium.tcp + error[:, :3], sd, None, number, Path("photos"), "", covariance=covariance,
         attitude=attitude,
     )  # fmt: skip
 
@@ -89,18 +89,20 @@ def compare(count: int, seeds: int) -> list[EstimatorErrors]:
         rng = np.random.default_rng([seed, count])
         poses = poses_in_view(true, count, 1000 * count + seed)
         first = photographed(true, empty, poses, rng)
-        rest = equilibrium(empty, poses)
-        keys = select_identifiable(rest, empty.keys, 1e-3, replace(first, attitude=None).whitening).kept[: count - 1]
+        equilibrium = solve_equilibrium(empty, poses)
+        keys = select_identifiable(equilibrium, empty.keys, 1e-3, replace(first, attitude=None).whitening).kept[
+            : count - 1
+        ]
         typical = np.array([empty.parameter(key).typical for key in keys])
         values = dict(zip(keys, (SHARE * rng.normal(size=len(keys)) * typical).tolist(), strict=True))
         values |= {key: abs(value) for key, value in values.items() if key.startswith("compliance")}
         truth = model_of(arm, empty.effects, values)
         start, exact = replace(empty, free=keys), np.array([values[key] for key in keys])
-        there = equilibrium(truth, fresh).tcp
+        there = solve_equilibrium(truth, fresh).tcp
         for results, data in zip(found, ways_of(photographed(true, truth, poses, rng)), strict=True):
             fitted = fit(start, data, no_bounds(keys))
             estimate = np.array([fitted.model.value(key) for key in keys])
-            off = equilibrium(fitted.model, fresh).tcp - there
+            off = solve_equilibrium(fitted.model, fresh).tcp - there
             results.append(((estimate - exact) / fitted.standard_error, float(np.sqrt((off**2).sum(axis=1).mean()))))
     return [EstimatorErrors(np.concatenate([z for z, _ in each]), np.array([tip for _, tip in each])) for each in found]
 

@@ -19,7 +19,7 @@ from lrm_math.arm.arm_file import load_arm
 from lrm_math.arrays import Array
 from lrm_math.effects import effects_at
 from lrm_math.kinematics.poses import Poses, poses_of
-from lrm_math.model.equilibrium import Equilibrium, equilibrium
+from lrm_math.model.equilibrium import Equilibrium, solve_equilibrium
 from lrm_math.model.model import Model, model_of
 from lrm_math.model.sensed import tool_rotation
 from validation.camera.rendered_photos import PhotoScene
@@ -52,22 +52,22 @@ class CameraRig:
     camera: Array
     mount: Array
 
-    def boards(self, rest: Equilibrium) -> Array:
+    def boards(self, equilibrium: Equilibrium) -> Array:
         """(N, 4, 4), the board in the camera's frame."""
-        tool = np.tile(np.eye(4), (len(rest.poses), 1, 1))
-        tool[:, :3, :3], tool[:, :3, 3] = tool_rotation(rest), rest.tcp
+        tool = np.tile(np.eye(4), (len(equilibrium.poses), 1, 1))
+        tool[:, :3, :3], tool[:, :3, 3] = tool_rotation(equilibrium), equilibrium.tcp
         return inverse(self.camera) @ tool @ self.mount
 
     def shows(self, q: Array) -> NDArray[np.bool_]:
         """(N,), whether the camera sees the whole board, near and not too much from the side, at angles (N, n), rad."""
-        seen = self.boards(equilibrium(self.model, poses_of(q)))
+        seen = self.boards(solve_equilibrium(self.model, poses_of(q)))
         corners = BOARD.corners @ seen[:, :3, :3].transpose(0, 2, 1) + seen[:, None, :3, 3]
         ahead = (corners[:, :, 2] > 0.12).all(axis=1) & (seen[:, 2, 3] < 0.6)
         facing = np.einsum("ni,ni->n", seen[:, :3, 2], seen[:, :3, 3]) > 0.5 * np.linalg.norm(seen[:, :3, 3], axis=1)
         lens = PhotoScene().lens
         pixels = lens.project(np.where(ahead[:, None, None], corners, [0, 0, 1.0]).reshape(-1, 3))[0]
         inside = ((pixels > 20) & (pixels < np.subtract(lens.size, 20))).all(axis=1).reshape(len(q), -1).all(axis=1)
-        above = equilibrium(self.model, poses_of(q)).tcp[:, 2] > 0.02
+        above = solve_equilibrium(self.model, poses_of(q)).tcp[:, 2] > 0.02
         shown: NDArray[np.bool_] = ahead & facing & inside & above
         return shown
 
@@ -98,8 +98,8 @@ def board_mount(arm: Arm) -> Array:
 
 def _facing(arm: Arm) -> Array:
     """(3, 3), rotation in the tool's frame after which the board's z points back along the reaching arm."""
-    rest = equilibrium(model_of(arm, ()), poses_of(np.zeros(arm.dof)))
-    R = tool_rotation(rest)[0]
+    equilibrium = solve_equilibrium(model_of(arm, ()), poses_of(np.zeros(arm.dof)))
+    R = tool_rotation(equilibrium)[0]
     board = np.stack([[0.0, 1.0, 0.0], [0.0, 0.0, -1.0], [-1.0, 0.0, 0.0]], axis=1)
     return np.asarray(R.T @ board)
 
@@ -147,9 +147,9 @@ def tip_error(true: CameraRig, fitted: Model, session: CameraSession, poses: Pos
     The tip is the point of the board where the session has it; where camera and arm stand in the room is a convention.
     """
     tip = inverse(frame_motion(session.mount))[:3, 3]
-    board = true.camera @ true.boards(equilibrium(true.model, poses))
+    board = true.camera @ true.boards(solve_equilibrium(true.model, poses))
     truth = board[:, :3, :3] @ tip + board[:, :3, 3]
-    found = equilibrium(fitted, poses).tcp
+    found = solve_equilibrium(fitted, poses).tcp
     turn, _ = Rotation.align_vectors(truth - truth.mean(axis=0), found - found.mean(axis=0))
     left = turn.apply(found - found.mean(axis=0)) - (truth - truth.mean(axis=0))
     return float(np.sqrt((left**2).sum(axis=1).mean()))

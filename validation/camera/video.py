@@ -20,7 +20,7 @@ from lrm_ident.measuring.recordings.lerobot import read_frames
 from lrm_ident.measuring.recordings.lerobot_video import measure_video
 from lrm_ident.study.api import add, diagnose, fit, load
 from lrm_math.kinematics.poses import Poses
-from lrm_math.model.equilibrium import equilibrium
+from lrm_math.model.equilibrium import solve_equilibrium
 from validation.camera.rendered_photos import PhotoScene
 from validation.camera.scene import (
     BOARD,
@@ -45,7 +45,7 @@ def main() -> None:
         corners = [find_corners(read_picture(path), BOARD) for path in photos_in(folder / "lens")]
         lens = calibrate_lens([one for one in corners if not isinstance(one, RejectedPhoto)], BOARD, scene.lens.size)
         poses, fresh = poses_in_view(true, COUNT, 1), poses_in_view(true, 100, 51)
-        boards = true.boards(equilibrium(true.model, poses))
+        boards = true.boards(solve_equilibrium(true.model, poses))
         say("stills", true, stills(folder, true, poses, boards, lens), fresh)
         dataset = write_filmed(folder / "dataset", scene, poses.q, boards, "v3.0", FilmedStops())
         frames = read_frames(dataset, true.model.arm)

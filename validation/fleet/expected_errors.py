@@ -17,7 +17,7 @@ from lrm_math.arrays import Array
 from lrm_math.effects import effects_at
 from lrm_math.kinematics.poses import poses_of
 from lrm_math.model.derivatives import parameter_jacobian
-from lrm_math.model.equilibrium import equilibrium
+from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import Model, model_of
 from validation.fleet.simulated_fleet import (
     BASE_COMPLIANCE,
@@ -85,4 +85,4 @@ def _columns(model: Model, keys: list[str], arm: ArmOfKind, count: int, seed: in
     q = random_poses(arm.described, count, seed, floor_m=FLOOR_M)
     load = np.random.default_rng(seed).choice((0.0, LOAD_KG), size=count)
     poses = replace(poses_of(q, load), direction=directions(q, np.zeros(q.shape[1])))
-    return parameter_jacobian(equilibrium(model, poses), keys).reshape(-1, len(keys))
+    return parameter_jacobian(solve_equilibrium(model, poses), keys).reshape(-1, len(keys))

@@ -14,7 +14,7 @@ from lrm_ident.fitting.loss import SQUARED
 from lrm_ident.fitting.model_fit import DEFAULT_EFFECTS, fit_model, nominal_model
 from lrm_ident.fitting.priors import EffectRates, PriorFile, to_prior
 from lrm_math.arm.arm_file import load_arm
-from lrm_math.model.equilibrium import equilibrium
+from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import Model
 from validation.fleet.simulated_fleet import ArmOfKind
 
@@ -58,7 +58,7 @@ def tip_error(arm: ArmOfKind, model: Model) -> float:
     """RMS distance (mm) of the model's tip from the true one, at goals that were not measured; the first pose, before
     which no direction is known, left out."""
     poses, truth = arm.goals()
-    apart = (equilibrium(model, poses).tcp - truth)[1:]
+    apart = (solve_equilibrium(model, poses).tcp - truth)[1:]
     return float(np.sqrt((apart**2).sum(axis=1).mean()) * 1e3)
 
 

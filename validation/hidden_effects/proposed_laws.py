@@ -24,7 +24,7 @@ from lrm_ident.fitting.identifiability import fit_identifiable
 from lrm_math.arm.arm_file import load_arm
 from lrm_math.effects import effects_at
 from lrm_math.errors import LrmError
-from lrm_math.model.equilibrium import equilibrium
+from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import Model, model_of
 from validation.hidden_effects.confusion import FLOOR_MM
 from validation.hidden_effects.tables import markdown_table, share
@@ -99,7 +99,7 @@ def examine_law(law_and_seed: tuple[str, int], poses: int) -> ProposedLawOutcome
 
     def ratio_of(one: Model) -> float:
         """RMS error at the unseen poses with the noise added, over the noise."""
-        left = (unseen.tcp - equilibrium(one, unseen.poses).tcp) * 1e3
+        left = (unseen.tcp - solve_equilibrium(one, unseen.poses).tcp) * 1e3
         return float(np.sqrt((left**2).sum(axis=1).mean() + FLOOR_MM**2) / FLOOR_MM)
 
     try:

@@ -18,7 +18,7 @@ from lrm_math.arm.arm_file import load_arm
 from lrm_math.arrays import Array
 from lrm_math.errors import LrmError
 from lrm_math.kinematics.poses import poses_of
-from lrm_math.model.equilibrium import equilibrium
+from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model_file import load_model
 from validation.newcomer_files.changes import FileChange
 from validation.newcomer_files.healthy import POSES, NewcomerFiles
@@ -62,7 +62,7 @@ def fit_files(files: NewcomerFiles, folder: Path) -> tuple[int, str, Path]:
 
 def predictions(model: Path, angles: Array) -> Array:
     """(N, 3), where a model sees the tip at angles (N, n) without load (m)."""
-    return equilibrium(load_model(model), poses_of(angles)).tcp
+    return solve_equilibrium(load_model(model), poses_of(angles)).tcp
 
 
 def probes(arm: Arm) -> Array:

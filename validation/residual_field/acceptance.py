@@ -27,7 +27,7 @@ from lrm_math.arm.arm_file import GRAM, load_arm
 from lrm_math.arrays import Array
 from lrm_math.effects.field.residual_field import ResidualField
 from lrm_math.kinematics.poses import poses_of
-from lrm_math.model.equilibrium import equilibrium
+from lrm_math.model.equilibrium import solve_equilibrium
 from validation.hidden_effects.data import ARM_FILE, true_arm
 from validation.residual_field.closed_loop import unfamiliar
 from validation.synthetic import load_arm as load_true_arm
@@ -84,7 +84,7 @@ def paired_errors(seed: int, poses: int) -> Iterator[PairedErrors]:
     payload = np.full(NEW, LOAD_G * GRAM)
     tips, new = true_tips(seed, q, payload), poses_of(q, payload)
     models = study.model, fit_with_field(study.taken.fit, data).model
-    without, with_field = (tips - equilibrium(model, new).tcp for model in models)
+    without, with_field = (tips - solve_equilibrium(model, new).tcp for model in models)
     yield PairedErrors(without, with_field)
 
 

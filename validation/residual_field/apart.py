@@ -11,7 +11,7 @@ from lrm_ident.data.measurements import Measurements
 from lrm_ident.fitting.field.fit import fit_with_field
 from lrm_ident.study.other_data import at_data
 from lrm_ident.study.study import Study
-from lrm_math.model.equilibrium import equilibrium
+from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import Model
 
 
@@ -27,7 +27,7 @@ def errors_apart(data: Measurements, apart: Measurements) -> Iterator[tuple[str,
     """Name and error (m) on `apart` of each way, and how many effects of the session of `data` are left out there."""
     for name, model in models(data):
         here, _ = at_data(model, apart.path, apart.sha256)
-        residual = apart.position_error(equilibrium(here, apart.poses))
+        residual = apart.position_error(solve_equilibrium(here, apart.poses))
         yield name, error_stats(residual), len(model.effects) - len(here.effects)
 
 

@@ -27,7 +27,7 @@ from lrm_ident.study.study import Study
 from lrm_math.arm.arm_file import load_arm
 from lrm_math.arrays import Array
 from lrm_math.effects.field.residual_field import WAVES, ResidualField, wave_numbers
-from lrm_math.model.equilibrium import equilibrium
+from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import Model
 from validation.residual_field.arms import hidden
 
@@ -82,7 +82,7 @@ def told(model: Model, data: Measurements) -> Iterator[tuple[str, float, float]]
     The field's lengths are those of all poses; scales, noise and the further variance those of the other folds.
     """
     field = ResidualField(model.arm, "tool").over(range_of(data.poses))
-    residual = field.along_axes(data.poses, data.position_error(equilibrium(model, data.poses)))
+    residual = field.along_axes(data.poses, data.position_error(solve_equilibrium(model, data.poses)))
     F, waves, inputs = kernels(field, data)
     fold = joint_space_folds(data.poses.q, data.repeat_of)
     size = np.sqrt((residual**2).mean(axis=0))

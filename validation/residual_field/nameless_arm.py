@@ -12,7 +12,7 @@ from lrm_ident.study.study import Study
 from lrm_math.arm.arm_file import load_arm
 from lrm_math.arrays import Array
 from lrm_math.kinematics.poses import poses_of
-from lrm_math.model.equilibrium import equilibrium
+from lrm_math.model.equilibrium import solve_equilibrium
 
 ARM = load_arm("lrm-lab")
 NOISE, WIDEST, SOFTNESS = 3e-4, 1.2, 0.03
@@ -26,7 +26,7 @@ def measured(seed: int, size: float, count: int = 260) -> Measurements:
     nothing = np.zeros((count, 3))
     plain = Study.of(Measurements(poses, number, nothing, None, NOISE, number, Path("none"), "", arm=ARM))
     springs = np.where([key.startswith("compliance") for key in plain.model.keys], SOFTNESS, 0.0)
-    tcp = equilibrium(plain.model.with_values(springs), poses).tcp + displacement(poses.q, size)
+    tcp = solve_equilibrium(plain.model.with_values(springs), poses).tcp + displacement(poses.q, size)
     return replace(plain.data, tcp=tcp + rng.normal(0.0, NOISE, tcp.shape), sha256=str(seed))
 
 

@@ -23,7 +23,7 @@ from lrm_ident.residual.better_prediction import paired_z
 from lrm_ident.study.study import Study
 from lrm_math.arrays import Array
 from lrm_math.effects.field.residual_field import ResidualField
-from lrm_math.model.equilibrium import equilibrium
+from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import Model
 
 Folds = NDArray[np.int64]
@@ -39,7 +39,9 @@ def nested_blocks(
     for number in range(FOLDS):
         train, test = np.flatnonzero(fold != number), np.flatnonzero(fold == number)
         model = model_without(data.take(train))
-        left = [part.position_error(equilibrium(model, part.poses)) for part in (data.take(train), data.take(test))]
+        left = [
+            part.position_error(solve_equilibrium(model, part.poses)) for part in (data.take(train), data.take(test))
+        ]
         blocks.append(HeldOutBlock(train, test, left[0], left[1]))
     return blocks
 

@@ -10,7 +10,7 @@ from lrm_ident.fitting.field.fit import fit_with_field
 from lrm_ident.fitting.levenberg_marquardt import fit
 from lrm_ident.study.field_step import NoBetterPrediction
 from lrm_ident.study.study import Study
-from lrm_math.model.equilibrium import equilibrium
+from lrm_math.model.equilibrium import solve_equilibrium
 from validation.residual_field.nameless_arm import measured
 
 
@@ -32,7 +32,7 @@ def worst_on_null_data(seeds: int) -> float:
     for seed in range(100, 100 + seeds):
         plain = Study.of(measured(seed, 0.0)).fit("option1")
         both = plain.model, fit_with_field(plain.taken.fit, plain.data).model
-        errors = [error_stats(unseen.position_error(equilibrium(one, unseen.poses))).rms for one in both]
+        errors = [error_stats(unseen.position_error(solve_equilibrium(one, unseen.poses))).rms for one in both]
         worst = max(worst, errors[1] / errors[0])
     return worst
 
@@ -48,7 +48,7 @@ def worst_on_other_half(data: Measurements, parameters: str = "option1") -> tupl
                 continue
             plain = fit(start, known)
             errors = [
-                error_stats(other.position_error(equilibrium(model, other.poses))).rms
+                error_stats(other.position_error(solve_equilibrium(model, other.poses))).rms
                 for model in (plain.model, fit_with_field(plain, known).model)
             ]
             if errors[1] / errors[0] > worst:

@@ -17,7 +17,7 @@ from lrm_math.arm.arm import Arm
 from lrm_math.arrays import Array
 from lrm_math.errors import LrmError, NoEquilibrium
 from lrm_math.kinematics.poses import Poses, poses_of
-from lrm_math.model.equilibrium import equilibrium
+from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import Model
 
 STEPS: tuple[float, ...] = tuple(10.0 ** (k / 3) for k in range(-48, 1))
@@ -78,8 +78,8 @@ def study_step_sizes(
     found = []
     for number, angle in enumerate(angles):
         pose = _all_joints_at(model.arm, angle)
-        rest = equilibrium(model, pose, tolerance=TOLERANCE)
-        exact = identification_jacobian(rest, keys, units)[0]
+        equilibrium = solve_equilibrium(model, pose, tolerance=TOLERANCE)
+        exact = identification_jacobian(equilibrium, keys, units)[0]
         by_step = np.stack([_differences(model, pose, keys, units, step) for step in steps])
         for option, chosen in options.items():
             found.append(_study(angle, option, np.array(steps), exact, by_step, [keys.index(key) for key in chosen]))
@@ -112,7 +112,7 @@ def _differences(model: Model, pose: Poses, keys: Sequence[str], units: Units, s
         change = h * (np.arange(len(model.keys)) == j)
         try:
             up, down = (
-                equilibrium(model.with_values(model.values + side), pose, tolerance=TOLERANCE).tcp[0]
+                solve_equilibrium(model.with_values(model.values + side), pose, tolerance=TOLERANCE).tcp[0]
                 for side in (change, -change)
             )
         except NoEquilibrium:

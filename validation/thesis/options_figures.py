@@ -28,7 +28,10 @@ def draw_method(method: OptionStudy, path: Path) -> None:
     rows = -(-len(shapes) // COLUMNS)
     chosen, total = len(method.identified[0].rows), len(method.data)
     everything = [("nominal", method.nominal), *((label(m.option.name), m.residual) for m in method.identified)]
-    rest = [("nominal", method.nominal), *((label(m.option.name), m.residual[m.rest]) for m in method.identified)]
+    equilibrium = [
+        ("nominal", method.nominal),
+        *((label(m.option.name), m.residual[m.rest]) for m in method.identified),
+    ]
     half = COLUMNS // 2
     with figure_file(path, 13, 3.0 * rows + 4.2) as figure:
         grid = figure.add_gridspec(rows + 1, COLUMNS, height_ratios=[*[1.0] * rows, 1.5])
@@ -38,7 +41,7 @@ def draw_method(method: OptionStudy, path: Path) -> None:
             if not place:
                 axes.legend(fontsize=8)
         _draw_curves(figure.add_subplot(grid[rows, :half]), everything, f"all {total} poses")
-        _draw_curves(figure.add_subplot(grid[rows, half:]), rest, f"the {total - chosen} poses not chosen")
+        _draw_curves(figure.add_subplot(grid[rows, half:]), equilibrium, f"the {total - chosen} poses not chosen")
 
 
 def draw_crossed(crossed: CrossLoadResult, names: Sequence[str], path: Path) -> None:

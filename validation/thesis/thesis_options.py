@@ -20,7 +20,7 @@ from lrm_math.arm.arm import Arm
 from lrm_math.arrays import Array
 from lrm_math.effects import effects_at
 from lrm_math.errors import FileError, UnknownName
-from lrm_math.model.equilibrium import equilibrium
+from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import Model, model_of
 
 POSES = 50
@@ -124,16 +124,16 @@ def run_options(
     if len(data.positions) < len(data):
         raise FileError(data.path, "", "the thesis's options need a position of every pose", "use fit and compare")
     nominal = nominal_model(arm)
-    rest = equilibrium(nominal, data.poses)
+    equilibrium = solve_equilibrium(nominal, data.poses)
     rows: dict[str, Rows] = {}
     found = []
     for number, option in enumerate(options, start=1):
         keys = select_parameters(nominal, option.parameters)
         if option.parameters not in rows:
-            rows[option.parameters] = exchange(identification_jacobian(rest, keys), poses, seed=seed).rows
+            rows[option.parameters] = exchange(identification_jacobian(equilibrium, keys), poses, seed=seed).rows
         found.append(identify(replace(nominal, free=keys), data, option, rows[option.parameters]))
         progress(number, len(options))
-    return OptionStudy(data, data.tcp - rest.tcp, tuple(found))
+    return OptionStudy(data, data.tcp - equilibrium.tcp, tuple(found))
 
 
 def identify(model: Model, data: Measurements, option: ThesisOption, rows: Rows) -> OptionResult:
@@ -150,7 +150,7 @@ def nominal_model(arm: Arm) -> Model:
 
 def residual_of(model: Model, data: Measurements) -> Array:
     """(N, 3), measured − predicted TCP (m)."""
-    return np.asarray(data.tcp - equilibrium(model, data.poses).tcp)
+    return np.asarray(data.tcp - solve_equilibrium(model, data.poses).tcp)
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,7 +13,7 @@ from lrm_math.arm.plausible_arm import total_mass
 from lrm_math.arrays import Array
 from lrm_math.kinematics.chain import chain_of
 from lrm_math.kinematics.poses import poses_of
-from lrm_math.model.equilibrium import equilibrium
+from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import model_of
 
 DIMENSIONS = "theta_deg|.3f", "d_mm|.3f", "a_mm|.3f", "alpha_deg|.3f", "beta_deg|.4f", "extra_z_mm|.3f"
@@ -27,7 +27,7 @@ def arm_document(arm: Arm, difference: float | None = None, q: Array | None = No
         q: (n,), joint angles (rad) at which torques are shown; None: zero.
     """
     angles = np.zeros(arm.dof) if q is None else q
-    settled = equilibrium(model_of(arm, ()), poses_of(angles))
+    settled = solve_equilibrium(model_of(arm, ()), poses_of(angles))
     torque, tcp = settled.joint_torque[0], settled.tcp[0] / MM
     limits = np.degrees([(joint.lower, joint.upper) for joint in arm.joints])
     joints = ResultTable(

@@ -25,7 +25,7 @@ from lrm_math.arm.arm_file import MM
 from lrm_math.arm.plausible_arm import reach
 from lrm_math.arrays import Array
 from lrm_math.errors import FileError
-from lrm_math.model.equilibrium import equilibrium
+from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import model_of
 
 FINEST = 1e-5
@@ -180,7 +180,7 @@ def without_frozen(arm: Arm, data: Measurements) -> Measurements:
     same = np.flatnonzero((np.diff(data.tcp, axis=0) == 0.0).all(axis=1)) + 1
     if not len(same):
         return data
-    drawn = equilibrium(model_of(arm, ()), data.poses.take(np.concatenate([same - 1, same]))).tcp
+    drawn = solve_equilibrium(model_of(arm, ()), data.poses.take(np.concatenate([same - 1, same]))).tcp
     away = np.linalg.norm(drawn[len(same) :] - drawn[: len(same)], axis=1) > MOVED * reach(arm)
     if not away.any():
         return data

@@ -26,7 +26,7 @@ from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_file import MM
 from lrm_math.arrays import Array
 from lrm_math.errors import FileError
-from lrm_math.model.equilibrium import equilibrium
+from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import model_of
 from lrm_math.model.reading import AS_NAMED, Reading
 from lrm_math.model.sensed import tool_rotation
@@ -134,7 +134,7 @@ def check_attitude(arm: Arm, data: Measurements) -> None:
     if not len(rows):
         return
     rows = rows[spaced_rows(len(rows), MOST)]
-    measured, drawn = data.attitude[rows], tool_rotation(equilibrium(model_of(arm, ()), data.poses.take(rows)))
+    measured, drawn = data.attitude[rows], tool_rotation(solve_equilibrium(model_of(arm, ()), data.poses.take(rows)))
     error = _usual_angle(measured @ drawn.transpose(0, 2, 1))
     if error <= FAR:
         return

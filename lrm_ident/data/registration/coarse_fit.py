@@ -23,7 +23,7 @@ from lrm_math.effects import effects_at, split_key
 from lrm_math.errors import NoEquilibrium
 from lrm_math.kinematics.poses import Poses
 from lrm_math.model.derivatives import parameter_jacobian
-from lrm_math.model.equilibrium import Equilibrium, equilibrium
+from lrm_math.model.equilibrium import Equilibrium, solve_equilibrium
 from lrm_math.model.model import model_of
 
 STEPS, SETTLED = 10, 0.01  # relative change of the score
@@ -68,14 +68,14 @@ def coarse_fit(arm: Arm, poses: Poses, tcp: Array, fixed_base: bool = False) -> 
         fixed_base: whether the base is as drawn, because the frame of the measurements is free instead.
     """
     model = model_of(arm, effects_at(arm, "offsets") + effects_at(arm, "compliance"))
-    sizes = _sizes(equilibrium(model, poses), fixed_base)
+    sizes = _sizes(solve_equilibrium(model, poses), fixed_base)
     count = len(sizes.keys)
     z, overdetermined = np.zeros(count), tcp.size >= OVERDETERMINED * count
     best: CoarseFit | None = None
     robust = overdetermined  # weights slow a fit that can follow anything, so such a one starts without
     for step in range(STEPS + 1):
         try:
-            settled = equilibrium(model.with_values_of(sizes.keys, z), poses)
+            settled = solve_equilibrium(model.with_values_of(sizes.keys, z), poses)
         except NoEquilibrium:
             break
         residual = tcp - settled.tcp

@@ -33,7 +33,7 @@ from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_file import read_arm, shipped_arms
 from lrm_math.arrays import Array
 from lrm_math.kinematics.poses import Poses
-from lrm_math.model.equilibrium import equilibrium
+from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import model_of
 from lrm_math.model.reading import FrameTable, Reading
 
@@ -239,7 +239,7 @@ def registered(arm: Arm, poses: Poses, tcp: Array) -> tuple[Array, Similarity]:
 
 def nominal_tcp(arm: Arm, poses: Poses) -> Array:
     """(N, 3), TCP of the arm as drawn (m)."""
-    return equilibrium(model_of(arm, ()), poses).tcp
+    return solve_equilibrium(model_of(arm, ()), poses).tcp
 
 
 def _spread(points: Array) -> float:

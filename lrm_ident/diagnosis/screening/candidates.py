@@ -12,7 +12,7 @@ from lrm_math.effects import CATALOGUE, FREE_FORMS, Effect, Parameter, variants
 from lrm_math.effects.base import Excitation
 from lrm_math.effects.targets import Kind, kind_of
 from lrm_math.model.derivatives import Response, effect_columns, respond
-from lrm_math.model.equilibrium import Equilibrium, equilibrium
+from lrm_math.model.equilibrium import Equilibrium, solve_equilibrium
 from lrm_math.model.model import Model, model_of
 from lrm_math.model.sensed import TCP_ONLY, Sensed
 
@@ -100,27 +100,29 @@ def unfitted_rows(effect: Effect, fitted: Sequence[str]) -> tuple[int, ...]:
 
 
 def split_testable(
-    effects: Iterable[Unfitted], rest: Equilibrium, sensed: Sensed = TCP_ONLY
+    effects: Iterable[Unfitted], equilibrium: Equilibrium, sensed: Sensed = TCP_ONLY
 ) -> tuple[list[Unfitted], list[tuple[Effect, str]]]:
     """The effects that these poses can test, and the others with the reason."""
-    excitation = Excitation(rest.poses, rest.joint_torque, sensed.feedback, sensed.distance_from is not None)
-    loaded = _loaded_slots(rest)
-    tried = [(one, _no_torque(one[0], rest, loaded) or one[0].missing_excitation(excitation)) for one in effects]
+    excitation = Excitation(
+        equilibrium.poses, equilibrium.joint_torque, sensed.feedback, sensed.distance_from is not None
+    )
+    loaded = _loaded_slots(equilibrium)
+    tried = [(one, _no_torque(one[0], equilibrium, loaded) or one[0].missing_excitation(excitation)) for one in effects]
     testable = [one for one, reason in tried if reason is None]
     return testable, [(effect, reason) for (effect, _), reason in tried if reason is not None]
 
 
-def _loaded_slots(rest: Equilibrium) -> set[int]:
+def _loaded_slots(equilibrium: Equilibrium) -> set[int]:
     """The slots that gravity loads at some pose."""
-    every = range(len(rest.model.chain.slots))
-    return set(np.flatnonzero(np.abs(rest.loads_on(every)).max(axis=0) >= NO_TORQUE).tolist())
+    every = range(len(equilibrium.model.chain.slots))
+    return set(np.flatnonzero(np.abs(equilibrium.loads_on(every)).max(axis=0) >= NO_TORQUE).tolist())
 
 
-def _no_torque(effect: Effect, rest: Equilibrium, loaded: Set[int]) -> str | None:
+def _no_torque(effect: Effect, equilibrium: Equilibrium, loaded: Set[int]) -> str | None:
     """Why an effect that acts by loads cannot act at these poses: nothing has weight, or none reaches its axes."""
-    if (effect.load_slots or kind_of(effect) in (Kind.LOAD, Kind.WEIGHT)) and rest.weightless:
+    if (effect.load_slots or kind_of(effect) in (Kind.LOAD, Kind.WEIGHT)) and equilibrium.weightless:
         return "the arm's file gives no masses"
-    index = rest.model.chain.index
+    index = equilibrium.model.chain.index
     felt = {index[key] for key in effect.load_slots if key in index}
     if felt and not felt & loaded:
         return f"gravity puts no load on {effect.place}"
@@ -128,15 +130,15 @@ def _no_torque(effect: Effect, rest: Equilibrium, loaded: Set[int]) -> str | Non
 
 
 def differentiate_candidates(
-    rest: Equilibrium, effects: Sequence[Unfitted], sensed: Sensed = TCP_ONLY
+    equilibrium: Equilibrium, effects: Sequence[Unfitted], sensed: Sensed = TCP_ONLY
 ) -> tuple[Response, list[Candidate]]:
     """Every effect at a model's equilibrium, where none of them acts yet; and that response."""
-    model = rest.model
+    model = equilibrium.model
     present = _present(model)
     added = [effect for effect, _ in effects if effect.name not in present]
     known = {key: model.value(key) for key in model.keys}
     extended = replace(model_of(model.arm, (*model.effects, *added), known), free=model.free, within=model.within)
-    response = respond(equilibrium(extended, rest.poses), sensed)
+    response = respond(solve_equilibrium(extended, equilibrium.poses), sensed)
     found = (_candidate(extended, effect, rows, response, _priority(effect, present)) for effect, rows in effects)
     return response, list(found)
 

@@ -69,7 +69,7 @@ class Screening:
     @cached_property
     def floor(self) -> NoiseFloor:
         """Noise of the measurements."""
-        return noise_floor(self.data, self.fit.rest)
+        return noise_floor(self.data, self.fit.equilibrium)
 
     @cached_property
     def structure(self) -> ResidualStructure:
@@ -85,8 +85,8 @@ class Screening:
     def functions(self) -> list[FreeFunction]:
         """Free functions of every covariate at every place."""
         fitted, part = self.subset
-        before = lagged(self.fit.rest.joint_torque)[self.screened]
-        return free_functions(self.joint_jacobian, part, fitted.rest, before)
+        before = lagged(self.fit.equilibrium.joint_torque)[self.screened]
+        return free_functions(self.joint_jacobian, part, fitted.equilibrium, before)
 
     @property
     def outliers(self) -> tuple[int, ...]:
@@ -119,8 +119,8 @@ def screen(whole: Fit, data: Measurements, kinds: Iterable[type[Effect]], progre
     weigh = RowWeights(part.whitening, fitted.weight)
     linear = linearised(fitted, part, weigh)
     sensed = part.whitening.sensed
-    testable, not_testable = split_testable(unfitted_effects(fitted.model, kinds), fitted.rest, sensed)
-    response, found = differentiate_candidates(fitted.rest, testable, sensed)
+    testable, not_testable = split_testable(unfitted_effects(fitted.model, kinds), fitted.equilibrium, sensed)
+    response, found = differentiate_candidates(fitted.equilibrium, testable, sensed)
     scored, sets, undetectable = score_candidates(found, linear, weigh, progress)
     return Screening(whole, data, screened, weigh, linear, response, scored, sets, (*not_testable, *undetectable))
 
@@ -136,8 +136,8 @@ def linearised(fitted: Fit, data: Measurements, weigh: RowWeights) -> Linearised
     """A fit linearised at its minimum, with the joint-space blocks. `weigh`: relative weights of its rows."""
     keys = [key for key in fitted.model.free if key not in fitted.at_bound]
     typical = np.array([fitted.model.parameter(key).typical for key in keys])
-    residual = data.residual(fitted.rest).reshape(-1, 1)
-    jacobian = parameter_jacobian(fitted.rest, keys, data.whitening.sensed)
+    residual = data.residual(fitted.equilibrium).reshape(-1, 1)
+    jacobian = parameter_jacobian(fitted.equilibrium, keys, data.whitening.sensed)
     columns = (jacobian * typical).reshape(len(residual), len(keys))
     fold = joint_space_folds(data.poses.q, data.repeat_of)
     poses = [np.flatnonzero(fold == number) for number in range(fold.max() + 1)]

@@ -26,13 +26,13 @@ Evaluated = dict[tuple[str, ...], tuple[Array, bytes]]
 def law_columns(fitted: Fit, data: Measurements) -> list[LawColumns]:
     """The laws of every joint and length, and their motions of the TCP for coefficients of a typical size."""
     groups, weigh, shared = [], RowWeights(data.whitening, fitted.weight), Evaluated()
-    rest = fitted.rest
-    levers, torque = respond(rest, data.whitening.sensed).slots, rest.joint_torque
-    for grammar in _grammars(rest, data.poses):
+    equilibrium = fitted.equilibrium
+    levers, torque = respond(equilibrium, data.whitening.sensed).slots, equilibrium.joint_torque
+    for grammar in _grammars(equilibrium, data.poses):
         laws, values = _distinct(grammar, data.poses, torque, shared)
         if not laws:
             continue
-        motion = levers[rest.model.chain.index[laws[0].key]]
+        motion = levers[equilibrium.model.chain.index[laws[0].key]]
         terms = np.concatenate(values, axis=1)
         terms *= typical_size(laws[0]) / np.abs(terms).max(axis=0)
         counts = np.array([len(law.terms) for law in laws])
@@ -50,9 +50,9 @@ def typical_size(law: Law) -> float:
     return TYPICAL_ANGLE if law.rotates else TYPICAL_LENGTH
 
 
-def _grammars(rest: Equilibrium, poses: Poses) -> Iterator[Iterable[Law]]:
+def _grammars(equilibrium: Equilibrium, poses: Poses) -> Iterator[Iterable[Law]]:
     """The laws of each joint's rotation, and of each length of the arm as drawn."""
-    model, torque = rest.model, rest.joint_torque
+    model, torque = equilibrium.model, equilibrium.joint_torque
     for joint, link in enumerate(model.arm.joints):
         quantities = quantities_at(joint, poses, torque)
         yield laws_at(joint, quantities)

@@ -30,7 +30,7 @@ from lrm_ident.residual.thresholds import MIN_GAIN, SIGNIFICANCE, Z_THRESHOLD
 from lrm_math.arrays import Array
 from lrm_math.errors import LrmError, NoEquilibrium
 from lrm_math.model.derivatives import respond
-from lrm_math.model.equilibrium import Equilibrium, equilibrium
+from lrm_math.model.equilibrium import Equilibrium, solve_equilibrium
 from lrm_math.model.model import Model
 
 REFITS, CLASS_SHOWN = 4, 12  # laws refitted in full; members of the class kept
@@ -157,7 +157,7 @@ def _refit(
 ) -> RefittedLaw | None:
     """The law as an effect of its file, everything refitted; None if that fails. `known`: what it was added to."""
     beside = "alone" if known is None else f"with {known.law.formula}"
-    largest = np.abs(law.values(data.poses, fitted.rest.joint_torque)).max(axis=0)
+    largest = np.abs(law.values(data.poses, fitted.equilibrium.joint_torque)).max(axis=0)
     facts = (
         f"{found.tried} laws were tried. Held out, the model {beside}\nhas {in_mm(found.before.rms)} mm; with a law "
         f"chosen anew in every block about {in_mm(found.nested)} mm.\nAgainst pure noise: p {p_words(found.p_value)}."
@@ -184,20 +184,23 @@ def _separating_poses(best: RefittedLaw, rivals: Sequence[tuple[Law, float]], fi
     low, high = data.poses.q.min(axis=0), data.poses.q.max(axis=0)
     drawn = replace(data.poses.take(rng.integers(len(data), size=DRAWN)), q=rng.uniform(low, high, (DRAWN, len(low))))
     try:
-        there = equilibrium(fitted.model, drawn)
+        there = solve_equilibrium(fitted.model, drawn)
     except NoEquilibrium:
         return np.zeros((0, len(low)))
     model, prefix = best.fit.model, f"{law_id(best.law)}.joint{best.law.joint + 1}."
     theta = np.array([model.value(key) for key in model.keys if key.startswith(prefix)])
-    target, elsewhere = _moved(best.law, fitted.rest) @ theta, _moved(best.law, there) @ theta
+    target, elsewhere = _moved(best.law, fitted.equilibrium) @ theta, _moved(best.law, there) @ theta
     apart = np.zeros(DRAWN)
     for law, _ in rivals:
-        like, *_ = np.linalg.lstsq(_moved(law, fitted.rest), target, rcond=None)
+        like, *_ = np.linalg.lstsq(_moved(law, fitted.equilibrium), target, rcond=None)
         apart += ((elsewhere - _moved(law, there) @ like).reshape(-1, 3) ** 2).sum(axis=1)
     return np.asarray(drawn.q[np.argsort(-apart)[:NEXT_POSES]])
 
 
-def _moved(law: Law, rest: Equilibrium) -> Array:
+def _moved(law: Law, equilibrium: Equilibrium) -> Array:
     """(3 N, terms), motion of the TCP for coefficients of 1 rad or 1 m."""
-    terms, lever = law.values(rest.poses, rest.joint_torque), respond(rest).slots[rest.model.chain.index[law.key]]
+    terms, lever = (
+        law.values(equilibrium.poses, equilibrium.joint_torque),
+        respond(equilibrium).slots[equilibrium.model.chain.index[law.key]],
+    )
     return np.asarray((lever.T[:, :, None] * terms[:, None, :]).reshape(-1, terms.shape[1]))

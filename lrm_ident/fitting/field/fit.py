@@ -15,7 +15,7 @@ from lrm_math.effects.field.residual_field import ResidualField
 from lrm_math.effects.measured_range import MeasuredRange
 from lrm_math.errors import LrmError
 from lrm_math.kinematics.poses import Poses
-from lrm_math.model.equilibrium import equilibrium
+from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import Model
 
 
@@ -27,18 +27,18 @@ def fit_with_field(fitted: Fit, data: Measurements) -> Fit:
 
     model, field = fitted.model, ResidualField(fitted.model.arm, "tool")
     check_positions(data)
-    residual = data.position_error(fitted.rest)
+    residual = data.position_error(fitted.equilibrium)
     posterior = field_posterior(field.over(model.within), data.poses, residual, fitted.weight)
     free = (*model.free, *(field.keys[row] for row in posterior.kept))
     values = np.concatenate([model.values, posterior.values])
     extended = Model(model.arm, (*model.effects, field), values, free, model.within, model.fitted_to)
-    rest = equilibrium(extended, data.poses, tuple(fitted.rest.slots))
-    left, parameters = data.position_error(rest), fitted.effective_parameters + posterior.determined
+    equilibrium = solve_equilibrium(extended, data.poses, tuple(fitted.equilibrium.slots))
+    left, parameters = data.position_error(equilibrium), fitted.effective_parameters + posterior.determined
     square = float((fitted.weight * (left**2).sum(axis=1)).sum())
     return replace(
         fitted,
         model=extended,
-        rest=rest,
+        equilibrium=equilibrium,
         residual=left,
         covariance=block_diag(fitted.covariance, posterior.covariance),
         effective_parameters=parameters,

@@ -53,7 +53,7 @@ class NormalEquations:
 
 
 def compress(
-    rest: Equilibrium, keys: Sequence[str], whitening: Whitening, weight: Array, residual: Array
+    equilibrium: Equilibrium, keys: Sequence[str], whitening: Whitening, weight: Array, residual: Array
 ) -> CompressedRows:
     """The Jacobian of an equilibrium's measured rows and a residual, whitened and weighted, as few rows.
 
@@ -63,13 +63,13 @@ def compress(
         residual: (N, R), whitened, not weighted yet.
     """
     factor = np.zeros((len(keys) + 1, len(keys) + 1), order="F")
-    for rows in np.split(np.arange(len(rest.poses)), range(BLOCK, len(rest.poses), BLOCK)):
-        factor = _with_rows(factor, _weighted(rest, keys, whitening, weight, residual, rows))
+    for rows in np.split(np.arange(len(equilibrium.poses)), range(BLOCK, len(equilibrium.poses), BLOCK)):
+        factor = _with_rows(factor, _weighted(equilibrium, keys, whitening, weight, residual, rows))
     return CompressedRows(factor[:, :-1], factor[:, -1])
 
 
 def compress_each(
-    rest: Equilibrium,
+    equilibrium: Equilibrium,
     keys: Sequence[str],
     whitening: Whitening,
     weight: Array,
@@ -80,7 +80,7 @@ def compress_each(
     ends = np.cumsum([len(part) for part in parts])
     for number in np.unique(ends // BLOCK):
         together = [part for part, end in zip(parts, ends, strict=True) if end // BLOCK == number]
-        block = _weighted(rest, keys, whitening, weight, residual, np.concatenate(together))
+        block = _weighted(equilibrium, keys, whitening, weight, residual, np.concatenate(together))
         for rows in np.split(block, np.cumsum([len(part) for part in together])[:-1], axis=2):
             factor = _with_rows(np.zeros((len(block), len(block)), order="F"), rows)
             yield CompressedRows(factor[:, :-1], factor[:, -1])
@@ -96,7 +96,7 @@ def _with_rows(factor: Array, rows: Array) -> Array:
 
 
 def _weighted(
-    rest: Equilibrium,
+    equilibrium: Equilibrium,
     keys: Sequence[str],
     whitening: Whitening,
     weight: Array,
@@ -104,11 +104,11 @@ def _weighted(
     rows: NDArray[np.int64],
 ) -> Array:
     """(P + 1, R, n), scaled Jacobian and residual of some poses, whitened and weighted."""
-    typical = np.array([rest.model.parameter(key).typical for key in keys])
+    typical = np.array([equilibrium.model.parameter(key).typical for key in keys])
     scale = weight if len(weight) == 1 else weight[rows]
-    if not np.array_equal(rows, np.arange(len(rest.poses))):
-        rest, whitening = rest.take(rows), whitening.take(rows)
-    J = whitening.jacobian(rest, keys).transpose(2, 1, 0)
+    if not np.array_equal(rows, np.arange(len(equilibrium.poses))):
+        equilibrium, whitening = equilibrium.take(rows), whitening.take(rows)
+    J = whitening.jacobian(equilibrium, keys).transpose(2, 1, 0)
     out = np.empty((len(keys) + 1, *J.shape[1:]))
     np.multiply(J, typical[:, None, None], out=out[:-1])
     out[-1] = residual[rows].T

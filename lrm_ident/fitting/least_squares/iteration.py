@@ -109,7 +109,7 @@ class LevenbergMarquardt:
         `columns`: the compressed Jacobian there, or before a step that changed nothing."""
         parameters, covariance = self._posterior(columns, free, noise)
         update = NoiseUpdate(noise, self.objective.noise_scale(iterate, parameters))
-        return update, self.smooth.likelier(iterate.rest.model.with_free(self.objective.model.free), covariance)
+        return update, self.smooth.likelier(iterate.equilibrium.model.with_free(self.objective.model.free), covariance)
 
     def _settled(self, iterate: Iterate, noise: NoiseScale) -> tuple[LevenbergMarquardt, NoiseScale]:
         """The problem with the penalties, and the noise, that follow from each other on the objective's quadratic model

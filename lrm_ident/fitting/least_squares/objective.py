@@ -21,7 +21,7 @@ from lrm_ident.fitting.priors import SET_UP, Prior
 from lrm_math.arrays import Array
 from lrm_math.errors import LrmError
 from lrm_math.model.derivatives import BLOCK, respond
-from lrm_math.model.equilibrium import Equilibrium, equilibrium
+from lrm_math.model.equilibrium import Equilibrium, solve_equilibrium
 from lrm_math.model.fixed_point import NewtonPreconditioner
 from lrm_math.model.model import Model
 
@@ -51,7 +51,7 @@ class Iterate:
     """
 
     z: Array
-    rest: Equilibrium
+    equilibrium: Equilibrium
     residual: Array
     linearised: dict[float, CompressedRows] = field(default_factory=dict, repr=False)
 
@@ -167,7 +167,7 @@ class Objective:
         if near is None or near.poses is not self.data.poses or not _same(values, near.model.values):
             preconditioner = None if near is None else self.preconditioner(near)
             model, poses = self.model.with_values(values), self.data.poses
-            near = equilibrium(model, poses, near, EQUILIBRIUM_TOLERANCE, preconditioner)
+            near = solve_equilibrium(model, poses, near, EQUILIBRIUM_TOLERANCE, preconditioner)
         return Iterate(z, near, self.data.whitening(self.data.residual(near)))
 
     def preconditioner(self, near: Equilibrium) -> NewtonPreconditioner | None:
@@ -184,7 +184,7 @@ class Objective:
         """Scaled Jacobian and residual, weighted by the loss (iteratively reweighted)."""
         if noise.scale not in iterate.linearised:
             weight = self._root_weight(iterate, noise)
-            rows = compress(iterate.rest, self.model.free, self.data.whitening, weight, iterate.residual)
+            rows = compress(iterate.equilibrium, self.model.free, self.data.whitening, weight, iterate.residual)
             iterate.linearised[noise.scale] = rows
         return iterate.linearised[noise.scale]
 
@@ -193,7 +193,9 @@ class Objective:
     ) -> list[CompressedRows]:
         """`linearise` of each of some parts of the poses (rows)."""
         weight = self._root_weight(iterate, noise)
-        return list(compress_each(iterate.rest, self.model.free, self.data.whitening, weight, iterate.residual, parts))
+        return list(
+            compress_each(iterate.equilibrium, self.model.free, self.data.whitening, weight, iterate.residual, parts)
+        )
 
     def _root_weight(self, iterate: Iterate, noise: NoiseScale) -> Array:
         """(N, 1), square root of the weight of each pose in the loss."""

@@ -71,7 +71,7 @@ class QuadraticModel:
         while damping < MAX_DAMPING:
             z = self._minimum(A + damping * diagonal)
             try:
-                trial = self.objective.at(z, self.iterate.rest)
+                trial = self.objective.at(z, self.iterate.equilibrium)
             except NoEquilibrium:
                 damping *= 10.0
                 continue
@@ -109,7 +109,9 @@ class QuadraticModel:
         if not 0.0 < 0.5 * slope < MUCH_SHORTER * (slope - gain):
             return trial
         try:
-            shorter = self.objective.at(self.iterate.z + 0.5 * slope / (slope - gain) * change, self.iterate.rest)
+            shorter = self.objective.at(
+                self.iterate.z + 0.5 * slope / (slope - gain) * change, self.iterate.equilibrium
+            )
         except NoEquilibrium:
             return trial
         return min(trial, shorter, key=self.value)

@@ -20,7 +20,7 @@ from lrm_math.arrays import Array
 from lrm_math.effects import effects_at, split_key
 from lrm_math.kinematics.poses import Poses
 from lrm_math.model.derivatives import parameter_jacobian
-from lrm_math.model.equilibrium import equilibrium
+from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import model_of
 from lrm_math.model.sensed import Sensed
 
@@ -98,7 +98,7 @@ def photo_regression(arm: Arm, poses: Poses, found: HandEye) -> PhotoRegression:
     keys = [key for key in model.keys if split_key(key)[1] not in ("base", "tool") or key.startswith("compliance")]
     sizes = [model.parameter(key).typical for key in keys]
     typical = np.array([PART if key.endswith("_mm") else size for key, size in zip(keys, sizes, strict=True)])
-    J = parameter_jacobian(equilibrium(model, poses), keys, Sensed(attitude=True))
+    J = parameter_jacobian(solve_equilibrium(model, poses), keys, Sensed(attitude=True))
     turns = J[:, :, [key.startswith("offsets.joint") and key.endswith("theta_rad") for key in keys]]
     floor = np.diag([ARM_ERROR[0] ** 2] * 3 + [ARM_ERROR[1] ** 2] * 3)
     floor = floor + JOINT_ERROR**2 * turns @ turns.transpose(0, 2, 1)

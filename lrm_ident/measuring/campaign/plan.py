@@ -12,7 +12,7 @@ from lrm_ident.data.measurement_file.load import load_pose_table
 from lrm_math.arm.arm import Arm
 from lrm_math.errors import FileError
 from lrm_math.kinematics.poses import poses_of
-from lrm_math.model.equilibrium import equilibrium
+from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import model_of
 
 
@@ -41,7 +41,7 @@ class CampaignPlan:
 
 def lightest(poses: Sequence[PlannedPose], arm: Arm) -> PlannedPose:
     """The pose that loads the joints least: smallest sum of squared gravity torques of the nominal arm."""
-    torque = equilibrium(model_of(arm, ()), poses_of(np.array([pose.q for pose in poses]), 0.0)).joint_torque
+    torque = solve_equilibrium(model_of(arm, ()), poses_of(np.array([pose.q for pose in poses]), 0.0)).joint_torque
     return poses[int(np.argmin((torque**2).sum(axis=1)))]
 
 

@@ -20,7 +20,7 @@ from lrm_math.arm.arm import Arm
 from lrm_math.arrays import Array
 from lrm_math.errors import LrmError
 from lrm_math.kinematics.poses import poses_of
-from lrm_math.model.equilibrium import equilibrium
+from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import model_of
 
 Cause = Literal["droop", "dead band", "offset", "drift", "slip"]
@@ -91,7 +91,7 @@ def checkup(frames: LeRobotFrames, arm: Arm, dwell: float) -> EncoderCheckup:
         raise LrmError(f"{what}: stop for a moment now and then while you teleoperate")
     last = np.array([rows[-1] for rows in rests])
     command, state = (np.array([v[rows].mean(axis=0) for rows in rests]) for v in (frames.command, frames.feedback))
-    torque = equilibrium(model_of(arm, ()), poses_of(state)).joint_torque
+    torque = solve_equilibrium(model_of(arm, ()), poses_of(state)).joint_torque
     side, time = last_sides(frames)[last], elapsed(frames)[last]
     error = state - command
     found: list[EncoderFinding] = []

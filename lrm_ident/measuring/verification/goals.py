@@ -16,7 +16,7 @@ from lrm_math.arm.arm_file import MM
 from lrm_math.arrays import Array
 from lrm_math.errors import LrmError
 from lrm_math.kinematics.poses import poses_of
-from lrm_math.model.equilibrium import equilibrium
+from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import model_of
 
 RULES = ClearanceRules(0.035, 0.1, 0.05)
@@ -64,7 +64,7 @@ def draw_goals(arm: Arm, count: int, seed: int, area: Area | None = None) -> Arr
     found = np.empty((0, 3))
     for _ in range(TRIES):
         q = rng.uniform(low, high, size=(AT_ONCE, arm.dof))
-        tips = equilibrium(model_of(arm, ()), poses_of(q)).tcp
+        tips = solve_equilibrium(model_of(arm, ()), poses_of(q)).tcp
         inside = np.ones(len(q), dtype=np.bool_) if area is None else area.holds(tips)
         found = np.concatenate([found, tips[inside][keeps_rules(arm, q[inside], rules)]])
         if len(found) >= count:

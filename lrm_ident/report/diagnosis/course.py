@@ -39,7 +39,7 @@ def step_blocks(number: int, step: AutoStep, start: AutoStep) -> Iterator[Block]
         rivals = enumerate_words(step.equivalent, RIVALS_SHOWN)
         yield Text(f"       or {rivals}, or several of them: these data cannot tell", style="dim")
     if step.added:
-        known = noise_floor(step.data, step.fit.rest).rms is not None
+        known = noise_floor(step.data, step.fit.equilibrium).rms is not None
         present = [effect.name for effect in step.fit.model.effects]
         reason = f"description: {no_cause(step.refines, present, known)}" if step.describes else "finding"
         yield Text(f"       {took_words(step.share, known)}; {reason}", style="dim")

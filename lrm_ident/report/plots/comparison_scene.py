@@ -21,7 +21,7 @@ from lrm_ident.residual.error_breakdown import ModelComparison
 from lrm_math.arrays import Array
 from lrm_math.errors import LrmError
 from lrm_math.kinematics.forward import frames
-from lrm_math.model.equilibrium import equilibrium
+from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import Model, model_of
 
 ENLARGED = 20.0
@@ -37,13 +37,13 @@ def scene_file(found: ModelComparison, models: Sequence[tuple[str, Model]]) -> b
         from mcap.writer import Writer
     except ImportError:
         raise LrmError("an MCAP file is written with mcap; pip install 'lrm-arm[mcap]'") from None
-    data, rest = found.data, found.rest
-    steps = [("nominal", with_anchor(model_of(rest.model.arm, ()), data)), *models]
+    data, equilibrium = found.data, found.equilibrium
+    steps = [("nominal", with_anchor(model_of(equilibrium.model.arm, ()), data)), *models]
     errors = {
-        topic_of(k, name): (name, data.position_error(equilibrium(model, data.poses)))
+        topic_of(k, name): (name, data.position_error(solve_equilibrium(model, data.poses)))
         for k, (name, model) in enumerate(steps)
     }
-    lines = frames(rest.model.chain, rest.slots, len(data.poses))[:, :, :3, 3]
+    lines = frames(equilibrium.model.chain, equilibrium.slots, len(data.poses))[:, :, :3, 3]
     content = io.BytesIO()
     writer = Writer(content)
     writer.start(library="lrm-ident")

@@ -17,7 +17,7 @@ from lrm_ident.design.pose_selection import PoseSelection
 from lrm_ident.report.fit import screen_unit
 from lrm_ident.report.plots.style import GREEN, HELD_OUT, MODEL, NOMINAL, figure_file, finish, plain_number
 from lrm_math.arrays import Array
-from lrm_math.model.equilibrium import equilibrium
+from lrm_math.model.equilibrium import solve_equilibrium
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -55,7 +55,7 @@ def draw_design(task: DesignProblem, offer: CandidateSet, found: PoseDesign, pat
     Raises `FileError` for an unknown format or a place that cannot be written.
     """
     widths = (0.7, 1.3) if found.after.discrimination is None else (0.7, 1.2, 0.5)
-    everywhere, chosen = (equilibrium(task.model, poses).tcp for poses in (offer.poses, found.poses))
+    everywhere, chosen = (solve_equilibrium(task.model, poses).tcp for poses in (offer.poses, found.poses))
     sets = [
         PlottedSet(known, *style)
         for known, *style in (

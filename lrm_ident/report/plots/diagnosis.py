@@ -147,7 +147,7 @@ def _with_unit(name: str) -> str:
 
 def _values(found: Diagnosis, name: str) -> Array:
     """(N,), a covariate at the poses that were screened as shown; at the pose before, of all that were measured."""
-    torque = found.fit.rest.joint_torque
+    torque = found.fit.equilibrium.joint_torque
     if name == "total torque":
         return np.asarray(np.abs(torque[found.screened]).sum(axis=1))
     if name == "order":
@@ -184,24 +184,24 @@ class DriverCurve:
 
 def driver_curve(fitted: Fit, effect: Effect) -> DriverCurve | None:
     """The curve of all effects of the model that turn the same joint by the same driver; None if there is no such."""
-    driver, model, rest = driver_of(effect), fitted.model, fitted.rest
+    driver, model, equilibrium = driver_of(effect), fitted.model, fitted.equilibrium
     if not driver or len(effect.targets) != 1 or not effect.targets[0].endswith((".theta", SERVO)):
         return None
     turned = slot_of(effect.targets[0])
     slot, load_row = model.chain.index[turned], {k: row for row, k in enumerate(model.load_slots)}
-    torque = rest.tau[load_row[slot]] if slot in load_row else np.zeros(len(rest.poses))
-    values = _driver_values(driver, rest.poses, np.broadcast_to(np.asarray(torque), len(rest.poses)))
+    torque = equilibrium.tau[load_row[slot]] if slot in load_row else np.zeros(len(equilibrium.poses))
+    values = _driver_values(driver, equilibrium.poses, np.broadcast_to(np.asarray(torque), len(equilibrium.poses)))
     grid = np.linspace(values.min(), values.max(), GRID)
     alike = [(one, p) for one, p in model.parts() if driver_of(one) == driver and slot_of(one.targets[0]) == turned]
-    lever = respond(rest).slots[slot]
+    lever = respond(equilibrium).slots[slot]
     square = (lever**2).sum(axis=0)
     far = square > LEAST_LEVER**2 * square.max()
-    there = _poses_along(driver, rest.poses, grid)
+    there = _poses_along(driver, equilibrium.poses, grid)
     own, turn, columns = np.zeros(len(values)), np.zeros(GRID), []
     keys: list[str] = []
     for one, p in alike:
         here, along = _felt(one, values), _felt(one, grid)
-        own = own + np.asarray(one.amounts(rest.poses, here, p)[0])
+        own = own + np.asarray(one.amounts(equilibrium.poses, here, p)[0])
         turn = turn + np.asarray(one.amounts(there, along, p)[0])
         keys += one.keys
         for amounts in by_parameters(one, there, along, p):

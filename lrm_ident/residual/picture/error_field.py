@@ -17,7 +17,7 @@ from lrm_ident.residual.picture.arm_solids import ArmSolids, arm_solids, placed
 from lrm_math.arrays import Array
 from lrm_math.kinematics.forward import frames
 from lrm_math.model.derivatives import joint_levers
-from lrm_math.model.equilibrium import Equilibrium, equilibrium
+from lrm_math.model.equilibrium import Equilibrium, solve_equilibrium
 from lrm_math.model.model import Model, model_of
 
 MOST_DRAWN, WORST_DRAWN, SEED = 1000, 200, 0
@@ -82,16 +82,16 @@ class ErrorField:
 
 def error_field(data: Measurements, models: Sequence[tuple[str, Model]]) -> ErrorField:
     """The error field of named models, the oldest first. Raises `NoEquilibrium`."""
-    rests = [(name, equilibrium(model, data.poses)) for name, model in models]
+    rests = [(name, solve_equilibrium(model, data.poses)) for name, model in models]
     rows = drawn_rows(data.position_error(rests[-1][1]))
     arm = models[-1][1].arm
-    nominal, last = equilibrium(with_anchor(model_of(arm, ()), data), data.poses), rests[-1][1]
+    nominal, last = solve_equilibrium(with_anchor(model_of(arm, ()), data), data.poses), rests[-1][1]
     drawn, bent = _frames(nominal.take(rows)), _frames(last.take(rows))
     solids = arm_solids(arm, drawn[0])
     return ErrorField(
         rows=rows,
         poses=len(data),
-        steps=tuple(_step(name, rest, data, rows) for name, rest in rests),
+        steps=tuple(_step(name, equilibrium, data, rows) for name, equilibrium in rests),
         nominal=drawn[:, :, :3, 3],
         bent=bent[:, :, :3, 3],
         solids=solids,
@@ -131,18 +131,18 @@ def joint_turns(residual: Array, motion: Array) -> Array:
     return np.asarray(np.einsum("mc,ncm->nm", residual, motion) / length)
 
 
-def arm_lines(rest: Equilibrium) -> Array:
+def arm_lines(equilibrium: Equilibrium) -> Array:
     """(N, n + 2, 3), origins of the frames from base to TCP (m)."""
-    return _frames(rest)[:, :, :3, 3]
+    return _frames(equilibrium)[:, :, :3, 3]
 
 
-def _frames(rest: Equilibrium) -> Array:
+def _frames(equilibrium: Equilibrium) -> Array:
     """(N, n + 2, 4, 4), m."""
-    return frames(rest.model.chain, rest.slots, len(rest.poses))
+    return frames(equilibrium.model.chain, equilibrium.slots, len(equilibrium.poses))
 
 
-def _step(name: str, rest: Equilibrium, data: Measurements, rows: NDArray[np.int64]) -> FieldStep:
-    drawn, residual = rest.take(rows), data.position_error(rest)
+def _step(name: str, equilibrium: Equilibrium, data: Measurements, rows: NDArray[np.int64]) -> FieldStep:
+    drawn, residual = equilibrium.take(rows), data.position_error(equilibrium)
     return FieldStep(name, error_stats(residual), residual[rows], joint_turns(residual[rows], joint_levers(drawn)))
 
 

@@ -16,7 +16,7 @@ from lrm_ident.residual.picture.error_field import arm_lines
 from lrm_math.arrays import Array
 from lrm_math.errors import LrmError
 from lrm_math.kinematics.poses import poses_of
-from lrm_math.model.equilibrium import equilibrium
+from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import Model, model_of
 
 SILENT_S = 2.0
@@ -96,7 +96,7 @@ class RoverLink:
         if missing:
             raise LrmError(f"the robot '{self.robot}' has no {missing[0]}: is it another arm?")
         q, load = np.array([known[name] for name in names]), float(self.mode.get("payload_kg", 0.0))
-        lines = [arm_lines(equilibrium(one, poses_of(q, load)))[0] for one in (model_of(model.arm, ()), model)]
+        lines = [arm_lines(solve_equilibrium(one, poses_of(q, load)))[0] for one in (model_of(model.arm, ()), model)]
         mode = f"{self.mode.get('mode', 'mode unknown')} ({self.mode.get('why', '')})"
         return RoverTip(mode, q, load, *lines)
 

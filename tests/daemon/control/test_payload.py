@@ -12,7 +12,7 @@ from lrm_math.arrays import Array
 from lrm_math.collision.scene import Scene, clearance_of
 from lrm_math.kinematics.forward import frames
 from lrm_math.kinematics.poses import poses_of
-from lrm_math.model.equilibrium import equilibrium
+from lrm_math.model.equilibrium import solve_equilibrium
 from lrmd.config import Config, load_config
 from lrmd.control.state_machine import Mode
 from lrmd.errors import RequestError
@@ -73,9 +73,9 @@ def sim(config: Config, deployed: DeployedModel) -> LoadedDaemon:
 
 def nearest(config: Config, deployed: DeployedModel, q: Array, payload: float) -> float:
     """Smallest distance (m) of two bodies of the sagging arm in poses (N, n): the model's own equilibrium, no guard."""
-    rest = equilibrium(deployed.model, poses_of(q, payload))
+    equilibrium = solve_equilibrium(deployed.model, poses_of(q, payload))
     scene = Scene.of(config.arm)
-    return float(clearance_of(scene, frames(deployed.model.chain, rest.slots, len(q))).distance.min())
+    return float(clearance_of(scene, frames(deployed.model.chain, equilibrium.slots, len(q))).distance.min())
 
 
 def straight(count: int = 200) -> Array:

@@ -22,7 +22,7 @@ from lrm_math.ik.answer import Solved
 from lrm_math.ik.methods import DEFAULT, METHODS, Direct, Iterative
 from lrm_math.kinematics.forward import frames
 from lrm_math.kinematics.poses import poses_of
-from lrm_math.model.equilibrium import equilibrium
+from lrm_math.model.equilibrium import solve_equilibrium
 from lrmd.config import Config, load_config
 from lrmd.ik.deployed_model import deploy
 from lrmd.ik.service import IkService, goal_of, solver_of
@@ -66,7 +66,7 @@ def solve_goals(*goals: GoalEntry, **more: object) -> list[IkAnswer]:
 def bent(q: Array, payload: float) -> Array:
     """(N, n + 2, 4, 4), frames of the arm at rest for commands (N, n), by the model alone."""
     model = service().deployed.model
-    return frames(model.chain, equilibrium(model, poses_of(q, payload)).slots, len(q))
+    return frames(model.chain, solve_equilibrium(model, poses_of(q, payload)).slots, len(q))
 
 
 def limits() -> tuple[Array, Array]:
@@ -194,7 +194,7 @@ def test_a_singular_pose_names_a_joint_that_can_turn(method: str) -> None:
     model = drawn_service().deployed.model
 
     def tool(q: Array) -> Array:
-        return frames(model.chain, equilibrium(model, poses_of(q[None])).slots, 1)[0, -1]
+        return frames(model.chain, solve_equilibrium(model, poses_of(q[None])).slots, 1)[0, -1]
 
     def turning(q: Array) -> tuple[float, Array]:
         """Smallest singular value of the Jacobian by differences, turns weighed by 0.1 m, and its joint motion."""

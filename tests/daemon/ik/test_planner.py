@@ -18,7 +18,7 @@ from lrm_math.collision.scene import Scene, clearance, clearance_of
 from lrm_math.effects import effects_at
 from lrm_math.kinematics.forward import frames
 from lrm_math.kinematics.poses import poses_of
-from lrm_math.model.equilibrium import equilibrium
+from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import Model, model_of
 from lrm_math.model.model_file import load_model
 from lrmd.config import Config, load_config
@@ -63,8 +63,8 @@ class Workcell:
 
     def sagging(self, q: Array, payload: float) -> Array:
         """(N,), how close the closest bodies of the bent arm are (m)."""
-        rest = equilibrium(self.model, poses_of(q, payload))
-        return clearance_of(Scene.of(self.config.arm), frames(self.model.chain, rest.slots, len(q))).distance
+        equilibrium = solve_equilibrium(self.model, poses_of(q, payload))
+        return clearance_of(Scene.of(self.config.arm), frames(self.model.chain, equilibrium.slots, len(q))).distance
 
 
 def limited(looks: int = 100_000) -> Callable[[], None]:
@@ -176,12 +176,12 @@ def test_the_same_seed_finds_the_same_path(place: Workcell) -> None:
 
 @pytest.mark.slow
 def test_a_path_to_a_goal_ends_with_the_tool_there(place: Workcell) -> None:
-    rest = equilibrium(place.model, poses_of(END[None], LOAD))
-    tool = frames(place.model.chain, rest.slots, 1)[0, -1]
+    equilibrium = solve_equilibrium(place.model, poses_of(END[None], LOAD))
+    tool = frames(place.model.chain, equilibrium.slots, 1)[0, -1]
     goal = GoalEntry(position_m=tool[:3, 3].tolist(), approach=tool[:3, 2].tolist())
     found = place.service.plan(PlanRequest(from_rad=START.tolist(), goal=goal, payload_kg=LOAD), limited())
     assert not isinstance(found, str), found
-    ends = equilibrium(place.model, poses_of(np.array(found[-1:]), LOAD))
+    ends = solve_equilibrium(place.model, poses_of(np.array(found[-1:]), LOAD))
     np.testing.assert_allclose(ends.true_tcp[0], tool[:3, 3], atol=1e-6)
 
 

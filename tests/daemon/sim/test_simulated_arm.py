@@ -17,7 +17,7 @@ from lrm_math.arm.servo_table import PwmClock, ServoTable
 from lrm_math.effects import effects_at
 from lrm_math.errors import LrmError, UnknownName
 from lrm_math.kinematics.poses import Poses, poses_of
-from lrm_math.model.equilibrium import equilibrium
+from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import Model, model_of
 from lrmd.link import protocol
 from lrmd.link.frames import Frame, FrameDecoder, encode
@@ -140,7 +140,9 @@ def test_settles_to_the_tcp_of_its_model(rover: Arm) -> None:
         rig.wait(1.5)
         assert not rig.arm.moving
         np.testing.assert_allclose(rig.arm.q, real, atol=1e-8)
-        np.testing.assert_allclose(rig.arm.equilibrium().tcp[-1], equilibrium(truth, poses_of(real)).tcp[0], atol=1e-8)
+        np.testing.assert_allclose(
+            rig.arm.equilibrium().tcp[-1], solve_equilibrium(truth, poses_of(real)).tcp[0], atol=1e-8
+        )
 
 
 @given(st.integers(0, 1000), st.integers(1, 10))
@@ -150,7 +152,9 @@ def test_any_number_of_joints(seed: int, joints: int) -> None:
     rig = BoardOnBench(truth)
     real = rig.command(np.random.default_rng(seed).uniform(-1.9, 1.9, joints).tolist())
     rig.wait(2.0)
-    np.testing.assert_allclose(rig.arm.equilibrium().tcp[-1], equilibrium(truth, poses_of(real)).tcp[0], atol=1e-8)
+    np.testing.assert_allclose(
+        rig.arm.equilibrium().tcp[-1], solve_equilibrium(truth, poses_of(real)).tcp[0], atol=1e-8
+    )
 
 
 def test_moves_at_finite_speed_independent_of_the_step_size(rover: Arm) -> None:
@@ -190,7 +194,7 @@ def test_without_pulses_it_sinks_and_its_energy_falls(lawful: Arm) -> None:
     rig = BoardOnBench(truth, start=[0.4, 0.9, -0.6, 0.5, 0.3, 0.1])
 
     def torque_and_q() -> tuple[np.ndarray, np.ndarray]:
-        return equilibrium(truth, poses_of(rig.arm.q)).joint_torque[0], np.array(rig.arm.q)
+        return solve_equilibrium(truth, poses_of(rig.arm.q)).joint_torque[0], np.array(rig.arm.q)
 
     torque, q = torque_and_q()
     fallen = 0.0
@@ -264,7 +268,7 @@ def test_hidden_hysteresis_depends_on_where_it_comes_from(rover: Arm) -> None:
     ways = np.zeros((2, 6))
     ways[:, 1] = 1.0, -1.0
     q = np.tile(rig.arm.q, (2, 1))
-    expected = equilibrium(truth, Poses(q, np.zeros(2), direction=ways)).tcp
+    expected = solve_equilibrium(truth, Poses(q, np.zeros(2), direction=ways)).tcp
     np.testing.assert_allclose(np.subtract(*seen), expected[0] - expected[1], atol=1e-8)
     assert np.linalg.norm(np.subtract(*seen)) > 5e-3
 
@@ -277,7 +281,7 @@ def test_hidden_sessions_and_drift_follow_power_and_time(rover: Arm) -> None:
     rig = BoardOnBench(truth)
 
     def turned() -> float:
-        a, b = rig.arm.equilibrium().tcp[-1], equilibrium(plain, poses_of(rig.arm.q)).tcp[0]
+        a, b = rig.arm.equilibrium().tcp[-1], solve_equilibrium(plain, poses_of(rig.arm.q)).tcp[0]
         return float(np.linalg.norm(a - b))
 
     def hold(seconds: int) -> None:
@@ -308,7 +312,7 @@ def test_load_bends_the_arm_and_heats_the_servos(rover: Arm) -> None:
     light, cool = rig.arm.equilibrium().tcp[-1], [rig.arm.temperature(servo) for servo in rig.arm.servos]
     rig.arm.set_payload(0.1)
     heavy = rig.arm.equilibrium().tcp[-1]
-    np.testing.assert_allclose(heavy, equilibrium(truth, poses_of(rig.arm.q, 0.1)).tcp[0], atol=1e-8)
+    np.testing.assert_allclose(heavy, solve_equilibrium(truth, poses_of(rig.arm.q, 0.1)).tcp[0], atol=1e-8)
     assert heavy[2] < light[2] - 1e-3
     hold(60)
     warm = [rig.arm.temperature(servo) for servo in rig.arm.servos]
@@ -337,7 +341,7 @@ def test_overloaded_wrist_servo_burns_out(rover: Arm) -> None:
     rig = BoardOnBench(model_of(rover, ()))
     rig.arm.set_payload(0.3)
     # joint 4 level with the ground and all the load on it
-    loads = equilibrium(rig.arm.truth, poses_of(np.random.default_rng(0).uniform(-1.5, 1.5, (500, 6)), 0.3))
+    loads = solve_equilibrium(rig.arm.truth, poses_of(np.random.default_rng(0).uniform(-1.5, 1.5, (500, 6)), 0.3))
     worst = int(np.argmax(np.abs(loads.joint_torque[:, 3])))
     q = loads.poses.q[worst].tolist()
     burnt_at = None

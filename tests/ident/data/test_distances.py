@@ -30,7 +30,7 @@ from lrm_math.errors import FileError
 from lrm_math.kinematics.poses import poses_of
 from lrm_math.model.deployed_model import deployed_part
 from lrm_math.model.derivatives import parameter_jacobian
-from lrm_math.model.equilibrium import equilibrium
+from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import Model, model_of
 from lrm_math.model.sensed import Sensed, from_anchor
 from tests.support.random_arms import random_arm
@@ -61,14 +61,15 @@ def measured(model: Model, poses: int, seed: int, positions: int = 0, point: boo
     """Distances from `POINT`, with positions of the first so many poses; `point`: whether it is stated."""
     rng = np.random.default_rng(seed)
     limits = np.array([(joint.lower, joint.upper) for joint in model.arm.joints]) * 0.6
-    rest = equilibrium(model, poses_of(rng.uniform(*limits.T, (poses, model.arm.dof))))
+    equilibrium = solve_equilibrium(model, poses_of(rng.uniform(*limits.T, (poses, model.arm.dof))))
     number, sd = np.arange(1, poses + 1), np.full(poses, SD)
-    tcp = np.where(number[:, None] <= positions, rest.tcp + rng.normal(0, SD, (poses, 3)), np.nan)
+    tcp = np.where(number[:, None] <= positions, equilibrium.tcp + rng.normal(0, SD, (poses, 3)), np.nan)
     covariance = np.full((poses, 6, 6), np.nan)
     covariance[:, :3, :3] = SD**2 * np.eye(3)
-    distance = np.linalg.norm(from_anchor(rest, POINT), axis=1) + rng.normal(0, SD, poses)
+    distance = np.linalg.norm(from_anchor(equilibrium, POINT), axis=1) + rng.normal(0, SD, poses)
     return Measurements(
-        rest.poses, number, tcp, sd, None, number, Path("made.csv"), "", covariance=covariance if positions else None,
+        equilibrium.poses, number, tcp, sd, None, number, Path("made.csv"), "",
+        covariance=covariance if positions else None,
         distance=distance, distance_sd=sd, distance_from=POINT if point else None, arm=model.arm,
     )  # fmt: skip
 
@@ -83,11 +84,11 @@ def test_derivatives_are_those_of_central_differences(seed: int) -> None:
     poses = poses_of(np.random.default_rng(seed).uniform(-1.2, 1.2, (6, 4)), 0.05)
 
     def distance(at: Model) -> np.ndarray:
-        return np.linalg.norm(from_anchor(equilibrium(at, poses, tolerance=1e-14), POINT), axis=1)
+        return np.linalg.norm(from_anchor(solve_equilibrium(at, poses, tolerance=1e-14), POINT), axis=1)
 
-    rest = equilibrium(model, poses, tolerance=1e-14)
+    equilibrium = solve_equilibrium(model, poses, tolerance=1e-14)
     sensed = Sensed(feedback=True, distance_from=(POINT[0], POINT[1], POINT[2]))
-    J = parameter_jacobian(rest, sensed=sensed)
+    J = parameter_jacobian(equilibrium, sensed=sensed)
     assert J.shape == (6, sensed.rows(4), len(model.keys)) == (6, 8, len(model.keys))
     for j, parameter in enumerate(model.parameters):
         h = 1e-4 * (parameter.fixed or parameter.typical)
@@ -107,14 +108,14 @@ def test_distances_alone_identify_the_arm(lab: Arm, stated: bool) -> None:
     assert (set(ANCHOR) <= set(found.fit.model.free)) is not stated
     assert found.fit.sigma == pytest.approx(SD, rel=0.2)
     fresh = measured(truth, 100, 2, point=stated)
-    unseen = np.linalg.norm(fresh.position_error(equilibrium(found.fit.model, fresh.poses)), axis=1)
+    unseen = np.linalg.norm(fresh.position_error(solve_equilibrium(found.fit.model, fresh.poses)), axis=1)
     assert np.sqrt((unseen**2).mean()) < 2.0 * SD
     held = found.held
     assert any(one.key.startswith("offsets.base") for one in held), "distances do not tell a turn about their own point"
     left = held_out_residual(found.fit.model, data)
     assert np.sqrt((left**2).sum(axis=1).mean()) < 2.0 * SD
     point = POINT if stated else np.array([found.fit.model.value(key) for key in ANCHOR])
-    seen, true = (equilibrium(model, fresh.poses).tcp for model in (found.fit.model, truth))
+    seen, true = (solve_equilibrium(model, fresh.poses).tcp for model in (found.fit.model, truth))
     motion = robust_similarity(seen, true, mirrored=False, scale=1.0)  # a turn about the point does not show
     assert np.sqrt(((motion.apply(seen) - true) ** 2).sum(axis=1).mean()) < 10.0 * SD
     assert np.linalg.norm(motion.apply(point[None])[0] - POINT) < 20.0 * SD
@@ -156,17 +157,17 @@ def test_distances_help_positions_and_a_stated_point_may_be_wrong(lab: Arm) -> N
     alone = few.take(few.positions)
     without = replace(alone, distance=None, distance_sd=None, distance_from=None)
     elsewhere = measured(truth, 100, 9).poses
-    there = equilibrium(truth, elsewhere).tcp
+    there = solve_equilibrium(truth, elsewhere).tcp
 
     def tip(data: Measurements) -> float:
         model = fit_identifiable(nominal_model(lab), data, nominal_model(lab).keys).fit.model
-        return float(np.sqrt(((equilibrium(model, elsewhere).tcp - there) ** 2).sum(axis=1).mean()))
+        return float(np.sqrt(((solve_equilibrium(model, elsewhere).tcp - there) ** 2).sum(axis=1).mean()))
 
     assert tip(few) < tip(without)
     off = replace(few, distance_from=POINT + np.array([0.0, 0.004, 0.0]))
     seen = diagnose(fit_model(nominal_model(lab), off, "identifiable", SQUARED).fit.model, off)
     assert [one.name for one in seen.supported][:1] == ["anchor@distance"]
-    _, missing = split_testable(unfitted_effects(seen.fit.model), seen.fit.rest, without.sensed)
+    _, missing = split_testable(unfitted_effects(seen.fit.model), seen.fit.equilibrium, without.sensed)
     assert "anchor" in {effect.id for effect, _ in missing}
 
 
@@ -189,8 +190,8 @@ def test_written_and_read_again(lab: Arm, tmp_path: Path) -> None:
     x, y, z = (POINT * 1e3).tolist()
     path.with_suffix(".toml").write_text(f'schema = "lrm/measurements/1"\ndistance_from_mm = [{x}, {y}, {z}]\n')
     again = load_measurements(path, lab)
-    rest = equilibrium(true_model(lab), again.poses)
-    np.testing.assert_allclose(again.residual(rest), data.residual(rest), atol=1e-8)
+    equilibrium = solve_equilibrium(true_model(lab), again.poses)
+    np.testing.assert_allclose(again.residual(equilibrium), data.residual(equilibrium), atol=1e-8)
     np.testing.assert_allclose(again.whitening.root, data.whitening.root, rtol=1e-5)
     assert again.measured_rows == 8 * 3 + 20
     only = tmp_path / "only.csv"

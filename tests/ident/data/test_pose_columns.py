@@ -23,7 +23,7 @@ from lrm_math.arrays import Array
 from lrm_math.effects import effects_at
 from lrm_math.errors import FileError
 from lrm_math.kinematics.poses import poses_of
-from lrm_math.model.equilibrium import equilibrium
+from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import Model, model_of
 from lrm_math.model.reading import Reading
 from lrm_math.model.sensed import encoder_angles, tool_rotation
@@ -51,15 +51,17 @@ def measured(model: Model, poses: int, seed: int, covariance: Array | None = Non
     """Positions, orientations and feedback with noise of the covariance (6, 6), m and rad."""
     rng = np.random.default_rng(seed)
     limits = np.array([(joint.lower, joint.upper) for joint in model.arm.joints]) * 0.8
-    rest = equilibrium(model, poses_of(rng.uniform(*limits.T, (poses, model.arm.dof))))
+    equilibrium = solve_equilibrium(model, poses_of(rng.uniform(*limits.T, (poses, model.arm.dof))))
     C = np.diag([SD**2] * 3 + [TURN_SD**2] * 3) if covariance is None else covariance
     error = rng.multivariate_normal(np.zeros(6), C, poses)
     number = np.arange(1, poses + 1)
     return Measurements(
-        rest.poses, number, rest.tcp + error[:, :3], np.full(poses, np.sqrt(np.trace(C[:3, :3]) / 3)), None, number,
+        equilibrium.poses, number, equilibrium.tcp + error[:, :3],
+        np.full(poses, np.sqrt(np.trace(C[:3, :3]) / 3)), None, number,
         Path("made.csv"), "", covariance=np.broadcast_to(C, (poses, 6, 6)).copy(),
-        attitude=Rotation.from_rotvec(error[:, 3:]).as_matrix() @ tool_rotation(rest),
-        feedback=encoder_angles(rest) + rng.normal(0, FEEDBACK_SD, (poses, model.arm.dof)), feedback_sd=FEEDBACK_SD,
+        attitude=Rotation.from_rotvec(error[:, 3:]).as_matrix() @ tool_rotation(equilibrium),
+        feedback=encoder_angles(equilibrium) + rng.normal(0, FEEDBACK_SD, (poses, model.arm.dof)),
+        feedback_sd=FEEDBACK_SD,
     )  # fmt: skip
 
 
@@ -84,8 +86,8 @@ def test_written_and_read_again(so101: Arm, tmp_path: Path) -> None:
         f'schema = "lrm/measurements/1"\nfeedback_sd_deg = {float(np.degrees(FEEDBACK_SD))!r}\n'
     )
     again = load_measurements(path, so101)
-    rest = equilibrium(hidden(so101), again.poses)
-    np.testing.assert_allclose(again.residual(rest), data.residual(rest), atol=1e-8)
+    equilibrium = solve_equilibrium(hidden(so101), again.poses)
+    np.testing.assert_allclose(again.residual(equilibrium), data.residual(equilibrium), atol=1e-8)
     np.testing.assert_allclose(again.whitening.root, data.whitening.root, rtol=1e-5, atol=1e-3)
     assert again.whitening.measured[3] == data.whitening.measured[3] == 3 + 5
     assert again.whitening.measured[4] == 6 + 4
@@ -171,14 +173,16 @@ def test_depth_that_is_poorly_measured_is_weighted_down(so101: Arm) -> None:
     truth = hidden(so101)
     C = np.diag([3e-4, 3e-4, 3e-3, 1e-3, 1e-3, 1e-3]) ** 2
     elsewhere = poses_of(np.random.default_rng(9).uniform(-1, 1, (100, 5)))
-    there = equilibrium(truth, elsewhere).tcp
+    there = solve_equilibrium(truth, elsewhere).tcp
     errors = {"one sd": [], "covariance": [], "pose": []}
     for seed in range(4):
         data = replace(measured(truth, 50, seed, C), feedback=None, feedback_sd=None)
         ways = {"one sd": replace(data, covariance=None, attitude=None), "covariance": replace(data, attitude=None)}
         for name, way in {**ways, "pose": data}.items():
             found = fitted(hidden(so101), way)
-            errors[name].append(float(((equilibrium(found.model, elsewhere).tcp - there) ** 2).sum(axis=1).mean()))
+            errors[name].append(
+                float(((solve_equilibrium(found.model, elsewhere).tcp - there) ** 2).sum(axis=1).mean())
+            )
     rms = {name: np.sqrt(np.mean(squares)) for name, squares in errors.items()}
     assert rms["covariance"] < 0.6 * rms["one sd"]
     assert rms["pose"] < rms["covariance"]

@@ -28,7 +28,7 @@ from lrm_math.effects import effects_at
 from lrm_math.effects.friction import friction_states
 from lrm_math.errors import FileError
 from lrm_math.kinematics.poses import poses_of
-from lrm_math.model.equilibrium import equilibrium
+from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import model_of
 from lrm_math.model.sensed import tool_rotation
 from tests.conftest import EXAMPLE
@@ -144,11 +144,12 @@ def so101_data(count: int, seed: int, hidden: str = "") -> Measurements:
     limits = 0.8 * np.array([(joint.lower, joint.upper) for joint in arm.joints])
     q = rng.uniform(*limits.T, (count, arm.dof))
     poses = replace(poses_of(q), direction=directions(q, None))
-    rest = equilibrium(model_of(arm, model.effects, sizes), poses)
+    equilibrium = solve_equilibrium(model_of(arm, model.effects, sizes), poses)
     number = np.arange(1, count + 1)
     return Measurements(
-        poses, number, rest.tcp + rng.normal(0, 1e-4, (count, 3)), None, None, number, Path("made.csv"), "", arm=arm,
-        attitude=tool_rotation(rest),
+        poses, number, equilibrium.tcp + rng.normal(0, 1e-4, (count, 3)), None, None, number,
+        Path("made.csv"), "", arm=arm,
+        attitude=tool_rotation(equilibrium),
     )  # fmt: skip
 
 
@@ -236,7 +237,7 @@ def test_better_stated_noise_does_not_make_the_held_out_error_worse(seed: int) -
         errors.append(float(np.sqrt((left**2).sum(axis=1).mean())))
     assert errors[1] <= 1.1 * errors[0], errors
     blind = fit_model(nominal_model(arm), plain, "identifiable", SQUARED).fit
-    assert with_model_error(stated, blind.rest, len(blind.model.free)).model_sd > 2e-4
+    assert with_model_error(stated, blind.equilibrium, len(blind.model.free)).model_sd > 2e-4
 
 
 def test_nothing_is_lost_without_outliers(lab: Arm) -> None:

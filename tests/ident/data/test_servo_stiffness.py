@@ -22,7 +22,7 @@ from lrm_math.arm.arm_file import load_arm, shipped_arms
 from lrm_math.effects import effects_at
 from lrm_math.errors import FileError, LrmError
 from lrm_math.kinematics.poses import poses_of
-from lrm_math.model.equilibrium import equilibrium
+from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import model_of
 from tests.conftest import ROOT
 from tests.support.commands import stderr_of, stdout_of
@@ -149,7 +149,7 @@ def test_stated_errors_of_the_alignment_are_honest() -> None:
 def test_raw_readings_become_measurements(tmp_path: Path, lab: Arm) -> None:
     rng = np.random.default_rng(1)
     q = rng.uniform(-1.5, 1.5, (30, 6))
-    truth = equilibrium(model_of(lab, ()), poses_of(q)).tcp
+    truth = solve_equilibrium(model_of(lab, ()), poses_of(q)).tcp
     turn = np.array([0.6, 0.0, 0.8, 0.0])
     deviation = np.array([-3.03e-4, -6.92e-4, 4.34e-4])
     tcp = (np.array([1.0, 2.0, 3.0]) + (truth + deviation) @ rotation_matrix(turn).T) * 1e3
@@ -200,5 +200,5 @@ def test_the_method_is_rehearsed_on_two_joints(seed: int) -> None:
     found = fit_identifiable(model, data, model.keys).fit
     assert 2.7e-4 < found.sigma < 3.3e-4
     elsewhere = synthetic.random_poses(rig, 200, seed + 1)
-    missed = synthetic.measure(rig, truth, elsewhere) - equilibrium(found.model, poses_of(elsewhere)).tcp
+    missed = synthetic.measure(rig, truth, elsewhere) - solve_equilibrium(found.model, poses_of(elsewhere)).tcp
     assert np.sqrt((missed**2).mean()) < 1e-4  # a third of the noise of one reading

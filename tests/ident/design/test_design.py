@@ -28,7 +28,7 @@ from lrm_math.collision.scene import Scene, clearance
 from lrm_math.effects import effects_at
 from lrm_math.errors import LrmError, UnknownName
 from lrm_math.kinematics.poses import Poses, poses_of
-from lrm_math.model.equilibrium import equilibrium
+from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import Model, model_of
 from tests.conftest import EXAMPLE
 from tests.support.commands import stderr_of, stdout_of
@@ -76,7 +76,7 @@ def test_candidates_keep_clear(name: str, request: pytest.FixtureRequest) -> Non
     found = candidate_grid(arm, parse_levels(arm, "3; joint2=-50,0,50"), ClearanceRules(floor=0.02))
     assert 0 < len(found.q) < found.tried == 729
     assert clearance(Scene.of(arm), found.q).distance.min() >= 0.03
-    tcp = equilibrium(model_of(arm, ()), poses_of(found.q)).tcp
+    tcp = solve_equilibrium(model_of(arm, ()), poses_of(found.q)).tcp
     assert tcp[:, 2].min() >= 0.02
     base = np.array([arm.base.x, arm.base.y, arm.base.z])
     assert np.linalg.norm(tcp - base, axis=1).min() >= 0.16
@@ -170,13 +170,13 @@ def test_expected_errors_are_what_fits_scatter_by(lab: Arm) -> None:
     poses = offered(lab)
     found = design(task(lab), poses)
     truth = replace(model_45(lab), free=TABLE_4_5)
-    tcp, everywhere = equilibrium(truth, found.poses).tcp, equilibrium(truth, poses).tcp
+    tcp, everywhere = solve_equilibrium(truth, found.poses).tcp, solve_equilibrium(truth, poses).tcp
     rng, away = np.random.default_rng(0), []
     for _ in range(25):
         seen = tcp + rng.normal(0, 3e-4, tcp.shape)
         data = Measurements(found.poses, found.number, seen, None, None, found.number, Path("made"), "")
         fitted = fit(truth, data, no_bounds(truth.free)).model
-        away.append(((equilibrium(fitted, poses).tcp - everywhere) ** 2).sum(axis=1).mean())
+        away.append(((solve_equilibrium(fitted, poses).tcp - everywhere) ** 2).sum(axis=1).mean())
     assert np.sqrt(np.mean(away)) * 1e3 == pytest.approx(found.after.tcp, rel=0.12)
 
 

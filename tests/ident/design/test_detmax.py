@@ -26,7 +26,7 @@ from lrm_math.arrays import Array
 from lrm_math.effects import Parameter, effects_at
 from lrm_math.errors import LrmError
 from lrm_math.kinematics.poses import poses_of
-from lrm_math.model.equilibrium import equilibrium
+from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import Model, model_of
 from tests.support.thesis_parameters import thesis_model, thesis_values
 
@@ -206,7 +206,7 @@ def test_the_identification_follows_every_exchange(seed: int) -> None:
 @pytest.mark.slow
 def test_fifty_of_the_real_poses_can_hardly_be_chosen_better(real: Measurements, lab: Arm) -> None:
     """No set of 50, whoever chose it, has an O1 more than 1 % above ours; blind sets have far less."""
-    J = identification_jacobian(equilibrium(model_45(lab), real.poses), TABLE_4_5)
+    J = identification_jacobian(solve_equilibrium(model_45(lab), real.poses), TABLE_4_5)
     rows = exchange(J, 50).rows
     ours = observability(J[rows]).O1
     assert len(set(rows.tolist())) == 50
@@ -241,7 +241,7 @@ def test_the_published_fifty_are_found_again_and_ours_are_better(real: Measureme
     """The thesis prints neither its sets nor their index. Its search has no chance in it: what it finds, identified, is
     the published parameters to four digits, so it is the published set."""
     empty = replace(model_45(lab), free=select_parameters(model_45(lab), "option1"))
-    J = identification_jacobian(equilibrium(empty, real.poses), empty.free)
+    J = identification_jacobian(solve_equilibrium(empty, real.poses), empty.free)
 
     def identified(rows: list[int]) -> Model:
         return fit(empty, real.take(np.array(rows)), no_bounds(empty.free)).model
@@ -264,7 +264,7 @@ def test_the_published_fifty_are_found_again_and_ours_are_better(real: Measureme
 @pytest.mark.parametrize("index", INDICES)
 def test_every_index_is_raised_on_an_arm(lab: Arm, index: Index) -> None:
     q = np.random.default_rng(1).uniform(-1.7, 1.7, (120, 6))
-    J = identification_jacobian(equilibrium(model_45(lab), poses_of(q)), TABLE_4_5)
+    J = identification_jacobian(solve_equilibrium(model_45(lab), poses_of(q)), TABLE_4_5)
     found = exchange(J, 30, index, starts=2)
     criterion, rng = criterion_of(J, index), np.random.default_rng(0)
     starts = [rng.choice(len(J), 30, replace=False) for _ in range(2)]

@@ -21,7 +21,7 @@ from lrm_math.arm.arm_file import load_arm
 from lrm_math.effects import effects_at
 from lrm_math.errors import LrmError
 from lrm_math.kinematics.poses import Poses, poses_of
-from lrm_math.model.equilibrium import Equilibrium, equilibrium
+from lrm_math.model.equilibrium import Equilibrium, solve_equilibrium
 from lrm_math.model.model import Model, model_of
 from tests.support.commands import stderr_of, stdout_of
 from tests.support.random_arms import arms
@@ -41,7 +41,7 @@ def some_poses(arm: Arm, seed: int, count: int) -> Poses:
 
 @pytest.fixture(scope="module")
 def at_rest(lab: Arm) -> Equilibrium:
-    return equilibrium(model_45(lab), some_poses(lab, 0, 100))
+    return solve_equilibrium(model_45(lab), some_poses(lab, 0, 100))
 
 
 def test_letters_of_the_thesis(lab: Arm) -> None:
@@ -56,9 +56,9 @@ def test_letters_of_the_thesis(lab: Arm) -> None:
 @given(arms, st.integers(0, 1000), st.sampled_from(["thesis", "scaled"]))
 def test_what_is_kept_is_independent_and_the_rest_is_not(arm: Arm, seed: int, units: str) -> None:
     model = model_45(arm)
-    rest = equilibrium(model, some_poses(arm, seed, 40))
-    found = eliminate(rest, model.keys, units, 1e-4)  # type: ignore[arg-type]
-    scaled = identification_jacobian(rest, model.keys).reshape(-1, len(model.keys))
+    equilibrium = solve_equilibrium(model, some_poses(arm, seed, 40))
+    found = eliminate(equilibrium, model.keys, units, 1e-4)  # type: ignore[arg-type]
+    scaled = identification_jacobian(equilibrium, model.keys).reshape(-1, len(model.keys))
     chosen = scaled[:, [model.position(key) for key in found.kept]]
     assert np.linalg.matrix_rank(chosen, tol=1e-9 * np.linalg.norm(scaled)) == len(found.kept)
     assert found.kept_values[units][-1] >= 1e-4  # type: ignore[index]
@@ -75,9 +75,9 @@ def test_what_is_kept_is_independent_and_the_rest_is_not(arm: Arm, seed: int, un
 @settings(max_examples=10)
 def test_the_order_in_which_parameters_are_named_does_not_matter(order: list[int]) -> None:
     arm = load_arm("lrm-lab")
-    rest = equilibrium(model_45(arm), some_poses(arm, 0, 60))
-    keys = rest.model.keys
-    assert set(eliminate(rest, [keys[i] for i in order]).kept) == set(eliminate(rest, keys).kept)
+    equilibrium = solve_equilibrium(model_45(arm), some_poses(arm, 0, 60))
+    keys = equilibrium.model.keys
+    assert set(eliminate(equilibrium, [keys[i] for i in order]).kept) == set(eliminate(equilibrium, keys).kept)
 
 
 def test_what_looks_alike_moves_the_tip_alike(at_rest: Equilibrium) -> None:
@@ -98,7 +98,7 @@ def test_what_looks_alike_moves_the_tip_alike(at_rest: Equilibrium) -> None:
             for key, amount in changes.items():
                 j = model.position(key)
                 values[j] += size * amount * model.parameters[j].si
-            return equilibrium(model.with_values(values), at_rest.poses).tcp - at_rest.tcp
+            return solve_equilibrium(model.with_values(values), at_rest.poses).tcp - at_rest.tcp
 
         one, other = moved({held.key: 1.0}), moved(dict(held.combination))
         assert np.abs(one - other).max() < 1e-3 * np.abs(one).max() + 2e-9, held.key
@@ -108,7 +108,7 @@ def test_the_threshold_counts_poses_and_has_units(at_rest: Equilibrium) -> None:
     keys = at_rest.model.keys
     least = {units: eliminate(at_rest, keys, units, 1e-4).kept_values[units][-1] for units in ("thesis", "scaled")}  # type: ignore[arg-type, index]
     thrice = at_rest.poses.take(np.tile(np.arange(100), 3))
-    more = eliminate(equilibrium(at_rest.model, thrice), keys, "thesis", 1e-4)
+    more = eliminate(solve_equilibrium(at_rest.model, thrice), keys, "thesis", 1e-4)
     assert more.kept_values["thesis"][-1] == pytest.approx(3**0.5 * least["thesis"])
     fewer = eliminate(at_rest, keys, "scaled", 3 * least["scaled"])
     assert len(fewer.kept) < len(eliminate(at_rest, keys, "scaled", 1e-4).kept)
@@ -118,15 +118,17 @@ def test_the_threshold_counts_poses_and_has_units(at_rest: Equilibrium) -> None:
 
 
 def test_the_28_of_the_thesis_are_independent_on_its_poses(real: Measurements, lab: Arm) -> None:
-    rest = equilibrium(model_45(lab), real.poses)
-    found = eliminate(rest, TABLE_4_5)
+    equilibrium = solve_equilibrium(model_45(lab), real.poses)
+    found = eliminate(equilibrium, TABLE_4_5)
     assert set(found.kept) == set(TABLE_4_5)
     assert not found.removals
-    every = eliminate(rest, rest.model.keys)
+    every = eliminate(equilibrium, equilibrium.model.keys)
     assert (
-        len(every.kept) == 34 == np.linalg.matrix_rank(identification_jacobian(rest, rest.model.keys).reshape(-1, 45))
+        len(every.kept)
+        == 34
+        == np.linalg.matrix_rank(identification_jacobian(equilibrium, equilibrium.model.keys).reshape(-1, 45))
     )
-    whole = observability(identification_jacobian(rest, found.kept))
+    whole = observability(identification_jacobian(equilibrium, found.kept))
     assert vars(found.observability["scaled"]) == pytest.approx(vars(whole), rel=1e-9)
 
 

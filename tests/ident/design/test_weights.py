@@ -21,7 +21,7 @@ from lrm_math.arm.arm_file import load_arm
 from lrm_math.arrays import Array
 from lrm_math.effects import effects_at
 from lrm_math.kinematics.poses import Poses, poses_of
-from lrm_math.model.equilibrium import equilibrium
+from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.sensed import Sensed, tool_rotation
 
 
@@ -98,12 +98,12 @@ def test_alike_is_as_much_information_on_average() -> None:
 def written(path: Path, arm: str, count: int) -> Path:
     """Whole poses of the nominal arm with noise, as a file with its metadata."""
     model, rng = nominal_model(load_arm(arm)), np.random.default_rng(0)
-    rest = equilibrium(model, some_poses(arm, count, 3))
+    equilibrium = solve_equilibrium(model, some_poses(arm, count, 3))
     number, covariance = np.arange(1, count + 1), np.broadcast_to(np.diag([3e-4] * 3 + [1e-3] * 3) ** 2, (count, 6, 6))
-    tcp: Array = rest.tcp + rng.normal(0, 3e-4, (count, 3))
+    tcp: Array = equilibrium.tcp + rng.normal(0, 3e-4, (count, 3))
     data = Measurements(
-        rest.poses, number, tcp, np.full(count, 3e-4), None, number, path, "", covariance=covariance.copy(),
-        attitude=tool_rotation(rest),
+        equilibrium.poses, number, tcp, np.full(count, 3e-4), None, number, path, "", covariance=covariance.copy(),
+        attitude=tool_rotation(equilibrium),
     )  # fmt: skip
     path.write_text(measurements_csv(data))
     path.with_suffix(".toml").write_text(f'schema = "lrm/measurements/1"\narm = "{arm}"\n')

@@ -18,7 +18,7 @@ from lrm_math.arrays import Array
 from lrm_math.effects import Description, JointEffect, LinearEffect, Parameter, effects_at
 from lrm_math.errors import LrmError
 from lrm_math.kinematics.poses import Poses
-from lrm_math.model.equilibrium import equilibrium
+from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import Model, model_of
 
 NOISE, POSES = 1e-4, 120
@@ -34,7 +34,7 @@ def play_and_measurements(seed: int, softness: float, width: float) -> tuple[Mod
     known = dict(zip(FREE, (0.02, 0.08, 0.09), strict=True))
     truth = model_of(arm, (*base, *effects_at(arm, PLAY)), {**known, SOFTNESS: softness, WIDTH: width})
     poses, number = Poses(rng.uniform(-0.9, 0.9, (POSES, arm.dof)), np.zeros(POSES)), np.arange(1, POSES + 1)
-    tcp = equilibrium(truth, poses).tcp + rng.normal(0.0, NOISE, (POSES, 3))
+    tcp = solve_equilibrium(truth, poses).tcp + rng.normal(0.0, NOISE, (POSES, 3))
     return replace(model_of(arm, base), free=FREE), Measurements(poses, number, tcp, None, None, number, Path("-"), "")
 
 
@@ -47,7 +47,7 @@ def test_the_shape_of_an_added_effect_fits_best(seed: int, softness: float) -> N
     assert SOFTNESS not in found.model.free
     assert abs(np.log(shape / softness)) < 0.3
     for other in (0.8 * shape, 0.97 * shape, 1.03 * shape, 1.25 * shape):
-        refitted = fit(found.model.with_values_of([SOFTNESS], other), data, near=found.rest)
+        refitted = fit(found.model.with_values_of([SOFTNESS], other), data, near=found.equilibrium)
         assert error_stats(refitted.residual).rms >= rms * (1.0 - STANDARD_ERROR)
 
 
@@ -64,7 +64,7 @@ def test_standard_errors_count_that_the_shape_is_unknown_too() -> None:
     model, data = play_and_measurements(1, 0.04, 0.03)
     [effect] = effects_at(model.arm, PLAY)
     held = add_effects(model, data, [effect])
-    free = fit(held.model.with_free((*held.model.free, SOFTNESS)), data, near=held.rest)
+    free = fit(held.model.with_free((*held.model.free, SOFTNESS)), data, near=held.equilibrium)
     assert held.standard_error == pytest.approx(free.standard_error[:-1], rel=0.03)
     width, C = held.model.free.index(WIDTH), free.covariance
     conditional = C[width, width] - C[width, -1] ** 2 / C[-1, -1]
@@ -103,7 +103,7 @@ def test_an_effect_of_many_times_its_typical_size_is_told(seed: int) -> None:
     model = replace(model_of(arm, base), free=FREE)
     [key] = belt.keys
     for hidden in (amount, 0.0):
-        tcp = equilibrium(model_of(arm, (*base, belt), {**known, key: hidden}), poses).tcp + noise
+        tcp = solve_equilibrium(model_of(arm, (*base, belt), {**known, key: hidden}), poses).tcp + noise
         data = Measurements(poses, number, tcp, None, None, number, Path("-"), "")
         if hidden == 0.0:
             with pytest.raises(LrmError, match="cannot tell it"):

@@ -40,7 +40,7 @@ from lrm_math.arm.arm import Arm
 from lrm_math.effects import CATALOGUE, Effect, effects_at
 from lrm_math.errors import FileError, LrmError
 from lrm_math.kinematics.poses import Poses
-from lrm_math.model.equilibrium import equilibrium
+from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import Model, model_of
 from tests.conftest import EXAMPLE, ROOT
 from tests.support.commands import stdout_of
@@ -200,7 +200,7 @@ def test_many_wrong_measurements_are_left_out_whatever_the_loss(tmp_path: Path, 
 def test_the_traps_of_the_real_data(real: Measurements, lab: Arm) -> None:
     model = base_fit(lab, real)
     found = diagnose(model, real)
-    traps = " ".join(audit(real, found.fit.rest.joint_torque))
+    traps = " ".join(audit(real, found.fit.equilibrium.joint_torque))
     assert "few levels: joints 1, 2, 3, 4, 5 and 6" in traps
     assert "run with joint 1 (correlation 0.94)" in traps
     assert "no reversal: joint 1" in traps
@@ -296,18 +296,18 @@ def test_what_cannot_be_refitted_is_no_structure(
 
 def test_noise_floor_comes_from_repeats_first(lab: Arm, tmp_path: Path) -> None:
     data = case_data("nothing", tmp_path, lab, 60)
-    rest = equilibrium(model_of(lab, ()), data.poses)
-    assert noise_floor(data, rest).source == "metadata"
+    equilibrium = solve_equilibrium(model_of(lab, ()), data.poses)
+    assert noise_floor(data, equilibrium).source == "metadata"
     rows = np.repeat(np.arange(60), 3)
     rng = np.random.default_rng(0)
     again = data.take(rows)
     noisy = replace(again, tcp=again.tcp + rng.normal(0, 5e-4, again.tcp.shape), pose=np.arange(180) + 1)
-    floor = noise_floor(replace(noisy, repeat_of=rows + 1), rest.take(rows))
+    floor = noise_floor(replace(noisy, repeat_of=rows + 1), equilibrium.take(rows))
     assert floor.source == "replicates"
     assert floor.sd == pytest.approx(5e-4, rel=0.1)
-    assert noise_floor(replace(data, noise_sd=None), rest).sd is None
+    assert noise_floor(replace(data, noise_sd=None), equilibrium).sd is None
     copied = replace(again, pose=np.arange(180) + 1, repeat_of=rows + 1)
-    assert noise_floor(copied, rest.take(rows)).source == "metadata", "copies to the last digit are no repeats"
+    assert noise_floor(copied, equilibrium.take(rows)).source == "metadata", "copies to the last digit are no repeats"
 
 
 def test_what_friction_does_to_repeats_is_no_noise(lab: Arm) -> None:
@@ -317,12 +317,12 @@ def test_what_friction_does_to_repeats_is_no_noise(lab: Arm) -> None:
     sides = np.tile([[-1.0], [1.0]], (30, 1)) * np.ones(lab.dof)
     friction = effects_at(lab, "hysteresis@joint3")
     model = model_of(lab, friction, {friction[0].keys[0]: np.radians(1.2)})
-    rest = equilibrium(model, Poses(q, np.zeros(60), sides))
-    tcp = rest.tcp + rng.normal(0.0, 3e-4, rest.tcp.shape)
+    equilibrium = solve_equilibrium(model, Poses(q, np.zeros(60), sides))
+    tcp = equilibrium.tcp + rng.normal(0.0, 3e-4, equilibrium.tcp.shape)
     pose = np.arange(60) + 1
-    data = Measurements(rest.poses, pose, tcp, None, None, rows + 1, Path("repeats.csv"), "")
-    assert noise_floor(data, rest).sd == pytest.approx(3e-4, rel=0.25)
-    without = equilibrium(model_of(lab, ()), rest.poses)
+    data = Measurements(equilibrium.poses, pose, tcp, None, None, rows + 1, Path("repeats.csv"), "")
+    assert noise_floor(data, equilibrium).sd == pytest.approx(3e-4, rel=0.25)
+    without = solve_equilibrium(model_of(lab, ()), equilibrium.poses)
     assert (noise_floor(data, without).sd or 0.0) > 1e-3
 
 

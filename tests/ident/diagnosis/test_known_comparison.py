@@ -40,7 +40,10 @@ def test_a_known_comparison_changes_nothing(study: Study, monkeypatch: pytest.Mo
     others = (
         replace(compared, data=part),
         replace(compared, held_out=replace(compared.held_out, residual=None)),
-        replace(compared, rest=replace(compared.rest, model=compared.rest.model.with_free(study.model.free[1:]))),
+        replace(
+            compared,
+            equilibrium=replace(compared.equilibrium, model=compared.equilibrium.model.with_free(study.model.free[1:])),
+        ),
     )
     for other in others:  # of other poses, of poses that no fit saw, of other parameters
         assert not diagnosis_report._same_fit(screened, other)

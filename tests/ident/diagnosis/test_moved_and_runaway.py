@@ -22,7 +22,7 @@ from lrm_math.effects.session_errors import ChangePoint, Drift, Session
 from lrm_math.errors import NoEquilibrium
 from lrm_math.kinematics.poses import Poses
 from lrm_math.model.deployed_model import lasting_part
-from lrm_math.model.equilibrium import equilibrium
+from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import Model, model_of
 from validation.hidden_effects.data import ARM_FILE
 from validation.synthetic import GroundTruth, HiddenEffect, OneSidedGain, SoftPlay, load_arm, measure, random_poses
@@ -97,11 +97,11 @@ def test_a_change_point_says_nothing_of_the_arm_as_it_is_now(lab: Arm) -> None:
     """After the moment, and where poses have no numbers, nothing is added: offsets hold for the arm of today."""
     poses, kind = measured(8).poses, ChangePoint(lab, "joint2")
     model = model_of(lab, (kind,), {"change_point.joint2.before_rad": 0.1, "change_point.joint2.last_pose": 40.0})
-    nominal, tip = equilibrium(model_of(lab, ()), poses).tcp, equilibrium(model, poses).tcp
+    nominal, tip = solve_equilibrium(model_of(lab, ()), poses).tcp, solve_equilibrium(model, poses).tcp
     np.testing.assert_array_equal(tip[40:], nominal[40:])
     assert (np.linalg.norm(tip[:40] - nominal[:40], axis=1) > 1e-4).all()
-    np.testing.assert_array_equal(equilibrium(model, replace(poses, number=None)).tcp, nominal)
-    np.testing.assert_array_equal(equilibrium(lasting_part(model), poses).tcp, nominal)
+    np.testing.assert_array_equal(solve_equilibrium(model, replace(poses, number=None)).tcp, nominal)
+    np.testing.assert_array_equal(solve_equilibrium(lasting_part(model), poses).tcp, nominal)
 
 
 @pytest.mark.slow

@@ -67,8 +67,8 @@ def test_outliers_that_are_scattered_are_left_out_and_nothing_is_missing(tmp_pat
 def test_a_part_of_the_data_does_not_count_the_rest_as_left_out(tmp_path: Path) -> None:
     """Folds are parts; what was left out is remembered until then, through a change of frame too."""
     _, data = upright_measurements(tmp_path, 0, 240, NOISE)
-    rest = data.without([3, 5]).turned(np.diag([-1.0, -1.0, 1.0]), np.zeros(3))
-    assert rest.complete.pose.tolist() == data.pose.tolist()
-    assert np.array_equal(rest.complete.tcp, data.tcp * [-1.0, -1.0, 1.0])
-    part = rest.take(np.arange(6))
+    left = data.without([3, 5]).turned(np.diag([-1.0, -1.0, 1.0]), np.zeros(3))
+    assert left.complete.pose.tolist() == data.pose.tolist()
+    assert np.array_equal(left.complete.tcp, data.tcp * [-1.0, -1.0, 1.0])
+    part = left.take(np.arange(6))
     assert part.complete is part

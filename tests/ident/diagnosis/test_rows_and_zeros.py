@@ -25,7 +25,7 @@ from lrm_math.effects.backlash import Backlash
 from lrm_math.effects.compliance import LateralCompliance
 from lrm_math.effects.servo_errors import Eccentricity, ServoGain
 from lrm_math.kinematics.poses import Poses
-from lrm_math.model.equilibrium import equilibrium
+from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import Model, model_of
 from validation.hidden_effects.data import ARM_FILE
 from validation.synthetic import GroundTruth, load_arm, measure, random_poses
@@ -91,7 +91,7 @@ def test_a_model_whose_parameters_all_lie_at_bounds_is_diagnosed(lab: Arm, seed:
     springs = model_of(lab, effects_at(lab, "compliance"))
     rng, data = np.random.default_rng(seed), measured(seed, 60)
     bent = springs.with_values(rng.uniform(0.01, 0.05, len(springs.keys)))
-    rigid, sagged = (equilibrium(each, data.poses).tcp for each in (springs, bent))
+    rigid, sagged = (solve_equilibrium(each, data.poses).tcp for each in (springs, bent))
     risen = replace(data, tcp=2.0 * rigid - sagged)
     found = diagnose(fit(springs.with_free(springs.keys), risen).model, risen, KINDS)
     assert set(found.fit.at_bound) == set(found.fit.model.free)

@@ -9,7 +9,7 @@ from lrm_math.arm.arm import Arm
 from lrm_math.effects import effects_at
 from lrm_math.kinematics.poses import poses_of
 from lrm_math.model.derivatives import parameter_jacobian
-from lrm_math.model.equilibrium import equilibrium
+from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import model_of
 
 
@@ -17,7 +17,7 @@ def test_columns_are_those_of_the_total_jacobian_where_they_move_anything(lab: A
     """Poses in a narrow range: most splines of the forms are zero at all of them."""
     model = model_of(lab, (*effects_at(lab, "offsets"), *effects_at(lab, "compliance")))
     poses = poses_of(np.random.default_rng(2).uniform(-0.3, 0.3, (15, lab.dof)), 0.05)
-    response, found = differentiate_candidates(equilibrium(model, poses), list(unfitted_effects(model)))
+    response, found = differentiate_candidates(solve_equilibrium(model, poses), list(unfitted_effects(model)))
     settled, still = response.equilibrium, 0
     for one in found:
         shape = tuple(settled.model.value(key) for key in one.effect.keys)

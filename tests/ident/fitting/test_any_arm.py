@@ -21,7 +21,7 @@ from lrm_ident.residual.error_breakdown import HeldOutResidual
 from lrm_ident.study.model_on_data import ErrorSummary
 from lrm_math.arm.arm import Arm
 from lrm_math.kinematics.poses import Poses
-from lrm_math.model.equilibrium import equilibrium
+from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import model_of
 from tests.support.random_arms import random_arm
 
@@ -52,7 +52,7 @@ def measured_on(arm: Arm, seed: int, count: int, noise: float = 2e-4) -> Measure
     poses, number = Poses(q=q, payload=np.zeros(count), direction=directions(q, None)), np.arange(count)
     model = nominal_model(arm)
     values = {key: 0.1 * rng.uniform() * p.typical for key, p in zip(model.keys, model.parameters, strict=True)}
-    tcp = equilibrium(model_of(arm, model.effects, values), poses).tcp + rng.normal(0, noise, (count, 3))
+    tcp = solve_equilibrium(model_of(arm, model.effects, values), poses).tcp + rng.normal(0, noise, (count, 3))
     return Measurements(poses, number, tcp, None, noise, number, Path("random.csv"), "", arm=arm)
 
 
@@ -62,7 +62,7 @@ def measured_on(arm: Arm, seed: int, count: int, noise: float = 2e-4) -> Measure
 def test_every_arm_is_fitted_and_diagnosed(seed: int, joints: int, geometry: str, masses: str) -> None:
     arm = described(seed, joints, geometry, masses)
     data, model = measured_on(arm, seed, 40 + 6 * joints), nominal_model(arm)
-    before = error_stats(data.tcp - equilibrium(model, data.poses).tcp)
+    before = error_stats(data.tcp - solve_equilibrium(model, data.poses).tcp)
     result = fit_model(model, data, "identifiable", SQUARED)
     found = diagnose(result.fit.model, data)
     after = error_stats(result.fit.residual)

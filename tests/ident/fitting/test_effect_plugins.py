@@ -13,7 +13,7 @@ from lrm_math.arm.arm_file import load_arm
 from lrm_math.effects import effects_at
 from lrm_math.errors import FileError, UnknownName
 from lrm_math.kinematics.poses import poses_of
-from lrm_math.model.equilibrium import equilibrium
+from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import model_of
 
 ROOT = Path(__file__).resolve().parents[3]
@@ -36,11 +36,11 @@ def test_the_belt_of_the_docs_turns_a_joint_by_the_torque_on_the_one_before(tmp_
     assert [effect.place for effect in effects_at(arm, "belt", catalogue)] == list(arm.joint_names[1:])
     stretched = model_of(arm, effects_at(arm, "belt@joint3", catalogue), {"belt.joint3.c_rad_per_Nm": STRETCH})
     q = np.random.default_rng(1).uniform(-1.0, 1.0, (20, arm.dof))
-    rest = equilibrium(stretched, poses_of(q))
+    equilibrium = solve_equilibrium(stretched, poses_of(q))
     turned = q.copy()
-    turned[:, 2] += STRETCH * rest.joint_torque[:, 1]
+    turned[:, 2] += STRETCH * equilibrium.joint_torque[:, 1]
     assert np.abs(turned - q).max() > 1e-3
-    np.testing.assert_allclose(rest.tcp, equilibrium(model_of(arm, ()), poses_of(turned)).tcp, atol=1e-7)
+    np.testing.assert_allclose(equilibrium.tcp, solve_equilibrium(model_of(arm, ()), poses_of(turned)).tcp, atol=1e-7)
 
 
 @pytest.mark.parametrize(

@@ -26,7 +26,7 @@ from lrm_math.effects import effects_at
 from lrm_math.errors import LrmError
 from lrm_math.kinematics.poses import Poses, poses_of
 from lrm_math.model.derivatives import parameter_jacobian
-from lrm_math.model.equilibrium import equilibrium
+from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import Model, model_of
 from tests.conftest import ROOT
 from validation import synthetic
@@ -66,7 +66,7 @@ def random_poses(seed: int, count: int = 150) -> Poses:
 @given(st.integers(0, 1000))
 def test_exact_data_give_the_parameters_back(lab: Arm, seed: int) -> None:
     truth, poses = random_truth(lab, seed), random_poses(seed)
-    result = fit(replace(base_model(lab), free=truth.free), measured(poses, equilibrium(truth, poses).tcp))
+    result = fit(replace(base_model(lab), free=truth.free), measured(poses, solve_equilibrium(truth, poses).tcp))
     assert error_stats(result.residual).max < 1e-8
     for key, typical in zip(result.model.keys, [p.typical for p in result.model.parameters], strict=True):
         assert result.model.value(key) == pytest.approx(truth.value(key), abs=1e-5 * typical), key
@@ -76,7 +76,9 @@ def test_exact_data_give_the_parameters_back(lab: Arm, seed: int) -> None:
 def test_noisy_data_give_them_back_within_their_standard_errors(lab: Arm, seed: int) -> None:
     truth, poses = random_truth(lab, seed), random_poses(seed, 300)
     noise = np.random.default_rng(seed).normal(0, 3e-4, (300, 3))
-    result = fit(replace(base_model(lab), free=truth.free), measured(poses, equilibrium(truth, poses).tcp + noise))
+    result = fit(
+        replace(base_model(lab), free=truth.free), measured(poses, solve_equilibrium(truth, poses).tcp + noise)
+    )
     assert result.sigma == pytest.approx(3e-4, rel=0.1)
     free = [key not in result.at_bound for key in truth.free]
     values = np.array([result.model.value(key) - truth.value(key) for key in truth.free])
@@ -117,14 +119,14 @@ def test_the_shipped_example_names_its_hidden_joint(lab: Arm) -> None:
 
 def test_held_parameters_move_the_tcp_as_their_combination_says(lab: Arm) -> None:
     poses = random_poses(3, 100)
-    rest = equilibrium(random_truth(lab, 3), poses)
-    result = select_identifiable(rest, rest.model.keys, 3e-4)
+    equilibrium = solve_equilibrium(random_truth(lab, 3), poses)
+    result = select_identifiable(equilibrium, equilibrium.model.keys, 3e-4)
     assert {"offsets.base.gamma_rad", "offsets.tool.beta_rad"} <= {held.key for held in result.held}
-    unit = {key: p.si for key, p in zip(rest.model.keys, rest.model.parameters, strict=True)}
+    unit = {key: p.si for key, p in zip(equilibrium.model.keys, equilibrium.model.parameters, strict=True)}
     for held in result.held:
         if held.survival < 1e-6:
             keys = [held.key, *(key for key, _ in held.combination)]
-            column, *others = np.moveaxis(parameter_jacobian(rest, keys), -1, 0)
+            column, *others = np.moveaxis(parameter_jacobian(equilibrium, keys), -1, 0)
             together = sum(
                 amount * unit[key] / unit[held.key] * other
                 for (key, amount), other in zip(held.combination, others, strict=True)
@@ -133,9 +135,9 @@ def test_held_parameters_move_the_tcp_as_their_combination_says(lab: Arm) -> Non
 
 
 def test_kept_and_held_are_all(lab: Arm) -> None:
-    rest = equilibrium(random_truth(lab, 4), random_poses(4, 100))
-    result = select_identifiable(rest, rest.model.keys, 1e-3)
-    assert sorted([*result.kept, *(held.key for held in result.held)]) == sorted(rest.model.keys)
+    equilibrium = solve_equilibrium(random_truth(lab, 4), random_poses(4, 100))
+    result = select_identifiable(equilibrium, equilibrium.model.keys, 1e-3)
+    assert sorted([*result.kept, *(held.key for held in result.held)]) == sorted(equilibrium.model.keys)
 
 
 def test_bounds_hold_compliances_above_zero(lab: Arm) -> None:
@@ -143,7 +145,7 @@ def test_bounds_hold_compliances_above_zero(lab: Arm) -> None:
     key = "compliance.joint6.k_rad_per_Nm"
     values = truth.values.copy()
     values[truth.position(key)] = -0.1
-    data = measured(poses, equilibrium(truth.with_values(values), poses).tcp)
+    data = measured(poses, solve_equilibrium(truth.with_values(values), poses).tcp)
     start = replace(base_model(lab), free=truth.free)
     bounded, unbounded = fit(start, data), fit(start, data, no_bounds(start.free))
     assert bounded.at_bound == (key,)
@@ -158,14 +160,15 @@ def test_bounds_hold_compliances_above_zero(lab: Arm) -> None:
 def test_a_robust_loss_bears_wrong_measurements_and_names_them(lab: Arm, loss: Huber | Cauchy) -> None:
     truth, poses = random_truth(lab, 6), random_poses(6, 200)
     rng = np.random.default_rng(6)
-    tcp = equilibrium(truth, poses).tcp + rng.normal(0, 3e-4, (200, 3))
+    tcp = solve_equilibrium(truth, poses).tcp + rng.normal(0, 3e-4, (200, 3))
     wrong = rng.choice(200, 12, replace=False)
     tcp[wrong] += rng.normal(0, 0.05, (12, 3))
     start = replace(base_model(lab), free=truth.free)
     plain, robust = fit(start, measured(poses, tcp)), fit(start, measured(poses, tcp), loss=loss)
     good = np.setdiff1d(np.arange(200), wrong)
     away = [
-        np.linalg.norm(f.rest.tcp[good] - equilibrium(truth, poses).tcp[good], axis=1).mean() for f in (plain, robust)
+        np.linalg.norm(f.equilibrium.tcp[good] - solve_equilibrium(truth, poses).tcp[good], axis=1).mean()
+        for f in (plain, robust)
     ]
     assert away[1] < 0.1 * away[0]
     assert away[1] < 3e-4
@@ -190,7 +193,7 @@ def test_equal_standard_deviations_change_nothing_and_unequal_ones_weigh(lab: Ar
     truth, poses = random_truth(lab, 7), random_poses(7, 100)
     noise = np.random.default_rng(7).normal(0, 1e-3, (100, 3))
     sd = np.where(np.arange(100) < 60, 1e-5, 1e-3)
-    exact = equilibrium(truth, poses).tcp
+    exact = solve_equilibrium(truth, poses).tcp
     start = replace(base_model(lab), free=truth.free)
     plain = fit(start, measured(poses, exact + noise))
     same = fit(start, measured(poses, exact + noise, np.full(100, 5e-4)))
@@ -198,20 +201,20 @@ def test_equal_standard_deviations_change_nothing_and_unequal_ones_weigh(lab: Ar
     np.testing.assert_allclose(same.standard_error, plain.standard_error, rtol=1e-4)
     assert same.sigma == pytest.approx(plain.sigma, rel=1e-6)
     weighed = fit(start, measured(poses, exact + noise * (sd / 1e-3)[:, None], sd))
-    assert np.abs(weighed.rest.tcp - exact).mean() < 0.1 * np.abs(plain.rest.tcp - exact).mean()
+    assert np.abs(weighed.equilibrium.tcp - exact).mean() < 0.1 * np.abs(plain.equilibrium.tcp - exact).mean()
 
 
 def test_too_few_poses(lab: Arm) -> None:
     truth, poses = random_truth(lab, 8), random_poses(8, 20)
     with pytest.raises(LrmError, match="20 poses for 28 parameters"):
-        fit(replace(base_model(lab), free=truth.free), measured(poses, equilibrium(truth, poses).tcp))
+        fit(replace(base_model(lab), free=truth.free), measured(poses, solve_equilibrium(truth, poses).tcp))
 
 
 def test_a_fit_that_does_not_converge_says_so(lab: Arm, monkeypatch: pytest.MonkeyPatch) -> None:
     for most in ("MAX_STEPS", "MAX_STEPS_WITH_PRIOR"):
         monkeypatch.setattr(f"lrm_ident.fitting.levenberg_marquardt.{most}", 2)
     truth, poses = random_truth(lab, 9), random_poses(9)
-    data = measured(poses, equilibrium(truth, poses).tcp)
+    data = measured(poses, solve_equilibrium(truth, poses).tcp)
     with pytest.raises(FitNotConverged, match="did not converge"):
         fit(replace(base_model(lab), free=truth.free), data)
     assert try_held_out(replace(base_model(lab), free=truth.free), data).residual is None
@@ -257,7 +260,7 @@ def test_blocks_are_neighbourhoods(real: Measurements) -> None:
 def test_held_out_poses_are_never_seen(lab: Arm) -> None:
     """Moving the measurements of one block does not change what the others' fits predict for it."""
     truth, poses = random_truth(lab, 10), random_poses(10, 120)
-    tcp = equilibrium(truth, poses).tcp + np.random.default_rng(1).normal(0, 3e-4, (120, 3))
+    tcp = solve_equilibrium(truth, poses).tcp + np.random.default_rng(1).normal(0, 3e-4, (120, 3))
     model = replace(base_model(lab), free=truth.free)
     data = measured(poses, tcp)
     first = joint_space_folds(poses.q, data.repeat_of) == 0
@@ -271,7 +274,7 @@ PUBLISHED = {"option1": 5.87, "option2": 15.1, "option3": 16.3, "option4": 6.74,
 
 
 def test_nominal_error_of_the_real_data(real: Measurements, lab: Arm) -> None:
-    error = error_stats(real.tcp - equilibrium(model_of(lab, ()), real.poses).tcp)
+    error = error_stats(real.tcp - solve_equilibrium(model_of(lab, ()), real.poses).tcp)
     assert error.mean * 1e3 == pytest.approx(27.52, abs=0.01)
     assert error.max * 1e3 == pytest.approx(60.31, abs=0.02)
 
@@ -303,7 +306,7 @@ def test_an_effect_that_no_pose_shows_is_refused_before_it_is_fitted(lab: Arm) -
     rng = np.random.default_rng(0)
     poses = poses_of(rng.uniform(-1.0, 1.0, (60, lab.dof)) * (np.arange(lab.dof) != 3), rng.choice([0.0, 0.07], 60))
     model = model_of(lab, (*base_model(lab).effects, *effects_at(lab, "servo_gain@joint4")))
-    data = measured(poses, equilibrium(model, poses).tcp + rng.normal(0.0, 3e-4, (60, 3)))
+    data = measured(poses, solve_equilibrium(model, poses).tcp + rng.normal(0.0, 3e-4, (60, 3)))
     keys = [key for key, parameter in zip(model.keys, model.parameters, strict=True) if parameter.fixed is None]
     gain = [key for key in keys if key.startswith("servo_gain")]
     assert not {*gain} & {*fit_identifiable(model, data, keys).fit.model.free}

@@ -18,7 +18,7 @@ from lrm_ident.fitting.model_fit import fit_model, nominal_model
 from lrm_math.arm.arm_file import load_arm
 from lrm_math.effects import effects_at
 from lrm_math.kinematics.poses import poses_of
-from lrm_math.model.equilibrium import Equilibrium, equilibrium
+from lrm_math.model.equilibrium import Equilibrium, solve_equilibrium
 from lrm_math.model.model import model_of
 
 MOST_STEPS = 40
@@ -37,7 +37,7 @@ def flat_valley(count: int) -> Measurements:
     ]
     low, high = 0.7 * np.array([(max(joint.lower, -3.0), min(joint.upper, 3.0)) for joint in arm.joints]).T
     poses = poses_of(rng.uniform(low, high, (count, arm.dof)))
-    tcp = equilibrium(model.with_values(np.array(values)), poses).tcp + rng.normal(size=(count, 3)) * 0.3e-3
+    tcp = solve_equilibrium(model.with_values(np.array(values)), poses).tcp + rng.normal(size=(count, 3)) * 0.3e-3
     number = np.arange(1, count + 1)
     return Measurements(poses, number, tcp, None, None, number, Path("made.csv"), "", arm=arm)
 
@@ -45,9 +45,9 @@ def flat_valley(count: int) -> Measurements:
 def test_a_fit_of_many_poses_creeps_on_a_part_of_them_only(monkeypatch: pytest.MonkeyPatch) -> None:
     data, counts = flat_valley(2 * MOST_AT_ONCE), []
 
-    def counted(rest: Equilibrium, *others: Any) -> CompressedRows:
-        counts.append(len(rest.poses))
-        return compress(rest, *others)
+    def counted(equilibrium: Equilibrium, *others: Any) -> CompressedRows:
+        counts.append(len(equilibrium.poses))
+        return compress(equilibrium, *others)
 
     monkeypatch.setattr(objective, "compress", counted)
     found = fit_model(nominal_model(load_arm("two-joint")), data, "identifiable", SQUARED).fit

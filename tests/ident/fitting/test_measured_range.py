@@ -30,7 +30,7 @@ from lrm_math.effects import effects_at
 from lrm_math.effects.curves import AngleCurve, CableCurve
 from lrm_math.errors import FileError
 from lrm_math.kinematics.poses import poses_of
-from lrm_math.model.equilibrium import equilibrium
+from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import Model, model_of
 from lrm_math.model.model_file import ModelFile, RangeTable, parameter_tables, range_table, to_model
 
@@ -43,7 +43,7 @@ def wavy(arm: Arm, count: int = 70, upper: float = 0.1, seed: int = 1, size: flo
     q = rng.uniform(-1.4, 1.4, (count, arm.dof))
     q[:, 1] = rng.uniform(-1.4, upper, count)
     true = q + size * np.sin(5.0 * q) * (np.arange(arm.dof) == 1)
-    tcp = equilibrium(model_of(arm, ()), poses_of(true)).tcp + 2e-4 * rng.normal(size=(count, 3))
+    tcp = solve_equilibrium(model_of(arm, ()), poses_of(true)).tcp + 2e-4 * rng.normal(size=(count, 3))
     number = np.arange(1, count + 1)
     return Measurements(poses_of(q), number, tcp, None, 2e-4, number, Path("waves.csv"), "", arm=arm)
 
@@ -62,7 +62,7 @@ def test_a_curve_beyond_its_range_stays_as_at_the_edge(lab: Arm) -> None:
     assert fitted.within.angle[1] == (data.poses.q[:, 1].min(), data.poses.q[:, 1].max())
     q = np.zeros((40, lab.dof))
     q[:, 1] = np.linspace(0.2, 1.5, 40)
-    apart = equilibrium(fitted, poses_of(q)).tcp - equilibrium(model_of(lab, ()), poses_of(q)).tcp
+    apart = solve_equilibrium(fitted, poses_of(q)).tcp - solve_equilibrium(model_of(lab, ()), poses_of(q)).tcp
     assert np.linalg.norm(apart, axis=1).max() < 0.02
     assert np.linalg.norm(fit(curved(lab), data).residual, axis=1).max() < 2e-3
 
@@ -130,7 +130,7 @@ def test_the_range_goes_into_the_file_and_back(lab: Arm) -> None:
     np.testing.assert_allclose(again.within.angle, model.within.angle, rtol=1e-14)
     assert again.within.load == model.within.load
     poses = poses_of(np.random.default_rng(0).uniform(-1.5, 1.5, (8, lab.dof)))
-    np.testing.assert_allclose(equilibrium(again, poses).tcp, equilibrium(model, poses).tcp, atol=1e-12)
+    np.testing.assert_allclose(solve_equilibrium(again, poses).tcp, solve_equilibrium(model, poses).tcp, atol=1e-12)
 
 
 def file_of(model: Model, table: RangeTable | None) -> ModelFile:
@@ -169,5 +169,5 @@ def test_a_step_of_a_fold_that_runs_away_is_fitted_instead(lab: Arm, monkeypatch
     steps = list(one_step_fits(fitted, data, blocks))
     monkeypatch.setattr("lrm_ident.fitting.cross_validation._settled", lambda *_: None)
     for rows, stepped, refitted in zip(blocks, steps, one_step_fits(fitted, data, blocks), strict=True):
-        errors = [np.linalg.norm(data.position_error(rest)[rows]) for rest in (stepped, refitted)]
+        errors = [np.linalg.norm(data.position_error(equilibrium)[rows]) for equilibrium in (stepped, refitted)]
         assert errors[0] == pytest.approx(errors[1], rel=0.3)

@@ -22,7 +22,7 @@ from lrm_math.arm.arm import Arm, Body, Joint, Placement
 from lrm_math.arm.arm_file import load_arm
 from lrm_math.arrays import Array
 from lrm_math.kinematics.poses import poses_of
-from lrm_math.model.equilibrium import equilibrium
+from lrm_math.model.equilibrium import solve_equilibrium
 from tests.conftest import SHARED
 
 UR5_DATA = SHARED / "data" / "ur5"
@@ -133,4 +133,4 @@ def test_real_ur5_to_a_tenth_of_a_millimetre() -> None:
     grid, apart = (load_measurements(UR5_DATA / f"{name}.csv", arm) for name in ("grid", "independent"))
     model = fit_model(nominal_model(arm), grid, "identifiable", SQUARED).fit.model
     assert error_stats(held_out_residual(model, grid)).mean < 1.05e-4
-    assert error_stats(apart.tcp - equilibrium(model, apart.poses).tcp).mean < 1e-4
+    assert error_stats(apart.tcp - solve_equilibrium(model, apart.poses).tcp).mean < 1e-4

@@ -25,7 +25,7 @@ from lrm_math.errors import FileError, LrmError, UnknownName
 from lrm_math.kinematics.poses import poses_of
 from lrm_math.model.covariance import CovarianceTable
 from lrm_math.model.derivatives import parameter_jacobian
-from lrm_math.model.equilibrium import equilibrium
+from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import Model, model_of
 from lrm_math.model.model_file import load_covariance
 from tests.conftest import EXAMPLE
@@ -66,7 +66,7 @@ def measured(seed: int, count: int, noise: float = 3e-4) -> Measurements:
 
 def normal_matrix(found: Fit, prior: Prior) -> tuple[np.ndarray, np.ndarray]:
     """JᵀJ/σ² + Λ⁻¹ and JᵀJ/σ² at the estimate, SI."""
-    J = parameter_jacobian(found.rest, found.model.free).reshape(-1, len(found.model.free))
+    J = parameter_jacobian(found.equilibrium, found.model.free).reshape(-1, len(found.model.free))
     data = J.T @ J / found.sigma**2
     return data + np.linalg.inv(prior.covariance_of(found.model.free)), data
 
@@ -77,7 +77,7 @@ def normal_matrix(found: Fit, prior: Prior) -> tuple[np.ndarray, np.ndarray]:
 def test_the_estimate_is_the_top_of_the_posterior(whole: Model, seed: int, sizes: float, count: int) -> None:
     data, prior = measured(seed, count), correlated(prior_of_typical_sizes(whole, sizes), seed)
     found = fit(whole, data, no_bounds(whole.free), prior=prior)
-    J = parameter_jacobian(found.rest, whole.free).reshape(-1, len(whole.free))
+    J = parameter_jacobian(found.equilibrium, whole.free).reshape(-1, len(whole.free))
     root = np.linalg.cholesky(prior.covariance_of(whole.free))
     to_data = root.T @ J.T @ found.residual.reshape(-1) / found.sigma**2
     to_prior = np.linalg.solve(root, found.model.values - prior.mean_of(whole.free))
@@ -136,7 +136,8 @@ def test_robust_losses_take_a_prior_too(whole: Model, loss: str) -> None:
     found = fit(whole, replace(data, tcp=spoiled), loss=loss_named(loss), prior=prior)
     fresh = measured(8, 300, noise=0.0)
     rms = [
-        np.sqrt(((fresh.tcp - equilibrium(one.model, fresh.poses).tcp) ** 2).sum(1).mean()) for one in (clean, found)
+        np.sqrt(((fresh.tcp - solve_equilibrium(one.model, fresh.poses).tcp) ** 2).sum(1).mean())
+        for one in (clean, found)
     ]
     assert rms[1] < 2.0 * rms[0]
 
@@ -153,7 +154,7 @@ def test_it_predicts_no_worse_than_elimination(whole: Model) -> None:
             fit(whole, data, prior=prior),
             fit_identifiable(replace(whole, free=()), data, whole.keys).fit,
         ):
-            left.append(((truth - equilibrium(found.model, poses_of(q)).tcp) ** 2).sum(1).mean())
+            left.append(((truth - solve_equilibrium(found.model, poses_of(q)).tcp) ** 2).sum(1).mean())
     with_prior, eliminated = np.array(left).reshape(-1, 2).mean(axis=0)
     assert with_prior < 1.05 * eliminated
 
@@ -170,7 +171,7 @@ def test_data_without_noise_are_no_trouble(whole: Model) -> None:
     data = measured(2, 60, noise=0.0)
     rng = np.random.default_rng(2)
     true = whole.with_values(rng.normal(0.0, 0.3, len(whole.keys)) * prior.sd_of(whole.keys))
-    exact = replace(data, tcp=equilibrium(true, data.poses).tcp)
+    exact = replace(data, tcp=solve_equilibrium(true, data.poses).tcp)
     found = fit(whole, exact, no_bounds(whole.free), prior=prior)
     assert found.sigma < 1e-6
     deviation = (found.model.values - true.values) / prior.sd_of(whole.keys)

@@ -14,7 +14,7 @@ from lrm_ident.fleet.manifest import FleetMember
 from lrm_math.arm.arm_file import load_arm
 from lrm_math.effects import effects_at
 from lrm_math.kinematics.poses import poses_of
-from lrm_math.model.equilibrium import equilibrium
+from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import model_of
 
 ARM, ARMS, POSES, BROKEN = "lrm-lab", 18, 20, 4
@@ -31,10 +31,12 @@ def fleet(softer: float, folder: Path) -> FleetResult:
         values = {f"compliance.joint{k}.k_rad_per_Nm": 0.03 * (1 + 0.08 * rng.normal()) for k in range(1, 7)}
         values[SOFT] *= softer if second else 1.0
         values[LOOSE] *= 5.0 if number == BROKEN else 1.0
-        rest = equilibrium(model_of(arm, effects, values), poses_of(rng.uniform(-0.8, 0.8, (POSES, arm.dof))))
+        equilibrium = solve_equilibrium(
+            model_of(arm, effects, values), poses_of(rng.uniform(-0.8, 0.8, (POSES, arm.dof)))
+        )
         pose = np.arange(1, POSES + 1)
-        tcp = rest.tcp + rng.normal(0, 3e-4, (POSES, 3))
-        data = Measurements(rest.poses, pose, tcp, None, None, pose, Path("made.csv"), "", arm=arm)
+        tcp = equilibrium.tcp + rng.normal(0, 3e-4, (POSES, 3))
+        data = Measurements(equilibrium.poses, pose, tcp, None, None, pose, Path("made.csv"), "", arm=arm)
         name, tags = f"arm{number}", (("batch", "AB"[second]), ("screwdriver", "xy"[number // 2 % 2]))
         evidence = evidence_of(model_of(arm, effects), data, ARM)
         members.append(FleetMember(name, Path(f"{name}.csv"), ARM, tags))

@@ -9,7 +9,7 @@ import pytest
 
 import lrm_ident as lrm
 from lrm_math.model.derivatives import joint_levers
-from lrm_math.model.equilibrium import equilibrium
+from lrm_math.model.equilibrium import solve_equilibrium
 from tests.conftest import EXAMPLE
 
 POSES, STEP_RAD, NOISE_M = 80, 4e-3, 3e-4
@@ -21,9 +21,9 @@ def test_of_data_of_two_sessions_another_one_is_asked_for() -> None:
     data = lrm.load(EXAMPLE)
     fitted, part = lrm.Study.of(data).fit(), data.take(np.arange(POSES))
     second = np.arange(POSES) >= POSES // 2
-    rest = equilibrium(fitted.model, part.poses)
-    moved = STEP_RAD * second[:, None] * joint_levers(rest)[0].T
-    tcp = rest.tcp + moved + np.random.default_rng(1).normal(0.0, NOISE_M, (POSES, 3))
+    equilibrium = solve_equilibrium(fitted.model, part.poses)
+    moved = STEP_RAD * second[:, None] * joint_levers(equilibrium)[0].T
+    tcp = equilibrium.tcp + moved + np.random.default_rng(1).normal(0.0, NOISE_M, (POSES, 3))
     poses = replace(part.poses, session=second.astype(float), power_cycle=second.astype(int))
     found = lrm.Study.of(replace(part, tcp=tcp, poses=poses)).fit().diagnose()
     assert found.first is not None

@@ -12,7 +12,7 @@ from lrm_math.arm.arm_file import load_arm
 from lrm_math.collision.scene import Scene
 from lrm_math.kinematics import forward
 from lrm_math.kinematics.poses import poses_of
-from lrm_math.model.equilibrium import equilibrium
+from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import model_of
 
 SHAPED, BARE = ("lrm-lab", "lrm-rover"), ("so101", "two-joint", "ur5")
@@ -38,8 +38,8 @@ def test_capsules_stand_where_the_collision_check_has_them(name: str) -> None:
 def test_an_arm_without_shapes_has_tubes_from_origin_to_origin(name: str) -> None:
     arm = load_arm(name)
     arm = replace(arm, shapes=replace(arm.shapes, capsules=(), ignored=()))
-    rest = equilibrium(model_of(arm, ()), poses_of(np.zeros(arm.dof), 0.0))
-    frames = forward.frames(rest.model.chain, rest.slots, 1)[0]
+    equilibrium = solve_equilibrium(model_of(arm, ()), poses_of(np.zeros(arm.dof), 0.0))
+    frames = forward.frames(equilibrium.model.chain, equilibrium.slots, 1)[0]
     solids = arm_solids(arm, frames)
     lengths = np.linalg.norm(np.diff(frames[:, :3, 3], axis=0), axis=1)
     assert not solids.shaped

@@ -27,7 +27,7 @@ from lrm_math.arm.arm import Arm
 from lrm_math.arrays import Array
 from lrm_math.effects import effects_at
 from lrm_math.kinematics.poses import Poses
-from lrm_math.model.equilibrium import equilibrium
+from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import model_of
 
 NOISE = 0.3e-3
@@ -190,7 +190,7 @@ def test_compare_says_what_a_nameless_model_could_predict(lab: Arm) -> None:
     q = rng.uniform(-1.5, 1.5, (60, 6))
     model = model_of(lab, effects_at(lab, "offsets@base"))
     poses = Poses(q, np.zeros(60))
-    tcp = equilibrium(model, poses).tcp + 0.005 * np.sin(q[:, [1]]) + NOISE * rng.normal(size=(60, 3))
+    tcp = solve_equilibrium(model, poses).tcp + 0.005 * np.sin(q[:, [1]]) + NOISE * rng.normal(size=(60, 3))
     data = Measurements(poses, data.pose, tcp, None, None, data.pose, data.path, "")
     found = compare(model, data)
     assert found.predictable is not None

@@ -19,7 +19,7 @@ from lrm_ident.study.study import Study
 from lrm_math.arm.arm_file import load_arm
 from lrm_math.arrays import Array
 from lrm_math.kinematics.poses import poses_of
-from lrm_math.model.equilibrium import equilibrium
+from lrm_math.model.equilibrium import solve_equilibrium
 
 ARM, NOISE, COUNT, WIDEST = load_arm("two-joint"), 3e-4, 70, 1.4
 
@@ -32,7 +32,7 @@ def world(seed: int, size: float, poses: int) -> Measurements:
     waves = np.sin(q @ frequency.T + phase) @ (axis / np.linalg.norm(axis))
     number = np.arange(1, poses + 1)
     data = Measurements(poses_of(q), number, np.zeros((poses, 3)), None, NOISE, number, Path("none"), "", arm=ARM)
-    tcp = equilibrium(Study.of(data).model, data.poses).tcp + size * waves
+    tcp = solve_equilibrium(Study.of(data).model, data.poses).tcp + size * waves
     return replace(data, tcp=tcp + place.normal(0.0, NOISE, tcp.shape), sha256=f"{seed}-{poses}")
 
 
@@ -46,7 +46,7 @@ def errors(seed: int, size: float) -> tuple[str, float, float]:
     except NoBetterPrediction as why:
         refused = str(why)
     models = study.model, fit_with_field(study.taken.fit, study.data).model
-    without, with_one = (_rms(new.position_error(equilibrium(model, new.poses))) for model in models)
+    without, with_one = (_rms(new.position_error(solve_equilibrium(model, new.poses))) for model in models)
     return refused, without, with_one
 
 

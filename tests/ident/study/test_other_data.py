@@ -24,7 +24,7 @@ from lrm_math.arm.arm_file import load_arm
 from lrm_math.effects import CATALOGUE, effects_at
 from lrm_math.kinematics.poses import poses_of
 from lrm_math.model.deployed_model import of_a_session
-from lrm_math.model.equilibrium import equilibrium
+from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import Model, model_of
 from lrm_math.model.model_file import HistoryTable, ModelFile, ProvenanceTable, parameter_tables
 from tests.support.commands import run_command, stdout_of
@@ -67,7 +67,7 @@ def measured(numbers: Sequence[int], t0: float, session: int) -> Measurements:
     plain = poses_of(np.random.default_rng(1).uniform(-1.0, 1.0, (COUNT, arm.dof)))
     course = 60.0 * np.arange(COUNT)
     poses = replace(plain, number=pose, t=t0 + course, session=np.full(COUNT, float(session)), running=course)
-    tcp = equilibrium(model_of(arm, ()), plain).tcp
+    tcp = solve_equilibrium(model_of(arm, ()), plain).tcp
     return Measurements(poses, pose, tcp, None, None, pose, Path(NAME), "", arm=arm, arm_name=ARM)
 
 
@@ -103,7 +103,7 @@ def test_numbers_and_times_of_other_data_do_not_matter(
         assert {effect.name for effect in study.model.effects} == set(LASTING)
         assert all(name in study.notices[-1] for name in names)
         assert len([words for words in study.notices if "not what the model was fitted to" in words]) == 1
-        right = equilibrium(lasting, study.data.poses).tcp
+        right = solve_equilibrium(lasting, study.data.poses).tcp
         np.testing.assert_allclose(study.compare().residual, study.data.tcp - right, atol=1e-12)
         np.testing.assert_allclose(quick_report(study).field.steps[-1].residual, study.data.tcp - right, atol=1e-12)
         with pytest.warns(UserWarning, match="of that session alone"):
@@ -128,7 +128,7 @@ def test_on_its_own_data_the_model_is_whole(names: list[str], more: bool) -> Non
         assert {effect.name for effect in study.model.effects} == {*LASTING, *names}
         assert not any("left out" in words for words in study.notices)
         part = study.data.take(np.arange(3, COUNT))
-        whole = equilibrium(lrm.load_model(model), part.poses).tcp
+        whole = solve_equilibrium(lrm.load_model(model), part.poses).tcp
         if not more:
             np.testing.assert_array_equal(lrm.predict(lrm.load_model(model), part.poses), whole)
             np.testing.assert_array_equal(lrm.compare(lrm.load_model(model), part).residual, part.tcp - whole)
@@ -158,7 +158,10 @@ def test_a_fit_knows_its_data_at_every_step() -> None:
     study = Study.of(data, (*LASTING, "change_point@joint2")).fit("offsets.joint1.theta_rad")
     assert study.model.fitted_to == HERE
     fitted = study.taken.fit
-    assert {effect.name for effect in lrm.compare(fitted, data).rest.model.effects} == {*LASTING, "change_point@joint2"}
+    assert {effect.name for effect in lrm.compare(fitted, data).equilibrium.model.effects} == {
+        *LASTING,
+        "change_point@joint2",
+    }
     with pytest.warns(UserWarning, match="change_point@joint2"):
         elsewhere = lrm.compare(fitted, replace(data, sha256="1" * 64))
-    assert {effect.name for effect in elsewhere.rest.model.effects} == set(LASTING)
+    assert {effect.name for effect in elsewhere.equilibrium.model.effects} == set(LASTING)

@@ -22,7 +22,7 @@ from lrm_math.errors import LrmError
 from lrm_math.kinematics.poses import poses_of
 from lrm_math.model.covariance import to_covariance
 from lrm_math.model.deployed_model import field_of, named_part
-from lrm_math.model.equilibrium import equilibrium
+from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.uncertainty import position_covariance
 from tests.support.commands import run_command, stdout_of
 from validation.residual_field.nameless_arm import ARM, NOISE, measured
@@ -50,7 +50,7 @@ def test_held_out_and_at_new_poses_it_predicts_better(fitted: Study, with_field:
     assert after is not None
     assert after.rms < 0.7 * before.rms
     new = measured(2, 3e-3)
-    errors = [error_stats(new.position_error(equilibrium(s.model, new.poses))).rms for s in (fitted, with_field)]
+    errors = [error_stats(new.position_error(solve_equilibrium(s.model, new.poses))).rms for s in (fitted, with_field)]
     assert errors[1] < 0.7 * errors[0]
     assert after.rms == pytest.approx(errors[1], rel=0.25), "the held-out error is the error at new poses"
 
@@ -61,13 +61,14 @@ def test_its_deviation_is_that_of_its_error(with_field: Study) -> None:
     file, clean = with_field.file, measured(2, 3e-3)
     assert file.covariance is not None
     known = to_covariance(file.covariance, file.sigma, with_field.model)
-    predicted = equilibrium(with_field.model, clean.poses)
+    predicted = solve_equilibrium(with_field.model, clean.poses)
     variance = np.einsum("nii->ni", position_covariance(predicted, known)) + NOISE**2
     z = clean.position_error(predicted) / np.sqrt(variance)
     assert 0.85 < float((np.abs(z) < 2.0).mean()) <= 1.0
     far = poses_of(poses.q[:1] + 1.5)
     assert (
-        np.trace(position_covariance(equilibrium(with_field.model, far), known)[0]) > 2.0 * variance.sum(axis=1).mean()
+        np.trace(position_covariance(solve_equilibrium(with_field.model, far), known)[0])
+        > 2.0 * variance.sum(axis=1).mean()
     )
 
 
@@ -109,7 +110,7 @@ def test_poses_without_a_position_are_refused(fitted: Study) -> None:
 
 def test_half_of_the_joint_space_says_nothing_of_the_other(fitted: Study) -> None:
     """Learned where joint 1 is negative, it leaves the poses far on the other side as they are."""
-    data, left = fitted.data, fitted.data.position_error(equilibrium(fitted.model, fitted.data.poses))
+    data, left = fitted.data, fitted.data.position_error(solve_equilibrium(fitted.model, fitted.data.poses))
     known, far = data.poses.q[:, 0] < 0.0, data.poses.q[:, 0] > 0.4
     q = data.poses.q[known]
     ends = zip(q.min(axis=0).tolist(), q.max(axis=0).tolist(), strict=True)
@@ -128,7 +129,9 @@ def test_the_real_arm_is_predicted_better(real: Measurements, tmp_path: Path) ->
     then.save(tmp_path / "model.toml")
     read = read_study(tmp_path / "model.toml", real.path)
     np.testing.assert_allclose(
-        equilibrium(read.model, real.poses).tcp, equilibrium(then.taken.fit.model, real.poses).tcp, atol=1e-13
+        solve_equilibrium(read.model, real.poses).tcp,
+        solve_equilibrium(then.taken.fit.model, real.poses).tcp,
+        atol=1e-13,
     )
     assert read.held_out.error is not None
     assert read.held_out.error.rms == pytest.approx(after.rms, rel=1e-3)

@@ -14,7 +14,7 @@ from lrm_ident.study.model_history import add_step_name
 from lrm_math.arm.arm_file import load_arm
 from lrm_math.effects import effects_at
 from lrm_math.errors import LrmError
-from lrm_math.model.equilibrium import equilibrium
+from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import model_of
 from tests.conftest import ROOT
 from tests.support.commands import run_command, stdout_of
@@ -51,7 +51,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder, arm = tmp_path_factory.mktemp("study"), load_arm("two-joint")
     data = random_arm_data("two-joint", 5, poses=60)
     turned = model_of(arm, effects_at(arm, "servo_gain@joint1"), {"servo_gain.joint1.g_plus_rad_per_rad": 0.05})
-    data.tcp[:] += equilibrium(turned, data.poses).tcp - equilibrium(model_of(arm, ()), data.poses).tcp
+    data.tcp[:] += solve_equilibrium(turned, data.poses).tcp - solve_equilibrium(model_of(arm, ()), data.poses).tcp
     for number in (*LEFT_OUT, WRONG):
         data.tcp[data.pose == number] += [0.03, -0.03, 0.03]
     (folder / "data.csv").write_text(measurements_csv(data))

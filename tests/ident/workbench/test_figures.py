@@ -29,7 +29,7 @@ from lrm_ident.residual.covariates import Covariate, covariates
 from lrm_ident.residual.picture.error_field import MOST_DRAWN, arrow_scale, drawn_rows, error_field, joint_turns
 from lrm_math.effects import CATALOGUE, FREE_FORMS
 from lrm_math.model.derivatives import joint_levers
-from lrm_math.model.equilibrium import equilibrium
+from lrm_math.model.equilibrium import solve_equilibrium
 from tests.conftest import EXAMPLE
 from tests.support.commands import stdout_of
 
@@ -88,7 +88,7 @@ def test_the_form_of_the_hidden_play_lies_on_the_data(data: Measurements) -> Non
     model = fit_model(nominal_model(data.arm), data, "identifiable", SQUARED).fit.model
     report = build_report(diagnose(model, data))
     fitted, seen = report.diagnosis.screened_subset
-    known = covariates(seen, fitted.rest.joint_torque)
+    known = covariates(seen, fitted.equilibrium.joint_torque)
     assert report.first is not None
     view = candidate_view(report.first, report.diagnosis, known, np.arange(len(seen)))
     assert (view["name"], view["joint"], view["driver"]) == ("backlash@joint2", 1, "torque of joint 2")
@@ -195,7 +195,7 @@ def test_noise_shows_nothing_on_average(seed: int) -> None:
 def test_where_it_fails_is_where_the_error_is(data: Measurements) -> None:
     """A turn of joint 4 that follows joint 3, which no fit of the geometry takes away."""
     study = lrm.Study.of(data).fit().add("backlash@joint2")
-    lever = joint_levers(equilibrium(study.model, data.poses))[3].T
+    lever = joint_levers(solve_equilibrium(study.model, data.poses))[3].T
     wrong = replace(data, tcp=data.tcp + 0.02 * np.sin(5.0 * data.poses.q[:, [2]]) * lever)
     where = figure_values(quick_report(lrm.Study.of(wrong).fit().add("backlash@joint2")))["where"]
     assert where == {"joint": 3, "driver": "angle of joint 3"}

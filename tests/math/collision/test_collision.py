@@ -25,7 +25,7 @@ from lrm_math.effects import effects_at
 from lrm_math.errors import FileError, LrmError
 from lrm_math.kinematics.forward import frames
 from lrm_math.kinematics.poses import poses_of
-from lrm_math.model.equilibrium import equilibrium
+from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import model_of
 from tests.conftest import ROOT
 from tests.math.kinematics.test_chain import link_matrices, turn
@@ -321,8 +321,8 @@ def test_elastic_deflection_reduces_the_distance_to_the_ground(rover: Arm) -> No
     fingers = tuple(c for c in rover.shapes.capsules if c.name == "fingers")
     scene = Scene.of(replace(rover, shapes=Shapes(fingers, ground)))
     q = np.radians([[0.0, 45.0, 0.0, 0.0, 0.0, 10.0]])
-    rest = equilibrium(model, poses_of(q))
-    bent = frames(model.chain, rest.slots, 1)
+    equilibrium = solve_equilibrium(model, poses_of(q))
+    bent = frames(model.chain, equilibrium.slots, 1)
     rigid = clearance(scene, q).distance[0]
     tips = [F[0, -1] @ np.array([[0, 0, z, 1.0] for z in (-0.045, -0.02)]).T for F in (scene.frames(q), bent)]
     sunk = tips[0][2].min() - tips[1][2].min()

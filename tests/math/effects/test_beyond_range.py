@@ -20,7 +20,7 @@ from lrm_math.effects.session_errors import SecondChangePoint
 from lrm_math.kinematics.poses import Poses
 from lrm_math.model.derivatives import joint_jacobian, parameter_jacobian
 from lrm_math.model.effect_binding import distortion
-from lrm_math.model.equilibrium import equilibrium
+from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import model_of
 
 LAB = load_arm("lrm-lab")
@@ -132,15 +132,15 @@ def test_derivatives_beyond_the_range(lab: Arm, name: str) -> None:
     model = replace(model, within=MeasuredRange(((-0.5, 0.5),) * 6, (0.0, 0.1), load, tcp=((-0.1, 0.25),) * 3))
     q = rng.uniform(-1.2, 1.2, (12, 6))
     q[:6] = rng.uniform(0.5, 0.55, (6, 6))
-    rest = equilibrium(model, Poses(q, np.full(12, 0.05)), tolerance=1e-14)
-    J, h = joint_jacobian(rest), 1e-6
+    equilibrium = solve_equilibrium(model, Poses(q, np.full(12, 0.05)), tolerance=1e-14)
+    J, h = joint_jacobian(equilibrium), 1e-6
     for j in range(6):
-        up, down = (equilibrium(model, rest.poses.perturbed(j, s), tolerance=1e-14).tcp for s in (h, -h))
+        up, down = (solve_equilibrium(model, equilibrium.poses.perturbed(j, s), tolerance=1e-14).tcp for s in (h, -h))
         np.testing.assert_allclose(J[:, :, j], (up - down) / (2 * h), atol=2e-6)
-    by_p = parameter_jacobian(rest)
+    by_p = parameter_jacobian(equilibrium)
     for k, parameter in enumerate(model.parameters):
         step = 1e-4 * parameter.typical * (np.arange(len(model.keys)) == k)
-        up, down = (equilibrium(model.with_values(model.values + s), rest.poses, tolerance=1e-14).tcp
+        up, down = (solve_equilibrium(model.with_values(model.values + s), equilibrium.poses, tolerance=1e-14).tcp
                     for s in (step, -step))  # fmt: skip
         np.testing.assert_allclose(by_p[:, :, k], (up - down) / (2e-4 * parameter.typical), atol=1e-6)
 
@@ -169,7 +169,7 @@ def test_a_pose_within_the_range_is_predicted_by_the_formula(lab: Arm) -> None:
     model = model.with_values([0.2 * p.typical for p in model.parameters])
     q = np.random.default_rng(3).uniform(-0.5, 0.5, (5, 6))
     within = replace(model, within=MeasuredRange(((-0.5, 0.5),) * 6, (0.0, 0.0)))
-    assert np.array_equal(*(equilibrium(one, Poses(q, np.zeros(5))).tcp for one in (model, within)))
+    assert np.array_equal(*(solve_equilibrium(one, Poses(q, np.zeros(5))).tcp for one in (model, within)))
     assert within.within is not None
     assert within.within.joints_outside(np.array([0.0, 0.6, 0.5, -0.5, -0.51, 0.0])) == (2, 5)
     assert within.within.sentence(q) == ""

@@ -14,7 +14,7 @@ from lrm_math.effects import CATALOGUE, FREE_FORMS, Effect, effects_at, name_of_
 from lrm_math.effects.curves import cubic_b_splines, spline_count
 from lrm_math.kinematics.poses import Poses, poses_of
 from lrm_math.model.derivatives import parameter_jacobian
-from lrm_math.model.equilibrium import equilibrium
+from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import Model, model_of
 
 
@@ -54,11 +54,14 @@ def test_a_form_explains_itself_and_refines_effects_of_the_catalogue(lab: Arm, k
 )  # fmt: skip
 def test_derivatives_of_forms(lab: Arm, name: str) -> None:
     model, poses = with_form(lab, name), some_poses(lab)
-    J = parameter_jacobian(equilibrium(model, poses, tolerance=1e-14))
+    J = parameter_jacobian(solve_equilibrium(model, poses, tolerance=1e-14))
     for j, (key, parameter) in enumerate(zip(model.keys, model.parameters, strict=True)):
         if name_of_key(key) == name:
             step = 1e-4 * parameter.typical * (np.arange(len(model.keys)) == j)
-            tcp = [equilibrium(model.with_values(model.values + s), poses, tolerance=1e-14).tcp for s in (step, -step)]
+            tcp = [
+                solve_equilibrium(model.with_values(model.values + s), poses, tolerance=1e-14).tcp
+                for s in (step, -step)
+            ]
             difference = (tcp[0] - tcp[1]) / (2e-4 * parameter.typical)
             assert np.abs(J[:, :, j] - difference).max() <= 1e-6 * np.abs(difference).max() + 1e-10, key
 
@@ -75,8 +78,8 @@ def test_b_splines_are_a_partition_of_unity(at: float, span: float) -> None:
 
 def test_a_link_that_bends_at_its_ends_has_the_same_zero_pose(lab: Arm) -> None:
     poses, bending = some_poses(lab), effects_at(lab, "bending_ends")
-    plain = equilibrium(model_of(lab, effects_at(lab, "compliance")), poses).tcp
-    rigid_ends = equilibrium(model_of(lab, (*effects_at(lab, "compliance"), *bending)), poses).tcp
+    plain = solve_equilibrium(model_of(lab, effects_at(lab, "compliance")), poses).tcp
+    rigid_ends = solve_equilibrium(model_of(lab, (*effects_at(lab, "compliance"), *bending)), poses).tcp
     np.testing.assert_allclose(rigid_ends, plain, atol=1e-12)
 
 
@@ -95,8 +98,8 @@ def test_springs_at_both_ends_and_the_middle_stand_for_a_bend_anywhere(lab: Arm)
             total * next((w for end, w in weights.items() if f"k_{end}_" in key), middle if "lateral" in key else 0.0)
             for key in model.keys
         ]
-        rigid = equilibrium(model.with_values(np.zeros(len(values))), poses).tcp
-        return np.asarray(equilibrium(model.with_values(values), poses).tcp - rigid)
+        rigid = solve_equilibrium(model.with_values(np.zeros(len(values))), poses).tcp
+        return np.asarray(solve_equilibrium(model.with_values(values), poses).tcp - rigid)
 
     beam = moved(1 / 6, 2 / 3, 1 / 6)
     pieces = [moved(1.0, 0.0, 0.0) / 6, 2 * moved(0.0, 1.0, 0.0) / 3, moved(0.0, 0.0, 1.0) / 6]

@@ -21,7 +21,7 @@ from lrm_math.kinematics.forward import frames
 from lrm_math.kinematics.poses import Poses, poses_of
 from lrm_math.model.deployed_model import deployed_part, field_of, named_part
 from lrm_math.model.derivatives import joint_jacobian, parameter_jacobian
-from lrm_math.model.equilibrium import equilibrium
+from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import Model
 from lrm_math.model.model_file import ModelFile, as_tables, load_model, parameter_tables, range_table
 
@@ -107,17 +107,17 @@ def test_derivatives_by_angles(spread: float) -> None:
 def test_derivatives_of_the_tcp_through_the_equilibrium() -> None:
     field = Learned(5)
     model, poses = field.model, field.inside(6)
-    J = joint_jacobian(equilibrium(model, poses, tolerance=1e-13))
+    J = joint_jacobian(solve_equilibrium(model, poses, tolerance=1e-13))
     for joint in range(LAB.dof):
-        plus, minus = (equilibrium(model, poses.perturbed(joint, h), tolerance=1e-13).tcp for h in (1e-6, -1e-6))
+        plus, minus = (solve_equilibrium(model, poses.perturbed(joint, h), tolerance=1e-13).tcp for h in (1e-6, -1e-6))
         np.testing.assert_allclose(J[:, :, joint], (plus - minus) / 2e-6, atol=3e-8)
     keys = model.free[-3:]
-    by_key = parameter_jacobian(equilibrium(model, poses), keys)
+    by_key = parameter_jacobian(solve_equilibrium(model, poses), keys)
     for column, key in enumerate(keys):
         values = [model.values.copy(), model.values.copy()]
         for sign, changed in zip((1, -1), values, strict=True):
             changed[model.position(key)] += sign * 1e-5
-        plus, minus = (equilibrium(model.with_values(v), poses, tolerance=1e-13).tcp for v in values)
+        plus, minus = (solve_equilibrium(model.with_values(v), poses, tolerance=1e-13).tcp for v in values)
         np.testing.assert_allclose(by_key[:, :, column], (plus - minus) / 2e-5, atol=1e-8)
 
 
@@ -132,7 +132,7 @@ def test_a_model_read_from_its_file_predicts_the_same(tmp_path_factory: pytest.T
     )  # fmt: skip
     path.write_text(tomli_w.dumps(as_tables(file)))
     read, poses = load_model(path), poses_of(field.rng.uniform(-1.6, 1.6, (50, LAB.dof)))
-    np.testing.assert_allclose(equilibrium(read, poses).tcp, equilibrium(model, poses).tcp, atol=1e-13)
+    np.testing.assert_allclose(solve_equilibrium(read, poses).tcp, solve_equilibrium(model, poses).tcp, atol=1e-13)
     assert len(file.parameters) == len(model.free)
 
 

@@ -19,7 +19,7 @@ from lrm_math.effects.derivatives import STEP, by_angles, by_loads, by_parameter
 from lrm_math.kinematics.chain import Number
 from lrm_math.kinematics.poses import Poses, poses_of
 from lrm_math.model.derivatives import joint_jacobian, parameter_jacobian, respond
-from lrm_math.model.equilibrium import equilibrium
+from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import Model, model_of
 from tests.support.random_arms import arms
 
@@ -44,14 +44,14 @@ def some_poses(arm: Arm, seed: int, count: int) -> Poses:
 
 def assert_parameter_derivatives(model: Model, poses: Poses, first: int = 0, every: int = 1) -> None:
     """Checks all parameters, or of every n-th after the `first` one."""
-    rest = equilibrium(model, poses, tolerance=TIGHT)
-    J = parameter_jacobian(rest)
+    equilibrium = solve_equilibrium(model, poses, tolerance=TIGHT)
+    J = parameter_jacobian(equilibrium)
     for j in range(first % every, len(model.keys), every):
         parameter = model.parameters[j]
         h = 1e-4 * (parameter.fixed or parameter.typical)
         step = h * (np.arange(len(model.keys)) == j)
-        plus = equilibrium(model.with_values(model.values + step), poses, rest, TIGHT).tcp
-        minus = equilibrium(model.with_values(model.values - step), poses, rest, TIGHT).tcp
+        plus = solve_equilibrium(model.with_values(model.values + step), poses, equilibrium, TIGHT).tcp
+        minus = solve_equilibrium(model.with_values(model.values - step), poses, equilibrium, TIGHT).tcp
         difference = (plus - minus) / (2 * h)
         round_off = 1e-15 / h
         allowed = RELATIVE * np.abs(difference).max() + round_off
@@ -78,11 +78,11 @@ def test_parameters_of_any_arm(arm: Arm, seed: int) -> None:
 @pytest.mark.parametrize("seed", range(3))
 def test_joint_angles(lab: Arm, seed: int) -> None:
     model, poses = full_model(lab, seed), some_poses(lab, seed, 40)
-    J = joint_jacobian(equilibrium(model, poses, tolerance=TIGHT))
+    J = joint_jacobian(solve_equilibrium(model, poses, tolerance=TIGHT))
     h = 1e-6
     for joint in range(6):
-        plus = equilibrium(model, poses.perturbed(joint, h), tolerance=TIGHT).tcp
-        minus = equilibrium(model, poses.perturbed(joint, -h), tolerance=TIGHT).tcp
+        plus = solve_equilibrium(model, poses.perturbed(joint, h), tolerance=TIGHT).tcp
+        minus = solve_equilibrium(model, poses.perturbed(joint, -h), tolerance=TIGHT).tcp
         difference = (plus - minus) / (2 * h)
         assert np.abs(J[:, :, joint] - difference).max() <= RELATIVE * np.abs(difference).max()
 
@@ -109,9 +109,9 @@ def test_an_effect_without_derivatives_of_its_own(lab: Arm) -> None:
     values = {"wobble.joint3.a_rad": 0.02, "wobble.joint3.b_rad_per_Nm": 0.1, "compliance.joint3.k_rad_per_Nm": 0.08}
     model, poses = model_of(lab, effects, values), some_poses(lab, 5, 20)
     assert_parameter_derivatives(model, poses)
-    J = joint_jacobian(equilibrium(model, poses, tolerance=TIGHT))
+    J = joint_jacobian(solve_equilibrium(model, poses, tolerance=TIGHT))
     for joint in range(6):
-        plus, minus = (equilibrium(model, poses.perturbed(joint, h), tolerance=TIGHT).tcp for h in (1e-6, -1e-6))
+        plus, minus = (solve_equilibrium(model, poses.perturbed(joint, h), tolerance=TIGHT).tcp for h in (1e-6, -1e-6))
         np.testing.assert_allclose(J[:, :, joint], (plus - minus) / 2e-6, atol=2e-8)
 
 
@@ -137,9 +137,9 @@ def test_effects_have_the_derivatives_of_their_own_amounts(lab: Arm, kind: type[
 def test_newtons_steps_end_in_the_same_equilibrium(lab: Arm) -> None:
     """Fewer of them, since the loads at an equilibrium nearby are known."""
     poses, model = some_poses(lab, 0, 20), full_model(lab, 0)
-    near, moved = equilibrium(model, poses), model.with_values(1.01 * model.values)
-    plain = equilibrium(moved, poses, near, 1e-12)
-    newton = equilibrium(moved, poses, near, 1e-12, respond(near).preconditioner)
+    near, moved = solve_equilibrium(model, poses), model.with_values(1.01 * model.values)
+    plain = solve_equilibrium(moved, poses, near, 1e-12)
+    newton = solve_equilibrium(moved, poses, near, 1e-12, respond(near).preconditioner)
     np.testing.assert_allclose(newton.tcp, plain.tcp, rtol=0.0, atol=1e-11)
     assert newton.iterations < plain.iterations
 

@@ -11,7 +11,7 @@ from lrm_math.effects import effects_at
 from lrm_math.effects.field.residual_field import BEYOND
 from lrm_math.kinematics.poses import poses_of
 from lrm_math.model.covariance import Covariance
-from lrm_math.model.equilibrium import equilibrium
+from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import Model, model_of
 from lrm_math.model.uncertainty import UNSURE, field_coverage, field_speaks, position_covariance
 from tests.math.effects.test_residual_field import FIELD, LAB, Learned
@@ -37,7 +37,7 @@ def test_it_speaks_where_the_predicted_deviation_says_so(seed: int) -> None:
     model, covariance = known(field, size=float(field.rng.uniform(1e-4, 3e-3)))
     q = field.rng.uniform(1.1 * field.lower, 1.1 * field.upper, (20, LAB.dof))
     speaks = field_speaks(model, covariance, q)
-    spread = position_covariance(equilibrium(model, poses_of(q)), covariance)
+    spread = position_covariance(solve_equilibrium(model, poses_of(q)), covariance)
     assert speaks is not None
     assert spread is not None
     variance, beyond = np.einsum("nii->n", spread), 3 * 2e-3**2

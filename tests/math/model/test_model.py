@@ -10,7 +10,7 @@ from lrm_math.arm.arm_file import load_arm
 from lrm_math.effects.compliance import Compliance
 from lrm_math.effects.offsets import Offsets
 from lrm_math.kinematics.poses import poses_of
-from lrm_math.model.equilibrium import equilibrium
+from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import model_of
 
 
@@ -19,6 +19,6 @@ def test_a_used_model_is_pickled() -> None:
     effects = [kind(arm, place) for kind in (Offsets, Compliance) for place in kind.places(arm)]
     model = model_of(arm, effects, {"compliance.joint2.k_rad_per_Nm": 0.05})
     poses = poses_of(np.zeros((3, arm.dof)), 0.0663)
-    expected = equilibrium(model, poses).tcp
+    expected = solve_equilibrium(model, poses).tcp
     sent = pickle.loads(pickle.dumps(model))
-    assert np.array_equal(equilibrium(sent, poses).tcp, expected)
+    assert np.array_equal(solve_equilibrium(sent, poses).tcp, expected)

@@ -17,7 +17,7 @@ from lrm_math.effects import effects_at
 from lrm_math.kinematics.chain import chain_of
 from lrm_math.kinematics.forward import frames
 from lrm_math.kinematics.poses import poses_of
-from lrm_math.model.equilibrium import equilibrium
+from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import Model, model_of
 from tests.conftest import ROOT
 from tests.support.random_arms import arms
@@ -31,12 +31,12 @@ def test_the_thesis_published_code(shared: Path, lab: Arm, column: str) -> None:
     rows = [row for row in csv.DictReader((folder / "tcp.csv").open()) if row["set"] == column]
     assert rows
     q = [[float(row[f"q{i}_rad"]) for i in range(1, 7)] for row in rows]
-    rest = equilibrium(thesis_model(lab, thesis_values(folder / "parameters.csv", column)), poses_of(q))
+    equilibrium = solve_equilibrium(thesis_model(lab, thesis_values(folder / "parameters.csv", column)), poses_of(q))
     tcp_mm = [[float(row[key]) for key in ("x_mm", "y_mm", "z_mm")] for row in rows]
     torque_nmm = [[float(row[f"tau{i}_Nmm"]) for i in range(1, 7)] for row in rows]
-    np.testing.assert_allclose(rest.tcp / MM, tcp_mm, atol=1e-5)
-    np.testing.assert_allclose(rest.joint_torque * 1e3, torque_nmm, atol=1e-4)
-    np.testing.assert_allclose(rest.base_moment * 1e3, [float(row["tau_base_Nmm"]) for row in rows], atol=1e-4)
+    np.testing.assert_allclose(equilibrium.tcp / MM, tcp_mm, atol=1e-5)
+    np.testing.assert_allclose(equilibrium.joint_torque * 1e3, torque_nmm, atol=1e-4)
+    np.testing.assert_allclose(equilibrium.base_moment * 1e3, [float(row["tau_base_Nmm"]) for row in rows], atol=1e-4)
 
 
 def random_values(model: Model, seed: int) -> dict[str, float]:
@@ -68,7 +68,7 @@ def test_the_generator_with_screws_and_world_frame_torques(arm_name: str, seed: 
     q = np.random.default_rng(seed).uniform(-1.74, 1.74, (40, 6))
     payload = np.tile([0.0, 0.0663], 20)
     theirs = synthetic.true_state(rig, truth, q, payload)
-    ours = equilibrium(model_of(model.arm, model.effects, values), poses_of(q, payload), tolerance=1e-13)
+    ours = solve_equilibrium(model_of(model.arm, model.effects, values), poses_of(q, payload), tolerance=1e-13)
     np.testing.assert_allclose(ours.tcp, theirs.tcp_m, atol=1e-9)
     np.testing.assert_allclose(ours.joint_torque, theirs.tau_nm, atol=1e-8)
     np.testing.assert_allclose(ours.base_moment, theirs.base_moment_nm, atol=1e-8)
@@ -93,7 +93,9 @@ def test_axial_play_is_that_of_the_generator(joint: int, soft: float) -> None:
         {**values, f"{play}.b_mm": 0.004, f"{play}.F0_N": 0.5},
     )
     theirs = synthetic.true_state(rig, truth, q, payload)
-    np.testing.assert_allclose(equilibrium(model, poses_of(q, payload), tolerance=1e-13).tcp, theirs.tcp_m, atol=1e-9)
+    np.testing.assert_allclose(
+        solve_equilibrium(model, poses_of(q, payload), tolerance=1e-13).tcp, theirs.tcp_m, atol=1e-9
+    )
 
 
 @settings(max_examples=20)
@@ -131,11 +133,11 @@ def test_pinocchio(arm: Arm, seed: int) -> None:
         robot.appendBodyToJoint(min(body.frame, arm.dof), inertia, stands)
     data = robot.createData()
     q = np.random.default_rng(seed).uniform(-2, 2, (5, arm.dof))
-    rest = equilibrium(model_of(arm, ()), poses_of(q))
+    equilibrium = solve_equilibrium(model_of(arm, ()), poses_of(q))
     chain = chain_of(arm)
     ours = frames(chain, chain.values(list(q.T.copy())), 5)[:, -1]
     for pose in range(5):
         torque = pin.computeGeneralizedGravity(robot, data, q[pose])
         pin.framesForwardKinematics(robot, data, q[pose])
-        np.testing.assert_allclose(rest.joint_torque[pose], -torque, atol=1e-10)
+        np.testing.assert_allclose(equilibrium.joint_torque[pose], -torque, atol=1e-10)
         np.testing.assert_allclose(ours[pose], data.oMf[tip].homogeneous, atol=1e-12)

@@ -10,7 +10,7 @@ from lrm_math.arrays import Array
 from lrm_math.effects import effects_at
 from lrm_math.kinematics.poses import poses_of
 from lrm_math.model.derivatives import parameter_jacobian
-from lrm_math.model.equilibrium import equilibrium
+from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import Model, model_of
 from lrm_math.model.sensed import Sensed, encoder_angles, tool_rotation
 from tests.support.random_arms import random_arm
@@ -34,9 +34,9 @@ def soft_model(seed: int) -> Model:
 
 
 def seen(model: Model, q: Array, origin: Array) -> Array:
-    rest = equilibrium(model, poses_of(q, 0.05), tolerance=1e-14)
-    turned = Rotation.from_matrix(tool_rotation(rest) @ origin.transpose(0, 2, 1)).as_rotvec()
-    return np.concatenate([rest.tcp, turned, encoder_angles(rest)], axis=1)
+    equilibrium = solve_equilibrium(model, poses_of(q, 0.05), tolerance=1e-14)
+    turned = Rotation.from_matrix(tool_rotation(equilibrium) @ origin.transpose(0, 2, 1)).as_rotvec()
+    return np.concatenate([equilibrium.tcp, turned, encoder_angles(equilibrium)], axis=1)
 
 
 @pytest.mark.slow
@@ -44,11 +44,11 @@ def seen(model: Model, q: Array, origin: Array) -> Array:
 def test_attitude_and_feedback(seed: int) -> None:
     model = soft_model(seed)
     q = np.random.default_rng(seed).uniform(-1.2, 1.2, (6, 4))
-    rest = equilibrium(model, poses_of(q, 0.05), tolerance=1e-14)
-    origin = tool_rotation(rest)
-    J = parameter_jacobian(rest, sensed=Sensed(attitude=True, feedback=True))
+    equilibrium = solve_equilibrium(model, poses_of(q, 0.05), tolerance=1e-14)
+    origin = tool_rotation(equilibrium)
+    J = parameter_jacobian(equilibrium, sensed=Sensed(attitude=True, feedback=True))
     assert J.shape == (6, 10, len(model.keys))
-    np.testing.assert_array_equal(J[:, :3], parameter_jacobian(rest))
+    np.testing.assert_array_equal(J[:, :3], parameter_jacobian(equilibrium))
     for j, parameter in enumerate(model.parameters):
         h = 1e-4 * (parameter.fixed or parameter.typical)
         step = h * (np.arange(len(model.keys)) == j)
@@ -63,7 +63,7 @@ def test_droop_is_a_compliance_that_the_encoder_reads() -> None:
     droop = model_of(arm, effects_at(arm, "servo_droop@joint2"), {"servo_droop.joint2.k_rad_per_Nm": 0.08})
     flex = model_of(arm, effects_at(arm, "compliance@joint2"), {"compliance.joint2.k_rad_per_Nm": 0.08})
     poses = poses_of(np.random.default_rng(0).uniform(-1, 1, (8, 3)))
-    one, other = equilibrium(droop, poses), equilibrium(flex, poses)
+    one, other = solve_equilibrium(droop, poses), solve_equilibrium(flex, poses)
     np.testing.assert_allclose(one.tcp, other.tcp, atol=1e-12)
     np.testing.assert_allclose((encoder_angles(one) - poses.q)[:, 1], 0.08 * one.tau[0], atol=1e-15)
     np.testing.assert_array_equal(encoder_angles(other), poses.q)

@@ -19,7 +19,7 @@ from lrm_math.kinematics.chain import chain_of, trig
 from lrm_math.kinematics.forward import chain_geometry
 from lrm_math.kinematics.poses import Poses, poses_of
 from lrm_math.model.derivatives import parameter_jacobian
-from lrm_math.model.equilibrium import equilibrium
+from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import Model, model_of
 from tests.support.central_differences import stepped
 from tests.support.random_arms import arms
@@ -68,7 +68,7 @@ def test_load_is_the_slope_of_the_energy(arm: Arm, seed: int) -> None:
 @given(arms, st.integers(0, 100))
 def test_equilibrium_is_a_stationary_point_of_elastic_and_gravitational_energy(arm: Arm, seed: int) -> None:
     model, poses = elastic(arm, seed, 0.05), some_poses(arm, seed)
-    rest = equilibrium(model, poses, tolerance=TIGHT)
+    equilibrium = solve_equilibrium(model, poses, tolerance=TIGHT)
     chain = model.chain
     nominal = chain.values([poses.angle(i) for i in range(arm.dof)])
     stiffness = {
@@ -81,7 +81,7 @@ def test_equilibrium_is_a_stationary_point_of_elastic_and_gravitational_energy(a
         spring = sum(0.5 * c * (slots[k] - nominal[k]) ** 2 for k, c in stiffness.items())  # type: ignore[operator]
         return spring + gravity_energy(arm, slots, poses.payload)
 
-    slots, h = list(rest.slots), 1e-5
+    slots, h = list(equilibrium.slots), 1e-5
     for k in stiffness:
         up, down = ([*slots[:k], slots[k] + s, *slots[k + 1 :]] for s in (h, -h))
         np.testing.assert_allclose((energy(up) - energy(down)) / (2 * h), 0.0, atol=1e-8)
@@ -131,9 +131,11 @@ def test_load_derivatives_with_bodies_that_load_other_joints(lab: Arm) -> None:
 @given(arms, st.integers(0, 100), st.floats(1e-3, 1.0))
 def test_stiff_limit_is_the_rigid_arm(arm: Arm, seed: int, scale: float) -> None:
     poses = some_poses(arm, seed)
-    rigid = equilibrium(model_of(arm, ()), poses).tcp
+    rigid = solve_equilibrium(model_of(arm, ()), poses).tcp
     sag = [
-        np.linalg.norm(equilibrium(elastic(arm, seed, 1e-6 * s), poses, tolerance=TIGHT).tcp - rigid, axis=1).max()
+        np.linalg.norm(
+            solve_equilibrium(elastic(arm, seed, 1e-6 * s), poses, tolerance=TIGHT).tcp - rigid, axis=1
+        ).max()
         for s in (scale, 10 * scale)
     ]
     assert sag[0] <= 1e-5 * scale * 10
@@ -155,7 +157,7 @@ def test_turning_the_base_and_gravity_together_changes_no_load(arm: Arm, seed: i
         base=replace(arm.base, x=x, y=y, z=z, gamma=arm.base.gamma + angle),
     )
     poses = some_poses(arm, seed)
-    before, after = (equilibrium(_joints_only(a, seed), poses, tolerance=TIGHT) for a in (arm, turned))
+    before, after = (solve_equilibrium(_joints_only(a, seed), poses, tolerance=TIGHT) for a in (arm, turned))
     np.testing.assert_allclose(after.joint_torque, before.joint_torque, atol=1e-9)
     np.testing.assert_allclose(after.tcp, before.tcp @ R.T, atol=1e-9)
 
@@ -170,8 +172,8 @@ def _joints_only(arm: Arm, seed: int) -> Model:
 def test_without_gravity_nothing_bends(arm: Arm, seed: int) -> None:
     weightless = replace(arm, gravity=(0.0, 0.0, 0.0))
     poses = some_poses(arm, seed)
-    bent = equilibrium(elastic(weightless, seed), poses)
-    np.testing.assert_allclose(bent.tcp, equilibrium(model_of(arm, ()), poses).tcp, atol=1e-15)
+    bent = solve_equilibrium(elastic(weightless, seed), poses)
+    np.testing.assert_allclose(bent.tcp, solve_equilibrium(model_of(arm, ()), poses).tcp, atol=1e-15)
     np.testing.assert_array_equal(bent.joint_torque, 0.0)
 
 
@@ -180,9 +182,9 @@ def test_without_gravity_nothing_bends(arm: Arm, seed: int) -> None:
 def test_poses_of_a_batch_are_independent(lab: Arm, seed: int) -> None:
     """Batches do not mix poses: any subset gives the same result."""
     model, poses = elastic(lab, seed, 0.08), some_poses(lab, seed, 6)
-    whole = equilibrium(model, poses, tolerance=TIGHT).tcp
+    whole = solve_equilibrium(model, poses, tolerance=TIGHT).tcp
     rows = np.random.default_rng(seed).permutation(6)[:3]
-    np.testing.assert_allclose(equilibrium(model, poses.take(rows), tolerance=TIGHT).tcp, whole[rows], atol=1e-12)
+    np.testing.assert_allclose(solve_equilibrium(model, poses.take(rows), tolerance=TIGHT).tcp, whole[rows], atol=1e-12)
 
 
 @pytest.mark.parametrize("kind", CATALOGUE, ids=lambda kind: kind.id)
@@ -193,7 +195,7 @@ def test_one_pose_alone_is_as_the_same_pose_twice(lab: Arm, kind: type[Effect]) 
     model = model.with_values([p.default or rng.uniform(0.1, 0.4) * p.typical for p in model.parameters])
     given = {"direction": np.ones((1, 6)), "t": np.full(1, 900.0), "session": np.full(1, 2.0)}
     one = replace(some_poses(lab, 0, 1), temperature=np.full(1, 31.0), **given)
-    alone, twice = equilibrium(model, one), equilibrium(model, one.take([0, 0]))
+    alone, twice = solve_equilibrium(model, one), solve_equilibrium(model, one.take([0, 0]))
     np.testing.assert_allclose(alone.tcp, twice.tcp[:1], atol=1e-12)
     np.testing.assert_allclose(parameter_jacobian(alone), parameter_jacobian(twice)[:1], atol=1e-9)
 
@@ -201,17 +203,17 @@ def test_one_pose_alone_is_as_the_same_pose_twice(lab: Arm, kind: type[Effect]) 
 def test_a_warm_start_ends_at_the_same_place(lab: Arm) -> None:
     poses = some_poses(lab, 1, 50)
     soft, softer = elastic(lab, 1, 0.08), elastic(lab, 1, 0.085)
-    cold = equilibrium(softer, poses)
-    warm = equilibrium(softer, poses, start=equilibrium(soft, poses))
+    cold = solve_equilibrium(softer, poses)
+    warm = solve_equilibrium(softer, poses, start=solve_equilibrium(soft, poses))
     np.testing.assert_allclose(warm.tcp, cold.tcp, atol=1e-8)
     assert warm.iterations < cold.iterations
 
 
 def test_backlash_is_taken_up_towards_gravity(lab: Arm) -> None:
     poses = some_poses(lab, 2, 200)
-    rigid = equilibrium(model_of(lab, ()), poses)
+    rigid = solve_equilibrium(model_of(lab, ()), poses)
     play = {"backlash.joint2.b_rad": 0.04, "backlash.joint2.tau0_Nm": 0.001}
-    loose = equilibrium(model_of(lab, effects_at(lab, "backlash@joint2"), play), poses)
+    loose = solve_equilibrium(model_of(lab, effects_at(lab, "backlash@joint2"), play), poses)
     k = loose.model.chain.index["joint2.theta"]
     turned = np.asarray(loose.slots[k]) - poses.q[:, 1]
     strong = np.abs(rigid.joint_torque[:, 1]) > 0.1
@@ -222,7 +224,7 @@ def test_no_equilibrium_is_an_error_that_names_the_pose(lab: Arm) -> None:
     limp = model_of(lab, effects_at(lab, "compliance"), {"compliance.joint2.k_rad_per_Nm": 5.0})
     poses = poses_of([[0.1, 1.0, 0, 0, 0, 0], [0, 0.9, 0, 0, 0, 0]])
     with pytest.raises(NoEquilibrium, match=r"pose 1 and 1 more.*rad/Nm") as caught:
-        equilibrium(limp, poses)
+        solve_equilibrium(limp, poses)
     assert caught.value.poses == (1, 2)
 
 
@@ -232,10 +234,12 @@ def test_a_very_compliant_joint_gives_an_error_or_a_valid_equilibrium(lab: Arm, 
     limp = model_of(lab, effects_at(lab, "compliance"), {f"compliance.joint{joint}.k_rad_per_Nm": 5.0})
     poses = some_poses(lab, seed, 1)
     try:
-        rest = equilibrium(limp, poses)
+        equilibrium = solve_equilibrium(limp, poses)
     except NoEquilibrium:
         return
-    turned = float(np.asarray(rest.slots[limp.chain.index[f"joint{joint}.theta"]]).item()) - poses.q[0, joint - 1]
+    turned = (
+        float(np.asarray(equilibrium.slots[limp.chain.index[f"joint{joint}.theta"]]).item()) - poses.q[0, joint - 1]
+    )
     turned -= lab.joints[joint - 1].theta
     assert abs(turned) <= 0.5
-    assert turned == pytest.approx(5.0 * rest.joint_torque[0, joint - 1], abs=1e-7)
+    assert turned == pytest.approx(5.0 * equilibrium.joint_torque[0, joint - 1], abs=1e-7)

@@ -32,7 +32,7 @@ from lrm_math.arm.arm_file import load_arm
 from lrm_math.effects import effects_at
 from lrm_math.errors import LrmError
 from lrm_math.kinematics.poses import poses_of
-from lrm_math.model.equilibrium import Equilibrium, equilibrium
+from lrm_math.model.equilibrium import Equilibrium, solve_equilibrium
 from lrm_math.model.model import model_of
 from lrm_math.model.reading import Reading, parse_axes
 from tests.conftest import EXAMPLE, SHARED
@@ -218,7 +218,7 @@ def test_readings_that_mean_nothing(words: list[str], said: str) -> None:
 def _drawn_with(values: dict[str, float]) -> Equilibrium:
     arm = load_arm("lrm-lab")
     poses = poses_of(np.random.default_rng(0).uniform(-1, 1, (60, 6)))
-    return equilibrium(model_of(arm, effects_at(arm, "offsets"), values), poses)
+    return solve_equilibrium(model_of(arm, effects_at(arm, "offsets"), values), poses)
 
 
 @pytest.mark.parametrize(
@@ -251,11 +251,11 @@ def test_whatever_fits_refuses_to_destroy_the_arm(values: dict[str, float], said
 
 def test_a_length_that_others_undo_does_not_collapse() -> None:
     """The first joint's offset along its axis and the base's position: together they move nothing."""
-    rest = _drawn_with({"offsets.joint1.d_mm": -0.080})
-    keys = [key for key in rest.model.keys if "base" in key or key == "offsets.joint1.d_mm"]
-    check_arm(rest, keys)
+    equilibrium = _drawn_with({"offsets.joint1.d_mm": -0.080})
+    keys = [key for key in equilibrium.model.keys if "base" in key or key == "offsets.joint1.d_mm"]
+    check_arm(equilibrium, keys)
     with pytest.raises(DegenerateFit, match="collapse"):
-        check_arm(rest, ["offsets.joint1.d_mm"])
+        check_arm(equilibrium, ["offsets.joint1.d_mm"])
 
 
 def test_a_fit_that_no_parameter_helps_is_refused() -> None:

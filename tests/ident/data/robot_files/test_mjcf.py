@@ -8,7 +8,7 @@ import pytest
 from lrm_ident.data.robot_files.mjcf import mjcf
 from lrm_math.effects import effects_at
 from lrm_math.kinematics.poses import poses_of
-from lrm_math.model.equilibrium import equilibrium
+from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import model_of
 from tests.support.random_arms import random_arm
 
@@ -28,17 +28,17 @@ def test_mujoco_is_at_rest_in_our_equilibrium(seed: int) -> None:
     payload = model.weights(0.0)
     assert payload
     for q in rng.uniform(-1, 1, (5, 4)):
-        rest = equilibrium(model, poses_of(q), tolerance=1e-13)
+        equilibrium = solve_equilibrium(model, poses_of(q), tolerance=1e-13)
         for j in range(peer.njnt):
             name = mujoco.mj_id2name(peer, mujoco.mjtObj.mjOBJ_JOINT, j)
             slot = model.chain.index[f"{name}.theta" if name.startswith("joint") and "." not in name else name]
             drawn = model.binding.constants[slot]
-            data.qpos[j] = float(np.asarray(rest.slots[slot]).item()) - drawn
+            data.qpos[j] = float(np.asarray(equilibrium.slots[slot]).item()) - drawn
         data.ctrl[:] = q
         mujoco.mj_forward(peer, data)
         left = data.qfrc_bias - data.qfrc_passive - data.qfrc_actuator
         np.testing.assert_allclose(left, 0.0, atol=2e-5)  # the milligrams that MuJoCo asks for
-        np.testing.assert_allclose(data.site("tcp").xpos, rest.tcp[0], atol=1e-9)
+        np.testing.assert_allclose(data.site("tcp").xpos, equilibrium.tcp[0], atol=1e-9)
 
 
 def test_play_is_a_joint_with_a_range() -> None:

@@ -19,7 +19,7 @@ from lrm_math.arm.arm_file import load_arm
 from lrm_math.arrays import Array
 from lrm_math.effects import effects_at
 from lrm_math.kinematics.poses import Poses, poses_of
-from lrm_math.model.equilibrium import equilibrium
+from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import Model, model_of
 from tests.support.commands import stderr_of, stdout_of
 
@@ -90,7 +90,7 @@ def test_mujoco_comes_to_rest_where_our_equilibrium_is(
     out.write_text(file.text)
     assert file.left_out == ()
     for q in np.random.default_rng(1).uniform(-0.8, 0.8, (2, 5)):
-        drawn, ours = (equilibrium(m, poses_of(q)).tcp[0] for m in (model_of(so101, ()), model))
+        drawn, ours = (solve_equilibrium(m, poses_of(q)).tcp[0] for m in (model_of(so101, ()), model))
         assert np.linalg.norm(drawn - ours) > 5e-3
         assert np.linalg.norm(at_rest(out, q) - ours) < 5e-5
 
@@ -104,7 +104,7 @@ def test_a_joint_with_friction_stops_short_on_either_side(so101: Arm, own: Path,
     tips = {side: at_rest(out, q, side) for side in (-1.0, 1.0)}
     assert np.linalg.norm(tips[1.0] - tips[-1.0]) > 3e-3
     for side, tip in tips.items():
-        ours = equilibrium(model, Poses(q[None], np.zeros(1), np.full((1, 5), side))).tcp[0]
+        ours = solve_equilibrium(model, Poses(q[None], np.zeros(1), np.full((1, 5), side))).tcp[0]
         assert np.linalg.norm(tip - ours) < 3e-4
 
 
@@ -135,7 +135,7 @@ def test_an_arm_is_read_from_an_mjcf_whatever_its_joints_are_drawn_at(own: Path,
     for joint, angle in zip(found.arm.joints, q, strict=True):
         data.joint(joint.name).qpos[0] = angle
     mujoco.mj_kinematics(robot.compiled, data)
-    tip = equilibrium(model_of(found.arm, ()), poses_of(q)).tcp[0]
+    tip = solve_equilibrium(model_of(found.arm, ()), poses_of(q)).tcp[0]
     np.testing.assert_allclose(data.site("tcp").xpos, tip, atol=1e-9)
 
 

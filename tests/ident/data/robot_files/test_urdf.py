@@ -20,7 +20,7 @@ from lrm_math.arm.arm_file import load_arm, read_arm
 from lrm_math.arrays import Array
 from lrm_math.effects import effects_at
 from lrm_math.kinematics.poses import poses_of
-from lrm_math.model.equilibrium import equilibrium
+from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import Model, model_of
 from tests.support.commands import stderr_of, stdout_of
 from tests.support.random_arms import arms, random_arm
@@ -100,8 +100,8 @@ def test_the_shipped_so101_is_that_of_the_urdf(so101_urdf: Path) -> None:
     assert largest_difference(model_of(arm, ()), robot.chain(robot.root, TIP)) < 2e-5
     assert [joint.name for joint in arm.joints] == [j.name for j in robot.chain(robot.root, TIP) if j.turns]
     q = poses_of(np.random.default_rng(0).uniform(-1, 1, (20, 5)))
-    imported = equilibrium(model_of(import_arm(robot, tip=TIP).arm, ()), q).joint_torque
-    np.testing.assert_allclose(equilibrium(model_of(arm, ()), q).joint_torque, imported, atol=2e-5)
+    imported = solve_equilibrium(model_of(import_arm(robot, tip=TIP).arm, ()), q).joint_torque
+    np.testing.assert_allclose(solve_equilibrium(model_of(arm, ()), q).joint_torque, imported, atol=2e-5)
 
 
 @pytest.mark.parametrize("nearly_parallel", [False, True])
@@ -118,7 +118,7 @@ def test_our_arms_through_urdf_and_back(arm: Arm, seed: int) -> None:
     arm = replace(arm, gravity=(0.0, 0.0, -9.81), bodies=tuple(b for b in arm.bodies if b.frame <= arm.dof))
     back = import_arm(bare_urdf(arm)).arm
     q = poses_of(np.random.default_rng(seed).uniform(-2, 2, (10, arm.dof)), 0.0)
-    ours, theirs = (equilibrium(model_of(one, ()), q) for one in (arm, back))
+    ours, theirs = (solve_equilibrium(model_of(one, ()), q) for one in (arm, back))
     np.testing.assert_allclose(theirs.tcp, ours.tcp, atol=EXACT)
     np.testing.assert_allclose(theirs.joint_torque, ours.joint_torque, atol=1e-11)
 
@@ -140,10 +140,10 @@ def test_corrected_urdf_is_our_rigid_model(seed: int) -> None:
     path = corrected.chain("base", "tip")
     rigid = rigid_part(model)
     q = np.random.default_rng(seed).uniform(-1.5, 2, (20, model.arm.dof))
-    ours = equilibrium(rigid, poses_of(q)).tcp
+    ours = solve_equilibrium(rigid, poses_of(q)).tcp
     theirs = np.array([tip_pose(path, angles)[:3, 3] for angles in q.tolist()])
     np.testing.assert_allclose(theirs, ours, atol=EXACT)
-    assert np.abs(ours - equilibrium(model_of(model.arm, ()), poses_of(q)).tcp).max() > 1e-3
+    assert np.abs(ours - solve_equilibrium(model_of(model.arm, ()), poses_of(q)).tcp).max() > 1e-3
     assert [(j.name, j.parent, j.child, j.axis) for j in corrected.joints.values()] == [
         (j.name, j.parent, j.child, j.axis) for j in robot.joints.values()
     ]
@@ -159,7 +159,7 @@ def test_pinocchio_loads_the_corrected_urdf(tmp_path: Path) -> None:
     data, tip = peer.createData(), peer.getFrameId("tip")
     for q in np.random.default_rng(1).uniform(-1.5, 2, (20, 6)):
         pin.framesForwardKinematics(peer, data, q)
-        ours = equilibrium(rigid_part(model), poses_of(q)).tcp[0]
+        ours = solve_equilibrium(rigid_part(model), poses_of(q)).tcp[0]
         np.testing.assert_allclose(data.oMf[tip].translation, ours, atol=1e-9)
 
 

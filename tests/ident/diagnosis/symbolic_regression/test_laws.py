@@ -32,7 +32,7 @@ from lrm_math.arrays import Array
 from lrm_math.effects import CATALOGUE, effects_at
 from lrm_math.errors import FileError
 from lrm_math.kinematics.poses import Poses
-from lrm_math.model.equilibrium import equilibrium
+from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import Model, model_of
 from lrm_math.model.model_file import load_model
 from tests.support.commands import stdout_of
@@ -198,13 +198,13 @@ def test_a_length_that_grows_is_proposed_as_one(tmp_path: Path) -> None:
     """A law's own file makes the data: the length a of link 2 follows the size of joint 3's angle."""
     data, arm = case_data(NOTHING, tmp_path), three_joints()
     fitted = base_fit(arm, data)
-    laws = extensions_at(1, "a", quantities_at(1, data.poses, equilibrium(fitted, data.poses).joint_torque))
+    laws = extensions_at(1, "a", quantities_at(1, data.poses, solve_equilibrium(fitted, data.poses).joint_torque))
     law = next(one for one in laws if one.formula == "δa2 = a abs(q3)")
     file = tmp_path / "law.py"
     file.write_text(law_source(law, (0.002,), "some.csv", "facts"), encoding="utf-8")
     (kind,) = effects_in(file)
     grown = model_of(arm, [kind(arm, "joint2")]).with_values([0.004])
-    moved = equilibrium(grown, data.poses).tcp - equilibrium(model_of(arm, ()), data.poses).tcp
+    moved = solve_equilibrium(grown, data.poses).tcp - solve_equilibrium(model_of(arm, ()), data.poses).tcp
     found = propose_law(fitted, replace(data, tcp=data.tcp + moved))
     assert found.best is not None
     assert found.best.law.formula == law.formula

@@ -19,7 +19,7 @@ from lrm_ident.fitting.model_fit import fit_model, nominal_model
 from lrm_math.arm.arm_file import load_arm
 from lrm_math.arrays import Array
 from lrm_math.errors import LrmError
-from lrm_math.model.equilibrium import equilibrium
+from lrm_math.model.equilibrium import solve_equilibrium
 from tests.support.commands import stderr_of, stdout_of
 
 pytest.importorskip("cv2", reason="OpenCV is not installed (extra 'camera')")
@@ -136,8 +136,8 @@ def simulated(
         camera=true.camera @ (still if camera is None else camera),
         mount=true.mount @ (still if mount is None else mount),
     )
-    rest = equilibrium(true.model, poses)
-    boards = np.concatenate([true.boards(rest)[:30], later.boards(rest)[30:]])
+    equilibrium = solve_equilibrium(true.model, poses)
+    boards = np.concatenate([true.boards(equilibrium)[:30], later.boards(equilibrium)[30:]])
     found = [board_pose(corners_of(board, rng, scale), LENS) for board in boards]
     rows = tuple(row for row, one in enumerate(found) if isinstance(one, BoardPose))
     taken = tuple(one for one in found if isinstance(one, BoardPose))
@@ -213,7 +213,7 @@ def test_commands_from_photos_to_data(tmp_path: Path) -> None:
     write_lens_photos(tmp_path / "lens", scene, 9)
     poses = poses_in_view(true, 11, 1)
     write_poses(tmp_path / "poses.csv", poses)
-    write_arm_photos(tmp_path / "arm", scene, true.boards(equilibrium(true.model, poses)))
+    write_arm_photos(tmp_path / "arm", scene, true.boards(solve_equilibrium(true.model, poses)))
     opencv().imwrite(str(tmp_path / "arm" / "pose3.png"), np.full((720, 1280), 90, dtype=np.uint8))
     assert "written to" in stdout_of("camera", "board", "-o", tmp_path / "board.pdf")
     lens, data = tmp_path / "lens.toml", tmp_path / "data.csv"
@@ -225,7 +225,9 @@ def test_commands_from_photos_to_data(tmp_path: Path) -> None:
     measured = load_measurements(data, true.model.arm)
     assert measured.whitening.rows(5) == 6
     assert (
-        np.linalg.norm(measured.tcp - equilibrium(nominal_model(true.model.arm), measured.poses).tcp, axis=1).max()
+        np.linalg.norm(
+            measured.tcp - solve_equilibrium(nominal_model(true.model.arm), measured.poses).tcp, axis=1
+        ).max()
         < 0.06
     )
     (tmp_path / "arm" / "pose11.png").unlink()

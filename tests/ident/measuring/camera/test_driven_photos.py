@@ -30,7 +30,7 @@ from lrm_ident.measuring.tracker.frames import TargetNumbers
 from lrm_math.arm.arm_file import load_arm
 from lrm_math.errors import LrmError
 from lrm_math.kinematics.poses import poses_of
-from lrm_math.model.equilibrium import equilibrium
+from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import model_of
 from tests.ident.measuring.camera.test_camera import LENS
 from tests.support.commands import stderr_of
@@ -69,14 +69,14 @@ class StillPhotos:
 
 def test_the_tip_is_where_the_board_shows_it() -> None:
     q = poses_in_view(RIG, 1, 3)
-    rest = equilibrium(RIG.model, q)
-    board = RIG.boards(rest)[0]
+    equilibrium = solve_equilibrium(RIG.model, q)
+    board = RIG.boards(equilibrium)[0]
     camera = StillPhotos([PhotoScene().photo(BOARD, board, seed) for seed in range(LEAST + 1)])
     with CameraTracker(camera, SESSION, 1) as tracker:
         found = rest_mean(tracker.frames(0.0), TargetNumbers(1, None))
     assert isinstance(found, RestMean)
     assert found.frames == LEAST
-    np.testing.assert_allclose(found.tip, rest.tcp[0], atol=1.5e-3)
+    np.testing.assert_allclose(found.tip, equilibrium.tcp[0], atol=1.5e-3)
 
 
 def test_a_board_out_of_sight_is_a_frame_without_a_target() -> None:
@@ -115,7 +115,7 @@ def pictures_at(content: bytes) -> Iterator[str]:
 
 
 def test_pictures_of_the_network_and_what_is_none() -> None:
-    picture = PhotoScene().photo(BOARD, RIG.boards(equilibrium(RIG.model, poses_in_view(RIG, 1, 3)))[0], 0)
+    picture = PhotoScene().photo(BOARD, RIG.boards(solve_equilibrium(RIG.model, poses_in_view(RIG, 1, 3)))[0], 0)
     content = bytes(opencv().imencode(".png", picture)[1])
     with pictures_at(content) as address, open_camera(address) as camera:
         np.testing.assert_array_equal(camera.photo(), picture)

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from lrm_math.arm.arm_file import load_arm
-from lrm_math.model.equilibrium import equilibrium
+from lrm_math.model.equilibrium import solve_equilibrium
 from tests.conftest import ROOT
 from tests.support.commands import run_command
 
@@ -41,7 +41,7 @@ def test_every_command_of_the_page(tmp_path: Path, monkeypatch: pytest.MonkeyPat
 
     true = rig(1, HIDDEN)
     poses = poses_in_view(true, PHOTOS, 1)
-    boards, rng = true.boards(equilibrium(true.model, poses)), np.random.default_rng(0)
+    boards, rng = true.boards(solve_equilibrium(true.model, poses)), np.random.default_rng(0)
 
     def seen(files: Sequence[Path], lens: Lens) -> PhotoSet:
         points = [lens.board.corners @ pose[:3, :3].T + pose[:3, 3] for pose in boards]

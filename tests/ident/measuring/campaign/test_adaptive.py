@@ -21,7 +21,7 @@ from lrm_math.arm.arm_file import load_arm
 from lrm_math.effects import effects_at
 from lrm_math.errors import LrmError
 from lrm_math.kinematics.poses import poses_of
-from lrm_math.model.equilibrium import equilibrium
+from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import model_of
 from tests.support.commands import stderr_of
 
@@ -57,7 +57,7 @@ class TwoJointRig:
     def frames(self, seconds: float) -> list[TrackerFrame]:
         self.number += 100
         rng = np.random.default_rng(self.number)
-        tip = equilibrium(TRUE, poses_of(np.array([self.at]))).tcp[0] + rng.normal(scale=self.noise, size=3)
+        tip = solve_equilibrium(TRUE, poses_of(np.array([self.at]))).tcp[0] + rng.normal(scale=self.noise, size=3)
         places = tip + rng.normal(scale=1e-5, size=(20, 3))
         return [
             TrackerFrame(self.number + k, float(self.number), {1: TargetPose(p, np.eye(3))})

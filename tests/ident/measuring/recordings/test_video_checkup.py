@@ -21,7 +21,7 @@ from lrm_ident.measuring.recordings.lerobot import read_frames
 from lrm_ident.measuring.recordings.lerobot_video import rest_pictures
 from lrm_math.arm.arm_file import load_arm
 from lrm_math.kinematics.poses import poses_of
-from lrm_math.model.equilibrium import equilibrium
+from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import model_of
 from tests.ident.measuring.camera.test_camera import LENS, corners_of
 from tests.support.commands import stderr_of, stdout_of
@@ -45,7 +45,9 @@ def filmed(true: CameraRig, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A dataset of v3, and beside it the lens."""
     folder = tmp_path_factory.mktemp("filmed")
     poses = poses_in_view(true, STOPS, 1)
-    write_filmed(folder / "mine", PhotoScene(), poses.q, true.boards(equilibrium(true.model, poses)), "v3.0", QUICK)
+    write_filmed(
+        folder / "mine", PhotoScene(), poses.q, true.boards(solve_equilibrium(true.model, poses)), "v3.0", QUICK
+    )
     (folder / "lens.toml").write_text(tomli_w.dumps(LENS.model_dump(by_alias=True)))
     return folder
 
@@ -69,7 +71,7 @@ def test_the_video_is_measured_and_the_dataset_stays_as_it_is(filmed: Path, true
 
 def test_both_formats_have_the_same_pictures(true: CameraRig, tmp_path: Path) -> None:
     poses = poses_in_view(true, 2, 2)
-    boards, pictures = true.boards(equilibrium(true.model, poses)), []
+    boards, pictures = true.boards(solve_equilibrium(true.model, poses)), []
     for version in ("v2.1", "v3.0"):
         folder = write_filmed(tmp_path / version, PhotoScene(), poses.q, boards, version, QUICK)
         frames = read_frames(folder, ARM)
@@ -138,7 +140,7 @@ def test_a_camera_on_the_gripper_measures_a_board_beside_the_arm() -> None:
     assert len(rows) > 25
     photos = PhotoSet(rows, taken, ()).from_gripper
     seen = measure(ARM, "so101", poses, photos, LENS, Path("video"))
-    off = seen.data.tcp - equilibrium(model_of(ARM, ()), poses_of(seen.data.poses.q)).tcp
+    off = seen.data.tcp - solve_equilibrium(model_of(ARM, ()), poses_of(seen.data.poses.q)).tcp
     covariance = seen.data.covariance
     assert covariance is not None
     assert np.linalg.norm(off, axis=1).max() < 6e-3
