@@ -56,8 +56,8 @@ def noise_floor(data: Measurements, equilibrium: Equilibrium) -> NoiseFloor:
     and Smith 1998, section 2.1), else from the file, else unknown.
 
     A pose that is repeated from the other side, or under another load, does not repeat what friction and springs add:
-    what the model knows of that is no noise. Where all repeat others to the last digit they were copied, and say nothing
-    of it.
+    what the model knows of that is no noise. Where all repeat others to the last digit they were copied, and say
+    nothing of it.
     """
     alone = data.distance is not None and not len(data.positions)
     measured = data.distance[:, None] if alone and data.distance is not None else data.tcp
