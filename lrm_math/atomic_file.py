@@ -17,7 +17,7 @@ def write_atomically(path: Path, content: bytes, check: Callable[[Path], object]
     `check` sees the temporary file and may raise, which leaves everything as it was. Raises `FileError`.
     """
     try:
-        _write(path.resolve(), content, check)
+        _write(Path(os.path.realpath(path)), content, check)  # unlike `resolve`, of links in a circle, too
     except OSError as error:
         raise FileError(path, "", f"cannot be written ({error.strerror})") from None
 

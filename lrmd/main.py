@@ -26,15 +26,17 @@ the arm only on request.
 def run(config: Config, speed: float = 1.0) -> int:
     """Runs the daemon until SIGTERM; its exit code. The children load while this process does."""
     from lrmd.api.children import ChildProcesses
+    from lrmd.persistence.sole_user import sole_user
 
-    with ChildProcesses(config, speed) as children:
+    with sole_user(config.state), ChildProcesses(config, speed) as children:
         from lrmd.api.process import ApiProcess
 
         return ApiProcess(config, children).run()
 
 
 def main(argv: list[str] | None = None) -> int:
-    """Runs the daemon. Exit code 0 after SIGTERM, 1 if a process cannot be kept alive, 2 for a bad configuration."""
+    """Runs the daemon. Exit code 0 after SIGTERM, 1 if a process cannot be kept alive, 2 for a bad configuration
+    or a state directory that another daemon uses."""
     parser = argparse.ArgumentParser("lrmd", description=TEXT, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--config", type=Path, required=True, metavar="FILE", help="lrmd.toml")
     parser.add_argument("--check", action="store_true", help="load what the start loads, and stop")

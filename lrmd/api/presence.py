@@ -11,7 +11,7 @@ import zenoh
 
 from lrmd.config import SECOND
 from lrmd.messages.codec import pack
-from lrmd.messages.kinematics import CancelRequest
+from lrmd.messages.kinematics import CANCEL, CancelRequest
 from lrmd.messages.zenoh_session import key
 
 RETRY, TIMEOUT_S = SECOND // 20, 1.0
@@ -43,7 +43,7 @@ class IkProbe:
     """Sends queries that change nothing until one is answered."""
 
     def __init__(self, session: zenoh.Session, robot: str) -> None:
-        self._session, self._key = session, key(robot, "rpc/cancel")
+        self._session, self._key = session, key(robot, CANCEL)
         self._data = pack(CancelRequest(id="readiness"))
         self._asked_at = -RETRY
         self.answered = False

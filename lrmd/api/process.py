@@ -170,6 +170,7 @@ class ApiProcess:
         if self._presence is not None:
             self._controller.others_seen(self._presence.others)
         if self._server is not None:
+            self._server.stand_in_for_ik(self._shared.ik[0] == 0)
             for tail in filter(self._server.has_subscriber, self._publisher.due(now)):
                 self._server.publish(tail, self._publisher.states[tail]())
         self._flush()

@@ -25,6 +25,7 @@ from zenoh.handlers import Callback
 
 from lrm_math.errors import LrmError
 from lrmd.heap import return_freed_memory
+from lrmd.log import BackgroundFile
 from lrmd.messages.inbox import Inbox
 from lrmd.ramp.parent import SharedFd, die_with_parent
 from lrmd.ramp.shared_memory import SharedRecords
@@ -180,7 +181,7 @@ def run(setup: RouterSetup) -> None:
                 time.sleep(HEARTBEAT_S)
     except zenoh.ZError as error:
         text = str(error).split(" at /")[0]
-        print(json.dumps({"level": "error", "event": "router_failed", "text": text}), file=sys.stderr, flush=True)
+        _log("error", "router_failed", text)
         sys.exit(1)
 
 
@@ -199,4 +200,8 @@ def _go_first() -> None:
         os.setpriority(os.PRIO_PROCESS, 0, NICENESS)
     except PermissionError:
         text = f"the system refuses niceness {NICENESS} to the router: beside other work an emergency stop takes longer"
-        print(json.dumps({"level": "info", "event": "router_priority", "text": text}), file=sys.stderr, flush=True)
+        _log("info", "router_priority", text)
+
+
+def _log(level: str, event: str, text: str) -> None:
+    BackgroundFile(sys.stderr.fileno()).write(json.dumps({"level": level, "event": event, "text": text}) + "\n")

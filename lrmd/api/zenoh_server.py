@@ -8,12 +8,15 @@ from typing import Any, Protocol
 
 import structlog
 import zenoh
+from zenoh.handlers import Callback
 
 from lrm_math.errors import LrmError
 from lrmd.errors import RequestError
 from lrmd.messages.codec import Message, pack
 from lrmd.messages.control import COMMANDS, MODELS, REQUESTS
 from lrmd.messages.inbox import PLACES, Inbox
+from lrmd.messages.kinematics import CANCEL
+from lrmd.messages.kinematics import REQUESTS as KINEMATICS
 from lrmd.messages.zenoh_session import addresses, key, reply_error, serve, subscribe
 
 
@@ -56,12 +59,26 @@ class ZenohServer:
         for tail, kind in COMMANDS.items():
             take, fail = partial(self._command, tail), partial(self._command_failed, tail)
             subscribe(session, key(robot, tail), kind, take, fail, inbox(PLACES))
+        self._stand_ins: list[zenoh.Queryable[None]] = []
         self._alive = session.liveliness().declare_token(key(robot, "alive/lrmd"))
 
     def has_subscriber(self, tail: str) -> bool:
         """Whether anybody reads the publications of a state."""
         status = self._publishers[tail].matching_status  # an object, whatever zenoh's stub says
         return bool(getattr(status, "matching", status))
+
+    def stand_in_for_ik(self, away: bool) -> None:
+        """Refuses the queries of the ik process while it is away: without a queryable they would get no reply."""
+        if away and not self._stand_ins:
+            keys = (key(self._robot, tail) for tail in (*KINEMATICS, CANCEL))
+            refuse: Callback[zenoh.Query] = Callback(self._refuse, indirect=False)
+            self._stand_ins = [self._session.declare_queryable(whole, refuse) for whole in keys]
+        while self._stand_ins and not away:
+            self._stand_ins.pop().undeclare()  # type: ignore[no-untyped-call]
+
+    def _refuse(self, query: zenoh.Query) -> None:
+        error = RequestError("busy", "the ik process is being started; ask again", retryable=True)
+        reply_error(query, error, self._log, self._handler.boot_id)
 
     def publish(self, tail: str, message: Message) -> None:
         """Publishes a state; a slow subscriber loses messages."""

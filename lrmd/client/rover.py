@@ -31,7 +31,16 @@ from lrmd.messages.control import (
     ThermalState,
     UndeployRequest,
 )
-from lrmd.messages.kinematics import CancelRequest, FkReply, FkRequest, IkReply, IkRequest, PlanReply, PlanRequest
+from lrmd.messages.kinematics import (
+    CANCEL,
+    CancelRequest,
+    FkReply,
+    FkRequest,
+    IkReply,
+    IkRequest,
+    PlanReply,
+    PlanRequest,
+)
 from lrmd.messages.zenoh_session import key
 
 RELOAD_S = 10.0
@@ -159,7 +168,7 @@ class Rover(RoverSession):
         """Cancels the query or plan with this `id`; its caller gets the verdict `cancelled`."""
         with field_named():
             request = CancelRequest(id=name)
-        self._replies("rpc/cancel", pack(request), self._timeout)
+        self._replies(CANCEL, pack(request), self._timeout)
 
     def commanded_q(self) -> list[float]:
         """Commanded joint angles of the arm, rad."""

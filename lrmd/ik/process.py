@@ -27,6 +27,8 @@ from lrmd.ik.service import IkService
 from lrmd.messages.codec import Header, HeaderSource, Message, pack
 from lrmd.messages.inbox import Inbox, Send
 from lrmd.messages.kinematics import (
+    CANCEL,
+    REQUESTS,
     CancelRequest,
     FkReply,
     FkRequest,
@@ -52,7 +54,6 @@ SWITCH_INTERVAL = 0.5e-3
 """s: a query that arrives during a goal waits for the interpreter at most about so long, so its deadline is right."""
 IDLE_S, FIRST_MODEL_S = 0.2, 0.005
 """s between two looks at the shared memory without a query; the same until the daemon has accepted its first model."""
-REQUESTS: dict[str, type[KinematicsRequest]] = {"rpc/ik": IkRequest, "rpc/fk": FkRequest, "rpc/plan": PlanRequest}
 Steps = Generator[None, None, Message]
 """The work on one query: pauses after every goal, and returns the reply."""
 
@@ -114,7 +115,7 @@ class IkProcess:
             inbox = Inbox()
             for tail, kind in REQUESTS.items():
                 serve(session, key(self._config.robot, tail), kind, self._enqueue, self._refuse, inbox)
-            serve(session, key(self._config.robot, "rpc/cancel"), CancelRequest, self._cancel, self._refuse, Inbox())
+            serve(session, key(self._config.robot, CANCEL), CancelRequest, self._cancel, self._refuse, Inbox())
             gone: Callback[zenoh.Sample] = Callback(
                 lambda sample: inbox.after(partial(self._gone, str(sample.key_expr))), indirect=False
             )

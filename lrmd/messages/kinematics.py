@@ -172,3 +172,7 @@ class FkReply(KinematicsReply):
 
     left_out: list[str]
     places: Annotated[list[FkAnswer], Field(max_length=1000)]
+
+
+REQUESTS: dict[str, type[KinematicsRequest]] = {"rpc/ik": IkRequest, "rpc/fk": FkRequest, "rpc/plan": PlanRequest}
+CANCEL = "rpc/cancel"

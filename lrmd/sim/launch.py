@@ -19,10 +19,14 @@ from lrmd.ramp.parent import die_with_parent
 ENDS_WITH_US = partial(die_with_parent, signal.SIGTERM)
 """Run in the child: a daemon that is killed leaves no board behind, as a process of nobody's."""
 
+OWN_STATE = "simulated"
+"""Folder in the state directory: the pose of the real arm is not that of a simulated one, nor is its model."""
+
 
 @contextmanager
 def simulated_board(config: Config, speed: float = 1.0, *options: str) -> Iterator[Config]:
-    """Runs `lrmd-board` on a private pty; yields the configuration with its port. Raises `LrmError` if it fails."""
+    """Runs `lrmd-board` on a private pty; yields the configuration with its port, and with a state directory of its
+    own. Raises `LrmError` if it fails."""
     known = (*config.arm.joint_names, *(name for name, _ in config.arm.auxiliary_servos))
     channels = ",".join(f"{s.name}={s.channel}" for s in config.servos if s.name in known)
     with tempfile.TemporaryDirectory(prefix="lrmd-") as folder:
@@ -33,7 +37,8 @@ def simulated_board(config: Config, speed: float = 1.0, *options: str) -> Iterat
         try:
             if board.stdout is None or not board.stdout.readline():
                 raise LrmError(f"the simulated board ended with exit code {board.wait()}")
-            yield replace(config, link=config.link.model_copy(update={"port": str(port)}))
+            link = config.link.model_copy(update={"port": str(port)})
+            yield replace(config, link=link, state=config.state / OWN_STATE)
         finally:
             board.terminate()
             board.wait()

@@ -38,6 +38,16 @@ def test_write_through_a_link_changes_what_it_leads_to(tmp_path: Path) -> None:
     assert {file.name for file in tmp_path.rglob("*")} == {"disk", "model.toml"}
 
 
+def test_links_in_a_circle_lead_nowhere_and_are_replaced_or_one_line(tmp_path: Path) -> None:
+    link, folder = tmp_path / "state.json", tmp_path / "state"
+    link.symlink_to(link)
+    write_atomically(link, b"new")
+    assert (link.is_symlink(), link.read_bytes()) == (False, b"new")
+    folder.symlink_to(folder)
+    with pytest.raises(FileError, match="cannot be written"):
+        write_atomically(folder / "state.json", b"new")
+
+
 def test_a_content_that_is_refused_leaves_the_folder_as_it_was(tmp_path: Path) -> None:
     path = tmp_path / "model.toml"
     path.write_bytes(b"old")

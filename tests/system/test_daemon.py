@@ -485,6 +485,21 @@ def test_a_zenoh_port_that_is_taken_is_said(harness: MovingHarness, tmp_path: Pa
     assert harness.mode() == "disarmed"
 
 
+def test_a_second_daemon_of_the_same_files_is_one_line_and_stores_no_pose(harness: MovingHarness) -> None:
+    command = [str(Path(sys.executable).with_name("lrmd")), "--config", str(harness.setup.config)]
+    with harness.rover.control("test"):
+        harness.arm()
+        harness.rover.move({"joint1": 0.1})
+        wait_for(lambda: (found := load(harness.setup.state)) is not None and found.still, "the pose is stored")
+        before = load(harness.setup.state)
+        second = subprocess.run(command, capture_output=True, text=True, timeout=20)
+        assert (second.returncode, second.stderr.count("\n")) == (2, 1)
+        assert f"{harness.setup.state}: is used by another lrmd" in second.stderr
+        assert load(harness.setup.state) == before
+        harness.rover.move({"joint1": 0.0})
+    assert harness.mode() == "armed"
+
+
 def test_a_second_daemon_on_the_same_port_touches_nothing(harness: MovingHarness, tmp_path: Path) -> None:
     folder = tmp_path / "other"
     folder.mkdir()

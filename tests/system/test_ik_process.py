@@ -21,7 +21,7 @@ from lrmd.cli import app
 from lrmd.client import NoReply, RequestRefused, Rover
 from lrmd.ik.process import LEAST_LOAD, QUEUE
 from lrmd.messages.codec import ErrorReply, pack, unpack
-from lrmd.messages.kinematics import FkRequest, GoalEntry, IkReply, IkRequest, PlanRequest
+from lrmd.messages.kinematics import CancelRequest, FkRequest, GoalEntry, IkReply, IkRequest, PlanRequest
 from lrmd.messages.zenoh_session import client
 from tests.conftest import TABLE_B2
 from tests.support.daemon.daemon_process import SLOW_BOARD, DaemonProcess, DaemonSetup, running_daemon, wait_for
@@ -229,6 +229,24 @@ def test_after_its_death_it_answers_again_with_the_same_model(harness: IkHarness
     assert "ik_died" in harness.codes()
 
 
+def test_until_it_is_back_every_query_is_told_so(harness: IkHarness) -> None:
+    deaths, answers = harness.codes().count("ik_died"), []
+    os.kill(harness.daemon.child("ik"), signal.SIGKILL)
+    wait_for(lambda: harness.codes().count("ik_died") > deaths, "its death is noticed")
+    with zenoh.open(client([harness.setup.endpoint])) as session:
+
+        def answered() -> bool:
+            for tail, request in (("rpc/cancel", CancelRequest(id="none")), ("rpc/ik", IkRequest(goals=[GOAL]))):
+                replies = session.get(harness.setup.key(tail), payload=pack(request), timeout=5.0)
+                errors = [unpack(ErrorReply, r.err.payload.to_bytes()) if r.err else None for r in replies]
+                answers.append([(e.code, e.retryable) if e else None for e in errors])
+            return answers[-1] == [None]
+
+        wait_for(answered, "it answers again")
+    assert [("busy", True)] in answers
+    assert all(one and set(one) <= {None, ("busy", True)} for one in answers), "none is left without a reply"
+
+
 def test_after_its_death_it_takes_no_file_that_the_daemon_has_not_accepted(harness: IkHarness) -> None:
     wanted = harness.changed()
     os.kill(harness.daemon.child("ik"), signal.SIGKILL)
@@ -238,7 +256,7 @@ def test_after_its_death_it_takes_no_file_that_the_daemon_has_not_accepted(harne
         try:
             harness.ask()
         except RequestRefused as error:
-            seen.append(error.code)
+            seen.extend([error.code] if error.code != "busy" else [])
         except NoReply:
             pass
         return bool(seen)

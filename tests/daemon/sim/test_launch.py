@@ -11,13 +11,15 @@ from pathlib import Path
 
 import pytest
 
+from lrmd.config import load_config
+
 PROGRAM = """
 import os, signal, sys
 from lrmd.config import load_config
 from lrmd.sim.launch import simulated_board
 from pathlib import Path
 with simulated_board(load_config(Path(sys.argv[1]))) as config:
-    print(config.link.port, flush=True)
+    print(config.link.port, config.state, flush=True)
     signal.pause()
 """
 
@@ -31,8 +33,9 @@ def test_the_board_ends_with_its_daemon(end: signal.Signals, tmp_path: Path) -> 
         command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True, env=environment
     ) as own:
         assert own.stdout is not None
-        port = Path(own.stdout.readline().strip())
+        port, state = map(Path, own.stdout.readline().split())
         assert port.is_symlink()
+        assert state == load_config(config).state / "simulated", "the real arm's pose is not that of a simulated one"
         own.send_signal(end)
         own.wait()
     until = time.monotonic() + 10.0

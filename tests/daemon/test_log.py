@@ -1,0 +1,32 @@
+"""The log: lines in order, and nobody waits for whoever reads it."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+
+import pytest
+
+from lrmd.log import LAST_S, LINES, BackgroundFile
+from tests.support.broken_output import BROKEN_OUTPUTS
+
+
+def test_lines_come_in_order_and_all_before_the_end() -> None:
+    program = (
+        "from lrmd.log import BackgroundFile\nfile = BackgroundFile(1)\nfor k in range(900): file.write(f'{k}\\n')"
+    )
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=20)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert done.stdout.split() == [str(k) for k in range(900)]
+
+
+@pytest.mark.parametrize("output", BROKEN_OUTPUTS)
+def test_whoever_does_not_read_holds_nobody_up(output: Callable[[], int]) -> None:
+    file, begun = BackgroundFile(output()), time.monotonic()
+    for _ in range(3 * LINES):
+        file.write("a line\n")
+    assert time.monotonic() - begun < LAST_S
+    file.close()
+    assert time.monotonic() - begun < 4 * LAST_S
