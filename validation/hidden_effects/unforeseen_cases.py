@@ -179,7 +179,7 @@ class NoiseOfDistance(HiddenEffect):
 
 
 def unforeseen() -> tuple[UnfamiliarCase, ...]:
-    """Eleven causes with what would be right, two of them on a second arm, and three controls."""
+    """Twelve causes with what would be right, two of them on a second arm, and three controls."""
     snag = hidden(HALF, "snag", None, lambda by: Snag(2, NEAR, 0.45, by.sign() * by.size(1.3 * DEG)))
     slip = hidden(
         HALF, "horn-slip", "change_point@joint2", lambda by: JointSlip(2, by.sign() * by.size(0.9 * DEG), 1650.0)
