@@ -17,17 +17,17 @@ STILL = np.radians(0.1)
 
 def states_from_beside(q: Array, sides: Array, arm: Arm, distance: float, begins: NDArray[np.bool_]) -> Array:
     """(N, n, K), friction states as `friction_states` has them, of an arm that is sent straight to beside each pose and
-    from there to it; all joints by `distance` (rad), from below or from above, as far as their limits let.
+    from there to it; each joint by `distance` (rad), from the side of its last move, as far as its limits let.
 
     Args:
         q: (N, n), commanded angles in the measured order (rad).
         sides: (N, n), sign of each joint's last move: they tell from which side a pose was come to.
-        begins: (N,), whether it is not known where the arm stood before. There, and where no side explains the signs,
-            friction has turned over with the last move. Where two do, as with every joint at a limit, the first.
+        begins: (N,), whether it is not known where the arm stood before. There, and where neither such a way nor a
+            straight one explains the signs, friction has turned over with the last move.
     """
     states = np.repeat(sides[:, :, None], len(TRAVELS_DEG), axis=2)
     for row in range(1, len(q)):
-        for beside in () if begins[row] else _besides(q[row], arm, distance):
+        for beside in () if begins[row] else _besides(q[row], sides[row], arm, distance):
             then, last = _after([q[row - 1], beside, q[row]], states[row - 1], sides[row - 1])
             if np.array_equal(last, sides[row]):
                 states[row] = then
@@ -35,10 +35,10 @@ def states_from_beside(q: Array, sides: Array, arm: Arm, distance: float, begins
     return states
 
 
-def _besides(q: Array, arm: Arm, distance: float) -> tuple[Array, ...]:
-    """(n,) each, where the arm may have been sent before a pose (n,): below it, above it, nowhere else."""
+def _besides(q: Array, sides: Array, arm: Arm, distance: float) -> tuple[Array, ...]:
+    """(n,) each, where the arm may have been sent before a pose (n,): beside it by its sides (n,), nowhere else."""
     low, high = np.array([(joint.lower, joint.upper) for joint in arm.joints]).T
-    return np.clip(q - distance, low, high), np.clip(q + distance, low, high), q
+    return np.clip(q - sides * distance, low, high), q
 
 
 def _after(way: list[Array], states: Array, side: Array) -> tuple[Array, Array]:

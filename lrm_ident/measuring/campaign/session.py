@@ -17,7 +17,7 @@ from lrm_ident.measuring.campaign.data_file import DataFile
 from lrm_ident.measuring.campaign.lerobot_robot import KIND as LEROBOT
 from lrm_ident.measuring.campaign.lerobot_robot import LeRobotServos, connected_robot
 from lrm_ident.measuring.campaign.plan import CampaignPlan, lightest
-from lrm_ident.measuring.campaign.rover_arm import DaemonSolver, RoverArm
+from lrm_ident.measuring.campaign.rover_arm import APPROACH, DaemonSolver, RoverArm
 from lrm_ident.measuring.campaign.run import (
     CampaignArm,
     CampaignProgress,
@@ -153,7 +153,7 @@ def by_servos(text: str, arm: Arm, speed: float, release: bool, clock: Clock, lo
         driven = ServoArm(servos, arm, clock, loads, speed)
         session = f"{text.partition(':')[0]}-{time.time_ns()}"
         solver = partial(ModelSolver.of, arm=arm, rounded=driven.rounded)
-        yield DrivenArm(driven, text, driven.seen(), session, solver)
+        yield DrivenArm(driven, text, driven.seen(), session, solver, APPROACH)
 
 
 def drives_servos(robot: str) -> bool:

@@ -14,6 +14,7 @@ from serial import Serial
 
 from examples.so101.hidden_arm import ARM_FILE, JOINTS, hidden_truth, tip_after
 from examples.so101.launch import simulated_so101, simulated_tracker
+from lrm_ident.data.measurement_file.conventions import metadata_of
 from lrm_ident.data.measurement_file.load import load_poses
 from lrm_ident.measuring.servo_bus.bus import ServoHost
 from lrm_ident.measuring.servo_bus.dynamixel import DYNAMIXEL
@@ -50,6 +51,9 @@ def test_poses_are_measured_and_an_interrupted_file_goes_on(tmp_path: Path, kind
         code, said, complaint = run_command(*words)
         assert (code, complaint) == (0, "")
     assert data.read_text().splitlines()[:3] == kept
+    stated = metadata_of(data)
+    assert stated is not None
+    assert stated.approach_deg == pytest.approx(3.0)  # friction with a memory is fitted along this way
     q = load_poses(data, load_arm("so101")).q
     assert np.abs(q - np.radians(POSES_DEG)).max() <= 0.5 * STEP + 1e-7
     np.testing.assert_allclose(q / STEP, np.round(q / STEP), atol=1e-4)  # what the servos were sent

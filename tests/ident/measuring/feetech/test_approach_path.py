@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,27 +14,28 @@ from lrm_ident.data.measurement_file.load import load_measurements
 from lrm_ident.data.measurement_file.write import metadata_toml
 from lrm_ident.measuring.campaign.rover_arm import APPROACH
 from lrm_ident.measuring.campaign.servo_arm import ServoArm
+from lrm_math.arm.arm import feasible_approach
 from lrm_math.arrays import Array
 from lrm_math.effects.friction import TRAVELS_DEG
 from tests.ident.measuring.feetech.test_feetech_servos import ARM, WITHIN, BusLine, held, line_of, pose
 
 JOINTS = ARM.dof
-INNER = st.floats(0.9 * ARM.joints[0].lower, 0.9 * ARM.joints[0].upper)
-GOALS = st.tuples(INNER, WITHIN).map(lambda both: [both[0], *both[1][1:]])
-"""Joint 1 off its limits: its side tells from where all came."""
-PLANS = st.lists(st.tuples(GOALS, st.sampled_from([-1, 1])), min_size=2, max_size=5)
+SIDES = st.lists(st.sampled_from([-1, 1]), min_size=JOINTS, max_size=JOINTS)
+"""Each joint's own, as `design` gives them: at a limit from within, whatever the side of the others."""
+PLANS = st.lists(st.tuples(WITHIN, SIDES), min_size=2, max_size=5)
 BETWEEN = np.array([0.9 * joint.upper for joint in ARM.joints])
 """(n,), rad: farther than any approach from 0, so the first move turns every joint one way."""
 
 
-def driven(line: BusLine, plan: list[tuple[list[float], int]]) -> tuple[Array, Array, Array]:
+def driven(line: BusLine, plan: list[tuple[list[float], list[int]]]) -> tuple[Array, Array, Array]:
     """Commanded angles (N, n), sides (N, n), and friction states (N, n, K) along every target that was sent."""
     arm, q, sides, states = ServoArm(held(line), ARM, line, lambda _: None), [], [], []
     line.seen.clear()
     state = np.zeros((JOINTS, len(TRAVELS_DEG)))
     here = np.array([servo.target for servo in line.bus.servos])
-    for goal, approach in [(BETWEEN.tolist(), 0), *plan]:
-        found = arm.go(pose(goal, approach))
+    for goal, sides_to_come_from in [(BETWEEN.tolist(), [0] * JOINTS), *plan]:
+        approach = feasible_approach(ARM, np.array(goal), np.array(sides_to_come_from))
+        found = arm.go(replace(pose(goal), approach=tuple(approach.astype(int).tolist())))
         for there in np.array(line.seen):
             kept = np.exp(-np.abs(there - here)[:, None] / np.radians(TRAVELS_DEG))
             side = np.sign(there - here)[:, None]
@@ -48,7 +50,7 @@ def driven(line: BusLine, plan: list[tuple[list[float], int]]) -> tuple[Array, A
 
 @given(PLANS)
 @settings(max_examples=30)
-def test_states_are_those_along_all_that_was_sent(plan: list[tuple[list[float], int]]) -> None:
+def test_states_are_those_along_all_that_was_sent(plan: list[tuple[list[float], list[int]]]) -> None:
     q, sides, states = driven(line_of(1, 2, 3, 4, 5), plan)
     found = states_from_beside(q, sides, ARM, APPROACH, np.zeros(len(q), dtype=bool))
     np.testing.assert_allclose(found, states, atol=0.1)  # a step of the encoder of the shortest travel
@@ -57,7 +59,7 @@ def test_states_are_those_along_all_that_was_sent(plan: list[tuple[list[float], 
 @given(PLANS, st.integers(1, 5))
 @settings(max_examples=10)
 def test_where_it_is_not_known_where_the_arm_stood_friction_has_turned_over(
-    plan: list[tuple[list[float], int]], row: int
+    plan: list[tuple[list[float], list[int]]], row: int
 ) -> None:
     q, sides, _ = driven(line_of(1, 2, 3, 4, 5), plan)
     begins = np.arange(len(q)) == min(row, len(q) - 1)
@@ -65,8 +67,9 @@ def test_where_it_is_not_known_where_the_arm_stood_friction_has_turned_over(
     np.testing.assert_array_equal(found[begins], np.repeat(sides[begins][:, :, None], len(TRAVELS_DEG), axis=2))
 
 
-def test_a_campaign_of_servos_states_it_and_a_reader_uses_it(tmp_path: Path) -> None:
-    q, sides, _ = driven(line_of(1, 2, 3, 4, 5), [([0.5, 0.2, -0.3, 0.1, 1.0], 1), ([0.1, 0.2, -0.6, 0.4, 0.0], -1)])
+def test_a_reader_uses_how_far_beside_the_poses_the_arm_came_from(tmp_path: Path) -> None:
+    plan = [([0.5, 0.2, -0.3, 0.1, 1.0], [1] * JOINTS), ([0.1, 0.2, -0.6, 0.4, 0.0], [-1] * JOINTS)]
+    q, sides, _ = driven(line_of(1, 2, 3, 4, 5), plan)
     names = [*(f"q{i + 1}_deg" for i in range(JOINTS)), "x_mm", "y_mm", "z_mm"]
     names += [f"approach{i + 1}" for i in range(JOINTS)]
     file, rows = tmp_path / "d.csv", np.column_stack([np.degrees(q), np.full((len(q), 3), 200.0), sides])
