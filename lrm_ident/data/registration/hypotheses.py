@@ -9,12 +9,15 @@ from itertools import combinations
 import numpy as np
 
 from lrm_ident.data.measurement_file.conventions import ANGLE_UNITS, LENGTH_UNITS, axes_matrix, axes_words
+from lrm_math.arm.arm import Arm
 from lrm_math.arrays import Array
 from lrm_math.model.reading import Reading
 
 UNIT_NAMES = {"um": "micrometres", "mm": "millimetres", "cm": "centimetres", "inch": "inches", "m": "metres"}
 RIGHT_ANGLES = (90.0, -90.0, 180.0)
 FULL_TURN = 2.0 * np.pi
+COUNTS, MOST_DEG, MOST_SHARE = 4096, 720.0, 100.5
+"""Of an encoder of 12 bits in a turn; what degrees and shares of a range are at most."""
 SIMPLE, COMPOUND, FREE = 1.0, 1.5, 2.0
 """Complexity of one mistake, of one that touches several joints or the arm's file, and of a free frame."""
 
@@ -55,10 +58,11 @@ class Hypothesis:
         return replace(self, q=q)
 
 
-def joint_hypotheses(read: Hypothesis) -> Iterator[Hypothesis]:
-    """Joint angles as read, in the other unit, with other signs, in another order, from another zero."""
+def joint_hypotheses(read: Hypothesis, arm: Arm) -> Iterator[Hypothesis]:
+    """Joint angles as read, in another unit, with other signs, in another order, from another zero."""
     yield read
     yield from _other_units(read)
+    yield from _servo_units(read, arm)
     yield from _other_signs(read)
     yield from _other_orders(read)
     for joint in range(read.q.shape[1]):
@@ -81,6 +85,21 @@ def _other_units(read: Hypothesis) -> Iterator[Hypothesis]:
             yield _one_joint(read, joint, "rad", 1.0 / deg)
         elif now == "rad" and most > FULL_TURN:
             yield _one_joint(read, joint, "deg", deg)
+
+
+def _servo_units(read: Hypothesis, arm: Arm) -> Iterator[Hypothesis]:
+    """What servos count and LeRobot makes of it: no unit of an angle, since only their calibration tells it."""
+    numbers = read.q / ANGLE_UNITS[read.reading.angle_unit or "deg"]
+    if numbers.min() >= 0.0 and MOST_DEG < numbers.max() <= COUNTS:
+        words = "the joint angles look like counts of encoders"
+        remedy = f"convert them: deg = (count - {COUNTS // 2}) * 360 / {COUNTS}"
+        yield replace(read.also(words, COMPOUND, remedy), q=(numbers / COUNTS - 0.5) * FULL_TURN)
+    if MOST_SHARE / 2.0 < np.abs(numbers).max() <= MOST_SHARE:
+        half = np.array([0.5 * (joint.upper - joint.lower) for joint in arm.joints])
+        words = "the joint angles look like LeRobot's -100 to 100 of each joint's range"
+        remedy = "record with use_degrees=true, or convert them by range_min and range_max of LeRobot's calibration: "
+        remedy += "deg = value / 100 * (range_max - range_min) / 2 * 360 / 4095"
+        yield replace(read.also(words, COMPOUND, remedy), q=numbers / 100.0 * half)
 
 
 def _one_joint(read: Hypothesis, joint: int, unit: str, factor: float) -> Hypothesis:

@@ -184,7 +184,7 @@ def _proposals(points: PointSet) -> Iterator[Hypothesis]:
     candidates = []
     if points.reading.axes is None and not isinstance(points.reading.frame, FrameTable | str):
         yield from one_axis(points.as_read, nominal_tcp(points.arm, points.poses), SCALE_TOLERANCE)
-    for joints in joint_hypotheses(points.as_read):
+    for joints in joint_hypotheses(points.as_read, points.arm):
         nominal = nominal_tcp(points.arm, replace(points.poses, q=joints.q))
         for mirrored in (False, True):
             found = robust_similarity(points.tcp, nominal, mirrored)

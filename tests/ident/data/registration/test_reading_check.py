@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import tomllib
+from collections.abc import Callable
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
@@ -29,6 +30,7 @@ from lrm_ident.data.registration.degenerate_fit import DegenerateFit, check_arm
 from lrm_ident.data.registration.reading_check import check_reading, nominal_tcp
 from lrm_ident.data.registration.similarity import robust_similarity, similarity
 from lrm_math.arm.arm_file import load_arm
+from lrm_math.arrays import Array
 from lrm_math.effects import effects_at
 from lrm_math.errors import LrmError
 from lrm_math.kinematics.poses import poses_of
@@ -135,6 +137,30 @@ def test_the_option_that_is_named_mends_the_reading(tmp_path: Path, healthy: Mea
     mended = load_checked(path, load_arm("lrm-lab"), reading)
     np.testing.assert_allclose(mended.tcp, healthy.tcp, atol=1e-6)
     np.testing.assert_allclose(mended.poses.q, healthy.poses.q, atol=1e-8)
+
+
+def _shares(q_deg: Array) -> Array:
+    """LeRobot's -100 to 100, of ranges that a hand swept, a few degrees beyond the limits drawn."""
+    swept = np.array([226.0, 205.0, 197.0, 199.0, 330.0])
+    return q_deg / (swept / 2.0) * 100.0
+
+
+@pytest.mark.parametrize(
+    ("recorded", "said"),
+    [
+        (lambda q_deg: np.round(q_deg * 4096.0 / 360.0) + 2048.0, r"encoders; .*\(count - 2048\) \* 360 / 4096"),
+        (_shares, "LeRobot's -100 to 100 of each joint's range; if so: record with use_degrees=true"),
+    ],
+)
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_what_servos_and_lerobot_record_is_not_read_as_degrees(
+    tmp_path: Path, recorded: Callable[[Array], Array], said: str, seed: int
+) -> None:
+    own = random_arm_data("so101", seed, poses=60)
+    q = np.radians(recorded(np.degrees(own.poses.q)))
+    path = _written(tmp_path, replace(own, poses=replace(own.poses, q=q)))
+    with pytest.raises(Misread, match=said):
+        load_checked(path, load_arm("so101"))
 
 
 @pytest.mark.slow
