@@ -22,9 +22,15 @@ LAST_S = 1.0
 
 
 class BackgroundFile:
-    """Text file that writes to a descriptor without waiting for it; what cannot be written is dropped."""
+    """Text file that writes to a descriptor without waiting for it; what cannot be written is dropped.
 
-    def __init__(self, descriptor: int) -> None:
+    Without a descriptor it is standard error, or nothing where the daemon was started without one: another file may
+    have its number by now.
+    """
+
+    def __init__(self, descriptor: int | None = None) -> None:
+        if descriptor is None:
+            descriptor = os.open(os.devnull, os.O_WRONLY) if sys.stderr is None else sys.stderr.fileno()
         self._descriptor = descriptor
         self._waiting: Queue[str | None] = Queue(LINES)
         self._thread = threading.Thread(target=self._run, name="log", daemon=True)
@@ -63,6 +69,6 @@ def set_up(level: str = "info") -> None:
             structlog.processors.JSONRenderer(),
         ],
         wrapper_class=structlog.make_filtering_bound_logger(logging.getLevelNamesMapping()[level.upper()]),
-        logger_factory=structlog.WriteLoggerFactory(cast(TextIO, BackgroundFile(sys.stderr.fileno()))),
+        logger_factory=structlog.WriteLoggerFactory(cast(TextIO, BackgroundFile())),
         cache_logger_on_first_use=True,
     )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import sys
+from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -56,13 +57,11 @@ def main(argv: list[str] | None = None) -> int:
             print(f"{options.config}: in order; {check_start(config)}")
             return 0
         return_freed_memory()
-        log.set_up(options.log_level)
-        if not options.simulated:
-            return run(config)
-        from lrmd.sim.launch import simulated_board
-
-        with simulated_board(config) as simulated:
-            return run(simulated)
+        if options.simulated:
+            from lrmd.sim.launch import simulated_board
+        with simulated_board(config) if options.simulated else nullcontext(config) as used:
+            log.set_up(options.log_level)
+            return run(used)
     except LrmError as error:
         print(f"lrmd: {error}", file=sys.stderr)
         return 2

@@ -204,4 +204,4 @@ def _go_first() -> None:
 
 
 def _log(level: str, event: str, text: str) -> None:
-    BackgroundFile(sys.stderr.fileno()).write(json.dumps({"level": level, "event": event, "text": text}) + "\n")
+    BackgroundFile().write(json.dumps({"level": level, "event": event, "text": text}) + "\n")

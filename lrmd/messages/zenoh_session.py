@@ -36,6 +36,8 @@ OWN_TIMEOUT_MS = 5000
 """Timeout of the daemon's own processes for reaching its router."""
 LISTEN_TIMEOUT_MS = 2000
 """How long the router waits for its addresses: that of a killed daemon is free as soon as its router ended."""
+ACCEPT_TIMEOUT_MS = 2000
+"""How long a connection may take to introduce itself: a hundred that do not keep everybody else out so long."""
 QUICK_RETRY = {"period_init_ms": 20, "period_max_ms": 200, "period_increase_factor": 2}
 RATE_HZ = 10.0
 """Messages per second and client that pass each rule, so that their sender is still told what is wrong."""
@@ -57,6 +59,7 @@ def router(table: ZenohTable) -> zenoh.Config:
     """Configuration of the daemon's session: a router, since peers do not relay between clients. Raises `FileError`."""
     values: dict[str, Any] = {"mode": "router", "listen/endpoints": table.listen, "connect/endpoints": table.connect}
     values |= {"listen/timeout_ms": LISTEN_TIMEOUT_MS, "listen/exit_on_failure": True, "listen/retry": QUICK_RETRY}
+    values |= {"transport/unicast/accept_timeout": ACCEPT_TIMEOUT_MS}
     if table.connect:
         values |= {"connect/timeout_ms": -1, "connect/exit_on_failure": False}
     return _configured(table.config, values)

@@ -6,6 +6,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
+from pathlib import Path
 
 import pytest
 
@@ -30,3 +31,13 @@ def test_whoever_does_not_read_holds_nobody_up(output: Callable[[], int]) -> Non
     assert time.monotonic() - begun < LAST_S
     file.close()
     assert time.monotonic() - begun < 4 * LAST_S
+
+
+def test_without_a_standard_error_no_other_file_is_written_to(tmp_path: Path) -> None:
+    program = (
+        "import sys; file = open(sys.argv[1], 'w'); assert file.fileno() == 2\n"
+        "from lrmd import log; log.set_up(); import structlog; structlog.get_logger().error('event')"
+    )
+    shell = ["sh", "-c", 'exec "$0" -c "$1" "$2" 2>&-', sys.executable, program, str(tmp_path / "other")]
+    done = subprocess.run(shell, stdout=subprocess.PIPE, text=True, timeout=20)
+    assert (done.returncode, done.stdout, (tmp_path / "other").read_text()) == (0, "", "")

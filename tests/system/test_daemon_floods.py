@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
+import socket
 import time
 from collections.abc import Iterator
+from contextlib import ExitStack, suppress
 from pathlib import Path
 
 import pytest
 import zenoh
 
-from lrmd.client import RequestRefused
+from lrmd.client import NoReply, RequestRefused
 from lrmd.config import load_config
 from lrmd.messages.codec import pack
 from lrmd.messages.control import Event, LeaseRequest
 from lrmd.messages.kinematics import FkRequest, GoalEntry, IkRequest
-from lrmd.messages.zenoh_session import client
+from lrmd.messages.zenoh_session import ACCEPT_TIMEOUT_MS, client
 from lrmd.persistence import state_file
 from lrmd.persistence.state_file import StoredState
 from tests.support.daemon.daemon_harness import DaemonHarness, connected
@@ -75,6 +77,20 @@ def test_a_fight_for_the_lease_is_a_few_lines_in_the_log(attacked: AttackedDaemo
         assert [r.ok is not None for r in stranger.get(attacked.setup.key("rpc/lease"), payload=request)] == [True]
     wait_for(lambda: attacked.count("lease_taken") + attacked.count("lease_lost") == TAKES, "each is counted")
     assert attacked.log_lines("lease_taken") <= 11 * (time.monotonic() - started + 1)
+
+
+def test_connections_that_say_nothing_stop_nobody_and_keep_newcomers_out_for_moments(attacked: AttackedDaemon) -> None:
+    with ExitStack() as silent:
+        for _ in range(300):
+            silent.enter_context(socket.create_connection(("127.0.0.1", attacked.setup.port), timeout=5.0))
+        assert attacked.mode() == "disarmed"
+
+        def newcomer() -> bool:
+            with suppress(NoReply), attacked.setup.rover() as rover:
+                return rover.mode().mode == "disarmed"
+            return False
+
+        wait_for(newcomer, "a new client is let in", seconds=3 * ACCEPT_TIMEOUT_MS / 1000)
 
 
 def test_only_its_own_keys_are_an_emergency_stop(attacked: AttackedDaemon, stranger: zenoh.Session) -> None:
