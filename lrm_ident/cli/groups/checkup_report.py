@@ -63,10 +63,10 @@ def checkup_document(found: EncoderCheckup, arm: Arm, name: str) -> Document:
 
 
 def _words(one: EncoderFinding, name: str, found: EncoderCheckup) -> str:
-    equilibrium = one.rest or 0
+    rest = one.rest or 0
     return f"{name} " + WORDS[one.cause].format(
         size=f"{np.degrees(one.size):.1f} deg", slope=f"{np.degrees(one.slope):.1f} deg per N·m",
-        side="above" if one.sign > 0 else "below", equilibrium=equilibrium + 1, episode=int(found.episode[equilibrium]),
+        side="above" if one.sign > 0 else "below", rest=rest + 1, episode=int(found.episode[rest]),
     )  # fmt: skip
 
 
