@@ -89,6 +89,7 @@ def _import_lerobot(dataset: Path, output: Path, arm: str | None, dwell: float) 
     worst = int(np.abs(off).mean(axis=0).argmax())
     show(
         f"{len(rests.t)} rests of {len(np.unique(rests.episode))} episodes written to {output}.",
+        "The angles are taken for degrees (LeRobot's use_degrees=true).",
         f"Joint {worst + 1}'s servo is off its command most: by {np.abs(off[:, worst]).mean():.2f} deg on average.",
     )
 

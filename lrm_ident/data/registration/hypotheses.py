@@ -88,7 +88,7 @@ def _other_units(read: Hypothesis) -> Iterator[Hypothesis]:
 
 
 def _servo_units(read: Hypothesis, arm: Arm) -> Iterator[Hypothesis]:
-    """Counts of servos, and LeRobot's shares of a range: no units of an angle, only their calibration tells it."""
+    """Numbers as servos count them and LeRobot records them: no unit of an angle, since only a calibration tells it."""
     numbers = read.q / ANGLE_UNITS[read.reading.angle_unit or "deg"]
     if numbers.min() >= 0.0 and MOST_DEG < numbers.max() <= COUNTS:
         words = "the joint angles look like counts of encoders"
