@@ -21,7 +21,7 @@ from lrm_ident.measuring.camera.board import RejectedPhoto, read_picture
 from lrm_ident.measuring.camera.board_pose import BoardPose, covariance_at, find_board
 from lrm_ident.measuring.camera.capture import Picture
 from lrm_ident.measuring.camera.consistency import PhotoRegression, board_scale, find_step, photo_regression
-from lrm_ident.measuring.camera.hand_eye import HandEye, hand_eye, measured_covariance
+from lrm_ident.measuring.camera.hand_eye import HandEye, hand_eye, measured_covariance, unlike_poses
 from lrm_ident.measuring.camera.lens import Lens
 from lrm_math.arm.arm import BASE, Arm, Placement
 from lrm_math.arrays import Array
@@ -36,6 +36,8 @@ from lrm_math.toml_file import StrictSchema
 LEVELLINGS, ENOUGH_TO_LEVEL = 3, 40
 NEAREST, EDGE = 0.08, 15.0  # m; px
 FACING = 0.35  # cosine of the angle between the line of sight and the board's normal
+UNLIKE = np.radians(15.0)
+"""A median turn between the poses photographed and those commanded that no assembled arm has."""
 
 
 class CameraSession(StrictSchema):
@@ -171,6 +173,9 @@ def _check(photos: PhotoRegression, taken: PhotoSet, lens: Lens) -> None:
         raise LrmError(
             f"{what} between photos {one} and {other} (by about {size}); read the two parts apart, or measure again"
         )
+    turn = float(np.median(np.linalg.norm(photos.residual[:, 3:], axis=1)))
+    if turn > UNLIKE:
+        raise unlike_poses(f"{np.degrees(turn):.0f} deg")
     scale = board_scale(photos)
     if scale is not None:
         square = lens.board.square_mm

@@ -125,9 +125,9 @@ def test_a_small_board_far_away_has_two_poses() -> None:
 
 
 def simulated(
-    seed: int, scale: float = 1.0, camera: Array | None = None, mount: Array | None = None
+    seed: int, scale: float = 1.0, camera: Array | None = None, mount: Array | None = None, late: int = 0
 ) -> CameraMeasurements:
-    """60 photos as corners with noise; camera or mount moved (4, 4) from photo 31 on."""
+    """60 photos as corners with noise; camera or mount moved (4, 4) from photo 31 on; all so many poses late."""
     true = rig(seed, HIDDEN)
     poses, rng = poses_in_view(true, 60, seed), np.random.default_rng(seed)
     still = np.eye(4)
@@ -138,6 +138,7 @@ def simulated(
     )
     equilibrium = solve_equilibrium(true.model, poses)
     boards = np.concatenate([true.boards(equilibrium)[:30], later.boards(equilibrium)[30:]])
+    boards = np.roll(boards, late, axis=0)
     found = [board_pose(corners_of(board, rng, scale), LENS) for board in boards]
     rows = tuple(row for row, one in enumerate(found) if isinstance(one, BoardPose))
     taken = tuple(one for one in found if isinstance(one, BoardPose))
@@ -166,6 +167,9 @@ def test_the_tip_is_known_and_the_residual_is_the_noise() -> None:
         ({"scale": 1.05}, r"squares of 15\.[6-9]"),
         ({"scale": 0.95}, r"squares of 14\.[1-4]"),
         ({"camera": moved([0.004, 0.0, 0.002], [0.0, 0.01, 0.0])}, "camera moved between photos 3[0-2] "),
+        ({"camera": moved([0.02, 0.0, 0.0], [0.0, 0.0, 0.6])}, "camera moved between photos 3[0-2] "),
+        ({"late": 1}, r"do not fit the poses \(median .*is every photo at the row of its pose"),
+        ({"late": -1}, r"do not fit the poses \(median .*is every photo at the row of its pose"),
         (
             {"mount": moved([0.002, 0.001, 0.0], [0.0, 0.0, 0.02])},
             "board slipped on the tool between photos 3[0-2]",
