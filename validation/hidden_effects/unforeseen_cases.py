@@ -29,22 +29,22 @@ class DeflectingLink(HiddenEffect):
     def flexible_links(self) -> tuple[int, ...]:
         return (self.link,)
 
-    def turn(self, load: EndLoad) -> Array:
+    def rotation(self, load: EndLoad) -> Array:
         """Rotation vector (P, 3), rad, in the end frame."""
         raise NotImplementedError
 
     def link_deflection(self, load: EndLoad) -> Array:
-        turn = self.turn(load)
-        return np.hstack([turn, np.zeros_like(turn)])
+        rotation = self.rotation(load)
+        return np.hstack([rotation, np.zeros_like(rotation)])
 
 
 @dataclass(frozen=True)
-class Crack(DeflectingLink):
+class CrackedLink(DeflectingLink):
     """A crack across a link that opens under a positive moment about x, and closes under a negative one."""
 
     compliance_rad_per_nm: float
 
-    def turn(self, load: EndLoad) -> Array:
+    def rotation(self, load: EndLoad) -> Array:
         return np.maximum(load.moment_nm, 0.0) * np.array([self.compliance_rad_per_nm, 0.0, 0.0])
 
 
@@ -55,7 +55,7 @@ class LogarithmicCreep(DeflectingLink):
     compliance_rad_per_nm: float
     after_s: float
 
-    def turn(self, load: EndLoad) -> Array:
+    def rotation(self, load: EndLoad) -> Array:
         grown = self.compliance_rad_per_nm * np.log1p(load.poses.time_s / self.after_s)
         return grown[:, None] * load.moment_nm * np.array([1.0, 1.0, 0.0])
 
@@ -66,7 +66,7 @@ class LooseBase(DeflectingLink):
 
     tilt_rad: float
 
-    def turn(self, load: EndLoad) -> Array:
+    def rotation(self, load: EndLoad) -> Array:
         return np.sign(load.moment_nm) * np.array([0.0, self.tilt_rad, 0.0])
 
 
@@ -76,7 +76,7 @@ class StiffeningTable(DeflectingLink):
 
     turn_rad_per_root_nm: float
 
-    def turn(self, load: EndLoad) -> Array:
+    def rotation(self, load: EndLoad) -> Array:
         across = load.moment_nm * np.array([1.0, 1.0, 0.0])
         return self.turn_rad_per_root_nm * np.sign(across) * np.sqrt(np.abs(across))
 
@@ -116,7 +116,7 @@ class DeadBand(HiddenEffect):
 
 
 @dataclass(frozen=True)
-class Snag(HiddenEffect):
+class CatchingCable(HiddenEffect):
     """A cable that catches where two other joints stand near some angles, and turns a joint by up to size_rad."""
 
     joint: int
@@ -143,7 +143,7 @@ class SharedSupply(HiddenEffect):
 
 
 @dataclass(frozen=True)
-class ForgottenLoad(HiddenEffect):
+class UnstatedPayload(HiddenEffect):
     """A load that is heavier than stated from the second session on."""
 
     mass_kg: float
@@ -155,7 +155,7 @@ class ForgottenLoad(HiddenEffect):
 
 
 @dataclass(frozen=True)
-class HiddenMarker(HiddenEffect):
+class OccludedMarker(HiddenEffect):
     """A target of several markers, of which one is hidden on one side of the workspace: its centre moves by size_m."""
 
     size_m: float
@@ -166,7 +166,7 @@ class HiddenMarker(HiddenEffect):
 
 
 @dataclass(frozen=True)
-class NoiseOfDistance(HiddenEffect):
+class DistanceDependentNoise(HiddenEffect):
     """A camera whose noise grows with the square of the distance from the arm's axis, up to sd_m per axis."""
 
     sd_m: float
@@ -180,13 +180,13 @@ class NoiseOfDistance(HiddenEffect):
 
 def unforeseen() -> tuple[UnfamiliarCase, ...]:
     """Twelve causes with what would be right, two of them on a second arm, and three controls."""
-    snag = hidden(HALF, "snag", None, lambda by: Snag(2, NEAR, 0.45, by.sign() * by.size(1.3 * DEG)))
+    snag = hidden(HALF, "snag", None, lambda by: CatchingCable(2, NEAR, 0.45, by.sign() * by.size(1.3 * DEG)))
     slip = hidden(
         HALF, "horn-slip", "change_point@joint2", lambda by: JointSlip(2, by.sign() * by.size(0.9 * DEG), 1650.0)
     )
     base = "base_compliance@base"
     return (
-        hidden(HALF, "crack", "lateral_compliance@link2", lambda by: Crack(2, by.size(0.10))),
+        hidden(HALF, "crack", "lateral_compliance@link2", lambda by: CrackedLink(2, by.size(0.10))),
         hidden(HALF, "log-creep", None, lambda by: LogarithmicCreep(2, by.size(0.02), 300.0)),
         on("so101-like", hidden(HALF, "loose-base", base, lambda by: LooseBase(0, by.size(0.6 * DEG)))),
         hidden(HALF, "table", base, lambda by: StiffeningTable(0, by.size(0.01))),
@@ -200,9 +200,9 @@ def unforeseen() -> tuple[UnfamiliarCase, ...]:
         slip,
         on("ur5-like", slip),
         hidden(HALF, "shared-supply", None, lambda by: SharedSupply(2, 3, by.size(0.12))),
-        hidden(HALF, "forgotten-load", None, lambda by: ForgottenLoad(by.size(0.06)), sessions=2),
-        hidden(HALF, "hidden-marker", None, lambda by: HiddenMarker(by.size(3.0 * MM))),
-        hidden(HALF, "noise-of-distance", None, lambda by: NoiseOfDistance(by.size(1.2 * MM), 5)),
+        hidden(HALF, "forgotten-load", None, lambda by: UnstatedPayload(by.size(0.06)), sessions=2),
+        hidden(HALF, "hidden-marker", None, lambda by: OccludedMarker(by.size(3.0 * MM))),
+        hidden(HALF, "noise-of-distance", None, lambda by: DistanceDependentNoise(by.size(1.2 * MM), 5)),
         nothing(HALF),
         on("so101-like", nothing(HALF)),
         on("ur5-like", nothing(HALF)),

@@ -67,11 +67,11 @@ def hand_eye(tool: Array, boards: Sequence[BoardPose]) -> HandEye:
     residual = pose_difference(camera @ seen @ inverse(mount), tool)
     middle = float(np.median(np.linalg.norm(residual[:, :3], axis=1)))
     if middle > MAX_RELATIVE_ERROR:
-        raise unlike_poses(f"{middle * 1e3:.0f} mm")
+        raise mismatched_poses(f"{middle * 1e3:.0f} mm")
     return HandEye(camera, mount, seen, own, residual)
 
 
-def unlike_poses(median: str) -> LrmError:
+def mismatched_poses(median: str) -> LrmError:
     """The error that photos show other poses than were commanded, by so much."""
     return LrmError(
         f"the photos do not fit the poses (median {median}): is it this arm, is every photo at the row of its pose "

@@ -21,7 +21,7 @@ from lrm_ident.measuring.camera.board import RejectedPhoto, read_picture
 from lrm_ident.measuring.camera.board_pose import BoardPose, covariance_at, find_board
 from lrm_ident.measuring.camera.capture import Picture
 from lrm_ident.measuring.camera.consistency import PhotoRegression, board_scale, find_step, photo_regression
-from lrm_ident.measuring.camera.hand_eye import HandEye, hand_eye, measured_covariance, unlike_poses
+from lrm_ident.measuring.camera.hand_eye import HandEye, hand_eye, measured_covariance, mismatched_poses
 from lrm_ident.measuring.camera.lens import Lens
 from lrm_math.arm.arm import BASE, Arm, Placement
 from lrm_math.arrays import Array
@@ -175,7 +175,7 @@ def _check(photos: PhotoRegression, taken: PhotoSet, lens: Lens) -> None:
         )
     turn = float(np.median(np.linalg.norm(photos.residual[:, 3:], axis=1)))
     if turn > UNLIKE:
-        raise unlike_poses(f"{np.degrees(turn):.0f} deg")
+        raise mismatched_poses(f"{np.degrees(turn):.0f} deg")
     scale = board_scale(photos)
     if scale is not None:
         square = lens.board.square_mm

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,27 +12,11 @@ from lrm_ident.data.measurements import Measurements
 from lrm_ident.diagnosis.diagnose import diagnose
 from lrm_ident.diagnosis.diagnosis_report import DiagnosisReport, build_report
 from lrm_ident.fitting.identifiability import fit_identifiable
-from lrm_math.arrays import Array
 from lrm_math.model.model import Model
 from tests.support.upright_arm import upright_measurements
-from validation.synthetic import HiddenEffect, JointLoad
-from validation.synthetic.hidden_effect import at_joint
+from validation.hidden_effects.unforeseen_cases import DeadBand
 
 NOISE = 3e-4
-
-
-@dataclass(frozen=True)
-class DeadBand(HiddenEffect):
-    """A potentiometer without a reading between two angles: the servo runs on to the nearer of them."""
-
-    joint: int
-    low_rad: float
-    high_rad: float
-
-    def added_angles(self, load: JointLoad) -> Array:
-        q = load.poses.q_rad[:, self.joint - 1]
-        nearer = np.where(q < 0.5 * (self.low_rad + self.high_rad), self.low_rad, self.high_rad)
-        return at_joint(self.joint, np.where((q > self.low_rad) & (q < self.high_rad), nearer - q, 0.0), load.tau_nm)
 
 
 def diagnosed(model: Model, data: Measurements) -> DiagnosisReport:
@@ -44,7 +28,7 @@ def diagnosed(model: Model, data: Measurements) -> DiagnosisReport:
 def test_a_dead_band_that_is_left_out_is_said_with_its_place(tmp_path: Path, seed: int) -> None:
     rng = np.random.default_rng(seed)
     joint, middle, half = int(rng.integers(2, 5)), rng.uniform(-0.3, 0.5), rng.uniform(0.12, 0.16)
-    band = DeadBand(joint, middle - half, middle + half)
+    band = DeadBand(joint, middle, half)
     report = diagnosed(*upright_measurements(tmp_path, seed, 300, NOISE, (band,)))
     assert len(report.diagnosis.outlier_distances) >= 5
     assert report.verdict not in ("nothing_missing", "noise_unknown")
