@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import ctypes
 import sys
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from importlib import import_module
 from traceback import extract_tb
@@ -15,6 +17,9 @@ from typer.main import get_command_from_info, get_group
 from typer.models import CommandInfo
 
 from lrm_math.errors import LrmError
+
+M_TRIM_THRESHOLD, M_MMAP_THRESHOLD = -1, -3
+"""Parameters of glibc's `mallopt`, of its header malloc.h."""
 
 
 @dataclass(frozen=True)
@@ -146,7 +151,16 @@ def group(
 
 def main() -> None:
     """Runs the command of `lrm-ident`."""
+    _keep_freed_memory()
     run(app)
+
+
+def _keep_freed_memory() -> None:
+    """Lets glibc keep the memory of large arrays for the next ones: the kernel would clear it anew each time."""
+    with suppress(AttributeError, OSError, TypeError):  # another C library
+        allocator = ctypes.CDLL(None)
+        allocator.mallopt(M_MMAP_THRESHOLD, 32 << 20)
+        allocator.mallopt(M_TRIM_THRESHOLD, 128 << 20)
 
 
 def run(application: typer.Typer) -> None:

@@ -69,7 +69,7 @@ def _with_shapes(model: Model, data: Measurements, effects: Sequence[Effect], ne
     if len(part) == len(data):
         return best
     keys += [key for key in _held_base_parameters(best.model) if key not in keys]
-    return fit_identifiable(best.model, data, keys, loss, required=new).fit
+    return fit_identifiable(best.model, data, keys, loss, required=new, part=best).fit
 
 
 def _searched(effects: Sequence[Effect], data: Measurements) -> Iterator[tuple[str, Parameter, tuple[float, ...]]]:

@@ -8,12 +8,13 @@ neglects is far below the noise; the Jacobian is computed once instead of per fo
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from itertools import repeat
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lrm_ident.data.measurements import Measurements
+from lrm_ident.data.registration.row_choice import spaced_rows
 from lrm_ident.fitting.field.fit import blocks_with_field
 from lrm_ident.fitting.held_out import HeldOutBlock, held_out_rows
 from lrm_ident.fitting.least_squares.block_qr import NormalEquations
@@ -31,7 +32,9 @@ from lrm_math.model.equilibrium import Equilibrium, solve_equilibrium
 from lrm_math.model.fixed_point import NewtonPreconditioner
 from lrm_math.model.model import Model
 
+OfPoses = TypeVar("OfPoses", Measurements, Equilibrium)
 FOLDS = 10
+MOST_TRAINING = 1000  # rows of each fold's fit whose residual is kept, evenly spread: to learn from what it leaves
 MOST_AT_ONCE = 200  # poses up to which every fold is fitted anew; beyond, one step differs by less than 0.1 %
 
 
@@ -116,15 +119,30 @@ def held_out_blocks(
     """
     field = field_of(model)
     if field is not None and model.free:
-        named = held_out_blocks(named_part(model), data, bounds, loss, progress, prior, fold)
+        named = _named_blocks(named_part(model), data, bounds, loss, progress, prior, fold, len(data))
         return blocks_with_field(field, data, named)
+    return _named_blocks(model, data, bounds, loss, progress, prior, fold)
+
+
+def _named_blocks(
+    model: Model,
+    data: Measurements,
+    bounds: Bounds | None,
+    loss: Loss,
+    progress: OnProgress,
+    prior: Prior | None,
+    fold: NDArray[np.int64] | None,
+    most: int = MOST_TRAINING,
+) -> tuple[HeldOutBlock, ...]:
     tests = _tests(data, fold)
+    rows = _predicted(data, tests, most)
     if not model.free:
-        return _blocks(data, tests, repeat(solve_equilibrium(model, data.poses), len(tests)), progress)
+        everywhere = solve_equilibrium(model, data.poses)
+        return _blocks(data, tests, rows, (_some(everywhere, some) for some in rows), progress)
     if len(data) <= MOST_AT_ONCE:
-        return _blocks(data, tests, _refitted(model, data, tests, bounds, loss, prior), progress)
+        return _blocks(data, tests, rows, _refitted(model, data, tests, rows, bounds, loss, prior), progress)
     fitted = fit(model, data, bounds, loss, prior)
-    return _blocks(data, tests, one_step_fits(fitted, data, tests, bounds, prior), progress)
+    return _blocks(data, tests, rows, one_step_fits(fitted, data, tests, bounds, prior, rows), progress)
 
 
 def blocks_of_fit(fitted: Fit, data: Measurements) -> tuple[HeldOutBlock, ...]:
@@ -132,7 +150,8 @@ def blocks_of_fit(fitted: Fit, data: Measurements) -> tuple[HeldOutBlock, ...]:
     if len(data) <= MOST_AT_ONCE or not fitted.model.free:
         return held_out_blocks(fitted.model, data, loss=fitted.loss, prior=fitted.weak_prior)
     tests = _tests(data)
-    return _blocks(data, tests, one_step_fits(fitted, data, tests, prior=fitted.weak_prior))
+    rows = _predicted(data, tests, MOST_TRAINING)
+    return _blocks(data, tests, rows, one_step_fits(fitted, data, tests, prior=fitted.weak_prior, predicted=rows))
 
 
 def _tests(data: Measurements, fold: NDArray[np.int64] | None = None) -> list[NDArray[np.int64]]:
@@ -142,21 +161,35 @@ def _tests(data: Measurements, fold: NDArray[np.int64] | None = None) -> list[ND
     return [np.flatnonzero(fold == number) for number in range(int(fold.max()) + 1)]
 
 
+def _predicted(data: Measurements, tests: Sequence[NDArray[np.int64]], most: int) -> list[NDArray[np.int64]]:
+    """Rows to predict with each fold's fit, ascending: what it leaves out, and at most so many of the others."""
+    others = [np.setdiff1d(np.arange(len(data)), test) for test in tests]
+    some = [rows[spaced_rows(len(rows), most)] for rows in others]
+    return [np.sort(np.concatenate(both)) for both in zip(some, tests, strict=True)]
+
+
+def _some(whole: OfPoses, rows: NDArray[np.int64]) -> OfPoses:
+    """Some rows, ascending; itself where these are all: what is known of its poses is kept with them."""
+    return whole if len(rows) == len(whole.poses) else whole.take(rows)
+
+
 def _blocks(
     data: Measurements,
     tests: Sequence[NDArray[np.int64]],
+    predicted: Sequence[NDArray[np.int64]],
     folds: Iterable[Equilibrium],
     progress: OnProgress = silent,
 ) -> tuple[HeldOutBlock, ...]:
-    """The blocks, from the equilibrium of each fold's fit at all poses."""
+    """The blocks, from the equilibrium of each fold's fit at its `predicted` rows."""
     blocks, whitening = [], data.whitening
-    for number, (test, equilibrium) in enumerate(zip(tests, folds, strict=True)):
-        train, part, unseen = np.setdiff1d(np.arange(len(data)), test), data.take(test), equilibrium.take(test)
+    for number, (test, rows, equilibrium) in enumerate(zip(tests, predicted, folds, strict=True)):
+        held = np.isin(rows, test)
+        part, unseen = data.take(test), equilibrium.take(np.flatnonzero(held))
         weighted = None
         if whitening.root is not None:
             weighted = whitening.unit * whitening.take(test)(part.residual(unseen))
-        left = data.position_error(equilibrium)
-        blocks.append(HeldOutBlock(train, test, left[train], left[test], weighted, part.turn_error(unseen)))
+        left = _some(data, rows).position_error(equilibrium)
+        blocks.append(HeldOutBlock(rows[~held], test, left[~held], left[held], weighted, part.turn_error(unseen)))
         progress(number + 1, len(tests))
     return tuple(blocks)
 
@@ -165,14 +198,15 @@ def _refitted(
     model: Model,
     data: Measurements,
     left_out: Sequence[NDArray[np.int64]],
+    predicted: Iterable[NDArray[np.int64]],
     bounds: Bounds | None,
     loss: Loss,
     prior: Prior | None,
 ) -> Iterator[Equilibrium]:
-    """Equilibria at all poses of the fits to all but each block."""
-    for rows in left_out:
+    """Equilibria at the `predicted` rows of the fits to all but each block."""
+    for rows, wanted in zip(left_out, predicted, strict=True):
         found = fit(model, data.take(np.setdiff1d(np.arange(len(data)), rows)), bounds, loss, prior)
-        yield solve_equilibrium(found.model, data.poses)
+        yield solve_equilibrium(found.model, _some(data, wanted).poses)
 
 
 def one_step_fits(
@@ -181,11 +215,13 @@ def one_step_fits(
     blocks: Sequence[NDArray[np.int64]],
     bounds: Bounds | None = None,
     prior: Prior | None = None,
+    predicted: Sequence[NDArray[np.int64]] | None = None,
 ) -> Iterator[Equilibrium]:
-    """Equilibria at all poses as fits to all but each block (rows of `data`) leave them, one step from the fit to all.
+    """Equilibria as fits to all but each block (rows of `data`) leave them, one step from the fit to all.
 
     Args:
         bounds, prior: of a fold whose step goes too far, which is fitted instead; others have the prior of the fit.
+        predicted: rows of the poses of each equilibrium; None: all.
 
     Raises as `fit`.
     """
@@ -200,16 +236,19 @@ def one_step_fits(
         objective.linearise_each(iterate, noise, blocks),
         objective.preconditioner(fitted.equilibrium),
     )
-    for left_out, test in enumerate(blocks):
+    wanted = predicted or [np.arange(len(data))] * len(blocks)
+    for left_out, (test, rows) in enumerate(zip(blocks, wanted, strict=True)):
         others = NormalEquations.summed([part.normal for number, part in enumerate(parts) if number != left_out])
         A = objective.gauss_newton(others, noise)[np.ix_(free, free)]
         descent = objective.negative_gradient(iterate, others, noise)
         z = iterate.z.copy()
         z[free] += np.linalg.lstsq(A, descent[free], rcond=None)[0]
         stepped = model.with_values_of(model.free, np.clip(z * typical, limits.lower, limits.upper))
-        equilibrium = _settled(stepped, data.poses, fitted.equilibrium, preconditioner)
+        near = _some(fitted.equilibrium, rows)
+        known = preconditioner if near is fitted.equilibrium else None
+        equilibrium = _settled(stepped, _some(data, rows).poses, near, known)
         if equilibrium is None:  # too far for the effects' formulas: the fit shortens its steps
-            yield from _refitted(model, data, [test], bounds, loss, prior)
+            yield from _refitted(model, data, [test], [rows], bounds, loss, prior)
         else:
             yield equilibrium
 

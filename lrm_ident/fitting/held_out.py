@@ -13,11 +13,11 @@ from lrm_math.arrays import Array
 
 @dataclass(frozen=True, eq=False)
 class HeldOutBlock:
-    """One block of a cross-validation: rows `train` and `test`, and what the fit to `train` leaves of `test` (m).
+    """One block of a cross-validation: rows `test` that a fit left out, and what it leaves of them (m).
 
+    `train`: M rows that it was fitted to, of many some; `train_residual`: (M, 3), what it leaves of them (m).
+    `weighted`: (n, R), what it leaves of `test` by its noise, of all that was measured, where correlations are stated.
     `test_turn`: (n, 3), that of orientations as rotation vectors (rad), NaN where not measured.
-    `train_residual`: (M, 3), what it leaves of `train` (m). `weighted`: (n, R), what it leaves of `test` by its noise,
-    of all that was measured, where correlations are stated.
     """
 
     train: NDArray[np.int64]

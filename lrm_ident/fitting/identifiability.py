@@ -226,6 +226,7 @@ def fit_identifiable(
     loss: Loss = SQUARED,
     signed: Bounds | None = None,
     required: Sequence[str] = (),
+    part: Fit | None = None,
 ) -> IdentifiedFit:
     """Fits the identifiable parameters among `keys`; the others are zero in the result.
 
@@ -235,13 +236,14 @@ def fit_identifiable(
     Args:
         signed: bounds of all `keys`; None: the physical ones.
         required: of these at least one must be identifiable.
+        part: the fit to a part of the poses, where it is known.
 
     Raises `LrmError`: fewer poses than identifiable parameters, none of the required ones, or no convergence.
     """
     limits = signed or bounds_of(model, keys)
     if len(data) > MOST_AT_ONCE:
-        coarse = fit_identifiable(model, data.take(some_rows(len(data))), keys, loss, signed).fit
-        equilibrium, noise = solve_equilibrium(coarse.model, data.poses), coarse.sigma
+        part = part or fit_identifiable(model, data.take(some_rows(len(data))), keys, loss, signed).fit
+        equilibrium, noise = solve_equilibrium(part.model, data.poses), part.sigma
     else:
         equilibrium = solve_equilibrium(model, data.poses)
         noise = expected_noise(equilibrium, keys, data)

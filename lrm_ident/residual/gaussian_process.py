@@ -18,7 +18,9 @@ from lrm_math.arrays import Array
 LENGTH_RANGE, SIGNAL_RANGE, NOISE_RANGE = (0.2, 50.0), (1e-3, 10.0), (1e-2, 2.0)
 """Bounds in standard deviations of inputs and outputs; an input with the longest length hardly counts."""
 START = (2.0, 1.0, 0.5)
-FUNCTION_TOLERANCE = 1e-3  # of the log marginal likelihood per row
+WORTHWHILE = 2.0  # gain of log marginal likelihood below which a step ends a search: as Akaike's for two parameters
+DAMPING = 1e-2  # of a search's steps at least, per row: lengths are not known better
+LONGEST_STEP = 1.0  # of a hyperparameter's logarithm
 MAX_EVALUATIONS = 60
 
 
@@ -81,54 +83,80 @@ class GaussianProcess:
 def condition(kernel: Kernel, inputs: Array, output: Array) -> GaussianProcess:
     """The process with this kernel, given outputs (n,) at inputs (n, D)."""
     factor = _factor(kernel, kernel.covariance(inputs, inputs))
-    return GaussianProcess(kernel, inputs, np.asarray(cho_solve((factor, True), output)), factor)
+    return GaussianProcess(kernel, inputs, np.asarray(cho_solve((factor, True), output, check_finite=False)), factor)
 
 
-def log_marginal_likelihood(kernel: Kernel, inputs: Array, output: Array) -> tuple[float, Array]:
-    """log p(y | X) (Eq 5.8) and its gradient (D + 2,) by the logarithms of lengths, signal and noise (Eq 5.9)."""
+@dataclass(frozen=True, eq=False)
+class LogLikelihood:
+    """Log marginal likelihood (Eq 5.8) of a kernel, to second order in the logarithms of its hyperparameters.
+
+    Attributes:
+        gradient: (D + 2,), by the logarithms of lengths, signal and noise (Eq 5.9).
+        information: (D + 2, D + 2), the mean of observed and expected information.
+    """
+
+    value: float
+    gradient: Array
+    information: Array
+
+
+def log_marginal_likelihood(kernel: Kernel, inputs: Array, output: Array) -> LogLikelihood:
+    """log p(y | X), its gradient and its average information (Gilmour, Thompson & Cullis 1995).
+
+    The average information needs no product of matrices: ½ wᵀ ∂K K⁻¹ ∂K w, w = K⁻¹ y.
+    """
     n = len(output)
     smooth = kernel.covariance(inputs, inputs)
-    factor = _factor(kernel, smooth)
-    weights = cho_solve((factor, True), output)
+    factor = _factor(kernel, smooth.copy())
+    weights = cho_solve((factor, True), output, check_finite=False)
     value = -0.5 * float(output @ weights) - float(np.log(np.diag(factor)).sum()) - 0.5 * n * np.log(2.0 * np.pi)
+    scaled = np.column_stack([inputs / kernel.lengths, np.ones(n)])
+
+    along = weights[:, None]
+    moments = smooth @ np.hstack([scaled * along, scaled[:, :-1] ** 2 * along])
+    first, ones, second = np.split(moments, [inputs.shape[1], inputs.shape[1] + 1], axis=1)
+    by_length = scaled[:, :-1] ** 2 * ones - 2.0 * scaled[:, :-1] * first + second
+    derivatives = np.hstack([by_length, 2.0 * ones, 2.0 * kernel.noise**2 * along])  # of K, times the weights
+    root = solve_triangular(factor, derivatives, lower=True, check_finite=False)
+
     inverse = dpotri(factor, lower=1, overwrite_c=1)[0]  # of all from here the lower triangle
     excess = dsyr(-1.0, weights, lower=1, a=inverse, overwrite_a=1)  # −2 ∂/∂K of the value
     noisy = -(kernel.noise**2) * np.trace(excess)
     excess *= smooth.T
-    scaled = np.column_stack([inputs / kernel.lengths, np.ones(n)])
     weighted = dsymm(-1.0, excess, scaled, lower=1)
-    by_length = weighted[:, -1] @ scaled[:, :-1] ** 2 - np.einsum("nd,nd->d", scaled[:, :-1], weighted[:, :-1])
-    return value, np.array([*by_length, weighted[:, -1].sum(), noisy])
+    lengths = weighted[:, -1] @ scaled[:, :-1] ** 2 - np.einsum("nd,nd->d", scaled[:, :-1], weighted[:, :-1])
+    return LogLikelihood(value, np.array([*lengths, weighted[:, -1].sum(), noisy]), 0.5 * root.T @ root)
 
 
 def fit_kernel(inputs: Array, output: Array, start: Kernel) -> Kernel:
-    """The kernel of largest marginal likelihood within bounds (L-BFGS-B; Byrd et al. 1995), searched from `start`.
+    """The kernel of largest marginal likelihood within bounds, by damped Newton steps with the average information.
 
     Args:
         inputs: (n, D), each of a standard deviation near one. output: (n,), likewise, about zero.
     """
     lower, upper = np.log([*[LENGTH_RANGE] * inputs.shape[1], SIGNAL_RANGE, NOISE_RANGE]).T
+    z, damping = np.clip(start.log, lower, upper), DAMPING
+    now = log_marginal_likelihood(Kernel.of_log(z), inputs, output)
+    for _ in range(MAX_EVALUATIONS):
+        free = ~(((z <= lower) & (now.gradient < 0)) | ((z >= upper) & (now.gradient > 0)))
+        step = np.zeros_like(z)
+        damped = now.information[np.ix_(free, free)] + damping * len(output) * np.eye(int(free.sum()))
+        step[free] = np.linalg.solve(damped, now.gradient[free])
+        trial = np.clip(z + step / max(1.0, np.abs(step).max() / LONGEST_STEP), lower, upper)
+        if now.gradient @ (trial - z) < WORTHWHILE:
+            break
+        then = log_marginal_likelihood(Kernel.of_log(trial), inputs, output)
+        gain = then.value - now.value
+        if gain > 0.0:
+            z, now = trial, then
+        if 0.0 < gain < WORTHWHILE:
+            break
+        damping = max(0.1 * damping, DAMPING) if gain > 0.0 else 10.0 * damping
+    return Kernel.of_log(z)
 
-    def loss(log_values: Array) -> tuple[float, Array]:
-        """Negative log marginal likelihood per row."""
-        value, gradient = log_marginal_likelihood(Kernel.of_log(log_values), inputs, output)
-        return -value / len(output), -gradient / len(output)
 
-    from scipy.optimize import Bounds, minimize  # takes a quarter of a second to load
-
-    found = minimize(
-        loss,
-        np.clip(start.log, lower, upper),
-        jac=True,
-        bounds=Bounds(lower, upper),
-        method="L-BFGS-B",
-        options={"maxfun": MAX_EVALUATIONS, "ftol": FUNCTION_TOLERANCE, "gtol": FUNCTION_TOLERANCE},
-    )
-    return Kernel.of_log(np.asarray(found.x))
-
-
-def _factor(kernel: Kernel, smooth: Array) -> Array:
-    """Lower Cholesky factor of the outputs' covariance; the noise, which has a lower bound, keeps it definite."""
-    outputs = smooth.copy()
+def _factor(kernel: Kernel, outputs: Array) -> Array:
+    """Lower Cholesky factor of the outputs' covariance, from f's, in its place; the noise, which has a lower bound,
+    keeps it definite."""
     outputs.flat[:: len(outputs) + 1] += kernel.noise**2
     return np.asarray(cholesky(outputs.T, lower=True, overwrite_a=True, check_finite=False))  # LAPACK's order of memory

@@ -11,10 +11,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lrm_ident.data.error_stats import ErrorStats, error_stats
 from lrm_ident.data.measurements import Measurements
+from lrm_ident.data.registration.row_choice import spaced_rows
 from lrm_ident.data.wording import in_mm
 from lrm_ident.fitting.held_out import HeldOutBlock, held_out_rows
 from lrm_ident.residual.better_prediction import saves, vuong_z
@@ -22,7 +22,7 @@ from lrm_ident.residual.covariates import CONSTANT, covariates
 from lrm_ident.residual.thresholds import MIN_NAMELESS_GAIN, Z_THRESHOLD
 from lrm_math.arrays import Array
 
-SEARCH_ROWS, MOST_ROWS = 250, 1000  # evenly spaced training rows: for the search of a kernel, and to learn from
+SEARCH_ROWS = 250  # of those a block learns from: for the search of a kernel
 REDUNDANT = 0.999  # correlation above which an input says nothing beside another, as time beside the order
 RELEVANT, MOST_FOLLOWED = 0.1, 5  # of the most relevant input; inputs that are named
 
@@ -113,8 +113,8 @@ class PredictableError:
 def predictable_error(data: Measurements, blocks: Sequence[HeldOutBlock]) -> PredictableError:
     """Part that a Gaussian process can predict of the residuals of a cross-validation, in the same blocks.
 
-    Each kernel is searched on at most `SEARCH_ROWS` of the training poses, from the last block's, and the process
-    conditioned on at most `MOST_ROWS`; both spread evenly over the order of measurement.
+    Each kernel is searched on at most `SEARCH_ROWS` of the training poses, spread evenly over the order of measurement,
+    from the last block's.
     """
     from lrm_ident.residual.gaussian_process import Kernel, condition, fit_kernel  # loads half of scipy
 
@@ -123,21 +123,15 @@ def predictable_error(data: Measurements, blocks: Sequence[HeldOutBlock]) -> Pre
     names, x = tuple(known), np.stack(list(known.values()), axis=1)
     relevance, kernels, most = np.zeros(len(names)), [Kernel.start(len(names))] * 3, 0
     for block in blocks:
-        chosen = _spread(len(block.train), MOST_ROWS)
-        search = _spread(len(block.train), SEARCH_ROWS)
-        most = max(most, len(chosen))
+        search = spaced_rows(len(block.train), SEARCH_ROWS)
+        most = max(most, len(block.train))
         for axis in range(3):
             y, unit = block.train_residual[:, axis], float(block.train_residual[:, axis].std()) or 1.0
             kernel = fit_kernel(x[block.train[search]], y[search] / unit, kernels[axis])
-            process = condition(kernel, x[block.train[chosen]], y[chosen] / unit)
+            process = condition(kernel, x[block.train], y / unit)
             left[block.test, axis] = block.test_residual[:, axis] - unit * process.mean(x[block.test])
             relevance += (unit * kernel.signal / kernel.lengths) ** 2
             kernels[axis] = kernel
     ranked = sorted(zip(relevance.tolist(), names, strict=True), reverse=True)
     follows = tuple(name for value, name in ranked if value > RELEVANT * ranked[0][0])
     return PredictableError(named, left, follows[:MOST_FOLLOWED], most)
-
-
-def _spread(count: int, most: int) -> NDArray[np.int64]:
-    """Indices of at most `most` of `count` rows, evenly spaced."""
-    return np.unique(np.linspace(0, count - 1, min(count, most)).round().astype(np.int64))

@@ -113,11 +113,16 @@ def residual_structure(q: Array, residual: Array, basis: Array) -> ResidualStruc
 
 def _neighbours(q: Array) -> NDArray[np.int64]:
     """(M, 2), pairs of poses that are near in joint space."""
-    from scipy.spatial import cKDTree  # takes half a second to load: not at the start of every command
+    count, every = min(NEIGHBOURS, len(q) - 1), np.arange(len(q))
+    near = [_nearest(q, rows, count) for rows in np.array_split(every, -(-len(q) // PAIRS_AT_ONCE))]
+    return np.stack([np.repeat(every, count), np.concatenate(near).ravel()], axis=1)
 
-    _, near = cKDTree(q).query(q, k=min(NEIGHBOURS + 1, len(q)))
-    pairs = [(i, j) for i, row in enumerate(np.atleast_2d(near).tolist()) for j in row if i != j]
-    return np.array(pairs, dtype=np.int64)
+
+def _nearest(q: Array, rows: NDArray[np.int64], count: int) -> NDArray[np.int64]:
+    """(M, count), the poses nearest to each of M rows, in any order."""
+    apart = (q**2).sum(axis=1) - 2.0 * q[rows] @ q.T  # squared distances, less the square of the row's own angles
+    apart[np.arange(len(rows)), rows] = np.inf
+    return np.argpartition(apart, count - 1, axis=1)[:, :count]
 
 
 def _morans_i(residuals: Array, pairs: NDArray[np.int64], rows: int) -> Array:

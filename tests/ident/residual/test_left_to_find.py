@@ -69,10 +69,40 @@ def test_gradient_of_the_marginal_likelihood(seed: int, inputs: int) -> None:
     rng = np.random.default_rng(seed)
     x, y = rng.normal(size=(12, inputs)), rng.normal(size=12)
     log = rng.uniform(-0.7, 0.7, inputs + 2)
-    _, gradient = log_marginal_likelihood(Kernel.of_log(log), x, y)
+    gradient = log_marginal_likelihood(Kernel.of_log(log), x, y).gradient
     for i, step in enumerate(1e-6 * np.eye(inputs + 2)):
-        sides = [log_marginal_likelihood(Kernel.of_log(log + sign * step), x, y)[0] for sign in (1, -1)]
+        sides = [log_marginal_likelihood(Kernel.of_log(log + sign * step), x, y).value for sign in (1, -1)]
         assert (sides[0] - sides[1]) / 2e-6 == pytest.approx(gradient[i], rel=1e-4, abs=1e-5)
+
+
+@settings(max_examples=20)
+@given(st.integers(0, 2**32 - 1), st.integers(1, 5))
+def test_average_information_of_the_marginal_likelihood(seed: int, inputs: int) -> None:
+    """Oracle: ½ yᵀ K⁻¹ ∂K K⁻¹ ∂K K⁻¹ y by plain inversion, ∂K by central differences."""
+    rng = np.random.default_rng(seed)
+    x, y = rng.normal(size=(12, inputs)), rng.normal(size=12)
+    log = rng.uniform(-0.7, 0.7, inputs + 2)
+
+    def outputs(values: Array) -> Array:
+        kernel = Kernel.of_log(values)
+        return np.asarray(kernel.covariance(x, x) + kernel.noise**2 * np.eye(12))
+
+    inverse = np.linalg.inv(outputs(log))
+    sides = [(outputs(log + step), outputs(log - step)) for step in 1e-6 * np.eye(inputs + 2)]
+    moved = np.stack([(above - below) / 2e-6 @ inverse @ y for above, below in sides])
+    found = log_marginal_likelihood(Kernel.of_log(log), x, y).information
+    np.testing.assert_allclose(found, 0.5 * moved @ inverse @ moved.T, rtol=1e-4, atol=1e-6)
+
+
+@settings(max_examples=20)
+@given(st.integers(0, 2**32 - 1))
+def test_a_search_never_makes_a_kernel_less_likely(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    x = rng.normal(size=(40, 3))
+    y = np.sin(rng.normal(size=3) @ x.T) + rng.uniform(0.05, 1.0) * rng.normal(size=40)
+    start = Kernel(np.exp(rng.uniform(-1.0, 1.0, 3)), 1.0, 0.5)
+    found = fit_kernel(x, y, start)
+    assert log_marginal_likelihood(found, x, y).value >= log_marginal_likelihood(start, x, y).value
 
 
 @settings(max_examples=20)
