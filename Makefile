@@ -95,7 +95,7 @@ coverage: setup ## coverage of the 95 % confidence intervals (about a minute)
 	$(ONE_THREAD) $(BIN)/python -m validation.interval_coverage --seeds 250
 
 misreadings: setup ## are misread measurements understood and healthy ones accepted, on arms of the independent generator
-	$(ONE_THREAD) $(BIN)/python -m validation.misreadings
+	$(ONE_THREAD) $(BIN)/python -m validation.misreadings --seeds 3
 
 tutorial: setup ## the pictures of docs/tutorial.md and the speed of the workbench, in a headless Chromium
 	$(BIN)/python -m validation.workbench.tutorial_pictures

@@ -143,7 +143,7 @@ def _valid_keys(schema: type[BaseModel], table: list[int | str]) -> tuple[str, .
             inner = _schemas_in(schema.model_fields[part].annotation)
             if inner:
                 schema = inner[0]
-    return tuple(schema.model_fields)
+    return tuple(field.alias or name for name, field in schema.model_fields.items())
 
 
 def _schemas_in(annotation: Any) -> list[type[BaseModel]]:

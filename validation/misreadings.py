@@ -26,10 +26,15 @@ from validation.synthetic_measurements import measured
 ARMS = ("lrm-lab", "so101", "ur5")
 ELSEWHERE = {"lrm-lab": "lrm-rover", "so101": "two-joint", "ur5": "lrm-lab"}
 """Another arm whose measurements are taken for the first one's."""
-KINDS = ("unit", "radians", "mirrored", "swapped", "turned", "frame", "sign", "order", "arm")
+KINDS = (
+    *("unit", "radians", "mirrored", "swapped", "turned", "frame", "sign", "order", "arm"),
+    *("shuffled angles", "unsigned angles", "constant angles", "shuffled coordinate"),
+)
 LENGTH_UNITS = {"metres": 1e-3, "inches": 1.0 / 25.4, "micrometres": 1e3}
 STIFFNESS = {"ur5": 3e-3}
 """Compliances of the arm over those of a printed one."""
+MOVING = 4
+"""Joints, from the base, that move every one of these arms' TCP by more than its errors."""
 ANGLE, LENGTH = np.radians(10.0), 0.020
 """Largest errors of healthy data."""
 POSES, FEW = 120, (10, 14, 20, 40, 120)
@@ -120,6 +125,18 @@ def _changes(
     exchanged[:, [joint, partner]] = q[:, [partner, joint]]
     low, high = sorted((joint + 1, partner + 1))
     yield "order", (f"joints {low} and {high} look swapped", exchanged, tcp)
+    column = int(rng.integers(MOVING))
+    for kind, angles in (
+        ("shuffled angles", rng.permutation(q[:, column])),
+        ("unsigned angles", -np.abs(q[:, column])),
+        ("constant angles", np.ones(len(q))),
+    ):
+        other_angles = q.copy()
+        other_angles[:, column] = angles
+        yield kind, (f"the angles of joint {column + 1} do not belong", other_angles, tcp)
+    shuffled = tcp.copy()
+    shuffled[:, axis] = rng.permutation(tcp[:, axis])
+    yield "shuffled coordinate", (f"{'xyz'[axis]} does not belong", q, shuffled)
 
 
 def _of_another_arm(name: str, seed: int) -> MisreadCase:

@@ -19,7 +19,14 @@ from lrm_ident.data.measurement_file.load import read_measured
 from lrm_ident.data.measurement_file.measured_columns import without_frozen
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.registration.hypotheses import Hypothesis
-from lrm_ident.data.registration.reading_check import ReadingCheck, Scored, check_reading, compared_rows, registered
+from lrm_ident.data.registration.reading_check import (
+    DOUBTFUL,
+    ReadingCheck,
+    Scored,
+    check_reading,
+    compared_rows,
+    registered,
+)
 from lrm_ident.data.registration.row_choice import spaced_rows
 from lrm_ident.data.rigid_motion import quaternions, rotation_matrix, rotation_vectors
 from lrm_math.arm.arm import Arm
@@ -35,6 +42,9 @@ MOST = 100
 FAR, BETTER = np.radians(15.0), 0.5
 """An orientation error that no assembled arm has, and the part of it that another reading must come below."""
 NOT_THIS_ARM = np.radians(45.0)
+WHAT_ELSE = (
+    "is it another arm, or did its base or the tracker move? check the arm file, and which column is which joint"
+)
 
 
 class Misread(FileError):
@@ -45,7 +55,7 @@ class Misread(FileError):
         missed = f"as read, {arm.name} misses the positions by {_millimetres(check.read)}"
         if not check.found:
             what = f"{missed}; no other unit, frame or axes and no sign or order of the joints explains them"
-            super().__init__(path, "", what, "is it another arm? check the arm file, and which column is which joint")
+            super().__init__(path, "", what, WHAT_ELSE)
             return
         words = ", or ".join(" and ".join(scored.hypothesis.words) for scored in check.found)
         remedies = ", or ".join(remedy(scored.hypothesis, stated) for scored in check.found)
@@ -81,8 +91,13 @@ def _check(arm: Arm, data: Measurements) -> tuple[str, ...]:
     if not check.right:
         raise Misread(data.path, check, arm, data.stated)
     better = next((scored for scored in check.found if scored.hypothesis.words), None)
-    if better is None or not check.read.overdetermined:
+    if not check.read.overdetermined:
         return ()
+    if better is None:
+        doubt = (
+            f"as read, {arm.name} misses the positions by {_millimetres(check.read)}, more than an assembled arm does"
+        )
+        return (f"{doubt}: {WHAT_ELSE}",) if check.read.share > DOUBTFUL else ()
     words = f"perhaps {' and '.join(better.hypothesis.words)} ({remedy(better.hypothesis, data.stated)})"
     return (f"{words}: that comes within {_millimetres(better)}, as read within {_millimetres(check.read)}",)
 

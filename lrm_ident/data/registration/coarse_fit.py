@@ -40,12 +40,12 @@ TRUSTED = 0.8  # share of the poses, the nearest ones, that the score counts
 
 @dataclass(frozen=True, eq=False)
 class CoarseFit:
-    """`tcp`: (N, 3), predicted with the fitted dimensions (m). `score`: `trimmed_rms` of the distances (m).
+    """`equilibrium`: with the fitted dimensions. `score`: `trimmed_rms` of the distances (m).
 
     `overdetermined`: whether there are so many coordinates that the fit cannot follow whatever was measured.
     """
 
-    tcp: Array
+    equilibrium: Equilibrium
     score: float
     overdetermined: bool
 
@@ -80,7 +80,7 @@ def coarse_fit(arm: Arm, poses: Poses, tcp: Array, fixed_base: bool = False) -> 
             break
         residual = tcp - settled.tcp
         distance = np.linalg.norm(residual, axis=1)
-        now = CoarseFit(settled.tcp, trimmed_rms(distance), overdetermined)
+        now = CoarseFit(settled, trimmed_rms(distance), overdetermined)
         converged = best is not None and abs(now.score - best.score) < SETTLED * best.score
         best = now if best is None or now.score < best.score else best
         if converged and robust:

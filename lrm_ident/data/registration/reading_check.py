@@ -29,6 +29,7 @@ from lrm_ident.data.registration.hypotheses import (
 )
 from lrm_ident.data.registration.row_choice import drawn_rows
 from lrm_ident.data.registration.similarity import Similarity, robust_similarity
+from lrm_ident.data.registration.told_columns import told_angles, told_coordinate
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_file import read_arm, shipped_arms
 from lrm_math.arrays import Array
@@ -52,6 +53,11 @@ PLAUSIBLE = 0.15
 """Share of the spread that a right reading stays below."""
 ALIKE = 1.5
 """Readings whose scores differ by less cannot be distinguished; the simplest of them is taken."""
+DOUBTFUL = 0.06
+"""Share of the spread beyond which a reading is doubtful: arms with errors of 10 deg and 20 mm stay below 0.02."""
+UNRELATED = 0.33
+"""Part of the score that is left with a column as the others tell it, if it held another quantity. Of a base that was
+pushed by 60 mm meanwhile it is more than 0.4."""
 SCALE_TOLERANCE = 0.35
 RIGHT_ANGLED = 0.5  # Frobenius norm of a rotation less a signed permutation: about 20 deg
 REGISTRATIONS = 2
@@ -137,6 +143,8 @@ def check_reading(arm: Arm, data: Measurements) -> ReadingCheck | None:
     every = [read, *_alternatives(points)]
     if min(scored.share for scored in every) > GOOD:
         every += _other_arms(points)
+    if read.overdetermined and min(scored.share for scored in every) > DOUBTFUL:
+        every += _unrelated_columns(points, read)
     best = min(scored.share for scored in every)
     alike = [scored for scored in every if scored.share <= max(ALIKE * best, FLOOR)]
     simplest = min(scored.hypothesis.complexity for scored in alike)
@@ -224,6 +232,29 @@ def _other_arms(points: PointSet) -> Iterator[Scored]:
             yield replace(points, arm=other).scored(points.as_read.also(words, COMPOUND, f"--arm {name}"))
 
 
+def _unrelated_columns(points: PointSet, read: Scored) -> Iterator[Scored]:
+    """The data with one column as the others tell it, where they then fit much better."""
+    if points.reading.frame != "unknown":
+        every = (*_told_joints(points), *_told_coordinates(points))
+        yield from (s for s in map(points.scored, every) if s.share < UNRELATED * read.share)
+
+
+def _told_joints(points: PointSet) -> Iterator[Hypothesis]:
+    for joint, number in enumerate(points.reading.joint_order or range(1, points.arm.dof + 1)):
+        angles = told_angles(points.arm, points.poses, points.tcp, joint)
+        words = f"the angles of joint {joint + 1} do not belong to these positions"
+        remedy = f"look into the column of q{number}: its unit, its sign, its rows"
+        yield points.as_read.also(words, COMPOUND, remedy).with_joint(joint, angles)
+
+
+def _told_coordinates(points: PointSet) -> Iterator[Hypothesis]:
+    for axis, name in enumerate("xyz"):
+        tcp = points.tcp.copy()
+        tcp[:, axis] = told_coordinate(points.arm, points.poses, points.tcp, axis)
+        words, remedy = f"{name} does not belong to these angles", "look into its column: its unit, its sign, its rows"
+        yield replace(points.as_read.also(words, COMPOUND, remedy), tcp=tcp)
+
+
 def registered(arm: Arm, poses: Poses, tcp: Array) -> tuple[Array, Similarity]:
     """Positions (N, 3) in the arm's frame (m), and the rigid motion that takes them there.
 
@@ -232,7 +263,7 @@ def registered(arm: Arm, poses: Poses, tcp: Array) -> tuple[Array, Similarity]:
     goal = nominal_tcp(arm, poses)
     for _ in range(REGISTRATIONS):
         motion = robust_similarity(tcp, goal, mirrored=False, scale=1.0)
-        goal = coarse_fit(arm, poses, motion.apply(tcp), fixed_base=True).tcp
+        goal = coarse_fit(arm, poses, motion.apply(tcp), fixed_base=True).equilibrium.tcp
     motion = robust_similarity(tcp, goal, mirrored=False, scale=1.0)
     return motion.apply(tcp), motion
 
