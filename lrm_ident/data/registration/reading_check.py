@@ -55,9 +55,10 @@ ALIKE = 1.5
 """Readings whose scores differ by less cannot be distinguished; the simplest of them is taken."""
 DOUBTFUL = 0.06
 """Share of the spread beyond which a reading is doubtful: arms with errors of 10 deg and 20 mm stay below 0.02."""
-UNRELATED = 0.33
-"""Part of the score that is left with a column as the others tell it, if it held another quantity. Of a base that was
-pushed by 60 mm meanwhile it is more than 0.4."""
+UNRELATED, RELATED = 0.33, 0.8
+"""Part of the score that is left, at most, with a column as the others tell it, if it held another quantity; and how
+much both then have in common: of angles the mean resultant length of their difference (Mardia & Jupp 2000), of a
+coordinate the share of its variance. What was pushed or slipped meanwhile leaves more than 0.9 of either."""
 SCALE_TOLERANCE = 0.35
 RIGHT_ANGLED = 0.5  # Frobenius norm of a rotation less a signed permutation: about 20 deg
 REGISTRATIONS = 2
@@ -242,6 +243,8 @@ def _unrelated_columns(points: PointSet, read: Scored) -> Iterator[Scored]:
 def _told_joints(points: PointSet) -> Iterator[Hypothesis]:
     for joint, number in enumerate(points.reading.joint_order or range(1, points.arm.dof + 1)):
         angles = told_angles(points.arm, points.poses, points.tcp, joint)
+        if np.abs(np.exp(1j * (angles - points.poses.q[:, joint])).mean()) > RELATED:
+            continue
         words = f"the angles of joint {joint + 1} do not belong to these positions"
         remedy = f"look into the column of q{number}: its unit, its sign, its rows"
         yield points.as_read.also(words, COMPOUND, remedy).with_joint(joint, angles)
@@ -251,6 +254,8 @@ def _told_coordinates(points: PointSet) -> Iterator[Hypothesis]:
     for axis, name in enumerate("xyz"):
         tcp = points.tcp.copy()
         tcp[:, axis] = told_coordinate(points.arm, points.poses, points.tcp, axis)
+        if np.var(tcp[:, axis] - points.tcp[:, axis]) < (1.0 - RELATED) * np.var(tcp[:, axis]):
+            continue
         words, remedy = f"{name} does not belong to these angles", "look into its column: its unit, its sign, its rows"
         yield replace(points.as_read.also(words, COMPOUND, remedy), tcp=tcp)
 

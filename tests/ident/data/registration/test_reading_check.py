@@ -60,6 +60,33 @@ def test_a_bad_arm_is_not_refused(name: str) -> None:
         assert check is None or check.right
 
 
+@pytest.mark.slow
+@settings(max_examples=6, deadline=None)
+@given(st.integers(0, 1000), st.sampled_from(ARMS), st.integers(0, 2), st.booleans())
+def test_what_moved_meanwhile_is_no_misreading(seed: int, name: str, number: int, slipped: bool) -> None:
+    """A base that was pushed along an axis by a fifth of the spread, or a joint whose horn slipped by 20 deg."""
+    data, arm = random_arm_data(name, seed), load_arm(name)
+    later = np.arange(len(data)) >= len(data) // 2
+    tcp, q = data.tcp.copy(), data.poses.q.copy()
+    if slipped:
+        q[later, number] += np.radians(20.0)
+    else:
+        tcp[later, number] += 0.2 * np.sqrt(tcp.var(axis=0).sum())
+    check = check_reading(arm, replace(data, tcp=tcp, poses=replace(data.poses, q=q)))
+    assert check is not None
+    assert not any("belong" in words for scored in check.found for words in scored.hypothesis.words)
+
+
+def test_a_base_that_was_pushed_is_said_in_a_notice(tmp_path: Path) -> None:
+    data = random_arm_data("lrm-lab", 5)
+    tcp = data.tcp.copy()
+    tcp[len(tcp) // 2 :, 2] += 0.06  # m
+    path = tmp_path / "pushed.csv"
+    path.write_text(measurements_csv(replace(data, tcp=tcp)), encoding="utf-8")
+    (notice,) = load_checked(path, load_arm("lrm-lab")).notices
+    assert "did its base or the tracker move?" in notice
+
+
 @pytest.mark.parametrize(
     ("arm", "path", "reading"),
     [
