@@ -70,7 +70,9 @@ class RosPeer:
         data = dynamic.serialize_dynamic(plain, text)[plain](request)
         attachment = struct.pack("<QQB16s", 7, time.time_ns(), 16, bytes(range(16)))
         key = f"0/lrm/{service}/{dds(name)}/{type_hash(name, 'jazzy')}"
-        for reply in self.session.get(key, payload=data, attachment=attachment, timeout=patience):
+        querier = self.session.declare_querier(key, timeout=patience)
+        wait_for(lambda: querier.matching_status.matching, f"the router knows {key}", patience)
+        for reply in querier.get(payload=data, attachment=attachment):
             assert reply.ok is not None, reply.err.payload.to_string()
             assert struct.unpack("<QQB16s", reply.ok.attachment.to_bytes())[::3] == (7, bytes(range(16)))
             plain, text = plainly(f"{name}_Response")
