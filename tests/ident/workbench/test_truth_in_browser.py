@@ -24,6 +24,7 @@ from tests.support.browser import (
 from tests.support.commands import part_of_example, stdout_of
 
 SIZE = {"width": 1280, "height": 800}
+STORED_MS = 1000  # the browser stores what a page says in another process
 TWO_STEPS, RANKED = "lrm.state.values.steps.length === 2", "lrm.state.values.ranking.length > 0"
 LINES = """[...document.querySelectorAll('.js-plotly-plot')].flatMap((figure) => figure.data.filter((trace) =>
   trace.mode.includes('lines')).map((trace) => [...trace.x]))"""
@@ -308,6 +309,7 @@ def test_a_report_remembers_its_theme(browser: Any, tmp_path: Path) -> None:
     page.goto((tmp_path / "r.html").as_uri())
     page.click("#lrm-theme")
     wait_for(page, "document.documentElement.dataset.theme === 'dark'")
+    page.wait_for_timeout(STORED_MS)
     page.reload()
     assert page.evaluate("document.documentElement.dataset.theme") == "dark"
     assert page.evaluate("getComputedStyle(document.body).backgroundColor") == "rgb(13, 17, 23)"
