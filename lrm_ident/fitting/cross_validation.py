@@ -8,6 +8,7 @@ neglects is far below the noise; the Jacobian is computed once instead of per fo
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
 from typing import TypeVar
 
 import numpy as np
@@ -36,6 +37,20 @@ OfPoses = TypeVar("OfPoses", Measurements, Equilibrium)
 FOLDS = 10
 MOST_TRAINING = 1000  # rows of each fold's fit whose residual is kept, evenly spread: to learn from what it leaves
 MOST_AT_ONCE = 200  # poses up to which every fold is fitted anew; beyond, one step differs by less than 0.1 %
+
+
+@dataclass(frozen=True, eq=False)
+class Split:
+    """One split of the rows: `test`, which a fit leaves out, and `predicted`, these and some of the others."""
+
+    test: NDArray[np.int64]
+    predicted: NDArray[np.int64]
+
+    @staticmethod
+    def of(test: NDArray[np.int64], count: int, most: int) -> Split:
+        """The split of `count` rows with at most so many of the others predicted, evenly spread."""
+        others = np.setdiff1d(np.arange(count), test)
+        return Split(test, np.sort(np.concatenate([test, others[spaced_rows(len(others), most)]])))
 
 
 def joint_space_folds(q: Array, repeat_of: NDArray[np.int64], count: int = FOLDS) -> NDArray[np.int64]:
@@ -117,55 +132,34 @@ def held_out_blocks(
 
     Raises `LrmError`: too few poses, or a fold that does not converge.
     """
-    field = field_of(model)
-    if field is not None and model.free:
-        named = _named_blocks(named_part(model), data, bounds, loss, progress, prior, fold, len(data))
-        return blocks_with_field(field, data, named)
-    return _named_blocks(model, data, bounds, loss, progress, prior, fold)
-
-
-def _named_blocks(
-    model: Model,
-    data: Measurements,
-    bounds: Bounds | None,
-    loss: Loss,
-    progress: OnProgress,
-    prior: Prior | None,
-    fold: NDArray[np.int64] | None,
-    most: int = MOST_TRAINING,
-) -> tuple[HeldOutBlock, ...]:
-    tests = _tests(data, fold)
-    rows = _predicted(data, tests, most)
-    if not model.free:
-        everywhere = solve_equilibrium(model, data.poses)
-        return _blocks(data, tests, rows, (_some(everywhere, some) for some in rows), progress)
-    if len(data) <= MOST_AT_ONCE:
-        return _blocks(data, tests, rows, _refitted(model, data, tests, rows, bounds, loss, prior), progress)
-    fitted = fit(model, data, bounds, loss, prior)
-    return _blocks(data, tests, rows, one_step_fits(fitted, data, tests, bounds, prior, rows), progress)
+    field = field_of(model) if model.free else None
+    named = model if field is None else named_part(model)
+    splits = _splits(data, fold, MOST_TRAINING if field is None else len(data))
+    folds: Iterator[Equilibrium]
+    if not named.free:
+        everywhere = solve_equilibrium(named, data.poses)
+        folds = (_some(everywhere, split.predicted) for split in splits)
+    elif len(data) <= MOST_AT_ONCE:
+        folds = _refitted(named, data, splits, bounds, loss, prior)
+    else:
+        folds = one_step_fits(fit(named, data, bounds, loss, prior), data, splits, bounds, prior)
+    blocks = _blocks(data, splits, folds, progress)
+    return blocks if field is None else blocks_with_field(field, data, blocks)
 
 
 def blocks_of_fit(fitted: Fit, data: Measurements) -> tuple[HeldOutBlock, ...]:
     """`held_out_blocks` of a model that was fitted to these data within the bounds that its effects state."""
     if len(data) <= MOST_AT_ONCE or not fitted.model.free:
         return held_out_blocks(fitted.model, data, loss=fitted.loss, prior=fitted.weak_prior)
-    tests = _tests(data)
-    rows = _predicted(data, tests, MOST_TRAINING)
-    return _blocks(data, tests, rows, one_step_fits(fitted, data, tests, prior=fitted.weak_prior, predicted=rows))
+    splits = _splits(data)
+    return _blocks(data, splits, one_step_fits(fitted, data, splits, prior=fitted.weak_prior))
 
 
-def _tests(data: Measurements, fold: NDArray[np.int64] | None = None) -> list[NDArray[np.int64]]:
-    """Rows of each fold."""
+def _splits(data: Measurements, fold: NDArray[np.int64] | None = None, most: int = MOST_TRAINING) -> list[Split]:
+    """The split of each fold; at most so many rows that it is fitted to are predicted."""
     if fold is None:
         fold = joint_space_folds(data.poses.q, data.repeat_of)
-    return [np.flatnonzero(fold == number) for number in range(int(fold.max()) + 1)]
-
-
-def _predicted(data: Measurements, tests: Sequence[NDArray[np.int64]], most: int) -> list[NDArray[np.int64]]:
-    """Rows to predict with each fold's fit, ascending: what it leaves out, and at most so many of the others."""
-    others = [np.setdiff1d(np.arange(len(data)), test) for test in tests]
-    some = [rows[spaced_rows(len(rows), most)] for rows in others]
-    return [np.sort(np.concatenate(both)) for both in zip(some, tests, strict=True)]
+    return [Split.of(np.flatnonzero(fold == number), len(data), most) for number in range(int(fold.max()) + 1)]
 
 
 def _some(whole: OfPoses, rows: NDArray[np.int64]) -> OfPoses:
@@ -174,54 +168,42 @@ def _some(whole: OfPoses, rows: NDArray[np.int64]) -> OfPoses:
 
 
 def _blocks(
-    data: Measurements,
-    tests: Sequence[NDArray[np.int64]],
-    predicted: Sequence[NDArray[np.int64]],
-    folds: Iterable[Equilibrium],
-    progress: OnProgress = silent,
+    data: Measurements, splits: Sequence[Split], folds: Iterable[Equilibrium], progress: OnProgress = silent
 ) -> tuple[HeldOutBlock, ...]:
-    """The blocks, from the equilibrium of each fold's fit at its `predicted` rows."""
+    """The blocks, from the equilibrium of each fold's fit at the rows that are predicted."""
     blocks, whitening = [], data.whitening
-    for number, (test, rows, equilibrium) in enumerate(zip(tests, predicted, folds, strict=True)):
-        held = np.isin(rows, test)
+    for number, (split, equilibrium) in enumerate(zip(splits, folds, strict=True)):
+        test, rows, held = split.test, split.predicted, np.isin(split.predicted, split.test)
         part, unseen = data.take(test), equilibrium.take(np.flatnonzero(held))
         weighted = None
         if whitening.root is not None:
             weighted = whitening.unit * whitening.take(test)(part.residual(unseen))
         left = _some(data, rows).position_error(equilibrium)
         blocks.append(HeldOutBlock(rows[~held], test, left[~held], left[held], weighted, part.turn_error(unseen)))
-        progress(number + 1, len(tests))
+        progress(number + 1, len(splits))
     return tuple(blocks)
 
 
 def _refitted(
-    model: Model,
-    data: Measurements,
-    left_out: Sequence[NDArray[np.int64]],
-    predicted: Iterable[NDArray[np.int64]],
-    bounds: Bounds | None,
-    loss: Loss,
-    prior: Prior | None,
+    model: Model, data: Measurements, splits: Iterable[Split], bounds: Bounds | None, loss: Loss, prior: Prior | None
 ) -> Iterator[Equilibrium]:
-    """Equilibria at the `predicted` rows of the fits to all but each block."""
-    for rows, wanted in zip(left_out, predicted, strict=True):
-        found = fit(model, data.take(np.setdiff1d(np.arange(len(data)), rows)), bounds, loss, prior)
-        yield solve_equilibrium(found.model, _some(data, wanted).poses)
+    """Equilibria of fits to all but the test rows of each split, at the rows that are predicted."""
+    for split in splits:
+        found = fit(model, data.take(np.setdiff1d(np.arange(len(data)), split.test)), bounds, loss, prior)
+        yield solve_equilibrium(found.model, _some(data, split.predicted).poses)
 
 
 def one_step_fits(
     fitted: Fit,
     data: Measurements,
-    blocks: Sequence[NDArray[np.int64]],
+    splits: Sequence[Split],
     bounds: Bounds | None = None,
     prior: Prior | None = None,
-    predicted: Sequence[NDArray[np.int64]] | None = None,
 ) -> Iterator[Equilibrium]:
-    """Equilibria as fits to all but each block (rows of `data`) leave them, one step from the fit to all.
+    """Equilibria of fits to all but the test rows of each split, one step from the fit to all, at the predicted rows.
 
     Args:
         bounds, prior: of a fold whose step goes too far, which is fitted instead; others have the prior of the fit.
-        predicted: rows of the poses of each equilibrium; None: all.
 
     Raises as `fit`.
     """
@@ -233,22 +215,21 @@ def one_step_fits(
     free = np.array([key not in fitted.at_bound for key in model.free])
     noise = objective.noise_scale(iterate)
     parts, preconditioner = (
-        objective.linearise_each(iterate, noise, blocks),
+        objective.linearise_each(iterate, noise, [split.test for split in splits]),
         objective.preconditioner(fitted.equilibrium),
     )
-    wanted = predicted or [np.arange(len(data))] * len(blocks)
-    for left_out, (test, rows) in enumerate(zip(blocks, wanted, strict=True)):
+    for left_out, split in enumerate(splits):
         others = NormalEquations.summed([part.normal for number, part in enumerate(parts) if number != left_out])
         A = objective.gauss_newton(others, noise)[np.ix_(free, free)]
         descent = objective.negative_gradient(iterate, others, noise)
         z = iterate.z.copy()
         z[free] += np.linalg.lstsq(A, descent[free], rcond=None)[0]
         stepped = model.with_values_of(model.free, np.clip(z * typical, limits.lower, limits.upper))
-        near = _some(fitted.equilibrium, rows)
+        near = _some(fitted.equilibrium, split.predicted)
         known = preconditioner if near is fitted.equilibrium else None
-        equilibrium = _settled(stepped, _some(data, rows).poses, near, known)
+        equilibrium = _settled(stepped, _some(data, split.predicted).poses, near, known)
         if equilibrium is None:  # too far for the effects' formulas: the fit shortens its steps
-            yield from _refitted(model, data, [test], [rows], bounds, loss, prior)
+            yield from _refitted(model, data, [split], bounds, loss, prior)
         else:
             yield equilibrium
 

@@ -1,7 +1,8 @@
 """Gaussian process regression with a squared-exponential kernel and a length per input (ARD).
 
 Rasmussen & Williams 2006, chapters 2 and 5: y = f(x) + noise, k(x, x') = s² exp(−½ Σ ((x_d − x'_d) / l_d)²);
-hyperparameters by the marginal likelihood (empirical Bayes, Eq 5.8) with its analytic gradient (Eq 5.9).
+hyperparameters by the marginal likelihood (empirical Bayes, Eq 5.8) with its analytic gradient (Eq 5.9) and its average
+information (Gilmour, Thompson & Cullis 1995).
 """
 
 from __future__ import annotations
@@ -87,12 +88,13 @@ def condition(kernel: Kernel, inputs: Array, output: Array) -> GaussianProcess:
 
 
 @dataclass(frozen=True, eq=False)
-class LogLikelihood:
+class LogMarginalLikelihood:
     """Log marginal likelihood (Eq 5.8) of a kernel, to second order in the logarithms of its hyperparameters.
 
     Attributes:
         gradient: (D + 2,), by the logarithms of lengths, signal and noise (Eq 5.9).
-        information: (D + 2, D + 2), the mean of observed and expected information.
+        information: (D + 2, D + 2), the average information: the mean of observed and expected information without the
+            second derivatives of the covariance.
     """
 
     value: float
@@ -100,10 +102,10 @@ class LogLikelihood:
     information: Array
 
 
-def log_marginal_likelihood(kernel: Kernel, inputs: Array, output: Array) -> LogLikelihood:
-    """log p(y | X), its gradient and its average information (Gilmour, Thompson & Cullis 1995).
+def log_marginal_likelihood(kernel: Kernel, inputs: Array, output: Array) -> LogMarginalLikelihood:
+    """log p(y | X), its gradient and its average information (Gilmour, Thompson & Cullis 1995): ½ wᵀ ∂K K⁻¹ ∂K w.
 
-    The average information needs no product of matrices: ½ wᵀ ∂K K⁻¹ ∂K w, w = K⁻¹ y.
+    With w = K⁻¹ y it needs no product of matrices.
     """
     n = len(output)
     smooth = kernel.covariance(inputs, inputs)
@@ -125,11 +127,13 @@ def log_marginal_likelihood(kernel: Kernel, inputs: Array, output: Array) -> Log
     excess *= smooth.T
     weighted = dsymm(-1.0, excess, scaled, lower=1)
     lengths = weighted[:, -1] @ scaled[:, :-1] ** 2 - np.einsum("nd,nd->d", scaled[:, :-1], weighted[:, :-1])
-    return LogLikelihood(value, np.array([*lengths, weighted[:, -1].sum(), noisy]), 0.5 * root.T @ root)
+    return LogMarginalLikelihood(value, np.array([*lengths, weighted[:, -1].sum(), noisy]), 0.5 * root.T @ root)
 
 
 def fit_kernel(inputs: Array, output: Array, start: Kernel) -> Kernel:
-    """The kernel of largest marginal likelihood within bounds, by damped Newton steps with the average information.
+    """The kernel of largest marginal likelihood within bounds, by Fisher scoring with the average information.
+
+    Steps are damped (Levenberg 1944); hyperparameters at a bound that the gradient leads beyond stay there.
 
     Args:
         inputs: (n, D), each of a standard deviation near one. output: (n,), likewise, about zero.
@@ -155,8 +159,9 @@ def fit_kernel(inputs: Array, output: Array, start: Kernel) -> Kernel:
     return Kernel.of_log(z)
 
 
-def _factor(kernel: Kernel, outputs: Array) -> Array:
-    """Lower Cholesky factor of the outputs' covariance, from f's, in its place; the noise, which has a lower bound,
-    keeps it definite."""
-    outputs.flat[:: len(outputs) + 1] += kernel.noise**2
-    return np.asarray(cholesky(outputs.T, lower=True, overwrite_a=True, check_finite=False))  # LAPACK's order of memory
+def _factor(kernel: Kernel, covariance: Array) -> Array:
+    """(n, n), lower Cholesky factor of the outputs' covariance, from f's, in its place; the noise, which has a lower
+    bound, keeps it definite."""
+    covariance.flat[:: len(covariance) + 1] += kernel.noise**2
+    in_order = covariance.T  # LAPACK's order of memory
+    return np.asarray(cholesky(in_order, lower=True, overwrite_a=True, check_finite=False))

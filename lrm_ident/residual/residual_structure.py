@@ -99,7 +99,7 @@ def residual_structure(q: Array, residual: Array, basis: Array) -> ResidualStruc
         q: (N, n) joint angles (rad). residual: (3 N,), what the fit leaves. basis: (3 N, P), what the fit explains.
             Rows that were not measured are zero in both.
     """
-    near, successive = _neighbours(q), np.stack([np.arange(len(q) - 1), np.arange(1, len(q))], axis=1)
+    near, successive = neighbours(q), np.stack([np.arange(len(q) - 1), np.arange(1, len(q))], axis=1)
     rows = len(residual) // len(q)
     measured = (residual != 0.0) | basis.any(axis=1)
     noise = np.random.default_rng(SEED).normal(size=(len(residual), DRAWS)) * measured[:, None]
@@ -111,8 +111,8 @@ def residual_structure(q: Array, residual: Array, basis: Array) -> ResidualStruc
     return ResidualStructure(float(observed[0]), *p_values)
 
 
-def _neighbours(q: Array) -> NDArray[np.int64]:
-    """(M, 2), pairs of poses that are near in joint space."""
+def neighbours(q: Array) -> NDArray[np.int64]:
+    """(M, 2), pairs of each pose of joint angles q (N, n), rad, and of the `NEIGHBOURS` nearest ones."""
     count, every = min(NEIGHBOURS, len(q) - 1), np.arange(len(q))
     near = [_nearest(q, rows, count) for rows in np.array_split(every, -(-len(q) // PAIRS_AT_ONCE))]
     return np.stack([np.repeat(every, count), np.concatenate(near).ravel()], axis=1)

@@ -96,8 +96,8 @@ class Poses:
         columns = {f.name: getattr(self, f.name) for f in fields(self) if f.name != "sha256"}
         return replace(self, **{name: column[chosen] for name, column in columns.items() if column is not None})
 
-    def perturbed(self, joint: int, step: float) -> Poses:
-        """The same poses with one joint angle changed by `step` (rad)."""
+    def perturbed(self, joint: int, step: float | Array) -> Poses:
+        """The same poses with one joint angle changed by `step` (rad), a float or (N,)."""
         q = self.q.copy()
         q[:, joint] += step
         return replace(self, q=q)

@@ -34,7 +34,7 @@ TIME = PlausibleSize("time since the start", "s", 0.0, 1e10, times(milliseconds=
 TEMPERATURE = PlausibleSize("temperature", "degC", 0.0, 150.0, {"kelvin": (1.0, -273.15)})
 SUPPLY = PlausibleSize("supply voltage", "V", 0.5, 500.0, times(millivolts=1e-3))
 COORDINATE = PlausibleSize("a coordinate of a position", "mm", 0.0, 1e7)
-TURNED = PlausibleSize("angle of a joint", "deg", 0.0, 1e6)
+JOINT_ANGLE = PlausibleSize("angle of a joint", "deg", 0.0, 1e6)
 SD = PlausibleSize("standard deviation of a position", "mm", 0.0, 100.0, times(micrometres=1e-3))
 TURN_SD = PlausibleSize("standard deviation of an angle", "deg", 0.0, 45.0)
 LEAST_LOAD, MOST_LOAD = 1e-3, 10.0
@@ -134,8 +134,8 @@ def quantities_of_joints(dof: int, how: Reading = AS_NAMED) -> tuple[PoseQuantit
     )
     signs = tuple(how.joint_sign or (1,))
     return (
-        PoseQuantity("angles", angles, size=TURNED, required=True, commanded=True, signs=signs),
-        PoseQuantity("feedback", feedback, size=TURNED, may_be_empty=True, signs=signs),
+        PoseQuantity("angles", angles, size=JOINT_ANGLE, required=True, commanded=True, signs=signs),
+        PoseQuantity("feedback", feedback, size=JOINT_ANGLE, may_be_empty=True, signs=signs),
         PoseQuantity("sides", sides, (), SIDES, commanded=True, signs=signs),
     )
 

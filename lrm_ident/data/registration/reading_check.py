@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from lrm_ident.data.measurement_file.conventions import axes_matrix, axes_words, rigid_motion
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.registration.coarse_fit import coarse_fit, trimmed_rms
+from lrm_ident.data.registration.column_imputation import imputed_angles, imputed_coordinate
 from lrm_ident.data.registration.hypotheses import (
     COMPOUND,
     SIMPLE,
@@ -29,7 +30,6 @@ from lrm_ident.data.registration.hypotheses import (
 )
 from lrm_ident.data.registration.row_choice import drawn_rows
 from lrm_ident.data.registration.similarity import Similarity, robust_similarity
-from lrm_ident.data.registration.told_columns import told_angles, told_coordinate
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_file import read_arm, shipped_arms
 from lrm_math.arrays import Array
@@ -55,10 +55,10 @@ ALIKE = 1.5
 """Readings whose scores differ by less cannot be distinguished; the simplest of them is taken."""
 DOUBTFUL = 0.06
 """Share of the spread beyond which a reading is doubtful: arms with errors of 10 deg and 20 mm stay below 0.02."""
-UNRELATED, RELATED = 0.33, 0.8
-"""Part of the score that is left, at most, with a column as the others tell it, if it held another quantity; and how
-much both then have in common: of angles the mean resultant length of their difference (Mardia & Jupp 2000), of a
-coordinate the share of its variance. What was pushed or slipped meanwhile leaves more than 0.9 of either."""
+IMPROVED, AGREED = 0.33, 0.8
+"""If a column holds another quantity: the most that is left of the score with it imputed from the others, and the most
+that both agree: of angles the mean resultant length of their difference (Mardia & Jupp 2000), of a coordinate the
+coefficient of determination. After a push or a slip meanwhile they agree to more than 0.9."""
 SCALE_TOLERANCE = 0.35
 RIGHT_ANGLED = 0.5  # Frobenius norm of a rotation less a signed permutation: about 20 deg
 REGISTRATIONS = 2
@@ -234,27 +234,27 @@ def _other_arms(points: PointSet) -> Iterator[Scored]:
 
 
 def _unrelated_columns(points: PointSet, read: Scored) -> Iterator[Scored]:
-    """The data with one column as the others tell it, where they then fit much better."""
+    """The data with one column imputed from the others, where they then fit much better and the two hardly agree."""
     if points.reading.frame != "unknown":
-        every = (*_told_joints(points), *_told_coordinates(points))
-        yield from (s for s in map(points.scored, every) if s.share < UNRELATED * read.share)
+        every = (*_with_imputed_angles(points), *_with_imputed_coordinates(points))
+        yield from (s for s in map(points.scored, every) if s.share < IMPROVED * read.share)
 
 
-def _told_joints(points: PointSet) -> Iterator[Hypothesis]:
+def _with_imputed_angles(points: PointSet) -> Iterator[Hypothesis]:
     for joint, number in enumerate(points.reading.joint_order or range(1, points.arm.dof + 1)):
-        angles = told_angles(points.arm, points.poses, points.tcp, joint)
-        if np.abs(np.exp(1j * (angles - points.poses.q[:, joint])).mean()) > RELATED:
+        angles = imputed_angles(points.arm, points.poses, points.tcp, joint)
+        if np.abs(np.exp(1j * (angles - points.poses.q[:, joint])).mean()) > AGREED:
             continue
         words = f"the angles of joint {joint + 1} do not belong to these positions"
         remedy = f"look into the column of q{number}: its unit, its sign, its rows"
         yield points.as_read.also(words, COMPOUND, remedy).with_joint(joint, angles)
 
 
-def _told_coordinates(points: PointSet) -> Iterator[Hypothesis]:
+def _with_imputed_coordinates(points: PointSet) -> Iterator[Hypothesis]:
     for axis, name in enumerate("xyz"):
         tcp = points.tcp.copy()
-        tcp[:, axis] = told_coordinate(points.arm, points.poses, points.tcp, axis)
-        if np.var(tcp[:, axis] - points.tcp[:, axis]) < (1.0 - RELATED) * np.var(tcp[:, axis]):
+        tcp[:, axis] = imputed_coordinate(points.arm, points.poses, points.tcp, axis)
+        if np.var(tcp[:, axis] - points.tcp[:, axis]) < (1.0 - AGREED) * np.var(tcp[:, axis]):
             continue
         words, remedy = f"{name} does not belong to these angles", "look into its column: its unit, its sign, its rows"
         yield replace(points.as_read.also(words, COMPOUND, remedy), tcp=tcp)

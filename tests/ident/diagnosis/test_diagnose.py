@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.spatial import cKDTree
 
 from lrm_ident.data.error_stats import error_stats
 from lrm_ident.data.measurement_file.load import load_measurements, load_poses
@@ -35,7 +36,7 @@ from lrm_ident.fitting.parameter_sets import select_parameters
 from lrm_ident.report.plots.diagnosis import draw_report
 from lrm_ident.residual.better_prediction import paired_z
 from lrm_ident.residual.data_audit import audit
-from lrm_ident.residual.residual_structure import NoiseFloor, noise_floor, residual_structure
+from lrm_ident.residual.residual_structure import NEIGHBOURS, NoiseFloor, neighbours, noise_floor, residual_structure
 from lrm_math.arm.arm import Arm
 from lrm_math.effects import CATALOGUE, Effect, effects_at
 from lrm_math.errors import FileError, LrmError
@@ -324,6 +325,16 @@ def test_what_friction_does_to_repeats_is_no_noise(lab: Arm) -> None:
     assert noise_floor(data, equilibrium).sd == pytest.approx(3e-4, rel=0.25)
     without = solve_equilibrium(model_of(lab, ()), equilibrium.poses)
     assert (noise_floor(data, without).sd or 0.0) > 1e-3
+
+
+@given(st.integers(0, 2**32 - 1), st.integers(2, 450))
+def test_neighbours_are_the_nearest_poses(seed: int, count: int) -> None:
+    """Oracle: a k-d tree."""
+    q = np.random.default_rng(seed).uniform(-1.0, 1.0, (count, 3))
+    pairs = neighbours(q)
+    nearest = np.linalg.norm(q[pairs[:, 0]] - q[pairs[:, 1]], axis=1).reshape(count, -1)
+    distances, _ = cKDTree(q).query(q, k=min(NEIGHBOURS, count - 1) + 1)
+    np.testing.assert_allclose(np.sort(nearest, axis=1), distances[:, 1:], atol=1e-7)
 
 
 @pytest.mark.slow

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from lrm_ident.data.measurements import Measurements
-from lrm_ident.fitting.cross_validation import held_out_blocks
+from lrm_ident.fitting.cross_validation import MOST_TRAINING, Split, blocks_of_fit, held_out_blocks, one_step_fits
 from lrm_ident.fitting.identifiability import MOST_AT_ONCE
 from lrm_ident.fitting.least_squares import objective
 from lrm_ident.fitting.least_squares.block_qr import CompressedRows, compress
@@ -53,3 +53,16 @@ def test_a_fit_of_many_poses_creeps_on_a_part_of_them_only(monkeypatch: pytest.M
     found = fit_model(nominal_model(load_arm("two-joint")), data, "identifiable", SQUARED).fit
     held_out_blocks(found.model, data, prior=found.weak_prior)
     assert sum(count > MOST_AT_ONCE for count in counts) <= MOST_STEPS
+
+
+def test_a_fold_is_predicted_alike_at_some_of_the_others_and_at_all() -> None:
+    data = flat_valley(MOST_TRAINING + 500)
+    fitted = fit_model(nominal_model(load_arm("two-joint")), data, "identifiable", SQUARED).fit
+    blocks = blocks_of_fit(fitted, data)
+    whole = one_step_fits(fitted, data, [Split.of(block.test, len(data), len(data)) for block in blocks])
+    for block, equilibrium in zip(blocks, whole, strict=True):
+        left = data.position_error(equilibrium)
+        assert len(block.train) == MOST_TRAINING
+        assert not np.isin(block.train, block.test).any()
+        np.testing.assert_allclose(block.test_residual, left[block.test], atol=1e-8)  # m
+        np.testing.assert_allclose(block.train_residual, left[block.train], atol=1e-8)

@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from lrm_ident.data.measurements import Measurements
-from lrm_ident.fitting.cross_validation import one_step_fits
+from lrm_ident.fitting.cross_validation import Split, one_step_fits
 from lrm_ident.fitting.least_squares.smoothness import (
     LEAST,
     MOST,
@@ -165,9 +165,10 @@ def test_compare_says_how_many_poses_lie_outside(lab: Arm) -> None:
 def test_a_step_of_a_fold_that_runs_away_is_fitted_instead(lab: Arm, monkeypatch: pytest.MonkeyPatch) -> None:
     data = wavy(lab)
     blocks = [np.arange(k, 70, 5) for k in range(5)]
+    splits = [Split.of(rows, 70, 70) for rows in blocks]
     fitted = fit(curved(lab), data)
-    steps = list(one_step_fits(fitted, data, blocks))
+    steps = list(one_step_fits(fitted, data, splits))
     monkeypatch.setattr("lrm_ident.fitting.cross_validation._settled", lambda *_: None)
-    for rows, stepped, refitted in zip(blocks, steps, one_step_fits(fitted, data, blocks), strict=True):
+    for rows, stepped, refitted in zip(blocks, steps, one_step_fits(fitted, data, splits), strict=True):
         errors = [np.linalg.norm(data.position_error(equilibrium)[rows]) for equilibrium in (stepped, refitted)]
         assert errors[0] == pytest.approx(errors[1], rel=0.3)

@@ -83,12 +83,12 @@ def test_average_information_of_the_marginal_likelihood(seed: int, inputs: int) 
     x, y = rng.normal(size=(12, inputs)), rng.normal(size=12)
     log = rng.uniform(-0.7, 0.7, inputs + 2)
 
-    def outputs(values: Array) -> Array:
+    def output_covariance(values: Array) -> Array:
         kernel = Kernel.of_log(values)
         return np.asarray(kernel.covariance(x, x) + kernel.noise**2 * np.eye(12))
 
-    inverse = np.linalg.inv(outputs(log))
-    sides = [(outputs(log + step), outputs(log - step)) for step in 1e-6 * np.eye(inputs + 2)]
+    inverse = np.linalg.inv(output_covariance(log))
+    sides = [(output_covariance(log + step), output_covariance(log - step)) for step in 1e-6 * np.eye(inputs + 2)]
     moved = np.stack([(above - below) / 2e-6 @ inverse @ y for above, below in sides])
     found = log_marginal_likelihood(Kernel.of_log(log), x, y).information
     np.testing.assert_allclose(found, 0.5 * moved @ inverse @ moved.T, rtol=1e-4, atol=1e-6)
