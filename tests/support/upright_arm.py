@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -17,13 +18,25 @@ from validation.synthetic.generate import directions
 
 
 def upright_measurements(
-    folder: Path, seed: int, count: int, noise: float, hidden: tuple[synthetic.HiddenEffect, ...] = ()
+    folder: Path,
+    seed: int,
+    count: int,
+    noise: float,
+    hidden: tuple[synthetic.HiddenEffect, ...] = (),
+    softness: float = 1.0,
+    text: str = template("upright"),
 ) -> tuple[Model, Measurements]:
-    """The nominal model and `count` random poses, one after the other, with a noise (m per axis) that is stated."""
+    """The nominal model and `count` random poses, one after the other, with a noise (m per axis) that is stated.
+
+    Args:
+        softness: what the joints' compliances are multiplied by. text: of the arm's file.
+    """
     file = folder / "arm.toml"
-    file.write_text(template("upright"))
+    file.write_text(text)
     arm, number = synthetic.load_arm(file), np.arange(1, count + 1)
     truth = synthetic.base_displacement_to_deviations(arm, synthetic.GroundTruth.random(arm, seed, hidden))
+    soft = tuple(softness * compliance for compliance in truth.joint_compliance_rad_per_nm)
+    truth = replace(truth, joint_compliance_rad_per_nm=soft)
     q, load = synthetic.random_poses(arm, count, seed, floor_m=-1.0), np.zeros(count)
     plan = synthetic.even_schedule(*q.shape)
     tcp = synthetic.measure(arm, truth, q, load, noise, seed, plan)

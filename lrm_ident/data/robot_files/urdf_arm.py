@@ -184,11 +184,12 @@ def _clean(value: float) -> float:
 
 
 def _joint(joint: UrdfJoint, link: DhLink | None, notices: list[str]) -> Joint:
+    extra_z = None if link is None else 0.0  # the tool's position says the same of the last link
     link = link or DhLink(0.0, 0.0, 0.0, 0.0, 0.0)
     lower, upper = max(joint.lower, -2.0 * math.pi), min(joint.upper, 2.0 * math.pi)
     if (lower, upper) != (joint.lower, joint.upper):
         notices.append(f"{joint.name}: limits cut to one turn either way")
-    return Joint(link.theta, link.d, link.a, link.alpha, None, lower, upper, beta=link.beta, name=joint.name)
+    return Joint(link.theta, link.d, link.a, link.alpha, extra_z, lower, upper, beta=link.beta, name=joint.name)
 
 
 def _bodies(robot: Urdf, path: Sequence[UrdfJoint], far: Sequence[Array]) -> Iterator[Body]:
