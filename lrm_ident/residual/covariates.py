@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Literal
@@ -32,6 +32,7 @@ UNITS = {
     "total torque": "N·m",
 }
 SYMBOLS = {"angle": "q", "motion": "the last motion of q", "torque": "tau"}
+REDUNDANT = 0.999  # correlation above which a quantity says nothing beside another
 CONSTANT = 1e-9  # SI: a quantity that varies less is round-off
 
 
@@ -109,6 +110,17 @@ def _all(data: Measurements, torque: Array) -> Iterator[Covariate]:
         yield Covariate("time", poses.t)
     if poses.temperature is not None:
         yield Covariate("temperature", poses.temperature)
+
+
+def distinct(values: Mapping[str, Array]) -> dict[str, Array]:
+    """Standardised values (N,) by symbol, save what does not vary or repeats an earlier one, as time does the order."""
+    out: dict[str, Array] = {}
+    for symbol, own in values.items():
+        if np.ptp(own) > CONSTANT:
+            x = (own - own.mean()) / own.std()
+            if all(abs(x @ other) < REDUNDANT * len(x) for other in out.values()):
+                out[symbol] = x
+    return out
 
 
 def scaled(values: Array) -> Array:

@@ -19,7 +19,7 @@ from itertools import combinations, product
 import numpy as np
 
 from lrm_ident.data.measurements import Measurements
-from lrm_ident.residual.covariates import CONSTANT, Covariate, covariates, levels, scaled
+from lrm_ident.residual.covariates import CONSTANT, Covariate, covariates, distinct, levels, scaled
 from lrm_math.arrays import Array
 from lrm_math.kinematics.forward import frames
 from lrm_math.model.equilibrium import Equilibrium
@@ -154,6 +154,7 @@ def _common_modes(joint_jacobian: Array, data: Measurements, equilibrium: Equili
     drivers = [one for one in covariates(data, torque[:, :0]) if one.kind in COMMON_DRIVERS]
     if np.ptp(total := np.abs(torque).sum(axis=1)) > CONSTANT:
         drivers.append(Covariate("total torque", total))
+    told_apart = distinct({one.symbol: one.values for one in drivers})
     stretch = np.zeros_like(joint_jacobian[0])
     stretch[:3] = equilibrium.tcp.T
     motions = {
@@ -162,7 +163,11 @@ def _common_modes(joint_jacobian: Array, data: Measurements, equilibrium: Equili
         "the scale of all lengths": stretch,
     }
     constant = np.ones((len(data), 1))
-    bases = {one.symbol: np.hstack([constant, one.legendre_basis(SINGLE_DEGREE)]) for one in drivers}
+    bases = {
+        one.symbol: np.hstack([constant, one.legendre_basis(SINGLE_DEGREE)])
+        for one in drivers
+        if one.symbol in told_apart
+    }
     return [
         FreeFunction(None, (symbol,), ((motion, basis),), common=place)
         for place, motion in motions.items()

@@ -18,12 +18,11 @@ from lrm_ident.data.registration.row_choice import spaced_rows
 from lrm_ident.data.wording import in_mm
 from lrm_ident.fitting.held_out import HeldOutBlock, held_out_rows
 from lrm_ident.residual.better_prediction import saves, vuong_z
-from lrm_ident.residual.covariates import CONSTANT, covariates
+from lrm_ident.residual.covariates import covariates, distinct
 from lrm_ident.residual.thresholds import MIN_NAMELESS_GAIN, Z_THRESHOLD
 from lrm_math.arrays import Array
 
 SEARCH_ROWS = 250  # of those a block learns from: for the search of a kernel
-REDUNDANT = 0.999  # correlation above which an input says nothing beside another, as time beside the order
 RELEVANT, MOST_FOLLOWED = 0.1, 5  # of the most relevant input; inputs that are named
 
 
@@ -43,13 +42,7 @@ def pose_covariates(data: Measurements, position: Array) -> dict[str, Array]:
         sides = enumerate(data.poses.direction.T, start=1)
         inputs |= {f"direction of approach of joint {joint}": side for joint, side in sides}
     inputs |= {f"position {axis}": values for axis, values in zip("xyz", position.T, strict=True)}
-    out: dict[str, Array] = {}
-    for symbol, values in inputs.items():
-        if np.ptp(values) > CONSTANT:
-            x = (values - values.mean()) / values.std()
-            if all(abs(x @ other) < REDUNDANT * len(x) for other in out.values()):
-                out[symbol] = x
-    return out
+    return distinct(inputs)
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,6 +11,7 @@ from lrm_math.errors import LrmError
 
 IDLE_GAIN, IDLE_LIKELIHOOD = 1e-5, 0.3
 """A step that gains no more is idle: part of the objective, and of it over the squared noise."""
+LIKELIHOOD_TOLERANCE = 1e-4  # predicted increase of the log-likelihood: as of MINUIT (James & Roos 1975)
 POSTERIOR_TOLERANCE = 1e-6  # predicted increase of the log-posterior: parameters to a thousandth of their errors
 PENALISED_TOLERANCE = 1e-3  # the same where penalties of forms, known to a third, decide it: to a part of their errors
 
@@ -33,8 +34,9 @@ def longest_change(start: Iterate, trial: Iterate) -> float:
 
 def is_last(quadratic: QuadraticModel, trial: Iterate, tolerance: float) -> bool:
     """Whether a step was too short to matter, or no decrease was predicted; `tolerance`: of the log-posterior."""
-    value, weight = quadratic.value(quadratic.iterate), quadratic.noise.prior_weight
-    least = max(GAIN_TOLERANCE * value, tolerance * weight)
+    value, noise = quadratic.value(quadratic.iterate), quadratic.noise
+    sigma = noise.sigma or quadratic.objective.residual_sd(quadratic.iterate)
+    least = max(GAIN_TOLERANCE * value, tolerance * (sigma / noise.scale) ** 2)
     return longest_change(quadratic.iterate, trial) < STEP_TOLERANCE or quadratic.predicted(trial) < least
 
 
