@@ -4,10 +4,10 @@
  * Python packs a model into one `Arm` (kernel_model.py, shared_library.py) and calls the functions marked API with ctypes.
  * Lengths in m, angles in rad, loads in N m; frames are four columns x, y, z, origin: twelve numbers.
  *
- *   1 Arm, state                    5 Error of a goal, Newton's method     9 Poses: all branches
- *   2 Forward kinematics, loads     6 Closed form                          10 Goals that leave motion free
- *   3 Derivatives                   7 Singular directions                  11 Nearest reachable goal
- *   4 Joint laws, equilibrium       8 Library of poses                     12 Batches
+ *   1 Arm, state                    5 Error of a goal, Newton's method     8 Poses: all branches
+ *   2 Forward kinematics, loads     6 Closed form                          9 Goals that leave motion free
+ *   3 Derivatives                   7 Seeds: singular directions,         10 Nearest reachable goal
+ *   4 Joint laws, equilibrium         library of poses                    11 Batches
  */
 #include <math.h>
 #include <stddef.h>
@@ -119,6 +119,9 @@ static double plus_product(double x, const double *a, const double *b, int n) {
 }
 static void add(double by, const double *x, int n, double *out) {
     for (int i = 0; i < n; i++) out[i] += by * x[i];
+}
+static void scale(double by, double *x, int n) {
+    for (int i = 0; i < n; i++) x[i] *= by;
 }
 static double excess_of(const Arm *a, const double *q) {
     double out = -INFINITY;
@@ -277,10 +280,12 @@ static void linear_command(const Arm *a, const double *tau, const double *s, dou
     for (int j = 0; j < a->joints; j++) q[j] = s[a->joint[j]] - spring_amount(a, tau, a->joint[j]);
 }
 
-/* measured_range.held: x, at the end of its interval where it is far outside. */
-static double held(double x, double lower, double upper) {
-    const double over = x - clipped(x, lower, upper), part = over / (FADE * (upper - lower) + 1e-9);
-    return x - over * (1 - exp(-part * part));
+/* compliance.py: deflection of a nonlinear spring, under a torque held at the end of its range where it is far outside
+ * (measured_range.held). */
+static double nonlinear_deflection(const double *p, double torque) {
+    const double over = torque - clipped(torque, p[2], p[3]), part = over / (FADE * (p[3] - p[2]) + 1e-9);
+    const double t = torque - over * (1 - exp(-part * part));
+    return t * (p[0] * fabs(t) + p[1] * t * t);
 }
 
 /* True angles of the joints less their commands: springs, and the laws of laws.py, for commands q under gravity loads;
@@ -299,11 +304,7 @@ static void joint_errors(const Arm *a, const double *gravity_load, const double 
         case ECCENTRICITY:
             out[j] += p[0] * sin(x) + p[1] * (cos(x) - 1) + 2 * sin(x) * (p[2] * cos(x) - p[3] * sin(x)); break;
         case BACKLASH: out[j] += 0.5 * p[0] * tanh(load / p[1]); break;
-        case NONLINEAR_STIFFNESS: {
-            const double t = held(load, p[2], p[3]);
-            out[j] += t * (p[0] * fabs(t) + p[1] * t * t);
-            break;
-        }
+        case NONLINEAR_STIFFNESS: out[j] += nonlinear_deflection(p, load); break;
         case HYSTERESIS: out[j] += 0.5 * p[0] * side[j]; break;
         case COUPLING: out[j] += p[0] * q[(int)p[1]]; break;
         default: break;
@@ -399,12 +400,10 @@ static int settle(const Arm *a, const double *q, const int *side, double toleran
         for (int i = 0; i < a->others; i++) step[a->other[i]] = lack_of(a, a->other[i], s, w);
         for (int v = 0; v < a->slots; v++) change += fabs(step[v]) * (a->axis[v] < 3 ? a->reach : 1);
         if (!(change < 1e6)) return -1;
-        if (change <= tolerance) {
-            add(1, step, a->slots, s);
-            return it;
-        }
-        if (it <= 20) accelerate(&memory, s, step, a->slots);
-        else add(it > 60 ? 0.4 : 1, step, a->slots, s);
+        const int done = change <= tolerance;
+        if (it <= 20 && !done) accelerate(&memory, s, step, a->slots);
+        else add(it > 60 && !done ? 0.4 : 1, step, a->slots, s);
+        if (done) return it;
     }
     return -1;
 }
@@ -428,12 +427,11 @@ static double goal_error(const double *g, int rows, State *w) {
     for (int i = 0; i < 3; i++) e[i] = g[9 + i] - t[9 + i], e[3 + i] = 0;
     if (rows == 3) return dot(e, e);
     for (int k = rows == 6 ? 0 : 6; k < 9; k += 3) {
-        cross(t + k, g + k, part);
-        for (int i = 0; i < 3; i++) turn[i] += share * part[i];
+        cross(t + k, g + k, part), add(share, part, 3, turn);
         cosine += share * dot(t + k, g + k);
     }
-    const double sine = length(turn, 3), angle = LEVER * atan2(sine, cosine), scale = angle / larger(sine, 1e-300);
-    for (int i = 0; i < 3; i++) e[3 + i] = scale * (rows == 6 ? turn[i] : i < 2 ? dot(turn, t + 3 * i) : 0);
+    const double sine = length(turn, 3), angle = LEVER * atan2(sine, cosine), by = angle / larger(sine, 1e-300);
+    for (int i = 0; i < 3; i++) e[3 + i] = by * (rows == 6 ? turn[i] : i < 2 ? dot(turn, t + 3 * i) : 0);
     return dot(e, e) + angle * angle;
 }
 
@@ -483,12 +481,14 @@ static void total_jacobian(const Arm *a, int rows, const double *law_slope, Stat
     for (int r = 0; r < rows; r++) w->e[r] -= w->total[r][n];
 }
 
+static void move_joints(const Arm *a, const double *step, double much, double *s) {
+    for (int j = 0; j < a->joints; j++) s[a->joint[j]] += much * step[j];
+}
 static void move(const Arm *a, const State *w, const double *step, double *s) {
-    for (int j = 0; j < a->joints; j++) s[a->joint[j]] += step[j];
-    for (int i = 0; i < w->followers; i++) {
-        double *amount = s + w->follower[i];
-        *amount = plus_product(*amount + w->follow[i][a->joints], w->follow[i], step, a->joints);
-    }
+    const int n = a->joints, *slot = w->follower;
+    move_joints(a, step, 1, s);
+    for (int i = 0; i < w->followers; i++)
+        s[slot[i]] = plus_product(s[slot[i]] + w->follow[i][n], w->follow[i], step, n);
 }
 
 /* Least-squares step of the joints to w->e (Levenberg 1944), damping in m^2. Of more joints than constraints
@@ -503,12 +503,10 @@ static void damped_step(const Arm *a, const State *w, int rows, double damping, 
 
 /* Scales a step (n,) down to a largest element; returns the largest that it had. */
 static double shortened(double *step, int n, double longest) {
-    const double size = largest(step, n), cut = size > longest ? longest / size : 1;
-    for (int j = 0; j < n; j++) step[j] *= cut;
+    const double size = largest(step, n);
+    if (size > longest) scale(longest / size, step, n);
     return size;
 }
-
-enum { MOST_STEPS = 40, PATIENCE = 4 };
 
 /* Newton's method in the slot amounts s, in place: the joints go to the goal, the other slots to their equilibrium.
  * Damping in proportion to the squared error keeps convergence fast and works where the Jacobian is singular
@@ -516,6 +514,7 @@ enum { MOST_STEPS = 40, PATIENCE = 4 };
  * `side`: of arrival, where known. Returns 1 if the goal is reached. */
 static int newton(const Arm *a, const double *goal, int rows, const int *side, double *s, State *w, Found *found,
                   int limited) {
+    enum { MOST_STEPS = 40, PATIENCE = 4 };
     const double least_damping = 1e-3, tiny = 1e-15, nearly = 1e-5;
     double before = INFINITY, damping = least_damping, best = INFINITY;
     int since = 0;
@@ -620,14 +619,12 @@ static double root_of(double square, double most, double round_off, double misse
 /* The branches of a pose (Pieper 1968), as pieper.py derives them, that lie in a window.
  * Bits 4, 2, 1 of a branch's number: signs of elbow, shoulder, wrist. */
 static void closed_form(const Form *f, const double *g, const Window *win, double missed, Branches *out) {
-    double r[9], p[3], c[3], C[3], K[3], X[3], seen[3];
+    double r[9], c[3], C[3], K[3], X[3], seen[3];
     const double L2 = f->length * f->length, *link = f->links[0];
     out->exists = out->degenerate = 0;
-    for (int i = 0; i < 3; i++) {
-        for (int j = 0; j < 3; j++) r[3 * i + j] = f->backwards ? g[3 * j + i] : g[3 * i + j];
-        c[i] = f->backwards ? f->centre[i] - g[9 + i] : f->centre[i], p[i] = f->backwards ? 0 : g[9 + i];
-    }
-    in_base(r, c, seen), add(1, p, 3, seen), in_base(f->frame, seen, C), add(-1, f->foot, 3, C);
+    for (int i = 0; i < 9; i++) r[i] = g[f->backwards ? 3 * (i % 3) + i / 3 : i]; /* backwards: the goal inverted */
+    COPY(c, f->centre, 3), add(-f->backwards, g + 9, 3, c), in_base(r, c, seen), add(!f->backwards, g + 9, 3, seen);
+    in_base(f->frame, seen, C), add(-1, f->foot, 3, C);
     in_base(r, f->tip_x, seen), in_base(f->frame, seen, X);
     in_base(r, f->tip_z, seen), in_base(f->frame, seen, K);
     const int outward[6] = {0, 1, 2, 3, 4, 5}, inward[6] = {5, 4, 3, 2, 1, 0}, *at = f->backwards ? inward : outward;
@@ -651,7 +648,7 @@ static void closed_form(const Form *f, const double *g, const Window *win, doubl
         at_elbow(f, C[2], square, cos3, sin3, v, u);
         const double round2 = v[0] * v[0] + v[1] * v[1], least = lesser(flat, round2);
         const int lost1 = flat < 1e-18 * L2, lost2 = round2 < 1e-14 * L2;
-        if (f->shape != SKEW) {
+        if (f->shape != SKEW) { /* one part of u is known, the other one a root: |u| = |v| */
             const double known = u[f->shape == MEETING];
             const double other = f->shape == MEETING ? link[0] * known - link[1] * v[2] : known + f->a;
             const double inside = flat < round2 ? flat - other * other : round2 - known * known;
@@ -683,7 +680,7 @@ static void closed_form(const Form *f, const double *g, const Window *win, doubl
             double sin5 = l5[1] * sqrt(larger(1 - cos5 * cos5, EDGE * EDGE));
             const double side = -l4[0] * cos5 * l5[1] - l4[1] * l5[0];
             for (int wrist = 0; wrist < (lost4 ? 1 : 2); wrist++, sin5 = -sin5) {
-                const int number = first + (f->shape == SKEW ? 0 : 2 * shoulder) + wrist;
+                const int number = first + 2 * shoulder + wrist;
                 const double free4 = win->towards[at[3]] + f->offsets[2];
                 const double t4 = lost4 ? free4 : atan2(sin5 * m[1] - side * m[0], sin5 * m[0] + side * m[1]);
                 const double q4 = into_window(win, at[3], t4 - f->offsets[2]);
@@ -714,7 +711,7 @@ static Window window_of(const Arm *a, const double *towards, int limited) {
     return out;
 }
 
-/* ---------------------------------------------------------------- 7 Singular directions ------------------------- */
+/* ---------------------------------------------------------------- 7 Seeds: singular directions, library of poses -- */
 
 /* The joint motion (largest element 1) that moves the tool least by w->total, and the tool's direction then; returns its
  * speed (m/rad): up to that scale the smallest singular value, by inverse iteration (Wielandt 1944). */
@@ -723,21 +720,11 @@ static double slowest(const Arm *a, const State *w, double *along, double *direc
     Row N[MAX_JOINTS];
     factorise(w->total, 6, n, 1, 1e-15, N);
     for (int j = 0; j < n; j++) along[j] = 1 + 0.3 * j;
-    for (int it = 0; it < 4; it++) {
-        substitute(N, along, n);
-        const double scale = 1 / larger(largest(along, n), 1e-300);
-        for (int j = 0; j < n; j++) along[j] *= scale;
-    }
+    for (int it = 0; it < 4; it++) substitute(N, along, n), scale(1 / larger(largest(along, n), 1e-300), along, n);
     times(w->total, 6, n, along, direction);
     const double speed = length(direction, 6);
     for (int r = 0; r < 6; r++) direction[r] /= larger(speed, 1e-300);
     return speed;
-}
-
-/* ---------------------------------------------------------------- 8 Library of poses ---------------------------- */
-
-static void move_joints(const Arm *a, const double *by, double much, double *s) {
-    for (int j = 0; j < a->joints; j++) s[a->joint[j]] += much * by[j];
 }
 
 /* Slot amounts of an arm at true joint angles (or commands) q, the other slots where searches begin. */
@@ -774,7 +761,7 @@ static int closest(const Arm *a, const double *goal, int rows, const double *tow
     return count;
 }
 
-/* ---------------------------------------------------------------- 9 Poses: all branches ------------------------- */
+/* ---------------------------------------------------------------- 8 Poses: all branches ------------------------- */
 
 /* The command for the state of an arm, and the sides its joints arrive from, coming from `near` (or NULL: UNKNOWN): a
  * side follows from the command and changes it; where that contradicts itself the joint has to make a detour. */
@@ -783,12 +770,11 @@ static int command_from(const Arm *a, const State *w, const double *s, const dou
     if (!command(a, w->tau, s, out->side, out->q)) return 0;
     if (!near) return 1;
     for (int j = 0; j < a->joints; j++) out->side[j] = sign(out->q[j] - near[j]);
-    for (int round = 0; round < 3; round++) {
-        int wrong = 0;
-        if (!command(a, w->tau, s, out->side, out->q)) return 0;
-        for (int j = 0; j < a->joints; j++) wrong |= out->detour[j] = sign(out->q[j] - near[j]) != out->side[j];
-        if (!wrong || round == 2) break;
+    for (int round = 0, wrong = 1; round < 3 && wrong; round++) {
         for (int j = 0; j < a->joints; j++) if (out->detour[j]) out->side[j] = -out->side[j];
+        if (!command(a, w->tau, s, out->side, out->q)) return 0;
+        wrong = 0;
+        for (int j = 0; j < a->joints; j++) wrong |= out->detour[j] = sign(out->q[j] - near[j]) != out->side[j];
     }
     return 1;
 }
@@ -839,8 +825,7 @@ static void along_fold(const Arm *a, const double *goal, const double *u, double
     for (int r = 0; r < 6; r++) y[r] = w->e[r] - lambda * A[r][n];
     factorise(A, 6, n + 1, 0, 1e-12, N), least_norm(A, N, 6, n + 1, y, correction);
     times(A, 6, n + 1, ahead, y), least_norm(A, N, 6, n + 1, y, beside), add(-1, beside, n + 1, ahead);
-    const double scale = 1 / larger(length(ahead, n + 1), 1e-300);
-    for (int i = 0; i <= n; i++) ahead[i] *= scale;
+    scale(1 / larger(length(ahead, n + 1), 1e-300), ahead, n + 1);
 }
 
 /* Seeds across a fold, where two solutions merge (Borrel & Liegeois 1986), from solution number `k`: along the curve on
@@ -873,8 +858,8 @@ static void fold_seeds(const Arm *a, const double *goal, const double *near, int
                 attempt(a, goal, near, seed, 1, found);
             }
             if (x > 0) {
-                const double scale = off < 0.02 * stride ? 2 : off > 0.08 * stride ? 0.5 : 1;
-                stride = clipped(scale * stride, first, longest), before = lambda;
+                const double growth = off < 0.02 * stride ? 2 : off > 0.08 * stride ? 0.5 : 1;
+                stride = clipped(growth * stride, first, longest), before = lambda;
             }
             lambda += stride * ahead[n];
             add(stride, ahead, n, step), move(a, &w, step, s);
@@ -899,26 +884,24 @@ static void null_space_seeds(const Arm *a, const double *goal, const double *nea
 }
 
 /* All branches of a pose: Newton's method from the closed form of the arm that looks like this one, from null-space
- * seeds, from across folds and from poses of the library; the more of these, the less was found, at last until one
- * solves it.
- * near: present commands, or NULL. Returns the number of solutions within the limits. */
+ * seeds, from across folds and from poses of the library; the more of these, the less was found, and at last until one
+ * solves the goal. near: present commands, or NULL. Returns the number of solutions within the limits. */
 API int ik_pose(const Arm *a, const double *goal, const double *near, Found *found) {
     Branches b;
     double s[MAX_SLOTS];
-    int outside = 0, done = 0;
+    int done = 0;
     found->count = found->steps = b.exists = 0;
     if (a->has_form) {
         const Window all = window_of(a, NULL, 0);
         closed_form(&a->form, goal, &all, INFINITY, &b);
     }
     for (int k = 0; k < BRANCHES; k++) {
-        if (!(b.exists >> k & 1)) continue;
-        if (excess_of(a, b.q[k]) > SLACK) { outside |= 1 << k; continue; }
-        start_at(a, b.q[k], s);
-        attempt(a, goal, near, s, 1, found);
+        if (!(b.exists >> k & 1) || excess_of(a, b.q[k]) > SLACK) continue;
+        start_at(a, b.q[k], s), attempt(a, goal, near, s, 1, found);
     }
     if (near) start_at(a, near, s), attempt(a, goal, near, s, 1, found);
-    for (int k = 0; k < BRANCHES; k++) if (outside >> k & 1) null_space_seeds(a, goal, near, b.q[k], found);
+    for (int k = 0; k < BRANCHES; k++)
+        if (b.exists >> k & 1 && excess_of(a, b.q[k]) > SLACK) null_space_seeds(a, goal, near, b.q[k], found);
     while (done < found->count) fold_seeds(a, goal, near, done++, found);
     for (int last = 0; last < 2 && !(last && solved(found)); last++) {
         int close[RANKED];
@@ -932,13 +915,13 @@ API int ik_pose(const Arm *a, const double *goal, const double *near, Found *fou
     return solved(found);
 }
 
-/* ---------------------------------------------------------------- 10 Goals that leave motion free --------------- */
+/* ---------------------------------------------------------------- 9 Goals that leave motion free --------------- */
 
 /* From s, in place, to the command nearest to `towards` that reaches the goal: least squares of joint motions subject
  * to the linearised goal, step after step, joints stopping at their limits (sequential quadratic programming with an
  * active set); at last Newton's method alone. Returns 1 if it ends there. */
 static int slide(const Arm *a, const double *goal, int rows, const double *towards, double *s, State *w,
-                    Found *found) {
+                 Found *found) {
     const int n = a->joints;
     double before = INFINITY, share = 1, by_laws[MAX_JOINTS] = {0}; /* what laws add to commands: it changes slowly */
     int settled = 0;
@@ -1003,7 +986,7 @@ API int ik_free(const Arm *a, const double *goal, int rows, const double *toward
     return solved(found);
 }
 
-/* ---------------------------------------------------------------- 11 Nearest reachable goal --------------------- */
+/* ---------------------------------------------------------------- 10 Nearest reachable goal --------------------- */
 
 /* Square of the error (m^2) of a command's equilibrium, amounts s in place; infinite where there is none. */
 static double settled_error(const Arm *a, const double *goal, int rows, const double *q, double *s, State *w) {
@@ -1043,14 +1026,12 @@ static double descend(const Arm *a, const double *goal, int rows, double *q, dou
             top = larger(top, square);
         }
         for (int tries = 0; tries < 20 && !(new < f); tries++) {
-            double step[MAX_JOINTS], gain = 0;
+            double step[MAX_JOINTS];
             damped_step(a, &w, rows, damping * top, step);
             shortened(step, n, 0.7);
-            for (int j = 0; j < n; j++) {
+            for (int j = 0; j < n; j++)
                 moved[j] = clipped(q[j] + step[j], a->lower[j], a->upper[j]), step[j] = moved[j] - q[j];
-                gain += step[j] * gradient[j];
-            }
-            if (gain < 1e-11 * f || largest(step, n) < 1e-9) return f;
+            if (plus_product(0, step, gradient, n) < 1e-11 * f || largest(step, n) < 1e-9) return f;
             COPY(there, s, a->slots), move(a, &w, step, there);
             new = settled_error(a, goal, rows, moved, there, &next), found->steps++;
             damping = new < f ? 0.1 * damping : larger(5 * damping, 1e-3);
@@ -1092,7 +1073,7 @@ API int ik_nearest(const Arm *a, const double *goal, int rows, int starts, int k
     return found->count;
 }
 
-/* ---------------------------------------------------------------- 12 Batches ------------------------------------ */
+/* ---------------------------------------------------------------- 11 Batches ------------------------------------ */
 
 API unsigned ik_source(void) { return SOURCE_CRC; }
 API size_t ik_size(int which) { return which ? sizeof(Found) : sizeof(Arm); }
@@ -1188,13 +1169,13 @@ API int ik_cube(const Arm *a, const Arm *drawn, const double *centre, double sid
                 double tolerance, double *q, double *s) {
     const Window win = window_of(a, q, 1);
     const int count = points * points * points;
-    double near[6], goal[12], last[6], slots[MAX_SLOTS], there[MAX_SLOTS], offset[3] = {0}, from[3], best = INFINITY;
+    double goal[12], last[6], slots[MAX_SLOTS], there[MAX_SLOTS], offset[3] = {0}, from[3], best = INFINITY;
     State w;
     Branches b;
-    COPY(near, q, 6), COPY(last, q, 6), COPY(slots, s, a->slots), COPY(goal, centre, 12), COPY(from, centre + 9, 3);
+    COPY(last, q, 6), COPY(slots, s, a->slots), COPY(goal, centre, 12), COPY(from, centre + 9, 3);
     for (int k = 0; k < 2 * count && (k < count || best > side / (points - 1)); k++) {
         const int i = (k + count / 2) % count, step[3] = {i / (points * points), i / points % points, i % points};
-        double command_[6], off[3], least = INFINITY; /* that of the nominal branches which is nearest to `near` */
+        double command_[6], off[3], least = INFINITY; /* the nominal branch nearest to the first command */
         for (int x = 0; x < 3; x++) {
             goal[9 + x] = centre[9 + x] + side * ((double)step[x] / (points - 1) - 0.5);
             off[x] = goal[9 + x] + offset[x] - target[x];
@@ -1202,7 +1183,7 @@ API int ik_cube(const Arm *a, const Arm *drawn, const double *centre, double sid
         if (k < count && length(off, 3) - 0.5 * distance(goal + 9, from) > best + 0.1 * tolerance) continue;
         closed_form(&drawn->form, goal, &win, 0, &b);
         for (int n = 0; n < BRANCHES; n++) {
-            const double turn = b.exists >> n & 1 ? apart(b.q[n], near, 6) : INFINITY;
+            const double turn = b.exists >> n & 1 ? apart(b.q[n], win.towards, 6) : INFINITY;
             if (turn < least) least = turn, COPY(command_, b.q[n], 6);
         }
         if (least == INFINITY) continue;
