@@ -17,7 +17,7 @@ from pathlib import Path
 
 from examples.so101.hidden_arm import ARM_FILE, BUSES, HIDDEN, HiddenSo101, hidden_truth
 from lrm_math.errors import LrmError, UnknownName
-from lrmd.ramp.clock import MonotonicClock
+from lrmd.ramp.process import MonotonicClock
 from lrmd.sim.control_socket import ControlServer, QueryReply
 from lrmd.sim.pty_port import PtyPort
 from lrmd.sim.simulation import SECOND

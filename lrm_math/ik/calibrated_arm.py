@@ -201,7 +201,7 @@ def commands(arm: CalibratedArm, query: IkQuery) -> IkSolutions | None:
     """All branches that the seeds lead to, or commands nearest to `near`; None if no seed leads to the goal.
 
     Seeds are the branches of an equivalent arm's closed form, null-space and fold seeds, and poses of the library (see
-    section 9 of `kernel/ik_kernel.c`). Where they lead to nothing within the limits, Newton's method starts from the
+    section 8 of `kernel/ik_kernel.c`). Where they lead to nothing within the limits, Newton's method starts from the
     nearest command, if it is within 1 cm, and from the nominal arm's branches.
     """
     if not arm.library.reach_ball.contains(query.goal.position):

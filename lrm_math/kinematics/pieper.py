@@ -26,7 +26,7 @@ from lrm_math.kinematics.screw_axes import ScrewAxes, angle_about, common_normal
 PieperForm: TypeAlias = Mapping[str, ArrayLike]
 """Constants of the normal form by name; SI, angles counted from the common normals.
 
-frame: rows x, y, z of the first axis' frame in the goal's (or, backwards, the tool's) frame.
+frame: columns x, y, z of the goal's (or, backwards, the tool's) frame in the first axis' frame, one after the other.
 foot: origin of that frame, in its own axes (m).
 centre: wrist centre S in the tool's (backwards: the goal's) frame (m).
 tip_x, tip_z: last common normal and last axis there.
@@ -69,7 +69,7 @@ def _outward(axes: ScrewAxes, backwards: bool) -> PieperForm | None:
         return None
     R = axes.rotation
     vectors = {
-        "frame": frame, "foot": frame @ first.foot, "centre": R.T @ (S - axes.position),
+        "frame": frame.T, "foot": frame @ first.foot, "centre": R.T @ (S - axes.position),
         "tip_x": R.T @ normals[4].normal, "tip_z": R.T @ h[5], "v0": v0, "vc": vc, "vs": vs,
     }  # fmt: skip
     return {name: np.where(np.abs(v) < ROUND_OFF, 0.0, v) for name, v in vectors.items()} | {

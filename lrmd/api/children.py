@@ -97,12 +97,6 @@ class ChildProcesses:
         while self.shared.read_report() is None and time.monotonic_ns() < deadline and not self.ramp.ended():
             time.sleep(0.002)
 
-    def wait_for_order(self, number: int, timeout: int) -> None:
-        """Waits until the ramp has read an order, or for `timeout` (ns): then it is known where a motion begins."""
-        deadline = time.monotonic_ns() + timeout
-        while (report := self.shared.read_report()) and report.order != number and time.monotonic_ns() < deadline:
-            time.sleep(0.001)
-
     def stop(self) -> None:
         """Ends all of them."""
         for child in (self.ramp, self.ik, self.router):

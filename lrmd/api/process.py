@@ -15,10 +15,9 @@ import zenoh
 
 from lrm_math.errors import FileError, LrmError
 from lrmd.api.children import ChildProcesses
-from lrmd.api.event_log import EventRing, EventThrottle
 from lrmd.api.model_reload import ActiveModel
 from lrmd.api.presence import IkProbe, Presence
-from lrmd.api.publisher import StatePublisher
+from lrmd.api.publisher import EventRing, EventThrottle, StatePublisher
 from lrmd.api.supervisor import ChildProcess, RestartLimitExceeded, silence
 from lrmd.api.systemd_notify import notify, watchdog_s
 from lrmd.api.zenoh_server import ZenohServer
@@ -232,7 +231,7 @@ class ApiProcess:
             self._model.wait_for_ik(deployed)
             return self._publisher.reloaded(tail, deployed)
         if isinstance(request, MoveRequest | JogRequest):
-            self._children.wait_for_order(self._controller.order.number, SETTLING_TIME)
+            self._shared.wait_for_order(self._controller.order.number, SETTLING_TIME)
         with self._lock:
             now = time.monotonic_ns()
             self._observe(now)

@@ -1,4 +1,6 @@
-"""The real-time process that owns the serial port: a periodic loop with absolute deadlines.
+"""The real-time process that owns the serial port: a periodic loop with absolute deadlines, and its clock.
+
+A late tick is skipped, never caught up: the staircase of pulses only gets longer.
 
 No zenoh, logging or files here: they would delay ticks of the same interpreter by milliseconds. No numpy and no
 configuration either: a ramp that died is back before the board falls silent, also on a slow and busy computer.
@@ -10,16 +12,16 @@ import contextlib
 import ctypes
 import gc
 import os
+import select
 import signal
+import time
 from dataclasses import dataclass
 
 from lrmd.link.serial_port import SerialPort
 from lrmd.ramp.board_link import BoardSettings
-from lrmd.ramp.clock import MonotonicClock
 from lrmd.ramp.core import RampCore
 from lrmd.ramp.parent import SharedFd, die_with_parent
 from lrmd.ramp.shared_memory import BUCKET_NS, BUCKETS, LinkState, RampReport, SharedRecords
-from lrmd.ramp.stepping import next_due
 
 MCL_CURRENT, MCL_FUTURE = 1, 2
 DUTY_SHARE = 0.01
@@ -28,6 +30,42 @@ STANDBY_TICKS = 6
 """Periods between two ticks while the ramp stands by; an emergency stop wakes it before."""
 REOPEN_EVERY = 3
 """Ticks between two attempts to reopen a lost port."""
+
+
+@dataclass(frozen=True)
+class MonotonicClock:
+    """CLOCK_MONOTONIC since `start` (ns), scaled by `speed`, which differs from 1 with a simulated board only."""
+
+    speed: float = 1.0
+    start: int = 0
+
+    def now(self) -> int:
+        """Current time, ns."""
+        passed = time.monotonic_ns() - self.start
+        return int(passed * self.speed) if self.speed != 1.0 else passed
+
+    def seconds_to(self, due: int) -> float:
+        """Real time (s) until `due` (ns); 0 if that is over."""
+        return max(0.0, (due - self.now()) / self.speed * 1e-9)
+
+    def sleep_until(self, due: int) -> None:
+        """Sleeps until `due` (ns). Python sleeps to an absolute time of the same clock, so errors do not accumulate."""
+        time.sleep(self.seconds_to(due))
+
+    def wait_for(self, descriptor: int, due: int) -> None:
+        """Sleeps until `due` (ns), or until there is something to read from the descriptor."""
+        select.select([descriptor], [], [], self.seconds_to(due))
+
+
+def next_due(now: int, due: int, period: int) -> tuple[int, int]:
+    """Next deadline (ns) after `due` on the grid of `period`, and the number of deadlines already missed.
+
+    If the clock went back by more than a period, the grid restarts at `now`.
+    """
+    if now < due - period:
+        return now + period, 0
+    skipped = max(0, (now - due) // period)
+    return due + (skipped + 1) * period, skipped
 
 
 @dataclass(frozen=True)

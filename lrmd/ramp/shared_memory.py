@@ -8,6 +8,7 @@ from __future__ import annotations
 import ctypes
 import mmap
 import os
+import time
 import zlib
 from dataclasses import dataclass, fields
 from enum import IntEnum
@@ -234,3 +235,9 @@ class SharedRecords:
         """The newest report, None before the first."""
         data = self._read("report")
         return None if data is None else RampReport.unpack(data)
+
+    def wait_for_order(self, number: int, timeout: int) -> None:
+        """Waits until the ramp has read an order, or for `timeout` (ns): then it is known where a motion begins."""
+        deadline = time.monotonic_ns() + timeout
+        while (report := self.read_report()) and report.order != number and time.monotonic_ns() < deadline:
+            time.sleep(0.001)

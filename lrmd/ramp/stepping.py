@@ -1,7 +1,6 @@
-"""Integer interpolation of a move: every pulse after each tick, and the deadline of the next tick.
+"""Integer interpolation of a move: every pulse after each tick.
 
-A tick changes a pulse by at most one step (1 us in Conenna 2024, section 5.4). A late tick is skipped, never caught up:
-the staircase only gets longer.
+A tick changes a pulse by at most one step (1 us in Conenna 2024, section 5.4).
 """
 
 from __future__ import annotations
@@ -89,14 +88,3 @@ class Way:
         while parts and done >= parts[0][1]:
             done, parts = done - parts[0][1], parts[1:]
         return Way(parts, done if parts else 0)
-
-
-def next_due(now: int, due: int, period: int) -> tuple[int, int]:
-    """Next deadline (ns) after `due` on the grid of `period`, and the number of deadlines already missed.
-
-    If the clock went back by more than a period, the grid restarts at `now`.
-    """
-    if now < due - period:
-        return now + period, 0
-    skipped = max(0, (now - due) // period)
-    return due + (skipped + 1) * period, skipped

@@ -23,7 +23,7 @@ from lrm_math.errors import FileError, LrmError
 from lrm_math.model.model import Model, model_of
 from lrm_math.model.model_file import load_model
 from lrmd.link.pca9685 import CHANNELS
-from lrmd.ramp.clock import MonotonicClock
+from lrmd.ramp.process import MonotonicClock
 from lrmd.sim.arm import SimulatedArm
 from lrmd.sim.board import SimulatedBoard
 from lrmd.sim.control_socket import ControlServer, QueryReply, answer_query, control_path, query_board

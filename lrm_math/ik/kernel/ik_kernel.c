@@ -4,10 +4,10 @@
  * Python packs a model into one `Arm` (kernel_model.py, shared_library.py) and calls the functions marked API with ctypes.
  * Lengths in m, angles in rad, loads in N m; frames are four columns x, y, z, origin: twelve numbers.
  *
- *   1 Arm, state                    5 Error of a goal, Newton's method     9 Poses: all branches
- *   2 Forward kinematics, loads     6 Closed form                          10 Goals that leave motion free
- *   3 Derivatives                   7 Singular directions                  11 Nearest reachable goal
- *   4 Joint laws, equilibrium       8 Library of poses                     12 Batches
+ *   1 Arm, state                    5 Error of a goal, Newton's method     8 Poses: all branches
+ *   2 Forward kinematics, loads     6 Closed form                          9 Goals that leave motion free
+ *   3 Derivatives                   7 Seeds: singular directions,         10 Nearest reachable goal
+ *   4 Joint laws, equilibrium         library of poses                    11 Batches
  */
 #include <math.h>
 #include <stddef.h>
@@ -31,10 +31,10 @@ enum { MEETING, PARALLEL, SKEW };                                            /* 
 enum { SERVO_GAIN, ECCENTRICITY, BACKLASH, NONLINEAR_STIFFNESS, HYSTERESIS, CABLE_SPRING, COUPLING };  /* laws.py */
 #define FADE 0.05 /* measured_range.FADE */
 #define MARGIN 1.25 /* residual_field.MARGIN */
-enum { RANKED = 512, KEPT = 128 };
+enum { RANKED = 512, MOST_STARTS = 64 };
 
 typedef struct { /* Pieper's normal form of an arm of six joints; pieper.py says what each number is */
-    double frame[3][3], foot[3], centre[3], tip_x[3], tip_z[3], a, links[5][2], offsets[4], v0[3], vc[3], vs[3];
+    double frame[9], foot[3], centre[3], tip_x[3], tip_z[3], a, links[5][2], offsets[4], v0[3], vc[3], vs[3];
     double elbow[3], length;
     int shape, backwards;
 } Form;
@@ -71,16 +71,15 @@ typedef struct {
 
 static const int UNKNOWN[MAX_JOINTS] = {0}; /* sides of arrival */
 static const double NOTHING[MAX_SLOTS] = {0};
-typedef double Row[MAX_JOINTS + 1]; /* of a matrix whose columns are joints, and at last what is lacking */
-typedef struct { double value[4], slope[4][MAX_JOINTS]; } Displacement; /* by a residual field: m, m/rad; 0: none */
+typedef double Row[MAX_JOINTS + 1]; /* of a matrix: derivatives by the joints, and at last the value or what it lacks */
 typedef struct { /* what belongs to one set of slot amounts */
     double tcp[12], axis[MAX_SLOTS][3], origin[MAX_SLOTS][3], tau[MAX_SLOTS];
     double lever[MAX_SLOTS][3], by_counted[MAX_SLOTS][3], by_moved[MAX_SLOTS][3];
-    double mass[MAX_BODIES + 1], first[MAX_BODIES + 1][3]; /* mass and first moment of body b and all outboard */
+    double outboard[MAX_BODIES + 1][4]; /* first moment and mass of body b and all outboard */
     double J[6][MAX_SLOTS], e[6], lack[MAX_SLOTS];
     Row total[6], follow[MAX_SLOTS];
     int follower[MAX_SLOTS], followers;
-    Displacement field;
+    Row field[4]; /* displacement by a residual field along x, y, z, from 1; 0: along none */
 } State;
 
 static const double LEVER = 0.1;     /* m: weight of a turn by 1 rad against a distance (characteristic length) */
@@ -121,6 +120,9 @@ static double plus_product(double x, const double *a, const double *b, int n) {
 static void add(double by, const double *x, int n, double *out) {
     for (int i = 0; i < n; i++) out[i] += by * x[i];
 }
+static void scale(double by, double *x, int n) {
+    for (int i = 0; i < n; i++) x[i] *= by;
+}
 static double excess_of(const Arm *a, const double *q) {
     double out = -INFINITY;
     for (int j = 0; j < a->joints; j++) out = larger(out, larger(a->lower[j] - q[j], q[j] - a->upper[j]));
@@ -142,8 +144,8 @@ static void place(const Arm *a, const double *s, State *w, double *after) {
     for (int v = 0, body = 0; v <= a->slots; v++) {
         if (after) COPY(after + 12 * v, f, 12);
         for (; body < a->bodies && a->inboard[body] == v; body++) {
-            in_base(f, a->moment[body], w->first[body]);
-            add(a->moment[body][3], p, 3, w->first[body]);
+            double *out = w->outboard[body];
+            in_base(f, a->moment[body], out), out[3] = a->moment[body][3], add(out[3], p, 3, out);
         }
         COPY(before, f, 12);
         in_base(before, a->fixed[v] + 9, p), add(1, before + 9, 3, p);
@@ -164,48 +166,45 @@ static void place(const Arm *a, const double *s, State *w, double *after) {
 }
 static void forward(const Arm *a, const double *s, State *w) {
     place(a, s, w, NULL);
-    w->mass[a->bodies] = w->first[a->bodies][0] = w->first[a->bodies][1] = w->first[a->bodies][2] = 0;
-    for (int b = a->bodies - 1; b >= 0; b--) {
-        w->mass[b] = w->mass[b + 1] + a->moment[b][3];
-        for (int i = 0; i < 3; i++) w->first[b][i] += w->first[b + 1][i];
-    }
+    memset(w->outboard[a->bodies], 0, sizeof *w->outboard);
+    for (int b = a->bodies - 1; b >= 0; b--) add(1, w->outboard[b + 1], 4, w->outboard[b]);
     for (int v = 0; v < a->slots; v++) {
-        const double *first = w->first[a->counted[v]], m = w->mass[a->counted[v]];
+        const double *first = w->outboard[a->counted[v]];
         double *lever = w->lever[v];
         cross(a->gravity, w->axis[v], lever);
-        w->tau[v] = dot(lever, first) - m * dot(lever, w->origin[v]);
-        if (a->axis[v] >= 3) lever[0] = lever[1] = lever[2] = 0, w->tau[v] = m * dot(a->gravity, w->axis[v]);
+        w->tau[v] = dot(lever, first) - first[3] * dot(lever, w->origin[v]);
+        if (a->axis[v] >= 3) lever[0] = lever[1] = lever[2] = 0, w->tau[v] = first[3] * dot(a->gravity, w->axis[v]);
     }
 }
 
 /* ---------------------------------------------------------------- 3 Derivatives --------------------------------- */
 
+/* How a first moment and mass (4,), or a point and 1, changes with slot v. */
+static void swept(const Arm *a, const State *w, int v, const double *moment, double *out) {
+    double arm[3];
+    for (int i = 0; i < 3; i++) arm[i] = moment[i] - moment[3] * w->origin[v][i];
+    if (a->axis[v] < 3) cross(w->axis[v], arm, out);
+    else for (int i = 0; i < 3; i++) out[i] = moment[3] * w->axis[v][i];
+}
+
 /* Geometric Jacobian: velocity of the tool (m/rad, or 1) above LEVER times its angular velocity; w->total: the joints'
  * columns of it. */
 static void jacobian(const Arm *a, State *w) {
+    const double tip[4] = {w->tcp[9], w->tcp[10], w->tcp[11], 1};
     for (int v = 0; v < a->slots; v++) {
-        const double *u = w->axis[v], *o = w->origin[v], *t = w->tcp + 9;
-        double arm[3] = {t[0] - o[0], t[1] - o[1], t[2] - o[2]}, along[3];
-        cross(u, arm, along);
-        for (int i = 0; i < 3; i++) {
-            w->J[i][v] = a->axis[v] < 3 ? along[i] : u[i];
-            w->J[3 + i][v] = a->axis[v] < 3 ? LEVER * u[i] : 0;
-        }
+        double along[3];
+        swept(a, w, v, tip, along);
+        for (int i = 0; i < 3; i++) w->J[i][v] = along[i], w->J[3 + i][v] = a->axis[v] < 3 ? LEVER * w->axis[v][i] : 0;
     }
     for (int r = 0; r < 6; r++)
         for (int j = 0; j < a->joints; j++) w->total[r][j] = w->J[r][a->joint[j]];
 }
 
-/* How the mass moments of the bodies from `body` outwards change with slot v. */
-static void swept(const Arm *a, const State *w, int v, int body, double *out) {
-    double arm[3];
-    for (int i = 0; i < 3; i++) arm[i] = w->first[body][i] - w->mass[body] * w->origin[v][i];
-    if (a->axis[v] < 3) cross(w->axis[v], arm, out);
-    else for (int i = 0; i < 3; i++) out[i] = w->mass[body] * w->axis[v][i];
-}
 static void sweep(const Arm *a, State *w) {
-    for (int v = 0; v < a->slots; v++)
-        swept(a, w, v, a->moved[v], w->by_moved[v]), swept(a, w, v, a->counted[v], w->by_counted[v]);
+    for (int v = 0; v < a->slots; v++) {
+        swept(a, w, v, w->outboard[a->moved[v]], w->by_moved[v]);
+        swept(a, w, v, w->outboard[a->counted[v]], w->by_counted[v]);
+    }
 }
 
 /* d tau_u / d s_v, (slots,) added `by` times to out: the Hessian of gravity's potential; less what u counts although v,
@@ -216,7 +215,7 @@ static void add_load_derivatives(const Arm *a, const State *w, int u, double by,
         double all[3];
         out[v] += by * dot(w->lever[v], w->by_counted[u]);
         if (a->counted[u] >= a->moved[v]) continue;
-        swept(a, w, v, a->counted[u], all);
+        swept(a, w, v, w->outboard[a->counted[u]], all);
         out[v] -= by * (dot(w->lever[u], all) - dot(w->lever[u], w->by_moved[v]));
     }
 }
@@ -231,7 +230,7 @@ static void deflection_derivative(const Arm *a, const State *w, int row, double 
     add_load_derivatives(a, w, row, 0.5 * a->play[row] / a->play_force[row] * (1 - taken * taken), out);
 }
 
-/* Of a matrix A (rows, n): A x (rows,), A^T x (n,), and A^T A plus `damping` on its diagonal, the lower triangle. */
+/* Of a matrix A (rows, n): A x (rows,), and A^T x (n,). */
 static void times(const Row *A, int rows, int n, const double *x, double *out) {
     for (int r = 0; r < rows; r++) out[r] = plus_product(0, A[r], x, n);
 }
@@ -239,25 +238,18 @@ static void transposed_times(const Row *A, int rows, int n, const double *x, dou
     for (int j = 0; j < n; j++) out[j] = 0;
     for (int r = 0; r < rows; r++) add(x[r], A[r], n, out);
 }
-static void gram(const Row *A, int rows, int n, double damping, Row *N) {
-    for (int i = 0; i < n; i++)
-        for (int j = 0; j <= i; j++) {
-            N[i][j] = i == j ? damping : 0;
-            for (int r = 0; r < rows; r++) N[i][j] += A[r][i] * A[r][j];
-        }
-}
 
-/* Cholesky factorisation in place of the lower triangle, reciprocal pivots; a pivot that is not positive becomes 0. */
-static int factorise(Row *N, int m) {
-    int definite = 1;
-    for (int i = 0; i < m; i++)
+/* Cholesky factors of A^T A (n, n) if `columns`, or of A A^T (rows, rows), plus `damping` on the diagonal: the lower
+ * triangle, reciprocal pivots; a pivot that is not positive becomes 0. */
+static void factorise(const Row *A, int rows, int n, int columns, double damping, Row *N) {
+    for (int i = 0; i < (columns ? n : rows); i++)
         for (int j = 0; j <= i; j++) {
-            double x = N[i][j];
+            double x = i == j ? damping : 0;
+            if (columns) for (int k = 0; k < rows; k++) x += A[k][i] * A[k][j];
+            else x = plus_product(x, A[i], A[j], n);
             for (int k = 0; k < j; k++) x -= N[i][k] * N[j][k];
-            if (i == j) definite &= x > 0;
             N[i][j] = i == j ? (x > 0 ? 1 / sqrt(x) : 0) : x * N[j][j];
         }
-    return definite;
 }
 static void substitute(const Row *N, double *y, int m) {
     for (int i = 0; i < m; i++) {
@@ -269,13 +261,7 @@ static void substitute(const Row *N, double *y, int m) {
         y[i] *= N[i][i];
     }
 }
-
-/* Factors N of A A^T plus `damping` on its diagonal, and by them the least x (n,) with A x = y (rows,). */
-static void factorise_rows(const Row *A, int rows, int n, double damping, Row *N) {
-    for (int i = 0; i < rows; i++)
-        for (int j = 0; j <= i; j++) N[i][j] = plus_product(i == j ? damping : 0, A[i], A[j], n);
-    factorise(N, rows);
-}
+/* The least x (n,) with A x = y (rows,), by the factors N of A A^T. */
 static void least_norm(const Row *A, const Row *N, int rows, int n, const double *y, double *x) {
     double weight[6];
     COPY(weight, y, rows), substitute(N, weight, rows), transposed_times(A, rows, n, weight, x);
@@ -294,10 +280,12 @@ static void linear_command(const Arm *a, const double *tau, const double *s, dou
     for (int j = 0; j < a->joints; j++) q[j] = s[a->joint[j]] - spring_amount(a, tau, a->joint[j]);
 }
 
-/* measured_range.held: x, at the end of its interval where it is far outside. */
-static double held(double x, double lower, double upper) {
-    const double over = x > upper ? x - upper : x < lower ? x - lower : 0, part = over / (FADE * (upper - lower) + 1e-9);
-    return x - over * (1 - exp(-part * part));
+/* compliance.py: deflection of a nonlinear spring, under a torque held at the end of its range where it is far outside
+ * (measured_range.held). */
+static double nonlinear_deflection(const double *p, double torque) {
+    const double over = torque - clipped(torque, p[2], p[3]), part = over / (FADE * (p[3] - p[2]) + 1e-9);
+    const double t = torque - over * (1 - exp(-part * part));
+    return t * (p[0] * fabs(t) + p[1] * t * t);
 }
 
 /* True angles of the joints less their commands: springs, and the laws of laws.py, for commands q under gravity loads;
@@ -316,11 +304,7 @@ static void joint_errors(const Arm *a, const double *gravity_load, const double 
         case ECCENTRICITY:
             out[j] += p[0] * sin(x) + p[1] * (cos(x) - 1) + 2 * sin(x) * (p[2] * cos(x) - p[3] * sin(x)); break;
         case BACKLASH: out[j] += 0.5 * p[0] * tanh(load / p[1]); break;
-        case NONLINEAR_STIFFNESS: {
-            const double t = held(load, p[2], p[3]);
-            out[j] += t * (p[0] * fabs(t) + p[1] * t * t);
-            break;
-        }
+        case NONLINEAR_STIFFNESS: out[j] += nonlinear_deflection(p, load); break;
         case HYSTERESIS: out[j] += 0.5 * p[0] * side[j]; break;
         case COUPLING: out[j] += p[0] * q[(int)p[1]]; break;
         default: break;
@@ -328,21 +312,16 @@ static void joint_errors(const Arm *a, const double *gravity_load, const double 
     }
 }
 
-/* From axes that turn with joint 1's command (cosine c, sine s) to the world's; B: the base's axes as columns. */
-static void to_world(const double *B, double c, double s, double *v) {
-    const double u[3] = {c * v[0] - s * v[1], s * v[0] + c * v[1], v[2]};
-    for (int i = 0; i < 3; i++) v[i] = dot(B + 3 * i, u);
-}
-/* residual_field.py: the displacement of all base slots for commands q, and its derivatives. */
-static void displacement(const Arm *a, const double *q, Displacement *out) {
-    double t[WAVES * MAX_JOINTS + 1] = {1}, by_q[WAVES * MAX_JOINTS + 1] = {0}, fade[MAX_JOINTS], inside = 1;
-    memset(out, 0, sizeof *out);
+/* residual_field.py: the displacement of all base slots for commands q, after its derivatives. */
+static void displacement(const Arm *a, const double *q, Row *out) {
+    double t[WAVES * MAX_JOINTS + 1] = {1}, by_q[WAVES * MAX_JOINTS + 1] = {0}, fade[MAX_JOINTS + 1] = {0}, inside = 1;
+    const int n = a->joints;
+    memset(out, 0, 4 * sizeof *out);
     if (!a->terms) return;
-    for (int j = 0; j < a->joints; j++) {
+    for (int j = 0; j < n; j++) {
         const double l = a->field_lower[j], u = a->field_upper[j], half = u > l ? 0.5 * MARGIN * (u - l) : 1;
         const double wave = 0.25 * TURN / half, x = wave * (q[j] - 0.5 * (l + u) + half), c = cos(x), s = sin(x);
-        const double root = sqrt(2.0), over = q[j] > u ? q[j] - u : q[j] < l ? q[j] - l : 0;
-        const double width = FADE * (u - l) + 1e-9, part = over / width;
+        const double root = sqrt(2.0), width = FADE * (u - l) + 1e-9, part = (q[j] - clipped(q[j], l, u)) / width;
         double cm = c, sm = s; /* of m x */
         for (int m = 1; m <= a->field_waves; m++) {
             t[WAVES * j + m] = root * cm, by_q[WAVES * j + m] = -root * m * sm * wave;
@@ -352,22 +331,22 @@ static void displacement(const Arm *a, const double *q, Displacement *out) {
         inside *= exp(-part * part), fade[j] = -2 * part / width;
     }
     for (int k = 0; k < a->terms; k++) {
-        const int *f = a->term_factor[k], i = a->term_axis[k];
-        out->value[i] += a->term[k] * t[f[0]] * t[f[1]] * t[f[2]];
+        const int *f = a->term_factor[k];
+        double *along = out[a->term_axis[k]];
+        along[n] += a->term[k] * t[f[0]] * t[f[1]] * t[f[2]];
         for (int r = 0; r < 3; r++)
-            if (f[r]) out->slope[i][(f[r] - 1) / WAVES] += a->term[k] * by_q[f[r]] * t[f[(r + 1) % 3]] * t[f[(r + 2) % 3]];
+            if (f[r]) along[(f[r] - 1) / WAVES] += a->term[k] * by_q[f[r]] * t[f[(r + 1) % 3]] * t[f[(r + 2) % 3]];
     }
-    const double c = cos(q[0] + a->field_turn), s = sin(q[0] + a->field_turn);
-    double *v = out->value + 1; /* along the axes that turn with joint 1; index 0 is none */
-    const double turning[3] = {-inside * v[1], inside * v[0], 0}; /* of joint 1, the displacement as it is */
-    for (int j = 0; j < a->joints; j++) {
-        double slope[3];
-        for (int i = 0; i < 3; i++) slope[i] = inside * (out->slope[i + 1][j] + v[i] * fade[j]) + (j ? 0 : turning[i]);
-        to_world(a->field_base, c, s, slope);
-        for (int i = 0; i < 3; i++) out->slope[i + 1][j] = slope[i];
+    /* along axes that turn with joint 1, where the field fades; then along the world's */
+    const double c = cos(q[0] + a->field_turn), s = sin(q[0] + a->field_turn), v[3] = {out[1][n], out[2][n], out[3][n]};
+    for (int j = 0; j <= n; j++) {
+        double u[3], world[3];
+        for (int i = 0; i < 3; i++) u[i] = inside * (out[i + 1][j] + v[i] * fade[j]);
+        if (j == 0) u[0] -= inside * v[1], u[1] += inside * v[0];
+        const double turned[3] = {c * u[0] - s * u[1], s * u[0] + c * u[1], u[2]};
+        in_base(a->field_base, turned, world);
+        for (int i = 0; i < 3; i++) out[i + 1][j] = world[i];
     }
-    for (int i = 0; i < 3; i++) v[i] *= inside;
-    to_world(a->field_base, c, s, v);
 }
 
 /* One step of Anderson's (1965) method with a memory of one: x moves by the step, or by a secant along the last two. */
@@ -405,14 +384,14 @@ static int command(const Arm *a, const double *tau, const double *s, const int *
 
 /* How far a slot that is no joint is from where its loads and the residual field would have it. */
 static double lack_of(const Arm *a, int v, const double *s, const State *w) {
-    return spring_amount(a, w->tau, v) + w->field.value[a->field_axis[v]] - s[v];
+    return spring_amount(a, w->tau, v) + w->field[a->field_axis[v]][a->joints] - s[v];
 }
 
 /* Elastic equilibrium of a command by fixed-point iteration (thesis Figure 4.4), from slot amounts s, in place; the
  * state is that of the amounts before the last step. Iterations, or -1. */
 static int settle(const Arm *a, const double *q, const int *side, double tolerance, double *s, State *w) {
     Memory memory = {.known = 0};
-    displacement(a, q, &w->field);
+    displacement(a, q, w->field);
     for (int it = 1; it <= 300; it++) {
         double error[MAX_JOINTS], step[MAX_SLOTS], change = 0;
         forward(a, s, w);
@@ -421,12 +400,10 @@ static int settle(const Arm *a, const double *q, const int *side, double toleran
         for (int i = 0; i < a->others; i++) step[a->other[i]] = lack_of(a, a->other[i], s, w);
         for (int v = 0; v < a->slots; v++) change += fabs(step[v]) * (a->axis[v] < 3 ? a->reach : 1);
         if (!(change < 1e6)) return -1;
-        if (change <= tolerance) {
-            add(1, step, a->slots, s);
-            return it;
-        }
-        if (it <= 20) accelerate(&memory, s, step, a->slots);
-        else add(it > 60 ? 0.4 : 1, step, a->slots, s);
+        const int done = change <= tolerance;
+        if (it <= 20 && !done) accelerate(&memory, s, step, a->slots);
+        else add(it > 60 && !done ? 0.4 : 1, step, a->slots, s);
+        if (done) return it;
     }
     return -1;
 }
@@ -450,12 +427,11 @@ static double goal_error(const double *g, int rows, State *w) {
     for (int i = 0; i < 3; i++) e[i] = g[9 + i] - t[9 + i], e[3 + i] = 0;
     if (rows == 3) return dot(e, e);
     for (int k = rows == 6 ? 0 : 6; k < 9; k += 3) {
-        cross(t + k, g + k, part);
-        for (int i = 0; i < 3; i++) turn[i] += share * part[i];
+        cross(t + k, g + k, part), add(share, part, 3, turn);
         cosine += share * dot(t + k, g + k);
     }
-    const double sine = length(turn, 3), angle = LEVER * atan2(sine, cosine), scale = angle / larger(sine, 1e-300);
-    for (int i = 0; i < 3; i++) e[3 + i] = scale * (rows == 6 ? turn[i] : i < 2 ? dot(turn, t + 3 * i) : 0);
+    const double sine = length(turn, 3), angle = LEVER * atan2(sine, cosine), by = angle / larger(sine, 1e-300);
+    for (int i = 0; i < 3; i++) e[3 + i] = by * (rows == 6 ? turn[i] : i < 2 ? dot(turn, t + 3 * i) : 0);
     return dot(e, e) + angle * angle;
 }
 
@@ -464,7 +440,7 @@ static double goal_error(const double *g, int rows, State *w) {
 static double lacking(const Arm *a, const double *s, const int *side, State *w) {
     double out = 0, q[MAX_JOINTS];
     if (a->terms && !command(a, w->tau, s, side, q)) linear_command(a, w->tau, s, q);
-    displacement(a, q, &w->field);
+    displacement(a, q, w->field);
     for (int i = 0; i < a->others; i++) {
         w->lack[i] = lack_of(a, a->other[i], s, w);
         out += fabs(w->lack[i]) * (a->axis[a->other[i]] < 3 ? a->reach : 1);
@@ -487,8 +463,7 @@ static void total_jacobian(const Arm *a, int rows, const double *law_slope, Stat
     for (int i = 0; i < count; i++) {
         deflection_derivative(a, w, slot[i], M[i]);
         if (law_slope && law_slope[slot[i]] != 0) add_load_derivatives(a, w, slot[i], law_slope[slot[i]], M[i]);
-        const double *by_field = w->field.slope[a->field_axis[slot[i]]];
-        for (int j = 0; j < n; j++) first[i][j] = M[i][a->joint[j]] + by_field[j];
+        for (int j = 0; j < n; j++) first[i][j] = M[i][a->joint[j]] + w->field[a->field_axis[slot[i]]][j];
         first[i][n] = w->lack[i];
     }
     for (int i = 0; i < count; i++) {
@@ -506,12 +481,14 @@ static void total_jacobian(const Arm *a, int rows, const double *law_slope, Stat
     for (int r = 0; r < rows; r++) w->e[r] -= w->total[r][n];
 }
 
+static void move_joints(const Arm *a, const double *step, double much, double *s) {
+    for (int j = 0; j < a->joints; j++) s[a->joint[j]] += much * step[j];
+}
 static void move(const Arm *a, const State *w, const double *step, double *s) {
-    for (int j = 0; j < a->joints; j++) s[a->joint[j]] += step[j];
-    for (int i = 0; i < w->followers; i++) {
-        double *amount = s + w->follower[i];
-        *amount = plus_product(*amount + w->follow[i][a->joints], w->follow[i], step, a->joints);
-    }
+    const int n = a->joints, *slot = w->follower;
+    move_joints(a, step, 1, s);
+    for (int i = 0; i < w->followers; i++)
+        s[slot[i]] = plus_product(s[slot[i]] + w->follow[i][n], w->follow[i], step, n);
 }
 
 /* Least-squares step of the joints to w->e (Levenberg 1944), damping in m^2. Of more joints than constraints
@@ -519,28 +496,25 @@ static void move(const Arm *a, const State *w, const double *step, double *s) {
 static void damped_step(const Arm *a, const State *w, int rows, double damping, double *step) {
     const int n = a->joints;
     Row N[MAX_JOINTS];
-    if (rows >= n) {
-        gram(w->total, rows, n, damping, N), transposed_times(w->total, rows, n, w->e, step);
-        factorise(N, n), substitute(N, step, n);
-    } else factorise_rows(w->total, rows, n, damping, N), least_norm(w->total, N, rows, n, w->e, step);
+    factorise(w->total, rows, n, rows >= n, damping, N);
+    if (rows < n) least_norm(w->total, N, rows, n, w->e, step);
+    else transposed_times(w->total, rows, n, w->e, step), substitute(N, step, n);
 }
 
 /* Scales a step (n,) down to a largest element; returns the largest that it had. */
 static double shortened(double *step, int n, double longest) {
-    const double size = largest(step, n), cut = size > longest ? longest / size : 1;
-    for (int j = 0; j < n; j++) step[j] *= cut;
+    const double size = largest(step, n);
+    if (size > longest) scale(longest / size, step, n);
     return size;
 }
-
-enum { MOST_STEPS = 40, PATIENCE = 4 };
-typedef enum { REACHED, STUCK, BEYOND, KNOWN } Ending;
 
 /* Newton's method in the slot amounts s, in place: the joints go to the goal, the other slots to their equilibrium.
  * Damping in proportion to the squared error keeps convergence fast and works where the Jacobian is singular
  * (Yamashita & Fukushima 2001). `limited` gives up what leads beyond the limits; `found`: not to be found again.
- * `side`: of arrival, where known. */
-static Ending newton(const Arm *a, const double *goal, int rows, const int *side, double *s, State *w, Found *found,
-                     int limited) {
+ * `side`: of arrival, where known. Returns 1 if the goal is reached. */
+static int newton(const Arm *a, const double *goal, int rows, const int *side, double *s, State *w, Found *found,
+                  int limited) {
+    enum { MOST_STEPS = 40, PATIENCE = 4 };
     const double least_damping = 1e-3, tiny = 1e-15, nearly = 1e-5;
     double before = INFINITY, damping = least_damping, best = INFINITY;
     int since = 0;
@@ -548,12 +522,12 @@ static Ending newton(const Arm *a, const double *goal, int rows, const int *side
         double turns[MAX_JOINTS], q[MAX_JOINTS];
         forward(a, s, w);
         const double square = goal_error(goal, rows, w), miss = sqrt(square) + lacking(a, s, side, w);
-        if (miss <= CLOSE) return REACHED;
-        if (step == MOST_STEPS || !(miss < 1e6)) return STUCK;
+        if (miss <= CLOSE) return 1;
+        if (step == MOST_STEPS || !(miss < 1e6)) return 0;
         if (miss < 0.5 * best) best = miss, since = 0;
-        else if (++since >= PATIENCE) return STUCK;
+        else if (++since >= PATIENCE) return 0;
         if (rows == 6 && miss < 1e-4)
-            for (int k = 0; k < found->count; k++) if (apart(s, found->at[k].slots, a->slots) < 3e-4) return KNOWN;
+            for (int k = 0; k < found->count; k++) if (apart(s, found->at[k].slots, a->slots) < 3e-4) return 0;
         damping = miss > before ? 30 * damping : larger(0.3 * damping, least_damping);
         before = miss;
         total_jacobian(a, rows, NULL, w);
@@ -562,7 +536,7 @@ static Ending newton(const Arm *a, const double *goal, int rows, const int *side
         move(a, w, turns, s);
         if (limited && miss > nearly) {
             linear_command(a, w->tau, s, q);
-            if (excess_of(a, q) > lesser(0.2, a->nonlinear_bound + size)) return BEYOND;
+            if (excess_of(a, q) > lesser(0.2, a->nonlinear_bound + size)) return 0;
         }
     }
 }
@@ -589,13 +563,19 @@ static double into_window(const Window *win, int j, double q) {
     return !(q >= win->lower[j] - ROUND_OFF) ? NAN : clipped(q, win->lower[j], win->upper[j]);
 }
 
-/* |u|^2 - |v|^2 across the second axis at an elbow angle t, where the first two axes are skew: zero at a solution. */
+/* v and u (pieper.py) at an elbow angle of cosine c and sine s, for a wrist centre by its height above the first normal
+ * and the square of its distance from that one's foot. */
+static void at_elbow(const Form *f, double height, double square, double c, double s, double *v, double *u) {
+    for (int i = 0; i < 3; i++) v[i] = f->v0[i] + f->vc[i] * c + f->vs[i] * s;
+    u[0] = (square - f->a * f->a - dot(v, v)) / (2 * f->a);
+    u[1] = (height - f->links[0][0] * v[2]) / f->links[0][1];
+}
+
+/* |u|^2 - |v|^2 at an elbow angle t, where the first two axes are skew: zero at a solution. */
 static double skew_miss(const Form *f, double height, double square, double t) {
-    double v[3];
-    for (int i = 0; i < 3; i++) v[i] = f->v0[i] + f->vc[i] * cos(t) + f->vs[i] * sin(t);
-    const double ux = (square - f->a * f->a - dot(v, v)) / (2 * f->a);
-    const double uy = (height - f->links[0][0] * v[2]) / f->links[0][1];
-    return ux * ux + uy * uy + v[2] * v[2] - dot(v, v);
+    double v[3], u[2];
+    at_elbow(f, height, square, cos(t), sin(t), v, u);
+    return u[0] * u[0] + u[1] * u[1] + v[2] * v[2] - dot(v, v);
 }
 
 /* Its zeros: Newton's method from both sides of every sample that is no larger than its neighbours, so that both of two
@@ -636,23 +616,17 @@ static double root_of(double square, double most, double round_off, double misse
     return square >= -missed * most ? sqrt(0.02 * most) : NAN;
 }
 
-static void in_rows(const double R[3][3], const double *v, double *out) {
-    for (int i = 0; i < 3; i++) out[i] = dot(R[i], v);
-}
-
 /* The branches of a pose (Pieper 1968), as pieper.py derives them, that lie in a window.
  * Bits 4, 2, 1 of a branch's number: signs of elbow, shoulder, wrist. */
 static void closed_form(const Form *f, const double *g, const Window *win, double missed, Branches *out) {
-    double r[3][3], p[3], c[3], C[3], K[3], X[3], seen[3];
+    double r[9], c[3], C[3], K[3], X[3], seen[3];
     const double L2 = f->length * f->length, *link = f->links[0];
     out->exists = out->degenerate = 0;
-    for (int i = 0; i < 3; i++) {
-        for (int j = 0; j < 3; j++) r[i][j] = f->backwards ? g[3 * i + j] : g[3 * j + i];
-        c[i] = f->backwards ? f->centre[i] - g[9 + i] : f->centre[i], p[i] = f->backwards ? 0 : g[9 + i];
-    }
-    in_rows(r, c, seen), add(1, p, 3, seen), in_rows(f->frame, seen, C), add(-1, f->foot, 3, C);
-    in_rows(r, f->tip_x, seen), in_rows(f->frame, seen, X);
-    in_rows(r, f->tip_z, seen), in_rows(f->frame, seen, K);
+    for (int i = 0; i < 9; i++) r[i] = g[f->backwards ? 3 * (i % 3) + i / 3 : i]; /* backwards: the goal inverted */
+    COPY(c, f->centre, 3), add(-f->backwards, g + 9, 3, c), in_base(r, c, seen), add(!f->backwards, g + 9, 3, seen);
+    in_base(f->frame, seen, C), add(-1, f->foot, 3, C);
+    in_base(r, f->tip_x, seen), in_base(f->frame, seen, X);
+    in_base(r, f->tip_z, seen), in_base(f->frame, seen, K);
     const int outward[6] = {0, 1, 2, 3, 4, 5}, inward[6] = {5, 4, 3, 2, 1, 0}, *at = f->backwards ? inward : outward;
     const double flat = C[0] * C[0] + C[1] * C[1], square = flat + C[2] * C[2];
     double elbows[4];
@@ -670,33 +644,32 @@ static void closed_form(const Form *f, const double *g, const Window *win, doubl
         const double t3 = elbows[elbow], q3 = into_window(win, at[2], t3 - f->offsets[1]);
         if (isnan(q3)) continue;
         const double cos3 = cos(t3), sin3 = sin(t3);
-        double v[3];
-        for (int i = 0; i < 3; i++) v[i] = f->v0[i] + f->vc[i] * cos3 + f->vs[i] * sin3;
+        double v[3], u[2], root = 1;
+        at_elbow(f, C[2], square, cos3, sin3, v, u);
         const double round2 = v[0] * v[0] + v[1] * v[1], least = lesser(flat, round2);
         const int lost1 = flat < 1e-18 * L2, lost2 = round2 < 1e-14 * L2;
-        double uy = (C[2] - link[0] * v[2]) / link[1], ux = (square - f->a * f->a - dot(v, v)) / (2 * f->a), root = 1;
-        if (f->shape != SKEW) {
-            const double u = f->shape == MEETING ? uy : ux;
-            const double other = f->shape == MEETING ? link[0] * uy - link[1] * v[2] : ux + f->a;
-            const double inside = flat < round2 ? flat - other * other : round2 - u * u;
+        if (f->shape != SKEW) { /* one part of u is known, the other one a root: |u| = |v| */
+            const double known = u[f->shape == MEETING];
+            const double other = f->shape == MEETING ? link[0] * known - link[1] * v[2] : known + f->a;
+            const double inside = flat < round2 ? flat - other * other : round2 - known * known;
             root = root_of(inside, least, EDGE * f->length * (sqrt(least) + EDGE * f->length), missed);
             out->degenerate |= inside < BARELY * least;
         }
         out->degenerate |= least < 1e-10 * L2;
         if (isnan(root)) continue;
         for (int shoulder = 0; shoulder < (f->shape == SKEW || lost1 || lost2 ? 1 : 2); shoulder++) {
-            if (f->shape == MEETING) ux = shoulder ? -root : root;
-            if (f->shape == PARALLEL) uy = shoulder ? -root : root;
-            const double wx = ux + f->a, wy = link[0] * uy - link[1] * v[2];
+            if (f->shape != SKEW) u[f->shape == PARALLEL] = shoulder ? -root : root;
+            const double wx = u[0] + f->a, wy = link[0] * u[1] - link[1] * v[2];
             const double free2 = win->towards[at[1]] + f->offsets[0];
-            const double t2 = lost2 ? free2 : atan2(uy * v[0] - ux * v[1], ux * v[0] + uy * v[1]);
+            const double t2 = lost2 ? free2 : atan2(u[1] * v[0] - u[0] * v[1], u[0] * v[0] + u[1] * v[1]);
             const double t1 = lost1 ? win->towards[at[0]] : atan2(wx * C[1] - wy * C[0], wx * C[0] + wy * C[1]);
             const double q2 = into_window(win, at[1], t2 - f->offsets[0]), q1 = into_window(win, at[0], t1);
             if (isnan(q1) || isnan(q2)) continue;
             const double turn[3][2] = {{cos(t1), sin(t1)}, {cos(t2), sin(t2)}, {cos3, sin3}};
             double m[3], n[3];
             COPY(m, K, 3), COPY(n, X, 3);
-            for (int k = 0; k < 3; k++) across(turn[k][0], turn[k][1], f->links[k], m);
+            for (int k = 0; k < 3; k++)
+                across(turn[k][0], turn[k][1], f->links[k], m), across(turn[k][0], turn[k][1], f->links[k], n);
             const double *l4 = f->links[3], *l5 = f->links[4];
             double cos5 = (l4[0] * l5[0] - m[2]) / (l4[1] * l5[1]);
             const double lever = m[0] * m[0] + m[1] * m[1];
@@ -706,9 +679,8 @@ static void closed_form(const Form *f, const double *g, const Window *win, doubl
             if (fabs(cos5) > 1) cos5 = fabs(cos5) <= 1 + EDGE ? copysign(1, cos5) : copysign(0.98, cos5);
             double sin5 = l5[1] * sqrt(larger(1 - cos5 * cos5, EDGE * EDGE));
             const double side = -l4[0] * cos5 * l5[1] - l4[1] * l5[0];
-            for (int k = 0; k < 3; k++) across(turn[k][0], turn[k][1], f->links[k], n);
             for (int wrist = 0; wrist < (lost4 ? 1 : 2); wrist++, sin5 = -sin5) {
-                const int number = first + (f->shape == SKEW ? 0 : 2 * shoulder) + wrist;
+                const int number = first + 2 * shoulder + wrist;
                 const double free4 = win->towards[at[3]] + f->offsets[2];
                 const double t4 = lost4 ? free4 : atan2(sin5 * m[1] - side * m[0], sin5 * m[0] + side * m[1]);
                 const double q4 = into_window(win, at[3], t4 - f->offsets[2]);
@@ -739,37 +711,20 @@ static Window window_of(const Arm *a, const double *towards, int limited) {
     return out;
 }
 
-/* ---------------------------------------------------------------- 7 Singular directions ------------------------- */
+/* ---------------------------------------------------------------- 7 Seeds: singular directions, library of poses -- */
 
 /* The joint motion (largest element 1) that moves the tool least by w->total, and the tool's direction then; returns its
  * speed (m/rad): up to that scale the smallest singular value, by inverse iteration (Wielandt 1944). */
 static double slowest(const Arm *a, const State *w, double *along, double *direction) {
     const int n = a->joints;
     Row N[MAX_JOINTS];
-    gram(w->total, 6, n, 1e-15, N), factorise(N, n);
+    factorise(w->total, 6, n, 1, 1e-15, N);
     for (int j = 0; j < n; j++) along[j] = 1 + 0.3 * j;
-    for (int it = 0; it < 4; it++) {
-        substitute(N, along, n);
-        const double scale = 1 / larger(largest(along, n), 1e-300);
-        for (int j = 0; j < n; j++) along[j] *= scale;
-    }
+    for (int it = 0; it < 4; it++) substitute(N, along, n), scale(1 / larger(largest(along, n), 1e-300), along, n);
     times(w->total, 6, n, along, direction);
     const double speed = length(direction, 6);
     for (int r = 0; r < 6; r++) direction[r] /= larger(speed, 1e-300);
     return speed;
-}
-
-/* The joint, from 1, that turns most. */
-static int most_moving(const Arm *a, const double *along) {
-    int most = 0;
-    for (int j = 1; j < a->joints; j++) if (fabs(along[j]) > 1.000001 * fabs(along[most])) most = j;
-    return most + 1;
-}
-
-/* ---------------------------------------------------------------- 8 Library of poses ---------------------------- */
-
-static void move_joints(const Arm *a, const double *by, double much, double *s) {
-    for (int j = 0; j < a->joints; j++) s[a->joint[j]] += much * by[j];
 }
 
 /* Slot amounts of an arm at true joint angles (or commands) q, the other slots where searches begin. */
@@ -806,7 +761,7 @@ static int closest(const Arm *a, const double *goal, int rows, const double *tow
     return count;
 }
 
-/* ---------------------------------------------------------------- 9 Poses: all branches ------------------------- */
+/* ---------------------------------------------------------------- 8 Poses: all branches ------------------------- */
 
 /* The command for the state of an arm, and the sides its joints arrive from, coming from `near` (or NULL: UNKNOWN): a
  * side follows from the command and changes it; where that contradicts itself the joint has to make a detour. */
@@ -815,12 +770,11 @@ static int command_from(const Arm *a, const State *w, const double *s, const dou
     if (!command(a, w->tau, s, out->side, out->q)) return 0;
     if (!near) return 1;
     for (int j = 0; j < a->joints; j++) out->side[j] = sign(out->q[j] - near[j]);
-    for (int round = 0; round < 3; round++) {
-        int wrong = 0;
-        if (!command(a, w->tau, s, out->side, out->q)) return 0;
-        for (int j = 0; j < a->joints; j++) wrong |= out->detour[j] = sign(out->q[j] - near[j]) != out->side[j];
-        if (!wrong || round == 2) break;
+    for (int round = 0, wrong = 1; round < 3 && wrong; round++) {
         for (int j = 0; j < a->joints; j++) if (out->detour[j]) out->side[j] = -out->side[j];
+        if (!command(a, w->tau, s, out->side, out->q)) return 0;
+        wrong = 0;
+        for (int j = 0; j < a->joints; j++) wrong |= out->detour[j] = sign(out->q[j] - near[j]) != out->side[j];
     }
     return 1;
 }
@@ -828,46 +782,34 @@ static int command_from(const Arm *a, const State *w, const double *s, const dou
 /* Keeps a state that reaches the goal, unless it is known or far outside the limits. Laws that only Python knows change
  * a command by no more than the nonlinear bound; it then decides about the limits. A residual field is of the command:
  * where that depends on `near` (or NULL), the state has to stay, s in place, as the joints arrive from there. */
-static int keep(const Arm *a, const double *goal, int rows, const double *near, double same, double *s, State *w,
-                Found *found) {
+static void keep(const Arm *a, const double *goal, int rows, const double *near, double same, double *s, State *w,
+                 Found *found) {
     double along[MAX_JOINTS], direction[6];
-    if (found->count == MAX_FOUND) return 0;
+    if (found->count == MAX_FOUND) return;
     Solution *new = found->at + found->count;
-    if (a->terms && a->laws && near) {
-        if (!command_from(a, w, s, near, new)) return 0;
-        if (newton(a, goal, rows, new->side, s, w, found, 0) != REACHED) return 0;
-    }
+    if (a->terms && a->laws && near)
+        if (!command_from(a, w, s, near, new) || !newton(a, goal, rows, new->side, s, w, found, 0)) return;
     linear_command(a, w->tau, s, new->q);
-    if (excess_of(a, new->q) > SLACK || !command_from(a, w, s, near, new)) return 0;
-    for (int k = 0; k < found->count; k++) if (apart(new->q, found->at[k].q, a->joints) <= same) return 0;
+    if (excess_of(a, new->q) > SLACK || !command_from(a, w, s, near, new)) return;
+    for (int k = 0; k < found->count; k++) if (apart(new->q, found->at[k].q, a->joints) <= same) return;
     new->excess = excess_of(a, new->q) - (a->laws_known ? AT_LIMIT : AT_LIMIT + a->nonlinear_bound);
-    if (new->excess > SLACK) return 0;
+    if (new->excess > SLACK) return;
     COPY(new->slots, s, a->slots), COPY(new->tau, w->tau, a->slots);
     if (rows >= a->joints) jacobian(a, w);
     new->slope = rows < a->joints ? -1 : slowest(a, w, along, direction);
-    new->free = new->slope < 0 ? 0 : most_moving(a, along);
+    new->free = new->slope >= 0;
+    for (int j = 1; j < a->joints && new->free; j++)
+        if (fabs(along[j]) > 1.000001 * fabs(along[new->free - 1])) new->free = j + 1;
     found->count++;
-    return 1;
 }
 static void attempt(const Arm *a, const double *goal, const double *near, double *s, int limited, Found *found) {
     State w;
-    if (newton(a, goal, 6, UNKNOWN, s, &w, found, limited) == REACHED) keep(a, goal, 6, near, SAME, s, &w, found);
+    if (newton(a, goal, 6, UNKNOWN, s, &w, found, limited)) keep(a, goal, 6, near, SAME, s, &w, found);
 }
 static int solved(const Found *found) {
     int out = 0;
     for (int k = 0; k < found->count; k++) out += found->at[k].excess <= 0;
     return out;
-}
-
-/* Seeds from the poses of the library closest to a goal, `count` of them, or, as a last resort, until one solves it. */
-static void library_seeds(const Arm *a, const double *goal, const double *near, int count, int last, Found *found) {
-    int close[RANKED];
-    double s[MAX_SLOTS];
-    const int held = closest(a, goal, 6, NULL, count, close);
-    for (int k = 0; k < held && !(last && solved(found)); k++) {
-        COPY(s, a->library_slots + close[k] * a->slots, a->slots);
-        attempt(a, goal, near, s, !last, found);
-    }
 }
 
 /* One step of continuation: at slot amounts s where the goal is missed by LEVER lambda u, the least correction (joints,
@@ -881,19 +823,22 @@ static void along_fold(const Arm *a, const double *goal, const double *u, double
     forward(a, s, w), goal_error(goal, 6, w), lacking(a, s, UNKNOWN, w), total_jacobian(a, 6, NULL, w);
     for (int r = 0; r < 6; r++) COPY(A[r], w->total[r], n), A[r][n] = LEVER * u[r];
     for (int r = 0; r < 6; r++) y[r] = w->e[r] - lambda * A[r][n];
-    factorise_rows(A, 6, n + 1, 1e-12, N), least_norm(A, N, 6, n + 1, y, correction);
+    factorise(A, 6, n + 1, 0, 1e-12, N), least_norm(A, N, 6, n + 1, y, correction);
     times(A, 6, n + 1, ahead, y), least_norm(A, N, 6, n + 1, y, beside), add(-1, beside, n + 1, ahead);
-    const double scale = 1 / larger(length(ahead, n + 1), 1e-300);
-    for (int i = 0; i <= n; i++) ahead[i] *= scale;
+    scale(1 / larger(length(ahead, n + 1), 1e-300), ahead, n + 1);
 }
 
-/* Seeds along the curve on which the goal is missed in one direction u alone, from the solution with slot amounts `old`
- * to both sides, first by `along`. Where what is missed changes sign, or turns, a solution is near. */
-static void curve_seeds(const Arm *a, const double *goal, const double *near, const double *old, const double *along,
-                        const double *u, Found *found) {
-    const double first = 0.02, longest = 0.2, farthest = 4, most_missed = 0.05, seen = 1e-8;
+/* Seeds across a fold, where two solutions merge (Borrel & Liegeois 1986), from solution number `k`: along the curve on
+ * which the goal is missed in one direction u alone, that in which the tool moves least, to both sides. Where what is
+ * missed changes sign, or turns, a solution is near. */
+static void fold_seeds(const Arm *a, const double *goal, const double *near, int k, Found *found) {
+    const double near_fold = 1e-2, first = 0.02, longest = 0.2, farthest = 4, most_missed = 0.05, seen = 1e-8;
+    const double *old = found->at[k].slots;
     const int n = a->joints;
     State w;
+    double along[MAX_JOINTS], u[6];
+    forward(a, old, &w), goal_error(goal, 6, &w), lacking(a, old, UNKNOWN, &w), total_jacobian(a, 6, NULL, &w);
+    if (slowest(a, &w, along, u) >= near_fold) return;
     for (int way = -1; way <= 1; way += 2) {
         double s[MAX_SLOTS], ahead[MAX_JOINTS + 1] = {0}, lambda = 0, before = 0, stride = first, most = 0;
         COPY(s, old, a->slots), add(way, along, n, ahead);
@@ -913,8 +858,8 @@ static void curve_seeds(const Arm *a, const double *goal, const double *near, co
                 attempt(a, goal, near, seed, 1, found);
             }
             if (x > 0) {
-                const double scale = off < 0.02 * stride ? 2 : off > 0.08 * stride ? 0.5 : 1;
-                stride = clipped(scale * stride, first, longest), before = lambda;
+                const double growth = off < 0.02 * stride ? 2 : off > 0.08 * stride ? 0.5 : 1;
+                stride = clipped(growth * stride, first, longest), before = lambda;
             }
             lambda += stride * ahead[n];
             add(stride, ahead, n, step), move(a, &w, step, s);
@@ -922,16 +867,6 @@ static void curve_seeds(const Arm *a, const double *goal, const double *near, co
     }
 }
 
-/* Seeds across a fold, where two solutions merge (Borrel & Liegeois 1986), from solution number `k`: along the motion by
- * which the tool moves least, all following. */
-static void fold_seeds(const Arm *a, const double *goal, const double *near, int k, Found *found) {
-    const double near_fold = 1e-2;
-    State w;
-    double along[MAX_JOINTS], u[6], old[MAX_SLOTS];
-    COPY(old, found->at[k].slots, a->slots);
-    forward(a, old, &w), goal_error(goal, 6, &w), lacking(a, old, UNKNOWN, &w), total_jacobian(a, 6, NULL, &w);
-    if (slowest(a, &w, along, u) < near_fold) curve_seeds(a, goal, near, old, along, u, found);
-}
 /* Seeds for a branch that the closed form has outside the limits although the deflected arm has it within: where axes
  * are aligned, joints turn against each other along the null space, and small deflections decide how far. */
 static void null_space_seeds(const Arm *a, const double *goal, const double *near, const double *q, Found *found) {
@@ -949,40 +884,44 @@ static void null_space_seeds(const Arm *a, const double *goal, const double *nea
 }
 
 /* All branches of a pose: Newton's method from the closed form of the arm that looks like this one, from null-space
- * seeds, from across folds and from poses of the library; the more of these, the less was found.
- * near: present commands, or NULL. Returns the number of solutions within the limits. */
+ * seeds, from across folds and from poses of the library; the more of these, the less was found, and at last until one
+ * solves the goal. near: present commands, or NULL. Returns the number of solutions within the limits. */
 API int ik_pose(const Arm *a, const double *goal, const double *near, Found *found) {
     Branches b;
     double s[MAX_SLOTS];
-    int outside = 0, done = 0;
+    int done = 0;
     found->count = found->steps = b.exists = 0;
     if (a->has_form) {
         const Window all = window_of(a, NULL, 0);
         closed_form(&a->form, goal, &all, INFINITY, &b);
     }
     for (int k = 0; k < BRANCHES; k++) {
-        if (!(b.exists >> k & 1)) continue;
-        if (excess_of(a, b.q[k]) > SLACK) { outside |= 1 << k; continue; }
-        start_at(a, b.q[k], s);
-        attempt(a, goal, near, s, 1, found);
+        if (!(b.exists >> k & 1) || excess_of(a, b.q[k]) > SLACK) continue;
+        start_at(a, b.q[k], s), attempt(a, goal, near, s, 1, found);
     }
     if (near) start_at(a, near, s), attempt(a, goal, near, s, 1, found);
-    for (int k = 0; k < BRANCHES; k++) if (outside >> k & 1) null_space_seeds(a, goal, near, b.q[k], found);
+    for (int k = 0; k < BRANCHES; k++)
+        if (b.exists >> k & 1 && excess_of(a, b.q[k]) > SLACK) null_space_seeds(a, goal, near, b.q[k], found);
     while (done < found->count) fold_seeds(a, goal, near, done++, found);
     for (int last = 0; last < 2 && !(last && solved(found)); last++) {
-        library_seeds(a, goal, near, a->has_form && !last ? 6 : 96, last, found);
+        int close[RANKED];
+        const int held = closest(a, goal, 6, NULL, a->has_form && !last ? 6 : 96, close);
+        for (int k = 0; k < held && !(last && solved(found)); k++) {
+            COPY(s, a->library_slots + close[k] * a->slots, a->slots);
+            attempt(a, goal, near, s, !last, found);
+        }
         while (done < found->count) fold_seeds(a, goal, near, done++, found);
     }
     return solved(found);
 }
 
-/* ---------------------------------------------------------------- 10 Goals that leave motion free --------------- */
+/* ---------------------------------------------------------------- 9 Goals that leave motion free --------------- */
 
 /* From s, in place, to the command nearest to `towards` that reaches the goal: least squares of joint motions subject
  * to the linearised goal, step after step, joints stopping at their limits (sequential quadratic programming with an
- * active set); at last Newton's method alone. */
-static Ending slide(const Arm *a, const double *goal, int rows, const double *towards, double *s, State *w,
-                    Found *found) {
+ * active set); at last Newton's method alone. Returns 1 if it ends there. */
+static int slide(const Arm *a, const double *goal, int rows, const double *towards, double *s, State *w,
+                 Found *found) {
     const int n = a->joints;
     double before = INFINITY, share = 1, by_laws[MAX_JOINTS] = {0}; /* what laws add to commands: it changes slowly */
     int settled = 0;
@@ -992,16 +931,16 @@ static Ending slide(const Arm *a, const double *goal, int rows, const double *to
         int changed = 1;
         forward(a, s, w);
         const double square = goal_error(goal, rows, w), miss = sqrt(square) + lacking(a, s, UNKNOWN, w);
-        if (!(miss < 1e6)) return STUCK;
+        if (!(miss < 1e6)) return 0;
         linear_command(a, w->tau, s, q);
-        if (miss <= CLOSE && settled) return REACHED;
+        if (miss <= CLOSE && settled) return 1;
         if (a->laws && (step % 8 == 0 || settled)) {
             if (!command(a, w->tau, s, UNKNOWN, by_laws)) COPY(by_laws, q, n);
             for (int j = 0; j < n; j++) by_laws[j] -= q[j];
         }
         for (int j = 0; j < n; j++) q[j] += by_laws[j];
         for (int k = 0; k < found->count && miss < 1e-3; k++)
-            if (apart(q, found->at[k].q, n) < ONE_FAMILY) return KNOWN;
+            if (apart(q, found->at[k].q, n) < ONE_FAMILY) return 0;
         total_jacobian(a, rows, NULL, w);
         const double cost = square_distance(towards, q, n);
         share = cost + 100 * miss > before ? 0.5 * share : lesser(1, 1.5 * share);
@@ -1012,7 +951,7 @@ static Ending slide(const Arm *a, const double *goal, int rows, const double *to
             changed = 0;
             times(w->total, rows, n, wish, y);
             for (int r = 0; r < rows; r++) y[r] = w->e[r] - y[r];
-            factorise_rows(free, rows, n, 1e-9 + 1e-2 * square, N), least_norm(free, N, rows, n, y, turn);
+            factorise(free, rows, n, 0, 1e-9 + 1e-2 * square, N), least_norm(free, N, rows, n, y, turn);
             for (int j = 0; j < n; j++) {
                 turn[j] += wish[j];
                 const double within = clipped(turn[j], a->lower[j] - q[j], a->upper[j] - q[j]);
@@ -1025,7 +964,7 @@ static Ending slide(const Arm *a, const double *goal, int rows, const double *to
         move(a, w, turn, s);
         settled |= size < 1e-4 * share || step > 90;
     }
-    return STUCK;
+    return 0;
 }
 
 /* Commands that reach a goal of `rows` constraints nearest to `towards`, from `starts` poses of the library that are
@@ -1042,13 +981,12 @@ API int ik_free(const Arm *a, const double *goal, int rows, const double *toward
         if (k >= 0) COPY(s, a->library_slots + close[k] * a->slots, a->slots);
         else if (from) start_at(a, from, s);
         else continue;
-        if (slide(a, goal, rows, towards, s, &w, found) == REACHED)
-            keep(a, goal, rows, near, ONE_FAMILY, s, &w, found);
+        if (slide(a, goal, rows, towards, s, &w, found)) keep(a, goal, rows, near, ONE_FAMILY, s, &w, found);
     }
     return solved(found);
 }
 
-/* ---------------------------------------------------------------- 11 Nearest reachable goal --------------------- */
+/* ---------------------------------------------------------------- 10 Nearest reachable goal --------------------- */
 
 /* Square of the error (m^2) of a command's equilibrium, amounts s in place; infinite where there is none. */
 static double settled_error(const Arm *a, const double *goal, int rows, const double *q, double *s, State *w) {
@@ -1063,7 +1001,7 @@ static void command_jacobian(const Arm *a, int rows, const double *q, State *w) 
     double more[MAX_SLOTS], less[MAX_SLOTS], up[MAX_JOINTS], down[MAX_JOINTS], law_slope[MAX_SLOTS] = {0};
     for (int v = 0; v < a->slots; v++) w->lack[v] = 0, more[v] = w->tau[v] + h, less[v] = w->tau[v] - h;
     joint_errors(a, more, q, UNKNOWN, up), joint_errors(a, less, q, UNKNOWN, down);
-    displacement(a, q, &w->field);
+    displacement(a, q, w->field);
     for (int j = 0; j < a->joints && a->laws; j++) {
         const int v = a->joint[j];
         law_slope[v] = (up[j] - down[j] - spring_amount(a, more, v) + spring_amount(a, less, v)) / (2 * h);
@@ -1088,14 +1026,12 @@ static double descend(const Arm *a, const double *goal, int rows, double *q, dou
             top = larger(top, square);
         }
         for (int tries = 0; tries < 20 && !(new < f); tries++) {
-            double step[MAX_JOINTS], gain = 0;
+            double step[MAX_JOINTS];
             damped_step(a, &w, rows, damping * top, step);
             shortened(step, n, 0.7);
-            for (int j = 0; j < n; j++) {
+            for (int j = 0; j < n; j++)
                 moved[j] = clipped(q[j] + step[j], a->lower[j], a->upper[j]), step[j] = moved[j] - q[j];
-                gain += step[j] * gradient[j];
-            }
-            if (gain < 1e-11 * f || largest(step, n) < 1e-9) return f;
+            if (plus_product(0, step, gradient, n) < 1e-11 * f || largest(step, n) < 1e-9) return f;
             COPY(there, s, a->slots), move(a, &w, step, there);
             new = settled_error(a, goal, rows, moved, there, &next), found->steps++;
             damping = new < f ? 0.1 * damping : larger(5 * damping, 1e-3);
@@ -1107,7 +1043,6 @@ static double descend(const Arm *a, const double *goal, int rows, double *q, dou
     return f;
 }
 
-enum { MOST_STARTS = 64 };
 /* The command within the limits whose tool is nearest to a goal: short descents from `more` commands given and from the
  * closest poses of the library, long ones from the best `kept`. Solution 0 is the answer, its excess the error (m). */
 API int ik_nearest(const Arm *a, const double *goal, int rows, int starts, int kept, int more, const double *from,
@@ -1138,7 +1073,7 @@ API int ik_nearest(const Arm *a, const double *goal, int rows, int starts, int k
     return found->count;
 }
 
-/* ---------------------------------------------------------------- 12 Batches ------------------------------------ */
+/* ---------------------------------------------------------------- 11 Batches ------------------------------------ */
 
 API unsigned ik_source(void) { return SOURCE_CRC; }
 API size_t ik_size(int which) { return which ? sizeof(Found) : sizeof(Arm); }
@@ -1180,7 +1115,7 @@ API int ik_newton(const Arm *a, const double *goal, int rows, const double *near
                   Found *found) {
     State w;
     found->count = found->steps = 0;
-    if (newton(a, goal, rows, UNKNOWN, s, &w, found, 0) != REACHED) return 0;
+    if (!newton(a, goal, rows, UNKNOWN, s, &w, found, 0)) return 0;
     keep(a, goal, rows, near, SAME, s, &w, found);
     COPY(tau, w.tau, a->slots);
     return 1;
@@ -1202,12 +1137,12 @@ static void nominal_pose(const Arm *a, const double *goal, const double *towards
         double s[MAX_SLOTS], member[MAX_SLOTS], along[MAX_JOINTS], direction[6];
         scratch.count = scratch.steps = 0;
         start_at(a, b.q[k], s);
-        if (newton(a, goal, 6, UNKNOWN, s, &w, &scratch, 0) != REACHED) kind[k] = -1;
+        if (!newton(a, goal, 6, UNKNOWN, s, &w, &scratch, 0)) kind[k] = -1;
         jacobian(a, &w);
         if (kind[k] == 0 && slowest(a, &w, along, direction) < 1e-7 * a->form.length) {
             kind[k] = b.lost[k] + 1;
             COPY(member, s, a->slots);
-            if (kind[k] && slide(a, goal, 6, towards, member, &w, &scratch) == REACHED) COPY(s, member, a->slots);
+            if (kind[k] && slide(a, goal, 6, towards, member, &w, &scratch)) COPY(s, member, a->slots);
         }
         for (int j = 0; j < 6 && kind[k] >= 0; j++) {
             const double angle = into_window(&within, j, s[a->joint[j]] - a->zero[a->joint[j]]);
@@ -1225,16 +1160,6 @@ API void ik_nominal(const Arm *a, int count, const double *goals, const double *
     for (int k = 0; margin && k < 8 * count; k++) margin[k] = -excess_of(a, q + 6 * k);
 }
 
-/* The nominal branch q nearest to `near` in a window; 0 if there is none. */
-static int nearest_branch(const Form *f, const double *goal, const double *near, const Window *win, double *q) {
-    Branches b;
-    double least = INFINITY;
-    closed_form(f, goal, win, 0, &b);
-    for (int k = 0; k < BRANCHES; k++)
-        if (b.exists >> k & 1 && apart(b.q[k], near, 6) < least) least = apart(b.q[k], near, 6), COPY(q, b.q[k], 6);
-    return least < INFINITY;
-}
-
 /* Of a cube of points^3 goals about `centre` for the arm as drawn, within the limits of the deflected one, that whose
  * equilibrium is nearest to `target` (Conenna 2024, section 7.2). From one goal to another the tool's offset from it
  * changes by less than half of their distance unless the arm is near its limits. So, from the middle one on, goals
@@ -1244,18 +1169,24 @@ API int ik_cube(const Arm *a, const Arm *drawn, const double *centre, double sid
                 double tolerance, double *q, double *s) {
     const Window win = window_of(a, q, 1);
     const int count = points * points * points;
-    double near[6], goal[12], last[6], slots[MAX_SLOTS], there[MAX_SLOTS], offset[3] = {0}, from[3], best = INFINITY;
+    double goal[12], last[6], slots[MAX_SLOTS], there[MAX_SLOTS], offset[3] = {0}, from[3], best = INFINITY;
     State w;
-    COPY(near, q, 6), COPY(last, q, 6), COPY(slots, s, a->slots), COPY(goal, centre, 12), COPY(from, centre + 9, 3);
+    Branches b;
+    COPY(last, q, 6), COPY(slots, s, a->slots), COPY(goal, centre, 12), COPY(from, centre + 9, 3);
     for (int k = 0; k < 2 * count && (k < count || best > side / (points - 1)); k++) {
         const int i = (k + count / 2) % count, step[3] = {i / (points * points), i / points % points, i % points};
-        double command_[6], off[3];
+        double command_[6], off[3], least = INFINITY; /* the nominal branch nearest to the first command */
         for (int x = 0; x < 3; x++) {
             goal[9 + x] = centre[9 + x] + side * ((double)step[x] / (points - 1) - 0.5);
             off[x] = goal[9 + x] + offset[x] - target[x];
         }
         if (k < count && length(off, 3) - 0.5 * distance(goal + 9, from) > best + 0.1 * tolerance) continue;
-        if (!nearest_branch(&drawn->form, goal, near, &win, command_)) continue;
+        closed_form(&drawn->form, goal, &win, 0, &b);
+        for (int n = 0; n < BRANCHES; n++) {
+            const double turn = b.exists >> n & 1 ? apart(b.q[n], win.towards, 6) : INFINITY;
+            if (turn < least) least = turn, COPY(command_, b.q[n], 6);
+        }
+        if (least == INFINITY) continue;
         COPY(there, slots, a->slots);
         for (int j = 0; j < 6; j++) there[a->joint[j]] += command_[j] - last[j];
         if (settle(a, command_, UNKNOWN, tolerance, there, &w) < 0) continue;

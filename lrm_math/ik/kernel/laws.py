@@ -72,7 +72,7 @@ def kernel_field(model: Model, row: Mapping[int, int]) -> dict[str, ArrayLike]:
 
     Each term has an axis, from 1, the numbers of its three factors, 0 for a one, m + `WAVES_ALONE` j for the cosine of
     m half waves of joint j, at most `field_waves`, and a coefficient (m). `field_axis`: along which a slot moves. Range
-    of the commands: rad. `field_base`: nine numbers, row by row, the base's axes as columns.
+    of the commands: rad. `field_base`: nine numbers, the base's axes x, y and z.
     """
     for bound in model.binding.rigid:
         if isinstance(bound.effect, ResidualField):
@@ -83,7 +83,7 @@ def kernel_field(model: Model, row: Mapping[int, int]) -> dict[str, ArrayLike]:
             return {
                 "terms": len(terms), "term": [value for _, _, value in terms], "field_axis": along,
                 "term_axis": [1 + axis for axis, _, _ in terms], "field_lower": lower, "field_upper": upper,
-                "term_factor": [_factors(waves) for _, waves, _ in terms], "field_base": field.base.ravel(),
+                "term_factor": [_factors(waves) for _, waves, _ in terms], "field_base": field.base.T.ravel(),
                 "field_turn": 0.0, "field_waves": max((max(waves) for _, waves, _ in terms), default=0),
             }  # fmt: skip
     return {}

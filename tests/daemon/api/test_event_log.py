@@ -7,7 +7,7 @@ from collections import Counter
 from hypothesis import given
 from hypothesis import strategies as st
 
-from lrmd.api.event_log import BURST, KEPT_EVENTS, WINDOW, EventRing, EventThrottle
+from lrmd.api.publisher import BURST, KEPT_EVENTS, WINDOW, EventRing, EventThrottle
 from lrmd.control.state import ControllerEvent
 
 CODES = ["refused", "mode", "lease_taken"]

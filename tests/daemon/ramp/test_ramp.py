@@ -11,9 +11,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from lrmd.ramp.clock import MonotonicClock
+from lrmd.ramp.process import MonotonicClock, next_due
 from lrmd.ramp.shared_memory import BUCKETS, HOLD_PULSE, LinkState, RampFault, RampOrder, RampReport, SharedRecords
-from lrmd.ramp.stepping import Pace, move, next_due
+from lrmd.ramp.stepping import Pace, move
 
 PULSE = st.integers(500_000, 2_500_000)
 STRIDE = st.integers(1, 1000)
