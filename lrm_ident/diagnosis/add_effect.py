@@ -10,7 +10,7 @@ import numpy as np
 from lrm_ident.data.error_stats import error_stats
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.registration.degenerate_fit import DegenerateFit
-from lrm_ident.fitting.identifiability import fit_identifiable, identifiable_beside, some_rows
+from lrm_ident.fitting.identifiability import fit_identifiable, identifiable_beside, subsample_rows
 from lrm_ident.fitting.least_squares.convergence import FitNotConverged
 from lrm_ident.fitting.levenberg_marquardt import Fit, fit
 from lrm_ident.fitting.loss import SQUARED, Loss
@@ -61,7 +61,7 @@ def _with_shapes(model: Model, data: Measurements, effects: Sequence[Effect], ne
 
     Of thousands of poses a part is searched; then all are fitted, with whatever of the base they can tell.
     """
-    part, keys = data.take(some_rows(len(data))), [*model.free, *new]
+    part, keys = data.take(subsample_rows(len(data))), [*model.free, *new]
     best = fit_identifiable(model, part, keys, loss, required=() if len(data) > len(part) else new).fit
     told = {name_of_key(key) for key in best.model.free}
     searched = _searched([effect for effect in effects if effect.name in told], part)

@@ -16,6 +16,7 @@ from lrm_ident.fitting.levenberg_marquardt import Fit
 from lrm_ident.fitting.loss import SQUARED, Loss
 from lrm_ident.fitting.priors import EffectRates
 from lrm_ident.fitting.progress import OnProgress, silent
+from lrm_ident.residual.thresholds import MAX_EFFECTS
 from lrm_math.arrays import Array
 from lrm_math.effects import CATALOGUE, Effect, name_of_key, variants
 from lrm_math.errors import LrmError
@@ -56,7 +57,7 @@ class AutoStep:
 
 @dataclass(frozen=True, eq=False)
 class AutoRun(ShownInNotebook):
-    """A run of `auto`: its steps, and the confirmed that ended it."""
+    """A run of `auto`: its steps, and the confirmed diagnosis after the last one."""
 
     steps: tuple[AutoStep, ...]
     confirmed: ConfirmedDiagnosis
@@ -84,7 +85,7 @@ class AutoRun(ShownInNotebook):
 def run_auto(
     model: Model,
     data: Measurements,
-    max_effects: int = 20,
+    max_effects: int = MAX_EFFECTS,
     catalogue: Iterable[type[Effect]] = CATALOGUE,
     on_step: Callable[[AutoStep], object] = lambda _: None,
     loss: Loss = SQUARED,

@@ -24,8 +24,8 @@ from lrm_ident.residual.significance import f_test_p_value, yekutieli_factor
 from lrm_ident.residual.thresholds import (
     EQUIVALENCE_COSINE,
     EQUIVALENT_GAIN,
-    MAX_EFFECTS,
     MIN_GAIN,
+    MOST_SELECTED,
     SIGNIFICANCE,
     SIMILAR_GAIN,
     VERY_STRONG,
@@ -78,8 +78,8 @@ def forward_select(
     while True:
         step = SelectionStep(fit, dict(zip((one.name for one in screened), estimates, strict=True)))
         steps.append(step)
-        progress(1 + len(selected), MAX_EFFECTS)
-        chosen = _next(ranked, selected, step, linear.now, weights or {}) if len(selected) < MAX_EFFECTS else None
+        progress(1 + len(selected), MOST_SELECTED)
+        chosen = _next(ranked, selected, step, linear.now, weights or {}) if len(selected) < MOST_SELECTED else None
         if chosen is None:
             return Selection(tuple(selected), tuple(steps))
         selected.append(chosen)

@@ -17,6 +17,7 @@ from lrm_ident.fitting.loss import SQUARED, Loss
 from lrm_ident.fitting.priors import EffectRates
 from lrm_ident.fitting.progress import OnProgress, silent
 from lrm_ident.residual.error_breakdown import NestedResidual
+from lrm_ident.residual.thresholds import MAX_EFFECTS
 from lrm_math.arrays import Array
 from lrm_math.effects import CATALOGUE
 from lrm_math.errors import LrmError
@@ -28,7 +29,7 @@ def nested_held_out(
     model: Model,
     data: Measurements,
     executor: Executor,
-    max_effects: int = 20,
+    max_effects: int = MAX_EFFECTS,
     catalogue: Catalogue = CATALOGUE,
     progress: OnProgress = silent,
     loss: Loss = SQUARED,

@@ -36,7 +36,7 @@ from lrm_math.model.model import Model
 OfPoses = TypeVar("OfPoses", Measurements, Equilibrium)
 FOLDS = 10
 MOST_TRAINING = 1000  # rows of each fold's fit whose residual is kept, evenly spread: to learn from what it leaves
-MOST_AT_ONCE = 200  # poses up to which every fold is fitted anew; beyond, one step differs by less than 0.1 %
+MOST_REFITTED = 200  # poses up to which every fold is fitted anew; of more, one step differs by less than 0.1 %
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,7 +124,7 @@ def held_out_blocks(
 ) -> tuple[HeldOutBlock, ...]:
     """Each fold predicted by a fit of the free parameters to the other folds; residuals are measured − predicted TCP.
 
-    Of more than `MOST_AT_ONCE` poses the folds' fits are one step from the fit to all (`one_step_fits`). A residual
+    Of more than `MOST_REFITTED` poses the folds' fits are one step from the fit to all (`one_step_fits`). A residual
     field is learned anew in every fold, after the fit of what names a cause.
 
     Args:
@@ -139,7 +139,7 @@ def held_out_blocks(
     if not named.free:
         everywhere = solve_equilibrium(named, data.poses)
         folds = (_some(everywhere, split.predicted) for split in splits)
-    elif len(data) <= MOST_AT_ONCE:
+    elif len(data) <= MOST_REFITTED:
         folds = _refitted(named, data, splits, bounds, loss, prior)
     else:
         folds = one_step_fits(fit(named, data, bounds, loss, prior), data, splits, bounds, prior)
@@ -149,7 +149,7 @@ def held_out_blocks(
 
 def blocks_of_fit(fitted: Fit, data: Measurements) -> tuple[HeldOutBlock, ...]:
     """`held_out_blocks` of a model that was fitted to these data within the bounds that its effects state."""
-    if len(data) <= MOST_AT_ONCE or not fitted.model.free:
+    if len(data) <= MOST_REFITTED or not fitted.model.free:
         return held_out_blocks(fitted.model, data, loss=fitted.loss, prior=fitted.weak_prior)
     splits = _splits(data)
     return _blocks(data, splits, one_step_fits(fitted, data, splits, prior=fitted.weak_prior))

@@ -27,8 +27,8 @@ from lrm_math.model.model import Model
 MIN_T = 3.0  # typical size over standard error of a parameter worth fitting
 MAX_VARIANCE_INFLATION = 100.0  # square of a column over that of its independent part (Marquardt 1970)
 MAX_ITERATIONS = 6
-FEW = 0.2  # share of outliers
-MOST_AT_ONCE = 2000  # poses that are fitted without a start from a part of them, or screened
+FEW_OUTLIERS = 0.2  # share of the poses
+MAX_SUBSAMPLE = 2000  # poses that are screened, or fitted without a start from the fit to a subsample
 SELECTION_ORDER = (
     *("anchor.*", "compliance.*", "offsets.*.theta_rad", "offsets.base.?_mm", "offsets.tool.?_mm"),
     *("offsets.joint*_mm", "offsets.joint*", "offsets.base.*", "offsets.tool.*", "*"),
@@ -212,7 +212,7 @@ class IdentifiedFit:
 def lost_to_outliers(found: Fit, held: Sequence[UnidentifiableParameter], data: Measurements) -> tuple[str, ...]:
     """Parameters held at zero that the data could tell without the outliers of the fit, if those are few."""
     rows = np.setdiff1d(np.arange(len(data)), found.outliers)
-    if not held or not 0 < len(found.outliers) < FEW * len(data):
+    if not held or not 0 < len(found.outliers) < FEW_OUTLIERS * len(data):
         return ()
     part, equilibrium, keys = data.take(rows), found.equilibrium.take(rows), [parameter.key for parameter in held]
     noise = expected_noise(equilibrium, [*found.model.free, *keys], part)
@@ -241,8 +241,8 @@ def fit_identifiable(
     Raises `LrmError`: fewer poses than identifiable parameters, none of the required ones, or no convergence.
     """
     limits = signed or bounds_of(model, keys)
-    if len(data) > MOST_AT_ONCE:
-        part = part or fit_identifiable(model, data.take(some_rows(len(data))), keys, loss, signed).fit
+    if len(data) > MAX_SUBSAMPLE:
+        part = part or fit_identifiable(model, data.take(subsample_rows(len(data))), keys, loss, signed).fit
         equilibrium, noise = solve_equilibrium(part.model, data.poses), part.sigma
     else:
         equilibrium = solve_equilibrium(model, data.poses)
@@ -274,16 +274,16 @@ def _fit_from_part(
 ) -> Fit:
     """Fits the free parameters; of many poses to a fifth of them first, and so on: it ends close to the end of all and
     tells whether they need weak priors, too. Every step costs as many Jacobians as there are poses."""
-    if len(data) <= MOST_AT_ONCE:
+    if len(data) <= MAX_SUBSAMPLE:
         return fit(model, data, bounds, loss, near=near)
-    part = _fit_from_part(model, data.take(some_rows(len(data), max(MOST_AT_ONCE, len(data) // 5))), bounds, loss)
+    part = _fit_from_part(model, data.take(drawn_rows(len(data), max(MAX_SUBSAMPLE, len(data) // 5))), bounds, loss)
     found = fit(part.model, data, bounds, loss, part.weak_prior)
     return replace(found, damped=found.damped or part.damped)
 
 
-def some_rows(count: int, most: int | None = None) -> NDArray[np.int64]:
-    """Rows, at most `MOST_AT_ONCE`, drawn from `count` without replacement, ascending, always the same."""
-    return drawn_rows(count, MOST_AT_ONCE if most is None else most)
+def subsample_rows(count: int) -> NDArray[np.int64]:
+    """Rows, at most `MAX_SUBSAMPLE`, drawn from `count` without replacement, ascending, always the same."""
+    return drawn_rows(count, MAX_SUBSAMPLE)
 
 
 def _holding(model: Model, keys: Sequence[str], kept: Sequence[str]) -> Model:

@@ -11,7 +11,7 @@ from lrm_ident.data.registration.anchor import with_anchor
 from lrm_ident.data.registration.degenerate_fit import CHECK
 from lrm_ident.data.weights.model_error import with_model_error
 from lrm_ident.data.wording import enumerate_words
-from lrm_ident.fitting.identifiability import FEW, IdentifiedFit, fit_identifiable
+from lrm_ident.fitting.identifiability import FEW_OUTLIERS, IdentifiedFit, fit_identifiable
 from lrm_ident.fitting.levenberg_marquardt import Fit, fit
 from lrm_ident.fitting.loss import Loss
 from lrm_ident.fitting.parameter_sets import Bounds, bounds_of, fittable, no_bounds, select_parameters
@@ -63,7 +63,7 @@ def _left(found: Fit, data: Measurements) -> str:
     """Residual of a fit without parameters, and of which poses, if few are far from what the others show."""
     stats, far = error_stats(found.residual), data.pose[list(found.outliers)].tolist()
     left = f"{stats.rms * 1e3:.1f} mm RMS are left"
-    if not 0 < len(far) < FEW * len(data):
+    if not 0 < len(far) < FEW_OUTLIERS * len(data):
         return f"{left}; {CHECK}"
     which = f"{stats.max * 1e3:.0f} mm at most, of pose: {enumerate_words([str(pose) for pose in far], LISTED)}"
     return f"{left}, {which}; try --leave-out {','.join(map(str, far))}, or --loss cauchy"

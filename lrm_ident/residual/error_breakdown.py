@@ -75,7 +75,7 @@ class HeldOutResidual:
 
     @property
     def error(self) -> ErrorStats | None:
-        """Error statistics of the group."""
+        """Error statistics of the held-out residual; None without one."""
         return None if self.residual is None else error_stats(self.residual, held_out_turns(self.blocks))
 
 

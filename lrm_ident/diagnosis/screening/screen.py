@@ -19,7 +19,7 @@ from lrm_ident.diagnosis.screening.column_sets import ColumnSets
 from lrm_ident.diagnosis.screening.linearised_fit import LinearisedFit, linearise
 from lrm_ident.diagnosis.screening.score_test import ScoredCandidate, score_candidates
 from lrm_ident.fitting.cross_validation import joint_space_folds
-from lrm_ident.fitting.identifiability import some_rows
+from lrm_ident.fitting.identifiability import subsample_rows
 from lrm_ident.fitting.levenberg_marquardt import OUTLIER_DISTANCE, Fit
 from lrm_ident.fitting.loss import robust_scale
 from lrm_ident.fitting.priors import EffectRates
@@ -129,7 +129,7 @@ def rows_to_screen(fitted: Fit) -> NDArray[np.int64]:
     """All rows of a fit; of thousands a part, and the farthest of its outliers."""
     distance = np.linalg.norm(fitted.residual, axis=1)
     far = sorted(fitted.outliers, key=lambda row: -distance[row])[:MOST_FAR]
-    return np.union1d(some_rows(len(distance)), np.array(far, dtype=np.int64))
+    return np.union1d(subsample_rows(len(distance)), np.array(far, dtype=np.int64))
 
 
 def linearised(fitted: Fit, data: Measurements, weigh: RowWeights) -> LinearisedFit:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from lrm_ident.data.error_stats import ErrorStats, error_stats
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.registration.anchor import with_anchor
-from lrm_ident.fitting.identifiability import some_rows
+from lrm_ident.fitting.identifiability import subsample_rows
 from lrm_ident.residual.picture.arm_solids import ArmSolids, arm_solids, placed
 from lrm_math.arrays import Array
 from lrm_math.kinematics.forward import frames
@@ -83,7 +83,7 @@ class ErrorField:
 def error_field(data: Measurements, models: Sequence[tuple[str, Model]]) -> ErrorField:
     """The error field of named models, the oldest first. Raises `NoEquilibrium`."""
     rests = [(name, solve_equilibrium(model, data.poses)) for name, model in models]
-    rows = drawn_rows(data.position_error(rests[-1][1]))
+    rows = rows_to_draw(data.position_error(rests[-1][1]))
     arm = models[-1][1].arm
     nominal, last = solve_equilibrium(with_anchor(model_of(arm, ()), data), data.poses), rests[-1][1]
     drawn, bent = _frames(nominal.take(rows)), _frames(last.take(rows))
@@ -103,12 +103,12 @@ def error_field(data: Measurements, models: Sequence[tuple[str, Model]]) -> Erro
     )
 
 
-def drawn_rows(residual: Array) -> NDArray[np.int64]:
+def rows_to_draw(residual: Array) -> NDArray[np.int64]:
     """The rows to draw: all, or the worst and a random part of those that a diagnosis screens, always the same."""
     if len(residual) <= MOST_DRAWN:
         return np.arange(len(residual))
     worst = np.argsort(-np.linalg.norm(residual, axis=1))[:WORST_DRAWN]
-    others = np.random.default_rng(SEED).permutation(np.setdiff1d(some_rows(len(residual)), worst))
+    others = np.random.default_rng(SEED).permutation(np.setdiff1d(subsample_rows(len(residual)), worst))
     return np.sort(np.concatenate([worst, others[: MOST_DRAWN - WORST_DRAWN]]))
 
 

@@ -424,12 +424,12 @@ def test_a_diagnosis_can_be_drawn(tmp_path: Path, diagnosed: Callable[[str], Dia
 def test_play_is_named_on_a_part_of_the_poses_and_outliers_beyond_it_are_found(
     lab: Arm, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(identifiability, "MOST_AT_ONCE", 200)
+    monkeypatch.setattr(identifiability, "MAX_SUBSAMPLE", 200)
     data = case_data("play2", tmp_path, lab, poses=500)
     wrong = [17, 250, 251, 400]
     data.tcp[wrong] += [0.05, 0.0, -0.05]
     found = diagnose(base_fit(lab, data), data)
-    assert not set(wrong) <= set(identifiability.some_rows(500).tolist())
+    assert not set(wrong) <= set(identifiability.subsample_rows(500).tolist())
     assert len(found.screened) < 250 < len(found.data)
     assert {int(data.pose[row]) for row in wrong} <= set(found.outliers)
     assert "backlash@joint2" in first_class(build_report(found))
