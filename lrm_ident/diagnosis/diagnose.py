@@ -56,7 +56,6 @@ class Diagnosis:
         equivalent: for each selected one, names of candidates that these data cannot distinguish from it.
         screening: what it selected from.
         outliers: numbers of the poses left out. shifted: rows that carry another row's position.
-        loss: of every fit.
     """
 
     fit: Fit
@@ -72,7 +71,6 @@ class Diagnosis:
     screening: Screening
     outliers: tuple[int, ...] = ()
     shifted: tuple[ShiftedRows, ...] = ()
-    loss: Loss = SQUARED
 
     @property
     def floor(self) -> NoiseFloor:
@@ -225,7 +223,6 @@ def _selected(
         not_testable=scores.not_testable,
         screened=scores.screened,
         screening=scores,
-        loss=whole.loss,
     )
 
 

@@ -19,7 +19,7 @@ from lrm_ident.diagnosis.screening.column_spaces import cosine_of_bases
 from lrm_ident.diagnosis.screening.linearised_fit import LinearEstimate, LinearisedFit
 from lrm_ident.diagnosis.screening.score_test import ScoredCandidate
 from lrm_ident.fitting.progress import OnProgress
-from lrm_ident.residual.better_prediction import paired_z, predicts_better, saves
+from lrm_ident.residual.better_prediction import falls_by_share, paired_z, predicts_better
 from lrm_ident.residual.significance import f_test_p_value, yekutieli_factor
 from lrm_ident.residual.thresholds import (
     EQUIVALENCE_COSINE,
@@ -179,9 +179,9 @@ def _plain(chosen: Choice, choices: Sequence[Choice]) -> Choice:
     return min((c for c in choices if c[1].name in names), key=lambda choice: choice[0].rms, default=chosen)
 
 
-def improves_prediction(then: LinearEstimate, now: LinearEstimate, start: LinearEstimate) -> bool:
-    """Whether held-out error falls significantly, and by more than the error of linearising at `start` could feign."""
-    return predicts_better(then.held_out, now.held_out, MIN_GAIN, start.held_out)
+def improves_prediction(after: LinearEstimate, before: LinearEstimate, start: LinearEstimate) -> bool:
+    """Whether the held-out error falls significantly, and by a share of that at the `start`: linearising there errs."""
+    return predicts_better(after.held_out, before.held_out, MIN_GAIN, start.held_out)
 
 
 def equivalent_effects(selection: Selection, number: int, ranked: Sequence[ScoredCandidate]) -> tuple[str, ...]:
@@ -199,7 +199,7 @@ def equivalent_effects(selection: Selection, number: int, ranked: Sequence[Score
             continue
         instead = step.beside[rival.name]
         saved = float(without.held_out.mean() - instead.held_out.mean())
-        if (rival.name in alike and saves(instead.held_out, without.held_out, MIN_GAIN)) or (
+        if (rival.name in alike and falls_by_share(instead.held_out, without.held_out, MIN_GAIN)) or (
             saved > EQUIVALENT_GAIN * gain and _inseparable(one, with_it, rival, instead)
         ):
             equivalent.append(rival.name)

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.registration.row_choice import spaced_rows
 from lrm_ident.fitting.field.fit import blocks_with_field
-from lrm_ident.fitting.held_out import HeldOutBlock, held_out_rows
+from lrm_ident.fitting.held_out import HeldOutBlock, held_out_residual
 from lrm_ident.fitting.least_squares.block_qr import NormalEquations
 from lrm_ident.fitting.least_squares.objective import Objective
 from lrm_ident.fitting.levenberg_marquardt import Fit, fit
@@ -243,6 +243,6 @@ def _settled(
         return None
 
 
-def held_out_residual(model: Model, data: Measurements, loss: Loss = SQUARED) -> Array:
-    """(N, 3), the residual of every pose in the fold that held it out (m). As `held_out_blocks`."""
-    return held_out_rows(held_out_blocks(model, data, loss=loss))
+def cross_validated_residual(model: Model, data: Measurements, loss: Loss = SQUARED) -> Array:
+    """(N, 3), residual of every pose in the fold that held it out (m); errors as of `held_out_blocks`."""
+    return held_out_residual(held_out_blocks(model, data, loss=loss))

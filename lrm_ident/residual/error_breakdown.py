@@ -16,7 +16,7 @@ from lrm_ident.data.notebook import ShownInNotebook
 from lrm_ident.data.registration.anchor import with_anchor
 from lrm_ident.data.wording import in_mm
 from lrm_ident.fitting.cross_validation import held_out_blocks
-from lrm_ident.fitting.held_out import HeldOutBlock, held_out_rows, held_out_turns
+from lrm_ident.fitting.held_out import HeldOutBlock, held_out_residual, held_out_turns
 from lrm_ident.fitting.loss import SQUARED, Loss
 from lrm_ident.fitting.parameter_sets import Bounds
 from lrm_ident.fitting.priors import Prior
@@ -169,7 +169,7 @@ def try_held_out(
         blocks = held_out_blocks(model, data, bounds, loss, progress, prior=prior)
     except LrmError as error:
         return HeldOutResidual(None, str(error))
-    return HeldOutResidual(held_out_rows(blocks), blocks=blocks)
+    return HeldOutResidual(held_out_residual(blocks), blocks=blocks)
 
 
 def _factors(equilibrium: Equilibrium, data: Measurements, residual: Array) -> Iterator[Factor]:

@@ -16,8 +16,8 @@ from lrm_ident.data.error_stats import ErrorStats, error_stats
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.registration.row_choice import spaced_rows
 from lrm_ident.data.wording import in_mm
-from lrm_ident.fitting.held_out import HeldOutBlock, held_out_rows
-from lrm_ident.residual.better_prediction import saves, vuong_z
+from lrm_ident.fitting.held_out import HeldOutBlock, held_out_residual
+from lrm_ident.residual.better_prediction import falls_by_share, vuong_z
 from lrm_ident.residual.covariates import covariates, distinct
 from lrm_ident.residual.thresholds import MIN_NAMELESS_GAIN, Z_THRESHOLD
 from lrm_math.arrays import Array
@@ -74,7 +74,7 @@ class PredictableError:
     def more_to_find(self) -> bool:
         """Whether the process predicts significantly and worthwhile better than the named model."""
         left, named = ((residual**2).sum(axis=1) for residual in (self.left, self.named))
-        return self.z > Z_THRESHOLD and saves(left, named, MIN_NAMELESS_GAIN)
+        return self.z > Z_THRESHOLD and falls_by_share(left, named, MIN_NAMELESS_GAIN)
 
     @property
     def noise_bound(self) -> float:
@@ -111,7 +111,7 @@ def predictable_error(data: Measurements, blocks: Sequence[HeldOutBlock]) -> Pre
     """
     from lrm_ident.residual.gaussian_process import Kernel, condition, fit_kernel  # loads half of scipy
 
-    named, left = held_out_rows(blocks), np.empty_like(data.tcp)
+    named, left = held_out_residual(blocks), np.empty_like(data.tcp)
     known = pose_covariates(data, data.tcp - named)
     names, x = tuple(known), np.stack(list(known.values()), axis=1)
     relevance, kernels, most = np.zeros(len(names)), [Kernel.start(len(names))] * 3, 0

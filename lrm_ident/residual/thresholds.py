@@ -1,6 +1,6 @@
 """Thresholds of what is said of a residual, and what set each.
 
-Shares are of the held-out RMS of the 3-D distance; squares are compared accordingly (`better_prediction.saves`).
+Shares are of the held-out RMS of the 3-D distance; of mean squares those that correspond (`falls_by_share`).
 """
 
 from __future__ import annotations

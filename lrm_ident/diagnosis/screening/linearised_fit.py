@@ -32,7 +32,7 @@ from lrm_ident.diagnosis.screening.column_sets import (
     united,
 )
 from lrm_ident.diagnosis.screening.column_spaces import orthonormal_basis, truncated_svd
-from lrm_ident.residual.better_prediction import outlier_bound
+from lrm_ident.residual.better_prediction import squared_outlier_distance
 from lrm_math.arrays import Array
 
 PRIOR_SD = 3.0  # of a parameter, in typical sizes
@@ -227,7 +227,7 @@ class LinearisedFit:
         for part, amounts, own in zip(self.parts, sets.explained, theta, strict=True):
             left.append(part.left[:, None] - sets.predicted(part, amounts, own))
         in_sample, held_out = np.einsum("ts,ts->s", left[0], left[0]), self._by_pose(left[1:])
-        held_out = np.minimum(held_out, np.maximum(outlier_bound(held_out)[:, None], self.now.held_out))
+        held_out = np.minimum(held_out, np.maximum(squared_outlier_distance(held_out)[:, None], self.now.held_out))
         found: list[LinearEstimate | None] = [None] * len(sets)
         ends = [*sets.starts[1:], sets.columns.shape[1]]
         for place, (number, start, end) in enumerate(zip(sets.numbers, sets.starts, ends, strict=True)):

@@ -20,7 +20,7 @@ from lrm_ident.diagnosis.symbolic_regression.grammar import Law
 from lrm_ident.diagnosis.symbolic_regression.law_columns import law_columns, typical_size
 from lrm_ident.diagnosis.symbolic_regression.law_file import law_id, law_source
 from lrm_ident.diagnosis.symbolic_regression.search import LawSearch, search_laws
-from lrm_ident.fitting.cross_validation import held_out_residual
+from lrm_ident.fitting.cross_validation import cross_validated_residual
 from lrm_ident.fitting.effect_plugins import effects_in
 from lrm_ident.fitting.levenberg_marquardt import Fit, fit
 from lrm_ident.fitting.loss import SQUARED, Loss
@@ -90,7 +90,7 @@ def propose_law(
     """
     fitted = fit(model, data, loss=loss)
     on_progress("cross-validating the model as it is")
-    before = error_stats(held_out_residual(fitted.model, data, loss=loss))
+    before = error_stats(cross_validated_residual(fitted.model, data, loss=loss))
     found = _propose(fitted, data, before, None, progress, on_progress)
     for _ in range(1, MOST_LAWS):
         best = found.best
@@ -170,7 +170,7 @@ def _refit(
     try:
         effect = kind(fitted.model.arm, f"joint{law.joint + 1}")
         better = add_effects(fitted.model, data, [effect], loss=fitted.loss)
-        return RefittedLaw(law, source, better, held_out_residual(better.model, data, loss=fitted.loss))
+        return RefittedLaw(law, source, better, cross_validated_residual(better.model, data, loss=fitted.loss))
     except LrmError:
         return None
 
