@@ -227,14 +227,14 @@ def one_step_fits(
         stepped = model.with_values_of(model.free, np.clip(z * typical, limits.lower, limits.upper))
         near = _some(fitted.equilibrium, split.predicted)
         known = preconditioner if near is fitted.equilibrium else None
-        equilibrium = _settled(stepped, _some(data, split.predicted).poses, near, known)
+        equilibrium = _equilibrium_or_none(stepped, _some(data, split.predicted).poses, near, known)
         if equilibrium is None:  # too far for the effects' formulas: the fit shortens its steps
             yield from _refitted(model, data, [split], bounds, loss, prior)
         else:
             yield equilibrium
 
 
-def _settled(
+def _equilibrium_or_none(
     model: Model, poses: Poses, near: Equilibrium, preconditioner: NewtonPreconditioner | None
 ) -> Equilibrium | None:
     try:
