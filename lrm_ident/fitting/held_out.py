@@ -1,4 +1,4 @@
-"""Blocks of a cross-validation, and the rows that are compared between models."""
+"""Blocks of a cross-validation, and the held-out residuals that they add up to."""
 
 from __future__ import annotations
 
@@ -13,11 +13,14 @@ from lrm_math.arrays import Array
 
 @dataclass(frozen=True, eq=False)
 class HeldOutBlock:
-    """One block of a cross-validation: rows `test` that a fit left out, and what it leaves of them (m).
+    """One block of a cross-validation: a fit to training rows, and its residuals (measured − predicted).
 
-    `train`: M rows that it was fitted to, of many some; `train_residual`: (M, 3), what it leaves of them (m).
-    `weighted`: (n, R), what it leaves of `test` by its noise, of all that was measured, where correlations are stated.
-    `test_turn`: (n, 3), that of orientations as rotation vectors (rad), NaN where not measured.
+    Attributes:
+        train, test: (M,), training rows, of many some; (n,), rows left out.
+        train_residual, test_residual: (M, 3) and (n, 3), of the TCP position (m).
+        weighted: (n, R), whitened test residual of all that was measured, times the whitening's unit (m); None where
+            no correlations are stated.
+        test_turn: (n, 3), test residual of the orientation as rotation vectors (rad), NaN where not measured.
     """
 
     train: NDArray[np.int64]
