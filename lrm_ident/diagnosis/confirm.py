@@ -91,14 +91,14 @@ class ConfirmedDiagnosis:
 
     @property
     def share(self) -> float:
-        """Share of the held-out mean square above the noise (all of it, where that is unknown) that the refit takes."""
+        """Share of the held-out mean square above the noise (of all, where that is unknown) that the refit takes."""
         if self.refit is None:
             return 0.0
         return share_of_excess(self.refit.error.rms, error_stats(self.held_out).rms, self.diagnosis.floor.rms or 0.0)
 
     @property
     def describes(self) -> bool:
-        """Whether the refitted effect is no cause that was shown: a form of one, or a small share while much stays."""
+        """Whether the refitted effect only describes: a form of an effect, or one of small share while much stays."""
         if self.first is None or self.refit is None:
             return False
         much = self.refit.error.rms > FLOOR_RATIO * (self.diagnosis.floor.rms or 0.0)
@@ -139,7 +139,7 @@ def confirm(
     while now.supported and len(reasons) < MOST_REFUSED:
         scored = now.supported[0]
         on_progress(f"refitting with {scored.name}")
-        trial = _tried(now, scored, blocks)
+        trial = _refit_trial(now, scored, blocks)
         if trial.refit and _share_saved(trial.refit.squares, squares) >= EQUIVALENT_GAIN * promised:
             return ConfirmedDiagnosis(now, blocks, trial.refit, now.supported, reasons)
         refuted |= trial.fitted
@@ -162,7 +162,7 @@ class _Trial:
     fitted: bool = True
 
 
-def _tried(diagnosis: Diagnosis, scored: ScoredCandidate, blocks: tuple[HeldOutBlock, ...]) -> _Trial:
+def _refit_trial(diagnosis: Diagnosis, scored: ScoredCandidate, blocks: tuple[HeldOutBlock, ...]) -> _Trial:
     data, loss, effect = diagnosis.data, diagnosis.fit.loss, scored.candidate.effect
     try:
         fitted = add_effects(diagnosis.fit.model, data, [effect], scored.shape, loss)
