@@ -19,7 +19,7 @@ from lrm_ident.residual.data_audit import audit
 from lrm_ident.residual.error_breakdown import ModelComparison
 from lrm_ident.residual.parameter_hints import parameter_hints
 from lrm_ident.residual.predictability import PredictableError
-from lrm_ident.residual.predictable_residual import PredictableResidual, predictable_residual
+from lrm_ident.residual.residual_patterns import ResidualPatterns, residual_patterns
 from lrm_ident.residual.thresholds import MIN_GAIN
 from lrm_math.effects import Effect, Parameter
 from lrm_math.model.equilibrium import solve_equilibrium
@@ -98,7 +98,7 @@ class DiagnosisReport(ShownInNotebook):
     share: float
     limitations: tuple[str, ...]
     hint: str
-    left: PredictableResidual
+    left: ResidualPatterns
     hints: tuple[str, ...]
 
     def __repr__(self) -> str:
@@ -151,9 +151,7 @@ def report_of(confirmed: ConfirmedDiagnosis, predictable: PredictableError | Non
         predictable: of the confirmed diagnosis's cross-validation, where that is known already.
     """
     diagnosis, supported = confirmed.diagnosis, confirmed.supported
-    left = predictable_residual(
-        diagnosis.fit, diagnosis.data, confirmed.blocks, diagnosis.outlier_distances, predictable
-    )
+    left = residual_patterns(diagnosis.fit, diagnosis.data, confirmed.blocks, diagnosis.outlier_distances, predictable)
     before = error_stats(confirmed.held_out)
     quiet = confirmed.verdict in ("nothing_missing", "noise_unknown")
     more = left.predictable.more_to_find and (quiet or confirmed.verdict == "unpredictable")

@@ -1,4 +1,4 @@
-"""Thresholds of what is said of a residual, and what set each.
+"""Thresholds of the verdicts on a residual, and what set each.
 
 Shares are of the held-out RMS of the 3-D distance; of mean squares those that correspond (`falls_by_share`).
 """
