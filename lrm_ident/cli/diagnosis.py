@@ -29,10 +29,11 @@ from lrm_ident.report.diagnosis.diagnosis import diagnosis_document, selftest_do
 from lrm_ident.report.fit import error_blocks
 from lrm_ident.report.plots.diagnosis import draw_report
 from lrm_ident.residual.error_breakdown import NestedResidual
+from lrm_ident.residual.thresholds import MAX_EFFECTS
 from lrm_ident.study.field_step import WHAT_IT_IS, NoBetterPrediction
 from lrm_ident.study.inputs import read_study
 from lrm_ident.study.model_on_data import ErrorSummary
-from lrm_ident.study.study import MAX_EFFECTS, Study
+from lrm_ident.study.study import Study
 from lrm_math.arm.arm_file import MM, load_arm
 from lrm_math.errors import LrmError
 from lrm_math.model.deployed_model import field_of

@@ -1,4 +1,4 @@
-"""Adding effects to a model: everything is refitted, and base parameters that can then be determined are freed."""
+"""Addition of effects to a model: everything is refitted, and base parameters that are identifiable then are freed."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 from lrm_ident.data.error_stats import error_stats
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.registration.degenerate_fit import DegenerateFit
-from lrm_ident.fitting.identifiability import fit_identifiable, identifiable_beside, some_rows
+from lrm_ident.fitting.identifiability import fit_identifiable, identifiable_beside, subsample_rows
 from lrm_ident.fitting.least_squares.convergence import FitNotConverged
 from lrm_ident.fitting.levenberg_marquardt import Fit, fit
 from lrm_ident.fitting.loss import SQUARED, Loss
@@ -35,9 +35,11 @@ def add_effects(
 ) -> Fit:
     """Fits a model with further effects: all its free parameters and the new ones together.
 
-    Shape parameters are held at the values that fit best (found with all others, from `shape`, the parameter vector of
-    a single effect, or from their defaults). Parameters of `offsets` and `compliance` that the data can tell now that
-    the effect is there are freed.
+    Shape parameters are fitted together with all others, and then held. Parameters of `offsets` and `compliance` that
+    are identifiable with the effects are freed.
+
+    Args:
+        shape: parameter vector of a single effect, where its shape parameters start; None: at their defaults.
 
     Raises:
         LrmError: all parameters are fitted already, no new one is identifiable, or no convergence.
@@ -57,11 +59,11 @@ def add_effects(
 
 
 def _with_shapes(model: Model, data: Measurements, effects: Sequence[Effect], new: Sequence[str], loss: Loss) -> Fit:
-    """The fit of what is identifiable of the free parameters and the `new` ones at the effects' best shapes.
+    """Fit of the identifiable ones of the free parameters and the `new` ones, at the effects' best shapes.
 
-    Of thousands of poses a part is searched; then all are fitted, with whatever of the base they can tell.
+    Of thousands of poses a subsample decides the shapes; then all poses are fitted, with identifiable base parameters.
     """
-    part, keys = data.take(some_rows(len(data))), [*model.free, *new]
+    part, keys = data.take(subsample_rows(len(data))), [*model.free, *new]
     best = fit_identifiable(model, part, keys, loss, required=() if len(data) > len(part) else new).fit
     told = {name_of_key(key) for key in best.model.free}
     searched = _searched([effect for effect in effects if effect.name in told], part)
@@ -73,7 +75,7 @@ def _with_shapes(model: Model, data: Measurements, effects: Sequence[Effect], ne
 
 
 def _searched(effects: Sequence[Effect], data: Measurements) -> Iterator[tuple[str, Parameter, tuple[float, ...]]]:
-    """Keys of the effects' shape parameters that are searched, the parameters, and the values to try."""
+    """Key, parameter and values to try of each of the effects' shape parameters that are searched."""
     for effect in effects:
         tried = effect.shapes_to_try(data.poses)
         for key, parameter in zip(effect.keys, effect.parameters, strict=True):
@@ -82,10 +84,10 @@ def _searched(effects: Sequence[Effect], data: Measurements) -> Iterator[tuple[s
 
 
 def free_base_parameters(fitted: Fit, data: Measurements, loss: Loss = SQUARED) -> Fit:
-    """Frees what the data can tell beside the free parameters, of `offsets`, `compliance` and effects that are fitted
-    in part, and refits.
+    """Frees parameters of `offsets`, `compliance` and partly fitted effects that are identifiable beside the free ones,
+    and refits.
 
-    What could not be determined while an effect was missing may be once it is there.
+    Parameters that were not identifiable beside the error of a missing effect may be once it is in the model.
     """
     for _ in range(MAX_FREEINGS):
         model = fitted.model
@@ -102,7 +104,7 @@ def free_base_parameters(fitted: Fit, data: Measurements, loss: Loss = SQUARED) 
 
 
 def _held_base_parameters(model: Model) -> list[str]:
-    """Parameters that are not free, of `offsets`, `compliance` and effects that are fitted in part."""
+    """Keys of parameters of `offsets`, `compliance` and partly fitted effects that are not free."""
     begun = {name_of_key(key) for key in model.free}
     return [
         key
@@ -114,6 +116,7 @@ def _held_base_parameters(model: Model) -> list[str]:
 
 
 def _with_effect(model: Model, effect: Effect, shape: Sequence[float] | None) -> Model:
+    """The model with an effect at a parameter vector; the same model if it has the effect."""
     known = {key: model.value(key) for key in model.keys}
     if effect.name in {present.name for present in model.effects}:
         return model
@@ -122,25 +125,25 @@ def _with_effect(model: Model, effect: Effect, shape: Sequence[float] | None) ->
     return replace(model_of(model.arm, (*model.effects, effect), known), free=model.free, within=model.within)
 
 
-def _fit_shapes(best: Fit, data: Measurements, tried: Mapping[str, Sequence[float]], how: Loss) -> Fit:
-    """The fit at the likeliest values of shape parameters, found as parameters like the others, between the ends of
-    what is `tried`; at their present values where the data cannot tell them."""
+def _fit_shapes(best: Fit, data: Measurements, tried: Mapping[str, Sequence[float]], loss: Loss) -> Fit:
+    """The fit with shape parameters at their estimates within the range of values `tried`, where they were fitted like
+    the others; the same fit where they are not identifiable, or this does not lower the error."""
     if not tried:
         return best
     free, limits = best.model.free, bounds_of(best.model, best.model.free)
     lower = np.append(limits.lower, [values[0] for values in tried.values()])
     upper = np.append(limits.upper, [values[-1] for values in tried.values()])
     try:
-        found = fit(best.model.with_free((*free, *tried)), data, Bounds(lower, upper), how, near=best.equilibrium)
-        held = fit(found.model.with_free(free), data, loss=how, near=found.equilibrium)
+        found = fit(best.model.with_free((*free, *tried)), data, Bounds(lower, upper), loss, near=best.equilibrium)
+        held = fit(found.model.with_free(free), data, loss=loss, near=found.equilibrium)
     except LrmError:
         return best
     return min(best, held, key=lambda one: error_stats(one.residual).rms)
 
 
-def _fit_moment(best: Fit, data: Measurements, key: str, how: Loss) -> Fit:
-    """The best fit over the last pose before a change: maximum likelihood of the moment with all else as it is (Hinkley
-    1970), then of all else, in turn until neither moves."""
+def _fit_moment(best: Fit, data: Measurements, key: str, loss: Loss) -> Fit:
+    """The fit with the maximum-likelihood change point (Hinkley 1970), the last pose before a change: the moment and
+    the other parameters are estimated in turn until neither moves."""
     numbers, row = np.unique(data.poses.names(np.arange(len(data))), return_inverse=True)
     for _ in range(MAX_MOMENT_FITS):
         ends = (best.model.with_values_of([key], end) for end in (numbers[-1], numbers[0] - 1))
@@ -151,7 +154,7 @@ def _fit_moment(best: Fit, data: Measurements, key: str, how: Loss) -> Fit:
         moment = float(numbers[np.argmin(added)])
         if moment == best.model.value(key):
             break
-        found = fit(best.model.with_values_of([key], moment), data, loss=how)
+        found = fit(best.model.with_values_of([key], moment), data, loss=loss)
         if error_stats(found.residual).rms >= error_stats(best.residual).rms:
             break
         best = found

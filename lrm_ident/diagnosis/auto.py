@@ -1,4 +1,4 @@
-"""`auto`: diagnose, add the first effect that a full refit confirms, and again, until there is none."""
+"""`auto`: stepwise addition of confirmed effects, each followed by a new diagnosis, until none is confirmed."""
 
 from __future__ import annotations
 
@@ -16,6 +16,7 @@ from lrm_ident.fitting.levenberg_marquardt import Fit
 from lrm_ident.fitting.loss import SQUARED, Loss
 from lrm_ident.fitting.priors import EffectRates
 from lrm_ident.fitting.progress import OnProgress, silent
+from lrm_ident.residual.thresholds import MAX_EFFECTS
 from lrm_math.arrays import Array
 from lrm_math.effects import CATALOGUE, Effect, name_of_key, variants
 from lrm_math.errors import LrmError
@@ -27,14 +28,14 @@ class AutoStep:
     """One step of `auto`.
 
     Attributes:
-        added: `effect@place`, "" at the start. refines: the effects, `effect@place`, of which that is another form.
+        added: `effect@place`, "" at the start. refines: the effects, `effect@place`, of which it is another form.
         fit: with it. held_out: (N, 3), held-out residual with it (m).
         data: the measurements that were fitted, outliers left out.
-        equivalent: the rest of its class: effects that these data cannot distinguish from it.
-        rivals: held-out RMS (m) that the next effects alone would have left, those of its class left out.
-        freed: keys of base parameters that could be determined with it.
-        share: of the held-out mean square above the noise (all of it, where that is unknown) that it took away.
-        describes: whether it is no cause that was shown: a form of one, or a small share while much stays.
+        equivalent: the other effects of its equivalence class, which these data cannot distinguish from it.
+        rivals: held-out RMS (m) that the next best effects outside its class would have left alone.
+        freed: keys of base parameters that became identifiable with it.
+        share: of the held-out mean square above the noise (of all, where that is unknown) that it took away.
+        describes: whether it only describes: it is a form of an effect, or took a small share while much stays.
     """
 
     added: str
@@ -50,13 +51,13 @@ class AutoStep:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """The causes that it can stand for, `effect@place`: those that a form refines, else itself and its class."""
+        """Causes that it can stand for (`effect@place`): the effects that a form refines, or itself; and its class."""
         return (*(self.refines or (self.added,)), *self.equivalent)
 
 
 @dataclass(frozen=True, eq=False)
 class AutoRun(ShownInNotebook):
-    """A run of `auto`: its steps, and the confirmed that ended it."""
+    """A run of `auto`: its steps, and the confirmed diagnosis after the last one."""
 
     steps: tuple[AutoStep, ...]
     confirmed: ConfirmedDiagnosis
@@ -77,14 +78,14 @@ class AutoRun(ShownInNotebook):
 
     @property
     def verdict(self) -> Verdict:
-        """The last verdict."""
+        """Verdict of the last diagnosis."""
         return self.confirmed.verdict
 
 
 def run_auto(
     model: Model,
     data: Measurements,
-    max_effects: int = 20,
+    max_effects: int = MAX_EFFECTS,
     catalogue: Iterable[type[Effect]] = CATALOGUE,
     on_step: Callable[[AutoStep], object] = lambda _: None,
     loss: Loss = SQUARED,
@@ -92,9 +93,9 @@ def run_auto(
     rates: EffectRates | None = None,
     on_confirmed: Callable[[Refit], object] = lambda _: None,
 ) -> AutoRun:
-    """Stepwise selection: diagnoses, adds the first supported effect as it was confirmed, and again.
+    """Stepwise selection: diagnoses, adds the confirmed effect, and diagnoses again.
 
-    An effect with which the model cannot be diagnosed any more is out, and the next one is tried.
+    An effect with which the model cannot be diagnosed is refused, and the next one is tried.
 
     Args:
         rates: how often arms of this kind have each effect, where that is known (`diagnose`).
@@ -116,7 +117,7 @@ def run_auto(
             known = refit.fit if np.array_equal(poses, data.pose) else None
             found = diagnose(refit.fit.model, data, kinds, progress, loss, rates, known)
             now = confirm(found, refit.blocks if np.array_equal(found.data.pose, poses) else (), refused=refused)
-        except LrmError:  # nothing can be built on it: it is out, and what was found before stays
+        except LrmError:  # no diagnosis with it: it is refused, and the steps before stay
             refused = (*refused, step.added)
             now = confirm(diagnose(steps[-1].fit.model, data, kinds, progress, loss, rates), before, refused=refused)
             continue
@@ -126,7 +127,7 @@ def run_auto(
 
 
 def _step(last: AutoStep, before: ConfirmedDiagnosis, one: ScoredCandidate) -> AutoStep:
-    """The step that adds an effect to the last one, as far as it is known before the diagnosis with it."""
+    """The step that adds an effect after the `last` one, without the results of the diagnosis with it."""
     equivalent = before.diagnosis.equivalent[one.name]
     return replace(
         last,
@@ -140,7 +141,7 @@ def _step(last: AutoStep, before: ConfirmedDiagnosis, one: ScoredCandidate) -> A
 
 
 def _taken(step: AutoStep, after: ConfirmedDiagnosis) -> AutoStep:
-    """The step with the diagnosis after it."""
+    """The step with the results of the diagnosis after it."""
     fit, before = after.diagnosis.fit, step.fit.model.free
     freed = tuple(key for key in fit.model.free if key not in before and name_of_key(key) != step.added)
     return replace(step, fit=fit, held_out=after.held_out, data=after.diagnosis.data, freed=freed)

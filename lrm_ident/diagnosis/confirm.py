@@ -1,14 +1,15 @@
-"""Confirmation of a diagnosis for `diagnose`, `add` and `auto`: the best candidates refitted in full, cross-validated.
+"""Confirmation of a diagnosis, for `diagnose` and `auto`: the best candidate refitted in full and cross-validated.
 
-Screening (`diagnose`) is linear. The first that it supports is refitted here with everything else free, as `add` does
-it, and counts only if its own parameters differ from zero and the held-out error falls by more than its standard error
-says; else the next one is tried.
+Screening (`diagnose`) is linear. The first effect that it supports is refitted here with everything else free, as by
+`add`. It is confirmed if its own parameters differ from zero (Wald test) and the held-out error falls significantly
+(Vuong test); else effects are selected again without it.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from scipy.special import chdtrc
@@ -19,7 +20,7 @@ from lrm_ident.diagnosis.add_effect import add_effects
 from lrm_ident.diagnosis.diagnose import Diagnosis, Verdict, select_without
 from lrm_ident.diagnosis.screening.score_test import ScoredCandidate
 from lrm_ident.fitting.cross_validation import blocks_of_fit
-from lrm_ident.fitting.held_out import HeldOutBlock, held_out_rows, squared
+from lrm_ident.fitting.held_out import HeldOutBlock, held_out_residual, held_out_squares
 from lrm_ident.fitting.levenberg_marquardt import Fit
 from lrm_ident.residual.better_prediction import predicts_better, share_of_excess
 from lrm_ident.residual.thresholds import (
@@ -46,7 +47,12 @@ class Refit:
     @property
     def held_out(self) -> Array:
         """(N, 3), its held-out residual (m)."""
-        return held_out_rows(self.blocks)
+        return held_out_residual(self.blocks)
+
+    @cached_property
+    def squares(self) -> Array:
+        """(N,), its `held_out_squares`."""
+        return held_out_squares(self.blocks)
 
     @property
     def error(self) -> ErrorStats:
@@ -61,9 +67,9 @@ class ConfirmedDiagnosis:
     Attributes:
         blocks: the model as it is, cross-validated.
         refit: with the first supported effect; None if nothing is supported.
-        supported: effects that are there as far as these data show, the one to add first.
+        supported: the effects that the data support, the one to add first.
         refused: for each one whose refit did not confirm it, why.
-        refuted: whether one of them was refitted: what these poses cannot tell from the model says nothing.
+        refuted: whether one of them was refitted; one that these poses cannot tell from the model does not count.
     """
 
     diagnosis: Diagnosis
@@ -76,7 +82,7 @@ class ConfirmedDiagnosis:
     @property
     def held_out(self) -> Array:
         """(N, 3), held-out residual of the model as it is (m)."""
-        return held_out_rows(self.blocks)
+        return held_out_residual(self.blocks)
 
     @property
     def first(self) -> ScoredCandidate | None:
@@ -85,14 +91,14 @@ class ConfirmedDiagnosis:
 
     @property
     def share(self) -> float:
-        """Share of the held-out mean square above the noise (all of it, where that is unknown) that the refit takes."""
+        """Share of the held-out mean square above the noise (of all, where that is unknown) that the refit takes."""
         if self.refit is None:
             return 0.0
-        return share_of_excess(error_stats(self.held_out).rms, self.refit.error.rms, self.diagnosis.floor.rms or 0.0)
+        return share_of_excess(self.refit.error.rms, error_stats(self.held_out).rms, self.diagnosis.floor.rms or 0.0)
 
     @property
     def describes(self) -> bool:
-        """Whether the refitted effect is no cause that was shown: a form of one, or a small share while much stays."""
+        """Whether the refitted effect only describes: a form of an effect, or one of small share while much stays."""
         if self.first is None or self.refit is None:
             return False
         much = self.refit.error.rms > FLOOR_RATIO * (self.diagnosis.floor.rms or 0.0)
@@ -100,8 +106,8 @@ class ConfirmedDiagnosis:
 
     @property
     def verdict(self) -> Verdict:
-        """The diagnosis's, unless the effect describes, or what was selected does not lower the held-out error when
-        refitted: that is structure. Beside no more than a known noise without structure it is none."""
+        """Verdict of the diagnosis, with two changes: `effect_describes` of a refit that shows no cause, and
+        `unexplained_structure` where refits confirmed no selected effect, unless nothing is missing."""
         verdict = self.diagnosis.verdict
         if self.refuted and not self.supported and verdict != "nothing_missing":
             return "unexplained_structure"
@@ -114,70 +120,70 @@ def confirm(
     on_progress: Callable[[str], object] = str,
     refused: Collection[str] = (),
 ) -> ConfirmedDiagnosis:
-    """Refits the first supported effect; while a refit refuses it, selects again without it.
+    """Refits the first supported effect; while the refit does not confirm it, selects again without it.
 
-    Support is conditional on what was selected before. What saves far less than one that was refused had promised is no
-    name for it: that is structure. Free forms promise nothing, since the screening does not keep them smooth.
+    An effect that saves far less than a refused one promised in the screening is refused too: it only resembles that
+    structure. Free forms promise nothing, since the screening does not penalise their roughness.
 
     Args:
         blocks: the model as it is, cross-validated on the diagnosis's poses, where that is known already.
         on_progress: called with what is being done.
-        refused: effects (`effect@place`) that are out, since a model with them could not be gone on with.
+        refused: effects (`effect@place`) left out from the start, since a model with them cannot be diagnosed.
     """
     if not blocks:
         on_progress("cross-validating the model as it is")
         blocks = blocks_of_fit(diagnosis.fit, diagnosis.data)
     reasons = dict.fromkeys(refused, "a model with it could not be gone on with")
     now = select_without(diagnosis, reasons) if refused else diagnosis
-    promised, of, refuted = 0.0, "", bool(refused)
+    promised, rival, refuted, squares = 0.0, "", bool(refused), held_out_squares(blocks)
     while now.supported and len(reasons) < MOST_REFUSED:
         scored = now.supported[0]
         on_progress(f"refitting with {scored.name}")
-        trial = _tried(now, scored, blocks)
-        if trial.refit and _share_saved(squared(trial.refit.blocks), squared(blocks)) >= EQUIVALENT_GAIN * promised:
+        trial = _refit_trial(now, scored, blocks)
+        if trial.refit and _share_saved(trial.refit.squares, squares) >= EQUIVALENT_GAIN * promised:
             return ConfirmedDiagnosis(now, blocks, trial.refit, now.supported, reasons)
         refuted |= trial.fitted
-        reasons[scored.name] = trial.objection or f"it saves far less than {of} promised, which its refit refused"
+        reasons[scored.name] = trial.objection or f"it saves far less than {rival} promised, which its refit refused"
         if trial.refit:
             break
         if trial.fitted and not scored.candidate.effect.variant_of:
             saved = _share_saved(scored.alone.held_out, now.squared_held_out)
-            promised, of = max((promised, of), (saved, scored.name))
+            promised, rival = max((promised, rival), (saved, scored.name))
         now = select_without(now, reasons)
     return ConfirmedDiagnosis(now, blocks, None, (), reasons, refuted)
 
 
 @dataclass(frozen=True, eq=False)
 class _Trial:
-    """Trial of a candidate: its refit, or the objection to it; whether there was a fit at all."""
+    """Trial of a candidate: its refit, or the objection to it; whether the fit converged."""
 
     refit: Refit | None
     objection: str = ""
     fitted: bool = True
 
 
-def _tried(diagnosis: Diagnosis, scored: ScoredCandidate, blocks: tuple[HeldOutBlock, ...]) -> _Trial:
-    data, loss, effect = diagnosis.data, diagnosis.loss, scored.candidate.effect
+def _refit_trial(diagnosis: Diagnosis, scored: ScoredCandidate, blocks: tuple[HeldOutBlock, ...]) -> _Trial:
+    data, loss, effect = diagnosis.data, diagnosis.fit.loss, scored.candidate.effect
     try:
         fitted = add_effects(diagnosis.fit.model, data, [effect], scored.shape, loss)
-        if zero_p_value(fitted, [effect.keys[row] for row in scored.candidate.rows]) > WITHIN_TWO_DEVIATIONS:
+        if wald_p_value(fitted, [effect.keys[row] for row in scored.candidate.rows]) > WITHIN_TWO_DEVIATIONS:
             return _Trial(None, "refitted, its own parameters lie within two standard deviations of zero")
         refit = Refit(fitted, blocks_of_fit(fitted, data))
     except LrmError as error:
         return _Trial(None, f"it could not be refitted: {error}", fitted=False)
-    if predicts_better(squared(refit.blocks), squared(blocks), MIN_GAIN):
+    if predicts_better(refit.squares, held_out_squares(blocks), MIN_GAIN):
         return _Trial(refit)
-    before, after = in_mm(error_stats(held_out_rows(blocks)).rms), in_mm(refit.error.rms)
+    before, after = in_mm(error_stats(held_out_residual(blocks)).rms), in_mm(refit.error.rms)
     return _Trial(None, f"refitted, it does not surely predict better: {before} mm held out, {after} with it")
 
 
-def _share_saved(then: Array, now: Array) -> float:
-    """Share of the mean square (N,) that is saved."""
-    return 1.0 - float(then.mean() / now.mean())
+def _share_saved(after: Array, before: Array) -> float:
+    """Share by which the mean of squares (N,) falls."""
+    return 1.0 - float(after.mean() / before.mean())
 
 
-def zero_p_value(fitted: Fit, keys: Collection[str]) -> float:
-    """Probability of such estimates of some parameters if all of them are zero (Wald 1943); 1 if none was fitted."""
+def wald_p_value(fitted: Fit, keys: Collection[str]) -> float:
+    """p value of the Wald test (1943) that some parameters are all zero; 1 if none was fitted off its bounds."""
     rows = [row for row, key in enumerate(fitted.model.free) if key in keys and key not in fitted.at_bound]
     if not rows:
         return 1.0

@@ -1,10 +1,10 @@
 """Diagnosis: which physical effect is missing, that none is, or that structure is left which no effect explains.
 
-measurements -> fit -> candidates -> forms -> confirm -> report: this is the linear screening, `confirm` refits it.
-Every effect of the catalogue in every form at every place is tried on the residual (score test) and judged by the
-held-out error that it would leave; effects are taken by forward selection. Then free functions are tried on what is
-left: they separate an effect that is really there from one that only resembles a structure outside the catalogue.
-Of thousands of poses a part is screened, drawn at random, with those that the fit misses most; `confirm` refits all.
+This is the linear screening; `confirm` refits what it supports. Every effect of the catalogue in every form at every
+place is tried on the residual (score test) and judged by the held-out error that it would leave; effects are taken by
+forward selection. Free functions of what is left then show which of them are spurious, since they only resemble a
+structure outside the catalogue. Of thousands of poses a random subsample is screened, with those that the fit misses
+most; `confirm` refits all.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ from lrm_math.effects import CATALOGUE, Effect, variants
 from lrm_math.model.equilibrium import batch_equilibrium
 from lrm_math.model.model import Model
 
-MOST_ROUNDS = 3  # of leaving out outliers: a far one hides those that are nearer (masking)
+MOST_ROUNDS = 3  # of leaving out outliers: a far one masks nearer ones
 RIVALS_KEPT = 4  # of a step that is taken
 Verdict = Literal[
     "effect_missing", "effect_describes", "unexplained_structure", "unpredictable", "nothing_missing", "noise_unknown"
@@ -49,14 +49,13 @@ class Diagnosis:
     """Diagnosis of a model on measurements: the effects that it misses.
 
     Attributes:
-        fit, data: of all N poses. screened: (n,), rows of those that were screened, all of few; below for these only.
+        fit, data: of all N poses. screened: (n,), rows that were screened; what follows is of these.
         squared_held_out: (n,), held-out squared distance of each pose without anything added (m²).
         scored: every testable candidate, best first. adjusted_p_values: theirs, Benjamini-Yekutieli.
         selected: by forward selection, in that order, spurious ones included.
-        equivalent: for each selected one, names of candidates that these data cannot distinguish from it.
-        screening: what it selected from.
+        equivalent: for each selected one, names of the other candidates of its equivalence class.
+        screening: from which they were selected.
         outliers: numbers of the poses left out. shifted: rows that carry another row's position.
-        loss: of every fit.
     """
 
     fit: Fit
@@ -72,7 +71,6 @@ class Diagnosis:
     screening: Screening
     outliers: tuple[int, ...] = ()
     shifted: tuple[ShiftedRows, ...] = ()
-    loss: Loss = SQUARED
 
     @property
     def floor(self) -> NoiseFloor:
@@ -96,14 +94,14 @@ class Diagnosis:
 
     @property
     def supported(self) -> tuple[ScoredCandidate, ...]:
-        """Effects that are there as far as these data show, most helpful first."""
+        """Selected effects that are not spurious, most helpful first."""
         return tuple(scored for scored in self.selected if scored.name not in self.unexplained.spurious)
 
     @cached_property
     def outlier_distances(self) -> dict[int, float]:
-        """Distance (m) of each pose left out, now or in the model's fit, from where the model has it, by its number.
+        """Distance (m) between measured and predicted TCP of each pose left out, here or in the model's fit, by number.
 
-        None of rows that look shifted, nor where no position was measured or the model has no equilibrium.
+        Without rows that look shifted, poses without a measured position, and poses without an equilibrium.
         """
         shifted = {number for block in self.shifted for number in range(block.first, block.last + 1)}
         complete = self.data.complete
@@ -117,7 +115,8 @@ class Diagnosis:
 
     @property
     def verdict(self) -> Verdict:
-        """Structure counts if it is significant and the error exceeds the noise floor (or neighbours are alike)."""
+        """Verdict of the screening. Structure counts if it is significant and the error exceeds the noise floor by
+        `FLOOR_RATIO`, or, where that is unknown, neighbours are alike by `MORAN_THRESHOLD`."""
         if self.supported:
             return "effect_missing"
         if self.unexplained.functions:
@@ -131,18 +130,17 @@ class Diagnosis:
         return "unpredictable" if self.above_floor else "nothing_missing"
 
     def rivals(self, taken: Collection[str]) -> dict[str, float]:
-        """Held-out RMS (m) that plausible effects beside some that are taken would alone leave, the least first."""
+        """Held-out RMS (m) that each of the best plausible effects not `taken` would leave alone, the least first."""
         others = [one for one in self.scored if one.name not in taken and not one.implausible]
         nearest = sorted(others, key=lambda one: one.alone.rms)[:RIVALS_KEPT]
         return {one.name: float(one.alone.rms) for one in nearest}
 
     @property
     def above_floor(self) -> bool:
-        """Whether the residual surely exceeds a known noise floor, by more than this may be misstated (F test)."""
-        floor, freedom = self.floor, self.data.measured_rows - len(self.fit.model.free)
-        if floor.sd is None or self.fit.sigma <= FLOOR_RATIO * floor.sd:
-            return False
-        return floor.p_value(self.fit.sigma, freedom) < NOT_NOISE
+        """Whether the residual exceeds a known noise floor significantly, and by more than that may be misstated."""
+        floor = self.floor.sd
+        larger = floor is not None and self.fit.sigma > FLOOR_RATIO * floor
+        return larger and self.screening.lack_of_fit_p_value < NOT_NOISE
 
 
 def diagnose(
@@ -154,9 +152,9 @@ def diagnose(
     rates: EffectRates | None = None,
     fitted: Fit | None = None,
 ) -> Diagnosis:
-    """Finds what a model misses on measurements. The model's free parameters are refitted first, with this loss.
+    """Finds what a model misses on measurements; its free parameters are refitted first, with this loss.
 
-    Without outliers the data may tell more: what they tell then is freed before any effect is tried.
+    Parameters that the data determine only without the outliers are freed before any effect is tried.
 
     Args:
         rates: how often arms of this kind have each effect, where that is known.
@@ -183,49 +181,48 @@ def diagnose(
 
 
 def select_without(diagnosis: Diagnosis, refused: Collection[str]) -> Diagnosis:
-    """The same diagnosis with other effects selected: none of the refused (`effect@place`), of which those that were
-    selected beside them may not be needed, and others may."""
+    """The diagnosis with effects selected anew without the refused ones (`effect@place`): others may be needed then."""
     found = _select(diagnosis.screening, silent, refused)
     return replace(found, outliers=diagnosis.outliers, shifted=diagnosis.shifted)
 
 
-def _select(scores: Screening, progress: OnProgress, refused: Collection[str] = ()) -> Diagnosis:
-    """Selects effects. Where all of them only resemble some structure, the forms of these are tried in their place: a
-    plain effect is named before a form that helps more, and must not hide it."""
-    possible = [one for one in scores.ranked if one.name not in refused]
-    tried = [one for one in possible if not scores.like_noise or one.candidate.priority == REFINEMENT]
-    found = _selected(scores, progress, possible, tried)
+def _select(screening: Screening, progress: OnProgress, refused: Collection[str] = ()) -> Diagnosis:
+    """Selects effects; where all of them are spurious, their other forms are tried instead: a plain effect is selected
+    before its form, and must not hide that."""
+    possible = [one for one in screening.ranked if one.name not in refused]
+    tried = [one for one in possible if not screening.like_noise or one.candidate.priority == REFINEMENT]
+    found = _diagnosis_of(screening, progress, possible, tried)
     if found.supported:
         return found
     names = {one.name for one in found.selected}
     forms = [one for one in tried if names & set(variants(one.candidate.effect))]
-    instead = _selected(scores, progress, possible, forms) if forms else found
+    instead = _diagnosis_of(screening, progress, possible, forms) if forms else found
     return instead if instead.supported else found
 
 
-def _selected(
-    scores: Screening,
+def _diagnosis_of(
+    screening: Screening,
     progress: OnProgress,
     possible: Sequence[ScoredCandidate],
     tried: Sequence[ScoredCandidate],
 ) -> Diagnosis:
-    whole, linear, ranked = scores.fit, scores.linear, scores.ranked
-    weights = None if scores.rates is None else scores.rates.weights([one.name for one in tried])
-    selection = forward_select(scores.scored, scores.sets, linear, progress, weights, tried)
+    """The diagnosis that selects from the candidates `tried`, the classes of the selected ones among the `possible`."""
+    whole, linear, ranked = screening.fit, screening.linear, screening.ranked
+    weights = None if screening.rates is None else screening.rates.weights([one.name for one in tried])
+    selection = forward_select(screening.scored, screening.sets, linear, progress, weights, tried)
     selected = selection.effects
     return Diagnosis(
         fit=whole,
-        data=scores.data,
+        data=screening.data,
         squared_held_out=linear.now.held_out,
         scored=(*selected, *(one for one in ranked if one not in selected)),
         adjusted_p_values=benjamini_yekutieli({one.name: one.p_value for one in ranked}),
         selected=selected,
         equivalent={one.name: equivalent_effects(selection, i, possible) for i, one in enumerate(selected)},
-        unexplained=unexplained_structure(selection, scores.functions, scores.weigh),
-        not_testable=scores.not_testable,
-        screened=scores.screened,
-        screening=scores,
-        loss=whole.loss,
+        unexplained=unexplained_structure(selection, screening.functions, screening.weigh),
+        not_testable=screening.not_testable,
+        screened=screening.screened,
+        screening=screening,
     )
 
 

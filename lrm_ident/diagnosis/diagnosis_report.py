@@ -19,7 +19,7 @@ from lrm_ident.residual.data_audit import audit
 from lrm_ident.residual.error_breakdown import ModelComparison
 from lrm_ident.residual.parameter_hints import parameter_hints
 from lrm_ident.residual.predictability import PredictableError
-from lrm_ident.residual.predictable_residual import PredictableResidual, predictable_residual
+from lrm_ident.residual.residual_patterns import ResidualPatterns, residual_patterns
 from lrm_ident.residual.thresholds import MIN_GAIN
 from lrm_math.effects import Effect, Parameter
 from lrm_math.model.equilibrium import solve_equilibrium
@@ -35,10 +35,10 @@ DISPLAY_UNITS = {
     "rad_per_K": (180.0 / np.pi, "°/K"),
     "mm_per_K": (1.0, " mm/K"),
 }
-MOST_WORDS = 4  # estimates in a sentence, the surest; all are in the JSON file
-TOO_MANY = 12  # of which no four say anything: coefficients of a curve
+MOST_ESTIMATES = 4  # in a sentence, the most significant; all are in the JSON file
+TOO_MANY = 12  # estimates from which none is listed: coefficients of a curve
 Estimates = tuple[tuple[str, float, float], ...]
-NEXT: Mapping[str, str] = {
+NEXT_STEP: Mapping[str, str] = {
     "effect_describes": "Add it: unseen poses are predicted better, though it shows no new cause. Diagnose again with "
     "it; of what is left then look at the anatomy, and try lrm-ident propose.",
     "unexplained_structure": "Look for a law with this anatomy (lrm-ident propose), or write an effect if you know its "
@@ -49,7 +49,7 @@ NEXT: Mapping[str, str] = {
     "noise_unknown": "Measure five poses twice or more (column repeat_of), or state the instrument's noise "
     "(noise_sd_mm), and ask again.",
 }
-"""What to do after a verdict that names no cause."""
+"""Advice after a verdict that names no cause."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,7 +57,7 @@ class RankedCandidate:
     """One candidate with its verdict.
 
     Attributes:
-        held_out_rms: what the held-out RMS would be (m), linear unless `exact`.
+        held_out_rms: held-out RMS with it (m), by the linear screening unless `exact`.
         fit: with it, where it was refitted and cross-validated; else None.
         estimates: (name with unit, value, standard error) in the file's units.
         equivalent: names of effects that the data cannot distinguish from it. why: one sentence.
@@ -84,8 +84,10 @@ class RankedCandidate:
 class DiagnosisReport(ShownInNotebook):
     """A diagnosis with its ranking, the limitations of the data, and a hint on what to measure next.
 
-    `share`: of the held-out mean square above the noise that the first takes. `left`: what could be predicted without
-    names. `hints`: what the estimates look like together, no effects.
+    Attributes:
+        fit, held_out: error of the model as it is, in the fit and cross-validated.
+        share: of the held-out mean square above the noise that the first candidate takes away.
+        left: patterns of the residual without a name. hints: patterns of the estimates, which are no effects.
     """
 
     diagnosis: Diagnosis
@@ -96,7 +98,7 @@ class DiagnosisReport(ShownInNotebook):
     share: float
     limitations: tuple[str, ...]
     hint: str
-    left: PredictableResidual
+    left: ResidualPatterns
     hints: tuple[str, ...]
 
     def __repr__(self) -> str:
@@ -111,8 +113,7 @@ class DiagnosisReport(ShownInNotebook):
 
     @property
     def far_rows(self) -> tuple[int, ...]:
-        """Rows with more than noise left and no name, where nothing predicts it: those far from what the others show,
-        the farthest first."""
+        """Rows of the fit's outliers, the farthest first, where the error exceeds the noise and nothing predicts it."""
         found = self.left.predictable.more_to_find or self.diagnosis.unexplained.functions
         if found or self.verdict not in ("unexplained_structure", "unpredictable"):
             return ()
@@ -123,11 +124,12 @@ class DiagnosisReport(ShownInNotebook):
 def build_report(
     diagnosis: Diagnosis, on_progress: Callable[[str], object] = str, compared: ModelComparison | None = None
 ) -> DiagnosisReport:
-    """Judges a diagnosis and reports it.
+    """Confirms a diagnosis and reports it.
 
     Args:
-        on_progress: called with what is being done. compared: of the same model, fitted without a prior, if that is
-            known already: where it is of the same poses and parameters its cross-validation is not repeated.
+        on_progress: called with what is being done.
+        compared: comparison of the same model, fitted without a prior, if known: with the same poses and parameters its
+            cross-validation is not repeated.
     """
     same = compared is not None and _same_fit(diagnosis, compared)
     blocks, predictable = (compared.held_out.blocks, compared.predictable) if compared and same else ((), None)
@@ -143,15 +145,13 @@ def _same_fit(diagnosis: Diagnosis, compared: ModelComparison) -> bool:
 
 
 def report_of(confirmed: ConfirmedDiagnosis, predictable: PredictableError | None = None) -> DiagnosisReport:
-    """Ranks every candidate, the confirmed ones first; says what is left to find, and what to measure next.
+    """Report of a confirmed diagnosis: ranking of all candidates, patterns of the residual, what to measure next.
 
     Args:
         predictable: of the confirmed diagnosis's cross-validation, where that is known already.
     """
     diagnosis, supported = confirmed.diagnosis, confirmed.supported
-    left = predictable_residual(
-        diagnosis.fit, diagnosis.data, confirmed.blocks, diagnosis.outlier_distances, predictable
-    )
+    left = residual_patterns(diagnosis.fit, diagnosis.data, confirmed.blocks, diagnosis.outlier_distances, predictable)
     before = error_stats(confirmed.held_out)
     quiet = confirmed.verdict in ("nothing_missing", "noise_unknown")
     more = left.predictable.more_to_find and (quiet or confirmed.verdict == "unpredictable")
@@ -164,14 +164,14 @@ def report_of(confirmed: ConfirmedDiagnosis, predictable: PredictableError | Non
         ranking=tuple(_rank(one, confirmed, before) for one in _order(diagnosis, supported)),
         share=confirmed.share,
         limitations=audit(diagnosis.data, diagnosis.fit.equilibrium.joint_torque),
-        hint=NEXT[verdict] if verdict in NEXT else _hint(diagnosis, supported),
+        hint=NEXT_STEP[verdict] if verdict in NEXT_STEP else _hint(diagnosis, supported),
         left=left,
         hints=parameter_hints(diagnosis.fit),
     )
 
 
 def _order(diagnosis: Diagnosis, supported: Sequence[ScoredCandidate]) -> list[ScoredCandidate]:
-    """Supported ones first, those equivalent to the first next, then by the held-out RMS that they would leave."""
+    """Candidates in the order of the ranking: supported ones, those equivalent to the first, others by held-out RMS."""
     equivalent = diagnosis.equivalent[supported[0].name] if supported else ()
     rest = [one for one in diagnosis.scored if one not in supported]
     rest.sort(key=lambda one: (one.name not in equivalent, bool(one.implausible), one.alone.rms))
@@ -179,6 +179,7 @@ def _order(diagnosis: Diagnosis, supported: Sequence[ScoredCandidate]) -> list[S
 
 
 def _rank(scored: ScoredCandidate, confirmed: ConfirmedDiagnosis, before: ErrorStats) -> RankedCandidate:
+    """A candidate with its verdict and the sentence that gives the reason. `before`: held-out error without it."""
     diagnosis, supported = confirmed.diagnosis, confirmed.supported
     refit = confirmed.refit if scored in supported[:1] else None
     fitted, rms = (None, scored.alone.rms) if refit is None else (refit.fit, refit.error.rms)
@@ -206,6 +207,7 @@ def _rank(scored: ScoredCandidate, confirmed: ConfirmedDiagnosis, before: ErrorS
 
 
 def _estimates(scored: ScoredCandidate) -> Estimates:
+    """Estimates of the linear screening."""
     return tuple(
         (p.name, float(theta * p.typical / p.si), float(error * p.typical / p.si))
         for p, theta, error in zip(scored.candidate.parameters, scored.alone.theta, scored.alone.error, strict=True)
@@ -213,6 +215,7 @@ def _estimates(scored: ScoredCandidate) -> Estimates:
 
 
 def _fitted_estimates(scored: ScoredCandidate, fitted: Fit) -> Estimates:
+    """Estimates of the refit, with the shape parameters that it holds."""
     effect, model = scored.candidate.effect, fitted.model
     errors = dict(zip(model.free, fitted.standard_error, strict=True))
     keys = dict(zip(effect.keys, effect.parameters, strict=True))
@@ -224,8 +227,8 @@ def _fitted_estimates(scored: ScoredCandidate, fitted: Fit) -> Estimates:
 
 
 def _describe_effect(scored: ScoredCandidate, estimates: Estimates, fitted: Fit | None) -> str:
-    """The effect's claim with its estimates, for instance `joint2 has 2.3 ± 0.1° of play`; of one that is no number,
-    for instance a curve, with the largest motion that it makes."""
+    """Claim of an effect with its estimates, for instance `joint2 has 2.3 ± 0.1° of play`; where the claim has no
+    number, as of a curve, with the largest motion that the effect makes."""
     effect = scored.candidate.effect
     units = {p.name: p.unit for p in effect.parameters}
     words = {name: with_unit(value, error, units[name]) for name, value, error in estimates}
@@ -241,27 +244,27 @@ def _describe_effect(scored: ScoredCandidate, estimates: Estimates, fitted: Fit 
         return claim
     if any(one not in left for one in told if one[2]) or not left or len(left) > TOO_MANY:
         return claim
-    surest = sorted(left, key=lambda one: -abs(one[1]) / max(one[2], 1e-300))[:MOST_WORDS]
+    surest = sorted(left, key=lambda one: -abs(one[1]) / max(one[2], 1e-300))[:MOST_ESTIMATES]
     shown = [name for name in words if name in {one[0] for one in surest}]
     meanings = {p.name: p.meaning for p in effect.parameters}
     surest_values = ", ".join(f"{meanings[name]} {words[name]}" for name in shown)
-    return f"{claim} ({surest_values}{f' and {len(left) - MOST_WORDS} more' if len(left) > MOST_WORDS else ''})"
+    return f"{claim} ({surest_values}{f' and {len(left) - MOST_ESTIMATES} more' if len(left) > MOST_ESTIMATES else ''})"
 
 
 def _largest_motion(fitted: Fit, effect: Effect) -> float:
-    """The farthest that an effect of a fitted model moves the TCP at the measured poses (m)."""
+    """Largest motion of the TCP by an effect of a fitted model at the measured poses (m)."""
     without = fitted.model.with_values_of([key for key in effect.keys if key in fitted.model.free], 0.0)
     moved = fitted.equilibrium.tcp - solve_equilibrium(without, fitted.equilibrium.poses, fitted.equilibrium).tcp
     return float(np.linalg.norm(moved, axis=1).max())
 
 
 def _chosen(parameter: Parameter, value: float) -> str:
-    """The value (SI) of a shape parameter that was searched, the pose at which something moved say; zero of others."""
+    """Value of a shape parameter (SI) with its unit, for instance the pose of a change; 0 for other parameters."""
     return "0" if parameter.fixed is None else with_unit(value / parameter.si, None, parameter.unit)
 
 
 def with_unit(value: float, error: float | None, unit: str) -> str:
-    """An estimate with its standard error (a shape has none) in the unit that is shown, for instance `2.3 ± 0.1°`."""
+    """Estimate with its standard error, if any, in the unit that is shown, for instance `2.3 ± 0.1°`."""
     scale, symbol = DISPLAY_UNITS.get(unit, (1.0, f" {unit}"))
     if unit == "pose":
         return f"pose {value:.0f}"

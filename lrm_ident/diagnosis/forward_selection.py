@@ -1,9 +1,9 @@
-"""Forward selection of effects by held-out error, and which effects the data cannot distinguish from each.
+"""Forward selection of effects by held-out error, and their equivalence classes: which the data cannot tell apart.
 
-The ranking is by help. Of what prediction cannot separate, a refinement of what the model has comes before a plain
-effect, and that before another form of an effect that the model does not have; but where a plain effect helps most,
-what needs so many parameters more that Schwarz's criterion speaks very strongly against it is out (Kass and Raftery
-1995).
+Candidates are ranked by held-out error. Among those that prediction cannot separate, a refinement of an effect of the
+model comes before a plain effect, and that before another form of an effect that the model does not have. Where a plain
+effect helps most, candidates with so many more parameters that Schwarz's criterion is very strong evidence against them
+are left out (Kass and Raftery 1995).
 """
 
 from __future__ import annotations
@@ -19,13 +19,13 @@ from lrm_ident.diagnosis.screening.column_spaces import cosine_of_bases
 from lrm_ident.diagnosis.screening.linearised_fit import LinearEstimate, LinearisedFit
 from lrm_ident.diagnosis.screening.score_test import ScoredCandidate
 from lrm_ident.fitting.progress import OnProgress
-from lrm_ident.residual.better_prediction import paired_z, predicts_better, saves
+from lrm_ident.residual.better_prediction import falls_by_share, paired_z, predicts_better
 from lrm_ident.residual.significance import f_test_p_value, yekutieli_factor
 from lrm_ident.residual.thresholds import (
     EQUIVALENCE_COSINE,
     EQUIVALENT_GAIN,
-    MAX_EFFECTS,
     MIN_GAIN,
+    MOST_SELECTED,
     SIGNIFICANCE,
     SIMILAR_GAIN,
     VERY_STRONG,
@@ -38,7 +38,7 @@ Choice = tuple[LinearEstimate, ScoredCandidate]
 
 @dataclass(frozen=True, eq=False)
 class SelectionStep:
-    """The fit with what is selected so far, and for the name of each candidate what it explains beside that."""
+    """Fit with the effects selected so far, and the estimate of each candidate (by name) beside them."""
 
     fit: LinearisedFit
     beside: Mapping[str, LinearEstimate]
@@ -46,7 +46,7 @@ class SelectionStep:
 
 @dataclass(frozen=True, eq=False)
 class Selection:
-    """Selected effects; `steps`: before each of them, and after the last."""
+    """Selected effects, in order; `steps`: before each of them, and after the last."""
 
     effects: tuple[ScoredCandidate, ...]
     steps: tuple[SelectionStep, ...]
@@ -62,13 +62,13 @@ def forward_select(
 ) -> Selection:
     """Adds the best effect, one after the other, as long as one is significant, plausible, and predicts better.
 
-    Where the model has effects with other forms, a new name must predict better than all these forms together, or
-    explain what they do not: a formula that does not fit is no new cause.
+    Where effects of the model have other forms, a new effect must predict better than all these forms together, or
+    improve the prediction beside them: it may only stand for a wrong formula of what is there.
 
     Args:
         sets: the projected columns of all that were screened, in their order.
-        weights: of the candidates' p values (`EffectRates.weights`): what is expected needs less evidence. Of
-            those that predict alike, the one with the larger weight is taken. None: all alike.
+        weights: of the candidates' p values (`EffectRates.weights`): a frequent effect needs less evidence, and is
+            preferred to others that predict alike. None: equal.
         possible: candidates that may be selected, the best first; the others are only tried. None: all.
     """
     ranked = screened if possible is None else possible
@@ -78,8 +78,10 @@ def forward_select(
     while True:
         step = SelectionStep(fit, dict(zip((one.name for one in screened), estimates, strict=True)))
         steps.append(step)
-        progress(1 + len(selected), MAX_EFFECTS)
-        chosen = _next(ranked, selected, step, linear.now, weights or {}) if len(selected) < MAX_EFFECTS else None
+        progress(1 + len(selected), MOST_SELECTED)
+        chosen = (
+            _next_effect(ranked, selected, step, linear.now, weights or {}) if len(selected) < MOST_SELECTED else None
+        )
         if chosen is None:
             return Selection(tuple(selected), tuple(steps))
         selected.append(chosen)
@@ -88,7 +90,7 @@ def forward_select(
         estimates = fit.explain_each(sets)
 
 
-def _next(
+def _next_effect(
     ranked: Sequence[ScoredCandidate],
     selected: Sequence[ScoredCandidate],
     step: SelectionStep,
@@ -97,19 +99,21 @@ def _next(
 ) -> ScoredCandidate | None:
     """The effect to add, if any."""
     priority = {one.name: _priority(one, selected) for one in ranked}
-    refinements = [one for one in ranked if _is_refinement(one, priority) and one not in selected]
-    choices = [one for one in _choices(ranked, step, start, expected) if one[1] not in selected]
+    refinements = [one for one in ranked if _is_form_of_present(one, priority) and one not in selected]
+    choices = [one for one in _significant(ranked, step, start, expected) if one[1] not in selected]
     formed: dict[tuple[str, ...], LinearisedFit] = {}
     while choices:
         simple = _parsimonious(choices, priority, len(step.fit.residual))
-        best = _choose(simple, step.fit.now, priority, expected)
-        then, chosen = best if priority[best[1].name] < FORM else _plain(best, choices)
+        best = _most_helpful(simple, step.fit.now, priority, expected)
+        then, chosen = best if priority[best[1].name] < FORM else _plain_effect_of(best, choices)
         left_out = [one for _, one in choices if all(one is not other for _, other in simple)]
         forms = [one for one in refinements if one not in left_out]
         if priority[chosen.name] == REFINEMENT or not forms:
             return chosen
         names = tuple(one.name for one in forms)
-        by_forms = formed.setdefault(names, formed.get(names) or step.fit.beside(*(one.projected for one in forms)))
+        if names not in formed:
+            formed[names] = step.fit.beside(*(one.projected for one in forms))
+        by_forms = formed[names]
         if paired_z(then.held_out, by_forms.now.held_out) > Z_THRESHOLD:
             return chosen
         if improves_prediction(by_forms.explain(chosen.projected), by_forms.now, start):
@@ -118,7 +122,7 @@ def _next(
     return None
 
 
-def _choices(
+def _significant(
     ranked: Sequence[ScoredCandidate], step: SelectionStep, start: LinearEstimate, expected: Mapping[str, float]
 ) -> Iterator[Choice]:
     """The plausible candidates that are significant and predict better."""
@@ -132,18 +136,19 @@ def _choices(
 
 
 def _priority(one: ScoredCandidate, selected: Sequence[ScoredCandidate]) -> int:
-    """Its priority beside the effects of the model and those that are selected."""
+    """Priority of a candidate beside the effects of the model and the selected ones."""
     names = {other.name for other in selected}
     return REFINEMENT if names & set(variants(one.candidate.effect)) else one.candidate.priority
 
 
-def _is_refinement(one: ScoredCandidate, priority: dict[str, int]) -> bool:
+def _is_form_of_present(one: ScoredCandidate, priority: dict[str, int]) -> bool:
+    """Whether a candidate is another form of an effect of the model or a selected one."""
     return priority[one.name] == REFINEMENT and bool(one.candidate.effect.variant_of)
 
 
 def _parsimonious(choices: Sequence[Choice], priority: Mapping[str, int], count: int) -> Sequence[Choice]:
-    """The plain effect, where one is the most helpful, and what the Bayesian information criterion (of `count`
-    coordinates) does not speak very strongly against in its favour (Schwarz 1978). Else all: many beside many."""
+    """Choices without those against which the BIC (Schwarz 1978; `count` coordinates) is very strong evidence in favour
+    of the most helpful one; all, if that is a form."""
 
     def criterion(choice: Choice) -> float:
         return float(count * np.log(choice[0].in_sample) + choice[1].size * np.log(count))
@@ -155,11 +160,11 @@ def _parsimonious(choices: Sequence[Choice], priority: Mapping[str, int], count:
     return [choice for choice in choices if criterion(choice) < limit]
 
 
-def _choose(
+def _most_helpful(
     choices: Sequence[Choice], now: LinearEstimate, priority: Mapping[str, int], expected: Mapping[str, float]
 ) -> Choice:
-    """The most helpful; of those that prediction cannot separate from it, by priority, then by how much it is expected,
-    then by number of parameters."""
+    """The most helpful choice; among those that prediction cannot separate from it the first by priority, then by
+    weight, then by number of parameters."""
     best = min(choices, key=lambda choice: choice[0].rms)[0]
 
     def near(choice: Choice, z: float, share: float) -> bool:
@@ -173,33 +178,33 @@ def _choose(
     return min(similar, key=lambda choice: (-expected.get(choice[1].name, 1.0), choice[1].size, choice[0].rms))
 
 
-def _plain(chosen: Choice, choices: Sequence[Choice]) -> Choice:
-    """The best plain effect that this form refines, if one helps: it is named first; else the form itself."""
+def _plain_effect_of(chosen: Choice, choices: Sequence[Choice]) -> Choice:
+    """The best plain effect of which a form is another form, if one is among the choices; else the form itself."""
     names = variants(chosen[1].candidate.effect)
     return min((c for c in choices if c[1].name in names), key=lambda choice: choice[0].rms, default=chosen)
 
 
-def improves_prediction(then: LinearEstimate, now: LinearEstimate, start: LinearEstimate) -> bool:
-    """Whether held-out error falls significantly, and by more than the error of linearising at `start` could feign."""
-    return predicts_better(then.held_out, now.held_out, MIN_GAIN, start.held_out)
+def improves_prediction(after: LinearEstimate, before: LinearEstimate, start: LinearEstimate) -> bool:
+    """Whether the held-out error falls significantly, and by a share of that at the `start`: linearising there errs."""
+    return predicts_better(after.held_out, before.held_out, MIN_GAIN, start.held_out)
 
 
 def equivalent_effects(selection: Selection, number: int, ranked: Sequence[ScoredCandidate]) -> tuple[str, ...]:
-    """Names of candidates that the data cannot distinguish from a selected one in its place.
+    """Equivalence class: names of candidates that the data cannot distinguish from a selected one in its place.
 
-    Without forms of effects that the model does not have: they are no causes of their own.
+    Forms of effects that the model does not have are left out, as they name no cause.
     """
     one, step = selection.effects[number], selection.steps[number]
     without, with_it = step.fit.now, step.beside[one.name]
     gain = float(without.held_out.mean() - with_it.held_out.mean())
-    alike = _same_form(one, with_it, selection.steps[number + 1], ranked, selection.steps[0].fit.now)
+    alike = _sharing_a_form(one, with_it, selection.steps[number + 1], ranked, selection.steps[0].fit.now)
     equivalent = []
     for rival in ranked:
         if rival is one or rival.implausible or rival.candidate.priority == FORM:
             continue
         instead = step.beside[rival.name]
         saved = float(without.held_out.mean() - instead.held_out.mean())
-        if (rival.name in alike and saves(instead.held_out, without.held_out, MIN_GAIN)) or (
+        if (rival.name in alike and falls_by_share(instead.held_out, without.held_out, MIN_GAIN)) or (
             saved > EQUIVALENT_GAIN * gain and _inseparable(one, with_it, rival, instead)
         ):
             equivalent.append(rival.name)
@@ -214,14 +219,15 @@ def _inseparable(
     return close or cosine_of_bases(one.orthonormal, rival.orthonormal) > EQUIVALENCE_COSINE
 
 
-def _same_form(
+def _sharing_a_form(
     one: ScoredCandidate,
     with_it: LinearEstimate,
     after: SelectionStep,
     ranked: Sequence[ScoredCandidate],
     start: LinearEstimate,
 ) -> set[str]:
-    """Effects of which a form that `one` needs is a form too: where a formula is wrong, formulas do not distinguish."""
+    """Effects that share with `one` a form that still improves the prediction: its formula is wrong, and then formulas
+    do not tell them apart."""
     found: set[str] = set()
     for form in ranked:
         plain = variants(form.candidate.effect)

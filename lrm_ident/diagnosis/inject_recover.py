@@ -1,4 +1,4 @@
-"""Inject and recover: simulates each effect at planned poses and checks whether the diagnosis names it."""
+"""Inject and recover: each effect is simulated at planned poses, and the diagnosis has to name it."""
 
 from __future__ import annotations
 
@@ -37,7 +37,8 @@ class InjectionTrial:
     """One effect injected at its typical size.
 
     Attributes:
-        moved: RMS motion of the TCP that it causes (m). verdict: of the diagnosis, or its error.
+        truth: the effect, `effect@place`. moved: RMS motion of the TCP that it causes (m).
+        verdict: of the diagnosis, or its error.
         named: the first supported effect and those equivalent to it; empty if none.
     """
 
@@ -48,7 +49,7 @@ class InjectionTrial:
 
     @property
     def outcome(self) -> str:
-        """found, one of a class, missed, or wrong."""
+        """`found`, `one of a class`, `missed` or `wrong`."""
         if not self.named:
             return "missed"
         if self.truth not in self.named:
@@ -68,7 +69,7 @@ class InjectionPlan:
 
 
 def detectable_effects(plan: InjectionPlan, pattern: str = "*") -> tuple[list[str], list[tuple[Effect, str]]]:
-    """Names of effects that the poses can test and that match the pattern; the others with the reason."""
+    """Names of the effects that the poses can test and that match a pattern; the untestable effects with the reason."""
     base = nominal_model(load_arm(plan.arm))
     base = base.with_free(base.keys)
     effects = unfitted_effects(base, catalogue_with(plan.effects_file))
@@ -81,12 +82,13 @@ def detectable_effects(plan: InjectionPlan, pattern: str = "*") -> tuple[list[st
 def run_trials(
     plan: InjectionPlan, names: Sequence[str], executor: Executor, progress: OnProgress = silent
 ) -> Iterator[InjectionTrial]:
-    """Injects each effect and diagnoses, side by side; trials come as they finish."""
+    """Trials of the effects in parallel, as they finish."""
     for _, trial in as_finished(executor, partial(_trial, plan, load_arm(plan.arm)), names, progress):
         yield trial
 
 
 def _trial(plan: InjectionPlan, arm: Arm, name: str) -> InjectionTrial:
+    """Simulates an arm of random errors with one effect of typical size, fits and diagnoses it."""
     catalogue = catalogue_with(plan.effects_file)
     rng = np.random.default_rng([plan.seed, crc32(name.encode())])
     base = nominal_model(arm)

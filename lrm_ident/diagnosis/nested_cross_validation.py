@@ -17,6 +17,7 @@ from lrm_ident.fitting.loss import SQUARED, Loss
 from lrm_ident.fitting.priors import EffectRates
 from lrm_ident.fitting.progress import OnProgress, silent
 from lrm_ident.residual.error_breakdown import NestedResidual
+from lrm_ident.residual.thresholds import MAX_EFFECTS
 from lrm_math.arrays import Array
 from lrm_math.effects import CATALOGUE
 from lrm_math.errors import LrmError
@@ -28,18 +29,18 @@ def nested_held_out(
     model: Model,
     data: Measurements,
     executor: Executor,
-    max_effects: int = 20,
+    max_effects: int = MAX_EFFECTS,
     catalogue: Catalogue = CATALOGUE,
     progress: OnProgress = silent,
     loss: Loss = SQUARED,
     rates: EffectRates | None = None,
 ) -> NestedResidual:
-    """Each joint-space block predicted by an `auto` that selected its effects without it.
+    """Held-out residual where each joint-space fold is predicted by an `auto` on the other folds.
 
-    There is none, with the reason, if a fold does not converge or its model does not settle at a held-out pose.
+    If a fold does not converge, or has no equilibrium at a held-out pose, there is only the reason.
 
     Args:
-        executor: where the folds run side by side (`executor_for`).
+        executor: on which the folds run in parallel (`executor_for`).
     """
     fold = joint_space_folds(data.poses.q, data.repeat_of)
     parts = [fold == number for number in range(int(fold.max()) + 1)]
@@ -63,7 +64,7 @@ def _predict(
     rates: EffectRates | None,
     out: NDArray[np.bool_],
 ) -> tuple[Array, tuple[str, ...]]:
-    """(n, 3), measured − predicted TCP of the poses `out` (m), which selection and fit did not see; effects chosen."""
+    """(n, 3), residual at the poses `out` (m), which neither selection nor fit saw; and the effects chosen."""
     run = run_auto(model, data.take(~out), max_effects, catalogue, loss=loss, rates=rates)
     left = data.take(out).position_error(solve_equilibrium(run.model, data.poses.take(out)))
     return left, tuple(step.added for step in run.steps[1:])

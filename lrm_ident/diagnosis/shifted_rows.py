@@ -1,4 +1,4 @@
-"""Blocks of rows that carry the position of a neighbouring row: a log that slipped against the commands."""
+"""Shifted rows: blocks of rows that carry the position of a neighbouring row, as from a log that lost one."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class ShiftedRows:
 
     @property
     def sentence(self) -> str:
-        """Which rows, and how they look."""
+        """Description in words."""
         return (
             f"poses {self.first} to {self.last} look shifted by one row: each has the position of the row "
             f"{SHIFTS[self.shift]} it"
@@ -32,7 +32,7 @@ class ShiftedRows:
 
 
 def shifted_rows(pose: NDArray[np.int64], measured: Array, predicted: Array, limit: float) -> tuple[ShiftedRows, ...]:
-    """The blocks of rows that fit a neighbour's pose to within a limit (m), but not their own.
+    """Blocks of rows whose position is within a limit (m) of the prediction for a neighbour, but not for themselves.
 
     Args:
         pose: (N,), numbers of the poses, in order. measured, predicted: (N, 3), m; NaN where not known.

@@ -1,4 +1,4 @@
-"""Structure that no known effect explains: free functions on what the selected effects leave, and spurious effects."""
+"""Structure that no known effect explains: free functions of the remaining residual, and spurious effects."""
 
 from __future__ import annotations
 
@@ -17,18 +17,18 @@ from lrm_ident.residual.better_prediction import predicts_better
 from lrm_ident.residual.free_functions import FreeFunction
 from lrm_ident.residual.thresholds import MAX_FREE_FUNCTIONS, MIN_FREE_GAIN, PROMISING, SIMILAR_GAIN
 
-RANKED, LIKELY = 5, 20  # functions that are ranked by held-out error, and those that are cross-validated for it
+RANKED, LIKELY = 5, 20  # functions ranked by held-out error; functions of least AIC that are cross-validated for it
 
 
 @dataclass(frozen=True, eq=False)
 class UnexplainedStructure:
-    """Free functions that explain what the selected effects leave.
+    """Free functions of the residual beside the selected effects.
 
     Attributes:
-        functions: those outside the catalogue that save much, all at one place.
-        spurious: name of a selected effect that they replace -> name of the first of them.
-        in_sample: for each that was tried the residual sum of squares (m²) that it would leave.
-        fit, weigh: the fit beside which they were tried, relative weights of the rows.
+        functions: selected ones outside the catalogue, all at one place; empty if none saves enough.
+        spurious: names of the selected effects that they make needless, each with the name of the first function.
+        in_sample: residual sum of squares (m²) that each function would leave alone.
+        fit, weigh: the fit with the selected effects; relative weights of the rows.
     """
 
     functions: tuple[FreeFunction, ...]
@@ -39,7 +39,7 @@ class UnexplainedStructure:
 
     @cached_property
     def ranking(self) -> tuple[tuple[FreeFunction, float], ...]:
-        """The five that predict best, with their held-out RMS (m), of the twenty that are likeliest (Akaike 1974)."""
+        """The best functions by held-out RMS (m), which is computed for those of least AIC (Akaike 1974)."""
         count = len(self.fit.residual)
         likely = sorted(self.in_sample, key=lambda one: count * np.log(self.in_sample[one]) + 2 * one.size)[:LIKELY]
         tried = _explained(likely, self.fit, self.weigh)
@@ -49,10 +49,14 @@ class UnexplainedStructure:
 def unexplained_structure(
     selection: Selection, functions: Sequence[FreeFunction], weigh: RowWeights
 ) -> UnexplainedStructure:
-    """Tries free functions on what the selected effects leave. `weigh`: relative weights of the rows.
+    """Selects free functions beside the selected effects, and finds effects that do not improve the prediction beside
+    these functions: they are spurious.
 
-    A form of an effect that the model does not have names no cause, and may be part of a free function: it is spurious
-    only where these explain much more.
+    A form of an effect that the model does not have may be part of a free function. As it names no cause, it is
+    spurious only where the functions explain much more.
+
+    Args:
+        weigh: relative weights of the rows.
     """
     linear, fit = selection.steps[0].fit, selection.steps[-1].fit
     in_sample = _squares(functions, fit, weigh)
@@ -77,18 +81,19 @@ def unexplained_structure(
     return UnexplainedStructure(tuple(free), spurious, in_sample, fit, weigh)
 
 
-def _saves_as_much(then: LinearEstimate, most: LinearEstimate, now: LinearEstimate) -> bool:
-    """Whether one saves most of the held-out squares that all together save."""
-    saved, possible = (float((now.held_out - each.held_out).mean()) for each in (then, most))
+def _saves_as_much(after: LinearEstimate, best: LinearEstimate, before: LinearEstimate) -> bool:
+    """Whether an estimate saves `SIMILAR_GAIN` of the held-out squares that the best one saves."""
+    saved, possible = (float((before.held_out - each.held_out).mean()) for each in (after, best))
     return saved > SIMILAR_GAIN * possible
 
 
 def _projected(functions: Sequence[FreeFunction], fit: LinearisedFit, weigh: RowWeights) -> ColumnSets:
+    """Weighted columns of each function, the fit's projected out."""
     return fit.project_each((weigh(one.columns) for one in functions), [one.size for one in functions])
 
 
 def _by_place(functions: Sequence[FreeFunction]) -> list[list[FreeFunction]]:
-    """The functions of each place: the columns of all together need much memory."""
+    """Functions grouped by place, since the columns of all together need much memory."""
     return [[one for one in functions if one.place == place] for place in {one.place: None for one in functions}]
 
 
@@ -104,7 +109,7 @@ def _explained(
 
 
 def _squares(functions: Sequence[FreeFunction], fit: LinearisedFit, weigh: RowWeights) -> dict[FreeFunction, float]:
-    """Residual sum of squares (m²) that each function alone would leave in the sample."""
+    """Residual sum of squares (m²) that each function would leave alone, in the sample."""
     return {
         one: squares
         for own in _by_place(functions)
@@ -115,7 +120,7 @@ def _squares(functions: Sequence[FreeFunction], fit: LinearisedFit, weigh: RowWe
 def _select_free(in_sample: Mapping[FreeFunction, float], fit: LinearisedFit, weigh: RowWeights) -> list[FreeFunction]:
     """Forward selection of functions outside the catalogue while one saves enough, all at the place of the first.
 
-    Cross-validated are those that save enough in the sample to save it, perhaps, of what is held out.
+    Only functions that save enough in the sample to be `PROMISING` are cross-validated.
     """
     chosen: list[FreeFunction] = []
     left = {one: squares for one, squares in in_sample.items() if not one.in_catalogue}

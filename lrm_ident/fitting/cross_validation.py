@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.registration.row_choice import spaced_rows
 from lrm_ident.fitting.field.fit import blocks_with_field
-from lrm_ident.fitting.held_out import HeldOutBlock, held_out_rows
+from lrm_ident.fitting.held_out import HeldOutBlock, held_out_residual
 from lrm_ident.fitting.least_squares.block_qr import NormalEquations
 from lrm_ident.fitting.least_squares.objective import Objective
 from lrm_ident.fitting.levenberg_marquardt import Fit, fit
@@ -35,20 +35,20 @@ from lrm_math.model.model import Model
 
 OfPoses = TypeVar("OfPoses", Measurements, Equilibrium)
 FOLDS = 10
-MOST_TRAINING = 1000  # rows of each fold's fit whose residual is kept, evenly spread: to learn from what it leaves
-MOST_AT_ONCE = 200  # poses up to which every fold is fitted anew; beyond, one step differs by less than 0.1 %
+MOST_TRAINING = 1000  # training rows of each fold whose residual is kept, for models of the residual
+MOST_REFITTED = 200  # poses up to which every fold is fitted anew; of more, one step differs by less than 0.1 %
 
 
 @dataclass(frozen=True, eq=False)
 class Split:
-    """One split of the rows: `test`, which a fit leaves out, and `predicted`, these and some of the others."""
+    """One split of the rows: `test`, which a fit leaves out, and `predicted`: those and some training rows."""
 
     test: NDArray[np.int64]
     predicted: NDArray[np.int64]
 
     @staticmethod
     def of(test: NDArray[np.int64], count: int, most: int) -> Split:
-        """The split of `count` rows with at most so many of the others predicted, evenly spread."""
+        """The split of `count` rows; of the training rows at most `most` are predicted, evenly spread."""
         others = np.setdiff1d(np.arange(count), test)
         return Split(test, np.sort(np.concatenate([test, others[spaced_rows(len(others), most)]])))
 
@@ -85,7 +85,10 @@ def random_folds(q: Array, repeat_of: NDArray[np.int64], count: int = FOLDS) -> 
 
 
 def _groups(q: Array, repeat_of: NDArray[np.int64], least: int) -> NDArray[np.int64]:
-    """(N,), connected components of "equal angles or a repetition" (label propagation); at least so many."""
+    """(N,), connected components of "equal angles or a repetition", by label propagation.
+
+    Raises `LrmError`: fewer than `least`.
+    """
     _, by_angle = np.unique(np.round(q, 6), axis=0, return_inverse=True)
     _, by_number = np.unique(repeat_of, return_inverse=True)
     label, before = np.arange(len(q)), np.full(len(q), -1)
@@ -102,6 +105,7 @@ def _groups(q: Array, repeat_of: NDArray[np.int64], least: int) -> NDArray[np.in
 
 
 def _bisect(q: Array, rows: NDArray[np.int64], count: int) -> Iterator[NDArray[np.int64]]:
+    """Leaves of a k-d tree over some rows of q (N, n), `count` of them."""
     if count == 1:
         yield rows
         return
@@ -124,7 +128,7 @@ def held_out_blocks(
 ) -> tuple[HeldOutBlock, ...]:
     """Each fold predicted by a fit of the free parameters to the other folds; residuals are measured − predicted TCP.
 
-    Of more than `MOST_AT_ONCE` poses the folds' fits are one step from the fit to all (`one_step_fits`). A residual
+    Of more than `MOST_REFITTED` poses the folds' fits are one step from the fit to all (`one_step_fits`). A residual
     field is learned anew in every fold, after the fit of what names a cause.
 
     Args:
@@ -138,8 +142,8 @@ def held_out_blocks(
     folds: Iterator[Equilibrium]
     if not named.free:
         everywhere = solve_equilibrium(named, data.poses)
-        folds = (_some(everywhere, split.predicted) for split in splits)
-    elif len(data) <= MOST_AT_ONCE:
+        folds = (_at_rows(everywhere, split.predicted) for split in splits)
+    elif len(data) <= MOST_REFITTED:
         folds = _refitted(named, data, splits, bounds, loss, prior)
     else:
         folds = one_step_fits(fit(named, data, bounds, loss, prior), data, splits, bounds, prior)
@@ -149,28 +153,28 @@ def held_out_blocks(
 
 def blocks_of_fit(fitted: Fit, data: Measurements) -> tuple[HeldOutBlock, ...]:
     """`held_out_blocks` of a model that was fitted to these data within the bounds that its effects state."""
-    if len(data) <= MOST_AT_ONCE or not fitted.model.free:
+    if len(data) <= MOST_REFITTED or not fitted.model.free:
         return held_out_blocks(fitted.model, data, loss=fitted.loss, prior=fitted.weak_prior)
     splits = _splits(data)
     return _blocks(data, splits, one_step_fits(fitted, data, splits, prior=fitted.weak_prior))
 
 
 def _splits(data: Measurements, fold: NDArray[np.int64] | None = None, most: int = MOST_TRAINING) -> list[Split]:
-    """The split of each fold; at most so many rows that it is fitted to are predicted."""
+    """The split of each fold; at most `most` training rows are predicted."""
     if fold is None:
         fold = joint_space_folds(data.poses.q, data.repeat_of)
     return [Split.of(np.flatnonzero(fold == number), len(data), most) for number in range(int(fold.max()) + 1)]
 
 
-def _some(whole: OfPoses, rows: NDArray[np.int64]) -> OfPoses:
-    """Some rows, ascending; itself where these are all: what is known of its poses is kept with them."""
+def _at_rows(whole: OfPoses, rows: NDArray[np.int64]) -> OfPoses:
+    """Poses at ascending rows; the same object where these are all, with what it has cached."""
     return whole if len(rows) == len(whole.poses) else whole.take(rows)
 
 
 def _blocks(
     data: Measurements, splits: Sequence[Split], folds: Iterable[Equilibrium], progress: OnProgress = silent
 ) -> tuple[HeldOutBlock, ...]:
-    """The blocks, from the equilibrium of each fold's fit at the rows that are predicted."""
+    """The blocks, from the equilibrium of each fold's fit at its `predicted` rows."""
     blocks, whitening = [], data.whitening
     for number, (split, equilibrium) in enumerate(zip(splits, folds, strict=True)):
         test, rows, held = split.test, split.predicted, np.isin(split.predicted, split.test)
@@ -178,7 +182,7 @@ def _blocks(
         weighted = None
         if whitening.root is not None:
             weighted = whitening.unit * whitening.take(test)(part.residual(unseen))
-        left = _some(data, rows).position_error(equilibrium)
+        left = _at_rows(data, rows).position_error(equilibrium)
         blocks.append(HeldOutBlock(rows[~held], test, left[~held], left[held], weighted, part.turn_error(unseen)))
         progress(number + 1, len(splits))
     return tuple(blocks)
@@ -187,10 +191,10 @@ def _blocks(
 def _refitted(
     model: Model, data: Measurements, splits: Iterable[Split], bounds: Bounds | None, loss: Loss, prior: Prior | None
 ) -> Iterator[Equilibrium]:
-    """Equilibria of fits to all but the test rows of each split, at the rows that are predicted."""
+    """Equilibria of fits to the training rows of each split, at its `predicted` rows."""
     for split in splits:
         found = fit(model, data.take(np.setdiff1d(np.arange(len(data)), split.test)), bounds, loss, prior)
-        yield solve_equilibrium(found.model, _some(data, split.predicted).poses)
+        yield solve_equilibrium(found.model, _at_rows(data, split.predicted).poses)
 
 
 def one_step_fits(
@@ -200,10 +204,10 @@ def one_step_fits(
     bounds: Bounds | None = None,
     prior: Prior | None = None,
 ) -> Iterator[Equilibrium]:
-    """Equilibria of fits to all but the test rows of each split, one step from the fit to all, at the predicted rows.
+    """Equilibria of fits to the training rows of each split, one Gauss–Newton step from the fit to all rows.
 
     Args:
-        bounds, prior: of a fold whose step goes too far, which is fitted instead; others have the prior of the fit.
+        bounds, prior: of the refit of a fold where the step has no equilibrium; others have the prior of the fit.
 
     Raises as `fit`.
     """
@@ -214,10 +218,8 @@ def one_step_fits(
     iterate = objective.at(model.values[objective.columns] / typical, fitted.equilibrium)
     free = np.array([key not in fitted.at_bound for key in model.free])
     noise = objective.noise_scale(iterate)
-    parts, preconditioner = (
-        objective.linearise_each(iterate, noise, [split.test for split in splits]),
-        objective.preconditioner(fitted.equilibrium),
-    )
+    parts = objective.linearise_each(iterate, noise, [split.test for split in splits])
+    preconditioner = objective.preconditioner(fitted.equilibrium)
     for left_out, split in enumerate(splits):
         others = NormalEquations.summed([part.normal for number, part in enumerate(parts) if number != left_out])
         A = objective.gauss_newton(others, noise)[np.ix_(free, free)]
@@ -225,16 +227,16 @@ def one_step_fits(
         z = iterate.z.copy()
         z[free] += np.linalg.lstsq(A, descent[free], rcond=None)[0]
         stepped = model.with_values_of(model.free, np.clip(z * typical, limits.lower, limits.upper))
-        near = _some(fitted.equilibrium, split.predicted)
+        near = _at_rows(fitted.equilibrium, split.predicted)
         known = preconditioner if near is fitted.equilibrium else None
-        equilibrium = _settled(stepped, _some(data, split.predicted).poses, near, known)
-        if equilibrium is None:  # too far for the effects' formulas: the fit shortens its steps
+        equilibrium = _equilibrium_or_none(stepped, _at_rows(data, split.predicted).poses, near, known)
+        if equilibrium is None:  # the full step went too far: a fit shortens its steps
             yield from _refitted(model, data, [split], bounds, loss, prior)
         else:
             yield equilibrium
 
 
-def _settled(
+def _equilibrium_or_none(
     model: Model, poses: Poses, near: Equilibrium, preconditioner: NewtonPreconditioner | None
 ) -> Equilibrium | None:
     try:
@@ -243,6 +245,6 @@ def _settled(
         return None
 
 
-def held_out_residual(model: Model, data: Measurements, loss: Loss = SQUARED) -> Array:
-    """(N, 3), the residual of every pose in the fold that held it out (m). As `held_out_blocks`."""
-    return held_out_rows(held_out_blocks(model, data, loss=loss))
+def cross_validated_residual(model: Model, data: Measurements, loss: Loss = SQUARED) -> Array:
+    """(N, 3), residual of every pose in the fold that held it out (m); errors as of `held_out_blocks`."""
+    return held_out_residual(held_out_blocks(model, data, loss=loss))

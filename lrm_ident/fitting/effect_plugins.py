@@ -74,6 +74,7 @@ def sha256_of(file: Path) -> str:
 
 
 def _check(file: Path, kind: type[Effect]) -> None:
+    """Raises `FileError` for a class that lacks part of the contract, or fails on a shipped arm (`_try`)."""
     texts = (("id", str), ("about", Description))
     missing = [name for name, expected in texts if not isinstance(getattr(kind, name, None), expected)]
     missing += sorted(kind.__abstractmethods__)

@@ -1,6 +1,6 @@
-"""Executors (PEP 3148) for work that runs side by side: this process, processes of this machine, a Dask cluster.
+"""Executors (PEP 3148) for parallel work: this process, processes of this machine, or a Dask cluster.
 
-On a cluster it is Dask's own executor: Dask sends, balances, and gives a dead worker's tasks to another one.
+On a cluster Dask's own executor balances the load and repeats a dead worker's tasks on another one.
 """
 
 from __future__ import annotations
@@ -28,16 +28,16 @@ from lrm_ident.fitting.progress import OnProgress, silent
 from lrm_math.errors import LrmError
 
 ONE_THREAD = dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"), "1")
-"""A worker computes on one thread, as Dask's do: as many workers as cores, and everywhere the same sums."""
+"""Environment of a worker: one thread, as on Dask, for as many workers as cores and the same sums everywhere."""
 CONNECT_S, FIRST_WORKER_S = 10.0, 60.0
 SAME_VERSION = ("lrm-arm", "numpy", "scipy", "distributed", "msgpack", "cloudpickle")
-"""Packages of which a worker must have this machine's version: else results differ, or cannot be sent."""
+"""Packages that a worker must have in this machine's version; else results differ or cannot be sent."""
 Item = TypeVar("Item")
 Result = TypeVar("Result")
 
 
 def in_this_process() -> Executor:
-    """Executor for work that is short, or that cannot be pickled: one piece after the other, here."""
+    """Executor of one thread, for work that is short or cannot be pickled."""
     return ThreadPoolExecutor(1)
 
 
@@ -50,8 +50,8 @@ def executor_for(
     Args:
         cluster: address of a Dask scheduler (`tcp://host:8786`) or path of its scheduler file; None: processes of this
             machine, as many as it has cores, at most `most`.
-        own_code: the Python file of the user's effects. Classes of such a file cannot be pickled for other processes,
-            so with one the work stays in this one.
+        own_code: the Python file of the user's effects, if any. Its classes cannot be pickled, so the work stays in
+            this process.
 
     Raises `LrmError`: no such cluster, the extra is missing, or a worker has other versions.
     """
@@ -77,16 +77,16 @@ def _workers(most: int) -> int:
 
 
 def rounds_of(tasks: int) -> int:
-    """Ratio of the time of some equal tasks on this machine to that of one of them."""
+    """Number of rounds in which equal tasks run on this machine's cores."""
     return -(-tasks // _workers(tasks))
 
 
 def as_finished(
     executor: Executor, function: Callable[[Item], Result], items: Iterable[Item], progress: OnProgress = silent
 ) -> Iterator[tuple[int, Result]]:
-    """`function` of every item, side by side: (number of the item, result) as they come.
+    """Results of `function` for every item in parallel: (number of the item, result) in order of completion.
 
-    Raises what the function raises, and `LrmError` if the workers are lost. What has not begun is cancelled then.
+    Raises what the function raises, and `LrmError` if workers are lost; tasks not yet begun are cancelled.
     """
     waiting = {executor.submit(function, item): number for number, item in enumerate(items)}
     try:
@@ -107,6 +107,7 @@ def in_order(
 
 
 def _result_of(future: Future[Result]) -> Result:
+    """Result of a task, or its exception; those of lost workers as `LrmError`."""
     try:
         return future.result()
     except BrokenExecutor:
@@ -121,6 +122,7 @@ def _result_of(future: Future[Result]) -> Result:
 
 @contextmanager
 def _on_cluster(where: str) -> Iterator[Executor]:
+    """Executor of the Dask cluster at an address or scheduler file. Raises `LrmError`."""
     try:
         distributed: Any = import_module("distributed")
     except ModuleNotFoundError as error:

@@ -1,4 +1,4 @@
-"""Blocks of a cross-validation, and the rows that are compared between models."""
+"""Blocks of a cross-validation, and the held-out residuals that they add up to."""
 
 from __future__ import annotations
 
@@ -13,11 +13,14 @@ from lrm_math.arrays import Array
 
 @dataclass(frozen=True, eq=False)
 class HeldOutBlock:
-    """One block of a cross-validation: rows `test` that a fit left out, and what it leaves of them (m).
+    """One block of a cross-validation: a fit to training rows, and its residuals (measured − predicted).
 
-    `train`: M rows that it was fitted to, of many some; `train_residual`: (M, 3), what it leaves of them (m).
-    `weighted`: (n, R), what it leaves of `test` by its noise, of all that was measured, where correlations are stated.
-    `test_turn`: (n, 3), that of orientations as rotation vectors (rad), NaN where not measured.
+    Attributes:
+        train, test: (M,), training rows, of many some; (n,), rows left out.
+        train_residual, test_residual: (M, 3) and (n, 3), of the TCP position (m).
+        weighted: (n, R), whitened test residual of all that was measured, times the whitening's unit (m); None where
+            no correlations are stated.
+        test_turn: (n, 3), test residual of the orientation as rotation vectors (rad), NaN where not measured.
     """
 
     train: NDArray[np.int64]
@@ -28,30 +31,25 @@ class HeldOutBlock:
     test_turn: Array | None = None
 
 
-def compared_residuals(blocks: Sequence[HeldOutBlock]) -> Array:
-    """(N, R), what is compared between models: held-out residuals, weighted by their noise where that is stated."""
-    weighted = _of_poses(blocks, [block.weighted for block in blocks])
-    return held_out_rows(blocks) if weighted is None else weighted
-
-
 def held_out_turns(blocks: Sequence[HeldOutBlock]) -> Array | None:
-    """(N, 3), the held-out error of every orientation (rad), NaN where not measured; None where it is not known."""
-    return _of_poses(blocks, [block.test_turn for block in blocks])
+    """(N, 3), held-out error of every orientation (rad), NaN where not measured; None where no orientation was."""
+    return _in_order(blocks, [block.test_turn for block in blocks])
 
 
-def held_out_rows(blocks: Sequence[HeldOutBlock]) -> Array:
-    """(N, 3), the held-out residual of every pose (m)."""
-    rows = _of_poses(blocks, [block.test_residual for block in blocks])
+def held_out_residual(blocks: Sequence[HeldOutBlock]) -> Array:
+    """(N, 3), held-out residual of every pose (m)."""
+    rows = _in_order(blocks, [block.test_residual for block in blocks])
     return np.empty((0, 3)) if rows is None else rows
 
 
-def squared(blocks: Sequence[HeldOutBlock]) -> Array:
-    """(N,), squared norms of `compared_residuals`."""
-    return np.asarray((compared_residuals(blocks) ** 2).sum(axis=1))
+def held_out_squares(blocks: Sequence[HeldOutBlock]) -> Array:
+    """(N,), squares by which models are compared: of held-out residuals, weighted by their noise where it is stated."""
+    weighted = _in_order(blocks, [block.weighted for block in blocks])
+    return np.asarray(((held_out_residual(blocks) if weighted is None else weighted) ** 2).sum(axis=1))
 
 
-def _of_poses(blocks: Sequence[HeldOutBlock], parts: Sequence[Array | None]) -> Array | None:
-    """(N, R), the rows (n, R) of every block's `test` in the order of the poses; None where a block has none."""
+def _in_order(blocks: Sequence[HeldOutBlock], parts: Sequence[Array | None]) -> Array | None:
+    """(N, R), values (n, R) at the `test` rows of each block in the order of the poses; None where a block has none."""
     known = [part for part in parts if part is not None]
     if not known or len(known) < len(blocks):
         return None

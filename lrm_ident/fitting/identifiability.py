@@ -1,4 +1,4 @@
-"""Identifiable parameters of a data set, and the linear combinations that the others are confounded with."""
+"""Identifiability: which parameters a data set determines, and which combinations the others are confounded with."""
 
 from __future__ import annotations
 
@@ -17,18 +17,18 @@ from lrm_ident.fitting.dependence import ROUND_OFF, UnidentifiableParameter, exp
 from lrm_ident.fitting.least_squares.block_qr import compress
 from lrm_ident.fitting.levenberg_marquardt import Fit, fit
 from lrm_ident.fitting.loss import SQUARED, Loss
-from lrm_ident.fitting.parameter_sets import Bounds, bounds_of, check_identifiable, check_told
+from lrm_ident.fitting.parameter_sets import Bounds, bounds_of, check_distinct_poses, check_identifiable
 from lrm_math.arrays import Array
 from lrm_math.errors import NoEquilibrium
 from lrm_math.kinematics.forward import chain_geometry
 from lrm_math.model.equilibrium import Equilibrium, solve_equilibrium
 from lrm_math.model.model import Model
 
-MIN_T = 3.0  # typical size over standard error of a parameter worth fitting
+MIN_T = 3.0  # ratio of typical size to standard error of a parameter worth fitting
 MAX_VARIANCE_INFLATION = 100.0  # square of a column over that of its independent part (Marquardt 1970)
 MAX_ITERATIONS = 6
-FEW = 0.2  # share of outliers
-MOST_AT_ONCE = 2000  # poses that are fitted without a start from a part of them, or screened
+FEW_OUTLIERS = 0.2  # share of the poses
+MAX_SUBSAMPLE = 2000  # poses that are screened, or fitted without a start from the fit to a subsample
 SELECTION_ORDER = (
     *("anchor.*", "compliance.*", "offsets.*.theta_rad", "offsets.base.?_mm", "offsets.tool.?_mm"),
     *("offsets.joint*_mm", "offsets.joint*", "offsets.base.*", "offsets.tool.*", "*"),
@@ -41,11 +41,12 @@ offset and for the linearisation of the fit."""
 
 @dataclass(frozen=True, eq=False)
 class IdentifiableSet:
-    """The parameters to fit, and those to hold at zero.
+    """Selection of the parameters to fit; the others are held at zero.
 
     Attributes:
-        columns: (M, P), compressed, of the candidates in the `order` of selection.
-        chosen: columns that are kept. dropped: the others with the norm of their independent part. noise: m per axis.
+        columns: (M, P), compressed Jacobian of the candidates in the `order` of selection.
+        chosen: numbers of the columns that are kept. dropped: the others, with the norm of their independent part (m).
+        noise: m per axis.
     """
 
     model: Model
@@ -63,7 +64,7 @@ class IdentifiableSet:
 
     @cached_property
     def held(self) -> tuple[UnidentifiableParameter, ...]:
-        """The parameters to hold at zero, and what they look like."""
+        """The parameters to hold at zero, and the combinations of others that they equal."""
         model, order, noise = self.model, self.order, self.noise
         typical = np.array([model.parameter(key).typical for key in order])
         return tuple(
@@ -73,11 +74,10 @@ class IdentifiableSet:
 
 
 def selection_order(model: Model, keys: Sequence[str]) -> list[str]:
-    """The order of selection; of two confounded parameters the earlier one is kept.
+    """Order in which parameters are selected; of two confounded ones the earlier is kept.
 
-    Where distances are measured from comes first; then the most important on such an arm: compliances, joint zero
-    offsets, positions of base and tool; then lengths and twists, each from the base outwards; then the parameters of
-    further effects.
+    First the anchor of measured distances; then what matters most on such an arm: compliances, joint zero offsets,
+    positions of base and tool; then lengths and twists, each from the base outwards; then further effects.
 
     The last joint's zero offset moves the TCP as an offset of the tool does, divided by the TCP's distance from that
     axis. Close to the axis a small tool offset would need a large turn, so the tool's position comes first there.
@@ -104,11 +104,11 @@ def select_identifiable(
 ) -> IdentifiableSet:
     """Forward selection of parameters by Gram–Schmidt orthogonalisation of their Jacobian columns.
 
-    A parameter is kept if the independent part of its column determines it to a third of its typical size or better at
-    this noise; else the data hardly improve the prior knowledge (about zero).
+    A parameter is kept if at this noise the independent part of its column determines it to a third of its typical
+    size or better; else the data hardly improve on the prior knowledge that it is near zero.
 
     Args:
-        equilibrium: equilibrium at the poses, at the parameters to linearise about.
+        equilibrium: at the poses, for the parameters to linearise about.
         keys: candidates.
         noise: expected residual of the fit, m per axis.
         whitening: weights of what was, or will be, measured.
@@ -122,7 +122,7 @@ def select_identifiable(
 def identifiable_beside(
     equilibrium: Equilibrium, free: Sequence[str], others: Sequence[str], noise: float, whitening: Whitening = PLAIN
 ) -> tuple[str, ...]:
-    """Those of `others` that the data can tell beside the parameters `free`, by the rule of `select_identifiable`."""
+    """Keys among `others` that are identifiable beside the parameters `free`, by the rule of `select_identifiable`."""
     order = [*free, *selection_order(equilibrium.model, others)]
     columns = _columns(equilibrium, order, whitening)
     kept, _ = _gram_schmidt(columns, noise, len(free))
@@ -132,10 +132,10 @@ def identifiable_beside(
 def _with_significant(
     selected: IdentifiableSet, equilibrium: Equilibrium, others: Sequence[str], data: Measurements
 ) -> IdentifiableSet:
-    """A selection with the `others`, where the estimates of all beside it exceed `MIN_T` standard errors (Wald test).
+    """A selection with the `others` added, if the estimates of all of them exceed `MIN_T` standard errors (Wald test).
 
-    What is many times its typical size is told by data that would not tell that, unless the column is nearly dependent.
-    All must be told, since a curve of which single coefficients stand out is not determined.
+    Data that would not determine a parameter of typical size do determine one many times larger, unless its column is
+    nearly dependent on the others. All must be significant: a curve is not determined by single coefficients.
     """
     order, whitening = [*selected.kept, *others], data.whitening
     rows = compress(
@@ -159,14 +159,15 @@ def _with_significant(
 
 
 def _gram_schmidt(columns: Array, noise: float, given: int = 0) -> tuple[list[int], list[tuple[int, float]]]:
-    """Columns with an independent part beyond the noise (the first `given` always), and the others with theirs."""
-    rows = np.empty_like(columns.T, order="C")  # of an orthonormal basis, the first as many as columns are kept
+    """Numbers of the columns kept: the first `given`, and those whose independent part exceeds the noise `MIN_T` times;
+    numbers of the others, with the norm of that part (m)."""
+    rows = np.empty_like(columns.T, order="C")  # orthonormal basis of the kept columns, one a row
     kept: list[int] = []
     dropped = []
     for j, column in enumerate(np.ascontiguousarray(columns.T)):
         basis = rows[: len(kept)]
         left = column - (basis @ column) @ basis
-        left -= (basis @ left) @ basis
+        left -= (basis @ left) @ basis  # again, against round-off
         independent = float(np.linalg.norm(left))
         if independent > max(0.0 if j < given else MIN_T * noise, ROUND_OFF * float(np.linalg.norm(column))):
             rows[len(kept)] = left / independent
@@ -177,7 +178,7 @@ def _gram_schmidt(columns: Array, noise: float, given: int = 0) -> tuple[list[in
 
 
 def expected_noise(equilibrium: Equilibrium, keys: Sequence[str], data: Measurements) -> float:
-    """Residual standard deviation per axis (m) of a fit of `keys`, by one linear least-squares step."""
+    """Residual standard deviation per axis (m) that a fit of `keys` would leave, by one Gauss–Newton step."""
     whitening = data.whitening
     residual = whitening(data.residual(equilibrium))
     rows = compress(equilibrium, keys, whitening, np.full((1, 1), whitening.unit), residual)
@@ -187,16 +188,18 @@ def expected_noise(equilibrium: Equilibrium, keys: Sequence[str], data: Measurem
 
 
 def _columns(equilibrium: Equilibrium, order: Sequence[str], whitening: Whitening) -> Array:
-    """Compressed columns of parameters, relative to a noise of the whitening's unit (m)."""
+    """(M, P), compressed Jacobian of parameters of typical sizes, whitened to a noise of the whitening's unit (m)."""
     nothing = np.zeros((len(equilibrium.poses), whitening.rows(equilibrium.model.arm.dof)))
     return compress(equilibrium, order, whitening, np.full((1, 1), whitening.unit), nothing).columns
 
 
 @dataclass(frozen=True, eq=False)
 class IdentifiedFit:
-    """A fit of the identifiable parameters to `data`, as they were weighed; `selected`: from which they were chosen.
+    """Fit of identifiable or stated parameters.
 
-    `selected` is None if all were stated.
+    Attributes:
+        data: as they were weighed.
+        selected: the selection of the parameters; None if they were stated.
     """
 
     fit: Fit
@@ -210,9 +213,9 @@ class IdentifiedFit:
 
 
 def lost_to_outliers(found: Fit, held: Sequence[UnidentifiableParameter], data: Measurements) -> tuple[str, ...]:
-    """Parameters held at zero that the data could tell without the outliers of the fit, if those are few."""
+    """Keys of parameters held at zero that the data would determine without the fit's outliers, if these are few."""
     rows = np.setdiff1d(np.arange(len(data)), found.outliers)
-    if not held or not 0 < len(found.outliers) < FEW * len(data):
+    if not held or not 0 < len(found.outliers) < FEW_OUTLIERS * len(data):
         return ()
     part, equilibrium, keys = data.take(rows), found.equilibrium.take(rows), [parameter.key for parameter in held]
     noise = expected_noise(equilibrium, [*found.model.free, *keys], part)
@@ -224,25 +227,25 @@ def fit_identifiable(
     data: Measurements,
     keys: Sequence[str],
     loss: Loss = SQUARED,
-    signed: Bounds | None = None,
+    bounds: Bounds | None = None,
     required: Sequence[str] = (),
     part: Fit | None = None,
 ) -> IdentifiedFit:
     """Fits the identifiable parameters among `keys`; the others are zero in the result.
 
     The selection depends on the residual noise and on the estimate, so selection and fit alternate until the selection
-    repeats. Of many poses a part is fitted first, which gives all of them a start close to the end.
+    repeats. Of many poses a subsample is fitted first, as a start close to the optimum.
 
     Args:
-        signed: bounds of all `keys`; None: the physical ones.
+        bounds: of all `keys`; None: the physical ones.
         required: of these at least one must be identifiable.
-        part: the fit to a part of the poses, where it is known.
+        part: the fit to a subsample, where it is known.
 
     Raises `LrmError`: fewer poses than identifiable parameters, none of the required ones, or no convergence.
     """
-    limits = signed or bounds_of(model, keys)
-    if len(data) > MOST_AT_ONCE:
-        part = part or fit_identifiable(model, data.take(some_rows(len(data))), keys, loss, signed).fit
+    limits = bounds or bounds_of(model, keys)
+    if len(data) > MAX_SUBSAMPLE:
+        part = part or fit_identifiable(model, data.take(subsample_rows(len(data))), keys, loss, bounds).fit
         equilibrium, noise = solve_equilibrium(part.model, data.poses), part.sigma
     else:
         equilibrium = solve_equilibrium(model, data.poses)
@@ -255,13 +258,14 @@ def fit_identifiable(
         if required and not {*required} & {*selected.kept}:
             selected = _with_significant(selected, equilibrium, required, data)
         check_identifiable(required, selected.kept)
-        check_told(model, data.poses, len(selected.kept), len(keys))
+        check_distinct_poses(model, data.poses, len(selected.kept), len(keys))
         chosen = [keys.index(key) for key in selected.kept]
         within = Bounds(limits.lower[chosen], limits.upper[chosen])
         try:
-            result = _fit_from_part(_holding(equilibrium.model, keys, selected.kept), data, within, loss, equilibrium)
-        except NoEquilibrium:  # what is held now balanced what is not: begin anew
-            result = _fit_from_part(_holding(model, keys, selected.kept), data, within, loss)
+            start = _freeing(equilibrium.model, keys, selected.kept)
+            result = _fit_from_part(start, data, within, loss, equilibrium)
+        except NoEquilibrium:  # parameters now at zero had balanced others: start from the model as given
+            result = _fit_from_part(_freeing(model, keys, selected.kept), data, within, loss)
         if selected.kept in seen:
             break
         seen.append(selected.kept)
@@ -272,20 +276,20 @@ def fit_identifiable(
 def _fit_from_part(
     model: Model, data: Measurements, bounds: Bounds, loss: Loss, near: Equilibrium | None = None
 ) -> Fit:
-    """Fits the free parameters; of many poses to a fifth of them first, and so on: it ends close to the end of all and
-    tells whether they need weak priors, too. Every step costs as many Jacobians as there are poses."""
-    if len(data) <= MOST_AT_ONCE:
+    """Fits the free parameters; of many poses a fifth first, recursively: a start close to the optimum that also shows
+    whether weak priors are needed. A step costs as many Jacobians as there are poses."""
+    if len(data) <= MAX_SUBSAMPLE:
         return fit(model, data, bounds, loss, near=near)
-    part = _fit_from_part(model, data.take(some_rows(len(data), max(MOST_AT_ONCE, len(data) // 5))), bounds, loss)
+    part = _fit_from_part(model, data.take(drawn_rows(len(data), max(MAX_SUBSAMPLE, len(data) // 5))), bounds, loss)
     found = fit(part.model, data, bounds, loss, part.weak_prior)
     return replace(found, damped=found.damped or part.damped)
 
 
-def some_rows(count: int, most: int | None = None) -> NDArray[np.int64]:
-    """Rows, at most `MOST_AT_ONCE`, drawn from `count` without replacement, ascending, always the same."""
-    return drawn_rows(count, MOST_AT_ONCE if most is None else most)
+def subsample_rows(count: int) -> NDArray[np.int64]:
+    """Rows, at most `MAX_SUBSAMPLE`, drawn from `count` without replacement, ascending, always the same."""
+    return drawn_rows(count, MAX_SUBSAMPLE)
 
 
-def _holding(model: Model, keys: Sequence[str], kept: Sequence[str]) -> Model:
+def _freeing(model: Model, keys: Sequence[str], kept: Sequence[str]) -> Model:
     """The model with `kept` free and the others of `keys` at zero."""
     return model.with_values_of([*{*keys} - {*kept}], 0.0).with_free(kept)

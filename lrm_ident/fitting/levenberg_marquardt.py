@@ -1,8 +1,8 @@
-"""Fit of a model's free parameters: least squares by Levenberg–Marquardt (Marquardt 1963) on scaled ones, with bounds.
+"""Fit of a model's free parameters: least squares by Levenberg–Marquardt (Marquardt 1963), scaled and with bounds.
 
 With a prior: maximum a posteriori (Conenna 2024, Eq 2.66; Tenhumberg & Bäuml 2021). The noise that weighs data against
 prior is estimated from the residual, with MacKay's (1992) effective number of parameters. Where least squares alone
-does not converge, it is damped by weak priors (ridge regression, Hoerl & Kennard 1970), and the result says so.
+does not converge, weak priors damp it (ridge regression, Hoerl & Kennard 1970), and the result says so.
 """
 
 from __future__ import annotations
@@ -31,8 +31,8 @@ from lrm_math.model.equilibrium import Equilibrium, measured_range, solve_equili
 from lrm_math.model.model import Model
 
 MAX_STEPS = 60
-MAX_STEPS_WITH_PRIOR = 300  # where a prior alone says anything, steps are short, but each one gains
-IDLE_STEPS = 5  # in a row that each gain next to nothing end a fit
+MAX_STEPS_WITH_PRIOR = 300  # steps are short along directions that only a prior determines
+IDLE_STEPS = 5  # successive steps that gain next to nothing, after which a fit ends
 OUTLIER_DISTANCE = 5.0  # robust standard deviations per axis; a clean pose is beyond it once in 60 000
 
 
@@ -44,13 +44,13 @@ class Fit(ShownInNotebook):
         equilibrium: the model's equilibrium at the data's poses.
         residual: (N, 3), measured − predicted TCP (m), along the distance where only that was measured.
         covariance: (P, P) of the free parameters (SI); zero rows for those at a bound. With a prior: of the posterior.
-        effective_parameters: those not at a bound, less the part that a prior determines.
+        effective_parameters: number of those off their bounds, less the part that a prior determines (MacKay 1992).
         sigma: standard deviation of the residual per axis (m), corrected for the degrees of freedom.
         at_bound: keys of parameters with an active bound.
         weight: (N,), the weight of each pose, 1 for least squares.
         outliers: rows farther than `OUTLIER_DISTANCE` robust standard deviations.
         steps: Levenberg–Marquardt steps taken.
-        prior: what weighed against the data: a stated or weak prior, and the penalties of forms.
+        prior: product of a stated or weak prior and the penalties of forms, as it entered the objective.
         loss: what it minimises. damped: whether it converged only with weak priors (`weak_prior`).
     """
 
@@ -73,24 +73,24 @@ class Fit(ShownInNotebook):
         return f"<Fit of {self.model.arm.name}: {parameters} parameters, {poses} poses, {rms} mm RMS>"
 
     def take(self, rows: NDArray[np.int64]) -> Fit:
-        """This fit, seen at some of its poses."""
+        """The fit restricted to some rows of its poses; parameters and covariance stay."""
         outliers = tuple(np.flatnonzero(np.isin(rows, self.outliers)).tolist())
         equilibrium, residual, weight = self.equilibrium.take(rows), self.residual[rows], self.weight[rows]
         return replace(self, equilibrium=equilibrium, residual=residual, weight=weight, outliers=outliers)
 
     @property
     def weak_prior(self) -> Prior | None:
-        """The prior that damped it, if one did: fits to a part of the data need it too."""
+        """The weak prior that damped the fit, if one did; fits to a part of the data need it too."""
         return weak_prior(self.model) if self.damped else None
 
     @property
     def standard_error(self) -> Array:
-        """(P,), of the free parameters (SI)."""
+        """(P,), standard errors of the free parameters (SI)."""
         return np.sqrt(np.diag(self.covariance))
 
     @property
     def correlation(self) -> Array:
-        """(P, P), of the free parameters; zero where a bound is active."""
+        """(P, P), correlation of the free parameters; zero where a bound is active."""
         error = self.standard_error
         scale = np.where(error > 0, error, 1.0)
         return np.asarray(self.covariance / np.outer(scale, scale))
@@ -125,25 +125,25 @@ def fit(
     limits = bounds or bounds_of(model, model.free)
     smooth = Smoothness.of(model, prior)
     objective = Objective(model, data, loss, smooth.prior)
-    stated = prior is not None and prior.name != WEAK  # the top of such a posterior is wanted, however flat it is
-    idle = MAX_STEPS_WITH_PRIOR if stated else IDLE_STEPS
+    stated = prior is not None and prior.name != WEAK
+    idle = MAX_STEPS_WITH_PRIOR if stated else IDLE_STEPS  # a flat posterior too is climbed to its maximum
     scaled = Bounds(limits.lower / objective.typical, limits.upper / objective.typical)
     plain = LevenbergMarquardt(objective, smooth, scaled, idle, start)
     try:
-        found = _fit_at(plain.solve(MAX_STEPS if smooth.prior is None else MAX_STEPS_WITH_PRIOR), damped=False)
+        found = _fit_of(plain.solve(MAX_STEPS if smooth.prior is None else MAX_STEPS_WITH_PRIOR), damped=False)
     except FitNotConverged:
         if prior is not None:
             raise
         weak = plain.with_smoothness(Smoothness.of(model, weak_prior(model)))
-        found = _fit_at(weak.solve(MAX_STEPS_WITH_PRIOR), damped=True)
+        found = _fit_of(weak.solve(MAX_STEPS_WITH_PRIOR), damped=True)
     check_arm(found.equilibrium, model.free)
     return found
 
 
 def check_enough(poses: int, parameters: int, prior: Prior | None = None) -> None:
-    """Raises `LrmError` for fewer poses than parameters; with a prior, for fewer coordinates than parameters.
+    """Raises `LrmError` for fewer poses than parameters; with a prior, for no more coordinates than parameters.
 
-    With fewer, the noise could not be estimated.
+    The noise could not be estimated from so few.
     """
     least = parameters if prior is None else parameters // 3 + 1
     if poses < least:
@@ -153,14 +153,11 @@ def check_enough(poses: int, parameters: int, prior: Prior | None = None) -> Non
         )
 
 
-def _fit_at(optimum: Optimum, damped: bool) -> Fit:
-    """The fit that an optimum makes."""
+def _fit_of(optimum: Optimum, damped: bool) -> Fit:
+    """The fit at an optimum: parameters, covariance, residual and its statistics."""
     objective, iterate, free = optimum.objective, optimum.iterate, optimum.free
-    data, distance, model = (
-        objective.data,
-        iterate.distance,
-        objective.model.with_values(iterate.equilibrium.model.values),
-    )
+    data, distance = objective.data, iterate.distance
+    model = objective.model.with_values(iterate.equilibrium.model.values)
     covariance, parameters, sigma = np.zeros((len(free), len(free))), 0.0, objective.residual_sd(iterate)
     if free.any():
         noise = NoiseScale(objective.noise_scale(iterate).scale, optimum.noise.sigma)
@@ -190,7 +187,7 @@ def _fit_at(optimum: Optimum, damped: bool) -> Fit:
 
 def _marginal_inverse(optimum: Optimum, shapes: tuple[str, ...], noise: NoiseScale) -> Array:
     """(p, p), inverse Hessian of the p parameters off their bounds (scaled), the nuisance `shapes` marginalised by
-    Laplace's approximation; the ranges in which these are searched are their prior."""
+    Laplace's approximation with the ranges in which they are searched as prior."""
     objective, free = optimum.objective, optimum.free
     model, prior = objective.model, with_range_priors(objective.prior, objective.model, shapes)
     wide = replace(objective, model=model.with_free((*model.free, *shapes)), prior=prior)

@@ -14,7 +14,7 @@ CHI3_MEDIAN = 1.5381724  # median of the chi distribution with three degrees of 
 
 
 class Loss(Protocol):
-    """Loss and weight as functions of the distance in units of the robust scale."""
+    """M-estimator: loss ρ and weight as functions of the distance in units of the robust scale."""
 
     @property
     def name(self) -> str:
@@ -50,11 +50,11 @@ class Huber:
     name: str = "huber"
 
     def rho(self, t: Array) -> Array:
-        """½ t² or knee (t − ½ knee)."""
+        """½ t² up to the knee, then knee (t − ½ knee)."""
         return np.where(t <= self.knee, 0.5 * t * t, self.knee * (t - 0.5 * self.knee))
 
     def weight(self, t: Array) -> Array:
-        """1 or knee / t."""
+        """1 up to the knee, then knee / t."""
         return np.minimum(1.0, self.knee / np.maximum(t, 1e-300))
 
 

@@ -1,4 +1,4 @@
-"""Fit of a model: which effects it has, which of their parameters are fitted, and within which bounds."""
+"""Fit of a model with chosen effects, parameters and bounds."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from lrm_ident.data.registration.anchor import with_anchor
 from lrm_ident.data.registration.degenerate_fit import CHECK
 from lrm_ident.data.weights.model_error import with_model_error
 from lrm_ident.data.wording import enumerate_words
-from lrm_ident.fitting.identifiability import FEW, IdentifiedFit, fit_identifiable
+from lrm_ident.fitting.identifiability import FEW_OUTLIERS, IdentifiedFit, fit_identifiable
 from lrm_ident.fitting.levenberg_marquardt import Fit, fit
 from lrm_ident.fitting.loss import Loss
 from lrm_ident.fitting.parameter_sets import Bounds, bounds_of, fittable, no_bounds, select_parameters
@@ -21,7 +21,7 @@ from lrm_math.effects import CATALOGUE, Effect, effects_at
 from lrm_math.errors import LrmError
 from lrm_math.model.model import Model, model_of
 
-SETTLED = 1.1  # ratio of the model's error to that before, which is worth another fit
+MODEL_ERROR_GROWTH = 1.1  # of the estimated model error, from which the fit is repeated with it
 LISTED = 8  # poses in a message
 DEFAULT_EFFECTS = ("offsets", "compliance")
 
@@ -52,7 +52,7 @@ def fit_model(
     """
     result = _fit_named(with_anchor(model, data), data, parameters, loss, unbounded, prior)
     weighed = with_model_error(data, result.fit.equilibrium, len(result.fit.model.free))
-    if weighed.model_sd > SETTLED * data.model_sd:
+    if weighed.model_sd > MODEL_ERROR_GROWTH * data.model_sd:
         return fit_model(model, weighed, parameters, loss, unbounded, prior)
     if not result.fit.model.free:
         raise LrmError(f"nothing can be fitted: no parameter helps, and {_left(result.fit, data)}")
@@ -60,10 +60,10 @@ def fit_model(
 
 
 def _left(found: Fit, data: Measurements) -> str:
-    """Residual of a fit without parameters, and of which poses, if few are far from what the others show."""
+    """Residual of a fit without parameters, in words, and its outliers, if these are few."""
     stats, far = error_stats(found.residual), data.pose[list(found.outliers)].tolist()
     left = f"{stats.rms * 1e3:.1f} mm RMS are left"
-    if not 0 < len(far) < FEW * len(data):
+    if not 0 < len(far) < FEW_OUTLIERS * len(data):
         return f"{left}; {CHECK}"
     which = f"{stats.max * 1e3:.0f} mm at most, of pose: {enumerate_words([str(pose) for pose in far], LISTED)}"
     return f"{left}, {which}; try --leave-out {','.join(map(str, far))}, or --loss cauchy"
@@ -72,6 +72,7 @@ def _left(found: Fit, data: Measurements) -> str:
 def _fit_named(
     model: Model, data: Measurements, parameters: str, loss: Loss, unbounded: bool, prior: Prior | None
 ) -> IdentifiedFit:
+    """Fit of the parameters that a choice names; arguments as of `fit_model`."""
     if parameters != "identifiable":
         named = select_parameters(model, parameters)
         keys = (*named, *(key for key in model.free if key.startswith("anchor.") and key not in named))

@@ -1,4 +1,4 @@
-"""Named sets of parameters to fit, and the bounds of each."""
+"""Sets of parameters to fit: named ones, bounds, and checks that the poses determine them."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ THESIS_OPTIONS: dict[str, tuple[str, ...]] = {
     "option4": tuple(key for key in TABLE_4_5 if key != _BASE),
     "option5": tuple(key for key in TABLE_4_5 if key.startswith("compliance") and key != _BASE),
 }
-"""Conenna 2024, section 4.6: all, kinematic, elastic, all without k0, elastic without k0.
+"""Options of Conenna 2024, section 4.6: all, kinematic, elastic, all without k0, elastic without k0.
 
 Option 2 is announced with 21 parameters, but Table B.1 holds δdd3 at zero in it: 20 are fitted."""
 
@@ -58,8 +58,7 @@ def fittable(model: Model) -> tuple[str, ...]:
 
 
 def nuisance_shapes(model: Model) -> tuple[str, ...]:
-    """Keys of the nuisance parameters: shapes, held at the values that fit best, of effects that are fitted in part or
-    whole."""
+    """Keys of the nuisance parameters: shapes, held at their best values, of effects of which a parameter is free."""
     begun = {name_of_key(key) for key in model.free}
     return tuple(
         key
@@ -94,8 +93,8 @@ def check_identifiable(required: Sequence[str], kept: Sequence[str]) -> None:
         raise LrmError(f"{names}: these poses cannot tell it from what the model has already")
 
 
-def check_told(model: Model, poses: Poses, kept: int, candidates: int) -> None:
-    """Raises `LrmError` for fewer distinct poses than parameters `kept`; names one number, that of all `candidates`."""
+def check_distinct_poses(model: Model, poses: Poses, kept: int, candidates: int) -> None:
+    """Raises `LrmError` for fewer distinct poses than parameters `kept`; the message asks for `candidates`."""
     angles, count = len(np.unique(np.round(poses.q, 6), axis=0)), len(poses)
     sides = [] if poses.direction is None else [poses.direction]
     distinct = len(np.unique(np.round(np.column_stack([poses.q, poses.payload, *sides]), 6), axis=0))

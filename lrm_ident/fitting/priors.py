@@ -74,15 +74,15 @@ class Prior:
     covariance: Array
 
     def mean_of(self, keys: Sequence[str]) -> Array:
-        """(K,), SI. Raises `UnknownName`."""
+        """(K,), means, SI. Raises `UnknownName`."""
         return self.mean[self._places(keys)]
 
     def sd_of(self, keys: Sequence[str]) -> Array:
-        """(K,), SI. Raises `UnknownName`."""
+        """(K,), standard deviations, SI. Raises `UnknownName`."""
         return np.asarray(np.sqrt(np.diag(self.covariance_of(keys))))
 
     def covariance_of(self, keys: Sequence[str]) -> Array:
-        """(K, K), SI, the other parameters marginalised. Raises `UnknownName`."""
+        """(K, K), covariance, SI, the other parameters marginalised. Raises `UnknownName`."""
         places = self._places(keys)
         return self.covariance[np.ix_(places, places)]
 
@@ -96,7 +96,7 @@ class Prior:
 
 @dataclass(frozen=True)
 class EffectRates:
-    """Rates of the effects (`effect@place`) among arms of a kind, by `named`; every one that is not there: `other`."""
+    """Rates of effects among arms of a kind: `named` by `effect@place`, and `other` for each that is not named."""
 
     named: Mapping[str, float]
     other: float
@@ -147,8 +147,8 @@ def _prior_path(name_or_path: str) -> Path:
 def to_prior(path: Path, file: PriorFile, model: Model, catalogue: tuple[type[Effect], ...] = CATALOGUE) -> Prior:
     """Applies a prior file to the parameters of a model; SI units. Raises `FileError`.
 
-    Patterns mean all parameters but shapes; a shape parameter has a prior where the file has its whole key. Where the
-    fixed end of measured distances stands has none: it is no property of the arm.
+    Patterns match all parameters but shapes; a shape parameter has a prior only where the file has its whole key. The
+    anchor of measured distances has none, since it is no property of the arm.
     """
     known = set(model.keys) | _possible_keys(model.arm, (*catalogue, *FREE_FORMS))
     for pattern in file.parameters:
@@ -164,9 +164,9 @@ def to_prior(path: Path, file: PriorFile, model: Model, catalogue: tuple[type[Ef
 
 
 SET_UP = f"{Anchor.id}."
-"""Prefix of the keys of parameters of the measurement."""
+"""Prefix of the keys of parameters of the measuring set-up, not of the arm."""
 WEAK = "vague"
-"""Name of the shipped prior that `weak_prior` is."""
+"""Name of the shipped prior that is equal to `weak_prior`."""
 WEAK_SD = 3.0  # typical sizes
 
 
@@ -177,8 +177,8 @@ def weak_prior(model: Model) -> Prior:
 
 
 def with_range_priors(prior: Prior | None, model: Model, shapes: Sequence[str]) -> Prior:
-    """The product of a prior, if there is one, and of independent ones with the mean and the variance of the ranges in
-    which shape parameters are searched, of those that it does not know."""
+    """A prior extended by shape parameters that it lacks: independent Gaussians with the mean and the variance of a
+    uniform distribution over the range in which each is searched."""
     known = Prior("ranges", (), np.empty(0), np.empty((0, 0))) if prior is None else prior
     keys = tuple(key for key in shapes if key not in known.keys)
     ends = np.array([(min(scan), max(scan)) for scan in (model.parameter(key).scan for key in keys)]).reshape(-1, 2)
@@ -199,6 +199,7 @@ def prior_of_file(file: ModelFile, model: Model, catalogue: tuple[type[Effect], 
 
 
 def _gaussian(file: PriorFile, key: str, parameter: Parameter) -> tuple[float, float]:
+    """Mean and standard deviation of a parameter, SI."""
     matching = [table for pattern, table in file.parameters.items() if fnmatchcase(key, pattern)]
     if not matching:
         return 0.0, file.other_sd * parameter.typical
@@ -226,6 +227,6 @@ def _correlations(path: Path, file: PriorFile, keys: Sequence[str]) -> Array:
 
 
 def _possible_keys(arm: Arm, catalogue: Iterable[type[Effect]]) -> set[str]:
-    """Keys of all parameters of all effects on such an arm, also of dimensions that its links lack."""
+    """Keys of all parameters of all effects on an arm, also of the dimension `extra_z` where its links lack it."""
     arm = replace(arm, joints=tuple(replace(joint, extra_z=joint.extra_z or 0.0) for joint in arm.joints))
     return {key for kind in catalogue for place in kind.places(arm) for key in kind(arm, place).keys}

@@ -1,18 +1,18 @@
-"""Progress of long computations: one protocol, and its form where what is done has a name already."""
+"""Progress callbacks of long computations."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 
 Progress = Callable[[str, int, int], object]
-"""Called with what is being done, how many parts of it are done, and of how many; 0 if that is not known."""
+"""Callback (what, done, of): what is being done, and how many of its parts are done; `of` is 0 if not known."""
 OnProgress = Callable[[int, int], object]
-"""Called with (done, of) after each part: a `Progress` of one thing."""
+"""Callback (done, of) after each part of one computation."""
 
 
 def silent(done: int, of: int) -> None:
-    """A callback that does nothing."""
+    """Does nothing, as an `OnProgress`."""
 
 
 def unheard(what: str, done: int, of: int) -> None:
-    """A progress that nobody sees."""
+    """Does nothing, as a `Progress`."""

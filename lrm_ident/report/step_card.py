@@ -45,7 +45,7 @@ class ErrorFall:
         """Share of the mean square above the noise floor (mm) that the step took away; None where that is not known."""
         if floor is None or self.before <= floor:
             return None
-        return float(np.clip(share_of_excess(self.before, self.after, floor), 0.0, 1.0))
+        return float(np.clip(share_of_excess(self.after, self.before, floor), 0.0, 1.0))
 
 
 @dataclass(frozen=True)

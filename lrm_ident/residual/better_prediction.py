@@ -1,4 +1,4 @@
-"""The one rule of better prediction: held-out errors that fall by a share worth naming, and by more than chance."""
+"""Comparison of two predictions by their held-out errors: relevance (a share of the RMS) and significance (Vuong)."""
 
 from __future__ import annotations
 
@@ -10,38 +10,38 @@ from lrm_ident.residual.thresholds import NEGLIGIBLE, Z_THRESHOLD
 from lrm_math.arrays import Array
 
 
-def predicts_better(then: Array, now: Array, share: float, start: Array | None = None) -> bool:
-    """Whether squared errors (N,) fall by a share of the RMS and by more than `Z_THRESHOLD` standard errors.
+def predicts_better(after: Array, before: Array, share: float, start: Array | None = None) -> bool:
+    """Whether the RMS falls by a share (`falls_by_share`), and by more than `Z_THRESHOLD` standard errors.
 
     Args:
-        then, now: held-out squared distances with and without something. start: of whose RMS the share is; None: now.
+        after, before: (N,), held-out squared distances with a change of the model and without it.
+        start: (N,), squared distances of whose RMS the share is; None: `before`.
     """
-    return saves(then, now, share, start) and paired_z(then, now) > Z_THRESHOLD
+    return falls_by_share(after, before, share, start) and paired_z(after, before) > Z_THRESHOLD
 
 
-def saves(then: Array, now: Array, share: float, start: Array | None = None) -> bool:
-    """Whether mean squares (N,) fall by what a share of the RMS of `start` (None: of `now`) amounts to."""
-    whole = float((now if start is None else start).mean())
-    return float(now.mean() - then.mean()) > (1.0 - (1.0 - share) ** 2) * whole
+def falls_by_share(after: Array, before: Array, share: float, start: Array | None = None) -> bool:
+    """Whether mean squares fall by as much as if the RMS of `start` (None: of `before`) fell by a share; (N,) each."""
+    whole = float((before if start is None else start).mean())
+    return float(before.mean() - after.mean()) > (1.0 - (1.0 - share) ** 2) * whole
 
 
-def share_of_excess(before: float, after: float, floor: float) -> float:
-    """Share of the mean square above a noise floor that is taken away; RMS errors in one unit, a floor of 0: of all."""
+def share_of_excess(after: float, before: float, floor: float) -> float:
+    """Share of the mean square above the noise floor that a change of the model takes away; RMS errors in one unit."""
     return (before**2 - after**2) / max(before**2 - floor**2, NEGLIGIBLE * after**2)
 
 
 def paired_z(better: Array, worse: Array) -> float:
-    """`vuong_z` of squared errors (N,), winsorised at `OUTLIER_DISTANCE` robust standard deviations of the better one.
+    """`vuong_z` of squared errors (N,), winsorised at the `squared_outlier_distance` of the better ones.
 
-    A few poses where a joint is about to fall over to the other side of its play would decide else.
+    Else a few poses would decide where a joint is about to fall to the other side of its play.
     """
-    most = outlier_bound(better)
+    most = squared_outlier_distance(better)
     return vuong_z(np.minimum(worse, most) - np.minimum(better, most))
 
 
-def outlier_bound(squared: Array) -> Array:
-    """(...), squared distance beyond which a pose of `squared` (..., N) is an outlier: `OUTLIER_DISTANCE` robust
-    standard deviations."""
+def squared_outlier_distance(squared: Array) -> Array:
+    """(…), square of `OUTLIER_DISTANCE` robust standard deviations per axis, of squared 3-D distances (…, N)."""
     return np.square(OUTLIER_DISTANCE / CHI3_MEDIAN * np.median(np.sqrt(squared), axis=-1))
 
 

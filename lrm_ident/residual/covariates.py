@@ -1,4 +1,4 @@
-"""The one table of what an error may follow: joint angles, last motions, torques, load, order, time, temperature."""
+"""Covariates of an error: joint angles, last motions, torques, load, order, time, temperature."""
 
 from __future__ import annotations
 
@@ -32,13 +32,13 @@ UNITS = {
     "total torque": "N·m",
 }
 SYMBOLS = {"angle": "q", "motion": "the last motion of q", "torque": "tau"}
-REDUNDANT = 0.999  # correlation above which a quantity says nothing beside another
+REDUNDANT = 0.999  # correlation above which a quantity is redundant beside another
 CONSTANT = 1e-9  # SI: a quantity that varies less is round-off
 
 
 @dataclass(frozen=True, eq=False)
 class Covariate:
-    """A quantity that an error may follow.
+    """A quantity of the poses that an error may depend on.
 
     Attributes:
         values: (N,), SI (rad, N·m, kg, s, °C), the order from 0. joint: from 0, of an angle, motion or torque.
@@ -69,32 +69,27 @@ class Covariate:
 
     @cached_property
     def shown(self) -> Array:
-        """(N,), values in the unit that is shown; the order from 1."""
+        """(N,), values in the unit of `label`; the order from 1."""
         if self.kind in ("angle", "motion"):
             return np.degrees(self.values)
         if self.kind == "time":
             return self.values / 60.0
         return self.values * 1e3 if self.kind == "load" else self.values + (self.kind == "order")
 
-    @property
-    def varies(self) -> bool:
-        """Whether it is not the same at all poses."""
-        return bool(np.ptp(self.values) > 0)
-
     def take(self, rows: NDArray[np.int64]) -> Covariate:
         """The covariate at some poses."""
         return replace(self, values=self.values[rows])
 
     def legendre_basis(self, degree: int) -> Array:
-        """(N, ≤ degree), Legendre polynomials 1 … degree of the scaled values, as many as the levels determine."""
+        """(N, ≤ degree), Legendre polynomials of degrees 1 to `degree`, but fewer than there are levels."""
         values = scaled(self.values)
         top = min(degree, len(levels(values, 3)[0]) - 1)
         return np.asarray(np.polynomial.legendre.legvander(values, max(top, 0))[:, 1:], dtype=np.float64)
 
 
 def covariates(data: Measurements, torque: Array) -> tuple[Covariate, ...]:
-    """The quantities that vary. `torque`: (N, n), gravity's on every joint (N·m); (N, 0): not known."""
-    return tuple(one for one in _all(data, torque) if one.varies)
+    """Covariates that vary over the poses. `torque`: (N, n), of gravity on the joints (N·m); (N, 0): unknown."""
+    return tuple(one for one in _all(data, torque) if np.ptp(one.values) > 0)
 
 
 def _all(data: Measurements, torque: Array) -> Iterator[Covariate]:
@@ -113,7 +108,7 @@ def _all(data: Measurements, torque: Array) -> Iterator[Covariate]:
 
 
 def distinct(values: Mapping[str, Array]) -> dict[str, Array]:
-    """Standardised values (N,) by symbol, save what does not vary or repeats an earlier one, as time does the order."""
+    """Standardised values (N,) by symbol, without constant ones and those that repeat an earlier one."""
     out: dict[str, Array] = {}
     for symbol, own in values.items():
         if np.ptp(own) > CONSTANT:
@@ -130,6 +125,6 @@ def scaled(values: Array) -> Array:
 
 
 def levels(values: Array, decimals: int) -> tuple[Array, NDArray[np.int64]]:
-    """The distinct values among (N,), to so many decimals, ascending; and (N,), the number of each one's level."""
+    """Distinct values among (N,), rounded to so many decimals, ascending; and (N,), number of each value's level."""
     found, number = np.unique(np.round(values, decimals), return_inverse=True)
     return found, number.reshape(-1)

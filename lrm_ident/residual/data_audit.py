@@ -15,13 +15,13 @@ FEW_LEVELS, STRONG_CORRELATION = 4, 0.8
 
 def audit(data: Measurements, torque: Array) -> tuple[str, ...]:
     """Deficiencies of the data, one sentence each, the most severe first. `torque`: (N, n), N·m."""
-    of = Excitation(data.poses, torque)
-    checks = (_levels(of), _order(of), _reversals(of), _signs(of), _loads(of))
-    return tuple(sentence for check in checks for sentence in check)
+    excitation = Excitation(data.poses, torque)
+    checks = (_levels, _order, _reversals, _signs, _loads)
+    return tuple(sentence for check in checks for sentence in check(excitation))
 
 
-def _levels(of: Excitation) -> Iterator[str]:
-    few = {i + 1: of.levels(i) for i in range(of.torque.shape[1]) if of.levels(i) <= FEW_LEVELS}
+def _levels(excitation: Excitation) -> Iterator[str]:
+    few = {i + 1: excitation.levels(i) for i in range(excitation.torque.shape[1]) if excitation.levels(i) <= FEW_LEVELS}
     if few:
         least, most = min(few.values()), max(few.values())
         levels = f"{least}" if least == most else f"{least} to {most}"
@@ -31,8 +31,8 @@ def _levels(of: Excitation) -> Iterator[str]:
         )
 
 
-def _order(of: Excitation) -> Iterator[str]:
-    for i, q in enumerate(of.poses.q.T):
+def _order(excitation: Excitation) -> Iterator[str]:
+    for i, q in enumerate(excitation.poses.q.T):
         if np.ptp(q) > 0:
             correlation = float(np.corrcoef(np.arange(len(q)), q)[0, 1])
             if abs(correlation) > STRONG_CORRELATION:
@@ -42,20 +42,20 @@ def _order(of: Excitation) -> Iterator[str]:
                 )
 
 
-def _reversals(of: Excitation) -> Iterator[str]:
-    never = [i + 1 for i in range(of.torque.shape[1]) if of.reversals(i) < FEW_REVERSALS]
-    if never and of.poses.direction is not None:
+def _reversals(excitation: Excitation) -> Iterator[str]:
+    never = [i + 1 for i in range(excitation.torque.shape[1]) if excitation.reversals(i) < FEW_REVERSALS]
+    if never and excitation.poses.direction is not None:
         yield f"no reversal: {_joints(never)} (nearly) never turned round, so hysteresis there cannot show"
 
 
-def _signs(of: Excitation) -> Iterator[str]:
-    same = [i + 1 for i, tau in enumerate(of.torque.T) if not of.both_signs(tau)]
+def _signs(excitation: Excitation) -> Iterator[str]:
+    same = [i + 1 for i, tau in enumerate(excitation.torque.T) if not excitation.both_signs(tau)]
     if same:
         yield f"one-sided torque: gravity pulls {_joints(same)} to one side only; their play cannot show"
 
 
-def _loads(of: Excitation) -> Iterator[str]:
-    if len(np.unique(of.poses.payload)) == 1:
+def _loads(excitation: Excitation) -> Iterator[str]:
+    if len(np.unique(excitation.poses.payload)) == 1:
         yield "one load only: a spring that stiffens, play, and wrong masses are hard to tell apart; measure with two"
 
 

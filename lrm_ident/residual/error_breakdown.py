@@ -1,4 +1,4 @@
-"""Breakdown of a model's error: nominal, fit and held-out error, and one-way analysis of variance by driving factor."""
+"""Breakdown of a model's error: nominal, fit and held-out error, and one-way analysis of variance by factor."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 from lrm_ident.data.error_stats import ErrorStats, error_stats
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.notebook import ShownInNotebook
-from lrm_ident.data.registration.anchor import with_anchor
+from lrm_ident.data.registration.anchor import nominal_arm
 from lrm_ident.data.wording import in_mm
 from lrm_ident.fitting.cross_validation import held_out_blocks
-from lrm_ident.fitting.held_out import HeldOutBlock, held_out_rows, held_out_turns
+from lrm_ident.fitting.held_out import HeldOutBlock, held_out_residual, held_out_turns
 from lrm_ident.fitting.loss import SQUARED, Loss
 from lrm_ident.fitting.parameter_sets import Bounds
 from lrm_ident.fitting.priors import Prior
@@ -27,7 +27,7 @@ from lrm_math.arrays import Array
 from lrm_math.errors import LrmError
 from lrm_math.model.derivatives import joint_jacobian
 from lrm_math.model.equilibrium import Equilibrium, solve_equilibrium
-from lrm_math.model.model import Model, model_of
+from lrm_math.model.model import Model
 
 MAX_LEVELS, BINS, ORDER_PARTS, WORST = 8, 6, 10, 10
 UNSEEN = "the fit saw none of these poses: the model's own error is a held-out one"
@@ -35,7 +35,7 @@ UNSEEN = "the fit saw none of these poses: the model's own error is a held-out o
 
 @dataclass(frozen=True)
 class PoseGroup:
-    """A group of poses: label, count, error, and mean residual (m).
+    """A group of poses: label, count, error, and mean residual `bias` (m).
 
     `equivalent_rotation`: rotation of the factor's joint (rad) that fits the group's residual best, or None.
     """
@@ -49,7 +49,7 @@ class PoseGroup:
 
 @dataclass(frozen=True)
 class Factor:
-    """A grouping of the poses.
+    """Factor of an analysis of variance: a grouping of the poses.
 
     `share`: adjusted R² (0 to 1) of the group means; descriptive, no test of a cause.
     """
@@ -67,7 +67,7 @@ class Factor:
 
 @dataclass(frozen=True, eq=False)
 class HeldOutResidual:
-    """Held-out residual (N, 3) in m, or the reason why there is none; and the blocks that it came from."""
+    """Held-out residual (N, 3) in m with the blocks of its cross-validation, or the reason why there is none."""
 
     residual: Array | None
     reason: str = ""
@@ -75,19 +75,19 @@ class HeldOutResidual:
 
     @property
     def error(self) -> ErrorStats | None:
-        """Error statistics of the group."""
+        """Error statistics of the held-out residual; None without one."""
         return None if self.residual is None else error_stats(self.residual, held_out_turns(self.blocks))
 
 
 @dataclass(frozen=True, eq=False)
 class NestedResidual(HeldOutResidual):
-    """Held-out residual where the effects were chosen anew in every fold; `chosen`: those of each fold, in order."""
+    """Held-out residual of a nested cross-validation; `chosen`: effects that each fold selected, in order."""
 
     chosen: tuple[tuple[str, ...], ...] = ()
 
     @property
     def frequency(self) -> dict[str, int]:
-        """Folds in which each effect was chosen, most first (selection frequency, Meinshausen & Bühlmann 2010)."""
+        """Selection frequency (Meinshausen & Bühlmann 2010): number of folds that chose each effect, most first."""
         return dict(Counter(chain.from_iterable(map(dict.fromkeys, self.chosen))).most_common())
 
 
@@ -95,9 +95,11 @@ class NestedResidual(HeldOutResidual):
 class ModelComparison(ShownInNotebook):
     """A model against measurements.
 
-    `predictable`: what a nameless model could still predict, where there is a held-out error. `factors`: by decreasing
-    share; `worst`: rows by decreasing error. `speaks`: (N,), where the data determine the model's residual field; None
-    without one, or where its covariance is not known.
+    Attributes:
+        residual: (N, 3), measured − predicted TCP (m).
+        predictable: part of the residual that a Gaussian process predicts; None without a held-out error.
+        factors: by decreasing share. worst: rows by decreasing error.
+        speaks: (N,), where the data determine the model's residual field; None without one, or without its covariance.
     """
 
     data: Measurements
@@ -139,9 +141,10 @@ def compare_unseen(model: Model, data: Measurements, progress: OnProgress = sile
 
 
 def _compared(model: Model, data: Measurements, held_out: HeldOutResidual) -> ModelComparison:
+    """Comparison of a model as it is, with a known held-out residual."""
     equilibrium = solve_equilibrium(model, data.poses)
     residual = data.position_error(equilibrium)
-    nominal = solve_equilibrium(with_anchor(model_of(model.arm, ()), data), data.poses)
+    nominal = solve_equilibrium(nominal_arm(model.arm, data), data.poses)
     distance = np.linalg.norm(residual, axis=1)
     return ModelComparison(
         data=data,
@@ -164,12 +167,12 @@ def try_held_out(
     progress: OnProgress = silent,
     prior: Prior | None = None,
 ) -> HeldOutResidual:
-    """The held-out residual, or the reason why there is none (too few poses, a fold that does not converge)."""
+    """Held-out residual (arguments as of `held_out_blocks`), or the `LrmError` because of which there is none."""
     try:
         blocks = held_out_blocks(model, data, bounds, loss, progress, prior=prior)
     except LrmError as error:
         return HeldOutResidual(None, str(error))
-    return HeldOutResidual(held_out_rows(blocks), blocks=blocks)
+    return HeldOutResidual(held_out_residual(blocks), blocks=blocks)
 
 
 def _factors(equilibrium: Equilibrium, data: Measurements, residual: Array) -> Iterator[Factor]:
@@ -189,6 +192,7 @@ def _factors(equilibrium: Equilibrium, data: Measurements, residual: Array) -> I
 def _factor(
     kind: str, name: str, group: NDArray[np.int64], labels: Sequence[str], residual: Array, column: Array | None = None
 ) -> Factor:
+    """The factor of a grouping; `group`: (N,), number of each pose's label; `column`: (N, 3), of the joint (m/rad)."""
     groups, explained = [], 0.0
     for number, label in enumerate(labels):
         chosen = group == number
@@ -202,6 +206,7 @@ def _factor(
 
 
 def _adjusted_r2(explained: float, residual: Array, groups: int) -> float:
+    """Adjusted R² of group means, from their sum of squares about zero (m²)."""
     n, total = len(residual), float((residual**2).sum())
     around_mean = total - n * float((residual.mean(axis=0) ** 2).sum())
     if n <= groups or around_mean <= 0.0:
@@ -217,7 +222,7 @@ def _equivalent_rotation(residual: Array, column: Array) -> float:
 
 
 def _by_value(values: Array, unit: str) -> tuple[NDArray[np.int64], list[str]]:
-    """Groups by level if there are few levels, else by bins of equal width."""
+    """Groups of equal values where these are few, else bins of equal width."""
     distinct, group = levels(values, 3)
     if len(distinct) <= MAX_LEVELS:
         return group, [f"{level:g}{unit}" for level in distinct]
@@ -225,10 +230,12 @@ def _by_value(values: Array, unit: str) -> tuple[NDArray[np.int64], list[str]]:
 
 
 def _by_quantile(values: Array, unit: str) -> tuple[NDArray[np.int64], list[str]]:
+    """Groups of about equal size, by quantiles."""
     return _cut(values, np.unique(np.quantile(values, np.linspace(0.0, 1.0, BINS + 1))), unit)
 
 
 def _cut(values: Array, edges: Array, unit: str) -> tuple[NDArray[np.int64], list[str]]:
+    """Groups between ascending edges."""
     if len(edges) < 2:
         return np.zeros(len(values), dtype=np.int64), [f"{values[0]:.3g}{unit}"]
     group = np.clip(np.searchsorted(edges, values, side="right") - 1, 0, len(edges) - 2)
@@ -236,12 +243,14 @@ def _cut(values: Array, edges: Array, unit: str) -> tuple[NDArray[np.int64], lis
 
 
 def _by_order(data: Measurements) -> tuple[NDArray[np.int64], list[str]]:
+    """Groups of successive poses."""
     parts = np.array_split(np.arange(len(data)), min(ORDER_PARTS, len(data)))
     group = np.concatenate([np.full(len(part), number) for number, part in enumerate(parts)])
     return group, [f"poses {data.pose[part[0]]} to {data.pose[part[-1]]}" for part in parts]
 
 
 def _by_octant(tcp: Array) -> tuple[NDArray[np.int64], list[str]]:
+    """Groups by octant about the median of positions (N, 3) in m."""
     middle = np.median(tcp, axis=0)
     group = ((tcp > middle) * [1, 2, 4]).sum(axis=1)
     labels = [

@@ -1,11 +1,11 @@
-"""Free functions: the part of the residual that a smooth function at one place explains, whatever its physical cause.
+"""Free functions: smooth functions at one place that describe a residual whatever its physical cause.
 
-A rotation of joint j that is any smooth function (Legendre series) of one or two covariates: joint angles, the joint's
-own torque (now, or at the poses before: creep), order of measurement; or of the joint's own last motion (a lag). Of the
-other error motions of an axis of rotation (ISO 230-7) effects of the catalogue are tilt and axial motion; the radial
-one is a free function of the force across.
-Common modes: what all joints do alike (a servo gain or a yielding that they share), or all lengths, as a function of
-the total torque, load, order, time or temperature: one cause that many local effects would spell.
+- A rotation of a joint as a Legendre series of one or two covariates: joint angles, the joint's own torque (at the pose
+  or at those before: creep), order of measurement; or of the joint's own last motion (a lag).
+- A radial motion of a joint's axis as a function of the force across it; of the other error motions of an axis of
+  rotation (ISO 230-7) tilt and axial motion are effects of the catalogue.
+- Common modes: a gain or a compliance that all joints share, or a scale of all lengths, as a function of the total
+  torque, load, order, time or temperature: one cause that else many local effects would imitate.
 A named effect must not predict far worse than a free function at its own place, and structure that no effect explains
 is described by the best of them.
 """
@@ -26,14 +26,14 @@ from lrm_math.model.equilibrium import Equilibrium
 
 SINGLE_DEGREE, PRODUCT_DEGREE, TYPICAL_SIZE = 6, 5, 0.02  # degrees of the Legendre polynomials; rad
 TYPICAL_SHIFT = 1e-3  # m
-RADIAL_SCALES = (0.03, 0.15, 0.7)  # of the largest weight across an axis
-MEMORY = 12  # poses
+RADIAL_SCALES = (0.03, 0.15, 0.7)  # s, in parts of the largest force across an axis
+MEMORY = 12  # poses before, of whose torques creep is a function
 COMMON_DRIVERS = ("load", "order", "time", "temperature")
 
 
 @dataclass(frozen=True, eq=False)
 class RadialShift:
-    """The weight across a joint's axis, `force` (N,) in N, and where it points, `direction` (3, N), world axes."""
+    """Weight across a joint's axis at each pose: `force` (N,) in N, and unit `direction` (3, N) in world axes."""
 
     force: Array
     direction: Array
@@ -44,9 +44,10 @@ class FreeFunction:
     """A motion of one place as a function of one or two covariates.
 
     Attributes:
-        joint: from 0, that moves; None of a common mode, which `common` names.
-        terms: motions of the TCP (R, N) for a unit of it, m or m/rad, each with the basis (N, m) of a function.
-        shift: across the joint's axis; None: a rotation about it.
+        joint: from 0, that moves; None for a common mode, which `common` names.
+        covariates: their symbols.
+        terms: motions of the TCP (R, N) for a unit amount, m or m/rad, each with a basis (N, m) of the amount.
+        shift: force of a radial motion; None for a rotation.
     """
 
     joint: int | None
@@ -57,22 +58,22 @@ class FreeFunction:
 
     @property
     def place(self) -> str:
-        """Site in words."""
+        """Place in words."""
         return self.common if self.joint is None else f"joint {self.joint + 1}"
 
     @property
     def size(self) -> int:
-        """Number of its columns."""
+        """Number of coefficients."""
         return sum(basis.shape[1] for _, basis in self.terms)
 
     @property
     def columns(self) -> Array:
-        """(R N, size), motion of the TCP for coefficients of a typical size, m."""
+        """(R N, size), motion of the TCP for coefficients of a typical size (m)."""
         return np.concatenate([_columns(motion, basis).T for motion, basis in self.terms]).T
 
     @property
     def in_catalogue(self) -> bool:
-        """Whether effects of the catalogue can be such a function: of the joint's own angle or torque, or of order."""
+        """Whether effects of the catalogue are such functions: of the joint's own angle or torque, or of the order."""
         joint = self.joint
         return joint is not None and self.covariates in ((f"q{joint + 1}",), (f"tau{joint + 1}",), ("order",))
 
@@ -87,10 +88,8 @@ def free_functions(
 ) -> list[FreeFunction]:
     """Free functions of every covariate at every joint, then products of every pair of covariates.
 
-    A function of a joint's torque before is linear in that at each of the last `MEMORY` poses (creep).
-
-    Products leave out what either covariate explains alone; the degrees of their factors sum up to one more than
-    `PRODUCT_DEGREE` at most.
+    Functions of a joint's torque before are linear in the torques at the last `MEMORY` poses (creep). Products have no
+    factor of degree zero; their degrees add up to at most `PRODUCT_DEGREE` + 1.
 
     Args:
         joint_jacobian: (n, 3, N), motion of the TCP for a unit rotation of each joint (m/rad).
@@ -116,7 +115,7 @@ def free_functions(
 
 
 def _products(a: Covariate, b: Covariate) -> Array | None:
-    """(N, m), products of Legendre polynomials of two covariates; None where one of them has no levels for any."""
+    """(N, m), products of Legendre polynomials of two covariates; None where a covariate has too few levels."""
     left, right = a.legendre_basis(PRODUCT_DEGREE), b.legendre_basis(PRODUCT_DEGREE)
     degrees = product(range(left.shape[1]), range(right.shape[1]))
     found = [left[:, i] * right[:, j] for i, j in degrees if i + j < PRODUCT_DEGREE]
@@ -124,7 +123,7 @@ def _products(a: Covariate, b: Covariate) -> Array | None:
 
 
 def _radial(joint_jacobian: Array, equilibrium: Equilibrium) -> list[FreeFunction]:
-    """Radial motions of every joint's bearing: towards the weight F across its axis, Σ c F / √(|F|² + s²), per axis."""
+    """Radial motions of every joint's axis under the weight F across it: Σ c F / √(|F|² + s²) over `RADIAL_SCALES`."""
     chain, count, found = equilibrium.model.chain, len(equilibrium.poses), []
     axes = frames(chain, equilibrium.slots, count)[:, :, :3, :2]
     mass = np.array([np.broadcast_to(weight.mass, count) for weight in equilibrium.weights]).reshape(-1, count)
@@ -149,7 +148,7 @@ def _radial(joint_jacobian: Array, equilibrium: Equilibrium) -> list[FreeFunctio
 
 
 def _common_modes(joint_jacobian: Array, data: Measurements, equilibrium: Equilibrium) -> list[FreeFunction]:
-    """A gain of all joints, a yielding of all joints, and a scale of all lengths, as functions of what all share."""
+    """Common modes: a gain or compliance of all joints, a scale of all lengths, as functions of shared covariates."""
     torque = equilibrium.joint_torque
     drivers = [one for one in covariates(data, torque[:, :0]) if one.kind in COMMON_DRIVERS]
     if np.ptp(total := np.abs(torque).sum(axis=1)) > CONSTANT:
@@ -177,11 +176,12 @@ def _common_modes(joint_jacobian: Array, data: Measurements, equilibrium: Equili
 
 
 def lagged(values: Array) -> Array:
-    """(N, `MEMORY`, n), the values (N, n), scaled to −1 … 1, at each of the poses before; first those of the first."""
+    """(N, `MEMORY`, n), values (N, n), scaled to −1 … 1, at each of the poses before; before the first pose its own."""
     every = scaled(values)
     ahead = np.concatenate([np.repeat(every[:1], MEMORY, axis=0), every])
     return np.stack([ahead[MEMORY - lag : len(ahead) - lag] for lag in range(1, MEMORY + 1)], axis=1)
 
 
 def _columns(motion: Array, basis: Array) -> Array:
+    """(R N, m), motion of the TCP for each coefficient of a basis (N, m) at its typical size (m)."""
     return (basis.T[:, :, None] * (motion.T * TYPICAL_SIZE)).reshape(basis.shape[1], -1).T

@@ -17,10 +17,10 @@ from scipy.linalg.lapack import dpotri
 from lrm_math.arrays import Array
 
 LENGTH_RANGE, SIGNAL_RANGE, NOISE_RANGE = (0.2, 50.0), (1e-3, 10.0), (1e-2, 2.0)
-"""Bounds in standard deviations of inputs and outputs; an input with the longest length hardly counts."""
+"""Bounds in standard deviations of inputs and outputs; at the longest length an input hardly matters."""
 START = (2.0, 1.0, 0.5)
-WORTHWHILE = 2.0  # gain of log marginal likelihood below which a step ends a search: as Akaike's for two parameters
-DAMPING = 1e-2  # of a search's steps at least, per row: lengths are not known better
+WORTHWHILE = 2.0  # gain of log marginal likelihood of a step below which a search ends, as of two parameters in AIC
+DAMPING = 1e-2  # least damping of a step, per row
 LONGEST_STEP = 1.0  # of a hyperparameter's logarithm
 MAX_EVALUATIONS = 60
 
@@ -64,7 +64,7 @@ class Kernel:
 
 @dataclass(frozen=True, eq=False)
 class GaussianProcess:
-    """A Gaussian process conditioned on rows: `inputs` (n, D), `weights` (n,) = (K + noise² I)⁻¹ y, `factor` its L."""
+    """Gaussian process conditioned on data: `inputs` (n, D), `weights` (n,) = (K + noise² I)⁻¹ y, Cholesky `factor`."""
 
     kernel: Kernel
     inputs: Array

@@ -1,4 +1,4 @@
-"""Hints in fitted parameters that are no effects: what they look like together, as a question, never as a cause."""
+"""Hints in the estimates: patterns that several parameters show together, as questions, never as a cause."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ import numpy as np
 
 from lrm_ident.data.wording import quantity
 from lrm_ident.fitting.levenberg_marquardt import Fit
+from lrm_ident.residual.data_audit import FEW_LEVELS
 from lrm_math.arrays import Array
 from lrm_math.effects import split_key
 from lrm_math.effects.base import Excitation
@@ -16,7 +17,6 @@ from lrm_math.model.derivatives import parameter_jacobian
 LIKENESS = 0.98
 """Cosine between the motions of the TCP above which parameters look like one thing."""
 SURELY = 5.0  # standard errors
-FEW_LEVELS = 4
 OF_THE_ANGLE = ("servo_gain", "eccentricity", "angle_curve", "cable_spring")
 
 
@@ -27,11 +27,12 @@ def parameter_hints(fitted: Fit) -> tuple[str, ...]:
 
 
 def _scale(fitted: Fit, columns: Array) -> Iterator[str]:
-    """Whether the fitted lengths together stretch the arm as a tracker of another unit would."""
+    """Whether the fitted lengths together stretch the arm as a scale error of the tracker would."""
     lengths = [key.startswith("offsets.") and key.endswith("_mm") and ".base." not in key for key in fitted.model.free]
     others = columns[:, np.logical_not(lengths)]
-    moved, stretch = _beside(others, _motion(fitted, columns, lengths), fitted.equilibrium.true_tcp.reshape(-1, 1))
-    share, likeness, error = _along(moved, stretch[:, 0], fitted.sigma)
+    motion = _motion(fitted, columns, lengths)
+    moved, stretch = _projected_out(others, motion, fitted.equilibrium.true_tcp.reshape(-1, 1))
+    share, likeness, error = _amount_of(moved, stretch[:, 0], fitted.sigma)
     if sum(lengths) > 2 and likeness > LIKENESS and abs(share) > SURELY * error:
         longer = "longer" if share > 0 else "shorter"
         yield (
@@ -50,13 +51,13 @@ def _turned_frame(fitted: Fit, columns: Array) -> Iterator[str]:
     turns = np.stack([np.cross(axis, tcp).reshape(-1) for axis in np.eye(3)], axis=1)
     angles = np.linalg.lstsq(turns, moved, rcond=None)[0]
     angle = float(np.linalg.norm(angles))
-    share, likeness, error = _along(moved, turns @ angles / max(angle, 1e-300), fitted.sigma)
+    share, likeness, error = _amount_of(moved, turns @ angles / max(angle, 1e-300), fitted.sigma)
     if likeness > LIKENESS and share > SURELY * error:
         yield f"the base's offsets look like a frame turned by {np.degrees(angle):.2f}° about the tracker's origin"
 
 
 def _few_levels(fitted: Fit) -> Iterator[str]:
-    """Joints whose errors over their own angle rest on few angles."""
+    """Joints with a fitted effect of their own angle that few angles determine."""
     excitation = Excitation(fitted.equilibrium.poses, fitted.equilibrium.joint_torque)
     free = {split_key(key)[:2] for key in fitted.model.free}
     for joint, name in enumerate(fitted.model.arm.joint_names):
@@ -68,20 +69,20 @@ def _few_levels(fitted: Fit) -> Iterator[str]:
 
 
 def _motion(fitted: Fit, columns: Array, chosen: Sequence[bool]) -> Array:
-    """(3 N,), how the fitted values of the chosen parameters, of columns (3 N, P), move the TCP (m)."""
+    """(3 N,), motion of the TCP (m) by the fitted values of the chosen parameters, from their columns (3 N, P)."""
     values = np.array([fitted.model.value(key) for key in fitted.model.free])
     return np.asarray(columns[:, chosen] @ values[list(chosen)])
 
 
-def _beside(A: Array, moved: Array, columns: Array) -> tuple[Array, Array]:
-    """A motion (3 N,) and columns (3 N, m) with other parameters' A (3 N, k) projected out."""
+def _projected_out(A: Array, moved: Array, columns: Array) -> tuple[Array, Array]:
+    """A motion (3 N,) and columns (3 N, m), other parameters' columns A (3 N, k) projected out of both."""
     scaled = A / np.maximum(np.linalg.norm(A, axis=0), 1e-300)
     basis = np.linalg.svd(scaled, full_matrices=False)[0]
     return moved - basis @ (basis.T @ moved), columns - basis @ (basis.T @ columns)
 
 
-def _along(moved: Array, column: Array, sigma: float) -> tuple[float, float, float]:
-    """Amount of a column (3 N,) in a motion (3 N,), the cosine between them, and the amount's standard error."""
+def _amount_of(moved: Array, column: Array, sigma: float) -> tuple[float, float, float]:
+    """Least-squares amount of a column (3 N,) in a motion (3 N,), their cosine, and the amount's standard error."""
     length, size = float(np.linalg.norm(column)), float(np.linalg.norm(moved))
     if length == 0.0 or size == 0.0:
         return 0.0, 0.0, np.inf

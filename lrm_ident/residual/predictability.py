@@ -1,8 +1,8 @@
 """Predictability of a residual: held-out error of a Gaussian process on the residual of a model, in the same blocks.
 
-A yardstick without names, never deployed. In every block of the cross-validation the process learns what the model,
-fitted to the other blocks, leaves there, one process per axis. What it predicts is no noise: its held-out error is an
-upper bound of the noise floor, and a named model that predicts worse has left something to find.
+A benchmark that is never deployed. In every fold of the cross-validation one process per axis is fitted to the training
+residual of the model. What it predicts is not noise: its held-out error is an upper bound of the noise floor, and a
+model that predicts significantly worse misses something.
 """
 
 from __future__ import annotations
@@ -16,24 +16,23 @@ from lrm_ident.data.error_stats import ErrorStats, error_stats
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.registration.row_choice import spaced_rows
 from lrm_ident.data.wording import in_mm
-from lrm_ident.fitting.held_out import HeldOutBlock, held_out_rows
-from lrm_ident.residual.better_prediction import saves, vuong_z
+from lrm_ident.fitting.held_out import HeldOutBlock, held_out_residual
+from lrm_ident.residual.better_prediction import falls_by_share, vuong_z
 from lrm_ident.residual.covariates import covariates, distinct
 from lrm_ident.residual.thresholds import MIN_NAMELESS_GAIN, Z_THRESHOLD
 from lrm_math.arrays import Array
 
-SEARCH_ROWS = 250  # of those a block learns from: for the search of a kernel
-RELEVANT, MOST_FOLLOWED = 0.1, 5  # of the most relevant input; inputs that are named
+SEARCH_ROWS = 250  # training rows of a block from which its kernel is estimated
+RELEVANT, MOST_FOLLOWED = 0.1, 5  # least relevance of an input that is named, in parts of the largest; most inputs
 
 
 def pose_covariates(data: Measurements, position: Array) -> dict[str, Array]:
-    """(N,) each, standardised, by symbol: all that is known of a pose, save what does not vary or repeats another.
+    """Inputs of the process by symbol, (N,) each, standardised, without constant and redundant ones.
 
-    Joint angles, order of measurement, load, time, temperature, and what angles tell only by a law that a process would
-    have to learn: direction of approach of every joint, and position.
+    Joint angles, order of measurement, load, time, temperature, direction of approach of every joint, and position.
 
     Args:
-        position: (N, 3), of the TCP by a model (m): the measured one has the noise in it that is to be predicted.
+        position: (N, 3), predicted TCP (m); the measured one contains the noise.
     """
     known = {one.symbol: one.values for one in covariates(data, np.empty((len(data), 0)))}
     angles = [symbol for symbol in known if symbol.startswith("q")]
@@ -47,12 +46,12 @@ def pose_covariates(data: Measurements, position: Array) -> dict[str, Array]:
 
 @dataclass(frozen=True, eq=False)
 class PredictableError:
-    """Held-out residuals of a named model, and what a nameless one leaves of them.
+    """Held-out residuals of a model without and with a Gaussian process.
 
     Attributes:
         named, left: (N, 3), held-out residual of the model, and of model and Gaussian process together (m).
-        follows: names of the inputs that the process follows most, the first most.
-        rows: how many poses it learned from, at most.
+        follows: names of the most relevant inputs of the process, the first most.
+        rows: number of training poses, at most.
     """
 
     named: Array
@@ -72,9 +71,9 @@ class PredictableError:
 
     @property
     def more_to_find(self) -> bool:
-        """Whether the process predicts significantly and worthwhile better than the named model."""
+        """Whether the process lowers the held-out error significantly, and by `MIN_NAMELESS_GAIN`."""
         left, named = ((residual**2).sum(axis=1) for residual in (self.left, self.named))
-        return self.z > Z_THRESHOLD and saves(left, named, MIN_NAMELESS_GAIN)
+        return self.z > Z_THRESHOLD and falls_by_share(left, named, MIN_NAMELESS_GAIN)
 
     @property
     def noise_bound(self) -> float:
@@ -104,14 +103,14 @@ class PredictableError:
 
 
 def predictable_error(data: Measurements, blocks: Sequence[HeldOutBlock]) -> PredictableError:
-    """Part that a Gaussian process can predict of the residuals of a cross-validation, in the same blocks.
+    """Gaussian process regression of the residuals of a cross-validation, in the same blocks.
 
-    Each kernel is searched on at most `SEARCH_ROWS` of the training poses, spread evenly over the order of measurement,
-    from the last block's.
+    Each kernel is estimated from at most `SEARCH_ROWS` of the training poses, evenly spread over the order of
+    measurement; the search starts from the last block's.
     """
     from lrm_ident.residual.gaussian_process import Kernel, condition, fit_kernel  # loads half of scipy
 
-    named, left = held_out_rows(blocks), np.empty_like(data.tcp)
+    named, left = held_out_residual(blocks), np.empty_like(data.tcp)
     known = pose_covariates(data, data.tcp - named)
     names, x = tuple(known), np.stack(list(known.values()), axis=1)
     relevance, kernels, most = np.zeros(len(names)), [Kernel.start(len(names))] * 3, 0

@@ -1,10 +1,10 @@
-"""Regimes: parts of joint space, load or time in which what a model leaves is larger than elsewhere.
+"""Regimes: intervals of an angle, the load or the order in which a model's residual is larger than elsewhere.
 
 For every quantity an interval is chosen on one half of the poses, by the rank sum test of the residuals' sizes (Mann &
 Whitney 1947), and tested on the other half; p values of many random halvings are aggregated (twice the median;
 Meinshausen, Meier & Bühlmann 2009), and those of all quantities adjusted for false discovery under any dependence
-(Benjamini & Yekutieli 2001). Poses that were left out as outliers are few and far: whether an interval holds more of
-them than of the others is told by Kuiper's test (1960, with the correction of Stephens 1970).
+(Benjamini & Yekutieli 2001). For poses that were left out as outliers, which are few, Kuiper's test (1960, with the
+correction of Stephens 1970) shows whether an interval holds more of them than of the others.
 """
 
 from __future__ import annotations
@@ -24,11 +24,11 @@ from lrm_ident.residual.thresholds import MIN_REGIME_RATIO, SIGNIFICANCE
 from lrm_math.arrays import Array
 
 HALVINGS, SEED, PARTS = 25, 0, 10
-LARGEST_SHARE, FEWEST = 0.5, 8  # of the poses that an interval may hold; poses of it in either half
+LARGEST_SHARE, FEWEST = 0.5, 8  # of the poses in an interval; number of its poses in either half
 UNITS = {"angle": "°", "load": " g", "order": ""}
-"""Symbols of the quantities by which poses are parted, as printed."""
+"""Kinds of the quantities whose intervals are tried, with the symbol of the unit."""
 RankedRows = tuple[NDArray[np.bool_], NDArray[np.int64]]
-"""Some of the poses, and the ranks of their residuals."""
+"""Subset of the poses (N,), and the ranks of their residuals."""
 HINTS = {
     ("angle", "end"): "a stop, a cable that tightens, parts that touch?",
     ("angle", "middle"): "a gear tooth, a cable that catches?",
@@ -45,7 +45,7 @@ class Regime:
 
     Attributes:
         low, high: its ends in the quantity's unit; None where it reaches to the end of what was measured.
-        poses, share: how many poses it holds, and the share (0 to 1) of the squared residual that they make.
+        poses, share: number of its poses, and their share (0 to 1) of the squared residual.
         inside, outside: RMS of the residual in it and elsewhere (m). p_value: adjusted.
     """
 
@@ -75,14 +75,14 @@ class Regime:
 
     @property
     def rows(self) -> NDArray[np.bool_]:
-        """(N,), which poses it holds."""
+        """(N,), whether a pose lies in it."""
         values = self.quantity.shown
         above = np.ones(len(values), dtype=np.bool_) if self.low is None else values > self.low
         return np.asarray(above if self.high is None else above & (values < self.high))
 
     @property
     def sentence(self) -> str:
-        """Concentration of the error in an interval, and possible causes."""
+        """Sentence on the concentration of the error in the interval, and on possible causes."""
         hint = HINTS[self.quantity.kind, "middle" if self.low is not None and self.high is not None else "end"]
         return (
             f"{in_percent(self.share)} % of the squared error lies where {self.where} ({self.poses} poses): RMS "
@@ -106,7 +106,7 @@ class Regime:
 
 
 def studentised_squares(residual: Array, columns: Array) -> Array:
-    """(N,), squares of a residual (N, 3) over the share of pure noise that a fit of columns (3 N, P) leaves there."""
+    """(N,), squared residual (N, 3) of each pose over 1 − its mean leverage in a fit of columns (3 N, P)."""
     basis, singular, _ = np.linalg.svd(columns, full_matrices=False)
     leverage = (basis[:, singular > 1e-9 * singular.max(initial=0.0)] ** 2).sum(axis=1).reshape(-1, 3)
     return np.asarray((residual**2).sum(axis=1) / np.maximum(1.0 - leverage.mean(axis=1), 1e-3))
@@ -130,9 +130,10 @@ def find_regimes(data: Measurements, squares: Array) -> tuple[Regime, ...]:
 
 
 def outlier_regimes(data: Measurements, squares: Array, outliers: NDArray[np.bool_]) -> tuple[Regime, ...]:
-    """The regimes that hold significantly more of some outliers (N,) than of the others, the clearest first.
+    """Regimes that hold significantly more of the outliers than of the other poses, the clearest first.
 
-    `squares`: (N,), squared residuals (m²).
+    Args:
+        squares: (N,), squared residuals (m²). outliers: (N,), which poses are outliers.
     """
     if not 0 < outliers.sum() < len(data):
         return ()
@@ -147,10 +148,10 @@ def outlier_regimes(data: Measurements, squares: Array, outliers: NDArray[np.boo
 
 
 def kuiper_interval(values: Array, chosen: NDArray[np.bool_]) -> tuple[float, NDArray[np.bool_]]:
-    """p value of Kuiper's test that some poses (N,) are drawn from all at random, and which poses (N,) lie in the
-    interval of the values (N,) that holds most more of them than of the others.
+    """Kuiper's test of values (N,) for the `chosen` poses (N,) against the others: p value, and the poses (N,) in the
+    interval in which the empirical distribution of the chosen ones exceeds that of the others most.
 
-    An interval that wraps around is not sought, so the p value is too large, if anything.
+    Intervals that wrap around are left out, so the p value is conservative.
     """
     _, place = np.unique(values, return_inverse=True)
     count, others = int(chosen.sum()), int((~chosen).sum())
@@ -174,7 +175,8 @@ def _halves(repeat_of: NDArray[np.int64]) -> list[NDArray[np.bool_]]:
 
 
 def _aggregated_p_value(parts: NDArray[np.int64], ranked: Sequence[tuple[RankedRows, ...]]) -> float:
-    """Twice the median of p values, each of the best interval of one half in the other (Meinshausen et al. 2009)."""
+    """Twice the median of the halvings' p values (Meinshausen et al. 2009), each of one half's best interval in the
+    other half."""
     p_values = []
     for half, other in ranked:
         z, allowed = _interval_scores(parts, *half)
@@ -190,7 +192,7 @@ def _ranks(values: Array) -> NDArray[np.int64]:
 
 
 def _parts(quantity: Covariate) -> NDArray[np.int64]:
-    """(N,), the part of each pose: a level if there are few, else a tenth of the poses; equal values share a part."""
+    """(N,), part of each pose: one for each level if there are few, else tenths of the poses; ties share a part."""
     distinct, level = levels(quantity.shown, 6)
     if len(distinct) <= PARTS:
         return level
@@ -201,9 +203,9 @@ def _parts(quantity: Covariate) -> NDArray[np.int64]:
 def _interval_scores(
     parts: NDArray[np.int64], rows: NDArray[np.bool_], ranks: NDArray[np.int64]
 ) -> tuple[Array, NDArray[np.bool_]]:
-    """z scores of the rank sums (Mann & Whitney 1947) of all intervals, and which hold enough rows and not too many.
+    """z scores of the rank sums (Mann & Whitney 1947) of all intervals, and whether the size of each is allowed.
 
-    Row i and column j of the (P + 1, P + 1) tables: the interval of parts i to j − 1.
+    Entry (i, j) of the (P + 1, P + 1) tables is of the interval of parts i to j − 1.
     """
     chosen, top = parts[rows], int(parts.max()) + 1
     count = np.concatenate([[0.0], np.cumsum(np.bincount(chosen, minlength=top))])
@@ -215,7 +217,7 @@ def _interval_scores(
 
 
 def _best_interval(quantity: Covariate, squares: Array) -> NDArray[np.bool_]:
-    """(N,), whether a pose lies in the interval whose residuals stand highest in rank among all."""
+    """(N,), whether a pose lies in the interval of largest z score over all poses."""
     parts = _parts(quantity)
     z, allowed = _interval_scores(parts, np.ones(len(squares), dtype=np.bool_), _ranks(squares))
     low, high = np.unravel_index(np.argmax(np.where(allowed, z, -np.inf)), z.shape)

@@ -1,4 +1,4 @@
-"""Is there anything left to find? Noise floor, and autocorrelation of the residual among neighbours and in order."""
+"""Noise floor of the measurements, and autocorrelation of the residual in joint space and in order of measurement."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ PAIRS_AT_ONCE = 200
 
 @dataclass(frozen=True)
 class NoiseFloor:
-    """Standard deviation of the measurement per axis (m), or None, and where it is known from.
+    """Noise of the measurements: standard deviation `sd` per axis (m), or None, and its `source`.
 
-    `axes`: along how many of them a pose's position shows, three unless distances alone were measured.
+    `axes`: number of measured axes of a position, three unless distances alone were measured.
     `degrees_of_freedom`: of `sd` as an estimate; infinite where a file states it.
     """
 
@@ -37,10 +37,10 @@ class NoiseFloor:
         return None if self.sd is None else float(np.sqrt(self.axes) * self.sd)
 
     def p_value(self, sigma: float, degrees_of_freedom: float) -> float:
-        """Lack-of-fit F test: how probable so large a residual (m per axis) is if the noise alone made it.
+        """p value of the lack-of-fit F test of a residual (m per axis) (Draper and Smith 1998, section 2.1).
 
-        Of a floor from replicates the pure error is taken out of the residual first, and what is left is compared with
-        it; beside a stated floor this becomes the χ² test (Draper and Smith 1998, section 2.1). NaN without a floor.
+        With replicates the pure error is subtracted from the residual's squares, and the rest compared with it; with a
+        stated noise this becomes the χ² test. NaN where the noise is unknown.
         """
         if self.sd is None:
             return np.nan
@@ -52,12 +52,11 @@ class NoiseFloor:
 
 
 def noise_floor(data: Measurements, equilibrium: Equilibrium) -> NoiseFloor:
-    """Noise of the measurements: pooled standard deviation of what a model leaves at repeated poses (pure error, Draper
-    and Smith 1998, section 2.1), else from the file, else unknown.
+    """Noise of the measurements: pooled standard deviation of a model's residuals at repeated poses (pure error, Draper
+    and Smith 1998, section 2.1), else as the file states it, else unknown.
 
-    A pose that is repeated from the other side, or under another load, does not repeat what friction and springs add:
-    what the model knows of that is no noise. Where all repeat others to the last digit they were copied, and say
-    nothing of it.
+    Residuals are taken, not positions, since a repetition from the other side or under another load differs by what the
+    model knows of friction and springs. Repetitions that are all equal to the last digit were copied, and do not count.
     """
     alone = data.distance is not None and not len(data.positions)
     measured = data.distance[:, None] if alone and data.distance is not None else data.tcp
@@ -79,7 +78,7 @@ def noise_floor(data: Measurements, equilibrium: Equilibrium) -> NoiseFloor:
 @dataclass(frozen=True)
 class ResidualStructure:
     """Moran's I of the residual among neighbours in joint space (1 alike, 0 unrelated; Moran 1950), its p value, and
-    the p value of the correlation of successive poses; both by a Monte Carlo test against noise fitted in the same way.
+    that of the autocorrelation of successive poses; both by Monte Carlo tests on noise that went through the same fit.
     """
 
     moran_i: float
@@ -88,7 +87,7 @@ class ResidualStructure:
 
     @property
     def significant(self) -> bool:
-        """Whether neighbours or successive poses are surely alike."""
+        """Whether neighbours or successive poses are significantly alike."""
         return min(self.p_value, self.order_p_value) < SIGNIFICANCE
 
 
@@ -96,7 +95,7 @@ def residual_structure(q: Array, residual: Array, basis: Array) -> ResidualStruc
     """Tests the residual for structure.
 
     Args:
-        q: (N, n) joint angles (rad). residual: (3 N,), what the fit leaves. basis: (3 N, P), what the fit explains.
+        q: (N, n), joint angles (rad). residual: (R N,), of the fit. basis: (R N, P), orthonormal basis of its columns.
             Rows that were not measured are zero in both.
     """
     near, successive = neighbours(q), np.stack([np.arange(len(q) - 1), np.arange(1, len(q))], axis=1)
@@ -112,21 +111,21 @@ def residual_structure(q: Array, residual: Array, basis: Array) -> ResidualStruc
 
 
 def neighbours(q: Array) -> NDArray[np.int64]:
-    """(M, 2), pairs of each pose of joint angles q (N, n), rad, and of the `NEIGHBOURS` nearest ones."""
+    """(M, 2), pairs of each pose and one of its `NEIGHBOURS` nearest ones, by joint angles q (N, n) in rad."""
     count, every = min(NEIGHBOURS, len(q) - 1), np.arange(len(q))
     near = [_nearest(q, rows, count) for rows in np.array_split(every, -(-len(q) // PAIRS_AT_ONCE))]
     return np.stack([np.repeat(every, count), np.concatenate(near).ravel()], axis=1)
 
 
 def _nearest(q: Array, rows: NDArray[np.int64], count: int) -> NDArray[np.int64]:
-    """(M, count), the poses nearest to each of M rows, in any order."""
+    """(M, count), nearest poses to each of M rows, in any order."""
     apart = (q**2).sum(axis=1) - 2.0 * q[rows] @ q.T  # squared distances, less the square of the row's own angles
     apart[np.arange(len(rows)), rows] = np.inf
     return np.argpartition(apart, count - 1, axis=1)[:, :count]
 
 
 def _morans_i(residuals: Array, pairs: NDArray[np.int64], rows: int) -> Array:
-    """Mean product of paired residual vectors over their mean square, for each column of (R N, D), R `rows` a pose."""
+    """(D,), Moran's I: mean product of paired residual vectors over their mean square, of D residuals (R N, D)."""
     vectors = residuals.reshape(-1, rows, residuals.shape[1])
     some = np.array_split(pairs, -(-len(pairs) // PAIRS_AT_ONCE))
     products = sum(np.einsum("pcd,pcd->d", vectors[i], vectors[j]) for i, j in (part.T for part in some)) / len(pairs)
@@ -134,7 +133,7 @@ def _morans_i(residuals: Array, pairs: NDArray[np.int64], rows: int) -> Array:
 
 
 def _p_value(observed: float, simulated: Array) -> float:
-    """One-sided Monte Carlo p value; from a normal fitted to the simulated values where none is as large."""
+    """One-sided Monte Carlo p value; where no simulated value is as large, from a normal fitted to them."""
     count = int(np.count_nonzero(simulated >= observed))
     if count:
         return (count + 1) / (len(simulated) + 1)

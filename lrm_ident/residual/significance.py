@@ -1,4 +1,4 @@
-"""Significance of one test among many: F tests, and p values adjusted for the number of tests under any dependence."""
+"""F tests, and adjustment of p values for multiple tests under any dependence."""
 
 from __future__ import annotations
 
@@ -6,13 +6,13 @@ from scipy.special import fdtrc
 
 
 def f_test_p_value(before: float, after: float, rank: int, degrees_of_freedom: int) -> float:
-    """p value of the F test of `rank` further parameters, from residual sums of squares before and after."""
+    """p value of the F test of `rank` further parameters, from the residual sums of squares before and after."""
     rest = max(degrees_of_freedom - rank, 1)
     return float(fdtrc(rank, rest, (before - after) / rank / (after / rest))) if after > 0 else 0.0
 
 
 def yekutieli_factor(m: int) -> float:
-    """m · Σ 1/k: what the smallest of m p values is multiplied by."""
+    """Factor m · Σ 1/k of the smallest of m p values in the procedure of Benjamini and Yekutieli (2001)."""
     return m * sum(1.0 / k for k in range(1, m + 1))
 
 

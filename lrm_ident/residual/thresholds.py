@@ -1,6 +1,6 @@
-"""Thresholds of what is said of a residual, and what set each.
+"""Thresholds of the verdicts on a residual, and what set each.
 
-Shares are of the held-out RMS of the 3-D distance; squares are compared accordingly (`better_prediction.saves`).
+Shares are of the held-out RMS of the 3-D distance; of mean squares those that correspond (`falls_by_share`).
 """
 
 from __future__ import annotations
@@ -22,8 +22,8 @@ PROMISING = 0.5
 saves more there, since it was fitted to it. A bound on time."""
 MIN_NAMELESS_GAIN = 0.05
 """Share that a model without names must save for more to be left to find: between the two above."""
-MAX_EFFECTS = 8
-"""Effects that are selected before everything is fitted anew: a bound on time, hardly ever met."""
+MOST_SELECTED, MAX_EFFECTS = 8, 20
+"""Effects that are selected before everything is fitted anew, and that `auto` adds: bounds on time, hardly ever met."""
 
 EQUIVALENCE_COSINE = 0.95
 """Smallest principal cosine (Björck & Golub 1973) above which two effects move the TCP alike (decision 6)."""

@@ -31,10 +31,11 @@ from lrm_ident.fitting.levenberg_marquardt import Fit
 from lrm_ident.fitting.loss import SQUARED, loss_named
 from lrm_ident.fitting.model_fit import DEFAULT_EFFECTS
 from lrm_ident.residual.error_breakdown import ModelComparison
+from lrm_ident.residual.thresholds import MAX_EFFECTS
 from lrm_ident.study.inputs import read_measurements, read_study
 from lrm_ident.study.other_data import at_data
 from lrm_ident.study.step import StudyStep
-from lrm_ident.study.study import MAX_EFFECTS, Study
+from lrm_ident.study.study import Study
 from lrm_math.arrays import Array
 from lrm_math.kinematics.poses import Poses
 from lrm_math.model.equilibrium import solve_equilibrium

@@ -14,7 +14,7 @@ from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.wording import in_mm
 from lrm_ident.fitting.cross_validation import held_out_blocks, random_folds
 from lrm_ident.fitting.field.fit import blocks_with_field, check_positions, fit_with_field
-from lrm_ident.fitting.held_out import HeldOutBlock, held_out_rows
+from lrm_ident.fitting.held_out import HeldOutBlock, held_out_residual
 from lrm_ident.fitting.levenberg_marquardt import fit
 from lrm_ident.fitting.loss import Loss
 from lrm_ident.fitting.priors import Prior
@@ -50,14 +50,14 @@ def field_step(model: Model, data: Measurements, loss: Loss, prior: Prior | None
     def held_out(fold: NDArray[np.int64] | None) -> tuple[Array, tuple[HeldOutBlock, ...]]:
         """(N, 3), held-out residual without a field (m); blocks with one."""
         without = held_out_blocks(model, data, loss=loss, progress=progress, prior=prior, fold=fold)
-        return held_out_rows(without), blocks_with_field(field, data, without)
+        return held_out_residual(without), blocks_with_field(field, data, without)
 
     now, random = held_out(random_folds(data.poses.q, data.repeat_of))
-    then = held_out_rows(random)
+    then = held_out_residual(random)
     if not predicts_better(_squares(then), _squares(now), MIN_NAMELESS_GAIN):
         raise NoBetterPrediction(f"no residual field: it does not surely predict better ({_words(now, then)})")
     beside, blocks = held_out(None)
-    there = held_out_rows(blocks)
+    there = held_out_residual(blocks)
     if predicts_better(_squares(beside), _squares(there), MIN_GAIN):
         raise NoBetterPrediction(f"no residual field: beside the poses it predicts worse ({_words(beside, there)})")
     fitted = fit_with_field(fit(model, data, loss=loss, prior=prior), data)

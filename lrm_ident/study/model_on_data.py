@@ -7,7 +7,7 @@ from functools import cached_property, partial
 
 from lrm_ident.data.error_stats import ErrorStats
 from lrm_ident.data.measurements import Measurements
-from lrm_ident.data.registration.anchor import with_anchor
+from lrm_ident.data.registration.anchor import nominal_arm
 from lrm_ident.fitting.effect_plugins import Catalogue
 from lrm_ident.fitting.loss import SQUARED, Loss
 from lrm_ident.fitting.priors import WEAK, Prior, prior_of_file
@@ -25,7 +25,7 @@ from lrm_math.effects import CATALOGUE
 from lrm_math.errors import LrmError
 from lrm_math.model.covariance import Covariance
 from lrm_math.model.equilibrium import solve_equilibrium
-from lrm_math.model.model import Model, model_of
+from lrm_math.model.model import Model
 from lrm_math.model.model_file import ModelFile, covariance_of, to_model
 from lrm_math.model.uncertainty import field_speaks
 
@@ -150,7 +150,7 @@ class ModelOnData:
     @cached_property
     def nominal_error(self) -> ErrorStats:
         """TCP error of the arm file's nominal arm."""
-        return self._error_of(with_anchor(model_of(self.model.arm, ()), self.data))
+        return self._error_of(nominal_arm(self.model.arm, self.data))
 
     @property
     def _fitted(self) -> Model:

@@ -19,7 +19,8 @@ from lrm_ident.fitting.loss import SQUARED, Loss
 from lrm_ident.fitting.model_fit import DEFAULT_EFFECTS, fit_bounds, fit_model, nominal_model
 from lrm_ident.fitting.priors import EffectRates, load_prior, prior_name_for
 from lrm_ident.fitting.progress import Progress, unheard
-from lrm_ident.residual.error_breakdown import HeldOutResidual, NestedResidual
+from lrm_ident.residual.error_breakdown import HeldOutResidual, ModelComparison, NestedResidual
+from lrm_ident.residual.thresholds import MAX_EFFECTS
 from lrm_ident.study.model_history import add_step_name, as_written, model_file, undo_step, write_model
 from lrm_ident.study.model_on_data import ModelOnData
 from lrm_ident.study.other_data import at_data
@@ -36,9 +37,6 @@ if TYPE_CHECKING:  # loaded by the steps that need them: a fit does without
     from lrm_ident.diagnosis.diagnose import Diagnosis
     from lrm_ident.diagnosis.diagnosis_report import DiagnosisReport
     from lrm_ident.diagnosis.symbolic_regression.proposal import LawProposal
-    from lrm_ident.residual.error_breakdown import ModelComparison
-
-MAX_EFFECTS = 20
 
 
 @dataclass(frozen=True, eq=False)

@@ -19,7 +19,7 @@ from lrm_ident.data.measurements import Measurements
 from lrm_ident.diagnosis.auto import run_auto
 from lrm_ident.diagnosis.diagnose import diagnose
 from lrm_ident.diagnosis.diagnosis_report import build_report
-from lrm_ident.fitting.cross_validation import held_out_residual
+from lrm_ident.fitting.cross_validation import cross_validated_residual
 from lrm_ident.fitting.executors import executor_for, in_order
 from lrm_ident.fitting.identifiability import fit_identifiable
 from lrm_math.arm.arm_file import load_arm
@@ -76,7 +76,7 @@ def examine(spec: DataSetSpec) -> SearchOutcome:
             course = run_auto(model, data)
             named = tuple(step.added for step in course.steps[1:])
             return SearchOutcome(
-                spec, named, course.verdict, error_stats(held_out_residual(course.model, data)).rms / FLOOR_M
+                spec, named, course.verdict, error_stats(cross_validated_residual(course.model, data)).rms / FLOOR_M
             )
         report = build_report(diagnose(model, data))
     except LrmError as error:

@@ -20,7 +20,7 @@ from lrm_ident.data.error_stats import error_stats
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.fitting.cross_validation import held_out_blocks, random_folds
 from lrm_ident.fitting.field.fit import blocks_with_field, fit_with_field
-from lrm_ident.fitting.held_out import held_out_rows
+from lrm_ident.fitting.held_out import held_out_residual
 from lrm_ident.residual.better_prediction import paired_z
 from lrm_ident.study.study import Study
 from lrm_math.arm.arm_file import GRAM, load_arm
@@ -79,7 +79,7 @@ def paired_errors(seed: int, poses: int) -> Iterator[PairedErrors]:
     for fold in (random_folds(data.poses.q, data.repeat_of), None):
         blocks = held_out_blocks(study.model, data, fold=fold)
         field = ResidualField(arm, "tool")
-        yield PairedErrors(held_out_rows(blocks), held_out_rows(blocks_with_field(field, data, blocks)))
+        yield PairedErrors(held_out_residual(blocks), held_out_residual(blocks_with_field(field, data, blocks)))
     q = clear_poses(arm, NEW, np.random.default_rng([seed, 9]))
     payload = np.full(NEW, LOAD_G * GRAM)
     tips, new = true_tips(seed, q, payload), poses_of(q, payload)

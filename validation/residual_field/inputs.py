@@ -22,7 +22,7 @@ from lrm_ident.data.measurement_file.load import load_measurements
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.fitting.cross_validation import FOLDS, joint_space_folds
 from lrm_ident.fitting.field.fit import range_of
-from lrm_ident.fitting.field.regression import AxisRegression, functions_told
+from lrm_ident.fitting.field.regression import AxisRegression, resolved_functions
 from lrm_ident.study.study import Study
 from lrm_math.arm.arm_file import load_arm
 from lrm_math.arrays import Array
@@ -40,8 +40,8 @@ NOTHING = "the field alone"
 def kernels(field: ResidualField, data: Measurements) -> tuple[Array, Array, dict[str, Array]]:
     """Functions of the field (N, M) and their half waves (M, n), and functions of each further input (N, K), of unit
     mean square; only of what varies."""
-    every, told = functions_told(field, data.poses)
-    waves = np.array(wave_numbers(field.arm.dof))[told]
+    every, resolved = resolved_functions(field, data.poses)
+    waves = np.array(wave_numbers(field.arm.dof))[resolved]
     alone = every[:, ((waves > 0).sum(axis=1) <= 1) & (waves.max(axis=1) <= WAVES)]
     sides = np.zeros_like(data.poses.q) if data.poses.direction is None else data.poses.direction
     out = {NOTHING: np.zeros((len(data), 1))}
@@ -87,7 +87,7 @@ def told(model: Model, data: Measurements) -> Iterator[tuple[str, float, float]]
     fold = joint_space_folds(data.poses.q, data.repeat_of)
     size = np.sqrt((residual**2).mean(axis=0))
     priors = [
-        AxisRegression.likeliest(F, y, waves).variance / unit**2 for y, unit in zip(residual.T, size, strict=True)
+        AxisRegression.empirical_bayes(F, y, waves).variance / unit**2 for y, unit in zip(residual.T, size, strict=True)
     ]
     base = 0.0
     for name, D in inputs.items():

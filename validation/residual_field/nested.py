@@ -17,7 +17,7 @@ from lrm_ident.data.measurements import Measurements
 from lrm_ident.diagnosis.auto import run_auto
 from lrm_ident.fitting.cross_validation import FOLDS, joint_space_folds, random_folds
 from lrm_ident.fitting.field.fit import blocks_with_field
-from lrm_ident.fitting.held_out import HeldOutBlock, held_out_rows
+from lrm_ident.fitting.held_out import HeldOutBlock, held_out_residual
 from lrm_ident.fitting.levenberg_marquardt import fit
 from lrm_ident.residual.better_prediction import paired_z
 from lrm_ident.study.study import Study
@@ -87,15 +87,15 @@ def lines(
     assert data.arm is not None
     start, field = Study.of(data).fit(parameters).model, ResidualField(data.arm, "tool")
     plain = nested_blocks(data, fold, lambda part: fit(start, part).model)
-    yield plain_name, held_out_rows(plain)
-    yield f"field on {plain_name}", held_out_rows(blocks_with_field(field, data, plain))
+    yield plain_name, held_out_residual(plain)
+    yield f"field on {plain_name}", held_out_residual(blocks_with_field(field, data, plain))
     for name, regression in outside_regressions():
         yield f"{name} on {plain_name}", regressed(data, plain, regression)
     named = nested_blocks(data, fold, lambda part: run_auto(start, part).model)
-    yield "named (`auto`)", held_out_rows(named)
+    yield "named (`auto`)", held_out_residual(named)
     for name, regression in outside_regressions():
         yield f"{name} on named", regressed(data, named, regression)
-    yield "field on named", held_out_rows(blocks_with_field(field, data, named))
+    yield "field on named", held_out_residual(blocks_with_field(field, data, named))
 
 
 def report(title: str, results: Sequence[tuple[str, Array]]) -> Table:

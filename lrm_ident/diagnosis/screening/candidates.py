@@ -1,4 +1,4 @@
-"""Candidate effects: every effect of the catalogue at every place, as columns of the total Jacobian."""
+"""Candidate effects: every effect of the catalogue at every place, and its columns of the total Jacobian."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from lrm_math.model.sensed import TCP_ONLY, Sensed
 REFINEMENT, PLAIN, FORM = 0, 1, 2
 NO_TORQUE = 1e-9  # N·m: round-off
 Unfitted = tuple[Effect, tuple[int, ...]]
-"""An effect, and which of its parameters are not fitted yet."""
+"""An effect, and the numbers of its parameters that are not fitted yet."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,13 +27,13 @@ class Candidate:
     """One effect at one place that a model lacks, or lacks in part.
 
     Attributes:
-        rows: which of the effect's parameters are not in the model yet; of a scored one those that move something at
-            these poses: no evidence is for or against the others, as of a spline where no pose is.
-        shapes: for each combination of shape values that is tried: the effect's parameter vector at which its other
-            parameters are zero (or the model's).
-        priority: in a tie, the lowest first: `REFINEMENT` of an effect of the model, `PLAIN` effect, or another `FORM`
-            of an effect that the model does not have.
-        response: of the model with every candidate in it, none acting.
+        rows: the effect's parameters that the model does not fit; of a scored candidate only those that move something
+            at these poses, since there is no evidence on the others (a spline's coefficients where no pose is).
+        shapes: parameter vectors of the effect, one for each combination of shape values that is tried; the other
+            parameters are zero, or the model's.
+        priority: the lower is preferred in a tie: `REFINEMENT` of an effect of the model, `PLAIN` effect, or another
+            `FORM` of an effect that the model does not have.
+        response: of the model with every candidate in it, all of them zero.
     """
 
     effect: Effect
@@ -53,14 +53,14 @@ class Candidate:
         return tuple(self.effect.parameters[row] for row in self.rows)
 
     def columns(self, shape: tuple[float, ...]) -> Array:
-        """(R N, m), motion of the TCP for parameters of their typical size at a shape, pose by pose (m)."""
+        """(R N, m), Jacobian at a shape in typical sizes: motion of the TCP, pose by pose (m)."""
         acting, moved = self.acting(shape)
         out = np.zeros((len(moved), len(self.rows)), order="F")
         out[:, [self.rows.index(row) for row in acting.rows]] = moved
         return out
 
     def acting(self, shape: tuple[float, ...]) -> tuple[Candidate, Array]:
-        """The candidate with the parameters that move something at these poses, and their `columns` (R N, m)."""
+        """The candidate without parameters that move nothing at these poses, and its `columns` (R N, m)."""
         found = list(effect_columns(self.effect, shape, self.response, self.rows))
         rows, count = len(self.response.slots[0]), len(self.response.equilibrium.poses)
         out = np.empty((len(found), count, rows))
@@ -72,7 +72,7 @@ class Candidate:
 def unfitted_effects(model: Model, catalogue: Iterable[type[Effect]] = CATALOGUE) -> Iterator[Unfitted]:
     """Every effect in every form at every place of the model's arm, with the parameters that the model does not fit.
 
-    Without `quantisation`, which is known and never fitted.
+    `quantisation` is left out, since it is known and never fitted.
     """
     for kind in (*catalogue, *FREE_FORMS):
         for place in kind.places(model.arm):
@@ -80,10 +80,6 @@ def unfitted_effects(model: Model, catalogue: Iterable[type[Effect]] = CATALOGUE
             rows = unfitted_rows(effect, model.free)
             if rows and "counts" not in kind.depends_on:
                 yield effect, rows
-
-
-def _present(model: Model) -> set[str]:
-    return {effect.name for effect in model.effects}
 
 
 def _priority(effect: Effect, present: set[str]) -> int:
@@ -94,7 +90,7 @@ def _priority(effect: Effect, present: set[str]) -> int:
 
 
 def unfitted_rows(effect: Effect, fitted: Sequence[str]) -> tuple[int, ...]:
-    """Which of the effect's parameters are neither shapes nor among the keys of fitted ones."""
+    """Numbers of the effect's parameters that are neither shapes nor among the `fitted` keys."""
     named = enumerate(zip(effect.parameters, effect.keys, strict=True))
     return tuple(i for i, (p, key) in named if p.fixed is None and key not in fitted)
 
@@ -113,13 +109,13 @@ def split_testable(
 
 
 def _loaded_slots(equilibrium: Equilibrium) -> set[int]:
-    """The slots that gravity loads at some pose."""
+    """Slots of the chain that gravity loads at some pose."""
     every = range(len(equilibrium.model.chain.slots))
     return set(np.flatnonzero(np.abs(equilibrium.loads_on(every)).max(axis=0) >= NO_TORQUE).tolist())
 
 
 def _no_torque(effect: Effect, equilibrium: Equilibrium, loaded: Set[int]) -> str | None:
-    """Why an effect that acts by loads cannot act at these poses: nothing has weight, or none reaches its axes."""
+    """Reason why an effect of loads cannot act at these poses: no masses, or no load on its axes; None if it can."""
     if (effect.load_slots or kind_of(effect) in (Kind.LOAD, Kind.WEIGHT)) and equilibrium.weightless:
         return "the arm's file gives no masses"
     index = equilibrium.model.chain.index
@@ -132,9 +128,9 @@ def _no_torque(effect: Effect, equilibrium: Equilibrium, loaded: Set[int]) -> st
 def differentiate_candidates(
     equilibrium: Equilibrium, effects: Sequence[Unfitted], sensed: Sensed = TCP_ONLY
 ) -> tuple[Response, list[Candidate]]:
-    """Every effect at a model's equilibrium, where none of them acts yet; and that response."""
+    """Candidates of all effects, and the response of the model at its equilibrium with all of them at zero."""
     model = equilibrium.model
-    present = _present(model)
+    present = {effect.name for effect in model.effects}
     added = [effect for effect, _ in effects if effect.name not in present]
     known = {key: model.value(key) for key in model.keys}
     extended = replace(model_of(model.arm, (*model.effects, *added), known), free=model.free, within=model.within)

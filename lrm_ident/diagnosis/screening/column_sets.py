@@ -1,7 +1,7 @@
-"""Sets of columns side by side, and what a linearised fit explains of them: one of them a cause that may be missing.
+"""Sets of columns (one set for each candidate) with their normal equations, in the sample and in every fold.
 
-Every set is tried alone, so of the products of columns only those within a set are kept; sets of one size stand
-together, so that their normal equations are solved in one call. Rows stand fold by fold, so that a fold's are a slice.
+Every set is tried alone, so only products of columns within a set are kept. Sets of equal size stand together, so that
+their normal equations are solved in one call; rows stand fold by fold, so that those of a fold are a slice.
 """
 
 from __future__ import annotations
@@ -19,15 +19,15 @@ NO_ROWS = slice(0)
 
 @dataclass(frozen=True, eq=False)
 class FoldSplit:
-    """Rows that parameters are estimated from, and rows that the estimate is for: of a fold, or all from all.
+    """Training rows and predicted rows of a fold, or of the whole sample, where all rows are both.
 
     Attributes:
-        poses: those that are predicted.
-        absent: rows left out of the estimate.
+        poses: poses that are predicted.
+        absent: rows that are no training rows.
         predicted_rows: T rows that are predicted.
-        fitted: (T, P), what amounts along orthonormal directions of the fitted parameters predict.
-        predictor: (T, p), what amounts along p directions of what was taken into the fit later predict.
-        left: (T,), what the estimate leaves of the residual.
+        fitted: (T, P), prediction for unit amounts along orthonormal directions of the fitted parameters.
+        predictor: (T, p), prediction for unit amounts along p directions of columns that were selected later.
+        left: (T,), residual at the predicted rows.
     """
 
     poses: NDArray[np.int64]
@@ -40,8 +40,8 @@ class FoldSplit:
 
 @dataclass(frozen=True, eq=False)
 class EqualSizedSets:
-    """Sets of one size: their `numbers` (n,), the first of their columns, the first of their places among all sets in
-    the order of columns, and their `size`."""
+    """Sets of equal `size`: their `numbers` (n,), the first of their columns (`start`), and the position of the first
+    set in the order of columns (`place`)."""
 
     numbers: NDArray[np.int64]
     start: int
@@ -50,26 +50,27 @@ class EqualSizedSets:
 
     @property
     def places(self) -> slice:
-        """Their places among all sets in the order of columns."""
+        """Positions of the sets in the order of columns."""
         return slice(self.place, self.place + len(self.numbers))
 
     @property
     def columns(self) -> slice:
-        """Places of their columns."""
+        """Columns of the sets."""
         return slice(self.start, self.start + len(self.numbers) * self.size)
 
 
 @dataclass(frozen=True, eq=False)
 class ColumnSets:
-    """S sets of M columns in all, with a fit projected out.
+    """S sets of M columns in all, the columns of a fit projected out.
 
     Attributes:
-        columns: (R N, M), fold by fold, without what the fitted parameters explain of them in all rows.
-        held_out: (R N, M), without what these explain if they are estimated from the other folds.
-        explained: (parts, p, M), their amounts along each part's directions of what was taken later.
+        columns: (R N, M), fold by fold; the fitted parameters' columns are projected out over all rows.
+        held_out: (R N, M), the same, where each fold is projected by an estimate from the other folds.
+        explained: (parts, p, M), amounts of the columns along the directions of columns that were selected later.
         stacks: the sets by size, in the order of their columns.
-        along: (parts, M), products with the residual over the rows of the estimate, without what is explained of both.
-        grams: for each stack (parts, n, m, m), the same of each set's columns.
+        along: (parts, M), right sides of the normal equations: products with the residual over the training rows, what
+            is fitted and selected projected out of both.
+        grams: for each stack (parts, n, m, m), matrices of the normal equations: such products within each set.
     """
 
     columns: Array
@@ -84,14 +85,13 @@ class ColumnSets:
 
     def __iter__(self) -> Iterator[ColumnSets]:
         """Each set alone, by its number."""
-        of_number = {int(number): (stack, i) for stack in self.stacks for i, number in enumerate(stack.numbers)}
-        grams = dict(zip(self.stacks, self.grams, strict=True))
-        for number in sorted(of_number):
-            stack, i = of_number[number]
-            alone = EqualSizedSets(np.zeros(1, dtype=np.int64), 0, 0, stack.size)
-            own = slice(stack.start + i * stack.size, stack.start + (i + 1) * stack.size)
+        grams: dict[int, Array] = {}
+        for stack, gram in zip(self.stacks, self.grams, strict=True):
+            grams |= {int(number): gram[:, i : i + 1] for i, number in enumerate(stack.numbers)}
+        for number, own in sorted(columns_of(self.stacks).items(), key=lambda one: one[0]):
             rows = self.columns[:, own], self.held_out[:, own], self.explained[:, :, own]
-            yield ColumnSets(*rows, (alone,), self.along[:, own], (grams[stack][:, i : i + 1],))
+            alone = stacks_of([own.stop - own.start])
+            yield ColumnSets(*rows, alone, self.along[:, own], (grams[number],))
 
     @property
     def starts(self) -> NDArray[np.int64]:
@@ -104,20 +104,21 @@ class ColumnSets:
         return np.concatenate([stack.numbers for stack in self.stacks])
 
     def products(self, parts: Sequence[FoldSplit], columns: Array) -> Array:
-        """(parts, m, M), products of others' `columns` (R N, m) with these over the rows of each part's estimate,
-        without what the fitted parameters explain.
+        """(parts, m, M), products of other `columns` (R N, m) with these over the training rows of each part, fitted
+        parameters projected out.
 
-        Of columns orthogonal to the parameters in all rows a fold's estimate has those of all rows, less those of its
-        own rows as they are with these as the estimate predicts them (Sherman-Morrison-Woodbury)."""
+        As columns are orthogonal to the parameters' over all rows, the products of a fold's training rows are those of
+        all rows less those of its own rows, one factor of which is the `held_out` one (Sherman–Morrison–Woodbury).
+        """
         whole = columns.T @ self.columns
         return np.stack([whole - columns[part.absent].T @ self.held_out[part.absent] for part in parts])
 
     def residual_rows(self, part: FoldSplit) -> Array:
-        """(T, M), the rows that a part predicts, without what its estimate of the fitted parameters explains."""
+        """(T, M), columns at the predicted rows of a part, projected by its own estimate of the fitted parameters."""
         return self.columns if part.absent == NO_ROWS else self.held_out[part.predicted_rows]
 
     def predicted(self, part: FoldSplit, amounts: Array, theta: Array) -> Array:
-        """(T, S), what each set says of the rows that a part predicts. amounts: (p, M), theta: (M,)."""
+        """(T, S), prediction of each set at the predicted rows of a part, from its amounts (p, M) and θ (M,)."""
         columns = self.residual_rows(part)
         along, found = np.empty((len(amounts), len(self))), np.empty((len(columns), len(self)), order="F")
         for stack in self.stacks:
@@ -129,8 +130,11 @@ class ColumnSets:
         return found
 
     def with_explained(self, rows: Array, of_residual: Array) -> ColumnSets:
-        """The sets with their amounts (parts, k, M) along further directions explained too; `of_residual` (parts, k):
-        the residual's."""
+        """The sets with k further directions projected out.
+
+        Args:
+            rows: (parts, k, M), amounts of the columns along them. of_residual: (parts, k), of the residual.
+        """
         less = []
         for stack, gram in zip(self.stacks, self.grams, strict=True):
             taken = by_set(rows, stack)
@@ -157,7 +161,7 @@ def stacks_of(sizes: Sequence[int]) -> tuple[EqualSizedSets, ...]:
 
 
 def columns_of(stacks: Sequence[EqualSizedSets]) -> dict[int, slice]:
-    """Places of the columns of each set, by its number."""
+    """Columns of each set, by its number."""
     return {
         int(number): slice(stack.start + i * stack.size, stack.start + (i + 1) * stack.size)
         for stack in stacks
@@ -166,7 +170,7 @@ def columns_of(stacks: Sequence[EqualSizedSets]) -> dict[int, slice]:
 
 
 def side_by_side(sets: Sequence[Array], rows: int) -> tuple[Array, tuple[EqualSizedSets, ...]]:
-    """(rows, M), sets of columns (rows, m) that stand by size, and where each stands."""
+    """(rows, M), sets of columns (rows, m) in one array, ordered by size, and where each stands."""
     stacks = stacks_of([one.shape[1] for one in sets])
     order = [int(number) for stack in stacks for number in stack.numbers]
     return np.concatenate([np.empty((0, rows)), *(sets[number].T for number in order)]).T, stacks
@@ -175,7 +179,7 @@ def side_by_side(sets: Sequence[Array], rows: int) -> tuple[Array, tuple[EqualSi
 def column_sets(
     columns: Array, residual: Array, stacks: tuple[EqualSizedSets, ...], parts: Sequence[FoldSplit]
 ) -> ColumnSets:
-    """Sets of columns (R N, M) that, as the residual (R N,), are orthogonal to the fitted parameters."""
+    """Sets of columns (R N, M); these and the residual (R N,) are orthogonal to the fitted parameters' columns."""
     held_out = np.empty_like(columns)
     for part in parts[1:]:
         own = columns[part.predicted_rows]
@@ -188,7 +192,7 @@ def column_sets(
 
 
 def united(sets: Sequence[ColumnSets], parts: Sequence[FoldSplit]) -> ColumnSets:
-    """All columns of some sets of the same fit, in this order, as one set."""
+    """Union of sets of one fit, as one set with the columns in this order."""
     columns, held_out = np.concatenate([[one.columns.T, one.held_out.T] for one in sets], axis=1).transpose(0, 2, 1)
     explained = np.concatenate([one.explained for one in sets], axis=2)
     along = np.concatenate([one.along for one in sets], axis=1)

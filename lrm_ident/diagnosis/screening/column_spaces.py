@@ -7,7 +7,7 @@ import numpy as np
 from lrm_math.arrays import Array
 
 NUMERICAL_RANK = 1e-9
-"""Singular values below this part of the largest are zero."""
+"""Ratio to the largest singular value below which one counts as zero."""
 
 
 def truncated_svd(A: Array) -> tuple[Array, Array]:
@@ -18,12 +18,12 @@ def truncated_svd(A: Array) -> tuple[Array, Array]:
 
 
 def orthonormal_basis(columns: Array) -> Array:
-    """(R N, rank), of the space of columns (R N, m)."""
+    """(R N, rank), orthonormal basis of the space of columns (R N, m)."""
     return truncated_svd(columns)[0]
 
 
 def projected_rank(columns: Array, original: Array) -> int:
-    """Number of directions of projected columns (3 N, m) that are more than a thousandth of the original ones."""
+    """Rank of projected columns (R N, m): directions that keep more than a thousandth of the original columns' norm."""
     scaled = columns / np.maximum(np.linalg.norm(original, axis=0), 1e-300)
     return int(np.count_nonzero(np.linalg.eigvalsh(scaled.T @ scaled) > 1e-6))
 

@@ -1,12 +1,13 @@
-"""The fit linearised at its minimum: what any further columns would explain, in sample and held out.
+"""The fit linearised at its minimum: ridge estimates of further columns, in sample and cross-validated.
 
 With A the fitted parameters' columns (projected out of everything; Frisch–Waugh–Lovell theorem), r the residual and C
-further columns of typical size, θ minimises |r − Aβ − Cθ|² + (σ/s)² |θ|²: a ridge, i.e. a Gaussian prior of s typical
-sizes, which bounds directions that the data cannot determine. Each fold solves the same problem on its training rows.
+further columns of typical size, θ minimises |r − Aβ − Cθ|² + (σ/s)² |θ|²: ridge regression, i.e. a Gaussian prior of s
+typical sizes, which bounds directions that the data cannot determine. Each fold solves the same problem on its training
+rows.
 
 Forward selection by updates (the sweep operator, Goodnight 1979; orthogonal least squares, Chen, Billings and Luo
-1989): columns that are taken are projected out of the residual and of all others once, in the sample and in every
-fold, the ridge as further rows. A candidate then costs its own columns only.
+1989): selected columns are projected out of the residual and of all others once, in the sample and in every fold, the
+ridge as further rows. A candidate then costs its own columns only.
 """
 
 from __future__ import annotations
@@ -32,22 +33,22 @@ from lrm_ident.diagnosis.screening.column_sets import (
     united,
 )
 from lrm_ident.diagnosis.screening.column_spaces import orthonormal_basis, truncated_svd
-from lrm_ident.residual.better_prediction import outlier_bound
+from lrm_ident.residual.better_prediction import squared_outlier_distance
 from lrm_math.arrays import Array
 
-PRIOR_SD = 3.0  # of a parameter, in typical sizes
-AT_ONCE = 256  # columns that the fitted parameters are projected out of together
+PRIOR_SD = 3.0  # s, of a parameter in typical sizes
+AT_ONCE = 256  # columns that are projected together
 
 
 @dataclass(frozen=True, eq=False)
 class LinearEstimate:
-    """Linear estimate of columns.
+    """Linear estimate of columns, and the error that the fit with them would leave.
 
     Attributes:
         theta: (m,), estimate in typical sizes. error: (m,), its standard error, at most the prior's.
-        in_sample: residual sum of squares that the fit would still leave (m²).
-        held_out: (N,), squared 3-D distance of each pose, predicted by the other folds (m²); of columns, winsorised: a
-            pose to which the line leads far astray counts as an outlier does, or as it is without them.
+        in_sample: residual sum of squares (m²).
+        held_out: (N,), squared 3-D distance of each pose, predicted by the other folds (m²), winsorised: where the
+            linear model errs most, a pose counts at most as an outlier, or as it does without the columns.
     """
 
     theta: Array
@@ -63,12 +64,12 @@ class LinearEstimate:
 
 @dataclass(frozen=True, eq=False)
 class SelectedColumns:
-    """K columns that were taken into a fit after it was linearised, set after set.
+    """K columns that were selected after the fit was linearised, set after set.
 
     Attributes:
-        columns: (R N, K), fold by fold, without what the fitted parameters explain of them in all rows.
-        amounts: (parts, K, K), of each column along the directions of the sets before.
-        inverse_root: (parts, K, K), W with WᵀW the inverse of their normal equations' matrix, triangular by sets.
+        columns: (R N, K), fold by fold; the fitted parameters' columns are projected out over all rows.
+        amounts: (parts, K, K), amounts of each column along the directions of the sets before it.
+        inverse_root: (parts, K, K), W with WᵀW the inverse of their normal equations' matrix, block triangular.
         residual: (parts, K), amounts of the residual along their directions.
     """
 
@@ -79,12 +80,12 @@ class SelectedColumns:
 
     @staticmethod
     def empty(rows: int, parts: int) -> SelectedColumns:
-        """Before any was taken."""
+        """No columns."""
         nothing = np.empty((parts, 0, 0))
         return SelectedColumns(np.empty((rows, 0)), nothing, nothing, np.empty((parts, 0)))
 
     def extended(self, one: ColumnSets, inverse_root: Array) -> SelectedColumns:
-        """Adds one set, of which all that was taken before is known; `inverse_root` (parts, m, m): of its own."""
+        """These columns and one set that is up to date with them; `inverse_root`: (parts, m, m), of that set."""
         columns = np.concatenate([self.columns.T, one.columns.T]).T
         known, size = self.columns.shape[1], columns.shape[1]
         amounts, root = np.zeros((2, len(inverse_root), size, size))
@@ -100,12 +101,13 @@ class LinearisedFit:
     """A fit linearised at its minimum, on which further columns are tried.
 
     Attributes:
-        residual: (R N,), what the fitted parameters leave (m), R rows of each of N poses.
-        basis: (R N, P), orthonormal basis of their columns.
+        residual: (R N,), residual of the fit (m), R rows of each of N poses.
+        basis: (R N, P), orthonormal basis of the fitted parameters' columns.
         parts: the whole sample, then every fold.
-        order: (R N,), the rows fold by fold, as those of all `ColumnSets` stand.
-        sigma: m per axis, the noise against which the prior is weighed.
-        rows: of each pose, R.
+        order: (R N,), numbers of the rows fold by fold, the order of rows in `ColumnSets`.
+        sigma: noise against which the prior is weighed (m per axis).
+        rows: R, rows of each pose.
+        taken: columns that were selected since.
     """
 
     residual: Array
@@ -118,17 +120,17 @@ class LinearisedFit:
 
     @property
     def folds(self) -> tuple[FoldSplit, ...]:
-        """The parts that are predicted by the others."""
+        """The folds, without the whole sample."""
         return self.parts[1:]
 
     @property
     def ridge(self) -> float:
-        """Weight of the prior in the normal equations."""
+        """Ridge parameter (σ/s)² of the normal equations (m²)."""
         return (self.sigma / PRIOR_SD) ** 2
 
     @cached_property
     def degrees_of_freedom(self) -> int:
-        """Measured rows less fitted parameters."""
+        """Number of measured rows less that of fitted parameters."""
         measured = (self.residual != 0.0) | self.basis.any(axis=1)
         return int(np.count_nonzero(measured) - self.basis.shape[1] - self.taken.columns.shape[1])
 
@@ -139,20 +141,20 @@ class LinearisedFit:
         return out
 
     def project(self, C: Array) -> ColumnSets:
-        """One set of columns C (R N, m) without what the fit explains of them."""
+        """One set of columns C (R N, m), the fit's projected out."""
         return self.project_each([C], [C.shape[1]])
 
     def project_each(self, sets: Iterable[Array], sizes: Sequence[int]) -> ColumnSets:
-        """Sets of columns (R N, m), of these sizes, without what the fit explains of them."""
+        """Sets of columns (R N, m) of these sizes, the fit's projected out."""
         stacks = stacks_of(sizes)
         return self.up_to_date(self.in_folds(self.residualised(sets, stacks), stacks))
 
     def in_folds(self, columns: Array, stacks: tuple[EqualSizedSets, ...]) -> ColumnSets:
-        """Sets of `residualised` columns in the sample and every fold, nothing selected beside them."""
+        """Sets of `residualised` columns in the sample and in every fold, selected columns not yet projected out."""
         return column_sets(columns, self.residual[self.order], stacks, self.parts)
 
     def residualised(self, sets: Iterable[Array], stacks: tuple[EqualSizedSets, ...]) -> Array:
-        """(R N, M), sets of columns (R N, m) side by side, fold by fold, without what the fitted parameters explain."""
+        """(R N, M), sets of columns (R N, m) side by side, fold by fold, the fitted parameters' projected out."""
         place = columns_of(stacks)
         columns = np.empty((len(self.residual), stacks[-1].columns.stop if stacks else 0), order="F")
         for number, C in enumerate(sets):
@@ -166,13 +168,13 @@ class LinearisedFit:
     def residual_squares(self, sets: Sequence[Array]) -> Array:
         """(S,), residual sum of squares (m²) that each set of columns C (R N, m) alone would leave in the sample.
 
-        From products of columns alone: what is taken is projected out of the normal equations, not of the columns.
+        Selected columns are projected out of the normal equations instead of the columns, which is faster.
         """
         columns, stacks = side_by_side(sets, len(self.residual))
         taken, root = self.pose_by_pose(self.taken.columns), self.taken.inverse_root[0]
         fitted, known, of_residual = self.basis.T @ columns, root @ (taken.T @ columns), self.taken.residual[0]
         along = self.residual @ columns - of_residual @ known
-        shrunk = self.ridge * root @ root.T  # by which directions of what is taken are short of unit length
+        shrunk = self.ridge * root @ root.T  # by how much the selected directions are short of unit length
         left = np.full(len(sets), self.now.in_sample)
         for stack in stacks:
             own, of_fitted, of_taken = (by_set(rows, stack) for rows in (columns, fitted, known))
@@ -185,7 +187,7 @@ class LinearisedFit:
         return left
 
     def up_to_date(self, sets: ColumnSets) -> ColumnSets:
-        """Columns that were projected before some others were taken: without what these explain too."""
+        """Sets with all columns projected out that were selected since they were projected last."""
         taken, known = self.taken, sets.explained.shape[1]
         if known == taken.columns.shape[1]:
             return sets
@@ -194,7 +196,7 @@ class LinearisedFit:
         return sets.with_explained(taken.inverse_root[:, known:, known:] @ along, taken.residual[:, known:])
 
     def beside(self, *sets: ColumnSets) -> LinearisedFit:
-        """The fit with these columns too."""
+        """The fit with these columns selected too."""
         if not sets:
             return self
         columns = self.up_to_date(united(sets, self.parts))
@@ -211,7 +213,7 @@ class LinearisedFit:
 
     @cached_property
     def now(self) -> LinearEstimate:
-        """The fit as it is."""
+        """Estimate of no further columns: the error of the fit as it is."""
         whole, *folds = (part.left for part in self.parts)
         return LinearEstimate(np.zeros(0), np.zeros(0), float(whole @ whole), self._by_pose(folds)[0])
 
@@ -227,7 +229,7 @@ class LinearisedFit:
         for part, amounts, own in zip(self.parts, sets.explained, theta, strict=True):
             left.append(part.left[:, None] - sets.predicted(part, amounts, own))
         in_sample, held_out = np.einsum("ts,ts->s", left[0], left[0]), self._by_pose(left[1:])
-        held_out = np.minimum(held_out, np.maximum(outlier_bound(held_out)[:, None], self.now.held_out))
+        held_out = np.minimum(held_out, np.maximum(squared_outlier_distance(held_out)[:, None], self.now.held_out))
         found: list[LinearEstimate | None] = [None] * len(sets)
         ends = [*sets.starts[1:], sets.columns.shape[1]]
         for place, (number, start, end) in enumerate(zip(sets.numbers, sets.starts, ends, strict=True)):
@@ -248,7 +250,7 @@ class LinearisedFit:
         return theta, inverse
 
     def _by_pose(self, left: Sequence[Array]) -> Array:
-        """(S, N), squared 3-D distance of each pose from what is left (T, S) of the rows that the folds predict."""
+        """(S, N), squared 3-D distance of each pose, from the residuals (T, S) at the predicted rows of each fold."""
         count = 1 if left[0].ndim == 1 else left[0].shape[1]
         held_out = np.empty((count, len(self.residual) // self.rows))
         for part, rows in zip(self.folds, left, strict=True):
@@ -257,7 +259,7 @@ class LinearisedFit:
 
 
 def linearise(A: Array, residual: Array, test_poses: Sequence[NDArray[np.int64]], sigma: float) -> LinearisedFit:
-    """Linearises a fit with the parameters' columns A (R N, P), residual (R N,) (m) and the test poses of each fold."""
+    """Linearised fit from the parameters' columns A (R N, P), the residual (R N,) in m and the test poses of folds."""
     basis = orthonormal_basis(A)
     residual = residual - basis @ (basis.T @ residual)
     rows = len(residual) // sum(len(poses) for poses in test_poses)

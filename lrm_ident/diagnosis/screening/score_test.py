@@ -28,9 +28,10 @@ class ScoredCandidate:
     Attributes:
         candidate: with the parameters that move something at these poses. size: number of all its parameters.
         shape: the effect's parameter vector at which it explains most, parameters other than shapes zero.
-        alone: what it explains if nothing else is added. added: (R N,), that, pose by pose (m).
-        implausible: why its estimate is impossible, or empty.
-        p_value: after the scan over shapes, before Benjamini and Yekutieli.
+        projected: its columns, the fitted parameters' projected out.
+        alone: estimate of it alone. added: (R N,), the motion that it explains, pose by pose (m).
+        p_value: of the F test, corrected for the scan over shapes but not for the number of candidates.
+        implausible: why its estimate is physically impossible, or empty.
     """
 
     candidate: Candidate
@@ -59,11 +60,13 @@ class ScoredCandidate:
 def score_candidates(
     found: Sequence[Candidate], linear: LinearisedFit, weigh: RowWeights, progress: OnProgress
 ) -> tuple[list[ScoredCandidate], ColumnSets, list[tuple[Effect, str]]]:
-    """Scores every candidate; those not detectable at their typical size, and not significant, come apart, with the
-    reason. The projected columns of the scored ones come side by side.
+    """Scores every candidate.
 
     Args:
         weigh: relative weights of the rows.
+
+    Returns the scored candidates, their projected columns side by side, and the effects that are neither detectable at
+    their typical size nor significant, with the reason.
     """
     detectable, kept, undetectable = [], [], []
     for number, (trial, columns) in enumerate(_at_best_shapes(found, linear, weigh)):
@@ -93,8 +96,8 @@ def score_candidates(
 
 @dataclass(frozen=True, eq=False)
 class _Trial:
-    """A candidate at the shape at which it explains most in the sample: the rank of its columns without what the fitted
-    parameters explain, and the residual sum of squares that they leave (m²)."""
+    """A candidate at the shape at which it explains most in the sample: the rank of its projected columns, and the
+    residual sum of squares that it leaves (m²)."""
 
     candidate: Candidate
     size: int
@@ -106,8 +109,8 @@ class _Trial:
 def _at_best_shapes(
     found: Sequence[Candidate], linear: LinearisedFit, weigh: RowWeights
 ) -> Iterator[tuple[_Trial, Array]]:
-    """Every candidate at its best shape, and its columns (R N, m) without what the fitted parameters explain; `AT_ONCE`
-    columns or more are projected together."""
+    """Every candidate at its best shape, and its projected columns (R N, m); about `AT_ONCE` columns are projected
+    together."""
     ends = np.cumsum([len(one.rows) * len(one.shapes) for one in found])
     for number in np.unique(ends // AT_ONCE):
         together = [one for one, end in zip(found, ends, strict=True) if end // AT_ONCE == number]
@@ -124,6 +127,7 @@ def _at_best_shapes(
 
 
 def _implausible(candidate: Candidate, alone: LinearEstimate) -> str:
+    """Why an estimate lies beyond the bounds of physics by more than its errors; empty if it does not."""
     for parameter, theta, error in zip(candidate.parameters, alone.theta, alone.error, strict=True):
         margin = Z_THRESHOLD * error
         if theta + margin < parameter.lower or theta - margin > parameter.upper:

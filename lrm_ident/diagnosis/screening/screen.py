@@ -1,6 +1,6 @@
-"""Screening: every effect of the catalogue in every form at every place, alone on what a fit leaves (score test).
+"""Screening: score test of every effect of the catalogue, in every form at every place, on the residual of a fit.
 
-Of thousands of poses a part is screened, drawn at random, with those that the fit misses most.
+Of thousands of poses a random subsample is screened, with those that the fit misses most.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from lrm_ident.diagnosis.screening.column_sets import ColumnSets
 from lrm_ident.diagnosis.screening.linearised_fit import LinearisedFit, linearise
 from lrm_ident.diagnosis.screening.score_test import ScoredCandidate, score_candidates
 from lrm_ident.fitting.cross_validation import joint_space_folds
-from lrm_ident.fitting.identifiability import some_rows
+from lrm_ident.fitting.identifiability import subsample_rows
 from lrm_ident.fitting.levenberg_marquardt import OUTLIER_DISTANCE, Fit
 from lrm_ident.fitting.loss import robust_scale
 from lrm_ident.fitting.priors import EffectRates
@@ -31,17 +31,18 @@ from lrm_math.arrays import Array
 from lrm_math.effects import Effect
 from lrm_math.model.derivatives import Response, parameter_jacobian
 
-MOST_FAR = 200  # outliers of a fit that are screened beside a part of the poses
+MOST_FAR = 200  # outliers of a fit that are screened beside the subsample
 
 
 @dataclass(frozen=True, eq=False)
 class Screening:
-    """Every candidate alone on what a fit leaves; attributes as of `Diagnosis`.
+    """Every candidate alone on the residual of a fit.
 
     Attributes:
+        fit, data: of all N poses. screened: (n,), rows that were screened.
         weigh, linear: relative weights of the screened rows, and the fit linearised there.
         response: of the model with every candidate in it. scored: the testable candidates.
-        sets: their projected columns, side by side.
+        sets: their projected columns, side by side. not_testable: the other effects, with the reason.
         rates: how often arms of this kind have each effect, where that is known.
     """
 
@@ -72,6 +73,11 @@ class Screening:
         return noise_floor(self.data, self.fit.equilibrium)
 
     @cached_property
+    def lack_of_fit_p_value(self) -> float:
+        """p value of the lack-of-fit F test of the residual against the noise floor; NaN where that is unknown."""
+        return self.floor.p_value(self.fit.sigma, self.data.measured_rows - len(self.fit.model.free))
+
+    @cached_property
     def structure(self) -> ResidualStructure:
         """Structure in what the fit leaves."""
         return residual_structure(self.subset[1].poses.q, self.linear.residual, self.linear.basis)
@@ -90,11 +96,10 @@ class Screening:
 
     @property
     def outliers(self) -> tuple[int, ...]:
-        """Numbers of the poses farther out than twice the outlier distance of a fit, with the best single candidate
-        and without it.
+        """Numbers of the poses beyond twice the outlier distance of a fit, both without and with the best candidate.
 
-        Twice, because an effect that is still missing may put whole groups of poses far out. As measured: a robust loss
-        gives a pose the less weight the farther out it is, which would hide it here.
+        Twice, because a missing effect may put whole groups of poses far out. Distances are unweighted: the weights of
+        a robust loss would hide the outliers.
         """
         squared = self.linear.now.held_out
         if self.ranked:
@@ -105,15 +110,12 @@ class Screening:
 
     @cached_property
     def like_noise(self) -> bool:
-        """Whether what is left is no larger than the known noise (F test) and shows no structure: no new cause."""
-        if self.floor.sd is None:
-            return False
-        larger = self.floor.p_value(self.fit.sigma, self.data.measured_rows - len(self.fit.model.free))
-        return larger > SIGNIFICANCE and not self.structure.significant
+        """Whether the residual is no larger than a known noise and shows no structure: no cause is missing then."""
+        return self.lack_of_fit_p_value > SIGNIFICANCE and not self.structure.significant
 
 
 def screen(whole: Fit, data: Measurements, kinds: Iterable[type[Effect]], progress: OnProgress) -> Screening:
-    """Tries every effect on what a fit to the data leaves. Raises `LrmError`."""
+    """Scores every effect on the residual of a fit to the data. Raises `LrmError`."""
     screened = rows_to_screen(whole)
     fitted, part = whole.take(screened), data.take(screened)
     weigh = RowWeights(part.whitening, fitted.weight)
@@ -126,14 +128,14 @@ def screen(whole: Fit, data: Measurements, kinds: Iterable[type[Effect]], progre
 
 
 def rows_to_screen(fitted: Fit) -> NDArray[np.int64]:
-    """All rows of a fit; of thousands a part, and the farthest of its outliers."""
+    """All rows of a fit; of thousands a subsample, and the farthest of its outliers."""
     distance = np.linalg.norm(fitted.residual, axis=1)
     far = sorted(fitted.outliers, key=lambda row: -distance[row])[:MOST_FAR]
-    return np.union1d(some_rows(len(distance)), np.array(far, dtype=np.int64))
+    return np.union1d(subsample_rows(len(distance)), np.array(far, dtype=np.int64))
 
 
 def linearised(fitted: Fit, data: Measurements, weigh: RowWeights) -> LinearisedFit:
-    """A fit linearised at its minimum, with the joint-space blocks. `weigh`: relative weights of its rows."""
+    """A fit linearised at its minimum, with the joint-space folds. `weigh`: relative weights of its rows."""
     keys = [key for key in fitted.model.free if key not in fitted.at_bound]
     typical = np.array([fitted.model.parameter(key).typical for key in keys])
     residual = data.residual(fitted.equilibrium).reshape(-1, 1)

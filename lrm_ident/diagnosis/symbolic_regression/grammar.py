@@ -1,8 +1,8 @@
 """A small grammar of laws: rotations of a joint and extensions of a link by one or two quantities of the pose.
 
 Exhaustive symbolic regression (Bartlett, Desmond & Ferreira 2023) with linear coefficients: harmonics, powers, absolute
-values, steps, hinges, saturations and dents of one quantity; harmonics and hinges of sums and differences, and products
-of two. What belongs to another place, another joint's torque say, enters alone, and a length follows one quantity.
+values, steps, hinges, saturations and bumps of one quantity; harmonics and hinges of sums and differences, and products
+of two. Torques of other joints enter alone, and a length follows one quantity.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from lrm_math.kinematics.poses import Poses
 
 HARMONICS, PAIR_HARMONICS, FACTOR_HARMONICS = range(1, 7), (1, 2, 3), (1, 2)
 PLACES = (-1.2, -0.8, -0.4, 0.0, 0.4, 0.8, 1.2)  # rad, or parts of the largest torque, load or time
-WIDTH = 0.4  # of dents and saturations, likewise
+WIDTH = 0.4  # of bumps and saturations, likewise
 NEAR_ZERO = 1e-9
 LETTERS = "abcdef"
 
@@ -30,8 +30,8 @@ class Quantity:
 
     Attributes:
         name: in formulas. code: Python code for it from `poses`, and from `{tau}` if it is the torque of a joint.
-        low, high: its range in the poses. levels: how many values it has there. angle: whether it is one.
-        load: number from 0 of the joint of which it is the torque. foreign: whether it is that of another place.
+        low, high: its range at the poses. levels: number of different values there. angle: whether it is an angle.
+        torque_of: joint (from 0) of which it is the torque. foreign: whether that is another one than the law's.
     """
 
     name: str
@@ -40,22 +40,22 @@ class Quantity:
     high: float
     levels: int
     angle: bool = False
-    load: int | None = None
+    torque_of: int | None = None
     foreign: bool = False
 
     @property
     def signed(self) -> bool:
-        """Whether it has both signs."""
+        """Whether it has values of both signs."""
         return self.low < 0.0 < self.high
 
 
 @dataclass(frozen=True)
 class Law:
-    """An amount added at joint `joint` (from 0): a sum of terms with a free coefficient each.
+    """Error motion at a joint: a sum of terms with a free coefficient each.
 
-    `terms`: Python expressions with numpy over the names of `quantities`. `slot`: what moves: `theta`, a rotation
-    (rad), or `a` or `d`, a length of the link that follows the joint (m). `size` counts what must be chosen to write
-    it down: quantities and terms.
+    Attributes:
+        joint: from 0. slot: what moves: `theta`, a rotation (rad), or `a` or `d`, a length of the link after it (m).
+        terms: Python expressions with numpy over the names of `quantities`.
     """
 
     joint: int
@@ -70,17 +70,17 @@ class Law:
 
     @property
     def rotates(self) -> bool:
-        """Whether its amounts are angles (rad) and no lengths (m)."""
+        """Whether it is a rotation (rad), not a length (m)."""
         return self.slot == "theta"
 
     @property
-    def loads(self) -> tuple[int, ...]:
-        """Numbers from 0 of the joints whose torques enter it."""
-        return tuple(dict.fromkeys(one.load for one in self.quantities if one.load is not None))
+    def torques_of(self) -> tuple[int, ...]:
+        """Joints (from 0) whose torques enter it."""
+        return tuple(dict.fromkeys(one.torque_of for one in self.quantities if one.torque_of is not None))
 
     @property
     def size(self) -> int:
-        """Complexity: the number of its parts."""
+        """Complexity: number of quantities and terms."""
         return len(self.quantities) + len(self.terms)
 
     @property
@@ -99,28 +99,31 @@ class Law:
         return replace(self, quantities=tuple(quantities), terms=tuple(dict.fromkeys((*self.terms, *other.terms))))
 
     def code_of(self, quantity: Quantity) -> str:
-        """Python code for one of its quantities from `poses` and `tau`, the torques of `loads`."""
-        return quantity.code.format(tau="" if quantity.load is None else f"tau[{self.loads.index(quantity.load)}]")
+        """Python code for one of its quantities from `poses` and `tau`, the torques of the joints `torques_of`."""
+        joint = quantity.torque_of
+        return quantity.code.format(tau="" if joint is None else f"tau[{self.torques_of.index(joint)}]")
 
     def values(self, poses: Poses, torque: Array) -> Array:
         """(N, terms), every term at some poses; torque: (N, n), on the joints (N·m)."""
-        given = {"poses": poses, "tau": torque.T[list(self.loads)]}
+        given = {"poses": poses, "tau": torque.T[list(self.torques_of)]}
         known = {quantity.name: eval(self.code_of(quantity), {}, given) for quantity in self.quantities}
         columns = [np.asarray(eval(term, {"np": np}, known), dtype=np.float64) for term in self.terms]
         return np.stack([np.broadcast_to(column, len(poses)) for column in columns], axis=1)
 
 
 def quantities_at(joint: int, poses: Poses, torque: Array) -> tuple[Quantity, ...]:
-    """Quantities that a law at one joint may depend on: what varies of angles, torques, load, side and time.
+    """Quantities that a law at one joint may depend on: angles, torques, load, side and time, as far as they vary.
 
-    Torques, load and time are counted in their largest size here. torque: (N, n), on the joints (N·m). Its own is
-    `tau`, that of joint k `tau`k.
+    Torques (`tau` of the joint itself, `tau`k of joint k), load and time are divided by their largest values.
+
+    Args:
+        torque: (N, n), on the joints (N·m).
     """
     found = [_quantity(f"q{i + 1}", f"poses.angle({i})", angle, True) for i, angle in enumerate(poses.q.T)]
-    for k, felt in enumerate(torque.T):
-        code, size = f"{{tau}} / {_largest(felt)}", felt / np.abs(felt).max(initial=NEAR_ZERO)
+    for k, tau in enumerate(torque.T):
+        code, size = f"{{tau}} / {_largest(tau)}", tau / np.abs(tau).max(initial=NEAR_ZERO)
         one = _quantity("tau" if k == joint else f"tau{k + 1}", code, size)
-        found.append(replace(one, load=k, foreign=k != joint))
+        found.append(replace(one, torque_of=k, foreign=k != joint))
     load = poses.payload / max(float(poses.payload.max()), NEAR_ZERO)
     found.append(_quantity("load", f"poses.carried / {_largest(poses.payload)}", load))
     if poses.direction is not None:
@@ -132,6 +135,7 @@ def quantities_at(joint: int, poses: Poses, torque: Array) -> tuple[Quantity, ..
 
 
 def _quantity(name: str, code: str, values: Array, angle: bool = False) -> Quantity:
+    """A quantity with the range and the levels of its values (N,)."""
     distinct = len(levels(values, 4)[0])
     return Quantity(name, code, float(values.min()), float(values.max()), distinct, angle)
 
@@ -158,6 +162,7 @@ def extensions_at(joint: int, slot: str, quantities: tuple[Quantity, ...]) -> It
 
 
 def _terms_of_one(x: Quantity) -> Iterator[tuple[str, ...]]:
+    """Terms of every law of one quantity."""
     yield (x.name,)
     if x.name == "side" or x.levels < 3:
         return
@@ -174,6 +179,7 @@ def _terms_of_one(x: Quantity) -> Iterator[tuple[str, ...]]:
 
 
 def _terms_of_two(a: Quantity, b: Quantity) -> Iterator[tuple[str, ...]]:
+    """Terms of every law of two quantities."""
     if a.angle and b.angle:
         for sign, low, high in (("+", a.low + b.low, a.high + b.high), ("-", a.low - b.high, a.high - b.low)):
             both = f"{a.name} {sign} {b.name}"
@@ -184,7 +190,7 @@ def _terms_of_two(a: Quantity, b: Quantity) -> Iterator[tuple[str, ...]]:
 
 
 def _shifted(of: str, low: float, high: float) -> Iterator[str]:
-    """A quantity less each of the places that lie in its range."""
+    """Code of a quantity less each of the `PLACES` within its range."""
     for place in PLACES:
         if low < place < high:
             yield of if place == 0 else f"{of} {'-' if place > 0 else '+'} {abs(place)}"

@@ -1,4 +1,4 @@
-"""The laws of the grammar that differ at some poses, as motions of the TCP through the equilibrium."""
+"""Design matrix of the laws: motions of the TCP for each law of the grammar, without those that are equal."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ from lrm_math.model.equilibrium import Equilibrium
 
 TYPICAL_ANGLE, TYPICAL_LENGTH, SEED = 0.02, 0.002, 0  # rad, m
 ZERO_LENGTH = 1e-9  # m
-OWN = ("tau", "side")  # quantities that each joint has for itself
-FLAT = 0.02  # spread of a term, of its largest value, below which it is a constant
+OWN = ("tau", "side")  # quantities that differ from joint to joint
+FLAT = 0.02  # ratio of a term's deviation from its mean to its largest value, below which it is a constant
 Evaluated = dict[tuple[str, ...], tuple[Array, bytes]]
 
 
@@ -46,12 +46,12 @@ def law_columns(fitted: Fit, data: Measurements) -> list[LawColumns]:
 
 
 def typical_size(law: Law) -> float:
-    """Size of what a law adds on an arm where it shows: rad, or m of a length."""
+    """Typical size of a law's motion: rad, or m of a length."""
     return TYPICAL_ANGLE if law.rotates else TYPICAL_LENGTH
 
 
 def _grammars(equilibrium: Equilibrium, poses: Poses) -> Iterator[Iterable[Law]]:
-    """The laws of each joint's rotation, and of each length of the arm as drawn."""
+    """Laws of each joint's rotation, and of each link length that the arm's description gives."""
     model, torque = equilibrium.model, equilibrium.joint_torque
     for joint, link in enumerate(model.arm.joints):
         quantities = quantities_at(joint, poses, torque)
@@ -62,9 +62,10 @@ def _grammars(equilibrium: Equilibrium, poses: Poses) -> Iterator[Iterable[Law]]
 
 
 def _distinct(laws: Iterable[Law], poses: Poses, torque: Array, shared: Evaluated) -> tuple[list[Law], list[Array]]:
-    """The laws that differ at these poses by more than factor and constant, and their terms (N, m); plain ones first.
+    """Laws that differ at these poses by more than a factor and a constant, the simplest first, and their terms (N, m).
 
-    `shared`: the terms of laws that are the same at every joint, and their fingerprints; filled here.
+    Args:
+        shared: cache of the terms, and fingerprints, of laws that are the same at every joint; filled here.
     """
     found: dict[bytes, tuple[Law, Array]] = {}
     for law in sorted(laws, key=lambda one: one.size):
@@ -79,7 +80,7 @@ def _distinct(laws: Iterable[Law], poses: Poses, torque: Array, shared: Evaluate
 
 
 def _fingerprint(terms: Array) -> bytes:
-    """Key of laws that are one function at these poses: the projection of a random vector; empty if constant."""
+    """Hash of the space of functions (N, m) at these poses: projection of a random vector; empty for a constant."""
     centred = terms - terms.mean(axis=0)
     if (np.abs(centred).max(axis=0) <= FLAT * np.abs(terms).max(axis=0)).any():
         return b""

@@ -1,4 +1,4 @@
-"""A law as a readable Python file of the public contract for effects, which `--effects-file` takes."""
+"""Python file that defines a law as an effect, for `--effects-file`."""
 
 from __future__ import annotations
 
@@ -45,7 +45,11 @@ def law_id(law: Law) -> str:
 
 
 def law_source(law: Law, typical: tuple[float, ...], data: str, facts: str) -> str:
-    """The text of the file. typical: size of each coefficient (rad, m). facts: what was found, for the docstring."""
+    """Text of the file.
+
+    Args:
+        typical: typical size of each coefficient (rad, m). facts: how it was found, for the file's docstring.
+    """
     unit = "rad" if law.rotates else "mm"
     names = [f"{letter}_{unit}" for letter in LETTERS[: len(law.terms)]]
     needs_time = any(quantity.name == "time" for quantity in law.quantities)
@@ -59,7 +63,7 @@ def law_source(law: Law, typical: tuple[float, ...], data: str, facts: str) -> s
         follows=" and ".join(quantity.name for quantity in law.quantities),
         claims=", ".join(f"{{{name}}}" for name in names),
         target=law.key,
-        load_slots=repr(tuple(f"joint{k + 1}.theta" for k in law.loads)).replace("'", '"'),
+        load_slots=repr(tuple(f"joint{k + 1}.theta" for k in law.torques_of)).replace("'", '"'),
         depends_on=("angle", "direction", *(("time",) if needs_time else ())),
         parameters="".join(
             f'        Parameter("{name}", "of {term.replace("np.", "")}", {size:.3g}),\n'
@@ -71,5 +75,5 @@ def law_source(law: Law, typical: tuple[float, ...], data: str, facts: str) -> s
 
 
 def _assignment(name: str, code: str) -> str:
-    """The line that gives a quantity its value; without times the time is zero."""
+    """Line of code that assigns a quantity; without times the time is zero."""
     return f"        {name} = {f'0.0 if poses.t is None else {code}' if name == 'time' else code}\n"

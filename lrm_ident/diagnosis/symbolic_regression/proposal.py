@@ -1,4 +1,4 @@
-"""Proposing a law: the best of the grammar, refitted in the nonlinear model, and those that look the same."""
+"""Proposal of a law (symbolic regression): the best of the grammar, refitted in full, and its equivalence class."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ from lrm_ident.diagnosis.symbolic_regression.grammar import Law
 from lrm_ident.diagnosis.symbolic_regression.law_columns import law_columns, typical_size
 from lrm_ident.diagnosis.symbolic_regression.law_file import law_id, law_source
 from lrm_ident.diagnosis.symbolic_regression.search import LawSearch, search_laws
-from lrm_ident.fitting.cross_validation import held_out_residual
+from lrm_ident.fitting.cross_validation import cross_validated_residual
 from lrm_ident.fitting.effect_plugins import effects_in
 from lrm_ident.fitting.levenberg_marquardt import Fit, fit
 from lrm_ident.fitting.loss import SQUARED, Loss
 from lrm_ident.fitting.progress import OnProgress, silent
 from lrm_ident.residual.better_prediction import paired_z, predicts_better
-from lrm_ident.residual.thresholds import MIN_GAIN, SIGNIFICANCE, Z_THRESHOLD
+from lrm_ident.residual.thresholds import EQUIVALENT_GAIN, MIN_GAIN, SIGNIFICANCE, Z_THRESHOLD
 from lrm_math.arrays import Array
 from lrm_math.errors import LrmError, NoEquilibrium
 from lrm_math.model.derivatives import respond
@@ -58,9 +58,9 @@ class LawProposal:
     """Result of a search for laws.
 
     Attributes:
-        before: held-out error without a law. nested: RMS with the law chosen anew in every block (m, linear).
+        before: held-out error without a law. nested: RMS of the nested cross-validation (m, linear).
         p_value: of the best law against pure noise. tried: number of laws.
-        best: the law that predicts best when everything is refitted; None if no law is proposed, with the `reason`.
+        best: the law that predicts best when everything is refitted; None, with the `reason`, if none is proposed.
         equivalent: laws that the data cannot tell from it, and their held-out RMS (m, linear), the best first.
         next_poses: (k, n), joint angles (rad) at which the best and its rivals differ most.
     """
@@ -90,7 +90,7 @@ def propose_law(
     """
     fitted = fit(model, data, loss=loss)
     on_progress("cross-validating the model as it is")
-    before = error_stats(held_out_residual(fitted.model, data, loss=loss))
+    before = error_stats(cross_validated_residual(fitted.model, data, loss=loss))
     found = _propose(fitted, data, before, None, progress, on_progress)
     for _ in range(1, MOST_LAWS):
         best = found.best
@@ -111,7 +111,7 @@ def _propose(
     progress: OnProgress,
     on_progress: Callable[[str], object],
 ) -> LawProposal:
-    """The best law at any joint, or the best to add to one that is known, with its class."""
+    """The best law at any joint, or the best to add to a `known` one, with its equivalence class."""
     start = fitted if known is None else known.fit
     linear = linearised(start, data, RowWeights(data.whitening, start.weight))
     groups = law_columns(start, data)
@@ -139,13 +139,14 @@ def _propose(
 
 
 def _equivalent(search: LawSearch, order: NDArray[np.int64], without: Array) -> list[tuple[Law, float]]:
-    """The best law, and those that save more than half as much and predict not significantly worse, the best first."""
+    """The best law and its equivalence class, the best first: those that save `EQUIVALENT_GAIN` of what it saves, and
+    predict not significantly worse."""
     best = search.squares[:, order[0]]
     gain = float(without.mean() - best.mean())
     found = []
     for i in order.tolist():
         squares = search.squares[:, i]
-        if without.mean() - squares.mean() < 0.5 * gain:
+        if without.mean() - squares.mean() < EQUIVALENT_GAIN * gain:
             break
         if i == order[0] or paired_z(best, squares) < Z_THRESHOLD:
             found.append((search.laws[i], float(np.sqrt(squares.mean()))))
@@ -155,7 +156,7 @@ def _equivalent(search: LawSearch, order: NDArray[np.int64], without: Array) -> 
 def _refit(
     law: Law, fitted: Fit, data: Measurements, found: LawProposal, known: RefittedLaw | None
 ) -> RefittedLaw | None:
-    """The law as an effect of its file, everything refitted; None if that fails. `known`: what it was added to."""
+    """The law as an effect of its file, everything refitted; None if that fails. `known`: the law that it extends."""
     beside = "alone" if known is None else f"with {known.law.formula}"
     largest = np.abs(law.values(data.poses, fitted.equilibrium.joint_torque)).max(axis=0)
     facts = (
@@ -170,7 +171,7 @@ def _refit(
     try:
         effect = kind(fitted.model.arm, f"joint{law.joint + 1}")
         better = add_effects(fitted.model, data, [effect], loss=fitted.loss)
-        return RefittedLaw(law, source, better, held_out_residual(better.model, data, loss=fitted.loss))
+        return RefittedLaw(law, source, better, cross_validated_residual(better.model, data, loss=fitted.loss))
     except LrmError:
         return None
 
@@ -199,8 +200,6 @@ def _separating_poses(best: RefittedLaw, rivals: Sequence[tuple[Law, float]], fi
 
 def _moved(law: Law, equilibrium: Equilibrium) -> Array:
     """(3 N, terms), motion of the TCP for coefficients of 1 rad or 1 m."""
-    terms, lever = (
-        law.values(equilibrium.poses, equilibrium.joint_torque),
-        respond(equilibrium).slots[equilibrium.model.chain.index[law.key]],
-    )
+    terms = law.values(equilibrium.poses, equilibrium.joint_torque)
+    lever = respond(equilibrium).slots[equilibrium.model.chain.index[law.key]]
     return np.asarray((lever.T[:, :, None] * terms[:, None, :]).reshape(-1, terms.shape[1]))

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from lrm_ident.diagnosis.screening.linearised_fit import PRIOR_SD, LinearisedFit
+from lrm_ident.diagnosis.screening.linearised_fit import LinearisedFit
 from lrm_ident.diagnosis.symbolic_regression.grammar import Law
 from lrm_ident.fitting.progress import OnProgress, silent
 from lrm_math.arrays import Array
@@ -23,9 +23,11 @@ NULL_DRAWS, SEED = 200, 0
 
 @dataclass(frozen=True, eq=False)
 class LawColumns:
-    """Laws of one slot with their motions of the TCP for coefficients of a typical size: `motions` (3 N, M) in m.
+    """Columns of the laws of one slot.
 
-    `first`, `second`: (L,), the columns of each law's terms; the last column is zero, for laws of one term.
+    Attributes:
+        motions: (3 N, M), motion of the TCP for each term at its typical size (m); the last column is zero.
+        first, second: (L,), columns of each law's terms; `second` is the last column for laws of one term.
     """
 
     laws: tuple[Law, ...]
@@ -40,19 +42,19 @@ class LawColumns:
 
     @property
     def pairs(self) -> NDArray[np.int64]:
-        """Which laws have two terms."""
+        """Numbers of the laws of two terms."""
         return np.flatnonzero(self.second < self.motions.shape[1] - 1)
 
 
 @dataclass(frozen=True, eq=False)
 class LawSearch:
-    """All laws tried on a residual.
+    """Result of a search.
 
     Attributes:
         squares: (N, L), held-out squared 3-D distance of each pose with each law (m²).
-        nested: (N,), with the law that the other blocks choose.
-        bic_gain: (L,), by how much each law lowers the BIC of the whole residual.
-        p_value: of the largest of them, against noise.
+        nested: (N,), the same with the law that the other blocks choose (m²).
+        bic_gain: (L,), decrease of the BIC of the whole residual by each law.
+        p_value: of the largest decrease, by a Monte Carlo test on noise.
     """
 
     laws: tuple[Law, ...]
@@ -111,13 +113,13 @@ class _Products:
     cross: Array
 
     def less(self, absent: _Products) -> _Products:
-        """Products of some rows: those of all rows, of the first residuals, less those of the rows that are absent."""
+        """Products over the rows that remain without the absent ones; of the first residuals."""
         along = self.along[:, : absent.along.shape[1]] - absent.along
         return _Products(along, self.square - absent.square, self.cross - absent.cross)
 
 
 def _products(motions: Array, others: Array, residuals: Array, group: LawColumns) -> _Products:
-    """Products of motions (r, M) with residuals (r, D), and with the same motions as others leave them (r, M)."""
+    """Products of motions (r, M) with residuals (r, D), and with `others` (r, M): the same motions, or projected."""
     a, b = group.first[group.pairs], group.second[group.pairs]
     cross = np.einsum("rp,rp->p", motions[:, a], others[:, b])
     return _Products(motions.T @ residuals, np.einsum("rm,rm->m", motions, others), cross)
@@ -125,10 +127,10 @@ def _products(motions: Array, others: Array, residuals: Array, group: LawColumns
 
 def _solve(products: _Products, group: LawColumns, linear: LinearisedFit) -> tuple[Array, Array]:
     """Ridge estimates (2, L, D) of every law on D residuals (rows, D), and the squares (L, D) that they explain."""
-    prior, a, b, along = (linear.sigma / PRIOR_SD) ** 2, group.first, group.second, products.along
+    a, b, along = group.first, group.second, products.along
     cross = np.zeros(len(a))
     cross[group.pairs] = products.cross
-    aa, bb = products.square[a] + prior, products.square[b] + prior
+    aa, bb = products.square[a] + linear.ridge, products.square[b] + linear.ridge
     determinant = (aa * bb - cross**2)[:, None]
     first = (bb[:, None] * along[a] - cross[:, None] * along[b]) / determinant
     second = (aa[:, None] * along[b] - cross[:, None] * along[a]) / determinant
@@ -136,6 +138,6 @@ def _solve(products: _Products, group: LawColumns, linear: LinearisedFit) -> tup
 
 
 def _bic_gain(explained: Array, count: int, total: Array | float, group: LawColumns) -> Array:
-    """(L, D), fall of the BIC by each law on D residuals of so many rows with total squares (D,)."""
+    """(L, D), decrease of the BIC by each law on D residuals of `count` rows with sums of squares `total` (D,)."""
     terms = np.array([len(law.terms) for law in group.laws])
     return np.asarray(-count * np.log1p(-np.minimum(explained / total, 1.0 - 1e-12)) - terms[:, None] * np.log(count))

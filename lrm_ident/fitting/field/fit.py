@@ -1,4 +1,4 @@
-"""Residual field on a fitted model: learned from what that leaves, and held out in the same blocks."""
+"""Residual field on a fitted model: regression on the model's residual, and its cross-validation."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from lrm_math.model.model import Model
 
 
 def fit_with_field(fitted: Fit, data: Measurements) -> Fit:
-    """The fit with a residual field on top; parameters of the causes stay as they are. Raises `LrmError`."""
+    """The fit with a residual field added; the other parameters stay as they are. Raises `LrmError` (positions)."""
     from scipy.linalg import block_diag  # takes a quarter of a second to load
 
     from lrm_ident.fitting.field.regression import field_posterior
@@ -62,6 +62,7 @@ def check_positions(data: Measurements) -> None:
 
 
 def _with_field(field: ResidualField, poses: Poses, block: HeldOutBlock) -> HeldOutBlock:
+    """A block with the field that is learned from its training residual."""
     from lrm_ident.fitting.field.regression import field_posterior
 
     known, unseen, left = poses.take(block.train), poses.take(block.test), block.train_residual
@@ -69,14 +70,14 @@ def _with_field(field: ResidualField, poses: Poses, block: HeldOutBlock) -> Held
     values = field_posterior(own, known, left).values.tolist()
     return replace(
         block,
-        train_residual=_left(left, own, known, values),
-        test_residual=_left(block.test_residual, own, unseen, values),
+        train_residual=_less_field(left, own, known, values),
+        test_residual=_less_field(block.test_residual, own, unseen, values),
         weighted=None,
     )
 
 
-def _left(residual: Array, field: ResidualField, poses: Poses, values: Sequence[float]) -> Array:
-    """(N, 3), what a field leaves of a residual (m)."""
+def _less_field(residual: Array, field: ResidualField, poses: Poses, values: Sequence[float]) -> Array:
+    """(N, 3), a residual less the field (m)."""
     amounts = field.amounts(poses, (), values)
     return np.asarray(residual - np.stack([np.broadcast_to(amount, len(poses)) for amount in amounts], axis=1))
 

@@ -3,7 +3,7 @@
 Per axis of the field y = F c + noise, with independent normal coefficients whose variances follow the spectral
 densities of squared-exponential kernels: one of all joints with a length for each, and one of every joint alone with a
 length and a signal of its own (Solin & Särkkä 2020; Duvenaud, Nickisch & Rasmussen 2011). Lengths, signals and noise
-have the largest marginal likelihood (Rasmussen & Williams 2006, Eq 5.8). The coefficients that carry most are kept.
+have the largest marginal likelihood (Rasmussen & Williams 2006, Eq 5.8). Backward elimination keeps the largest terms.
 """
 
 from __future__ import annotations
@@ -22,25 +22,25 @@ from lrm_math.effects.field.residual_field import MARGIN, ResidualField, wave_nu
 from lrm_math.kinematics.poses import Poses
 
 MOST_NUMBERS = 100
-"""Numbers of a field in a model file: coefficients, and for each axis what it may be beyond the data."""
+"""Numbers of a field in a model file: coefficients, and for each axis the standard deviation far from the data."""
 LENGTH_RANGE, LENGTH_ALONE_RANGE, SIGNAL_RANGE, NOISE_RANGE = (0.3, 10.0), (0.03, 10.0), (1e-3, 10.0), (1e-2, 2.0)
 """Bounds: in half widths of a joint's range; in RMS of the residual."""
 START, START_ALONE = (1.0, 1.0, 0.5), (0.1, 0.3)
-"""Length, signal and noise; length and signal of a joint alone: from long lengths short waves are not found."""
+"""Length, signal and noise; length and signal of a joint alone: a search from long lengths misses short waves."""
 MAX_ITERATIONS, TOLERANCE = 60, 1e-5
 SERIES = np.arange(60.0)
 NEGLIGIBLE = 1e-12
-"""Prior variance of a function's values over the noise's, below which it is left out of a marginal likelihood."""
+"""Ratio of a function's prior variance to the noise's below which a marginal likelihood leaves it out."""
 
 
 @dataclass(frozen=True, eq=False)
 class FieldPosterior:
-    """A field's coefficients given residuals.
+    """Posterior of a field's coefficients given residuals.
 
     Attributes:
-        values: (P,), of all the field's parameters, zero of those that were not kept (m).
-        kept: (K,), which were. covariance: (K, K), m². noise: (3,), standard deviation that it leaves, per axis (m).
-        determined: effective number of coefficients (MacKay 1992): the part that the data determine, not the prior.
+        values: (P,), posterior mean of all the field's parameters (m), zero where not kept.
+        kept: (K,), numbers of those kept. covariance: (K, K), m². noise: (3,), standard deviation per axis (m).
+        determined: effective number of coefficients (MacKay 1992).
     """
 
     values: Array
@@ -57,14 +57,14 @@ def field_posterior(field: ResidualField, poses: Poses, residual: Array, weight:
         residual: (N, 3), measured − predicted TCP (m). weight: (N,), of the poses; None: all alike.
     """
     root = np.ones(len(poses)) if weight is None else np.sqrt(weight)
-    waves, (functions, told) = np.array(wave_numbers(field.arm.dof)), functions_told(field, poses)
+    waves, (functions, resolved) = np.array(wave_numbers(field.arm.dof)), resolved_functions(field, poses)
     F, y = functions * root[:, None], field.along_axes(poses, residual) * root[:, None]
-    axes = [AxisRegression.likeliest(F, column, waves[told]) for column in y.T]
+    axes = [AxisRegression.empirical_bayes(F, column, waves[resolved]) for column in y.T]
     values, kept, blocks, determined = np.zeros(len(field.parameters)), list[int](), list[Array](), 0.0
-    for number, (axis, carry) in enumerate(zip(axes, carrying_most(axes, MOST_NUMBERS - 3), strict=True)):
-        chosen, first = np.flatnonzero(carry), number * (len(waves) + 1)
-        values[first + told[chosen]] = axis.mean(chosen)
-        kept += [*(first + told[chosen]).tolist(), first + len(waves)]
+    for number, (axis, kept_of_axis) in enumerate(zip(axes, backward_elimination(axes, MOST_NUMBERS - 3), strict=True)):
+        chosen, first = np.flatnonzero(kept_of_axis), number * (len(waves) + 1)
+        values[first + resolved[chosen]] = axis.mean(chosen)
+        kept += [*(first + resolved[chosen]).tolist(), first + len(waves)]
         covariance = axis.covariance(chosen)
         blocks += [covariance, np.array([[axis.signal**2]])]
         determined += float((1.0 - np.diag(covariance) / axis.variance[chosen]).sum())
@@ -73,23 +73,23 @@ def field_posterior(field: ResidualField, poses: Poses, residual: Array, weight:
     )
 
 
-def functions_told(field: ResidualField, poses: Poses) -> tuple[Array, NDArray[np.int64]]:
-    """(N, K), functions of a field that the poses tell from longer waves, and their numbers (K,): as many half waves of
-    a joint as it has different angles (to 0.5°), or more, look like fewer (Nyquist)."""
+def resolved_functions(field: ResidualField, poses: Poses) -> tuple[Array, NDArray[np.int64]]:
+    """(N, K), functions of a field below the Nyquist limit of the poses, and their numbers (K,): with fewer half waves
+    of each joint than it has different angles (to 0.5°)."""
     levels = [len(np.unique(np.round(np.degrees(angle) / 0.5))) for angle in poses.q.T]
-    told = np.flatnonzero((np.array(wave_numbers(field.arm.dof)) < levels).all(axis=1))
-    return np.stack([np.broadcast_to(f, len(poses)) for f in field.functions(poses)], axis=1)[:, told], told
+    resolved = np.flatnonzero((np.array(wave_numbers(field.arm.dof)) < levels).all(axis=1))
+    return np.stack([np.broadcast_to(f, len(poses)) for f in field.functions(poses)], axis=1)[:, resolved], resolved
 
 
-def carrying_most(axes: Sequence[AxisRegression], most: int) -> NDArray[np.bool_]:
-    """(axes, M), which coefficients are kept, `most` in all: backward elimination of those that carry least of the
-    posterior mean, half of what is too much at a time."""
+def backward_elimination(axes: Sequence[AxisRegression], most: int) -> NDArray[np.bool_]:
+    """(axes, M), which coefficients are kept, `most` in all: those whose terms of the posterior mean are smallest go,
+    half of the surplus at a time."""
     kept = np.ones((len(axes), len(axes[0].variance)), dtype=bool)
     while (surplus := int(kept.sum()) - most) > 0:
-        carried = np.full(kept.shape, np.inf)
-        for of, axis, which in zip(carried, axes, kept, strict=True):
-            of[which] = (axis.mean(np.flatnonzero(which)) ** 2) * np.diag(axis.gram)[which]
-        kept.ravel()[np.argsort(carried.ravel())[: (surplus + 1) // 2]] = False
+        squares = np.full(kept.shape, np.inf)
+        for own, axis, which in zip(squares, axes, kept, strict=True):
+            own[which] = (axis.mean(np.flatnonzero(which)) ** 2) * np.diag(axis.gram)[which]
+        kept.ravel()[np.argsort(squares.ravel())[: (surplus + 1) // 2]] = False
     return kept
 
 
@@ -104,8 +104,8 @@ class AxisRegression:
     noise: float
 
     @staticmethod
-    def likeliest(F: Array, y: Array, waves: Array) -> AxisRegression:
-        """The regression of the largest marginal likelihood, searched by its gradient (L-BFGS-B; Byrd et al. 1995)."""
+    def empirical_bayes(F: Array, y: Array, waves: Array) -> AxisRegression:
+        """Hyperparameters of largest marginal likelihood (empirical Bayes), by L-BFGS-B (Byrd et al. 1995)."""
         from scipy.optimize import Bounds, minimize  # takes a quarter of a second to load
 
         unit = float(np.sqrt((y**2).mean())) or 1.0
@@ -125,12 +125,12 @@ class AxisRegression:
         return AxisRegression(gram, unit * moment, variance, signal, noise)
 
     def mean(self, chosen: NDArray[np.int64]) -> Array:
-        """Coefficients of some functions, without the others."""
+        """(K,), posterior mean of the coefficients of some functions, the others left out (m)."""
         root = np.sqrt(self.variance[chosen])
         return np.asarray(root * cho_solve(self._whitened(chosen), root * self.moment[chosen]) / self.noise**2)
 
     def covariance(self, chosen: NDArray[np.int64]) -> Array:
-        """(K, K), of these coefficients."""
+        """(K, K), posterior covariance of these coefficients (m²)."""
         root = np.sqrt(self.variance[chosen])
         return np.asarray(root[:, None] * cho_solve(self._whitened(chosen), np.eye(len(chosen))) * root)
 
@@ -160,15 +160,15 @@ class SpectralPrior:
         return np.array([*[together] * n, *[alone] * n, *signals, (noise, *NOISE_RANGE)])
 
     @cached_property
-    def of_kernel(self) -> tuple[Array, Array]:
-        """(M, 2 n), which lengths a function has to do with, and (M, 1 + n), whose signal it has; ones and zeros."""
+    def indicators(self) -> tuple[Array, Array]:
+        """(M, 2 n), whether a function depends on each length, and (M, 1 + n), on each signal; ones and zeros."""
         single = ((self.waves > 0).sum(axis=1) == 1)[:, None]
         alone, together = single & (self.waves > 0), np.broadcast_to(~single, self.waves.shape)
         return np.hstack([together, alone]).astype(float), np.hstack([~single, alone]).astype(float)
 
     def log_variance(self, hyper: Array) -> tuple[Array, Array]:
-        """(M,) and its derivatives (M, 3 n + 1) by the logarithms of lengths (half widths of the range) and signals."""
-        lengths, signals = self.of_kernel
+        """(M,), and derivatives (M, 3 n + 1) by the logarithms of lengths (half widths of the range) and signals."""
+        lengths, signals = self.indicators
         length, step = np.exp(hyper[: lengths.shape[1]]), np.pi / (2.0 * MARGIN)
         squares, series = (np.tile(self.waves, 2) * step * length) ** 2, (SERIES[:, None] * step * length) ** 2
         density = np.exp(-0.5 * series)
@@ -185,7 +185,7 @@ class SpectralPrior:
 def negative_log_likelihood(
     hyper: Array, gram: Array, moment: Array, square: float, rows: int, prior: SpectralPrior
 ) -> tuple[float, Array]:
-    """Negative log marginal likelihood per row, but for a constant, and its gradient, by logarithms."""
+    """Negative log marginal likelihood per row, but for a constant; its gradient by logarithms of hyperparameters."""
     noise = float(np.exp(2.0 * hyper[-1]))
     log_variance, slope = prior.log_variance(hyper[:-1])
     acts = np.flatnonzero(np.exp(log_variance) * np.diag(gram) > NEGLIGIBLE * noise)

@@ -26,7 +26,7 @@ PANEL = 8  # columns that are eliminated together
 class CompressedRows:
     """Few rows with the normal equations of many.
 
-    `columns` (M, P) and `residual` (M,), M = P + 1, have the same inner products as all 3 N rows, so the same norms,
+    `columns` (M, P) and `residual` (M,), M = P + 1, have the same inner products as all R N rows, so the same norms,
     projections and least-squares solutions.
     """
 

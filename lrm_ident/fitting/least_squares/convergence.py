@@ -1,4 +1,4 @@
-"""Convergence of the fit: when a step is the last one, and when steps that gain nothing mean that it has none."""
+"""Convergence of the fit: which step is the last one, and when idle steps mean that the fit does not converge."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from lrm_ident.fitting.priors import WEAK_SD
 from lrm_math.errors import LrmError
 
 IDLE_GAIN, IDLE_LIKELIHOOD = 1e-5, 0.3
-"""A step that gains no more is idle: part of the objective, and of it over the squared noise."""
+"""Largest gain of an idle step: part of the objective, and rise of the log-likelihood."""
 LIKELIHOOD_TOLERANCE = 1e-4  # predicted increase of the log-likelihood: as of MINUIT (James & Roos 1975)
 POSTERIOR_TOLERANCE = 1e-6  # predicted increase of the log-posterior: parameters to a thousandth of their errors
 PENALISED_TOLERANCE = 1e-3  # the same where penalties of forms, known to a third, decide it: to a part of their errors
@@ -27,17 +27,17 @@ class FitNotConverged(LrmError):
         )
 
 
-def longest_change(start: Iterate, trial: Iterate) -> float:
+def largest_change(start: Iterate, trial: Iterate) -> float:
     """Largest change of a parameter, in typical sizes."""
     return float(np.abs(trial.z - start.z).max())
 
 
 def is_last(quadratic: QuadraticModel, trial: Iterate, tolerance: float) -> bool:
-    """Whether a step was too short to matter, or no decrease was predicted; `tolerance`: of the log-posterior."""
+    """Whether a step was too short to matter, or predicted next to no decrease; `tolerance`: of the log-posterior."""
     value, noise = quadratic.value(quadratic.iterate), quadratic.noise
     sigma = noise.sigma or quadratic.objective.residual_sd(quadratic.iterate)
     least = max(GAIN_TOLERANCE * value, tolerance * (sigma / noise.scale) ** 2)
-    return longest_change(quadratic.iterate, trial) < STEP_TOLERANCE or quadratic.predicted(trial) < least
+    return largest_change(quadratic.iterate, trial) < STEP_TOLERANCE or quadratic.predicted_decrease(trial) < least
 
 
 def is_idle(quadratic: QuadraticModel, trial: Iterate) -> bool:
@@ -46,8 +46,8 @@ def is_idle(quadratic: QuadraticModel, trial: Iterate) -> bool:
     return before - after <= min(IDLE_GAIN, IDLE_LIKELIHOOD / trial.residual.size) * before
 
 
-def is_well_known(quadratic: QuadraticModel) -> bool:
-    """Whether the data, or a prior, know every direction better than the weak priors do."""
+def is_well_determined(quadratic: QuadraticModel) -> bool:
+    """Whether the data, or a prior, determine every direction of the parameters better than the weak priors do."""
     objective, free = quadratic.objective, quadratic.free
     if objective.has_full_prior or not free.any():
         return True

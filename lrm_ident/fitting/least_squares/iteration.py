@@ -1,4 +1,4 @@
-"""Levenberg–Marquardt iteration (Marquardt 1963) with a noise and penalties that follow from what it leaves."""
+"""Levenberg–Marquardt iteration (Marquardt 1963); noise and penalties are estimated from the residual on the way."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from lrm_ident.fitting.least_squares.convergence import (
     FitNotConverged,
     is_idle,
     is_last,
-    is_well_known,
-    longest_change,
+    is_well_determined,
+    largest_change,
 )
 from lrm_ident.fitting.least_squares.objective import Iterate, NoiseScale, NoiseUpdate, Objective
 from lrm_ident.fitting.least_squares.quadratic_model import QuadraticModel
@@ -29,7 +29,7 @@ FIRST_DAMPING = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class Optimum:
-    """End of an iteration.
+    """Optimum at which an iteration ended.
 
     Attributes:
         columns: compressed Jacobian before the last step, which changed nothing.
@@ -46,11 +46,11 @@ class Optimum:
 
 @dataclass(frozen=True, eq=False)
 class LevenbergMarquardt:
-    """A problem to solve.
+    """Least-squares problem, and when to stop.
 
     Attributes:
         bounds: of the scaled parameters.
-        idle_steps: so many steps in a row that gain next to nothing end it.
+        idle_steps: number of successive steps that gain next to nothing after which it ends.
         near: an equilibrium of the same effects to start from, or None.
     """
 
@@ -65,38 +65,38 @@ class LevenbergMarquardt:
         return replace(self, smooth=smooth, objective=replace(self.objective, prior=smooth.prior))
 
     def solve(self, most_steps: int) -> Optimum:
-        """Iterates until no decrease is predicted and the noise and the penalties follow from what is left.
+        """Iterates until no decrease is predicted, and noise and penalties agree with what the fit leaves.
 
-        Both are estimated whenever the parameters have converged for the present ones (MacKay 1992; Wood & Fasiolo
-        2017). Raises `FitNotConverged`.
+        These are estimated anew whenever the parameters have converged for the present ones (MacKay 1992; Wood &
+        Fasiolo 2017). Raises `FitNotConverged`.
         """
         iterate, problem = self._start(), self
         noise, free = self.objective.noise_scale(iterate), np.ones(len(iterate.z), dtype=np.bool_)
         if not len(free):
             return Optimum(self.objective, iterate, np.empty((0, 0)), free, noise, 0)
-        if self.smooth.begun:
-            first, smooth = self._likelier(iterate, self.objective.linearise(iterate, noise).columns, free, noise)
+        if self.smooth.warm_started:
+            first, smooth = self._reestimated(iterate, self.objective.linearise(iterate, noise).columns, free, noise)
             noise, problem = first.estimated, self.with_smoothness(smooth)
         before: NoiseUpdate | None = None
         damping, change, idle = FIRST_DAMPING, np.inf, 0
-        tolerance = PENALISED_TOLERANCE if self.smooth.known else POSTERIOR_TOLERANCE
+        tolerance = PENALISED_TOLERANCE if self.smooth.penalties else POSTERIOR_TOLERANCE
         if self.objective.prior is None:
             tolerance = LIKELIHOOD_TOLERANCE
         for steps in range(1, most_steps + 1):
             quadratic = QuadraticModel.about(iterate, problem.objective, noise, self.bounds)
             iterate, damping = quadratic.step(damping)
-            change = longest_change(quadratic.iterate, iterate)
+            change = largest_change(quadratic.iterate, iterate)
             idle = idle + 1 if is_idle(quadratic, iterate) else 0
-            if idle >= self.idle_steps and not is_well_known(quadratic):
+            if idle >= self.idle_steps and not is_well_determined(quadratic):
                 raise FitNotConverged(steps, change)
             if idle < self.idle_steps and not is_last(quadratic, iterate, tolerance):
                 continue
-            update, smooth = problem._likelier(iterate, quadratic.rows.columns, quadratic.free, noise)
+            update, smooth = problem._reestimated(iterate, quadratic.rows.columns, quadratic.free, noise)
             if update.estimated.close_to(noise, problem.objective.sigma_tolerance) and smooth.close_to(problem.smooth):
                 return Optimum(problem.objective, iterate, quadratic.rows.columns, quadratic.free, noise, steps)
             problem, noise, before = problem.with_smoothness(smooth), update.accelerated(before), update
-            if smooth.known:
-                problem, noise = problem._settled(iterate, noise)
+            if smooth.penalties:
+                problem, noise = problem._performance_iteration(iterate, noise)
             damping = min(damping, FIRST_DAMPING)
         raise FitNotConverged(most_steps, change)
 
@@ -104,27 +104,28 @@ class LevenbergMarquardt:
         z = self.objective.model.values[self.objective.columns] / self.objective.typical
         return self.objective.at(np.clip(z, self.bounds.lower, self.bounds.upper), self.near)
 
-    def _likelier(
+    def _reestimated(
         self, iterate: Iterate, columns: Array, free: NDArray[np.bool_], noise: NoiseScale
     ) -> tuple[NoiseUpdate, Smoothness]:
-        """The noise and the penalties that follow from an iterate, which `noise` and the present ones led to.
+        """Noise and penalties estimated anew at the optimum for `noise` and the present penalties.
 
-        `columns`: the compressed Jacobian there, or before a step that changed nothing."""
+        `columns`: the compressed Jacobian there, or before a step that changed nothing.
+        """
         parameters, covariance = self._posterior(columns, free, noise)
         update = NoiseUpdate(noise, self.objective.noise_scale(iterate, parameters))
-        return update, self.smooth.likelier(iterate.equilibrium.model.with_free(self.objective.model.free), covariance)
+        return update, self.smooth.updated(iterate.equilibrium.model.with_free(self.objective.model.free), covariance)
 
-    def _settled(self, iterate: Iterate, noise: NoiseScale) -> tuple[LevenbergMarquardt, NoiseScale]:
-        """The problem with the penalties, and the noise, that follow from each other on the objective's quadratic model
-        about an iterate, without further evaluations of the arm (performance iteration, Gu 1992)."""
+    def _performance_iteration(self, iterate: Iterate, noise: NoiseScale) -> tuple[LevenbergMarquardt, NoiseScale]:
+        """Performance iteration (Gu 1992): penalties and noise estimated in turn on the quadratic model about an
+        iterate until they settle, without further evaluations of the arm."""
         problem, objective = self, self.objective
         for _ in range(MOST_UPDATES):
             quadratic = QuadraticModel.about(iterate, problem.objective, noise, self.bounds)
             z = quadratic.minimum
             parameters, covariance = problem._posterior(quadratic.rows.columns, quadratic.free, noise)
-            before, noise = noise, objective.noise_scale(iterate, parameters, quadratic.squares(z))
+            before, noise = noise, objective.noise_scale(iterate, parameters, quadratic.predicted_squares(z))
             model = objective.model.with_values_of(objective.model.free, z * objective.typical)
-            smooth = replace(problem.smooth.likelier(model, covariance), updates=self.smooth.updates)
+            smooth = replace(problem.smooth.updated(model, covariance), updates=self.smooth.updates)
             settled = smooth.close_to(problem.smooth) and noise.close_to(before, objective.sigma_tolerance)
             problem = self.with_smoothness(smooth)
             if settled:

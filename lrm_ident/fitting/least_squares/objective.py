@@ -25,9 +25,9 @@ from lrm_math.model.equilibrium import Equilibrium, solve_equilibrium
 from lrm_math.model.fixed_point import NewtonPreconditioner
 from lrm_math.model.model import Model
 
-SLOW, LARGEST_CHANGE = 0.5, 2.0  # a contraction worth accelerating; the most that log σ may change at once
+SLOW, LARGEST_CHANGE = 0.5, 2.0  # rate of convergence from which it is accelerated; largest change of log σ at once
 SCALE_TOLERANCE = 1e-3  # relative change at which the noise scale has converged
-PENALTY_TOLERANCE = 0.05  # of the noise that weighs penalties against the data
+PENALTY_TOLERANCE = 0.05  # relative change of σ at which it has converged where penalties of forms depend on it
 MIN_SCALE = 1e-9  # m, or of the stated noise
 EQUILIBRIUM_TOLERANCE = 1e-11  # m: with a larger one the objective is too rough for its last steps
 ROUND_OFF = 1e-15
@@ -47,7 +47,7 @@ class UnidentifiableParameters(LrmError):
 class Iterate:
     """One iterate: scaled parameters z (P,), equilibrium, whitened residual (N, R).
 
-    linearised: what `Objective.linearise` gave, by the scale of the loss; noise and penalties do not change it.
+    `linearised`: cached results of `Objective.linearise`, by the scale of the loss.
     """
 
     z: Array
@@ -87,7 +87,7 @@ class NoiseUpdate:
     estimated: NoiseScale
 
     def accelerated(self, before: NoiseUpdate | None) -> NoiseScale:
-        """The noise to try next: Aitken's secant on log σ, without which a narrow prior lets it creep for ever."""
+        """Noise to try next, by Aitken's method on log σ: with a narrow prior the plain iteration is too slow."""
         if before is None or self.estimated.sigma == 0.0:
             return self.estimated
         start, change = math.log(self.given.sigma), math.log(self.estimated.sigma / self.given.sigma)
@@ -128,13 +128,13 @@ class Objective:
 
     @property
     def has_full_prior(self) -> bool:
-        """Whether a prior knows every free parameter, but for where an instrument stood."""
+        """Whether every free parameter has a prior, but for those of the set-up of the measurement."""
         known = set(self._with_prior)
         return all(j in known or key.startswith(SET_UP) for j, key in enumerate(self.model.free))
 
     @property
     def sigma_tolerance(self) -> float:
-        """Part of σ to which it must be known: penalties of forms are no better known than to a third themselves."""
+        """Relative tolerance of σ; larger without a full prior, as weights of penalties are known to a third only."""
         return SCALE_TOLERANCE if self.has_full_prior else PENALTY_TOLERANCE
 
     @cached_property
@@ -147,7 +147,7 @@ class Objective:
 
     @cached_property
     def _prior_root(self) -> Array:
-        """(K, P), a matrix for which root.T @ root is the prior's precision, scaled."""
+        """(K, P), root R of the prior's precision RᵀR, scaled."""
         root, places = np.zeros((len(self._with_prior), len(self.model.free))), self._with_prior
         if self.prior is not None:
             typical = self.typical[places]
@@ -164,14 +164,14 @@ class Objective:
         """The iterate at scaled parameters; `near`: an equilibrium to start from. Raises `NoEquilibrium`."""
         values = self.model.values.copy()
         values[self.columns] = z * self.typical
-        if near is None or near.poses is not self.data.poses or not _same(values, near.model.values):
+        if near is None or near.poses is not self.data.poses or not _equal(values, near.model.values):
             preconditioner = None if near is None else self.preconditioner(near)
             model, poses = self.model.with_values(values), self.data.poses
             near = solve_equilibrium(model, poses, near, EQUILIBRIUM_TOLERANCE, preconditioner)
         return Iterate(z, near, self.data.whitening(self.data.residual(near)))
 
     def preconditioner(self, near: Equilibrium) -> NewtonPreconditioner | None:
-        """That of an equilibrium at which the fit is linearised; of many poses none is kept."""
+        """Preconditioner of an equilibrium at which the fit is linearised; None for more than `BLOCK` poses."""
         return respond(near, self.data.whitening.sensed).preconditioner if len(near.poses) <= BLOCK else None
 
     def value(self, iterate: Iterate, noise: NoiseScale) -> float:
@@ -202,7 +202,7 @@ class Objective:
         return np.sqrt(self.loss.weight(iterate.distance / noise.scale))[:, None]
 
     def negative_gradient(self, iterate: Iterate, data: NormalEquations, noise: NoiseScale) -> Array:
-        """(P,), times scale²."""
+        """(P,), negative gradient of the objective, times scale²."""
         return np.asarray(data.right + noise.sigma**2 * self._prior_precision @ (self._prior_mean - iterate.z))
 
     def gauss_newton(self, data: NormalEquations, noise: NoiseScale) -> Array:
@@ -224,7 +224,7 @@ class Objective:
         return np.asarray(root @ root.T)
 
     def effective_parameters(self, inverse: Array, noise: NoiseScale, free: NDArray[np.bool_]) -> float:
-        """Number of parameters well determined by the data rather than the prior (MacKay 1992, γ)."""
+        """Effective number of parameters, those that the data determine: γ = p − σ² tr(H⁻¹ P) (MacKay 1992)."""
         prior = self._prior_precision[np.ix_(free, free)]
         return len(inverse) - noise.sigma**2 * float((inverse * prior).sum())
 
@@ -246,7 +246,7 @@ class Objective:
         return float(np.sqrt(squares / freedom)) if freedom > 0 else np.nan
 
     def noise_scale(self, iterate: Iterate, parameters: float = 0.0, squares: float | None = None) -> NoiseScale:
-        """Estimate from the residual; arguments as of `residual_sd`."""
+        """Noise scale estimated from the residual; arguments as of `residual_sd`."""
         scale = self._scale(iterate)
         if self.prior is None:
             return NoiseScale(scale, 0.0)
@@ -258,6 +258,6 @@ class Objective:
         return 1.0 if self.loss.name == "squared" else max(robust_scale(iterate.distance), MIN_SCALE)
 
 
-def _same(values: Array, others: Array) -> bool:
-    """Whether parameters are the same but for having been scaled and scaled back."""
+def _equal(values: Array, others: Array) -> bool:
+    """Whether parameters are equal but for the round-off of scaling and back."""
     return bool(np.allclose(values, others, rtol=ROUND_OFF, atol=0.0))

@@ -21,12 +21,12 @@ MAX_DAMPING = 1e12
 
 @dataclass(frozen=True, eq=False)
 class QuadraticModel:
-    """The objective near an iterate, to second order.
+    """Gauss–Newton model of the objective about an iterate.
 
     Attributes:
         bounds: of the scaled parameters.
         rows: the compressed Jacobian (R, P) and residual. descent: (P,), negative gradient, times scale².
-        free: (P,), whether no bound holds a parameter against the descent.
+        free: (P,), whether a parameter is off its bounds, or the descent leads off them.
     """
 
     objective: Objective
@@ -47,16 +47,16 @@ class QuadraticModel:
 
     @property
     def minimum(self) -> Array:
-        """(P,), scaled parameters of its minimum within the bounds."""
+        """(P,), scaled parameters at its minimum within the bounds."""
         return self._minimum(self.objective.gauss_newton(self.rows.normal, self.noise))
 
-    def squares(self, z: Array) -> float:
-        """Weighted sum of squares that it predicts at scaled parameters."""
+    def predicted_squares(self, z: Array) -> float:
+        """Weighted sum of squared residuals at scaled parameters z (P,)."""
         left = self.rows.residual - self.rows.columns @ (z - self.iterate.z)
         return float(left @ left)
 
-    def predicted(self, trial: Iterate) -> float:
-        """Decrease of the objective to first order on the way to a trial."""
+    def predicted_decrease(self, trial: Iterate) -> float:
+        """Decrease of the objective to first order from the iterate to a trial."""
         return float(self.descent @ (trial.z - self.iterate.z)) / self.noise.scale**2
 
     def value(self, trial: Iterate) -> float:
@@ -64,7 +64,7 @@ class QuadraticModel:
         return self.objective.value(trial, self.noise)
 
     def step(self, damping: float) -> tuple[Iterate, float]:
-        """An iterate that does not increase the objective, and the next damping; the same iterate if there is none."""
+        """Levenberg–Marquardt step: an iterate with no larger objective (else the same one), and the next damping."""
         A = self.objective.gauss_newton(self.rows.normal, self.noise)
         diagonal = np.diag(np.maximum(np.diag(A), 1e-300))
         before = self.value(self.iterate)
@@ -77,34 +77,37 @@ class QuadraticModel:
                 continue
             if self.value(trial) <= before:
                 return self._shortened(trial), damping * 0.1
-            if np.abs(z - self.iterate.z).max() < STEP_TOLERANCE or self.predicted(trial) < GAIN_TOLERANCE * before:
+            if (
+                np.abs(z - self.iterate.z).max() < STEP_TOLERANCE
+                or self.predicted_decrease(trial) < GAIN_TOLERANCE * before
+            ):
                 break  # a shorter step would gain no more
             damping *= 10.0
         return self.iterate, damping
 
     def _minimum(self, A: Array) -> Array:
-        """Minimum of the model with the Hessian `A` within the bounds: what would leave them is put on them, and the
-        others are solved anew (active set; clipping alone zigzags where parameters are correlated, Bertsekas 1982)."""
+        """Minimum within the bounds for a Hessian `A`, by an active set: parameters that would leave their bounds are
+        put on them and the others solved anew; clipping alone zigzags where parameters correlate (Bertsekas 1982)."""
         z, moving, change = self.iterate.z, self.free.copy(), np.zeros_like(self.iterate.z)
         while moving.any():
-            change[moving] = _solve(
+            change[moving] = _newton_step(
                 A[np.ix_(moving, moving)], self.descent[moving] - A[np.ix_(moving, ~moving)] @ change[~moving]
             )
-            inside = self._inside(z + change)
+            inside = self._clipped(z + change)
             beyond = moving & (inside != z + change)
             if not beyond.any():
                 break
             change[beyond] = (inside - z)[beyond]
             moving &= ~beyond
-        return self._inside(z + change)
+        return self._clipped(z + change)
 
-    def _inside(self, z: Array) -> Array:
+    def _clipped(self, z: Array) -> Array:
         return np.clip(z, self.bounds.lower, self.bounds.upper)
 
     def _shortened(self, trial: Iterate) -> Iterate:
-        """The trial, or the iterate at the minimum of a parabola through both where that is well before it and lower
-        (Nocedal & Wright 2006, section 3.5): Gauss and Newton leave a curvature out, and may step twice too far."""
-        change, slope = trial.z - self.iterate.z, self.predicted(trial)
+        """The trial, or, if lower, the minimum of a parabola along the step where that is much shorter (quadratic
+        interpolation, Nocedal & Wright 2006, section 3.5): Gauss–Newton neglects curvature, and may step too far."""
+        change, slope = trial.z - self.iterate.z, self.predicted_decrease(trial)
         gain = self.value(self.iterate) - self.value(trial)
         if not 0.0 < 0.5 * slope < MUCH_SHORTER * (slope - gain):
             return trial
@@ -117,8 +120,8 @@ class QuadraticModel:
         return min(trial, shorter, key=self.value)
 
 
-def _solve(A: Array, gradient: Array) -> Array:
-    """The Newton step; of a singular matrix that of its diagonal."""
+def _newton_step(A: Array, gradient: Array) -> Array:
+    """Newton step A⁻¹ g; with the diagonal alone where A is singular."""
     try:
         return np.asarray(np.linalg.solve(A, gradient))
     except np.linalg.LinAlgError:

@@ -22,25 +22,26 @@ from lrm_math.model.model import Model
 MOST_UPDATES = 8
 FIRST_MOST = 100.0
 LEAST, MOST = 0.1, 1e6
-"""Range of a weight, one at typical size: beyond it a form is unlike anything, or nothing."""
+"""Range of a weight, one at typical sizes: smaller ones leave a form free, larger ones leave nothing of it."""
 SETTLED = 0.3
-"""Change of the logarithm of a weight that no longer matters."""
+"""Change of the logarithm of a weight below which it has converged."""
 
 
 @dataclass(frozen=True, eq=False)
 class Penalty:
-    """½ w θᵀ S θ of the free coefficients `keys` (K), S (K, K) in SI; its weight w is one at typical size."""
+    """Quadratic penalty ½ w θᵀ S θ of K free coefficients `keys`: S (K, K), SI; its weight w is 1 at typical sizes."""
 
     keys: tuple[str, ...]
     S: Array
 
 
-def penalties(model: Model) -> tuple[Penalty, ...]:
-    """Those of the model's free forms."""
+def penalties_of(model: Model) -> tuple[Penalty, ...]:
+    """Penalties of the model's free forms, on roughness and on size."""
     return tuple(penalty for effect in model.effects if effect.variant_of for penalty in _of_form(effect, model.free))
 
 
 def _of_form(effect: Effect, free: Sequence[str]) -> list[Penalty]:
+    """Penalty on the size of a form's free coefficients, and on the second differences along its curves."""
     names = [p.name for p in effect.parameters]
     known = [row for row, key in enumerate(effect.keys) if key in free]
     if not known:
@@ -49,23 +50,23 @@ def _of_form(effect: Effect, free: Sequence[str]) -> list[Penalty]:
     place = {names[row]: at for at, row in enumerate(known)}
     found = [Penalty(keys, np.diag(sizes**-2.0))]
     triples = [three for curve in effect.curves for three in zip(curve, curve[1:], curve[2:], strict=False)]
-    bend = np.zeros((len(triples), len(known)))
-    for row, three in zip(bend, triples, strict=True):
+    second_differences = np.zeros((len(triples), len(known)))
+    for row, three in zip(second_differences, triples, strict=True):
         if all(name in place for name in three):
             row[[place[name] for name in three]] = 1.0, -2.0, 1.0
-    if bend.any():
-        bend /= sizes
-        found.append(Penalty(keys, bend.T @ bend))
+    if second_differences.any():
+        second_differences /= sizes
+        found.append(Penalty(keys, second_differences.T @ second_differences))
     return found
 
 
-def with_penalties(prior: Prior | None, known: Sequence[Penalty], weights: Array) -> Prior | None:
-    """The product of a prior, if there is one, and of weighted penalties."""
-    if not known:
+def with_penalties(prior: Prior | None, penalties: Sequence[Penalty], weights: Array) -> Prior | None:
+    """The product of a prior, if there is one, and of the Gaussians of weighted penalties."""
+    if not penalties:
         return prior
     own = () if prior is None else prior.keys
-    keys = tuple(dict.fromkeys((*own, *(key for penalty in known for key in penalty.keys))))
-    precision, along = _weighted(keys, known, weights), np.zeros(len(keys))
+    keys = tuple(dict.fromkeys((*own, *(key for penalty in penalties for key in penalty.keys))))
+    precision, along = _precision(keys, penalties, weights), np.zeros(len(keys))
     if prior is not None:
         rows, inverse = [keys.index(key) for key in own], np.linalg.inv(prior.covariance)
         precision[np.ix_(rows, rows)] += inverse
@@ -76,40 +77,40 @@ def with_penalties(prior: Prior | None, known: Sequence[Penalty], weights: Array
 
 @dataclass(frozen=True, eq=False)
 class Smoothness:
-    """Penalties of a model's forms with their `weights`, each one at typical size at first, beside a `stated` prior.
+    """Penalties of a model's forms with their `weights` (one at typical sizes), beside a `stated` prior.
 
-    updates: how often the weights have been estimated.
+    `updates`: how often the weights have been estimated.
     """
 
-    known: tuple[Penalty, ...]
+    penalties: tuple[Penalty, ...]
     weights: Array
     stated: Prior | None
     updates: int = 0
 
     @property
-    def begun(self) -> bool:
-        """Whether coefficients of an earlier fit say something of the weights."""
+    def warm_started(self) -> bool:
+        """Whether the weights come from coefficients of an earlier fit."""
         return bool((self.weights != 1.0).any())
 
     @staticmethod
     def of(model: Model, stated: Prior | None) -> Smoothness:
-        """Before any fit, or as the coefficients of an earlier one show."""
-        known = penalties(model)
-        return Smoothness(known, np.array([first_weight(penalty, model) for penalty in known]), stated)
+        """Penalties with weights of one, or as the coefficients of an earlier fit suggest (`initial_weight`)."""
+        found = penalties_of(model)
+        return Smoothness(found, np.array([initial_weight(penalty, model) for penalty in found]), stated)
 
     @property
     def prior(self) -> Prior | None:
         """The product of the stated prior and the penalties; None without either."""
-        return with_penalties(self.stated, self.known, self.weights)
+        return with_penalties(self.stated, self.penalties, self.weights)
 
-    def likelier(self, model: Model, covariance: Array) -> Smoothness:
-        """Smoothness with the next weights towards the largest marginal likelihood, until estimated often enough.
+    def updated(self, model: Model, covariance: Array) -> Smoothness:
+        """Smoothness with weights one step closer to the largest marginal likelihood; at most `MOST_UPDATES` steps.
 
-        Arguments as `likelier_weights`'.
+        Arguments as of `fellner_schall_weights`.
         """
-        if not self.known or self.updates == MOST_UPDATES:
+        if not self.penalties or self.updates == MOST_UPDATES:
             return self
-        weights = likelier_weights(self.known, self.weights, model, covariance)
+        weights = fellner_schall_weights(self.penalties, self.weights, model, covariance)
         return replace(self, weights=weights, updates=self.updates + 1)
 
     def close_to(self, other: Smoothness) -> bool:
@@ -117,38 +118,40 @@ class Smoothness:
         return bool((np.abs(np.log(self.weights / other.weights)) < SETTLED).all())
 
 
-def first_weight(penalty: Penalty, model: Model) -> float:
-    """The likeliest weight of coefficients that were known exactly, or 1 where these say nothing yet."""
+def initial_weight(penalty: Penalty, model: Model) -> float:
+    """Maximum-likelihood weight if the model's coefficients were known exactly; 1 where all are zero."""
     theta = np.array([model.value(key) for key in penalty.keys])
     size = float(theta @ penalty.S @ theta)
     return float(np.clip(np.linalg.matrix_rank(penalty.S) / size, LEAST, FIRST_MOST)) if size > 0.0 else 1.0
 
 
-def likelier_weights(known: Sequence[Penalty], weights: Array, model: Model, covariance: Array) -> Array:
-    """The next weights towards the maximum of the marginal likelihood: the generalised method of Fellner and Schall.
+def fellner_schall_weights(penalties: Sequence[Penalty], weights: Array, model: Model, covariance: Array) -> Array:
+    """Weights after one step to the largest marginal likelihood: generalised Fellner–Schall (Wood & Fasiolo 2017).
 
     Args:
-        model: fitted with the present `weights`. covariance: (P, P), posterior one of its free parameters (SI).
+        model: fitted with the present `weights`. covariance: (P, P), posterior, of its free parameters (SI).
     """
-    keys = tuple(dict.fromkeys(key for penalty in known for key in penalty.keys))
-    spread = np.asarray(np.linalg.inv(_weighted(keys, known, weights)))
-    out = np.empty(len(known))
-    for j, penalty in enumerate(known):
+    keys = tuple(dict.fromkeys(key for penalty in penalties for key in penalty.keys))
+    prior = np.asarray(np.linalg.inv(_precision(keys, penalties, weights)))
+    out = np.empty(len(penalties))
+    for j, penalty in enumerate(penalties):
         rows, free = ([where.index(key) for key in penalty.keys] for where in (keys, model.free))
         theta = np.array([model.value(key) for key in penalty.keys])
-        gained = _trace(spread, rows, penalty.S) - _trace(covariance, free, penalty.S)
+        gained = _trace(prior, rows, penalty.S) - _trace(covariance, free, penalty.S)
         size = float(theta @ penalty.S @ theta)
         out[j] = weights[j] * (gained / size if gained > 0.0 < size else 1.0)
     return np.asarray(np.clip(out, LEAST, MOST))
 
 
 def _trace(covariance: Array, rows: Sequence[int], S: Array) -> float:
+    """tr(Σ S) over some rows of a covariance."""
     return float((covariance[np.ix_(rows, rows)] * S).sum())
 
 
-def _weighted(keys: Sequence[str], known: Sequence[Penalty], weights: Array) -> NDArray[np.float64]:
+def _precision(keys: Sequence[str], penalties: Sequence[Penalty], weights: Array) -> NDArray[np.float64]:
+    """(K, K), precision of the Gaussian of weighted penalties on the parameters `keys`."""
     precision = np.zeros((len(keys), len(keys)))
-    for penalty, weight in zip(known, weights, strict=True):
+    for penalty, weight in zip(penalties, weights, strict=True):
         rows = [keys.index(key) for key in penalty.keys]
         precision[np.ix_(rows, rows)] += weight * penalty.S
     return precision

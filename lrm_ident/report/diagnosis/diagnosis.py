@@ -14,7 +14,7 @@ from lrm_ident.diagnosis.diagnose import Diagnosis
 from lrm_ident.diagnosis.diagnosis_report import DiagnosisReport, RankedCandidate
 from lrm_ident.report.document import Block, Document, FoldedSection, ResultTable, heading, section
 from lrm_ident.report.plain_names import in_words, plain_name
-from lrm_ident.residual.predictable_residual import PredictableResidual
+from lrm_ident.residual.residual_patterns import ResidualPatterns
 from lrm_ident.residual.thresholds import MIN_GAIN
 from lrm_math.effects import Effect, compensable, variants
 
@@ -269,7 +269,7 @@ def selftest_document(poses: int, trials: Sequence[InjectionTrial], refused: Seq
     return Document(blocks, "lrm/selftest/1", {"poses": poses, "trials": records})
 
 
-def left_values(left: PredictableResidual) -> dict[str, object]:
+def left_values(left: ResidualPatterns) -> dict[str, object]:
     """The entries `nameless`, `noise_bound_rms_mm` and `regimes` of a diagnosis."""
     return {
         "nameless": left.predictable,
@@ -278,7 +278,7 @@ def left_values(left: PredictableResidual) -> dict[str, object]:
     }
 
 
-def noise_words(floor_mm: float | None, source: str, left: PredictableResidual) -> str:
+def noise_words(floor_mm: float | None, source: str, left: ResidualPatterns) -> str:
     """The noise floor, or its upper bound where it is not known."""
     if floor_mm is None:
         most = f"at most {in_mm(left.predictable.noise_bound)} mm"

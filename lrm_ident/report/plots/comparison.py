@@ -7,12 +7,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lrm_ident.data.registration.anchor import with_anchor
+from lrm_ident.data.registration.anchor import nominal_arm
 from lrm_ident.report.plots.style import GREEN, HELD_OUT, MODEL, NOMINAL, figure_file, plain_number
 from lrm_ident.residual.error_breakdown import ModelComparison
 from lrm_math.arrays import Array
 from lrm_math.model.equilibrium import solve_equilibrium
-from lrm_math.model.model import model_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -31,7 +30,7 @@ def draw_comparison(comparison: ModelComparison, path: Path) -> None:
 
 def _draw_distribution(axes: Axes, comparison: ModelComparison) -> None:
     data = comparison.data
-    nominal = solve_equilibrium(with_anchor(model_of(comparison.equilibrium.model.arm, ()), data), data.poses)
+    nominal = solve_equilibrium(nominal_arm(comparison.equilibrium.model.arm, data), data.poses)
     _cumulative(axes, data.position_error(nominal), "nominal arm", NOMINAL, ":")
     _cumulative(axes, comparison.residual, "model, as fitted", MODEL, "-")
     if comparison.held_out.residual is not None:

@@ -16,13 +16,13 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from lrm_ident.data.registration.anchor import with_anchor
+from lrm_ident.data.registration.anchor import nominal_arm
 from lrm_ident.residual.error_breakdown import ModelComparison
 from lrm_math.arrays import Array
 from lrm_math.errors import LrmError
 from lrm_math.kinematics.forward import frames
 from lrm_math.model.equilibrium import solve_equilibrium
-from lrm_math.model.model import Model, model_of
+from lrm_math.model.model import Model
 
 ENLARGED = 20.0
 SCHEMA = "foxglove.SceneUpdate"
@@ -38,7 +38,7 @@ def scene_file(found: ModelComparison, models: Sequence[tuple[str, Model]]) -> b
     except ImportError:
         raise LrmError("an MCAP file is written with mcap; pip install 'lrm-arm[mcap]'") from None
     data, equilibrium = found.data, found.equilibrium
-    steps = [("nominal", with_anchor(model_of(equilibrium.model.arm, ()), data)), *models]
+    steps = [("nominal", nominal_arm(equilibrium.model.arm, data)), *models]
     errors = {
         topic_of(k, name): (name, data.position_error(solve_equilibrium(model, data.poses)))
         for k, (name, model) in enumerate(steps)

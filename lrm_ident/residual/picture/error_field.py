@@ -1,4 +1,4 @@
-"""The error field: an arrow at every measured TCP, step by step of a model's history, on one scale."""
+"""Error field: an arrow at every measured TCP for each step of a model's history, all on one scale."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from numpy.typing import NDArray
 
 from lrm_ident.data.error_stats import ErrorStats, error_stats
 from lrm_ident.data.measurements import Measurements
-from lrm_ident.data.registration.anchor import with_anchor
-from lrm_ident.fitting.identifiability import some_rows
+from lrm_ident.data.registration.anchor import nominal_arm
+from lrm_ident.fitting.identifiability import subsample_rows
 from lrm_ident.residual.picture.arm_solids import ArmSolids, arm_solids, placed
 from lrm_math.arrays import Array
 from lrm_math.kinematics.forward import frames
 from lrm_math.model.derivatives import joint_levers
 from lrm_math.model.equilibrium import Equilibrium, solve_equilibrium
-from lrm_math.model.model import Model, model_of
+from lrm_math.model.model import Model
 
 MOST_DRAWN, WORST_DRAWN, SEED = 1000, 200, 0
 ARROW_SHARE, COLOUR_SHARE = 0.25, 0.98
@@ -46,7 +46,7 @@ class FieldStep:
     Attributes:
         name: of the step. error: over all poses.
         residual: (M, 3), measured − predicted TCP (m).
-        turns: (n, M), the turn of each joint alone that the residual acts like (rad).
+        turns: (n, M), rotation of each joint alone that fits the residual best (rad).
     """
 
     name: str
@@ -57,14 +57,14 @@ class FieldStep:
 
 @dataclass(frozen=True, eq=False)
 class ErrorField:
-    """The error field of all steps.
+    """Error field of all steps.
 
     Attributes:
-        rows: (M,), rows of the data that are drawn, of `poses` in all.
+        rows: (M,), rows of the data that are drawn; `poses`: number of all.
         nominal, bent: (M, n + 2, 3), origins of the frames of the nominal arm and of the last model, base to TCP (m).
-        solids: the links between these and further points, (M, K, 3) `nominal_points` and `bent_points` (m).
+        solids: links between these origins and further points, `nominal_points` and `bent_points` (M, K, 3) in m.
         nominal_residual: (N, 3), measured − TCP of the nominal arm, at all poses (m).
-        lever: (n, M), squared motion of the TCP for a unit turn of each joint of the last model (m²/rad²).
+        lever: (n, M), squared motion of the TCP for a unit rotation of each joint of the last model (m²/rad²).
     """
 
     rows: NDArray[np.int64]
@@ -83,9 +83,9 @@ class ErrorField:
 def error_field(data: Measurements, models: Sequence[tuple[str, Model]]) -> ErrorField:
     """The error field of named models, the oldest first. Raises `NoEquilibrium`."""
     rests = [(name, solve_equilibrium(model, data.poses)) for name, model in models]
-    rows = drawn_rows(data.position_error(rests[-1][1]))
+    rows = rows_to_draw(data.position_error(rests[-1][1]))
     arm = models[-1][1].arm
-    nominal, last = solve_equilibrium(with_anchor(model_of(arm, ()), data), data.poses), rests[-1][1]
+    nominal, last = solve_equilibrium(nominal_arm(arm, data), data.poses), rests[-1][1]
     drawn, bent = _frames(nominal.take(rows)), _frames(last.take(rows))
     solids = arm_solids(arm, drawn[0])
     return ErrorField(
@@ -103,12 +103,12 @@ def error_field(data: Measurements, models: Sequence[tuple[str, Model]]) -> Erro
     )
 
 
-def drawn_rows(residual: Array) -> NDArray[np.int64]:
-    """The rows to draw: all, or the worst and a random part of those that a diagnosis screens, always the same."""
+def rows_to_draw(residual: Array) -> NDArray[np.int64]:
+    """Rows to draw: all, or the worst and random ones of those that a diagnosis screens, always the same."""
     if len(residual) <= MOST_DRAWN:
         return np.arange(len(residual))
     worst = np.argsort(-np.linalg.norm(residual, axis=1))[:WORST_DRAWN]
-    others = np.random.default_rng(SEED).permutation(np.setdiff1d(some_rows(len(residual)), worst))
+    others = np.random.default_rng(SEED).permutation(np.setdiff1d(subsample_rows(len(residual)), worst))
     return np.sort(np.concatenate([worst, others[: MOST_DRAWN - WORST_DRAWN]]))
 
 
@@ -122,10 +122,10 @@ def arrow_scale(tcp: Array, residual: Array) -> ArrowScale:
 
 
 def joint_turns(residual: Array, motion: Array) -> Array:
-    """(n, M), the turn of each joint alone (rad) that fits residuals (M, 3) best.
+    """(n, M), rotation of each joint alone (rad) that fits residuals (M, 3) best.
 
     Args:
-        motion: (n, 3, M), motion of the TCP for a unit turn of each joint (m/rad).
+        motion: (n, 3, M), motion of the TCP for a unit rotation of each joint (m/rad).
     """
     length = np.maximum((motion**2).sum(axis=1), 1e-12)
     return np.asarray(np.einsum("mc,ncm->nm", residual, motion) / length)
@@ -137,11 +137,12 @@ def arm_lines(equilibrium: Equilibrium) -> Array:
 
 
 def _frames(equilibrium: Equilibrium) -> Array:
-    """(N, n + 2, 4, 4), m."""
+    """(N, n + 2, 4, 4), frames from base to TCP (m)."""
     return frames(equilibrium.model.chain, equilibrium.slots, len(equilibrium.poses))
 
 
 def _step(name: str, equilibrium: Equilibrium, data: Measurements, rows: NDArray[np.int64]) -> FieldStep:
+    """One step on the drawn rows."""
     drawn, residual = equilibrium.take(rows), data.position_error(equilibrium)
     return FieldStep(name, error_stats(residual), residual[rows], joint_turns(residual[rows], joint_levers(drawn)))
 

@@ -25,9 +25,10 @@ from lrm_ident.report.diagnosis.course import proposal_document
 from lrm_ident.report.document import blocks_html, table_html
 from lrm_ident.report.model_report import ModelReport, after_step, quick_report, with_comparison, with_diagnosis
 from lrm_ident.report.plots.interactive.values import figure_values, values_text
+from lrm_ident.residual.thresholds import MAX_EFFECTS
 from lrm_ident.study.inputs import read_measurements, read_study
 from lrm_ident.study.model_history import model_text, undo_step
-from lrm_ident.study.study import MAX_EFFECTS, Study
+from lrm_ident.study.study import Study
 from lrm_ident.workbench.work import tasks
 from lrm_ident.workbench.work.next_poses import next_poses
 from lrm_math.arm.arm import Arm

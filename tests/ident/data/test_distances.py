@@ -15,7 +15,7 @@ from lrm_ident.data.registration.anchor import trilaterate, with_anchor
 from lrm_ident.data.registration.similarity import robust_similarity
 from lrm_ident.diagnosis.diagnose import diagnose
 from lrm_ident.diagnosis.screening.candidates import split_testable, unfitted_effects
-from lrm_ident.fitting.cross_validation import held_out_residual
+from lrm_ident.fitting.cross_validation import cross_validated_residual
 from lrm_ident.fitting.identifiability import fit_identifiable
 from lrm_ident.fitting.levenberg_marquardt import fit
 from lrm_ident.fitting.loss import SQUARED
@@ -112,7 +112,7 @@ def test_distances_alone_identify_the_arm(lab: Arm, stated: bool) -> None:
     assert np.sqrt((unseen**2).mean()) < 2.0 * SD
     held = found.held
     assert any(one.key.startswith("offsets.base") for one in held), "distances do not tell a turn about their own point"
-    left = held_out_residual(found.fit.model, data)
+    left = cross_validated_residual(found.fit.model, data)
     assert np.sqrt((left**2).sum(axis=1).mean()) < 2.0 * SD
     point = POINT if stated else np.array([found.fit.model.value(key) for key in ANCHOR])
     seen, true = (solve_equilibrium(model, fresh.poses).tcp for model in (found.fit.model, truth))

@@ -18,7 +18,7 @@ from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.registration.checked import load_checked
 from lrm_ident.data.rigid_motion import quaternions
 from lrm_ident.data.weights.model_error import additional_sd, with_model_error
-from lrm_ident.fitting.cross_validation import held_out_residual
+from lrm_ident.fitting.cross_validation import cross_validated_residual
 from lrm_ident.fitting.identifiability import lost_to_outliers
 from lrm_ident.fitting.loss import SQUARED
 from lrm_ident.fitting.model_fit import fit_model, nominal_model
@@ -233,7 +233,7 @@ def test_better_stated_noise_does_not_make_the_held_out_error_worse(seed: int) -
     errors = []
     for data in (plain, stated):
         found = fit_model(nominal_model(arm), data, "identifiable", SQUARED)
-        left = held_out_residual(found.fit.model, found.data)
+        left = cross_validated_residual(found.fit.model, found.data)
         errors.append(float(np.sqrt((left**2).sum(axis=1).mean())))
     assert errors[1] <= 1.1 * errors[0], errors
     blind = fit_model(nominal_model(arm), plain, "identifiable", SQUARED).fit

@@ -27,7 +27,7 @@ from lrm_ident.diagnosis.inject_recover import InjectionPlan, detectable_effects
 from lrm_ident.diagnosis.screening.column_spaces import principal_cosine
 from lrm_ident.diagnosis.screening.linearised_fit import linearise
 from lrm_ident.fitting import identifiability
-from lrm_ident.fitting.cross_validation import held_out_residual, joint_space_folds
+from lrm_ident.fitting.cross_validation import cross_validated_residual, joint_space_folds
 from lrm_ident.fitting.effect_plugins import catalogue_with, effects_in
 from lrm_ident.fitting.executors import executor_for
 from lrm_ident.fitting.identifiability import fit_identifiable
@@ -165,7 +165,7 @@ def test_auto_finds_two_hidden_effects_and_stops(tmp_path: Path, lab: Arm) -> No
     added = [step.added for step in course.steps[1:]]
     assert "backlash@joint2" in added
     assert any(name in added for name in ("servo_gain@joint1", "eccentricity@joint1", "cable_spring@joint1"))
-    assert error_stats(held_out_residual(course.model, data)).rms < 1.3 * FLOOR
+    assert error_stats(cross_validated_residual(course.model, data)).rms < 1.3 * FLOOR
     assert course.verdict == "nothing_missing"
 
 
@@ -386,7 +386,7 @@ def test_blocks_of_the_diagnosis_are_those_of_the_held_out_error(
     """The linear held-out error of the fitted model is close to the one from refitting every fold in full."""
     found = real_under_option_1
     linear = float(np.sqrt(found.squared_held_out.mean()))
-    assert linear == pytest.approx(error_stats(held_out_residual(found.fit.model, real)).rms, rel=0.02)
+    assert linear == pytest.approx(error_stats(cross_validated_residual(found.fit.model, real)).rms, rel=0.02)
     assert len(np.unique(joint_space_folds(real.poses.q, real.repeat_of))) == 10
 
 
@@ -424,12 +424,12 @@ def test_a_diagnosis_can_be_drawn(tmp_path: Path, diagnosed: Callable[[str], Dia
 def test_play_is_named_on_a_part_of_the_poses_and_outliers_beyond_it_are_found(
     lab: Arm, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(identifiability, "MOST_AT_ONCE", 200)
+    monkeypatch.setattr(identifiability, "MAX_SUBSAMPLE", 200)
     data = case_data("play2", tmp_path, lab, poses=500)
     wrong = [17, 250, 251, 400]
     data.tcp[wrong] += [0.05, 0.0, -0.05]
     found = diagnose(base_fit(lab, data), data)
-    assert not set(wrong) <= set(identifiability.some_rows(500).tolist())
+    assert not set(wrong) <= set(identifiability.subsample_rows(500).tolist())
     assert len(found.screened) < 250 < len(found.data)
     assert {int(data.pose[row]) for row in wrong} <= set(found.outliers)
     assert "backlash@joint2" in first_class(build_report(found))

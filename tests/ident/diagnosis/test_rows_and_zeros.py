@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from lrm_ident.data.measurements import Measurements
-from lrm_ident.diagnosis.confirm import zero_p_value
+from lrm_ident.diagnosis.confirm import wald_p_value
 from lrm_ident.diagnosis.diagnose import diagnose
 from lrm_ident.diagnosis.diagnosis_report import build_report
 from lrm_ident.diagnosis.shifted_rows import ShiftedRows, shifted_rows
@@ -107,10 +107,10 @@ def test_the_probability_of_zero_is_that_of_the_students_deviations(lab: Arm, se
     fitted = fit_identifiable(model, measured(seed, 80), model.keys).fit
     for key, error in zip(fitted.model.free, fitted.standard_error, strict=True):
         deviations = abs(fitted.model.value(key)) / error
-        assert (zero_p_value(fitted, [key]) > WITHIN_TWO_DEVIATIONS) == (deviations < 2.0) or deviations == (
+        assert (wald_p_value(fitted, [key]) > WITHIN_TWO_DEVIATIONS) == (deviations < 2.0) or deviations == (
             pytest.approx(2.0, abs=1e-3)
         )
-    assert zero_p_value(fitted, ()) == 1.0
+    assert wald_p_value(fitted, ()) == 1.0
 
 
 @pytest.mark.slow

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from lrm_ident.data.error_stats import error_stats
 from lrm_ident.data.measurement_file.load import load_measurements
 from lrm_ident.data.measurements import Measurements
-from lrm_ident.fitting.cross_validation import held_out_residual, joint_space_folds, random_folds
+from lrm_ident.fitting.cross_validation import cross_validated_residual, joint_space_folds, random_folds
 from lrm_ident.fitting.identifiability import fit_identifiable, select_identifiable
 from lrm_ident.fitting.least_squares.convergence import FitNotConverged
 from lrm_ident.fitting.levenberg_marquardt import fit
@@ -98,7 +98,7 @@ def test_an_arm_of_the_generator_is_fitted_to_the_noise(lab: Arm, seed: int) -> 
     model = base_model(lab)
     result = fit_identifiable(model, measured(poses_of(q, payload), tcp), model.keys).fit
     assert 2.8e-4 < result.sigma < 3.4e-4
-    left_out = error_stats(held_out_residual(result.model, measured(poses_of(q, payload), tcp)))
+    left_out = error_stats(cross_validated_residual(result.model, measured(poses_of(q, payload), tcp)))
     assert error_stats(result.residual).rms < left_out.rms < 1.3 * np.sqrt(3) * 3e-4
 
 
@@ -112,7 +112,7 @@ def test_the_shipped_example_names_its_hidden_joint(lab: Arm) -> None:
     loose = model_of(lab, (*model.effects, *effects_at(lab, "backlash@joint2")))
     keys = [key for key, parameter in zip(loose.keys, loose.parameters, strict=True) if parameter.fixed is None]
     better = fit_identifiable(loose, data, keys).fit
-    before, after = (error_stats(held_out_residual(f.model, data)).rms for f in (plain, better))
+    before, after = (error_stats(cross_validated_residual(f.model, data)).rms for f in (plain, better))
     assert after < 0.3 * before
     assert np.degrees(better.model.value("backlash.joint2.b_rad")) == pytest.approx(2.3, abs=0.4)
 
@@ -266,7 +266,7 @@ def test_held_out_poses_are_never_seen(lab: Arm) -> None:
     first = joint_space_folds(poses.q, data.repeat_of) == 0
     moved = tcp.copy()
     moved[first] += 0.01
-    a, b = held_out_residual(model, data), held_out_residual(model, measured(poses, moved))
+    a, b = cross_validated_residual(model, data), cross_validated_residual(model, measured(poses, moved))
     np.testing.assert_allclose(b[first] - a[first], 0.01, atol=1e-9)
 
 
@@ -297,7 +297,7 @@ def test_the_identifiable_part_does_better_on_held_out_real_poses(real: Measurem
     model = base_model(lab)
     option1 = fit(replace(model, free=select_parameters(model, "option1")), real)
     default = fit_identifiable(model, real, model.keys).fit
-    before, after = (error_stats(held_out_residual(found.model, real)).rms for found in (option1, default))
+    before, after = (error_stats(cross_validated_residual(found.model, real)).rms for found in (option1, default))
     assert after < 0.8 * before
 
 

@@ -10,7 +10,7 @@ import pytest
 
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.fitting.cross_validation import MOST_TRAINING, Split, blocks_of_fit, held_out_blocks, one_step_fits
-from lrm_ident.fitting.identifiability import MOST_AT_ONCE
+from lrm_ident.fitting.identifiability import MAX_SUBSAMPLE
 from lrm_ident.fitting.least_squares import objective
 from lrm_ident.fitting.least_squares.block_qr import CompressedRows, compress
 from lrm_ident.fitting.loss import SQUARED
@@ -43,7 +43,7 @@ def flat_valley(count: int) -> Measurements:
 
 
 def test_a_fit_of_many_poses_creeps_on_a_part_of_them_only(monkeypatch: pytest.MonkeyPatch) -> None:
-    data, counts = flat_valley(2 * MOST_AT_ONCE), []
+    data, counts = flat_valley(2 * MAX_SUBSAMPLE), []
 
     def counted(equilibrium: Equilibrium, *others: Any) -> CompressedRows:
         counts.append(len(equilibrium.poses))
@@ -52,7 +52,7 @@ def test_a_fit_of_many_poses_creeps_on_a_part_of_them_only(monkeypatch: pytest.M
     monkeypatch.setattr(objective, "compress", counted)
     found = fit_model(nominal_model(load_arm("two-joint")), data, "identifiable", SQUARED).fit
     held_out_blocks(found.model, data, prior=found.weak_prior)
-    assert sum(count > MOST_AT_ONCE for count in counts) <= MOST_STEPS
+    assert sum(count > MAX_SUBSAMPLE for count in counts) <= MOST_STEPS
 
 
 def test_a_fold_is_predicted_alike_at_some_of_the_others_and_at_all() -> None:

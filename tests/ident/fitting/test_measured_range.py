@@ -16,8 +16,8 @@ from lrm_ident.fitting.least_squares.smoothness import (
     LEAST,
     MOST,
     SETTLED,
-    likelier_weights,
-    penalties,
+    fellner_schall_weights,
+    penalties_of,
     with_penalties,
 )
 from lrm_ident.fitting.levenberg_marquardt import fit
@@ -76,10 +76,10 @@ def test_coefficients_that_nothing_determines_follow_their_neighbours(lab: Arm) 
 
 def test_penalties_are_of_forms_only(lab: Arm) -> None:
     plain = replace(curved(lab), free=("offsets.joint2.theta_rad",))
-    assert penalties(plain) == ()
+    assert penalties_of(plain) == ()
     prior = weak_prior(plain)
     assert with_penalties(prior, (), np.ones(0)) is prior
-    known, curve = penalties(curved(lab)), AngleCurve(lab, "joint2")
+    known, curve = penalties_of(curved(lab)), AngleCurve(lab, "joint2")
     assert [penalty.keys for penalty in known] == [curve.keys] * 2
     line = 0.01 * np.arange(len(curve.keys))
     assert line @ known[1].S @ line == pytest.approx(0.0, abs=1e-12)
@@ -99,7 +99,7 @@ def test_a_curve_of_which_the_data_show_nothing_is_drawn_to_zero(lab: Arm) -> No
     for data in (there, nothing):
         found = fit(curved(lab), data)
         sizes.append(np.ptp([found.model.value(key) for key in keys]))
-        now = likelier_weights(penalties(found.model), np.ones(2), found.model, found.covariance)
+        now = fellner_schall_weights(penalties_of(found.model), np.ones(2), found.model, found.covariance)
         assert ((now >= LEAST) & (now <= MOST)).all()
     assert sizes[0] > 0.015
     assert sizes[1] < 5e-4
@@ -111,13 +111,13 @@ def test_a_fit_ends_where_noise_and_penalties_follow_from_it(lab: Arm, seed: int
     """Fixed point of the marginal likelihood, for waves of any size: weights change by what no longer matters, or are
     at a bound."""
     found = fit(curved(lab), wavy(lab, 90, 1.4, seed, size))
-    known = penalties(found.model)
+    known = penalties_of(found.model)
     assert found.prior is not None
     order = [found.prior.keys.index(key) for key in known[0].keys]
     precision = np.linalg.inv(found.prior.covariance)[np.ix_(order, order)]
     stacked = np.stack([penalty.S.reshape(-1) for penalty in known], axis=1)
     weights = np.linalg.lstsq(stacked, precision.reshape(-1))[0]
-    next_ones = likelier_weights(known, weights, found.model, found.covariance)
+    next_ones = fellner_schall_weights(known, weights, found.model, found.covariance)
     free = (weights > LEAST * 1.01) & (weights < MOST * 0.99)
     assert (np.abs(np.log(next_ones / weights))[free] < SETTLED + 0.05).all()
 
@@ -168,7 +168,7 @@ def test_a_step_of_a_fold_that_runs_away_is_fitted_instead(lab: Arm, monkeypatch
     splits = [Split.of(rows, 70, 70) for rows in blocks]
     fitted = fit(curved(lab), data)
     steps = list(one_step_fits(fitted, data, splits))
-    monkeypatch.setattr("lrm_ident.fitting.cross_validation._settled", lambda *_: None)
+    monkeypatch.setattr("lrm_ident.fitting.cross_validation._equilibrium_or_none", lambda *_: None)
     for rows, stepped, refitted in zip(blocks, steps, one_step_fits(fitted, data, splits), strict=True):
         errors = [np.linalg.norm(data.position_error(equilibrium)[rows]) for equilibrium in (stepped, refitted)]
         assert errors[0] == pytest.approx(errors[1], rel=0.3)

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from lrm_ident.data.error_stats import error_stats
 from lrm_ident.data.measurement_file.load import load_measurements
 from lrm_ident.data.measurements import Measurements
-from lrm_ident.fitting.cross_validation import held_out_residual
+from lrm_ident.fitting.cross_validation import cross_validated_residual
 from lrm_ident.fitting.levenberg_marquardt import fit
 from lrm_ident.fitting.loss import SQUARED
 from lrm_ident.fitting.model_fit import fit_model, nominal_model
@@ -84,7 +84,7 @@ def test_a_twisted_parallel_axis_is_fitted_to_the_floor(axis: int) -> None:
     data = measured(arm, q, tcp)
     result = fit_model(nominal_model(arm), data, "identifiable", SQUARED).fit
     assert result.sigma < 1.1 * NOISE
-    assert error_stats(held_out_residual(result.model, data)).rms < 1.25 * math.sqrt(3) * NOISE
+    assert error_stats(cross_validated_residual(result.model, data)).rms < 1.25 * math.sqrt(3) * NOISE
 
 
 def wrist_arm(target: float) -> Arm:
@@ -132,5 +132,5 @@ def test_real_ur5_to_a_tenth_of_a_millimetre() -> None:
     arm = load_arm("ur5")
     grid, apart = (load_measurements(UR5_DATA / f"{name}.csv", arm) for name in ("grid", "independent"))
     model = fit_model(nominal_model(arm), grid, "identifiable", SQUARED).fit.model
-    assert error_stats(held_out_residual(model, grid)).mean < 1.05e-4
+    assert error_stats(cross_validated_residual(model, grid)).mean < 1.05e-4
     assert error_stats(apart.tcp - solve_equilibrium(model, apart.poses).tcp).mean < 1e-4

@@ -12,13 +12,13 @@ from hypothesis import strategies as st
 
 from lrm_ident.data.error_stats import error_stats
 from lrm_ident.data.measurements import Measurements
-from lrm_ident.fitting.cross_validation import held_out_residual, joint_space_folds
+from lrm_ident.fitting.cross_validation import cross_validated_residual, joint_space_folds
 from lrm_ident.residual.error_breakdown import compare
 from lrm_ident.residual.gaussian_process import Kernel, condition, fit_kernel, log_marginal_likelihood
 from lrm_ident.residual.predictability import (
     HeldOutBlock,
     PredictableError,
-    held_out_rows,
+    held_out_residual,
     pose_covariates,
     predictable_error,
 )
@@ -224,8 +224,8 @@ def test_compare_says_what_a_nameless_model_could_predict(lab: Arm) -> None:
     data = Measurements(poses, data.pose, tcp, None, None, data.pose, data.path, "")
     found = compare(model, data)
     assert found.predictable is not None
-    np.testing.assert_allclose(found.predictable.named, held_out_residual(model, data))
-    np.testing.assert_allclose(held_out_rows(found.held_out.blocks), found.predictable.named)
+    np.testing.assert_allclose(found.predictable.named, cross_validated_residual(model, data))
+    np.testing.assert_allclose(held_out_residual(found.held_out.blocks), found.predictable.named)
     assert found.predictable.more_to_find
     assert found.predictable.follows[0] == "q2"
 

@@ -26,7 +26,7 @@ from lrm_ident.report.plots.interactive.candidate_view import NO_FUNCTION, candi
 from lrm_ident.report.plots.interactive.group_means import explained_by_means, shown_most
 from lrm_ident.report.plots.interactive.values import figure_values, values_text
 from lrm_ident.residual.covariates import Covariate, covariates
-from lrm_ident.residual.picture.error_field import MOST_DRAWN, arrow_scale, drawn_rows, error_field, joint_turns
+from lrm_ident.residual.picture.error_field import MOST_DRAWN, arrow_scale, error_field, joint_turns, rows_to_draw
 from lrm_math.effects import CATALOGUE, FREE_FORMS
 from lrm_math.model.derivatives import joint_levers
 from lrm_math.model.equilibrium import solve_equilibrium
@@ -74,7 +74,7 @@ def test_many_poses_are_thinned_and_their_number_is_kept(data: Measurements) -> 
     assert len(field.rows) == MOST_DRAWN
     assert field.poses == len(rows)
     worst = np.argmax(np.linalg.norm(many.tcp - field_tcp(many), axis=1))
-    assert worst in drawn_rows(many.tcp - field_tcp(many))
+    assert worst in rows_to_draw(many.tcp - field_tcp(many))
 
 
 def field_tcp(data: Measurements) -> np.ndarray:

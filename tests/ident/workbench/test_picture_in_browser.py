@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from lrm_ident.report.plots.interactive.group_means import fair_rows
-from lrm_ident.residual.picture.error_field import MOST_DRAWN, WORST_DRAWN, drawn_rows
+from lrm_ident.residual.picture.error_field import MOST_DRAWN, WORST_DRAWN, rows_to_draw
 from tests.conftest import EXAMPLE
 from tests.support.browser import SHOTS, BrowserLog, RunningWorkbench, idle, opened, wait_for, workbench
 from tests.support.commands import stdout_of
@@ -59,7 +59,7 @@ That under the end is before the first link, and put before the second one cover
 @given(st.integers(MOST_DRAWN + 1, 20_000), st.integers(0, 99))
 def test_fair_sample_shows_errors_as_often_as_they_occur(poses: int, seed: int) -> None:
     every = np.random.default_rng(seed).exponential(size=(poses, 3))
-    drawn = drawn_rows(every)
+    drawn = rows_to_draw(every)
     rows = fair_rows(every[drawn], poses)
     assert rows is not None
     assert len(set(rows.tolist())) == len(rows)

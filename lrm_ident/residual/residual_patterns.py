@@ -1,4 +1,4 @@
-"""Predictable part of a fitted model's residual: how much of it can be predicted without names, and where it is."""
+"""Patterns of a fitted model's residual that have no name: what a Gaussian process predicts of it, and its regimes."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ from lrm_math.model.derivatives import parameter_jacobian
 
 
 @dataclass(frozen=True, eq=False)
-class PredictableResidual:
-    """Share that a nameless model predicts of the held-out residual, and the regimes where the residual is largest.
+class ResidualPatterns:
+    """Part of the held-out residual that a Gaussian process predicts, and regimes where the residual is largest.
 
-    `pose`: (M,), numbers of the poses that the regimes part.
+    `pose`: (M,), numbers of the poses on which the regimes are defined, outliers among them.
     """
 
     predictable: PredictableError
@@ -28,19 +28,19 @@ class PredictableResidual:
     pose: NDArray[np.int64]
 
 
-def predictable_residual(
+def residual_patterns(
     fitted: Fit,
     data: Measurements,
     blocks: Sequence[HeldOutBlock],
     outlier_distances: Mapping[int, float],
     known: PredictableError | None = None,
-) -> PredictableResidual:
-    """Tries a Gaussian process on what a cross-validated fit leaves, and looks for regimes.
+) -> ResidualPatterns:
+    """Tries a Gaussian process on the residual of a cross-validated fit, and looks for regimes.
 
     Args:
-        outlier_distances: distance (m) of each pose that was left out of the data from where the model has it, by its
-            number. Outliers that lie together are a regime.
-        known: of the Gaussian process.
+        outlier_distances: distance (m) between measured and predicted TCP of each pose that was left out of the data,
+            by number. Outliers that lie together are a regime.
+        known: result of the Gaussian process, where it is known already.
     """
     keys = [key for key in fitted.model.free if key not in fitted.at_bound]
     columns = parameter_jacobian(fitted.equilibrium, keys).reshape(-1, len(keys))
@@ -51,4 +51,4 @@ def predictable_residual(
     squared = np.array([squares[number] for number in together.pose.tolist()])
     clusters = outlier_regimes(together, squared, ~np.isin(together.pose, data.pose))
     others = [one for one in find_regimes(together, squared) if one.name not in {same.name for same in clusters}]
-    return PredictableResidual(predictable, (*clusters, *others), together.pose)
+    return ResidualPatterns(predictable, (*clusters, *others), together.pose)
