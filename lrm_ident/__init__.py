@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from lrm_ident.report.plots.plot import plot
     from lrm_ident.study.api import (
         EXAMPLE,
+        Reading,
         Study,
         add,
         auto,
@@ -35,6 +36,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "EXAMPLE",
+    "Reading",
     "Study",
     "add",
     "auto",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Iterable, Sequence
+from traceback import StackSummary, walk_tb
 from typing import Any
 
 
@@ -12,6 +13,12 @@ class LrmError(Exception):
 
     def __reduce__(self) -> tuple[Any, ...]:
         return _rebuilt, (type(self), self.args, self.__dict__)
+
+    def _render_traceback_(self) -> list[str]:
+        """Lines that IPython shows in place of a traceback: those of the user's own cells, the message, its notes."""
+        own = [pair for pair in walk_tb(self.__traceback__) if pair[0].f_globals.get("__name__") == "__main__"]
+        lines = [f"line {frame.lineno}: {frame.line}" for frame in StackSummary.extract(iter(own))]
+        return [*lines, f"{type(self).__name__}: {self}", *getattr(self, "__notes__", ())]
 
 
 def _rebuilt(kind: type[LrmError], args: tuple[Any, ...], attributes: dict[str, Any]) -> LrmError:

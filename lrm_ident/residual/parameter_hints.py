@@ -22,7 +22,8 @@ OF_THE_ANGLE = ("servo_gain", "eccentricity", "angle_curve", "cable_spring")
 
 def parameter_hints(fitted: Fit) -> tuple[str, ...]:
     """One question for each pattern in the estimates: a scale of all lengths, a turned frame, joints at few levels."""
-    columns = parameter_jacobian(fitted.equilibrium, fitted.model.free).reshape(-1, len(fitted.model.free))
+    count = fitted.equilibrium.true_tcp.size
+    columns = parameter_jacobian(fitted.equilibrium, fitted.model.free).reshape(count, len(fitted.model.free))
     return (*_scale(fitted, columns), *_turned_frame(fitted, columns), *_few_levels(fitted))
 
 

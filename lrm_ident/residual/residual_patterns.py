@@ -43,7 +43,7 @@ def residual_patterns(
         known: result of the Gaussian process, where it is known already.
     """
     keys = [key for key in fitted.model.free if key not in fitted.at_bound]
-    columns = parameter_jacobian(fitted.equilibrium, keys).reshape(-1, len(keys))
+    columns = parameter_jacobian(fitted.equilibrium, keys).reshape(fitted.residual.size, len(keys))
     predictable = known or predictable_error(data, blocks)
     squares = dict(zip(data.pose.tolist(), studentised_squares(fitted.residual, columns).tolist(), strict=True))
     squares |= {number: distance**2 for number, distance in outlier_distances.items()}

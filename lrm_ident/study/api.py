@@ -20,8 +20,8 @@ from pathlib import Path
 import numpy as np
 
 from lrm_ident.data.examples import EXAMPLE
+from lrm_ident.data.measurement_file import load as pose_files
 from lrm_ident.data.measurement_file.conventions import arm_for
-from lrm_ident.data.measurement_file.load import load_poses
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.registration.anchor import with_anchor
 from lrm_ident.diagnosis.auto import AutoRun
@@ -32,10 +32,20 @@ from lrm_ident.fitting.loss import SQUARED, loss_named
 from lrm_ident.fitting.model_fit import DEFAULT_EFFECTS
 from lrm_ident.residual.error_breakdown import ModelComparison
 from lrm_ident.residual.thresholds import MAX_EFFECTS
-from lrm_ident.study.inputs import read_measurements, read_study
+from lrm_ident.study import inputs
+from lrm_ident.study.arguments import (
+    check_poses,
+    check_same_arm,
+    measurements_of,
+    model_of_fit,
+    options_in_python,
+    path_of,
+)
 from lrm_ident.study.other_data import at_data
 from lrm_ident.study.step import StudyStep
 from lrm_ident.study.study import Study
+from lrm_math.arm.arm import Arm
+from lrm_math.arm.arm_file import load_arm
 from lrm_math.arrays import Array
 from lrm_math.kinematics.poses import Poses
 from lrm_math.model.equilibrium import solve_equilibrium
@@ -45,6 +55,7 @@ from lrm_math.model.reading import AS_NAMED, Reading
 
 __all__ = [
     "EXAMPLE",
+    "Reading",
     "Study",
     "add",
     "auto",
@@ -60,33 +71,55 @@ __all__ = [
     "save",
 ]
 
+read_study = options_in_python(inputs.read_study)
 
+
+@options_in_python
 def load(path: str | Path, arm: str | None = None, reading: Reading = AS_NAMED) -> Measurements:
     """Measured TCP positions of an arm.
 
     Args:
         path: a CSV with one row per pose (docs/files.md).
         arm: name of a shipped arm or path of an arm file; None: the one that the file beside the CSV names.
-        reading: units, axes, frame, and the joints' signs and order, where the columns' names do not say them.
+        reading: units, axes, frame, and the joints' signs and order, where the columns' names do not say them:
+            `lrm.Reading(unit="m", angle_unit="rad")`. Every option of the commands is a field of it.
 
-    Raises `FileError`: with file, line and column of the first fault; `Misread` if the arm cannot have moved so.
+    Warns of what a person should know of the file, such as rows that were left out. Raises `FileError`: with file, line
+    and column of the first fault; `Misread` if the arm cannot have moved so.
     """
-    name, described = arm_for(Path(path), arm)
-    return read_measurements(Path(path), described, name, reading)
+    file = path_of(path)
+    name, described = arm_for(file, arm)
+    data = inputs.read_measurements(file, described, name, reading)
+    for words in data.notices:
+        warnings.warn(words, stacklevel=3)
+    return data
+
+
+@options_in_python
+def load_poses(file: str | Path, arm: Arm | str, reading: Reading = AS_NAMED) -> Poses:
+    """Commanded poses: `q1_deg` …, optional `payload_g`, `t_s`, `session`, `temp_c`, `approach`.
+
+    Args:
+        arm: itself, the name of a shipped one or the path of an arm file.
+        reading: as in `load`.
+
+    Raises `FileError`.
+    """
+    return pose_files.load_poses(path_of(file), load_arm(arm) if isinstance(arm, str) else arm, reading)
 
 
 def fit(
     data: Measurements,
-    effects: Sequence[str] = DEFAULT_EFFECTS,
-    parameters: str = "identifiable",
+    effects: str | Sequence[str] = DEFAULT_EFFECTS,
+    parameters: str | Sequence[str] = "identifiable",
     loss: str = "squared",
     prior: str | None = None,
 ) -> Fit:
     """Least-squares fit of an arm's model; its `model` goes into the other functions.
 
     Args:
-        effects: ids, or `id@place`.
-        parameters: 'identifiable', 'option1' to 'option5', or names and patterns by commas.
+        effects: ids, or `id@place`; several by commas, or a list.
+        parameters: 'identifiable', 'option1' to 'option5', or names and patterns, by commas or a list.
         loss: 'squared', 'huber' or 'cauchy'. prior: name of a shipped prior or path of a prior file.
 
     Raises `LrmError`: unknown names, data without an arm, too few poses, or no convergence.
@@ -118,13 +151,15 @@ def auto(model: Model | Fit, data: Measurements, max_effects: int = MAX_EFFECTS,
     return _study(model, data, loss).auto(max_effects)[0]
 
 
-def predict(model: Model, poses: Poses) -> Array:
+def predict(model: Model | Fit, poses: Poses) -> Array:
     """(N, 3) TCP positions (m) at elastic equilibrium. Raises `NotSettled` if there is none.
 
     At poses of a file other than that of the fit, effects of a session are left out, and a warning names them; they
     follow the numbers and times of poses that are of no file.
     """
-    return solve_equilibrium(model if poses.sha256 is None else _here(model, None, poses.sha256), poses).tcp
+    own = model_of_fit(model)
+    check_poses(own, poses)
+    return solve_equilibrium(own if poses.sha256 is None else _here(own, None, poses.sha256), poses).tcp
 
 
 def save(fit: Fit, data: Measurements, path: str | Path) -> None:
@@ -135,8 +170,11 @@ def save(fit: Fit, data: Measurements, path: str | Path) -> None:
 
 
 def _study(model: Model | Fit, data: Measurements, loss: str | None) -> Study:
-    """A study of a model at these data, that knows where their distances start. Raises `UnknownName`."""
-    the_model, own = (model, SQUARED) if isinstance(model, Model) else (model.model, model.loss)
+    """A study of a model at these data, that knows where their distances start. Raises `LrmError`."""
+    the_model = model_of_fit(model)
+    check_same_arm(the_model, measurements_of(data).arm)
+    check_poses(the_model, data.poses)
+    own = model.loss if isinstance(model, Fit) else SQUARED
     how = own if loss is None else loss_named(loss)
     here = _here(the_model, data.path, data.sha256)
     return Study(with_anchor(here, data), data, data.arm_name or the_model.arm.name, loss=how)

@@ -13,6 +13,7 @@ from lrm_ident.data.weights.model_error import model_error_words, with_model_err
 from lrm_ident.fitting.effect_plugins import Catalogue, catalogue_with, file_of, sha256_of
 from lrm_ident.fitting.loss import SQUARED, loss_named
 from lrm_ident.fitting.progress import Progress, unheard
+from lrm_ident.study.arguments import path_of
 from lrm_ident.study.model_history import fit_words
 from lrm_ident.study.other_data import at_data
 from lrm_ident.study.study import Study
@@ -49,11 +50,11 @@ def read_study(
 
     Raises `FileError`: with file, line and column of the first fault; `Misread` if the arm cannot have moved so.
     """
-    path, catalogue = Path(model), catalogue_with(effects_file)
+    path, table, catalogue = path_of(model), path_of(data), catalogue_with(effects_file)
     file, loaded, notices = read_model(path, catalogue)
     known = file.provenance
     usual = None if known is None else known.reading
-    measured = (read or read_measurements)(Path(data), loaded.arm, file.arm, reading, usual)
+    measured = (read or read_measurements)(table, loaded.arm, file.arm, reading, usual)
     notices += measured.notices
     if known is not None:
         if known.data_sha256 == measured.sha256:

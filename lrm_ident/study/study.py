@@ -21,6 +21,7 @@ from lrm_ident.fitting.priors import EffectRates, load_prior, prior_name_for
 from lrm_ident.fitting.progress import Progress, unheard
 from lrm_ident.residual.error_breakdown import HeldOutResidual, ModelComparison, NestedResidual
 from lrm_ident.residual.thresholds import MAX_EFFECTS
+from lrm_ident.study.arguments import measurements_of, names_of
 from lrm_ident.study.model_history import add_step_name, as_written, model_file, undo_step, write_model
 from lrm_ident.study.model_on_data import ModelOnData
 from lrm_ident.study.other_data import at_data
@@ -58,7 +59,7 @@ class Study(ModelOnData, ShownInNotebook):
     @staticmethod
     def of(
         data: Measurements,
-        effects: Sequence[str] = DEFAULT_EFFECTS,
+        effects: str | Sequence[str] = DEFAULT_EFFECTS,
         catalogue: Catalogue = CATALOGUE,
         progress: Progress = unheard,
     ) -> Study:
@@ -66,20 +67,25 @@ class Study(ModelOnData, ShownInNotebook):
 
         Raises `LrmError`: measurements without an arm, or an unknown effect.
         """
-        if data.arm is None:
+        arm = measurements_of(data).arm
+        if arm is None:
             raise LrmError(f"{data.path}: no arm; give measurements that were loaded with one")
-        model = nominal_model(data.arm, effects, catalogue)
-        return Study(model, data, data.arm_name or data.arm.name, catalogue, progress=progress)
+        model = nominal_model(arm, names_of(effects), catalogue)
+        return Study(model, data, data.arm_name or arm.name, catalogue, progress=progress)
 
     def fit(
-        self, parameters: str = "identifiable", loss: Loss = SQUARED, prior: str | None = None, unbounded: bool = False
+        self,
+        parameters: str | Sequence[str] = "identifiable",
+        loss: Loss = SQUARED,
+        prior: str | None = None,
+        unbounded: bool = False,
     ) -> Study:
         """Fits the model anew; arguments as `fit_model`'s, `prior` the name of a shipped one or a path.
 
         Raises `LrmError`: unknown names, too few poses, no convergence, or nothing that these poses can tell.
         """
         known = None if prior is None else load_prior(prior, self.model, self.catalogue)
-        result = fit_model(named_part(self.model), self.data, parameters, loss, unbounded, known)
+        result = fit_model(named_part(self.model), self.data, ",".join(names_of(parameters)), loss, unbounded, known)
         name = None if prior is None else prior_name_for(prior)
         bounds = fit_bounds(result.fit.model, unbounded)
         step = StudyStep("fit", result.fit, result.held, bounds=bounds, stated_prior=known, prior_name=name)

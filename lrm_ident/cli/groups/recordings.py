@@ -11,7 +11,7 @@ from typer import Argument, Option
 from lrm_ident.cli import arguments as arg
 from lrm_ident.cli.arm_access import SO101
 from lrm_ident.cli.command import command, stated_reading
-from lrm_ident.cli.common import notice, one_of, progress, publish, show
+from lrm_ident.cli.common import notice, one_of, progress, publish, read_measurements, show
 from lrm_ident.data.measurement_file.write import write_with_metadata
 from lrm_math.arm.arm_file import load_arm
 from lrm_math.errors import LrmError
@@ -141,9 +141,8 @@ def checkup(
     from lrm_ident.data.measurement_file.write import measurements_csv, write_with_metadata
     from lrm_ident.measuring.camera.lens import Lens
     from lrm_ident.measuring.recordings.lerobot_video import measure_video
-    from lrm_ident.study.api import load
 
     with progress("looking at the rests") as tick:
         photos = measure_video(dataset, video, frames, dwell, the_arm, arm, read_toml(lens, Lens), on_gripper, tick)
     write_with_metadata(output, measurements_csv(photos.data), arm, f"video, {dataset.name}", frame="arm")
-    publish(with_video(document, photos, studied(load(output, arm)), output), json)
+    publish(with_video(document, photos, studied(read_measurements(output, the_arm, arm)), output), json)

@@ -1,0 +1,153 @@
+"""Arguments of the Python API: the wrong kind, the wrong arm, a list or a text, and options as Python takes them."""
+
+from __future__ import annotations
+
+import ast
+import warnings
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import lrm_ident as lrm
+from lrm_ident.data.measurements import Measurements
+from lrm_ident.fitting.levenberg_marquardt import Fit
+from lrm_ident.study.arguments import options_in_python
+from lrm_math.arm.arm_file import load_arm
+from lrm_math.errors import FileError, LrmError
+from lrm_math.kinematics.poses import poses_of
+from lrm_math.model.reading import Reading
+
+SOME_JOINTS = "offsets.joint1.theta_rad,offsets.joint2.theta_rad"
+
+
+@pytest.fixture(scope="module")
+def data() -> Measurements:
+    return lrm.load(lrm.EXAMPLE)
+
+
+@pytest.fixture(scope="module")
+def fitted(data: Measurements) -> Fit:
+    return lrm.fit(data, parameters=SOME_JOINTS)
+
+
+@pytest.mark.parametrize(
+    ("call", "words"),
+    [
+        (lambda wrong, _: lrm.load(wrong), "a dict stands where the path of a file should; .*to_csv"),
+        (lambda wrong, _: lrm.load_poses(wrong, "so101"), "where the path of a file should"),
+        (lambda wrong, _: lrm.read_study(wrong, "data.csv"), "where the path of a file should"),
+        (lambda wrong, _: lrm.read_study("model.toml", wrong), "where the path of a file should"),
+        (lambda wrong, _: lrm.fit(wrong), r"a dict stands where measurements should; lrm\.load"),
+        (lambda wrong, _: lrm.Study.of(wrong), "where measurements should"),
+        (lambda wrong, fit: lrm.diagnose(fit, wrong), "where measurements should"),
+        (lambda wrong, fit: lrm.compare(wrong, fit), r"a dict stands where a model should; lrm\.fit\(data\)"),
+        (lambda wrong, fit: lrm.predict(wrong, fit), "where a model should"),
+        (lambda wrong, fit: lrm.predict(fit, wrong), r"a dict stands where poses should; data\.poses"),
+        (lambda _, fit: lrm.predict(fit, np.zeros((2, 6))), "an ndarray stands where poses should"),
+    ],
+)
+def test_an_argument_of_another_kind_is_one_clear_line(
+    call: Callable[[Any, Any], object], words: str, fitted: Fit
+) -> None:
+    with pytest.raises(LrmError, match=words) as caught:
+        call({"q1_deg": [0.0]}, fitted)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("step", [lrm.compare, lrm.diagnose, lambda fit, of: lrm.add(fit, of, "backlash@joint2")])
+def test_a_model_of_another_arm_is_refused_also_with_as_many_joints(
+    step: Callable[[Any, Any], object], fitted: Fit, data: Measurements
+) -> None:
+    with pytest.raises(LrmError, match="the model is of lrm-lab, the measurements of lrm-rover"):
+        step(fitted, replace(data, arm=load_arm("lrm-rover")))
+
+
+def test_poses_of_another_number_of_joints_are_refused(fitted: Fit) -> None:
+    with pytest.raises(LrmError, match="the poses are of 5 joints, lrm-lab has 6"):
+        lrm.predict(fitted, poses_of(np.zeros(5)))
+
+
+def test_a_fit_predicts_as_its_model_does(fitted: Fit, data: Measurements) -> None:
+    assert np.array_equal(lrm.predict(fitted, data.poses), lrm.predict(fitted.model, data.poses))
+
+
+def test_names_by_commas_or_as_a_list_are_the_same(fitted: Fit, data: Measurements) -> None:
+    other = lrm.fit(data, "offsets, compliance", SOME_JOINTS.split(","))
+    assert other.model.keys == fitted.model.keys
+    assert np.array_equal(other.model.values, fitted.model.values)
+
+
+def test_poses_are_read_by_the_name_of_their_arm(tmp_path: Path) -> None:
+    table = tmp_path / "poses.csv"
+    table.write_text("q1_deg,q2_deg\n10,20\n", encoding="utf-8")
+    assert np.degrees(lrm.load_poses(table, "two-joint").q) == pytest.approx(np.array([[10.0, 20.0]]))
+
+
+def test_an_unfitted_study_is_diagnosed_as_it_is(data: Measurements) -> None:
+    found = lrm.Study.of(data.take(np.arange(0, len(data), 3)), "offsets").diagnose()
+    assert found.first is not None
+
+
+@pytest.mark.parametrize(
+    ("message", "note"),
+    [
+        ("if so: --angle-unit rad (then …)", 'lrm.Reading(angle_unit="rad")'),
+        ("if so: --axes=-x,-y,z and --unit m (then …)", 'lrm.Reading(axes="-x,-y,z", unit="m")'),
+        ("--joint-sign 1,-1,1; or", "lrm.Reading(joint_sign=[1, -1, 1])"),
+        ("leave 2 rows out with --bad-rows skip", 'lrm.Reading(bad_rows="skip")'),
+    ],
+)
+def test_options_that_a_message_advises_are_noted_as_python_takes_them(message: str, note: str) -> None:
+    @options_in_python
+    def read() -> None:
+        raise LrmError(message)
+
+    with pytest.raises(LrmError) as caught:
+        read()
+    (line,) = caught.value.__notes__
+    assert line == f"in Python: reading={note}"
+    fields = {word.arg: ast.literal_eval(word.value) for word in ast.parse(note, mode="eval").body.keywords}  # type: ignore[attr-defined]
+    assert Reading(**fields).said() == fields
+
+
+def test_a_message_without_options_of_a_reading_has_no_note() -> None:
+    with pytest.raises(FileError) as caught:
+        lrm.load("nowhere.csv")
+    assert not hasattr(caught.value, "__notes__")
+
+
+def test_advice_that_is_followed_reads_the_file(tmp_path: Path, data: Measurements) -> None:
+    header, *rows = lrm.EXAMPLE.read_text(encoding="utf-8").splitlines()
+    columns = header.split(",")
+    angles = [k for k, name in enumerate(columns) if name.startswith("q")]
+    plain = [name.removesuffix("_deg") for name in columns]
+    cells = [row.split(",") for row in rows]
+    for row in cells:
+        for k in angles:
+            row[k] = f"{np.radians(float(row[k])):.9f}"
+    table = tmp_path / "rad.csv"
+    table.write_text("\n".join([",".join(plain), *map(",".join, cells)]), encoding="utf-8")
+    with pytest.raises(FileError) as caught:
+        lrm.load(table, arm="lrm-lab")
+    reading = eval(caught.value.__notes__[0].partition("reading=")[2], {"lrm": lrm})
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        read = lrm.load(table, arm="lrm-lab", reading=reading)
+    assert read.poses.q == pytest.approx(data.poses.q, abs=1e-8)
+
+
+def test_what_was_left_out_of_a_file_is_warned_of(tmp_path: Path) -> None:
+    header, *rows = lrm.EXAMPLE.read_text(encoding="utf-8").splitlines()
+    x = header.split(",").index("x_mm")
+    cells = rows[4].split(",")
+    cells[x : x + 3] = ["0", "0", "0"]
+    table = tmp_path / "lost.csv"
+    table.write_text("\n".join([header, *rows[:4], ",".join(cells), *rows[5:]]), encoding="utf-8")
+    with pytest.warns(UserWarning, match="exactly 0, 0, 0") as told:
+        data = lrm.load(table, arm="lrm-lab")
+    assert len(data) == len(rows) - 1
+    assert told[0].filename == __file__
