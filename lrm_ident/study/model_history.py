@@ -21,7 +21,7 @@ from lrm_ident.residual.error_breakdown import HeldOutResidual
 from lrm_ident.study.tool_version import tool_version
 from lrm_math.arm.arm_digest import arm_sha256
 from lrm_math.arm.arm_file import arm_name_for
-from lrm_math.effects import Effect, marked
+from lrm_math.effects import effect_names, marked
 from lrm_math.errors import LrmError
 from lrm_math.model.covariance import CovarianceTable, covariance_table
 from lrm_math.model.model import Model
@@ -114,17 +114,6 @@ def _file_at(arm: str, history: Sequence[HistoryTable]) -> ModelFile:
         history=list(history),
         provenance=last.provenance,
     )
-
-
-def effect_names(effects: Sequence[Effect]) -> list[str]:
-    """Effects as named in a model file: `id` if present at all its places, else `id@place`."""
-    names: list[str] = []
-    for effect in effects:
-        everywhere = {e.place for e in effects if e.id == effect.id} == set(type(effect).places(effect.arm))
-        name = effect.id if everywhere else effect.name
-        if name not in names:
-            names.append(name)
-    return names
 
 
 def sigma_table(fit: Fit) -> dict[str, float]:

@@ -10,8 +10,9 @@ from pathlib import Path
 
 from lrm_ident.diagnosis.auto import AutoRun
 from lrm_ident.diagnosis.diagnosis_report import DiagnosisReport, report_of
+from lrm_ident.diagnosis.symbolic_regression.proposal import LawProposal
 from lrm_ident.fitting.levenberg_marquardt import Fit
-from lrm_ident.report.diagnosis.course import step_blocks
+from lrm_ident.report.diagnosis.course import proposal_document, step_blocks
 from lrm_ident.report.diagnosis.diagnosis import diagnosis_document
 from lrm_ident.report.document import Block, blocks_html
 from lrm_ident.report.fit import comparison_document, parameter_table
@@ -50,11 +51,13 @@ def html_of(result: object) -> str:
         case AutoRun(steps=taken):
             steps: list[Block] = [block for k, step in enumerate(taken) for block in step_blocks(k, step, taken[0])]
             return _tables(steps) + html_of(report_of(result.confirmed))
+        case LawProposal():
+            return _tables(proposal_document(result).blocks)
         case Fit():
             return _tables([parameter_table(result)])
         case Study():
             try:
-                return _tables([history_table(result.file)])
+                return _tables([history_table(result.file), *result.notices])
             except LrmError as error:
                 return f"<p>{escape(str(error))}</p>"
     raise LrmError(f"no picture is known for a {type(result).__name__}")

@@ -96,6 +96,10 @@ class Arm:
             if not 0 <= capsule.frame <= self.dof + 1:
                 raise LrmError(f"capsule '{capsule.name}' stands in frame {capsule.frame}, not in 0 to {self.dof + 1}")
 
+    def __repr__(self) -> str:
+        own = ", ".join(joint.name for joint in self.joints if joint.name)
+        return f"<Arm {self.name}: {self.dof} joints{f' ({own})' if own else ''}>"
+
     @property
     def dof(self) -> int:
         """Number of joints n."""

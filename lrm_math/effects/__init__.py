@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from importlib import import_module
 
 from lrm_math.arm.arm import Arm
@@ -68,7 +69,18 @@ ALL_EFFECTS: tuple[type[Effect], ...] = tuple(
         "field.residual_field.ResidualField",
     )
 )
-CATALOGUE = tuple(kind for kind in ALL_EFFECTS if kind.names_a_cause and not kind.variant_of)
+
+
+class _NamedCatalogue(tuple[type[Effect], ...]):
+    """A catalogue that signatures show by its name: there are more than twenty classes in it."""
+
+    __slots__ = ()
+
+    def __repr__(self) -> str:
+        return "CATALOGUE"
+
+
+CATALOGUE = _NamedCatalogue(kind for kind in ALL_EFFECTS if kind.names_a_cause and not kind.variant_of)
 FREE_FORMS = tuple(kind for kind in ALL_EFFECTS if kind.variant_of)
 """Other forms of effects of the catalogue, fitted beside them."""
 FIELDS = tuple(kind for kind in ALL_EFFECTS if not kind.names_a_cause)
@@ -76,6 +88,17 @@ FIELDS = tuple(kind for kind in ALL_EFFECTS if not kind.names_a_cause)
 NOT_A_CAUSE = "not a cause"
 OWN_EFFECT = "an effect of your own comes with its file: --effects-file FILE.py, in Python catalogue_with"
 NOT_OF_THE_ROVER = frozenset({"time", "session", "instrument"})
+
+
+def effect_names(effects: Sequence[Effect]) -> list[str]:
+    """Effects as named in a model file: `id` if present at all its places, else `id@place`."""
+    names: list[str] = []
+    for effect in effects:
+        everywhere = {e.place for e in effects if e.id == effect.id} == set(type(effect).places(effect.arm))
+        name = effect.id if everywhere else effect.name
+        if name not in names:
+            names.append(name)
+    return names
 
 
 def effects_at(arm: Arm, name: str, catalogue: tuple[type[Effect], ...] = CATALOGUE) -> tuple[Effect, ...]:
@@ -90,7 +113,8 @@ def effects_at(arm: Arm, name: str, catalogue: tuple[type[Effect], ...] = CATALO
         raise UnknownName("effect", effect_id, by_id, OWN_EFFECT)
     places = by_id[effect_id].places(arm)
     if place and place not in places:
-        raise UnknownName(f"place of effect {effect_id}", place, places)
+        own = [f"{place} is joint{k}" for k, joint in enumerate(arm.joints, start=1) if joint.name == place]
+        raise UnknownName(f"place of effect {effect_id}", place, places, "".join(own))
     return tuple(by_id[effect_id](arm, at) for at in ([place] if place else places))
 
 
@@ -151,6 +175,7 @@ __all__ = [
     "Parameter",
     "compensable",
     "constant",
+    "effect_names",
     "effects_at",
     "marked",
     "name_of_key",

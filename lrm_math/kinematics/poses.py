@@ -57,6 +57,9 @@ class Poses:
             shapes = f"q has shape {self.q.shape} and payload {self.payload.shape}"
             raise LrmError(f"poses: {shapes}; should be (N, n) and (N,)")
 
+    def __repr__(self) -> str:
+        return f"<Poses: {len(self)} of {self.q.shape[1]} joints>"
+
     def __len__(self) -> int:
         return len(self.q)
 

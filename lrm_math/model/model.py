@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 
 from lrm_math.arm.arm import Arm
 from lrm_math.arrays import Array
-from lrm_math.effects import Effect, Parameter
+from lrm_math.effects import Effect, Parameter, effect_names
 from lrm_math.effects.measured_range import MeasuredRange
 from lrm_math.effects.targets import links_bent_at_ends
 from lrm_math.errors import LrmError, UnknownName
@@ -90,6 +90,10 @@ class Model:
     free: tuple[str, ...] = ()
     within: MeasuredRange | None = None
     fitted_to: str | None = None
+
+    def __repr__(self) -> str:
+        names = ", ".join(effect_names(self.effects)) or "no effects"
+        return f"<Model of {self.arm.name}: {names}; {len(self.keys)} parameters, {len(self.free)} free>"
 
     @cached_property
     def structure(self) -> ModelStructure:

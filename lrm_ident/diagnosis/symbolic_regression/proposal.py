@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from lrm_ident.data.error_stats import ErrorStats, error_stats
 from lrm_ident.data.measurements import Measurements
+from lrm_ident.data.notebook import ShownInNotebook
 from lrm_ident.data.weights.whitening import RowWeights
 from lrm_ident.data.wording import in_mm, p_words
 from lrm_ident.diagnosis.add_effect import add_effects
@@ -54,7 +55,7 @@ class RefittedLaw:
 
 
 @dataclass(frozen=True, eq=False)
-class LawProposal:
+class LawProposal(ShownInNotebook):
     """Result of a search for laws.
 
     Attributes:
@@ -73,6 +74,12 @@ class LawProposal:
     reason: str
     equivalent: tuple[tuple[Law, float], ...] = ()
     next_poses: Array | None = None
+
+    def __repr__(self) -> str:
+        if self.best is None:
+            return f"<No law is proposed of {self.tried}: {self.reason}>"
+        fall = f"from {in_mm(self.before.rms)} to {in_mm(self.best.error.rms)} mm"
+        return f"<Proposed law {self.best.law.formula}: the held-out error falls {fall}; {self.tried} laws tried>"
 
 
 def propose_law(

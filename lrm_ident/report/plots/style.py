@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from io import BytesIO
 from pathlib import Path
+from textwrap import fill
 from typing import TYPE_CHECKING
 
 from lrm_ident.data.atomic_write import write_bytes
@@ -17,6 +18,8 @@ if TYPE_CHECKING:  # matplotlib takes half a second to load
 
 FORMATS = (".png", ".svg", ".pdf")
 NOMINAL, MODEL, HELD_OUT, GREEN = "#888888", "#0072b2", "#d55e00", "#009e73"
+TITLE_LINE = 56
+"""Characters of a title that one panel has room for."""
 
 
 def check_format(path: Path) -> None:
@@ -47,7 +50,7 @@ def figure_file(path: Path, width: float, height: float) -> Iterator[Figure]:
 def finish(axes: Axes, x: str, y: str, title: str = "", legend: bool = True) -> None:
     """Labels, title, grid and legend."""
     axes.set(xlabel=x, ylabel=y)
-    axes.set_title(title, fontsize=10)
+    axes.set_title(fill(title, TITLE_LINE), fontsize=10)
     axes.grid(alpha=0.3)
     if legend:
         axes.legend(fontsize=9)

@@ -17,11 +17,11 @@ import lrm_ident as lrm
 from lrm_ident.data.measurement_file.write import measurements_csv
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.report.model_report import quick_report
-from lrm_ident.study.model_history import effect_names, model_text
+from lrm_ident.study.model_history import model_text
 from lrm_ident.study.study import Study
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_file import load_arm
-from lrm_math.effects import CATALOGUE, effects_at
+from lrm_math.effects import CATALOGUE, effect_names, effects_at
 from lrm_math.kinematics.poses import poses_of
 from lrm_math.model.deployed_model import of_a_session
 from lrm_math.model.equilibrium import solve_equilibrium

@@ -18,6 +18,7 @@ from pdoc import pdoc
 import lrm_ident as lrm
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.study import api
+from lrm_math.arm.arm_file import load_arm
 from lrm_math.errors import LrmError
 from tests.conftest import ROOT
 
@@ -76,6 +77,21 @@ def test_measurements_studies_and_fits_say_in_a_line_what_they_are() -> None:
     assert repr(better).startswith("<Study of lrm-lab: fit, add backlash@joint2; ")
     assert repr(replace(better, source=better.file, step=None)) == repr(better)
     assert re.fullmatch(rf"<Fit of lrm-lab: {known} parameters, 300 poses, \d+\.\d+ mm RMS>", repr(study.taken.fit))
+    assert repr(data.poses) == "<Poses: 300 of 6 joints>"
+    effects, total = "offsets, compliance, backlash@joint2", len(better.model.keys)
+    assert repr(better.model) == f"<Model of lrm-lab: {effects}; {total} parameters, {len(better.model.free)} free>"
+    assert repr(begun.model.arm) == "<Arm lrm-lab: 6 joints>"
+    assert repr(load_arm("two-joint")) == "<Arm two-joint: 2 joints>"
+    assert repr(load_arm("so101")).startswith("<Arm so101: 5 joints (shoulder_pan, shoulder_lift, ")
+
+
+def test_a_signature_names_the_catalogue_and_does_not_list_it() -> None:
+    assert "catalogue: 'Catalogue' = CATALOGUE," in str(inspect.signature(lrm.Study.of))
+
+
+def test_a_notebook_shows_what_a_step_left_out_below_the_steps() -> None:
+    study = replace(lrm.Study.of(lrm.load(lrm.EXAMPLE)).fit("option3"), notices=("outliers, left out: pose 7",))
+    assert "<p>outliers, left out: pose 7</p>" in study._repr_html_()
 
 
 @pytest.mark.parametrize(

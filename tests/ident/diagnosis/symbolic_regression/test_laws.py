@@ -160,6 +160,9 @@ def test_a_law_is_proposed_written_added_and_remembered(tmp_path: Path) -> None:
     assert found.best.law.formula == "δq2 = a sin(q1 + q3) + b cos(q1 + q3)"
     assert found.best.error.rms < 1.25 * 0.3e-3 * np.sqrt(3.0) < found.before.rms
     assert proposal_document(found).values["proposed"] == {"joint": 2, "formula": found.best.law.formula}
+    assert found.best.law.formula in found._repr_html_()
+    assert found.best.law.formula in repr(found)
+    assert len(repr(found)) < 200
 
     law = tmp_path / "sway.py"
     law.write_text(found.best.source, encoding="utf-8")
