@@ -16,6 +16,7 @@ from lrm_ident.data.measurement_file.known_columns import (
     ALIASES,
     ANGLE,
     DISTANCE,
+    FEEDBACK,
     POSITION,
     PoseQuantity,
 )
@@ -26,7 +27,9 @@ from lrm_math.model.reading import AS_NAMED, Reading
 
 NO_UNIT = ("-", "1", "#")
 """Cells of a row of units below columns that have none."""
-ANGLES = re.compile(r"q(\d+)_deg")
+ANGLES, MEASURED_ANGLES = re.compile(r"q(\d+)_deg"), re.compile(r"q\d+_meas_deg")
+OF_A_ROBOT = {"": ANGLE, "action": ANGLE, "observationstate": FEEDBACK, "observation": FEEDBACK}
+"""Our columns by what stands before the joints' own names: LeRobot's commands, and what its encoders read."""
 UNIT_WORDS = {
     "mm": "mm", "millimeter": "mm", "millimeters": "mm", "millimetre": "mm", "millimetres": "mm",
     "cm": "cm", "centimeter": "cm", "centimeters": "cm",
@@ -115,13 +118,7 @@ def _our_names(table: CsvTable, joints: Sequence[str]) -> list[Column]:
 
     Raises `FileError`: two columns that are the same by name.
     """
-    named = {
-        _squeezed(name.lower()) + end: f"q{number}_deg"
-        for number, name in enumerate(joints, start=1)
-        for end in ("", "pos")
-    }
-    if not all(joints) or not {*named.values()} <= {named.get(w) for name in table.header for w, _ in _readings(name)}:
-        named = {}
+    named = _names_of_joints(table, joints)
     found = [
         Column(name, name) if _is_measured(name) or name == "pose" else column_name(name, named)
         for name in table.header
@@ -143,12 +140,29 @@ def _our_names(table: CsvTable, joints: Sequence[str]) -> list[Column]:
     return columns
 
 
+def _names_of_joints(table: CsvTable, joints: Sequence[str]) -> dict[str, str]:
+    """Our columns by the joints' own names, squeezed, as LeRobot writes them; of each kind that has all joints."""
+    words = {words for name in table.header for words, _ in _readings(name)}
+    named: dict[str, str] = {}
+    for before, ours in OF_A_ROBOT.items():
+        names = {
+            before + _squeezed(name.lower()) + end: ours.format(number)
+            for number, name in enumerate(joints, start=1)
+            for end in ("", "pos")
+        }
+        if all(joints) and {*names.values()} <= {names.get(word) for word in words}:
+            named |= names
+    return named
+
+
 def _as_said(column: Column, how: Reading, first: int) -> Column:
     """A column in the unit that `how` states, joints numbered from 1; `first`: the number that they begin with."""
     joint = ANGLES.fullmatch(column.name)
     if joint:
         factor = FACTORS["deg"][how.angle_unit] if how.angle_unit else column.factor
         return Column(ANGLE.format(int(joint[1]) + 1 - first), column.stated, factor)
+    if how.angle_unit and MEASURED_ANGLES.fullmatch(column.name) and column.stated.lower() != column.name:
+        return replace(column, factor=FACTORS["deg"][how.angle_unit])
     if how.unit and column.name in (*POSITION, DISTANCE):
         return replace(column, factor=FACTORS["mm"][how.unit])
     return column

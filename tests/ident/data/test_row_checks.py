@@ -5,6 +5,7 @@ from __future__ import annotations
 import shutil
 from dataclasses import replace
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 import pytest
@@ -30,6 +31,7 @@ from lrm_math.errors import FileError
 from lrm_math.kinematics.poses import poses_of
 from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import model_of
+from lrm_math.model.reading import Reading
 from lrm_math.model.sensed import tool_rotation
 from tests.conftest import EXAMPLE
 from tests.support.commands import run_command, stderr_of, stdout_of
@@ -207,6 +209,41 @@ def test_the_joints_own_names_are_columns(tmp_path: Path) -> None:
     data = load_checked(path, load_arm("so101"))
     np.testing.assert_allclose(data.poses.q, made.poses.q, atol=1e-9)
     assert any("q1_deg = 'shoulder_pan_rad' times 57.2958" in words for words in data.notices)
+
+
+@pytest.mark.parametrize(
+    ("command", "feedback"),
+    [
+        ("action.{}.pos", "observation.state.{}.pos"),
+        ("action_{}", "observation_{}"),
+        ("{}.pos", "observation.{}.pos"),
+        ("action/{}", "observation/state/{}"),
+    ],
+)
+@pytest.mark.parametrize("unit", [None, "rad"])
+def test_columns_of_lerobot_are_commands_and_what_encoders_read(
+    command: str, feedback: str, unit: Literal["rad"] | None, tmp_path: Path
+) -> None:
+    made, scale = so101_data(60, 2), 1.0 if unit is None else np.pi / 180
+    path = as_file(tmp_path, made, [], [command.format(name) for name in JOINTS], angle=scale)
+    header, *rows = path.read_text().splitlines()
+    read = np.degrees(made.poses.q + 0.01) * scale
+    rows = [f"{row},{','.join(f'{angle:.12f}' for angle in angles)}" for row, angles in zip(rows, read, strict=True)]
+    columns = ",".join(feedback.format(name) for name in JOINTS)
+    path.write_text("\n".join([f"{header},{columns}", *rows, ""]))
+    path.with_suffix(".toml").write_text(
+        'schema = "lrm/measurements/1"\nnoise_sd_mm = 0.1\nfeedback_sd_deg = 0.1\n', encoding="utf-8"
+    )
+    data = load_measurements(path, load_arm("so101"), Reading(angle_unit=unit))
+    np.testing.assert_allclose(data.poses.q, made.poses.q, atol=1e-9)
+    assert data.feedback is not None
+    np.testing.assert_allclose(data.feedback, made.poses.q + 0.01, atol=1e-9)
+
+
+def test_what_encoders_read_is_no_command(tmp_path: Path) -> None:
+    path = as_file(tmp_path, so101_data(20, 2), [], [f"observation.state.{name}.pos" for name in JOINTS])
+    with pytest.raises(FileError, match="missing column q1_deg"):
+        load_measurements(path, load_arm("so101"))
 
 
 def test_pose_is_not_required(tmp_path: Path) -> None:
