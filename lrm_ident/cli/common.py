@@ -11,7 +11,7 @@ from typing import TypeVar
 from rich.progress import Progress as Bars
 from rich.progress import TaskID
 
-from lrm_ident.cli.consoles import log, out
+from lrm_ident.cli.consoles import animated, log, out
 from lrm_ident.data.atomic_write import write_text
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.fitting.effect_plugins import Catalogue
@@ -157,7 +157,7 @@ def progress(what: str) -> Iterator[OnProgress]:
 @contextmanager
 def bars() -> Iterator[Progress]:
     """Bars on stderr for several parts of a work, on a terminal only."""
-    with Bars(console=log, transient=True, disable=not log.is_terminal) as shown:
+    with Bars(console=log, transient=True, disable=not animated()) as shown:
         tasks: dict[str, TaskID] = {}
 
         def tick(what: str, done: int, of: int) -> None:

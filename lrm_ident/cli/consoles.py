@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from shutil import get_terminal_size
 
 from rich.console import Console
@@ -10,6 +11,11 @@ COLUMNS = get_terminal_size((0, 0)).columns
 """Columns of the terminal, or as the environment's COLUMNS says; 0 where nothing says it, as in a pipe."""
 out = Console(width=COLUMNS or 100, soft_wrap=not COLUMNS)
 log = Console(stderr=True)
+
+
+def animated() -> bool:
+    """Whether bars can move on stderr: on a terminal, but not below a notebook's cell, which keeps all their states."""
+    return log.is_terminal and "JPY_PARENT_PID" not in os.environ
 
 
 def print_error(words: str) -> None:

@@ -48,7 +48,8 @@ def select_parameters(model: Model, choice: str) -> tuple[str, ...]:
     patterns = THESIS_OPTIONS.get(choice) or tuple(part.strip() for part in choice.split(","))
     for pattern in patterns:
         if not any(fnmatchcase(key, pattern) for key in model.keys):
-            raise UnknownName("parameter", pattern, (*THESIS_OPTIONS, *model.keys))
+            more = f"{choice} is of an arm of six joints; identifiable is of any" if choice in THESIS_OPTIONS else ""
+            raise UnknownName("parameter", pattern, (*THESIS_OPTIONS, *model.keys), more)
     return tuple(key for key in model.keys if any(fnmatchcase(key, pattern) for pattern in patterns))
 
 

@@ -73,13 +73,18 @@ class HeldOutResidual:
     reason: str = ""
     blocks: tuple[HeldOutBlock, ...] = ()
 
+    def __repr__(self) -> str:
+        error = self.error
+        words = self.reason if error is None else f"{in_mm(error.mean)} mm mean, {in_mm(error.rms)} mm RMS"
+        return f"<{type(self).__name__}: {words}>"
+
     @property
     def error(self) -> ErrorStats | None:
         """Error statistics of the held-out residual; None without one."""
         return None if self.residual is None else error_stats(self.residual, held_out_turns(self.blocks))
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class NestedResidual(HeldOutResidual):
     """Held-out residual of a nested cross-validation; `chosen`: effects that each fold selected, in order."""
 

@@ -34,12 +34,15 @@ from lrm_ident.residual.error_breakdown import ModelComparison
 from lrm_ident.residual.thresholds import MAX_EFFECTS
 from lrm_ident.study import inputs
 from lrm_ident.study.arguments import (
+    arm_named,
     check_poses,
     check_same_arm,
     measurements_of,
     model_of_fit,
+    of_kind,
     options_in_python,
     path_of,
+    reading_of,
 )
 from lrm_ident.study.other_data import at_data
 from lrm_ident.study.step import StudyStep
@@ -75,7 +78,7 @@ read_study = options_in_python(inputs.read_study)
 
 
 @options_in_python
-def load(path: str | Path, arm: str | None = None, reading: Reading = AS_NAMED) -> Measurements:
+def load(path: str | Path, arm: str | Path | None = None, reading: Reading = AS_NAMED) -> Measurements:
     """Measured TCP positions of an arm.
 
     Args:
@@ -88,15 +91,15 @@ def load(path: str | Path, arm: str | None = None, reading: Reading = AS_NAMED) 
     and column of the first fault; `Misread` if the arm cannot have moved so.
     """
     file = path_of(path)
-    name, described = arm_for(file, arm)
-    data = inputs.read_measurements(file, described, name, reading)
+    name, described = arm_for(file, None if arm is None else arm_named(arm))
+    data = inputs.read_measurements(file, described, name, reading_of(reading))
     for words in data.notices:
         warnings.warn(words, stacklevel=3)
     return data
 
 
 @options_in_python
-def load_poses(file: str | Path, arm: Arm | str, reading: Reading = AS_NAMED) -> Poses:
+def load_poses(file: str | Path, arm: Arm | str | Path, reading: Reading = AS_NAMED) -> Poses:
     """Commanded poses: `q1_deg` …, optional `payload_g`, `t_s`, `session`, `temp_c`, `approach`.
 
     Args:
@@ -105,7 +108,8 @@ def load_poses(file: str | Path, arm: Arm | str, reading: Reading = AS_NAMED) ->
 
     Raises `FileError`.
     """
-    return pose_files.load_poses(path_of(file), load_arm(arm) if isinstance(arm, str) else arm, reading)
+    own = arm if isinstance(arm, Arm) else load_arm(arm_named(arm))
+    return pose_files.load_poses(path_of(file), own, reading_of(reading))
 
 
 def fit(
@@ -124,7 +128,7 @@ def fit(
 
     Raises `LrmError`: unknown names, data without an arm, too few poses, or no convergence.
     """
-    return Study.of(data, effects).fit(parameters, loss_named(loss), prior).taken.fit
+    return Study.of(data, effects).fit(parameters, loss, prior).taken.fit
 
 
 def compare(model: Model | Fit, data: Measurements, loss: str | None = None) -> ModelComparison:
@@ -164,7 +168,8 @@ def predict(model: Model | Fit, poses: Poses) -> Array:
 
 def save(fit: Fit, data: Measurements, path: str | Path) -> None:
     """Writes a model file of one step, which the command line and the daemon read. Raises `FileError`."""
-    numbers = fit.equilibrium.poses.number
+    right = "lrm.save(fit, data, 'model.toml'); a study saves itself: study.save('model.toml')"
+    numbers = of_kind(fit, Fit, "a fit", right).equilibrium.poses.number
     outliers = [] if numbers is None else np.setdiff1d(data.pose, numbers).tolist()
     replace(_study(fit, data.without(outliers), None), step=StudyStep("fit", fit)).save(path)
 

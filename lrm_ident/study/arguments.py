@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import wraps
-from os import PathLike
 from pathlib import Path
 from typing import Any, ParamSpec, TypeVar
+
+from pydantic import ValidationError
 
 from lrm_ident.data.measurements import Measurements
 from lrm_math.arm.arm import Arm
@@ -21,6 +22,7 @@ OPTION = re.compile(r"--([a-z-]+)[ =]([^\s;,()]+(?:,[^\s;,()]+)*)")
 """An option and its value, as messages name them for the command line."""
 P = ParamSpec("P")
 R = TypeVar("R")
+K = TypeVar("K")
 
 
 def options_in_python(read: Callable[P, R]) -> Callable[P, R]:
@@ -46,12 +48,36 @@ def _literal(text: str) -> str:
     return f"[{text.replace(',', ', ')}]" if numbers else f'"{text}"'
 
 
-def path_of(file: str | PathLike[str]) -> Path:
+def of_kind(value: object, kind: type[K], what: str, right: str) -> K:
+    """The value. Raises `LrmError` if it is of another kind: what should stand there, and what gives it."""
+    if isinstance(value, kind):
+        return value
+    own = type(value).__name__
+    article = "an" if own[0].lower() in "aeiou" or own == "ndarray" else "a"
+    raise LrmError(f"{article} {own} stands where {what} should; {right}")
+
+
+def path_of(file: str | Path) -> Path:
     """The path of a file. Raises `LrmError`: a table, or anything else that is no path."""
-    if isinstance(file, str | PathLike):
-        return Path(file)
     right = "write the table to a CSV first, table.to_csv('my.csv', index=False), and give its path"
-    raise LrmError(f"{_a(file)} stands where the path of a file should; {right}")
+    return Path(file) if isinstance(file, str) else of_kind(file, Path, "the path of a file", right)
+
+
+def arm_named(arm: str | Path) -> str:
+    """Name or path of an arm, as model files keep it. Raises `LrmError`: an arm itself, or anything else."""
+    right = "arm='so101', or the path of an arm file: arm='mine.toml'"
+    return of_kind(str(arm) if isinstance(arm, Path) else arm, str, "the name of an arm", right)
+
+
+def reading_of(reading: Reading | Mapping[str, Any]) -> Reading:
+    """The reading, also as a mapping of its fields. Raises `LrmError`: anything else, or a field that is not valid."""
+    if not isinstance(reading, Mapping):
+        return of_kind(reading, Reading, "a reading", 'lrm.Reading(angle_unit="rad")')
+    try:
+        return Reading(**reading)
+    except ValidationError as error:
+        fault = error.errors(include_url=False)[0]
+        raise LrmError(f"reading: {fault['loc'][0]}: {fault['msg']}") from None
 
 
 def names_of(names: str | Sequence[str]) -> list[str]:
@@ -61,17 +87,14 @@ def names_of(names: str | Sequence[str]) -> list[str]:
 
 def measurements_of(data: object) -> Measurements:
     """The measurements. Raises `LrmError`: anything else."""
-    if isinstance(data, Measurements):
-        return data
-    raise LrmError(f"{_a(data)} stands where measurements should; lrm.load('my.csv', arm='so101') gives them")
+    return of_kind(data, Measurements, "measurements", "lrm.load('my.csv', arm='so101') gives them")
 
 
 def model_of_fit(model: object) -> Model:
     """The model, that of a fit or study too. Raises `LrmError`: anything else."""
-    own = model if isinstance(model, Model) else getattr(model, "model", None)
-    if isinstance(own, Model):
-        return own
-    raise LrmError(f"{_a(model)} stands where a model should; lrm.fit(data) or lrm.load_model('model.toml') gives it")
+    own = getattr(model, "model", model)
+    right = "lrm.fit(data) or lrm.load_model('model.toml') gives it"
+    return own if isinstance(own, Model) else of_kind(model, Model, "a model", right)
 
 
 def check_same_arm(model: Model, arm: Arm | None) -> None:
@@ -83,14 +106,8 @@ def check_same_arm(model: Model, arm: Arm | None) -> None:
 
 def check_poses(model: Model, poses: object) -> None:
     """Raises `LrmError` if these are no poses, or of an arm with another number of joints."""
-    if not isinstance(poses, Poses):
-        right = "data.poses, lrm.load_poses('poses.csv', 'so101'), or poses_of(q_rad) of lrm_math.kinematics.poses"
-        raise LrmError(f"{_a(poses)} stands where poses should; {right}")
-    if poses.q.shape[1] != model.arm.dof:
+    right = "data.poses, lrm.load_poses('poses.csv', 'so101'), or poses_of(q_rad) of lrm_math.kinematics.poses"
+    joints = of_kind(poses, Poses, "poses", right).q.shape[1]
+    if joints != model.arm.dof:
         arm = f"{model.arm.name} has {model.arm.dof}"
-        raise LrmError(f"the poses are of {poses.q.shape[1]} joints, {arm}; is the model of another arm?")
-
-
-def _a(value: Any) -> str:
-    kind = type(value).__name__
-    return f"{'an' if kind[0].lower() in 'aeiou' or kind == 'ndarray' else 'a'} {kind}"
+        raise LrmError(f"the poses are of {joints} joints, {arm}; is the model of another arm?")

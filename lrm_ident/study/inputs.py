@@ -13,7 +13,7 @@ from lrm_ident.data.weights.model_error import model_error_words, with_model_err
 from lrm_ident.fitting.effect_plugins import Catalogue, catalogue_with, file_of, sha256_of
 from lrm_ident.fitting.loss import SQUARED, loss_named
 from lrm_ident.fitting.progress import Progress, unheard
-from lrm_ident.study.arguments import path_of
+from lrm_ident.study.arguments import path_of, reading_of
 from lrm_ident.study.model_history import fit_words
 from lrm_ident.study.other_data import at_data
 from lrm_ident.study.study import Study
@@ -54,7 +54,7 @@ def read_study(
     file, loaded, notices = read_model(path, catalogue)
     known = file.provenance
     usual = None if known is None else known.reading
-    measured = (read or read_measurements)(table, loaded.arm, file.arm, reading, usual)
+    measured = (read or read_measurements)(table, loaded.arm, file.arm, reading_of(reading), usual)
     notices += measured.notices
     if known is not None:
         if known.data_sha256 == measured.sha256:

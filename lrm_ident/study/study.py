@@ -13,9 +13,9 @@ from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.notebook import NotebookPage, ShownInNotebook
 from lrm_ident.data.weights.model_error import model_error_words
 from lrm_ident.data.wording import poses_words
-from lrm_ident.fitting.effect_plugins import Catalogue
+from lrm_ident.fitting.effect_plugins import Catalogue, catalogue_with
 from lrm_ident.fitting.identifiability import fit_identifiable
-from lrm_ident.fitting.loss import SQUARED, Loss
+from lrm_ident.fitting.loss import SQUARED, Loss, loss_named
 from lrm_ident.fitting.model_fit import DEFAULT_EFFECTS, fit_bounds, fit_model, nominal_model
 from lrm_ident.fitting.priors import EffectRates, load_prior, prior_name_for
 from lrm_ident.fitting.progress import Progress, unheard
@@ -60,30 +60,32 @@ class Study(ModelOnData, ShownInNotebook):
     def of(
         data: Measurements,
         effects: str | Sequence[str] = DEFAULT_EFFECTS,
-        catalogue: Catalogue = CATALOGUE,
+        catalogue: Catalogue | str | Path = CATALOGUE,
         progress: Progress = unheard,
     ) -> Study:
         """The nominal arm of measurements, with these effects (`id` or `id@place`) at zero: nothing is fitted yet.
 
-        Raises `LrmError`: measurements without an arm, or an unknown effect.
+        `catalogue`: all effects, or a file with one's own. Raises `LrmError`: no arm, or an unknown effect.
         """
         arm = measurements_of(data).arm
         if arm is None:
             raise LrmError(f"{data.path}: no arm; give measurements that were loaded with one")
-        model = nominal_model(arm, names_of(effects), catalogue)
-        return Study(model, data, data.arm_name or arm.name, catalogue, progress=progress)
+        known = catalogue_with(catalogue) if isinstance(catalogue, str | Path) else catalogue
+        model = nominal_model(arm, names_of(effects), known)
+        return Study(model, data, data.arm_name or arm.name, known, progress=progress)
 
     def fit(
         self,
         parameters: str | Sequence[str] = "identifiable",
-        loss: Loss = SQUARED,
+        loss: Loss | str = SQUARED,
         prior: str | None = None,
         unbounded: bool = False,
     ) -> Study:
-        """Fits the model anew; arguments as `fit_model`'s, `prior` the name of a shipped one or a path.
+        """Fits the model anew; arguments as `fit_model`'s; `loss` or its name, `prior` a shipped one's name or a path.
 
         Raises `LrmError`: unknown names, too few poses, no convergence, or nothing that these poses can tell.
         """
+        loss = loss_named(loss) if isinstance(loss, str) else loss
         known = None if prior is None else load_prior(prior, self.model, self.catalogue)
         result = fit_model(named_part(self.model), self.data, ",".join(names_of(parameters)), loss, unbounded, known)
         name = None if prior is None else prior_name_for(prior)

@@ -8,7 +8,9 @@ import sys
 from pathlib import Path
 
 import pytest
+from rich.console import Console
 
+from lrm_ident.cli import consoles
 from tests.conftest import EXAMPLE, ROOT
 
 
@@ -70,3 +72,17 @@ def test_a_command_that_is_called_wrongly_says_so_in_one_line(command: str, faul
         assert words in free.stderr
     assert all(len(line) <= 80 for line in narrow.stderr.splitlines())
     assert words_of(narrow.stderr) == words_of(free.stderr)
+
+
+@pytest.mark.parametrize(
+    ("terminal", "notebook", "moves"), [(True, False, True), (True, True, False), (False, False, False)]
+)
+def test_bars_move_on_a_terminal_but_not_below_a_cell(
+    terminal: bool, notebook: bool, moves: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A notebook runs `!lrm-ident …` on a terminal of its own, which cannot take a line back."""
+    monkeypatch.delenv("JPY_PARENT_PID", raising=False)
+    if notebook:
+        monkeypatch.setenv("JPY_PARENT_PID", "1")
+    monkeypatch.setattr(consoles, "log", Console(stderr=True, force_terminal=terminal))
+    assert consoles.animated() is moves

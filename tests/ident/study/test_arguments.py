@@ -15,12 +15,28 @@ import pytest
 import lrm_ident as lrm
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.fitting.levenberg_marquardt import Fit
+from lrm_ident.fitting.loss import loss_named
+from lrm_ident.fitting.parameter_sets import select_parameters
 from lrm_ident.study.arguments import options_in_python
 from lrm_math.arm.arm_file import load_arm
+from lrm_math.effects import effects_at
 from lrm_math.errors import FileError, LrmError
 from lrm_math.kinematics.poses import poses_of
+from lrm_math.model.model import model_of
 from lrm_math.model.reading import Reading
 
+BELT = """
+from lrm_math.effects import Description, JointEffect, LinearEffect, Parameter
+
+
+class Belt(JointEffect, LinearEffect):
+    id = "belt"
+    about = Description("A belt stretches.", "δq = c q", "my arm")
+    parameters = (Parameter("c_rad_per_rad", "turn per turn", 0.005),)
+
+    def basis(self, poses, tau):
+        return ((poses.angle(self.joint),),)
+"""
 SOME_JOINTS = "offsets.joint1.theta_rad,offsets.joint2.theta_rad"
 
 
@@ -48,6 +64,11 @@ def fitted(data: Measurements) -> Fit:
         (lambda wrong, fit: lrm.predict(wrong, fit), "where a model should"),
         (lambda wrong, fit: lrm.predict(fit, wrong), r"a dict stands where poses should; data\.poses"),
         (lambda _, fit: lrm.predict(fit, np.zeros((2, 6))), "an ndarray stands where poses should"),
+        (lambda wrong, _: lrm.load(lrm.EXAMPLE, wrong), "a dict stands where the name of an arm should; arm='so101'"),
+        (lambda wrong, _: lrm.load_poses(lrm.EXAMPLE, wrong), "where the name of an arm should"),
+        (lambda *_: lrm.load(lrm.EXAMPLE, reading="rad"), r"a str stands where a reading should; lrm\.Reading"),
+        (lambda wrong, _: lrm.load(lrm.EXAMPLE, reading=wrong), "reading: q1_deg: "),
+        (lambda wrong, fit: lrm.save(wrong, fit, "x.toml"), r"a dict stands where a fit should; lrm\.save\(fit, data"),
     ],
 )
 def test_an_argument_of_another_kind_is_one_clear_line(
@@ -79,6 +100,33 @@ def test_names_by_commas_or_as_a_list_are_the_same(fitted: Fit, data: Measuremen
     other = lrm.fit(data, "offsets, compliance", SOME_JOINTS.split(","))
     assert other.model.keys == fitted.model.keys
     assert np.array_equal(other.model.values, fitted.model.values)
+
+
+def test_a_loss_by_its_name_is_that_loss(data: Measurements) -> None:
+    few, joints = data.take(np.arange(0, len(data), 3)), SOME_JOINTS.split(",")
+    named, itself = (lrm.Study.of(few).fit(joints, loss) for loss in ("huber", loss_named("huber")))
+    assert named.loss == itself.loss
+    assert np.array_equal(named.model.values, itself.model.values)
+
+
+def test_effects_of_ones_own_are_read_from_their_file(data: Measurements, tmp_path: Path) -> None:
+    own = tmp_path / "belt.py"
+    own.write_text(BELT, encoding="utf-8")
+    for catalogue in (own, str(own), lrm.catalogue_with(own)):
+        study = lrm.Study.of(data, "offsets, belt@joint2", catalogue)
+        assert study.model.effects[-1].name == "belt@joint2"
+
+
+def test_a_reading_may_be_a_mapping_of_its_fields(data: Measurements) -> None:
+    read = lrm.load(lrm.EXAMPLE, reading={"angle_unit": "deg", "joint_sign": [1] * 6})  # type: ignore[arg-type]
+    assert np.array_equal(read.poses.q, data.poses.q)
+    assert read.reading.said() == {"angle_unit": "deg", "joint_sign": [1] * 6}
+
+
+def test_a_set_of_the_thesis_is_of_six_joints() -> None:
+    five = load_arm("so101")
+    with pytest.raises(LrmError, match="option1 is of an arm of six joints; identifiable is of any"):
+        select_parameters(model_of(five, effects_at(five, "compliance")), "option1")
 
 
 def test_poses_are_read_by_the_name_of_their_arm(tmp_path: Path) -> None:
