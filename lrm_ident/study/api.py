@@ -131,31 +131,36 @@ def fit(
     return Study.of(data, effects).fit(parameters, loss, prior).taken.fit
 
 
-def compare(model: Model | Fit, data: Measurements, loss: str | None = None) -> ModelComparison:
+def compare(model: Model | Fit | Study, data: Measurements, loss: str | None = None) -> ModelComparison:
     """Error of a model on measurements beside its held-out error, split by what it may depend on.
 
-    Here and below: a `Fit` brings its loss along; else `loss` says it, least squares if not given. On other data than
-    those of the fit, effects that belong to one session are left out, and a warning names them.
+    On poses that the fit did not see its error is a held-out one, and nothing is refitted: on those of another file, or
+    of the same if a `Fit` or `Study` is given (`data.take(rows)`, `data.without(numbers)`).
+
+    Here and below: a `Fit` or `Study` brings its loss along; else `loss` says it, least squares if not given. On other
+    data than those of the fit, effects that belong to one session are left out, and a warning names them.
     """
     return _study(model, data, loss).compare()
 
 
-def diagnose(model: Model | Fit, data: Measurements, loss: str | None = None) -> DiagnosisReport:
+def diagnose(model: Model | Fit | Study, data: Measurements, loss: str | None = None) -> DiagnosisReport:
     """Finds which physical effect a model misses: `first` is the effect to add, `verdict` says if there is one."""
     return _study(model, data, loss).diagnose()
 
 
-def add(model: Model | Fit, data: Measurements, effect: str, loss: str | None = None) -> Fit:
+def add(model: Model | Fit | Study, data: Measurements, effect: str, loss: str | None = None) -> Fit:
     """Adds an effect (`id` or `id@place`), all parameters fitted together, without outliers. Raises `LrmError`."""
     return _study(model, data, loss).add(effect).taken.fit
 
 
-def auto(model: Model | Fit, data: Measurements, max_effects: int = MAX_EFFECTS, loss: str | None = None) -> AutoRun:
+def auto(
+    model: Model | Fit | Study, data: Measurements, max_effects: int = MAX_EFFECTS, loss: str | None = None
+) -> AutoRun:
     """Diagnoses and adds effects until nothing is supported; `model` is the result."""
     return _study(model, data, loss).auto(max_effects)[0]
 
 
-def predict(model: Model | Fit, poses: Poses) -> Array:
+def predict(model: Model | Fit | Study, poses: Poses) -> Array:
     """(N, 3) TCP positions (m) at elastic equilibrium. Raises `NotSettled` if there is none.
 
     At poses of a file other than that of the fit, effects of a session are left out, and a warning names them; they
@@ -174,15 +179,19 @@ def save(fit: Fit, data: Measurements, path: str | Path) -> None:
     replace(_study(fit, data.without(outliers), None), step=StudyStep("fit", fit)).save(path)
 
 
-def _study(model: Model | Fit, data: Measurements, loss: str | None) -> Study:
+def _study(model: Model | Fit | Study, data: Measurements, loss: str | None) -> Study:
     """A study of a model at these data, that knows where their distances start. Raises `LrmError`."""
     the_model = model_of_fit(model)
     check_same_arm(the_model, measurements_of(data).arm)
     check_poses(the_model, data.poses)
-    own = model.loss if isinstance(model, Fit) else SQUARED
+    own = model.loss if isinstance(model, Fit | Study) else SQUARED
     how = own if loss is None else loss_named(loss)
+    step = model.step if isinstance(model, Study) else None
+    fitted = model if step is None else step.fit
+    numbers = fitted.equilibrium.poses.number if isinstance(fitted, Fit) else None
+    apart = numbers is not None and the_model.fitted_to == data.sha256 and not np.isin(data.pose, numbers).any()
     here = _here(the_model, data.path, data.sha256)
-    return Study(with_anchor(here, data), data, data.arm_name or the_model.arm.name, loss=how)
+    return Study(with_anchor(here, data), data, data.arm_name or the_model.arm.name, loss=how, apart=apart)
 
 
 def _here(model: Model, data: Path | None, sha256: str) -> Model:

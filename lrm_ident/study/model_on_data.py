@@ -59,6 +59,7 @@ class ModelOnData:
         source: the model file that the model was read from; None if it began with a fit.
         step: the last step; None as long as none was taken.
         progress: called while something long is done.
+        apart: whether the model was fitted to none of these poses, though to others of the same file.
     """
 
     model: Model
@@ -69,6 +70,7 @@ class ModelOnData:
     source: ModelFile | None = None
     step: StudyStep | None = None
     progress: Progress = unheard
+    apart: bool = False
 
     def compare(self) -> ModelComparison:
         """Compares the model as it is with the data: error, held-out error, and what it may depend on.
@@ -84,10 +86,10 @@ class ModelOnData:
 
     @property
     def unseen(self) -> bool:
-        """Whether the model file says that its fit saw none of these poses: it was of other data, or left them out."""
+        """Whether it is known that the fit saw none of these poses: it was of other data, or left them out."""
         known = None if self.source is None else self.source.provenance
         if known is None:
-            return False
+            return self.step is None and (self.apart or self.model.fitted_to not in (None, self.data.sha256))
         return known.data_sha256 != self.data.sha256 or {*self.data.pose.tolist()} <= {*known.left_out}
 
     @cached_property
