@@ -72,7 +72,12 @@ class RankedCandidate:
     why: str
 
     def __repr__(self) -> str:
-        return f"<{self.scored.name}, {self.verdict}: {self.why}>"
+        return f"<{self.name}, {self.verdict}: {self.why}>"
+
+    @property
+    def name(self) -> str:
+        """`id@place`, by which it is added."""
+        return self.scored.name
 
     @property
     def exact(self) -> bool:

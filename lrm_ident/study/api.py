@@ -6,7 +6,7 @@ result. The functions below do one step on a model and measurements.
 >>> import lrm_ident as lrm
 >>> data = lrm.load(lrm.EXAMPLE)
 >>> study = lrm.Study.of(data).fit()
->>> study.diagnose().first.scored.name
+>>> study.diagnose().first.name
 'backlash@joint2'
 """
 
@@ -25,7 +25,7 @@ from lrm_ident.data.measurement_file.conventions import arm_for
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.registration.anchor import with_anchor
 from lrm_ident.diagnosis.auto import AutoRun
-from lrm_ident.diagnosis.diagnosis_report import DiagnosisReport
+from lrm_ident.diagnosis.diagnosis_report import DiagnosisReport, RankedCandidate
 from lrm_ident.fitting.effect_plugins import catalogue_with
 from lrm_ident.fitting.levenberg_marquardt import Fit
 from lrm_ident.fitting.loss import SQUARED, loss_named
@@ -148,8 +148,11 @@ def diagnose(model: Model | Fit | Study, data: Measurements, loss: str | None = 
     return _study(model, data, loss).diagnose()
 
 
-def add(model: Model | Fit | Study, data: Measurements, effect: str, loss: str | None = None) -> Fit:
-    """Adds an effect (`id` or `id@place`), all parameters fitted together, without outliers. Raises `LrmError`."""
+def add(model: Model | Fit | Study, data: Measurements, effect: str | RankedCandidate, loss: str | None = None) -> Fit:
+    """Adds an effect (`id`, `id@place`, or a candidate), all parameters fitted together, without outliers.
+
+    Raises `LrmError`.
+    """
     return _study(model, data, loss).add(effect).taken.fit
 
 

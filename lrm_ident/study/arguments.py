@@ -80,6 +80,12 @@ def reading_of(reading: Reading | Mapping[str, Any]) -> Reading:
         raise LrmError(f"reading: {fault['loc'][0]}: {fault['msg']}") from None
 
 
+def effect_named(effect: object) -> str:
+    """Name of an effect: itself, or that of a candidate of a diagnosis. Raises `LrmError`: anything else."""
+    right = "study.add('backlash@joint2'), or the first of a diagnosis: study.add(found.first)"
+    return of_kind(getattr(effect, "name", effect), str, "the name of an effect", right)
+
+
 def names_of(names: str | Sequence[str]) -> list[str]:
     """Names as a list, or by commas in one text, as the commands take them."""
     return [name.strip() for name in names.split(",")] if isinstance(names, str) else list(names)

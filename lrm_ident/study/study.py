@@ -21,7 +21,7 @@ from lrm_ident.fitting.priors import EffectRates, load_prior, prior_name_for
 from lrm_ident.fitting.progress import Progress, unheard
 from lrm_ident.residual.error_breakdown import HeldOutResidual, ModelComparison, NestedResidual
 from lrm_ident.residual.thresholds import MAX_EFFECTS
-from lrm_ident.study.arguments import measurements_of, names_of
+from lrm_ident.study.arguments import effect_named, measurements_of, names_of
 from lrm_ident.study.model_history import add_step_name, as_written, model_file, undo_step, write_model
 from lrm_ident.study.model_on_data import ModelOnData
 from lrm_ident.study.other_data import at_data
@@ -36,7 +36,7 @@ if TYPE_CHECKING:  # loaded by the steps that need them: a fit does without
     from lrm_ident.diagnosis.auto import AutoRun, AutoStep
     from lrm_ident.diagnosis.confirm import Refit
     from lrm_ident.diagnosis.diagnose import Diagnosis
-    from lrm_ident.diagnosis.diagnosis_report import DiagnosisReport
+    from lrm_ident.diagnosis.diagnosis_report import DiagnosisReport, RankedCandidate
     from lrm_ident.diagnosis.symbolic_regression.proposal import LawProposal
 
 
@@ -121,14 +121,14 @@ class Study(ModelOnData, ShownInNotebook):
 
         return build_report(screened or self.screen(rates), self._say, compared if self.prior is None else None)
 
-    def add(self, effect: str, screened: Diagnosis | None = None) -> Study:
-        """Adds an effect (`id` or `id@place`): everything is fitted together, without the outliers of the diagnosis.
+    def add(self, effect: str | RankedCandidate, screened: Diagnosis | None = None) -> Study:
+        """Adds an effect (`id` or `id@place`) or candidate: all is fitted together, without the diagnosis's outliers.
 
-        Args:
-            screened: what `screen` gives, where that is known. Raises `LrmError`.
+        `screened`: what `screen` gives, where that is known. Raises `LrmError`.
         """
         from lrm_ident.diagnosis.add_effect import add_effects
 
+        effect = effect_named(effect)
         own = self.identifiable()
         added = effects_at(own.model.arm, effect, own.catalogue)
         if not all(one.names_a_cause for one in added):

@@ -64,6 +64,7 @@ def fitted(data: Measurements) -> Fit:
         (lambda wrong, fit: lrm.predict(wrong, fit), "where a model should"),
         (lambda wrong, fit: lrm.predict(fit, wrong), r"a dict stands where poses should; data\.poses"),
         (lambda _, fit: lrm.predict(fit, np.zeros((2, 6))), "an ndarray stands where poses should"),
+        (lambda _, fit: lrm.add(fit, lrm.load(lrm.EXAMPLE), ["backlash"]), "a list stands where the name of an effect"),
         (lambda wrong, _: lrm.load(lrm.EXAMPLE, wrong), "a dict stands where the name of an arm should; arm='so101'"),
         (lambda wrong, _: lrm.load_poses(lrm.EXAMPLE, wrong), "where the name of an arm should"),
         (lambda *_: lrm.load(lrm.EXAMPLE, reading="rad"), r"a str stands where a reading should; lrm\.Reading"),
@@ -135,9 +136,13 @@ def test_poses_are_read_by_the_name_of_their_arm(tmp_path: Path) -> None:
     assert np.degrees(lrm.load_poses(table, "two-joint").q) == pytest.approx(np.array([[10.0, 20.0]]))
 
 
-def test_an_unfitted_study_is_diagnosed_as_it_is(data: Measurements) -> None:
-    found = lrm.Study.of(data.take(np.arange(0, len(data), 3)), "offsets").diagnose()
-    assert found.first is not None
+def test_an_unfitted_study_is_diagnosed_as_it_is_and_its_first_candidate_added(data: Measurements) -> None:
+    study = lrm.Study.of(data.take(np.arange(0, len(data), 3)), "offsets")
+    first = study.diagnose().first
+    assert first is not None
+    by_candidate, by_name = study.add(first), study.add(first.scored.name)
+    assert by_candidate.taken.name == by_name.taken.name
+    assert np.array_equal(by_candidate.model.values, by_name.model.values)
 
 
 @pytest.mark.parametrize(
