@@ -33,7 +33,7 @@ from lrm_ident.fitting.model_fit import DEFAULT_EFFECTS
 from lrm_ident.residual.error_breakdown import ModelComparison
 from lrm_ident.residual.thresholds import MAX_EFFECTS
 from lrm_ident.study.inputs import read_measurements, read_study
-from lrm_ident.study.other_data import at_data
+from lrm_ident.study.other_data import model_for_data
 from lrm_ident.study.step import StudyStep
 from lrm_ident.study.study import Study
 from lrm_math.arrays import Array
@@ -85,7 +85,7 @@ def fit(
     """Least-squares fit of an arm's model; its `model` goes into the other functions.
 
     Args:
-        effects: ids, or `id@place`.
+        effects: `id`, at all places, or `id@place`.
         parameters: 'identifiable', 'option1' to 'option5', or names and patterns by commas.
         loss: 'squared', 'huber' or 'cauchy'. prior: name of a shipped prior or path of a prior file.
 
@@ -95,10 +95,10 @@ def fit(
 
 
 def compare(model: Model | Fit, data: Measurements, loss: str | None = None) -> ModelComparison:
-    """Error of a model on measurements beside its held-out error, split by what it may depend on.
+    """Error and held-out error of a model on measurements, and its breakdown by factors.
 
-    Here and below: a `Fit` brings its loss along; else `loss` says it, least squares if not given. On other data than
-    those of the fit, effects that belong to one session are left out, and a warning names them.
+    Here and below, `loss` is that of a `Fit`, or least squares, if not given. On other data than those of the fit,
+    effects that belong to one session are left out, and a warning names them.
     """
     return _study(model, data, loss).compare()
 
@@ -121,8 +121,8 @@ def auto(model: Model | Fit, data: Measurements, max_effects: int = MAX_EFFECTS,
 def predict(model: Model, poses: Poses) -> Array:
     """(N, 3) TCP positions (m) at elastic equilibrium. Raises `NotSettled` if there is none.
 
-    At poses of a file other than that of the fit, effects of a session are left out, and a warning names them; they
-    follow the numbers and times of poses that are of no file.
+    At poses from another file than that of the fit, effects of a session are left out, and a warning names them; poses
+    without a file keep them.
     """
     return solve_equilibrium(model if poses.sha256 is None else _here(model, None, poses.sha256), poses).tcp
 
@@ -135,7 +135,7 @@ def save(fit: Fit, data: Measurements, path: str | Path) -> None:
 
 
 def _study(model: Model | Fit, data: Measurements, loss: str | None) -> Study:
-    """A study of a model at these data, that knows where their distances start. Raises `UnknownName`."""
+    """Study of a model on these data, with the anchor of measured distances. Raises `UnknownName`."""
     the_model, own = (model, SQUARED) if isinstance(model, Model) else (model.model, model.loss)
     how = own if loss is None else loss_named(loss)
     here = _here(the_model, data.path, data.sha256)
@@ -143,8 +143,8 @@ def _study(model: Model | Fit, data: Measurements, loss: str | None) -> Study:
 
 
 def _here(model: Model, data: Path | None, sha256: str) -> Model:
-    """The model at the poses of a file, with a warning of what is left out there."""
-    here, left_out = at_data(model, data, sha256)
+    """The model for the poses of a file; a warning names the effects that are left out."""
+    here, left_out = model_for_data(model, data, sha256)
     for words in left_out:
         warnings.warn(words, stacklevel=4)
     return here
