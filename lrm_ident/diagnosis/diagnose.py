@@ -79,7 +79,7 @@ class Diagnosis:
 
     @property
     def structure(self) -> ResidualStructure:
-        """Structure in what the fit leaves."""
+        """Structure of the residual."""
         return self.screening.structure
 
     @property

@@ -33,7 +33,7 @@ WHAT_IT_IS = f"{NOT_A_CAUSE}: a smooth function of the joint angles that predict
 
 
 class NoBetterPrediction(LrmError):
-    """A residual field was not added, since the model does not surely predict better with it."""
+    """Refusal of a residual field, since the model does not significantly predict better with it."""
 
 
 def field_step(model: Model, data: Measurements, loss: Loss, prior: Prior | None, progress: OnProgress) -> StudyStep:
@@ -66,6 +66,7 @@ def field_step(model: Model, data: Measurements, loss: Loss, prior: Prior | None
 
 
 def _squares(residual: Array) -> Array:
+    """(N,), squared distances of a residual (N, 3)."""
     return np.asarray((residual**2).sum(axis=1))
 
 

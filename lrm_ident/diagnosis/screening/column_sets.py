@@ -207,6 +207,7 @@ def _with_grams(
     stacks: tuple[EqualSizedSets, ...],
     parts: Sequence[FoldSplit],
 ) -> ColumnSets:
+    """Column sets with the matrices of their normal equations."""
     grams = []
     for stack in stacks:
         every, known = by_set(columns, stack), by_set(explained, stack)

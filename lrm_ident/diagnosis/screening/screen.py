@@ -79,7 +79,7 @@ class Screening:
 
     @cached_property
     def structure(self) -> ResidualStructure:
-        """Structure in what the fit leaves."""
+        """Structure of the residual."""
         return residual_structure(self.subset[1].poses.q, self.linear.residual, self.linear.basis)
 
     @cached_property

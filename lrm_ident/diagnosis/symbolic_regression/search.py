@@ -65,7 +65,7 @@ class LawSearch:
 
 
 def search_laws(linear: LinearisedFit, groups: Sequence[LawColumns], progress: OnProgress = silent) -> LawSearch:
-    """Tries every law on what a linearised fit leaves."""
+    """Tries every law on the residual of a linearised fit."""
     rows, folds = len(linear.residual), len(linear.folds)
     noise = np.random.default_rng(SEED).normal(size=(rows, NULL_DRAWS)) * linear.sigma
     noise -= linear.basis @ (linear.basis.T @ noise)
