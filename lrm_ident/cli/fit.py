@@ -39,7 +39,7 @@ from lrm_ident.report.priors import PriorComparison
 from lrm_ident.residual.error_breakdown import HeldOutResidual
 from lrm_ident.study.inputs import arm_from
 from lrm_ident.study.model_history import fit_words, undo_step, write_model
-from lrm_ident.study.other_data import at_data
+from lrm_ident.study.other_data import model_for_data
 from lrm_ident.study.study import Study
 from lrm_math.arm.arm import Arm
 from lrm_math.effects import FIELDS, FREE_FORMS, OWN_EFFECT
@@ -135,7 +135,7 @@ def predict(
             "those written are the arm file's own, in deg"
         )
     asked = load_poses(poses, the_model.arm, how)
-    here, left_out = at_data(the_model, poses, asked.sha256 or "")
+    here, left_out = model_for_data(the_model, poses, asked.sha256 or "")
     notice(*left_out)
     settled = solve_equilibrium(here, asked)
     table = _predictions(settled)
@@ -220,7 +220,7 @@ def _start_model(data: Measurements, arm: Arm, effects: str | None, start: Path 
     loaded = read_model(start, catalogue)[1] if start else None
     if start and loaded:
         check_arm(start, loaded.arm, arm)
-        loaded, left_out = at_data(loaded, data.path, data.sha256)
+        loaded, left_out = model_for_data(loaded, data.path, data.sha256)
         notice(*left_out)
     if effects is None and loaded:
         return loaded

@@ -163,6 +163,7 @@ class _Trial:
 
 
 def _refit_trial(diagnosis: Diagnosis, scored: ScoredCandidate, blocks: tuple[HeldOutBlock, ...]) -> _Trial:
+    """Refits the model with a candidate, and tests its parameters (Wald) and its held-out error (Vuong)."""
     data, loss, effect = diagnosis.data, diagnosis.fit.loss, scored.candidate.effect
     try:
         fitted = add_effects(diagnosis.fit.model, data, [effect], scored.shape, loss)

@@ -79,7 +79,7 @@ class Diagnosis:
 
     @property
     def structure(self) -> ResidualStructure:
-        """Structure in what the fit leaves."""
+        """Structure of the residual."""
         return self.screening.structure
 
     @property
@@ -214,7 +214,7 @@ def _diagnosis_of(
     return Diagnosis(
         fit=whole,
         data=screening.data,
-        squared_held_out=linear.now.held_out,
+        squared_held_out=linear.baseline.held_out,
         scored=(*selected, *(one for one in ranked if one not in selected)),
         adjusted_p_values=benjamini_yekutieli({one.name: one.p_value for one in ranked}),
         selected=selected,

@@ -79,9 +79,8 @@ def forward_select(
         step = SelectionStep(fit, dict(zip((one.name for one in screened), estimates, strict=True)))
         steps.append(step)
         progress(1 + len(selected), MOST_SELECTED)
-        chosen = (
-            _next_effect(ranked, selected, step, linear.now, weights or {}) if len(selected) < MOST_SELECTED else None
-        )
+        full = len(selected) == MOST_SELECTED
+        chosen = None if full else _next_effect(ranked, selected, step, linear.baseline, weights or {})
         if chosen is None:
             return Selection(tuple(selected), tuple(steps))
         selected.append(chosen)
@@ -104,8 +103,8 @@ def _next_effect(
     formed: dict[tuple[str, ...], LinearisedFit] = {}
     while choices:
         simple = _parsimonious(choices, priority, len(step.fit.residual))
-        best = _most_helpful(simple, step.fit.now, priority, expected)
-        then, chosen = best if priority[best[1].name] < FORM else _plain_effect_of(best, choices)
+        best = _most_helpful(simple, step.fit.baseline, priority, expected)
+        estimate, chosen = best if priority[best[1].name] < FORM else _plain_effect_of(best, choices)
         left_out = [one for _, one in choices if all(one is not other for _, other in simple)]
         forms = [one for one in refinements if one not in left_out]
         if priority[chosen.name] == REFINEMENT or not forms:
@@ -114,11 +113,11 @@ def _next_effect(
         if names not in formed:
             formed[names] = step.fit.beside(*(one.projected for one in forms))
         by_forms = formed[names]
-        if paired_z(then.held_out, by_forms.now.held_out) > Z_THRESHOLD:
+        if paired_z(estimate.held_out, by_forms.baseline.held_out) > Z_THRESHOLD:
             return chosen
-        if improves_prediction(by_forms.explain(chosen.projected), by_forms.now, start):
+        if improves_prediction(by_forms.explain(chosen.projected), by_forms.baseline, start):
             return chosen
-        choices.remove((then, chosen))
+        choices.remove((estimate, chosen))
     return None
 
 
@@ -126,12 +125,12 @@ def _significant(
     ranked: Sequence[ScoredCandidate], step: SelectionStep, start: LinearEstimate, expected: Mapping[str, float]
 ) -> Iterator[Choice]:
     """The plausible candidates that are significant and predict better."""
-    now, freedom, tests = step.fit.now, step.fit.degrees_of_freedom, yekutieli_factor(len(ranked))
+    before, freedom, tests = step.fit.baseline, step.fit.degrees_of_freedom, yekutieli_factor(len(ranked))
     for one in ranked:
         tried = step.beside[one.name]
-        p_value = f_test_p_value(now.in_sample, tried.in_sample, one.size, freedom)
+        p_value = f_test_p_value(before.in_sample, tried.in_sample, one.size, freedom)
         adjusted = p_value * tests * len(one.candidate.shapes) / expected.get(one.name, 1.0)
-        if not one.implausible and adjusted < SIGNIFICANCE and improves_prediction(tried, now, start):
+        if not one.implausible and adjusted < SIGNIFICANCE and improves_prediction(tried, before, start):
             yield tried, one
 
 
@@ -161,14 +160,14 @@ def _parsimonious(choices: Sequence[Choice], priority: Mapping[str, int], count:
 
 
 def _most_helpful(
-    choices: Sequence[Choice], now: LinearEstimate, priority: Mapping[str, int], expected: Mapping[str, float]
+    choices: Sequence[Choice], before: LinearEstimate, priority: Mapping[str, int], expected: Mapping[str, float]
 ) -> Choice:
     """The most helpful choice; among those that prediction cannot separate from it the first by priority, then by
     weight, then by number of parameters."""
     best = min(choices, key=lambda choice: choice[0].rms)[0]
 
     def near(choice: Choice, z: float, share: float) -> bool:
-        gain, most = (float(now.held_out.mean() - then.held_out.mean()) for then in (choice[0], best))
+        gain, most = (float(before.held_out.mean() - after.held_out.mean()) for after in (choice[0], best))
         return gain > share * most and paired_z(best.held_out, choice[0].held_out) < z
 
     first = min(priority[choice[1].name] for choice in choices if near(choice, Z_THRESHOLD, EQUIVALENT_GAIN))
@@ -195,9 +194,9 @@ def equivalent_effects(selection: Selection, number: int, ranked: Sequence[Score
     Forms of effects that the model does not have are left out, as they name no cause.
     """
     one, step = selection.effects[number], selection.steps[number]
-    without, with_it = step.fit.now, step.beside[one.name]
+    without, with_it = step.fit.baseline, step.beside[one.name]
     gain = float(without.held_out.mean() - with_it.held_out.mean())
-    alike = _sharing_a_form(one, with_it, selection.steps[number + 1], ranked, selection.steps[0].fit.now)
+    alike = _sharing_a_form(one, with_it, selection.steps[number + 1], ranked, selection.steps[0].fit.baseline)
     equivalent = []
     for rival in ranked:
         if rival is one or rival.implausible or rival.candidate.priority == FORM:

@@ -70,13 +70,13 @@ def unexplained_structure(
             if len(one.covariates) == 1 and one.place == free[0].place and one.covariates[0] in names
         ]
         among = _projected([*free, *own], linear, weigh)
-        most = linear.beside(*(scored.projected for scored in selection.effects), *among).now
+        most = linear.beside(*(scored.projected for scored in selection.effects), *among).baseline
         for scored in selection.effects:
-            if scored.candidate.priority == FORM and _saves_as_much(scored.alone, most, linear.now):
+            if scored.candidate.priority == FORM and _saves_as_much(scored.alone, most, linear.baseline):
                 continue
             others = [other.projected for other in selection.effects if other is not scored]
             without = linear.beside(*others, *among)
-            if not improves_prediction(without.explain(scored.projected), without.now, linear.now):
+            if not improves_prediction(without.explain(scored.projected), without.baseline, linear.baseline):
                 spurious[scored.name] = free[0].name
     return UnexplainedStructure(tuple(free), spurious, in_sample, fit, weigh)
 
@@ -125,10 +125,10 @@ def _select_free(in_sample: Mapping[FreeFunction, float], fit: LinearisedFit, we
     chosen: list[FreeFunction] = []
     left = {one: squares for one, squares in in_sample.items() if not one.in_catalogue}
     while len(chosen) < MAX_FREE_FUNCTIONS:
-        most = fit.now.in_sample * (1.0 - PROMISING * (1.0 - (1.0 - MIN_FREE_GAIN) ** 2))
+        most = fit.baseline.in_sample * (1.0 - PROMISING * (1.0 - (1.0 - MIN_FREE_GAIN) ** 2))
         tried = _explained([one for one, squares in left.items() if squares < most], fit, weigh)
         best = min(tried, key=lambda one: tried[one].rms, default=None)
-        if best is None or not predicts_better(tried[best].held_out, fit.now.held_out, MIN_FREE_GAIN):
+        if best is None or not predicts_better(tried[best].held_out, fit.baseline.held_out, MIN_FREE_GAIN):
             break
         chosen.append(best)
         fit = fit.beside(_projected([best], fit, weigh))

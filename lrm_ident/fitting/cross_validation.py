@@ -239,6 +239,7 @@ def one_step_fits(
 def _equilibrium_or_none(
     model: Model, poses: Poses, near: Equilibrium, preconditioner: NewtonPreconditioner | None
 ) -> Equilibrium | None:
+    """The equilibrium from a known one; None if there is none."""
     try:
         return solve_equilibrium(model, poses, near, preconditioner=preconditioner)
     except NoEquilibrium:

@@ -87,6 +87,7 @@ class Prior:
         return self.covariance[np.ix_(places, places)]
 
     def _places(self, keys: Sequence[str]) -> list[int]:
+        """Positions of parameters in the prior. Raises `UnknownName`."""
         place = {key: number for number, key in enumerate(self.keys)}
         for key in keys:
             if key not in place:
@@ -136,6 +137,7 @@ def load_prior(name_or_path: str, model: Model, catalogue: tuple[type[Effect], .
 
 
 def _prior_path(name_or_path: str) -> Path:
+    """Path of a prior file. Raises `FileError`."""
     shipped = shipped_priors()
     path = shipped.get(name_or_path, Path(name_or_path))
     if not path.exists() and path.suffix != ".toml":

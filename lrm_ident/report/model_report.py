@@ -21,7 +21,7 @@ from lrm_ident.residual.covariates import Covariate, covariates
 from lrm_ident.residual.error_breakdown import ModelComparison
 from lrm_ident.residual.picture.error_field import ErrorField, error_field
 from lrm_ident.study.model_history import models_of_history
-from lrm_ident.study.other_data import at_data
+from lrm_ident.study.other_data import model_for_data
 from lrm_ident.study.study import Study
 from lrm_math.effects import marked
 from lrm_math.model.equilibrium import solve_equilibrium
@@ -158,9 +158,9 @@ def models_of_steps(study: Study) -> list[tuple[str, Model]]:
 
 
 def models_on_data(study: Study) -> list[tuple[str, Model]]:
-    """The same, each as far as it applies to the study's data (`at_data`)."""
+    """The same, each as far as it applies to the study's data (`model_for_data`)."""
     path, sha256 = study.data.path, study.data.sha256
-    return [(name, at_data(one, path, sha256)[0]) for name, one in models_of_steps(study)]
+    return [(name, model_for_data(one, path, sha256)[0]) for name, one in models_of_steps(study)]
 
 
 def quick_report(study: Study) -> ModelReport:

@@ -181,6 +181,7 @@ def try_held_out(
 
 
 def _factors(equilibrium: Equilibrium, data: Measurements, residual: Array) -> Iterator[Factor]:
+    """Factors by angle and torque of every joint, load, order of measurement and region of the workspace."""
     J = joint_jacobian(equilibrium)
     torque = equilibrium.joint_torque
     for i in range(equilibrium.model.arm.dof):

@@ -15,7 +15,7 @@ from lrm_math.effects.base import Excitation
 from lrm_math.model.derivatives import parameter_jacobian
 
 LIKENESS = 0.98
-"""Cosine between the motions of the TCP above which parameters look like one thing."""
+"""Cosine between motions of the TCP above which parameters together count as one motion."""
 SURELY = 5.0  # standard errors
 OF_THE_ANGLE = ("servo_gain", "eccentricity", "angle_curve", "cable_spring")
 

@@ -49,41 +49,41 @@ class PredictableError:
     """Held-out residuals of a model without and with a Gaussian process.
 
     Attributes:
-        named, left: (N, 3), held-out residual of the model, and of model and Gaussian process together (m).
+        before, after: (N, 3), held-out residual of the model, and of model and Gaussian process together (m).
         follows: names of the most relevant inputs of the process, the first most.
         rows: number of training poses, at most.
     """
 
-    named: Array
-    left: Array
+    before: Array
+    after: Array
     follows: tuple[str, ...]
     rows: int
 
     @property
     def error(self) -> ErrorStats:
         """Held-out error of model and Gaussian process together."""
-        return error_stats(self.left)
+        return error_stats(self.after)
 
     @property
     def z(self) -> float:
         """z score of the paired difference of squared errors (Vuong 1989); positive where the process is better."""
-        return vuong_z((self.named**2).sum(axis=1) - (self.left**2).sum(axis=1))
+        return vuong_z((self.before**2).sum(axis=1) - (self.after**2).sum(axis=1))
 
     @property
     def more_to_find(self) -> bool:
         """Whether the process lowers the held-out error significantly, and by `MIN_NAMELESS_GAIN`."""
-        left, named = ((residual**2).sum(axis=1) for residual in (self.left, self.named))
-        return self.z > Z_THRESHOLD and falls_by_share(left, named, MIN_NAMELESS_GAIN)
+        after, before = ((residual**2).sum(axis=1) for residual in (self.after, self.before))
+        return self.z > Z_THRESHOLD and falls_by_share(after, before, MIN_NAMELESS_GAIN)
 
     @property
     def noise_bound(self) -> float:
         """Upper bound of the noise, RMS of the 3-D distance (m): the smaller of both held-out errors."""
-        return min(self.error.rms, error_stats(self.named).rms)
+        return min(self.error.rms, error_stats(self.before).rms)
 
     @property
     def sentence(self) -> str:
         """Prediction of the residual in words, and the inputs that it follows."""
-        before, after = in_mm(error_stats(self.named).rms), in_mm(self.error.rms)
+        before, after = in_mm(error_stats(self.before).rms), in_mm(self.error.rms)
         if not self.more_to_find:
             return f"A model without names (a Gaussian process on the residual) predicts no better: {after} mm."
         return (
@@ -110,8 +110,8 @@ def predictable_error(data: Measurements, blocks: Sequence[HeldOutBlock]) -> Pre
     """
     from lrm_ident.residual.gaussian_process import Kernel, condition, fit_kernel  # loads half of scipy
 
-    named, left = held_out_residual(blocks), np.empty_like(data.tcp)
-    known = pose_covariates(data, data.tcp - named)
+    before, after = held_out_residual(blocks), np.empty_like(data.tcp)
+    known = pose_covariates(data, data.tcp - before)
     names, x = tuple(known), np.stack(list(known.values()), axis=1)
     relevance, kernels, most = np.zeros(len(names)), [Kernel.start(len(names))] * 3, 0
     for block in blocks:
@@ -121,9 +121,9 @@ def predictable_error(data: Measurements, blocks: Sequence[HeldOutBlock]) -> Pre
             y, unit = block.train_residual[:, axis], float(block.train_residual[:, axis].std()) or 1.0
             kernel = fit_kernel(x[block.train[search]], y[search] / unit, kernels[axis])
             process = condition(kernel, x[block.train], y / unit)
-            left[block.test, axis] = block.test_residual[:, axis] - unit * process.mean(x[block.test])
+            after[block.test, axis] = block.test_residual[:, axis] - unit * process.mean(x[block.test])
             relevance += (unit * kernel.signal / kernel.lengths) ** 2
             kernels[axis] = kernel
     ranked = sorted(zip(relevance.tolist(), names, strict=True), reverse=True)
     follows = tuple(name for value, name in ranked if value > RELEVANT * ranked[0][0])
-    return PredictableError(named, left, follows[:MOST_FOLLOWED], most)
+    return PredictableError(before, after, follows[:MOST_FOLLOWED], most)

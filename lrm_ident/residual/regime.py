@@ -225,6 +225,7 @@ def _best_interval(quantity: Covariate, squares: Array) -> NDArray[np.bool_]:
 
 
 def _regime(quantity: Covariate, inside: NDArray[np.bool_], squares: Array, p_value: float) -> Regime:
+    """Regime of the poses `inside` (N,), its ends midway to the next values outside."""
     values, total = quantity.shown, float(squares.sum())
     below, above = values[~inside & (values < values[inside].min())], values[~inside & (values > values[inside].max())]
     return Regime(

@@ -44,7 +44,7 @@ from lrm_ident.study.arguments import (
     path_of,
     reading_of,
 )
-from lrm_ident.study.other_data import at_data
+from lrm_ident.study.other_data import model_for_data
 from lrm_ident.study.step import StudyStep
 from lrm_ident.study.study import Study
 from lrm_math.arm.arm import Arm
@@ -122,7 +122,7 @@ def fit(
     """Least-squares fit of an arm's model; its `model` goes into the other functions.
 
     Args:
-        effects: ids, or `id@place`; several by commas, or a list.
+        effects: `id`, at all places, or `id@place`; several by commas, or a list.
         parameters: 'identifiable', 'option1' to 'option5', or names and patterns, by commas or a list.
         loss: 'squared', 'huber' or 'cauchy'. prior: name of a shipped prior or path of a prior file.
 
@@ -132,7 +132,7 @@ def fit(
 
 
 def compare(model: Model | Fit | Study, data: Measurements, loss: str | None = None) -> ModelComparison:
-    """Error of a model on measurements beside its held-out error, split by what it may depend on.
+    """Error and held-out error of a model on measurements, and its breakdown by factors.
 
     On poses that the fit did not see its error is a held-out one, and nothing is refitted: on those of another file, or
     of the same if a `Fit` or `Study` is given (`data.take(rows)`, `data.without(numbers)`).
@@ -166,8 +166,8 @@ def auto(
 def predict(model: Model | Fit | Study, poses: Poses) -> Array:
     """(N, 3) TCP positions (m) at elastic equilibrium. Raises `NotSettled` if there is none.
 
-    At poses of a file other than that of the fit, effects of a session are left out, and a warning names them; they
-    follow the numbers and times of poses that are of no file.
+    At poses from another file than that of the fit, effects of a session are left out, and a warning names them; poses
+    without a file keep them.
     """
     own = model_of_fit(model)
     check_poses(own, poses)
@@ -183,7 +183,7 @@ def save(fit: Fit, data: Measurements, path: str | Path) -> None:
 
 
 def _study(model: Model | Fit | Study, data: Measurements, loss: str | None) -> Study:
-    """A study of a model at these data, that knows where their distances start. Raises `LrmError`."""
+    """Study of a model on these data, with the anchor of measured distances. Raises `LrmError`."""
     the_model = model_of_fit(model)
     check_same_arm(the_model, measurements_of(data).arm)
     check_poses(the_model, data.poses)
@@ -198,8 +198,8 @@ def _study(model: Model | Fit | Study, data: Measurements, loss: str | None) -> 
 
 
 def _here(model: Model, data: Path | None, sha256: str) -> Model:
-    """The model at the poses of a file, with a warning of what is left out there."""
-    here, left_out = at_data(model, data, sha256)
+    """The model for the poses of a file; a warning names the effects that are left out."""
+    here, left_out = model_for_data(model, data, sha256)
     for words in left_out:
         warnings.warn(words, stacklevel=4)
     return here

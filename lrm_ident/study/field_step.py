@@ -1,7 +1,7 @@
-"""The step that adds a residual field: only where the model predicts better with it, poses held out.
+"""Step that adds a residual field, where cross-validation shows that the model predicts better with it.
 
-Folds drawn at random say whether it helps at new poses of the same kind, which is where it may speak. A block of joint
-space lies beside all that was measured: there a field fades, and what can be asked of it is that it does no harm.
+Random folds show whether it improves the prediction of new poses of the same kind. A block of joint space lies outside
+the other poses, where a field fades: there it only has to do no harm.
 """
 
 from __future__ import annotations
@@ -33,41 +33,42 @@ WHAT_IT_IS = f"{NOT_A_CAUSE}: a smooth function of the joint angles that predict
 
 
 class NoBetterPrediction(LrmError):
-    """A residual field was not added, since the model does not surely predict better with it."""
+    """Refusal of a residual field, since the model does not significantly predict better with it."""
 
 
 def field_step(model: Model, data: Measurements, loss: Loss, prior: Prior | None, progress: OnProgress) -> StudyStep:
     """The step from a model without a field to one with it.
 
     Raises:
-        NoBetterPrediction: held out at random it does not save a share worth naming, and more than by chance; or in
-            blocks of joint space it surely does harm.
+        NoBetterPrediction: in random folds the held-out error does not fall significantly by `MIN_NAMELESS_GAIN`, or in
+            blocks of joint space it rises significantly by `MIN_GAIN`.
         LrmError: poses without a position, too few of them, or a fold that does not converge.
     """
     check_positions(data)
     field = ResidualField(model.arm, "tool")
 
     def held_out(fold: NDArray[np.int64] | None) -> tuple[Array, tuple[HeldOutBlock, ...]]:
-        """(N, 3), held-out residual without a field (m); blocks with one."""
+        """(N, 3), held-out residual without the field (m); blocks with it."""
         without = held_out_blocks(model, data, loss=loss, progress=progress, prior=prior, fold=fold)
         return held_out_residual(without), blocks_with_field(field, data, without)
 
-    now, random = held_out(random_folds(data.poses.q, data.repeat_of))
-    then = held_out_residual(random)
-    if not predicts_better(_squares(then), _squares(now), MIN_NAMELESS_GAIN):
-        raise NoBetterPrediction(f"no residual field: it does not surely predict better ({_words(now, then)})")
-    beside, blocks = held_out(None)
-    there = held_out_residual(blocks)
-    if predicts_better(_squares(beside), _squares(there), MIN_GAIN):
-        raise NoBetterPrediction(f"no residual field: beside the poses it predicts worse ({_words(beside, there)})")
+    before, blocks = held_out(random_folds(data.poses.q, data.repeat_of))
+    after = held_out_residual(blocks)
+    if not predicts_better(_squares(after), _squares(before), MIN_NAMELESS_GAIN):
+        raise NoBetterPrediction(f"no residual field: it does not surely predict better ({_words(before, after)})")
+    before, blocks = held_out(None)
+    after = held_out_residual(blocks)
+    if predicts_better(_squares(before), _squares(after), MIN_GAIN):
+        raise NoBetterPrediction(f"no residual field: beside the poses it predicts worse ({_words(before, after)})")
     fitted = fit_with_field(fit(model, data, loss=loss, prior=prior), data)
     name = f"add {field.name}, {WHAT_IT_IS}"
-    return StudyStep(name, fitted, start=model, stated_prior=prior, held_out=HeldOutResidual(there, blocks=blocks))
+    return StudyStep(name, fitted, start=model, stated_prior=prior, held_out=HeldOutResidual(after, blocks=blocks))
 
 
 def _squares(residual: Array) -> Array:
+    """(N,), squared distances of a residual (N, 3)."""
     return np.asarray((residual**2).sum(axis=1))
 
 
-def _words(now: Array, then: Array) -> str:
-    return f"{in_mm(error_stats(now).rms)} mm held out, {in_mm(error_stats(then).rms)} mm with it"
+def _words(before: Array, after: Array) -> str:
+    return f"{in_mm(error_stats(before).rms)} mm held out, {in_mm(error_stats(after).rms)} mm with it"

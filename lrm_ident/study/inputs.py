@@ -1,4 +1,4 @@
-"""Studies, models and measurements from files, read and checked alike for every door."""
+"""Studies, models and measurements from files, read and checked."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from lrm_ident.fitting.loss import SQUARED, loss_named
 from lrm_ident.fitting.progress import Progress, unheard
 from lrm_ident.study.arguments import path_of, reading_of
 from lrm_ident.study.model_history import fit_words
-from lrm_ident.study.other_data import at_data
+from lrm_ident.study.other_data import model_for_data
 from lrm_ident.study.study import Study
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_file import shipped_arms
@@ -26,7 +26,7 @@ from lrm_math.model.reading import AS_NAMED, Reading
 from lrm_math.toml_file import read_toml
 
 ReadMeasurements = Callable[[Path, Arm, str, Reading, Reading | None], Measurements]
-"""Reads measurements as `read_measurements` does, whose arguments it takes."""
+"""Reader of measurements, with the arguments of `read_measurements`."""
 
 
 def read_study(
@@ -40,13 +40,14 @@ def read_study(
 ) -> Study:
     """A model file and measurements of its arm, read as those of its fit and without those that it left out.
 
-    On other measurements than those of its fit the model is without effects that belong to one session (`at_data`).
+    On other measurements than those of its fit effects that belong to one session are left out (`model_for_data`).
 
     Args:
         effects_file: a Python file with effects of the user's own.
-        reading: how the numbers are read; where it and the file beside them say nothing, as those of the fit.
-        part: what is taken of the fit's own data, given the numbers that it left out.
-        read: what reads the measurements; `read_measurements` if not given.
+        reading: units, axes, frame and signs of the numbers; what neither it nor the file beside them states is as in
+            the fit.
+        part: selects poses, given the numbers that the fit left out if these are its own data.
+        read: reader of the measurements; None: `read_measurements`.
 
     Raises `FileError`: with file, line and column of the first fault; `Misread` if the arm cannot have moved so.
     """
@@ -57,13 +58,10 @@ def read_study(
     measured = (read or read_measurements)(table, loaded.arm, file.arm, reading_of(reading), usual)
     notices += measured.notices
     if known is not None:
-        if known.data_sha256 == measured.sha256:
-            measured = part(measured, known.left_out)
-        elif part is not Measurements.without:
-            measured = part(measured, ())
+        measured = part(measured, known.left_out if known.data_sha256 == measured.sha256 else ())
         if how := fit_words(known.loss, measured.left_out):
             notices += (f"as in the model's fit: {how}",)
-    here, left_out = at_data(loaded, measured.path, measured.sha256)
+    here, left_out = model_for_data(loaded, measured.path, measured.sha256)
     anchored = with_anchor(here, measured)
     weighed = with_model_error(measured, solve_equilibrium(anchored, measured.poses), len(anchored.free))
     return Study(
@@ -79,7 +77,7 @@ def read_study(
 
 
 def read_model(path: Path, catalogue: Catalogue) -> tuple[ModelFile, Model, tuple[str, ...]]:
-    """A model file, as it stands and as a model; notices if its arm or its own effects have changed since its fit."""
+    """A model file and its model, with notices if the arm or the user's effects have changed since the fit."""
     file = read_toml(path, ModelFile)
     arm = arm_of(path, file.arm)
     model = to_model(path, file, arm, catalogue)
@@ -97,7 +95,8 @@ def read_measurements(
 
     Args:
         arm_name: as model files name the arm.
-        reading: how the numbers are read; where it and the file beside them say nothing, as `usual` says.
+        reading: units, axes, frame and signs of the numbers; what neither it nor the file beside them states is as in
+            `usual`.
     """
     data = load_checked(path, arm, reading, usual)
     notices = [f"{path.name}: {words}" for words in data.notices]
@@ -107,6 +106,6 @@ def read_measurements(
 
 
 def arm_from(model: Path, arm: str) -> str:
-    """The arm that a model file names, as files in other folders name it."""
+    """The arm that a model file names: a shipped name, or its path made absolute."""
     named = model.parent / arm
     return arm if arm in shipped_arms() or not named.exists() else str(named.resolve())

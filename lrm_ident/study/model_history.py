@@ -1,4 +1,4 @@
-"""Model files from fits: parameters, standard errors, provenance, and the history of identification steps."""
+"""Model files of fits: parameters, standard errors, provenance, and the history of identification steps."""
 
 from __future__ import annotations
 
@@ -54,8 +54,8 @@ def model_file(
     Args:
         arm: name of a shipped arm or path of its file, as stored in the model file.
         step: short description of the step.
-        prior: name of the prior of the fit, if any; for a damped fit the weak one is stored.
-        rivals: held-out RMS (m) that other effects alone would have left at this step, where some were tried.
+        prior: name of the prior of the fit, if any; that of a damped fit is the weak one.
+        rivals: held-out RMS (m) of other effects that were tried at this step, each alone.
     """
     model, date = fit.model, datetime.now(UTC).isoformat(timespec="seconds")
     own = file_of(model.effects)
@@ -88,7 +88,7 @@ def model_file(
 
 
 def models_of_history(file: ModelFile) -> list[tuple[str, ModelFile]]:
-    """Every step's name and the model file after it, the last one being the file; without a history only that."""
+    """Name of every step and the model file after it; a file without a history counts as one step."""
     entries = file.history
     return [(entry.step, _file_at(file.arm, entries[: k + 1])) for k, entry in enumerate(entries)] or [("model", file)]
 
@@ -101,7 +101,7 @@ def undo_step(file: ModelFile) -> ModelFile:
 
 
 def _file_at(arm: str, history: Sequence[HistoryTable]) -> ModelFile:
-    """The model file whose model is that of the last entry."""
+    """Model file of the last entry of a history."""
     last = history[-1]
     return ModelFile(
         schema="lrm/model/1",
@@ -136,7 +136,7 @@ def covariance_table_of(fit: Fit) -> CovarianceTable | None:
 
 
 def fit_words(loss: str, left_out: Sequence[int]) -> str:
-    """Manner of a fit in words, where it differs from least squares of all poses; else nothing."""
+    """Loss and left-out poses of a fit in words; empty for least squares of all poses."""
     how = [] if loss == "squared" else [f"loss {loss}"]
     if left_out:
         how.append(f"{len(left_out)} poses left out: {enumerate_words(list(map(str, left_out)), LEFT_OUT_SHOWN)}")
@@ -144,13 +144,13 @@ def fit_words(loss: str, left_out: Sequence[int]) -> str:
 
 
 def add_step_name(effect: str, equivalent: Sequence[str]) -> str:
-    """Name of a step in the history of a model file: the effect added, and those that the data cannot tell from it."""
+    """Name of a step in the history of a model file: the effect added, and the others of its equivalence class."""
     rivals = f", or {enumerate_words(equivalent, RIVALS_NAMED)}: these data cannot tell" if equivalent else ""
     return f"add {effect}{rivals}"
 
 
 def as_written(model: Model, arm: str) -> Model:
-    """A model as it is read again from its own file: effects in the file's order, values through the file's units."""
+    """The model as it would be read from its own file: effects in its order, values rounded by the change of units."""
     effects, parameters = effect_names(model.effects), parameter_tables(model)
     file = ModelFile(schema="lrm/model/1", arm=arm, effects=effects, parameters=parameters, range=range_table(model))
     read = to_model(Path(arm), file, model.arm, tuple({type(effect) for effect in model.effects}))
@@ -158,11 +158,11 @@ def as_written(model: Model, arm: str) -> Model:
 
 
 def model_text(file: ModelFile) -> str:
-    """The file's TOML text; a comment above it marks what names no cause."""
+    """TOML text of a model file, with a comment for every effect that names no cause."""
     beside = [f"# {words}\n" for name in file.effects if (words := marked(name)) != name]
     return "".join(beside) + tomli_w.dumps(as_tables(file))
 
 
 def write_model(path: Path, file: ModelFile, arm: str) -> None:
-    """Writes a model file; `arm`, where it is a path, as seen from the file's folder. Raises `FileError`."""
+    """Writes a model file; a path of an `arm` is stored relative to the file's folder. Raises `FileError`."""
     write_text(path, model_text(file.model_copy(update={"arm": arm_name_for(arm, path.parent)})))

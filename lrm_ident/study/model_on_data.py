@@ -1,4 +1,4 @@
-"""A model on measurements of its arm: how it was fitted, and its errors in the fit and held out."""
+"""Model on measurements of its arm: how it was fitted, and its errors in the fit and held out."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ from lrm_math.model.uncertainty import field_speaks
 
 @dataclass(frozen=True)
 class ErrorSummary:
-    """Errors of a model beside the nominal arm's, in the fit and held out."""
+    """Errors of the nominal arm, of a model in its fit, held out, and together with a Gaussian process."""
 
     nominal: ErrorStats
     fitted: ErrorStats
@@ -51,14 +51,14 @@ class ModelOnData:
     """A model on measurements of its arm.
 
     Attributes:
-        model: its free parameters are those that the next step varies.
-        data: what is fitted; `data.left_out` has the numbers of the poses that are not.
-        arm: a shipped arm's name or the path of an arm file, as a model file names it.
+        model: its free parameters are those that the next step fits.
+        data: the measurements that are fitted; `data.left_out`: numbers of those that are not.
+        arm: name of a shipped arm or path of an arm file, as in a model file.
         catalogue: every effect that may be tried or named.
-        loss: what fits minimise.
+        loss: of fits.
         source: the model file that the model was read from; None if it began with a fit.
-        step: the last step; None as long as none was taken.
-        progress: called while something long is done.
+        step: the last step; None before the first.
+        progress: callback of long computations.
         apart: whether the model was fitted to none of these poses, though to others of the same file.
     """
 
@@ -73,9 +73,9 @@ class ModelOnData:
     apart: bool = False
 
     def compare(self) -> ModelComparison:
-        """Compares the model as it is with the data: error, held-out error, and what it may depend on.
+        """Compares the model as it is with the data: error, held-out error, and breakdown by factors.
 
-        On poses that no fit of the model saw, its error is a held-out one, and nothing is refitted.
+        On poses that no fit of the model saw its error is a held-out one, and nothing is refitted.
         """
         speaks = field_speaks(self.model, self.covariance, self.data.poses.q)
         if self.unseen:
@@ -86,7 +86,7 @@ class ModelOnData:
 
     @property
     def unseen(self) -> bool:
-        """Whether it is known that the fit saw none of these poses: it was of other data, or left them out."""
+        """Whether it is known to be fitted to none of these poses: to other data, or with all of them left out."""
         known = None if self.source is None else self.source.provenance
         if known is None:
             return self.step is None and (self.apart or self.model.fitted_to not in (None, self.data.sha256))
@@ -119,7 +119,7 @@ class ModelOnData:
 
     @property
     def prior_name(self) -> str | None:
-        """The prior's, as a model file names it."""
+        """Name of the prior, as in a model file."""
         if self.step is not None:
             return WEAK if self.step.fit.damped else self.step.prior_name
         known = None if self.source is None else self.source.provenance
@@ -127,7 +127,7 @@ class ModelOnData:
 
     @cached_property
     def held_out(self) -> HeldOutResidual:
-        """Held-out residual of the last fit, repeated in ten blocks of neighbouring poses."""
+        """Held-out residual of the last fit, cross-validated in blocks of neighbouring poses."""
         if self.step is not None and self.step.held_out is not None:
             return self.step.held_out
         bounds = None if self.step is None else self.step.bounds
@@ -151,7 +151,7 @@ class ModelOnData:
 
     @cached_property
     def nominal_error(self) -> ErrorStats:
-        """TCP error of the arm file's nominal arm."""
+        """TCP error of the nominal arm."""
         return self._error_of(nominal_arm(self.model.arm, self.data))
 
     @property

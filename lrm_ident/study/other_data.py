@@ -1,4 +1,4 @@
-"""A model on data other than those of its fit: without what belongs to the session in which these were measured."""
+"""Model on data other than those of its fit: without effects of the session in which those were measured."""
 
 from __future__ import annotations
 
@@ -9,17 +9,17 @@ from lrm_ident.data.wording import enumerate_words
 from lrm_math.model.deployed_model import lasting_part
 from lrm_math.model.model import Model
 
-NAMED = 12
+NAMED = 12  # effects in a message
 
 
-def at_data(model: Model, data: Path | None, sha256: str) -> tuple[Model, tuple[str, ...]]:
-    """The model at the poses of a file, and one line that names what it leaves out there, if anything.
+def model_for_data(model: Model, data: Path | None, sha256: str) -> tuple[Model, tuple[str, ...]]:
+    """The model for the poses of a file, and one line that names the effects that it leaves out, if any.
 
-    On the data of its fit, or a part of them, or the same file with rows added, it is the whole model. On others,
-    effects of a session would follow how those poses happen to be numbered and timed.
+    On the data of its fit, on a part of them, and on the same file with rows added it is the whole model. On others
+    effects of a session, such as a drift, would depend on unrelated numbers and times of poses.
 
     Args:
-        data: the file, None if only its SHA-256 is known. sha256: of it.
+        data: the file; None if only its SHA-256 is known. sha256: of the file.
     """
     lasting = lasting_part(model)
     if lasting is model or model.fitted_to in (None, sha256):
@@ -34,7 +34,7 @@ def at_data(model: Model, data: Path | None, sha256: str) -> tuple[Model, tuple[
 
 
 def _grown_from(data: Path, sha256: str | None) -> bool:
-    """Whether a file is one of that SHA-256 with lines appended."""
+    """Whether a file begins with the lines of a file of this SHA-256."""
     try:
         lines = data.read_bytes().splitlines(keepends=True)
     except OSError:

@@ -1,4 +1,4 @@
-"""One step of an identification: a fit, and how it was made."""
+"""Step of an identification: a fit, and how it was made."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ class StudyStep:
     """A step that was taken.
 
     Attributes:
-        name: as in the history of the model file, for instance `add backlash@joint2`; "" if that has no entry of it.
+        name: as in the history of the model file, for instance `add backlash@joint2`; "" for a step without an entry.
         fit: of the model after it. held: parameters held at zero, since the data cannot identify them.
         start: the model before it; None for a first fit.
-        bounds: of the fit, for the fits of its cross-validation; None: those that the effects state.
-        stated_prior: of the fit. prior_name: of that, as a model file names it.
-        held_out: where that is known already.
-        rivals: held-out RMS (m) that other effects alone would have left, the least first; None where none was tried.
+        bounds: of the fit and its cross-validation; None: those that the effects state.
+        stated_prior: prior of the fit, if one was stated. prior_name: its name, as in a model file.
+        held_out: held-out residual, where it is known already.
+        rivals: held-out RMS (m) of other effects that were tried, each alone, the least first; None where none was.
     """
 
     name: str

@@ -1,4 +1,4 @@
-"""`Study`: a model on measurements of its arm. Every door holds one, calls its methods, and presents what they give."""
+"""`Study`: a model on measurements of its arm, whose methods are the steps of an identification."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from lrm_ident.residual.thresholds import MAX_EFFECTS
 from lrm_ident.study.arguments import effect_named, measurements_of, names_of
 from lrm_ident.study.model_history import add_step_name, as_written, model_file, undo_step, write_model
 from lrm_ident.study.model_on_data import ModelOnData
-from lrm_ident.study.other_data import at_data
+from lrm_ident.study.other_data import model_for_data
 from lrm_ident.study.step import StudyStep
 from lrm_math.effects import CATALOGUE, effects_at
 from lrm_math.errors import LrmError
@@ -46,7 +46,7 @@ class Study(ModelOnData, ShownInNotebook):
 
     Attributes:
         before: the study before the last step.
-        notices: what a person should know of the files and of what was done with them, one line each.
+        notices: messages to the user about the files and the steps, one line each.
     """
 
     before: Study | None = None
@@ -81,9 +81,9 @@ class Study(ModelOnData, ShownInNotebook):
         prior: str | None = None,
         unbounded: bool = False,
     ) -> Study:
-        """Fits the model anew; arguments as `fit_model`'s; `loss` or its name, `prior` a shipped one's name or a path.
+        """Fits the model anew; arguments as of `fit_model`; `loss` or its name, `prior`: name of a shipped one or path.
 
-        Raises `LrmError`: unknown names, too few poses, no convergence, or nothing that these poses can tell.
+        Raises `LrmError`: unknown names, too few poses, no convergence, or no identifiable parameter.
         """
         loss = loss_named(loss) if isinstance(loss, str) else loss
         known = None if prior is None else load_prior(prior, self.model, self.catalogue)
@@ -95,10 +95,10 @@ class Study(ModelOnData, ShownInNotebook):
         return replace(begun, notices=(*self.notices, *model_error_words(result.data)))._after(step, None)
 
     def screen(self, rates: EffectRates | None = None) -> Diagnosis:
-        """Tries every effect at every place by the linearised fit, and finds outliers.
+        """Screens every effect at every place by the linearised fit, and finds outliers.
 
         Args:
-            rates: how often arms of this kind have each effect, where that is known.
+            rates: frequency of each effect among arms of this kind, where known.
         """
         from lrm_ident.diagnosis.diagnose import diagnose
 
@@ -114,17 +114,17 @@ class Study(ModelOnData, ShownInNotebook):
         """Finds which effect the model misses.
 
         Args:
-            screened, compared: what `screen` and `compare` give, where that is known already. Held-out errors are
-                then those of the comparison, a picometre from those of the refit (the commands repeat it).
+            screened, compared: results of `screen` and `compare`, where known already. Held-out errors are then those
+                of the comparison, a picometre from those of a refit.
         """
         from lrm_ident.diagnosis.diagnosis_report import build_report
 
         return build_report(screened or self.screen(rates), self._say, compared if self.prior is None else None)
 
     def add(self, effect: str | RankedCandidate, screened: Diagnosis | None = None) -> Study:
-        """Adds an effect (`id` or `id@place`) or candidate: all is fitted together, without the diagnosis's outliers.
+        """Adds an effect (`id` or `id@place`) or candidate and refits everything, without the diagnosis's outliers.
 
-        `screened`: what `screen` gives, where that is known. Raises `LrmError`.
+        `screened`: result of `screen`, where known already. Raises `LrmError`.
         """
         from lrm_ident.diagnosis.add_effect import add_effects
 
@@ -145,9 +145,9 @@ class Study(ModelOnData, ShownInNotebook):
         return then._after(StudyStep(name, fitted, start=own.model, rivals=rivals), self)
 
     def add_field(self) -> Study:
-        """Adds a residual field, or fits the one that is there anew: what no name explains, and no cause itself.
+        """Adds a residual field, or fits the present one anew: a function of the joint angles that names no cause.
 
-        Raises `NoBetterPrediction` where it does not predict better held out, `LrmError` without measured positions.
+        Raises `NoBetterPrediction` where the held-out error does not fall, `LrmError` without measured positions.
         """
         from lrm_ident.study.field_step import field_step
 
@@ -162,7 +162,7 @@ class Study(ModelOnData, ShownInNotebook):
         on_step: Callable[[AutoStep, Study], object] = lambda *_: None,
         on_confirmed: Callable[[Refit], object] = lambda _: None,
     ) -> tuple[AutoRun, Study]:
-        """Adds effects as the diagnoses advise until they say stop: the run, and the study after it.
+        """Diagnoses and adds effects until none is confirmed: the run, and the study after it.
 
         Args:
             on_step: called with the start, and with every step as soon as it is taken. on_confirmed: with the refit of
@@ -189,7 +189,7 @@ class Study(ModelOnData, ShownInNotebook):
     def nested_held_out(
         self, executor: Executor, max_effects: int = MAX_EFFECTS, rates: EffectRates | None = None
     ) -> NestedResidual:
-        """Held-out residual of `auto` itself, effects chosen anew in every fold; folds side by side on `executor`."""
+        """Nested cross-validation: held-out residual of `auto`, effects selected anew in every fold, on an executor."""
         from lrm_ident.diagnosis.nested_cross_validation import nested_held_out
 
         own, tick = self.identifiable(), partial(self.progress, "choosing anew in every fold")
@@ -205,7 +205,7 @@ class Study(ModelOnData, ShownInNotebook):
         return self._after(step, self)
 
     def propose(self) -> LawProposal:
-        """Proposes a law where no known effect fits: a small grammar searched at every joint."""
+        """Proposes a law where no known effect fits, by symbolic regression at every joint."""
         from lrm_ident.diagnosis.symbolic_regression.proposal import propose_law
 
         own, tick = self.identifiable(), partial(self.progress, "trying every law at every joint")
@@ -219,10 +219,10 @@ class Study(ModelOnData, ShownInNotebook):
             return before
         file = undo_step(self.file)
         model = to_model(self.data.path, file, self.model.arm, self.catalogue)
-        return replace(self, model=at_data(model, self.data.path, self.data.sha256)[0], source=file, step=None)
+        return replace(self, model=model_for_data(model, self.data.path, self.data.sha256)[0], source=file, step=None)
 
     def identifiable(self) -> Study:
-        """Frees only parameters that the data alone identify, whatever a prior decided in the fit; without a field."""
+        """The study without a residual field, only parameters free that the data identify without a prior."""
         if self.prior_name is None:
             return self.named()
         model = named_part(self.model)
@@ -234,7 +234,7 @@ class Study(ModelOnData, ShownInNotebook):
         return self._instead(fitted, words)
 
     def named(self) -> Study:
-        """The study without a residual field, as every diagnosis looks at it: a field is no cause and may hide one."""
+        """The study without a residual field, which is no cause and may hide one."""
         model = named_part(self.model)
         if model is self.model:
             return self
@@ -266,7 +266,7 @@ class Study(ModelOnData, ShownInNotebook):
         )
 
     def view(self) -> NotebookPage:
-        """The page that `lrm-ident report` writes, in a notebook: error field, what is missing, cards of the steps."""
+        """The page of `lrm-ident report` in a notebook: error field, diagnosis, cards of the steps."""
         return NotebookPage(self)
 
     def save(self, path: str | Path) -> None:
@@ -283,16 +283,16 @@ class Study(ModelOnData, ShownInNotebook):
 
     @property
     def _filed(self) -> Study | None:
-        """The nearest study, from this one back, that has a model file of its own."""
+        """The last study, this one or before it, that has a model file of its own."""
         if self.source is not None or (self.step is not None and self.step.name):
             return self
         return None if self.before is None else self.before._filed
 
     def _instead(self, model: Model, words: str) -> Study:
-        """Before a step with another model than this one's, and with a notice of it."""
+        """The study with another model before a step, and a notice of it."""
         return replace(self, model=model, source=None, step=None, before=self, notices=(*self.notices, words))
 
     def _after(self, step: StudyStep, before: Study | None) -> Study:
-        """After a step; its model is as its file would be read again, so that every door goes on alike."""
+        """The study after a step, its model as read from its file, so that API and commands give the same results."""
         model = as_written(step.fit.model, self.arm)
         return replace(self, model=model, source=None, step=step, before=before)

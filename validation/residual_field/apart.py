@@ -9,7 +9,7 @@ from rich.table import Table
 from lrm_ident.data.error_stats import ErrorStats, error_stats
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.fitting.field.fit import fit_with_field
-from lrm_ident.study.other_data import at_data
+from lrm_ident.study.other_data import model_for_data
 from lrm_ident.study.study import Study
 from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import Model
@@ -26,7 +26,7 @@ def models(data: Measurements) -> Iterator[tuple[str, Model]]:
 def errors_apart(data: Measurements, apart: Measurements) -> Iterator[tuple[str, ErrorStats, int]]:
     """Name and error (m) on `apart` of each way, and how many effects of the session of `data` are left out there."""
     for name, model in models(data):
-        here, _ = at_data(model, apart.path, apart.sha256)
+        here, _ = model_for_data(model, apart.path, apart.sha256)
         residual = apart.position_error(solve_equilibrium(here, apart.poses))
         yield name, error_stats(residual), len(model.effects) - len(here.effects)
 

@@ -1,1 +1,1 @@
-"""Screening of a fit: every candidate effect alone, linearised, on what the fit leaves."""
+"""Screening of a fit: every candidate effect alone, linearised, on the residual."""

@@ -140,6 +140,7 @@ def differentiate_candidates(
 
 
 def _candidate(extended: Model, effect: Effect, rows: tuple[int, ...], response: Response, priority: int) -> Candidate:
+    """Candidate with all combinations of the shapes to try; of an effect that is fitted in part with its own shape."""
     shapes = [tuple(extended.value(key) for key in effect.keys)]
     if not any(key in extended.free for key in effect.keys):
         tried = effect.shapes_to_try(response.equilibrium.poses)

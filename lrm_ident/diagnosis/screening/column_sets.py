@@ -27,7 +27,7 @@ class FoldSplit:
         predicted_rows: T rows that are predicted.
         fitted: (T, P), prediction for unit amounts along orthonormal directions of the fitted parameters.
         predictor: (T, p), prediction for unit amounts along p directions of columns that were selected later.
-        left: (T,), residual at the predicted rows.
+        residual: (T,), at the predicted rows.
     """
 
     poses: NDArray[np.int64]
@@ -35,7 +35,7 @@ class FoldSplit:
     predicted_rows: slice
     fitted: Array
     predictor: Array
-    left: Array
+    residual: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -207,6 +207,7 @@ def _with_grams(
     stacks: tuple[EqualSizedSets, ...],
     parts: Sequence[FoldSplit],
 ) -> ColumnSets:
+    """Column sets with the matrices of their normal equations."""
     grams = []
     for stack in stacks:
         every, known = by_set(columns, stack), by_set(explained, stack)

@@ -107,7 +107,7 @@ class LinearisedFit:
         order: (R N,), numbers of the rows fold by fold, the order of rows in `ColumnSets`.
         sigma: noise against which the prior is weighed (m per axis).
         rows: R, rows of each pose.
-        taken: columns that were selected since.
+        selected: columns that were selected since.
     """
 
     residual: Array
@@ -116,7 +116,7 @@ class LinearisedFit:
     order: NDArray[np.int64]
     sigma: float
     rows: int
-    taken: SelectedColumns
+    selected: SelectedColumns
 
     @property
     def folds(self) -> tuple[FoldSplit, ...]:
@@ -132,7 +132,7 @@ class LinearisedFit:
     def degrees_of_freedom(self) -> int:
         """Number of measured rows less that of fitted parameters."""
         measured = (self.residual != 0.0) | self.basis.any(axis=1)
-        return int(np.count_nonzero(measured) - self.basis.shape[1] - self.taken.columns.shape[1])
+        return int(np.count_nonzero(measured) - self.basis.shape[1] - self.selected.columns.shape[1])
 
     def pose_by_pose(self, rows: Array) -> Array:
         """Rows (R N,) that stand fold by fold, pose by pose."""
@@ -171,29 +171,29 @@ class LinearisedFit:
         Selected columns are projected out of the normal equations instead of the columns, which is faster.
         """
         columns, stacks = side_by_side(sets, len(self.residual))
-        taken, root = self.pose_by_pose(self.taken.columns), self.taken.inverse_root[0]
-        fitted, known, of_residual = self.basis.T @ columns, root @ (taken.T @ columns), self.taken.residual[0]
+        selected, root = self.pose_by_pose(self.selected.columns), self.selected.inverse_root[0]
+        fitted, known, of_residual = self.basis.T @ columns, root @ (selected.T @ columns), self.selected.residual[0]
         along = self.residual @ columns - of_residual @ known
         shrunk = self.ridge * root @ root.T  # by how much the selected directions are short of unit length
-        left = np.full(len(sets), self.now.in_sample)
+        left = np.full(len(sets), self.baseline.in_sample)
         for stack in stacks:
-            own, of_fitted, of_taken = (by_set(rows, stack) for rows in (columns, fitted, known))
-            gram = sum(sign * np.swapaxes(a, 1, 2) @ a for sign, a in ((1, own), (-1, of_fitted), (-1, of_taken)))
+            own, of_fitted, of_selected = (by_set(rows, stack) for rows in (columns, fitted, known))
+            gram = sum(sign * np.swapaxes(a, 1, 2) @ a for sign, a in ((1, own), (-1, of_fitted), (-1, of_selected)))
             right = along[stack.columns].reshape(len(stack.numbers), stack.size, 1)
             theta = np.linalg.solve(gram + self.ridge * np.eye(stack.size), right)
-            short = np.swapaxes(of_taken, 1, 2) @ shrunk
-            change = (2.0 * (right - short @ of_residual[:, None]) - (gram - short @ of_taken) @ theta) * theta
+            short = np.swapaxes(of_selected, 1, 2) @ shrunk
+            change = (2.0 * (right - short @ of_residual[:, None]) - (gram - short @ of_selected) @ theta) * theta
             left[stack.numbers] -= change.sum(axis=(1, 2))
         return left
 
     def up_to_date(self, sets: ColumnSets) -> ColumnSets:
         """Sets with all columns projected out that were selected since they were projected last."""
-        taken, known = self.taken, sets.explained.shape[1]
-        if known == taken.columns.shape[1]:
+        selected, known = self.selected, sets.explained.shape[1]
+        if known == selected.columns.shape[1]:
             return sets
-        along = sets.products(self.parts, taken.columns[:, known:])
-        along -= np.swapaxes(taken.amounts[:, :known, known:], 1, 2) @ sets.explained
-        return sets.with_explained(taken.inverse_root[:, known:, known:] @ along, taken.residual[:, known:])
+        along = sets.products(self.parts, selected.columns[:, known:])
+        along -= np.swapaxes(selected.amounts[:, :known, known:], 1, 2) @ sets.explained
+        return sets.with_explained(selected.inverse_root[:, known:, known:] @ along, selected.residual[:, known:])
 
     def beside(self, *sets: ColumnSets) -> LinearisedFit:
         """The fit with these columns selected too."""
@@ -201,20 +201,20 @@ class LinearisedFit:
             return self
         columns = self.up_to_date(united(sets, self.parts))
         root = _inverse_root(columns.grams[0][:, 0], self.ridge)
-        taken, known = self.taken.extended(columns, root), self.taken.columns.shape[1]
+        selected, known = self.selected.extended(columns, root), self.selected.columns.shape[1]
         parts = []
         for number, part in enumerate(self.parts):
             left = columns.residual_rows(part) - part.predictor @ columns.explained[number]
             directions = left @ root[number].T
             predictor = np.concatenate([part.predictor, directions], axis=1)
-            rest = part.left - directions @ taken.residual[number, known:]
-            parts.append(replace(part, predictor=predictor, left=rest))
-        return replace(self, parts=tuple(parts), taken=taken)
+            rest = part.residual - directions @ selected.residual[number, known:]
+            parts.append(replace(part, predictor=predictor, residual=rest))
+        return replace(self, parts=tuple(parts), selected=selected)
 
     @cached_property
-    def now(self) -> LinearEstimate:
+    def baseline(self) -> LinearEstimate:
         """Estimate of no further columns: the error of the fit as it is."""
-        whole, *folds = (part.left for part in self.parts)
+        whole, *folds = (part.residual for part in self.parts)
         return LinearEstimate(np.zeros(0), np.zeros(0), float(whole @ whole), self._by_pose(folds)[0])
 
     def explain(self, columns: ColumnSets) -> LinearEstimate:
@@ -227,9 +227,9 @@ class LinearisedFit:
         theta, inverse = self._estimates(sets)
         left = []
         for part, amounts, own in zip(self.parts, sets.explained, theta, strict=True):
-            left.append(part.left[:, None] - sets.predicted(part, amounts, own))
+            left.append(part.residual[:, None] - sets.predicted(part, amounts, own))
         in_sample, held_out = np.einsum("ts,ts->s", left[0], left[0]), self._by_pose(left[1:])
-        held_out = np.minimum(held_out, np.maximum(squared_outlier_distance(held_out)[:, None], self.now.held_out))
+        held_out = np.minimum(held_out, np.maximum(squared_outlier_distance(held_out)[:, None], self.baseline.held_out))
         found: list[LinearEstimate | None] = [None] * len(sets)
         ends = [*sets.starts[1:], sets.columns.shape[1]]
         for place, (number, start, end) in enumerate(zip(sets.numbers, sets.starts, ends, strict=True)):
@@ -273,8 +273,8 @@ def linearise(A: Array, residual: Array, test_poses: Sequence[NDArray[np.int64]]
         left = own[test] + fitted @ (fitted.T @ own[test])
         parts.append(FoldSplit(poses, test, test, fitted, none[test], left))
         start = test.stop
-    taken = SelectedColumns.empty(len(order), len(parts))
-    return LinearisedFit(residual, basis, tuple(parts), order, sigma, rows, taken)
+    none_selected = SelectedColumns.empty(len(order), len(parts))
+    return LinearisedFit(residual, basis, tuple(parts), order, sigma, rows, none_selected)
 
 
 def _inverse_root(gram: Array, ridge: float) -> Array:

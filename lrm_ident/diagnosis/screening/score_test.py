@@ -73,7 +73,7 @@ def score_candidates(
         moved = float(np.linalg.norm(columns))
         p_value = 1.0
         if trial.rank:
-            p_value = f_test_p_value(linear.now.in_sample, trial.in_sample, trial.rank, linear.degrees_of_freedom)
+            p_value = f_test_p_value(linear.baseline.in_sample, trial.in_sample, trial.rank, linear.degrees_of_freedom)
         p_value = min(1.0, p_value * len(trial.candidate.shapes))
         if trial.rank == 0 or (moved < MIN_DETECTABLE * linear.sigma and p_value > SIGNIFICANCE):
             each = moved / np.sqrt(len(linear.residual) / linear.rows)

@@ -79,7 +79,7 @@ class Screening:
 
     @cached_property
     def structure(self) -> ResidualStructure:
-        """Structure in what the fit leaves."""
+        """Structure of the residual."""
         return residual_structure(self.subset[1].poses.q, self.linear.residual, self.linear.basis)
 
     @cached_property
@@ -101,7 +101,7 @@ class Screening:
         Twice, because a missing effect may put whole groups of poses far out. Distances are unweighted: the weights of
         a robust loss would hide the outliers.
         """
-        squared = self.linear.now.held_out
+        squared = self.linear.baseline.held_out
         if self.ranked:
             squared = np.minimum(squared, self.ranked[0].alone.held_out)
         distance = np.sqrt(squared / self.fit.weight[self.screened])

@@ -123,7 +123,7 @@ def _propose(
     linear = linearised(start, data, RowWeights(data.whitening, start.weight))
     groups = law_columns(start, data)
     search = search_laws(linear, [one for one in groups if known is None or one.key == known.law.key], progress)
-    without = linear.now.held_out
+    without = linear.baseline.held_out
     nested = float(np.sqrt(search.nested.mean()))
     found = LawProposal(before, nested, search.p_value, len(search.laws), None, "")
     if search.p_value > SIGNIFICANCE:

@@ -65,7 +65,7 @@ class LawSearch:
 
 
 def search_laws(linear: LinearisedFit, groups: Sequence[LawColumns], progress: OnProgress = silent) -> LawSearch:
-    """Tries every law on what a linearised fit leaves."""
+    """Tries every law on the residual of a linearised fit."""
     rows, folds = len(linear.residual), len(linear.folds)
     noise = np.random.default_rng(SEED).normal(size=(rows, NULL_DRAWS)) * linear.sigma
     noise -= linear.basis @ (linear.basis.T @ noise)
@@ -77,12 +77,12 @@ def search_laws(linear: LinearisedFit, groups: Sequence[LawColumns], progress: O
         whole, residual = _products(projected.columns, projected.columns, both, group), both[:, 0]
         for k, fold in enumerate(linear.folds):
             own, test = projected.columns[fold.absent], projected.residual_rows(fold)
-            theta, explained = _solve(whole.less(_products(own, test, fold.left[:, None], group)), group, linear)
+            theta, explained = _solve(whole.less(_products(own, test, fold.residual[:, None], group)), group, linear)
             predicted = test[:, group.first] * theta[0, :, 0]
             predicted[:, group.pairs] += test[:, group.second[group.pairs]] * theta[1, group.pairs, 0]
-            left = fold.left[:, None] - predicted
+            left = fold.residual[:, None] - predicted
             held_out[fold.poses] = (left**2).reshape(-1, linear.rows, left.shape[1]).sum(axis=1)
-            squares_left = residual @ residual - residual[fold.absent] @ fold.left
+            squares_left = residual @ residual - residual[fold.absent] @ fold.residual
             by_fold[k] = _bic_gain(explained, rows - len(left), squares_left, group)[:, 0]
         gains = _bic_gain(_solve(whole, group, linear)[1], rows, (both**2).sum(axis=0), group)
         squares.append(held_out)

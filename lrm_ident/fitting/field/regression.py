@@ -1,4 +1,4 @@
-"""Regression of a residual field: hyperparameters, rank, coefficients and their covariance from what a model leaves.
+"""Regression of a residual field: hyperparameters, rank, coefficients and their covariance from a model's residual.
 
 Per axis of the field y = F c + noise, with independent normal coefficients whose variances follow the spectral
 densities of squared-exponential kernels: one of all joints with a length for each, and one of every joint alone with a
@@ -135,6 +135,7 @@ class AxisRegression:
         return np.asarray(root[:, None] * cho_solve(self._whitened(chosen), np.eye(len(chosen))) * root)
 
     def _whitened(self, chosen: NDArray[np.int64]) -> tuple[Array, bool]:
+        """Cholesky factor, for `cho_solve`, of the posterior precision in units of the prior, of some functions."""
         root = np.sqrt(self.variance[chosen])
         part = root[:, None] * self.gram[np.ix_(chosen, chosen)] * root / self.noise**2
         factor, lower = cho_factor(part + np.eye(len(chosen)))

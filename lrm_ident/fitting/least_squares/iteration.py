@@ -61,11 +61,11 @@ class LevenbergMarquardt:
     near: Equilibrium | None
 
     def with_smoothness(self, smooth: Smoothness) -> LevenbergMarquardt:
-        """The same with these penalties."""
+        """The problem with other penalties."""
         return replace(self, smooth=smooth, objective=replace(self.objective, prior=smooth.prior))
 
     def solve(self, most_steps: int) -> Optimum:
-        """Iterates until no decrease is predicted, and noise and penalties agree with what the fit leaves.
+        """Iterates until no decrease is predicted, and noise and penalties agree with the residual.
 
         These are estimated anew whenever the parameters have converged for the present ones (MacKay 1992; Wood &
         Fasiolo 2017). Raises `FitNotConverged`.
@@ -101,6 +101,7 @@ class LevenbergMarquardt:
         raise FitNotConverged(most_steps, change)
 
     def _start(self) -> Iterate:
+        """The iterate at the model's values, put within the bounds."""
         z = self.objective.model.values[self.objective.columns] / self.objective.typical
         return self.objective.at(np.clip(z, self.bounds.lower, self.bounds.upper), self.near)
 

@@ -255,6 +255,7 @@ class Objective:
         return NoiseScale(scale, max(self.residual_sd(iterate, parameters, squares), least))
 
     def _scale(self, iterate: Iterate) -> float:
+        """Robust scale of the loss; 1 for least squares, which needs none."""
         return 1.0 if self.loss.name == "squared" else max(robust_scale(iterate.distance), MIN_SCALE)
 
 

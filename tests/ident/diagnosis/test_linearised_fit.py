@@ -57,10 +57,10 @@ def test_what_is_taken_is_projected_out_for_good(taken: list[list[int]], tried: 
         for poses in folds:
             rows = np.setdiff1d(every, (3 * poses[:, None] + np.arange(3)).reshape(-1))
             squares[poses] = (ridge(A, both, residual, rows).reshape(-1, 3) ** 2).sum(axis=1)[poses]
-        astray = squares > np.maximum(squared_outlier_distance(squares), fit.now.held_out)
+        astray = squares > np.maximum(squared_outlier_distance(squares), fit.baseline.held_out)
         np.testing.assert_allclose(found.held_out[~astray], squares[~astray], rtol=1e-7, atol=1e-12)
         assert (found.held_out[astray] < squares[astray]).all()
-    assert fit.now.in_sample == pytest.approx(float((ridge(A, inside, residual, every) ** 2).sum()), rel=1e-9)
+    assert fit.baseline.in_sample == pytest.approx(float((ridge(A, inside, residual, every) ** 2).sum()), rel=1e-9)
 
 
 @given(seed=st.integers(0, 1000), lever=st.floats(10.0, 1e4))
@@ -73,7 +73,7 @@ def test_a_pose_to_which_a_line_leads_astray_counts_as_an_outlier_does(seed: int
     folds = [np.asarray(part) for part in np.array_split(np.arange(POSES), 5)]
     linear = linearise(A, residual, folds, SIGMA)
     found = linear.explain(linear.project(slope[:, None]))
-    at_most = np.maximum(linear.now.held_out, squared_outlier_distance(found.held_out))
+    at_most = np.maximum(linear.baseline.held_out, squared_outlier_distance(found.held_out))
     assert (found.held_out <= at_most * (1 + 1e-9)).all()
 
 
@@ -94,4 +94,4 @@ def test_a_column_that_is_taken_already_explains_nothing_more(seed: int) -> None
     linear, _, _ = some_fit(rng)
     T = linear.project(rng.normal(size=(3 * POSES, 2)) * 100.0)
     fit = linear.beside(T)
-    assert fit.explain(T).rms == pytest.approx(fit.now.rms, rel=1e-6)
+    assert fit.explain(T).rms == pytest.approx(fit.baseline.rms, rel=1e-6)

@@ -147,7 +147,7 @@ def test_an_unknown_law_is_predicted_down_to_the_noise_and_its_inputs_are_named(
     found = predicted(3, law)
     assert found.more_to_find
     assert set(found.follows[:2]) == {"q1", "q4"}
-    assert NOISE * np.sqrt(3.0) * 0.9 < found.noise_bound < 2.0 * NOISE * np.sqrt(3.0) < error_stats(found.named).rms
+    assert NOISE * np.sqrt(3.0) * 0.9 < found.noise_bound < 2.0 * NOISE * np.sqrt(3.0) < error_stats(found.before).rms
 
 
 def test_a_law_of_the_position_is_predicted_better_than_by_angles_and_is_named() -> None:
@@ -224,8 +224,8 @@ def test_compare_says_what_a_nameless_model_could_predict(lab: Arm) -> None:
     data = Measurements(poses, data.pose, tcp, None, None, data.pose, data.path, "")
     found = compare(model, data)
     assert found.predictable is not None
-    np.testing.assert_allclose(found.predictable.named, cross_validated_residual(model, data))
-    np.testing.assert_allclose(held_out_residual(found.held_out.blocks), found.predictable.named)
+    np.testing.assert_allclose(found.predictable.before, cross_validated_residual(model, data))
+    np.testing.assert_allclose(held_out_residual(found.held_out.blocks), found.predictable.before)
     assert found.predictable.more_to_find
     assert found.predictable.follows[0] == "q2"
 

@@ -146,10 +146,10 @@ def test_a_true_law_beats_the_noise_and_none_does_not(seed: int) -> None:
     search, linear, _ = made_up(seed, 1.0)
     assert int(search.bic_gain.argmax()) == TRUE
     assert search.p_value < 0.01
-    assert search.nested.mean() < 0.7 * linear.now.held_out.mean()
+    assert search.nested.mean() < 0.7 * linear.baseline.held_out.mean()
     search, linear, _ = made_up(seed, 0.0)
     assert search.p_value > 0.01
-    assert search.nested.mean() > 0.97 * linear.now.held_out.mean()
+    assert search.nested.mean() > 0.97 * linear.baseline.held_out.mean()
 
 
 @pytest.mark.slow
