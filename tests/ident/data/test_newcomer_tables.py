@@ -204,6 +204,7 @@ def test_all_cells_that_are_no_numbers_are_named_at_once(tmp_path: Path, lab: Ar
         load_measurements(path, lab)
     for line in lines:
         assert f"line {line}, column" in str(caught.value)
+    assert "; no number either: line " in str(caught.value)
     assert "leave 3 rows out with --bad-rows skip" in str(caught.value)
 
 
