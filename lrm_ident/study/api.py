@@ -135,7 +135,7 @@ def compare(model: Model | Fit | Study, data: Measurements, loss: str | None = N
     """Error and held-out error of a model on measurements, and its breakdown by factors.
 
     On poses that the fit did not see its error is a held-out one, and nothing is refitted: on those of another file, or
-    of the same if a `Fit` or `Study` is given (`data.take(rows)`, `data.without(numbers)`).
+    of the same if a `Fit` or `Study` is given (`data.without(numbers)`, `data.only(numbers)`).
 
     Here and below: a `Fit` or `Study` brings its loss along; else `loss` says it, least squares if not given. On other
     data than those of the fit, effects that belong to one session are left out, and a warning names them.

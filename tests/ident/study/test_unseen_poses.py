@@ -63,6 +63,17 @@ def test_another_file_is_compared_as_the_command_compares_it(
     assert seen.error.rms == pytest.approx(by_file.error.rms)
 
 
+def test_poses_kept_aside_are_remembered_by_the_file(tmp_path: Path) -> None:
+    data, aside = lrm.load(lrm.EXAMPLE), range(201, 301)
+    kept = study(data.without(aside))
+    kept.save(tmp_path / "model.toml")
+    by_file = lrm.read_study(tmp_path / "model.toml", lrm.EXAMPLE, part=Measurements.only).compare()
+    seen = lrm.compare(kept, data.only(aside))
+    assert seen.data.pose.tolist() == by_file.data.pose.tolist() == list(aside)
+    assert seen.held_out.error is by_file.held_out.error is None
+    assert seen.error.rms == pytest.approx(by_file.error.rms)
+
+
 def test_what_is_fitted_to_these_poses_next_has_seen_them() -> None:
     data = lrm.load(lrm.EXAMPLE)
     rest = data.take(np.arange(100, 200))
