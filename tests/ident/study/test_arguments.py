@@ -199,7 +199,7 @@ def test_what_was_left_out_of_a_file_is_warned_of(tmp_path: Path) -> None:
     cells = rows[4].split(",")
     cells[x : x + 3] = ["0", "0", "0"]
     table = tmp_path / "lost.csv"
-    table.write_text("\n".join([header, *rows[:4], ",".join(cells), *rows[5:]]), encoding="utf-8")
+    table.write_text("\n".join([header, *rows[:4], ",".join(cells), *rows[5:], ""]), encoding="utf-8")
     with pytest.warns(UserWarning, match="exactly 0, 0, 0") as told:
         data = lrm.load(table, arm="lrm-lab")
     assert len(data) == len(rows) - 1
