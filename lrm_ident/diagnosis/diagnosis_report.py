@@ -229,10 +229,9 @@ def _fitted_estimates(scored: ScoredCandidate, fitted: Fit) -> tuple[Estimate, .
     """Estimates of the refit, with the shape parameters that it holds."""
     effect, model = scored.candidate.effect, fitted.model
     errors = dict(zip(model.free, fitted.standard_error, strict=True))
-    keys = dict(zip(effect.keys, effect.parameters, strict=True))
     return tuple(
         Estimate(p.name, model.value(key) / p.si, float(errors.get(key, 0.0)) / p.si)
-        for key, p in keys.items()
+        for key, p in zip(effect.keys, effect.parameters, strict=True)
         if key in errors or p.fixed is not None
     )
 
