@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 
@@ -37,7 +37,6 @@ DISPLAY_UNITS = {
 }
 MOST_ESTIMATES = 4  # in a sentence, the most significant; all are in the JSON file
 TOO_MANY = 12  # estimates from which none is listed: coefficients of a curve
-Estimates = tuple[tuple[str, float, float], ...]
 NEXT_STEP: Mapping[str, str] = {
     "effect_describes": "Add it: unseen poses are predicted better, though it shows no new cause. Diagnose again with "
     "it; of what is left then look at the anatomy, and try lrm-ident propose.",
@@ -52,6 +51,14 @@ NEXT_STEP: Mapping[str, str] = {
 """Advice after a verdict that names no cause."""
 
 
+class Estimate(NamedTuple):
+    """Estimate of a parameter: its name with the unit, value and standard error in that unit."""
+
+    name: str
+    value: float
+    error: float
+
+
 @dataclass(frozen=True, eq=False)
 class RankedCandidate:
     """One candidate with its verdict.
@@ -59,7 +66,6 @@ class RankedCandidate:
     Attributes:
         held_out_rms: held-out RMS with it (m), by the linear screening unless `exact`.
         fit: with it, where it was refitted and cross-validated; else None.
-        estimates: (name with unit, value, standard error) in the file's units.
         equivalent: names of effects that the data cannot distinguish from it. why: one sentence.
     """
 
@@ -67,7 +73,7 @@ class RankedCandidate:
     verdict: Literal["supported", "indistinguishable", "no_evidence"]
     held_out_rms: float
     fit: Fit | None
-    estimates: Estimates
+    estimates: tuple[Estimate, ...]
     equivalent: tuple[str, ...]
     why: str
 
@@ -211,27 +217,26 @@ def _rank(scored: ScoredCandidate, confirmed: ConfirmedDiagnosis, before: ErrorS
     return RankedCandidate(scored, verdict, rms, fitted, estimates, equivalent, why)
 
 
-def _estimates(scored: ScoredCandidate) -> Estimates:
+def _estimates(scored: ScoredCandidate) -> tuple[Estimate, ...]:
     """Estimates of the linear screening."""
     return tuple(
-        (p.name, float(theta * p.typical / p.si), float(error * p.typical / p.si))
+        Estimate(p.name, float(theta * p.typical / p.si), float(error * p.typical / p.si))
         for p, theta, error in zip(scored.candidate.parameters, scored.alone.theta, scored.alone.error, strict=True)
     )
 
 
-def _fitted_estimates(scored: ScoredCandidate, fitted: Fit) -> Estimates:
+def _fitted_estimates(scored: ScoredCandidate, fitted: Fit) -> tuple[Estimate, ...]:
     """Estimates of the refit, with the shape parameters that it holds."""
     effect, model = scored.candidate.effect, fitted.model
     errors = dict(zip(model.free, fitted.standard_error, strict=True))
-    keys = dict(zip(effect.keys, effect.parameters, strict=True))
     return tuple(
-        (p.name, model.value(key) / p.si, float(errors.get(key, 0.0)) / p.si)
-        for key, p in keys.items()
+        Estimate(p.name, model.value(key) / p.si, float(errors.get(key, 0.0)) / p.si)
+        for key, p in zip(effect.keys, effect.parameters, strict=True)
         if key in errors or p.fixed is not None
     )
 
 
-def _describe_effect(scored: ScoredCandidate, estimates: Estimates, fitted: Fit | None) -> str:
+def _describe_effect(scored: ScoredCandidate, estimates: Sequence[Estimate], fitted: Fit | None) -> str:
     """Claim of an effect with its estimates, for instance `joint2 has 2.3 ± 0.1° of play`; where the claim has no
     number, as of a curve, with the largest motion that the effect makes."""
     effect = scored.candidate.effect
@@ -243,17 +248,17 @@ def _describe_effect(scored: ScoredCandidate, estimates: Estimates, fitted: Fit 
     claim = sentence.format(place=effect.place_in_words, **numbers) if sentence else f"{effect.id} at {effect.place}"
     if fitted is not None and not any(f"{{{name}}}" in sentence for name in numbers):
         claim += f", by up to {in_mm(_largest_motion(fitted, effect))} mm at the tip"
-    told = [one for one in estimates if one[1]]  # 0: what acts at no pose
-    left = [one for one in told if one[0] not in sentence]
-    if effect.variant_of:  # coefficients of a curve say nothing to a reader
+    acting = [one for one in estimates if one.value]
+    further = [one for one in acting if one.name not in sentence]
+    if effect.variant_of:  # coefficients of a curve mean nothing to a reader
         return claim
-    if any(one not in left for one in told if one[2]) or not left or len(left) > TOO_MANY:
+    if any(one not in further for one in acting if one.error) or not further or len(further) > TOO_MANY:
         return claim
-    surest = sorted(left, key=lambda one: -abs(one[1]) / max(one[2], 1e-300))[:MOST_ESTIMATES]
-    shown = [name for name in words if name in {one[0] for one in surest}]
-    meanings = {p.name: p.meaning for p in effect.parameters}
+    surest = sorted(further, key=lambda one: -abs(one.value) / max(one.error, 1e-300))[:MOST_ESTIMATES]
+    shown = [name for name in words if name in {one.name for one in surest}]
+    meanings, more = {p.name: p.meaning for p in effect.parameters}, len(further) - MOST_ESTIMATES
     surest_values = ", ".join(f"{meanings[name]} {words[name]}" for name in shown)
-    return f"{claim} ({surest_values}{f' and {len(left) - MOST_ESTIMATES} more' if len(left) > MOST_ESTIMATES else ''})"
+    return f"{claim} ({surest_values}{f' and {more} more' if more > 0 else ''})"
 
 
 def _largest_motion(fitted: Fit, effect: Effect) -> float:

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -33,7 +34,12 @@ from lrm_ident.residual.thresholds import (
 )
 from lrm_math.effects import variants
 
-Choice = tuple[LinearEstimate, ScoredCandidate]
+
+class Choice(NamedTuple):
+    """A candidate that may be added, and its estimate beside the effects selected so far."""
+
+    estimate: LinearEstimate
+    scored: ScoredCandidate
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,13 +105,13 @@ def _next_effect(
     """The effect to add, if any."""
     priority = {one.name: _priority(one, selected) for one in ranked}
     refinements = [one for one in ranked if _is_form_of_present(one, priority) and one not in selected]
-    choices = [one for one in _significant(ranked, step, start, expected) if one[1] not in selected]
+    choices = [one for one in _significant(ranked, step, start, expected) if one.scored not in selected]
     formed: dict[tuple[str, ...], LinearisedFit] = {}
     while choices:
         simple = _parsimonious(choices, priority, len(step.fit.residual))
         best = _most_helpful(simple, step.fit.baseline, priority, expected)
-        estimate, chosen = best if priority[best[1].name] < FORM else _plain_effect_of(best, choices)
-        left_out = [one for _, one in choices if all(one is not other for _, other in simple)]
+        choice = best if priority[best.scored.name] < FORM else _plain_effect_of(best, choices)
+        chosen, left_out = choice.scored, [one.scored for one in choices if one not in simple]
         forms = [one for one in refinements if one not in left_out]
         if priority[chosen.name] == REFINEMENT or not forms:
             return chosen
@@ -113,11 +119,11 @@ def _next_effect(
         if names not in formed:
             formed[names] = step.fit.beside(*(one.projected for one in forms))
         by_forms = formed[names]
-        if paired_z(estimate.held_out, by_forms.baseline.held_out) > Z_THRESHOLD:
+        if paired_z(choice.estimate.held_out, by_forms.baseline.held_out) > Z_THRESHOLD:
             return chosen
         if improves_prediction(by_forms.explain(chosen.projected), by_forms.baseline, start):
             return chosen
-        choices.remove((estimate, chosen))
+        choices.remove(choice)
     return None
 
 
@@ -131,7 +137,7 @@ def _significant(
         p_value = f_test_p_value(before.in_sample, tried.in_sample, one.size, freedom)
         adjusted = p_value * tests * len(one.candidate.shapes) / expected.get(one.name, 1.0)
         if not one.implausible and adjusted < SIGNIFICANCE and improves_prediction(tried, before, start):
-            yield tried, one
+            yield Choice(tried, one)
 
 
 def _priority(one: ScoredCandidate, selected: Sequence[ScoredCandidate]) -> int:
@@ -150,10 +156,10 @@ def _parsimonious(choices: Sequence[Choice], priority: Mapping[str, int], count:
     of the most helpful one; all, if that is a form."""
 
     def criterion(choice: Choice) -> float:
-        return float(count * np.log(choice[0].in_sample) + choice[1].size * np.log(count))
+        return float(count * np.log(choice.estimate.in_sample) + choice.scored.size * np.log(count))
 
-    helpful = min(choices, key=lambda choice: choice[0].rms)
-    if priority[helpful[1].name] == FORM:
+    helpful = min(choices, key=lambda choice: choice.estimate.rms)
+    if priority[helpful.scored.name] == FORM:
         return choices
     limit = criterion(helpful) + VERY_STRONG
     return [choice for choice in choices if criterion(choice) < limit]
@@ -164,23 +170,24 @@ def _most_helpful(
 ) -> Choice:
     """The most helpful choice; among those that prediction cannot separate from it the first by priority, then by
     weight, then by number of parameters."""
-    best = min(choices, key=lambda choice: choice[0].rms)[0]
+    best = min(choices, key=lambda choice: choice.estimate.rms).estimate
 
     def near(choice: Choice, z: float, share: float) -> bool:
-        gain, most = (float(before.held_out.mean() - after.held_out.mean()) for after in (choice[0], best))
-        return gain > share * most and paired_z(best.held_out, choice[0].held_out) < z
+        gain, most = (float(before.held_out.mean() - after.held_out.mean()) for after in (choice.estimate, best))
+        return gain > share * most and paired_z(best.held_out, choice.estimate.held_out) < z
 
-    first = min(priority[choice[1].name] for choice in choices if near(choice, Z_THRESHOLD, EQUIVALENT_GAIN))
-    equal = [choice for choice in choices if priority[choice[1].name] == first]
-    best = min(equal, key=lambda choice: choice[0].rms)[0]
+    first = min(priority[choice.scored.name] for choice in choices if near(choice, Z_THRESHOLD, EQUIVALENT_GAIN))
+    equal = [choice for choice in choices if priority[choice.scored.name] == first]
+    best = min(equal, key=lambda choice: choice.estimate.rms).estimate
     similar = [choice for choice in equal if near(choice, 1.0, SIMILAR_GAIN)]
-    return min(similar, key=lambda choice: (-expected.get(choice[1].name, 1.0), choice[1].size, choice[0].rms))
+    return min(similar, key=lambda one: (-expected.get(one.scored.name, 1.0), one.scored.size, one.estimate.rms))
 
 
 def _plain_effect_of(chosen: Choice, choices: Sequence[Choice]) -> Choice:
     """The best plain effect of which a form is another form, if one is among the choices; else the form itself."""
-    names = variants(chosen[1].candidate.effect)
-    return min((c for c in choices if c[1].name in names), key=lambda choice: choice[0].rms, default=chosen)
+    names = variants(chosen.scored.candidate.effect)
+    plain = [one for one in choices if one.scored.name in names]
+    return min(plain, key=lambda one: one.estimate.rms, default=chosen)
 
 
 def improves_prediction(after: LinearEstimate, before: LinearEstimate, start: LinearEstimate) -> bool:

@@ -73,7 +73,7 @@ def detectable_effects(plan: InjectionPlan, pattern: str = "*") -> tuple[list[st
     base = nominal_model(load_arm(plan.arm))
     base = base.with_free(base.keys)
     effects = unfitted_effects(base, catalogue_with(plan.effects_file))
-    plain = [one for one in effects if not one[0].variant_of]
+    plain = [(effect, rows) for effect, rows in effects if not effect.variant_of]
     testable, not_testable = split_testable(plain, solve_equilibrium(base, plan.poses))
     names = [effect.name for effect, _ in testable]
     return [name for name in names if fnmatchcase(name, pattern)], not_testable

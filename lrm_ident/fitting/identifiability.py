@@ -17,9 +17,10 @@ from lrm_ident.fitting.dependence import ROUND_OFF, UnidentifiableParameter, exp
 from lrm_ident.fitting.least_squares.block_qr import compress
 from lrm_ident.fitting.levenberg_marquardt import Fit, fit
 from lrm_ident.fitting.loss import SQUARED, Loss
-from lrm_ident.fitting.parameter_sets import Bounds, bounds_of, check_distinct_poses, check_identifiable
+from lrm_ident.fitting.parameter_sets import Bounds, bounds_of, check_distinct_poses
 from lrm_math.arrays import Array
-from lrm_math.errors import NoEquilibrium
+from lrm_math.effects import name_of_key
+from lrm_math.errors import LrmError, NoEquilibrium
 from lrm_math.kinematics.forward import chain_geometry
 from lrm_math.model.equilibrium import Equilibrium, solve_equilibrium
 from lrm_math.model.model import Model
@@ -132,10 +133,12 @@ def identifiable_beside(
 def _with_significant(
     selected: IdentifiableSet, equilibrium: Equilibrium, others: Sequence[str], data: Measurements
 ) -> IdentifiableSet:
-    """A selection with the `others` added, if the estimates of all of them exceed `MIN_T` standard errors (Wald test).
+    """A selection with the `others` added, whose estimates must all exceed `MIN_T` standard errors (Wald test).
 
     Data that would not determine a parameter of typical size do determine one many times larger, unless its column is
     nearly dependent on the others. All must be significant: a curve is not determined by single coefficients.
+
+    Raises `LrmError`: they are not.
     """
     order, whitening = [*selected.kept, *others], data.whitening
     rows = compress(
@@ -144,14 +147,11 @@ def _with_significant(
     basis = np.linalg.qr(rows.columns[:, : len(selected.kept)])[0]
     for key, column in zip(others, rows.columns.T[len(selected.kept) :], strict=True):
         left = column - basis @ (basis.T @ column)
-        size, value = (
-            float(np.linalg.norm(left)),
-            equilibrium.model.value(key) / equilibrium.model.parameter(key).typical,
-        )
-        if float(column @ column) >= MAX_VARIANCE_INFLATION * size**2:
-            return selected
-        if abs(value * size + left @ rows.residual / size) <= MIN_T * selected.noise:
-            return selected
+        size, value = float(np.linalg.norm(left)), selected.model.value(key) / selected.model.parameter(key).typical
+        dependent = float(column @ column) >= MAX_VARIANCE_INFLATION * size**2
+        if dependent or abs(value * size + left @ rows.residual / size) <= MIN_T * selected.noise:
+            names = ", ".join(dict.fromkeys(map(name_of_key, others)))
+            raise LrmError(f"{names}: these poses cannot tell it from what the model has already")
         basis = np.column_stack([basis, left / size])
     added = tuple(selected.order.index(key) for key in others)
     dropped = tuple((j, independent) for j, independent in selected.dropped if j not in added)
@@ -257,7 +257,6 @@ def fit_identifiable(
             break
         if required and not {*required} & {*selected.kept}:
             selected = _with_significant(selected, equilibrium, required, data)
-        check_identifiable(required, selected.kept)
         check_distinct_poses(model, data.poses, len(selected.kept), len(keys))
         chosen = [keys.index(key) for key in selected.kept]
         within = Bounds(limits.lower[chosen], limits.upper[chosen])

@@ -87,13 +87,6 @@ def no_bounds(keys: Sequence[str]) -> Bounds:
     return Bounds(np.full(len(keys), -np.inf), np.full(len(keys), np.inf))
 
 
-def check_identifiable(required: Sequence[str], kept: Sequence[str]) -> None:
-    """Raises `LrmError` where some parameters are required and none of them is among those `kept`."""
-    if required and not {*required} & {*kept}:
-        names = ", ".join(dict.fromkeys(name_of_key(key) for key in required))
-        raise LrmError(f"{names}: these poses cannot tell it from what the model has already")
-
-
 def check_distinct_poses(model: Model, poses: Poses, kept: int, candidates: int) -> None:
     """Raises `LrmError` for fewer distinct poses than parameters `kept`; the message asks for `candidates`."""
     angles, count = len(np.unique(np.round(poses.q, 6), axis=0)), len(poses)

@@ -10,9 +10,5 @@ OnProgress = Callable[[int, int], object]
 """Callback (done, of) after each part of one computation."""
 
 
-def silent(done: int, of: int) -> None:
-    """Does nothing, as an `OnProgress`."""
-
-
-def unheard(what: str, done: int, of: int) -> None:
-    """Does nothing, as a `Progress`."""
+def silent(*_: object) -> None:
+    """Does nothing, as a `Progress` or an `OnProgress`."""

@@ -186,7 +186,8 @@ def _factors(equilibrium: Equilibrium, data: Measurements, residual: Array) -> I
     torque = equilibrium.joint_torque
     for i in range(equilibrium.model.arm.dof):
         column = J[:, :, i]
-        by_angle, by_torque = _by_value(np.degrees(data.poses.q[:, i]), "°"), _by_quantile(torque[:, i], " N·m")
+        quantiles = np.unique(np.quantile(torque[:, i], np.linspace(0.0, 1.0, BINS + 1)))
+        by_angle, by_torque = _by_value(np.degrees(data.poses.q[:, i]), "°"), _cut(torque[:, i], quantiles, " N·m")
         yield _factor("angle", f"angle of joint {i + 1}", *by_angle, residual, column)
         yield _factor("torque", f"torque of joint {i + 1}", *by_torque, residual, column)
     if np.ptp(data.poses.payload) > 0:
@@ -233,11 +234,6 @@ def _by_value(values: Array, unit: str) -> tuple[NDArray[np.int64], list[str]]:
     if len(distinct) <= MAX_LEVELS:
         return group, [f"{level:g}{unit}" for level in distinct]
     return _cut(values, np.linspace(values.min(), values.max(), BINS + 1), unit)
-
-
-def _by_quantile(values: Array, unit: str) -> tuple[NDArray[np.int64], list[str]]:
-    """Groups of about equal size, by quantiles."""
-    return _cut(values, np.unique(np.quantile(values, np.linspace(0.0, 1.0, BINS + 1))), unit)
 
 
 def _cut(values: Array, edges: Array, unit: str) -> tuple[NDArray[np.int64], list[str]]:

@@ -12,7 +12,7 @@ from lrm_ident.data.registration.checked import load_checked
 from lrm_ident.data.weights.model_error import model_error_words, with_model_error
 from lrm_ident.fitting.effect_plugins import Catalogue, catalogue_with, file_of, sha256_of
 from lrm_ident.fitting.loss import SQUARED, loss_named
-from lrm_ident.fitting.progress import Progress, unheard
+from lrm_ident.fitting.progress import Progress, silent
 from lrm_ident.study.arguments import path_of, reading_of
 from lrm_ident.study.model_history import fit_words
 from lrm_ident.study.other_data import model_for_data
@@ -34,7 +34,7 @@ def read_study(
     data: str | Path,
     effects_file: str | Path | None = None,
     reading: Reading = AS_NAMED,
-    progress: Progress = unheard,
+    progress: Progress = silent,
     part: Callable[[Measurements, Sequence[int]], Measurements] = Measurements.without,
     read: ReadMeasurements | None = None,
 ) -> Study:

@@ -11,7 +11,7 @@ from lrm_ident.data.registration.anchor import nominal_arm
 from lrm_ident.fitting.effect_plugins import Catalogue
 from lrm_ident.fitting.loss import SQUARED, Loss
 from lrm_ident.fitting.priors import WEAK, Prior, prior_of_file
-from lrm_ident.fitting.progress import Progress, unheard
+from lrm_ident.fitting.progress import Progress, silent
 from lrm_ident.residual.error_breakdown import (
     HeldOutResidual,
     ModelComparison,
@@ -69,7 +69,7 @@ class ModelOnData:
     loss: Loss = SQUARED
     source: ModelFile | None = None
     step: StudyStep | None = None
-    progress: Progress = unheard
+    progress: Progress = silent
     apart: bool = False
 
     def compare(self) -> ModelComparison:

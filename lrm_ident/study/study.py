@@ -18,7 +18,7 @@ from lrm_ident.fitting.identifiability import fit_identifiable
 from lrm_ident.fitting.loss import SQUARED, Loss, loss_named
 from lrm_ident.fitting.model_fit import DEFAULT_EFFECTS, fit_bounds, fit_model, nominal_model
 from lrm_ident.fitting.priors import EffectRates, load_prior, prior_name_for
-from lrm_ident.fitting.progress import Progress, unheard
+from lrm_ident.fitting.progress import Progress, silent
 from lrm_ident.residual.error_breakdown import HeldOutResidual, ModelComparison, NestedResidual
 from lrm_ident.residual.thresholds import MAX_EFFECTS
 from lrm_ident.study.arguments import effect_named, measurements_of, names_of
@@ -61,7 +61,7 @@ class Study(ModelOnData, ShownInNotebook):
         data: Measurements,
         effects: str | Sequence[str] = DEFAULT_EFFECTS,
         catalogue: Catalogue | str | Path = CATALOGUE,
-        progress: Progress = unheard,
+        progress: Progress = silent,
     ) -> Study:
         """The nominal arm of measurements, with these effects (`id` or `id@place`) at zero: nothing is fitted yet.
 

@@ -103,9 +103,12 @@ def split_testable(
         equilibrium.poses, equilibrium.joint_torque, sensed.feedback, sensed.distance_from is not None
     )
     loaded = _loaded_slots(equilibrium)
-    tried = [(one, _no_torque(one[0], equilibrium, loaded) or one[0].missing_excitation(excitation)) for one in effects]
-    testable = [one for one, reason in tried if reason is None]
-    return testable, [(effect, reason) for (effect, _), reason in tried if reason is not None]
+    tried = [
+        (effect, rows, _no_torque(effect, equilibrium, loaded) or effect.missing_excitation(excitation))
+        for effect, rows in effects
+    ]
+    testable = [(effect, rows) for effect, rows, reason in tried if reason is None]
+    return testable, [(effect, reason) for effect, _, reason in tried if reason is not None]
 
 
 def _loaded_slots(equilibrium: Equilibrium) -> set[int]:

@@ -121,16 +121,13 @@ def quantities_at(joint: int, poses: Poses, torque: Array) -> tuple[Quantity, ..
     """
     found = [_quantity(f"q{i + 1}", f"poses.angle({i})", angle, True) for i, angle in enumerate(poses.q.T)]
     for k, tau in enumerate(torque.T):
-        code, size = f"{{tau}} / {_largest(tau)}", tau / np.abs(tau).max(initial=NEAR_ZERO)
-        one = _quantity("tau" if k == joint else f"tau{k + 1}", code, size)
+        one = _relative_quantity("tau" if k == joint else f"tau{k + 1}", "{tau}", tau)
         found.append(replace(one, torque_of=k, foreign=k != joint))
-    load = poses.payload / max(float(poses.payload.max()), NEAR_ZERO)
-    found.append(_quantity("load", f"poses.carried / {_largest(poses.payload)}", load))
+    found.append(_relative_quantity("load", "poses.carried", poses.payload))
     if poses.direction is not None:
         found.append(_quantity("side", f"poses.approach({joint})", poses.direction[:, joint]))
     if poses.t is not None:
-        time = poses.t / max(float(poses.t.max()), NEAR_ZERO)
-        found.append(_quantity("time", f"poses.t / {_largest(poses.t)}", time))
+        found.append(_relative_quantity("time", "poses.t", poses.t))
     return tuple(quantity for quantity in found if quantity.levels > 1)
 
 
@@ -140,8 +137,10 @@ def _quantity(name: str, code: str, values: Array, angle: bool = False) -> Quant
     return Quantity(name, code, float(values.min()), float(values.max()), distinct, angle)
 
 
-def _largest(values: Array) -> str:
-    return f"{np.abs(values).max():.4g}"
+def _relative_quantity(name: str, code: str, values: Array) -> Quantity:
+    """A quantity divided by its largest size."""
+    largest = float(np.abs(values).max())
+    return _quantity(name, f"{code} / {largest:.4g}", values / max(largest, NEAR_ZERO))
 
 
 def laws_at(joint: int, quantities: tuple[Quantity, ...]) -> Iterator[Law]:
