@@ -9,6 +9,7 @@ most; `confirm` refits all.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -16,6 +17,7 @@ from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import chdtri
 
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.diagnosis.add_effect import free_base_parameters
@@ -38,6 +40,7 @@ from lrm_math.model.equilibrium import batch_equilibrium
 from lrm_math.model.model import Model
 
 MOST_ROUNDS = 3  # of leaving out outliers: a far one masks nearer ones
+MISSED = 0.05  # probability of a motion beyond its bound
 RIVALS_KEPT = 4  # of a step that is taken
 Verdict = Literal[
     "effect_missing", "effect_describes", "unexplained_structure", "unpredictable", "nothing_missing", "noise_unknown"
@@ -134,6 +137,18 @@ class Diagnosis:
         others = [one for one in self.scored if one.name not in taken and not one.implausible]
         nearest = sorted(others, key=lambda one: one.alone.rms)[:RIVALS_KEPT]
         return {one.name: float(one.alone.rms) for one in nearest}
+
+    @cached_property
+    def motion_bounds(self) -> dict[str, float]:
+        """Upper 95 % confidence bound (Scheffé 1953) of the RMS motion of the TCP (m) by each plausible effect that is
+        no form, beyond what the fitted parameters explain: the estimate's and its error's. Largest first."""
+        bounds = {
+            one.name: float(np.linalg.norm(one.added) + self.fit.sigma * np.sqrt(chdtri(one.freedom, MISSED)))
+            for one in self.scored
+            if not one.implausible and not one.candidate.effect.variant_of
+        }
+        ordered = sorted(bounds.items(), key=lambda item: -item[1])
+        return {name: bound / math.sqrt(len(self.screened)) for name, bound in ordered}
 
     @property
     def above_floor(self) -> bool:

@@ -51,6 +51,11 @@ class ScoredCandidate:
         """`effect@place`."""
         return self.candidate.name
 
+    @property
+    def freedom(self) -> int:
+        """Number of its parameters, and of those of its shape that were scanned."""
+        return self.size + int(np.count_nonzero(np.ptp(np.array(self.candidate.shapes), axis=0)))
+
     @cached_property
     def orthonormal(self) -> Array:
         """(R N, rank), orthonormal basis of its projected columns."""

@@ -60,6 +60,7 @@ def _values(report: DiagnosisReport) -> dict[str, object]:
         },
         "verdict": report.verdict,
         "share_of_excess": report.share,
+        "motion_bounds_rms_mm": {name: bound * 1e3 for name, bound in found.motion_bounds.items()},
         "approximate_of": "everything measured, weighted by its noise" if found.data.several_kinds else "TCP error",
         "ranking": [_advice(rank, advice, report) for rank, advice in enumerate(report.ranking[:RANKED], 1)],
         "unexplained": [
@@ -90,6 +91,7 @@ def _blocks(report: DiagnosisReport) -> list[Block]:
         f"fit, {in_mm(report.held_out.rms)} mm held out; noise floor {noise}; "
         f"likeness of neighbours (Moran's I) {found.structure.moran_i:.2f}, p {p_words(found.structure.p_value)}",
         *_far_poses(report),
+        *_may_hide(report),
         in_words(report.left.predictable.sentence),
         *section(_concentrated(found), (in_words(one.sentence) for one in report.left.regimes)),
         _ranking_table(report),
@@ -192,6 +194,17 @@ def _far_poses(report: DiagnosisReport) -> Iterator[str]:
         f"Far off: {which} {poses}; the RMS of the others is {in_mm(float(np.sqrt(np.mean(others**2))))} mm{noise}. "
         f"Measure there again, and near there: either {they} went wrong, or what is missing shows only there."
     )
+
+
+def _may_hide(report: DiagnosisReport) -> Iterator[str]:
+    """How much a known cause may move the TCP without being shown, where none is."""
+    bounds = report.diagnosis.motion_bounds
+    if bounds and report.verdict in ("nothing_missing", "noise_unknown") and not report.diagnosis.data.several_kinds:
+        name = next(iter(bounds))
+        yield (
+            f"A known cause that these poses do not show moves the TCP by at most {in_mm(bounds[name])} mm RMS there "
+            f"(95 %; {plain_name(name)} the most), beyond what the fit takes up."
+        )
 
 
 def _ranking_table(report: DiagnosisReport) -> ResultTable:
