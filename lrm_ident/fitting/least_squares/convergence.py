@@ -11,8 +11,7 @@ from lrm_math.errors import LrmError
 
 IDLE_GAIN, IDLE_LIKELIHOOD = 1e-5, 0.3
 """Largest gain of an idle step: part of the objective, and rise of the log-likelihood."""
-LIKELIHOOD_TOLERANCE = 1e-4  # predicted increase of the log-likelihood: as of MINUIT (James & Roos 1975)
-POSTERIOR_TOLERANCE = 1e-6  # predicted increase of the log-posterior: parameters to a thousandth of their errors
+POSTERIOR_TOLERANCE = 1e-6  # predicted increase of the log-posterior, or -likelihood: to a thousandth of errors
 PENALISED_TOLERANCE = 1e-3  # the same where penalties of forms, known to a third, decide it: to a part of their errors
 
 

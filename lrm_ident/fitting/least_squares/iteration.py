@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lrm_ident.fitting.least_squares.convergence import (
-    LIKELIHOOD_TOLERANCE,
     PENALISED_TOLERANCE,
     POSTERIOR_TOLERANCE,
     FitNotConverged,
@@ -80,8 +79,6 @@ class LevenbergMarquardt:
         before: NoiseUpdate | None = None
         damping, change, idle = FIRST_DAMPING, np.inf, 0
         tolerance = PENALISED_TOLERANCE if self.smooth.penalties else POSTERIOR_TOLERANCE
-        if self.objective.prior is None:
-            tolerance = LIKELIHOOD_TOLERANCE
         for steps in range(1, most_steps + 1):
             quadratic = QuadraticModel.about(iterate, problem.objective, noise, self.bounds)
             iterate, damping = quadratic.step(damping)
