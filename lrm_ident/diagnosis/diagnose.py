@@ -143,7 +143,7 @@ class Diagnosis:
         """Upper 95 % confidence bound (Scheffé 1953) of the RMS motion of the TCP (m) by each plausible effect that is
         no form, beyond what the fitted parameters explain: the estimate's and its error's. Largest first."""
         bounds = {
-            one.name: float(np.linalg.norm(one.added) + self.fit.sigma * np.sqrt(chdtri(one.freedom, MISSED)))
+            one.name: float(np.linalg.norm(one.added) + self.fit.sigma * np.sqrt(chdtri(one.parameter_count, MISSED)))
             for one in self.scored
             if not one.implausible and not one.candidate.effect.variant_of
         }

@@ -29,7 +29,8 @@ def options_in_python(read: Callable[P, R]) -> Callable[P, R]:
     """A function that reads a file; to its errors it adds the options that they advise, as Python takes them."""
 
     @wraps(read)
-    def reading(*args: P.args, **kwargs: P.kwargs) -> R:
+    def with_advice(*args: P.args, **kwargs: P.kwargs) -> R:
+        """Call it; a note with the options is added to what it raises."""
         try:
             return read(*args, **kwargs)
         except LrmError as error:
@@ -39,7 +40,7 @@ def options_in_python(read: Callable[P, R]) -> Callable[P, R]:
                 error.add_note(f"in Python: reading=lrm.Reading({', '.join(fields)})")
             raise
 
-    return reading
+    return with_advice
 
 
 def _literal(text: str) -> str:

@@ -52,7 +52,7 @@ class ScoredCandidate:
         return self.candidate.name
 
     @property
-    def freedom(self) -> int:
+    def parameter_count(self) -> int:
         """Number of its parameters, and of those of its shape that were scanned."""
         return self.size + int(np.count_nonzero(np.ptp(np.array(self.candidate.shapes), axis=0)))
 
