@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,6 +12,7 @@ from lrm_ident.data.error_stats import error_stats
 from lrm_ident.data.wording import enumerate_words, in_mm, p_words
 from lrm_ident.diagnosis.auto import AutoRun, AutoStep
 from lrm_ident.diagnosis.diagnosis_report import DiagnosisReport
+from lrm_ident.diagnosis.shown_causes import Claim, claims, taken_squares, unexplained_square
 from lrm_ident.report.diagnosis.diagnosis import diagnosis_document, left_values, no_cause, took_words
 from lrm_ident.report.document import Block, Document, ResultTable, heading
 from lrm_ident.report.fit import error_blocks, parameter_table
@@ -41,8 +42,8 @@ def step_blocks(number: int, step: AutoStep, start: AutoStep) -> Iterator[Block]
     if step.added:
         known = noise_floor(step.data, step.fit.equilibrium).rms is not None
         present = [effect.name for effect in step.fit.model.effects]
-        reason = f"description: {no_cause(step.refines, present, known)}" if step.describes else "finding"
-        yield Text(f"       {took_words(step.share, known)}; {reason}", style="dim")
+        reason = f"; description: {no_cause(step.refines, present, known)}" if step.describes else ""
+        yield Text(f"       {took_words(step.share, known)}{reason}", style="dim")
     if step.freed:
         yield Text(f"       can be determined now: {enumerate_words(step.freed, RIVALS_SHOWN)}", style="dim")
 
@@ -77,6 +78,7 @@ def course_document(
     with_prior: errors of the last fit, together with a prior, if there was one. with_field: with a residual field, if
     one was added.
     """
+    claimed = claims(course, report)
     what = "Held out, effects chosen anew in every fold (nested):"
     last: list[Block] = [f"{what} none, because {nested.reason}"]
     if nested.error is not None:
@@ -88,12 +90,13 @@ def course_document(
                 "indistinguishable_from": step.equivalent,
                 "form_of": step.refines,
                 "share_of_excess": step.share,
-                **({"is": "description" if step.describes else "finding"} if step.added else {}),
+                **({"is": claimed[number - 1]} if number else {}),
                 "freed": step.freed,
                 "parameters": len(step.fit.model.free),
                 "fit_rms_mm": error_stats(step.fit.residual).rms * 1e3,
+                "held_out_rms_mm": error_stats(step.held_out).rms * 1e3,
             }
-            for step in course.steps
+            for number, step in enumerate(course.steps)
         ],
         "verdict": report.verdict,
         **left_values(report.left),
@@ -103,7 +106,22 @@ def course_document(
         **({} if with_prior is None else {"with_prior": with_prior}),
         **({} if with_field is None else {"with_residual_field_not_a_cause": with_field}),
     }
-    return Document([*last, *diagnosis_document(report).blocks], "lrm/course/1", values)
+    shown = _shown(course, claimed, report)
+    return Document([*last, *shown, *diagnosis_document(report).blocks], "lrm/course/1", values)
+
+
+def _shown(course: AutoRun, claimed: Sequence[Claim], report: DiagnosisReport) -> Iterator[Block]:
+    """The causes that are shown, and those that may stand for another one, with what is left of it."""
+    steps = list(zip(course.steps[1:], claimed, taken_squares(course), strict=True))
+    if found := [step.added for step, claim, _ in steps if claim == "finding"]:
+        yield heading(f"Shown to be a cause, or one of its class: {enumerate_words(found, len(found))}")
+    left = unexplained_square(report)
+    possible = [f"{step.added} ({left / taken:.1f})" for step, claim, taken in steps if claim == "possible_cause"]
+    if possible:
+        yield (
+            f"Possible causes only: {enumerate_words(possible, len(possible))}. What is left unexplained is so many times "
+            "what they took: a cause that has no name here may have been taken for them."
+        )
 
 
 def _chosen(nested: NestedResidual) -> str:
