@@ -25,7 +25,8 @@ from lrm_ident.fitting.cross_validation import FOLDS
 from lrm_ident.fitting.executors import executor_for, rounds_of
 from lrm_ident.fitting.priors import load_rates
 from lrm_ident.report.diagnosis.course import course_document, proposal_document, step_blocks, step_document
-from lrm_ident.report.diagnosis.diagnosis import diagnosis_document, selftest_document
+from lrm_ident.report.diagnosis.diagnosis import diagnosis_document
+from lrm_ident.report.diagnosis.selftest import selftest_document
 from lrm_ident.report.fit import error_blocks
 from lrm_ident.report.plots.diagnosis import draw_report
 from lrm_ident.residual.error_breakdown import NestedResidual

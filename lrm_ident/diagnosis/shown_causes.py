@@ -20,11 +20,21 @@ Claim = Literal["finding", "possible_cause", "description"]
 
 
 def unexplained_square(report: DiagnosisReport) -> float:
-    """Held-out mean square (m²) above the noise, or above its upper bound where it is unknown; 0 if nothing is missing."""
+    """Held-out mean square (m²) above the noise, where that is unknown above its bound; 0 if nothing is missing."""
     if report.verdict in ("nothing_missing", "noise_unknown"):
         return 0.0
     floor = report.diagnosis.floor.rms or report.left.predictable.noise_bound
     return max(report.held_out.rms**2 - floor**2, 0.0)
+
+
+def left_per_taken(report: DiagnosisReport) -> float | None:
+    """Held-out mean square above a known noise that the effect to add would leave, per mean square that it takes away;
+    None where no effect is to be added, or the noise is unknown."""
+    floor = report.diagnosis.floor.rms
+    if report.first is None or floor is None:
+        return None
+    left, before = report.first.held_out_rms**2, report.held_out.rms**2
+    return max(left - floor**2, 0.0) / (before - left)
 
 
 def taken_squares(course: AutoRun) -> tuple[float, ...]:
@@ -34,7 +44,7 @@ def taken_squares(course: AutoRun) -> tuple[float, ...]:
 
 
 def claims(course: AutoRun, report: DiagnosisReport) -> tuple[Claim, ...]:
-    """What each step after the start claims, given the report of the diagnosis after the last one."""
+    """Claims of the steps after the start, given the report of the diagnosis after the last one."""
     left = unexplained_square(report)
     return tuple(
         "description" if step.describes else "finding" if left <= LEFT_PER_TAKEN * taken else "possible_cause"

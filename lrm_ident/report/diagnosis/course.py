@@ -18,6 +18,7 @@ from lrm_ident.report.document import Block, Document, ResultTable, heading
 from lrm_ident.report.fit import error_blocks, parameter_table
 from lrm_ident.residual.error_breakdown import HeldOutResidual, NestedResidual
 from lrm_ident.residual.residual_structure import noise_floor
+from lrm_ident.residual.thresholds import LEFT_PER_TAKEN
 from lrm_ident.study.field_step import WHAT_IT_IS
 from lrm_ident.study.model_on_data import ErrorSummary
 from lrm_ident.study.step import StudyStep
@@ -116,11 +117,11 @@ def _shown(course: AutoRun, claimed: Sequence[Claim], report: DiagnosisReport) -
     if found := [step.added for step, claim, _ in steps if claim == "finding"]:
         yield heading(f"Shown to be a cause, or one of its class: {enumerate_words(found, len(found))}")
     left = unexplained_square(report)
-    possible = [f"{step.added} ({left / taken:.1f})" for step, claim, taken in steps if claim == "possible_cause"]
-    if possible:
+    ratios = [f"{step.added} ({left / taken:.1f})" for step, claim, taken in steps if claim == "possible_cause"]
+    if ratios:
         yield (
-            f"Possible causes only: {enumerate_words(possible, len(possible))}. What is left unexplained is so many times "
-            "what they took: a cause that has no name here may have been taken for them."
+            f"Possible causes: {enumerate_words(ratios, len(ratios))}. In brackets: the mean square left unexplained "
+            f"over what the step took; above {LEFT_PER_TAKEN:.2f} a cause without a name here may stand behind it."
         )
 
 

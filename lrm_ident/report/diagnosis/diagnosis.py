@@ -1,25 +1,22 @@
-"""Reports of `diagnose` and `selftest`: the verdict, the ranking, what the data cannot show."""
+"""Report of `diagnose`: the verdict, the ranking, what the data cannot show."""
 
 from __future__ import annotations
 
 import re
 from collections import Counter, defaultdict
 from collections.abc import Collection, Iterator, Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from lrm_ident.data.wording import enumerate_words, in_mm, in_percent, p_words, poses_words
 from lrm_ident.diagnosis.diagnose import Diagnosis
 from lrm_ident.diagnosis.diagnosis_report import DiagnosisReport, RankedCandidate
+from lrm_ident.diagnosis.shown_causes import left_per_taken
 from lrm_ident.report.document import Block, Document, FoldedSection, ResultTable, heading, section
 from lrm_ident.report.plain_names import in_words, plain_name
 from lrm_ident.residual.residual_patterns import ResidualPatterns
-from lrm_ident.residual.thresholds import MIN_GAIN
+from lrm_ident.residual.thresholds import LEFT_PER_TAKEN, MIN_GAIN
 from lrm_math.effects import Effect, compensable, variants
-
-if TYPE_CHECKING:
-    from lrm_ident.diagnosis.inject_recover import InjectionTrial
 
 SHOWN, REFUSED_SHOWN, RANKED = 8, 4, 30
 VERDICTS = {
@@ -30,7 +27,6 @@ VERDICTS = {
     "unpredictable": "Something is missing that follows no pose, load or order we know",
     "noise_unknown": "Nothing that we know predicts what is left. Whether something is missing cannot be known",
 }
-OUTCOMES = {"found": "● found", "one of a class": "◐ one of a class", "missed": "○ missed", "wrong": "✕ wrong"}
 MARKS = {
     "supported": "● supported",
     "indistinguishable": "◐ one of a class",
@@ -60,6 +56,7 @@ def _values(report: DiagnosisReport) -> dict[str, object]:
         },
         "verdict": report.verdict,
         "share_of_excess": report.share,
+        "left_per_taken": left_per_taken(report),
         "motion_bounds_rms_mm": {name: bound * 1e3 for name, bound in found.motion_bounds.items()},
         "approximate_of": "everything measured, weighted by its noise" if found.data.several_kinds else "TCP error",
         "ranking": [_advice(rank, advice, report) for rank, advice in enumerate(report.ranking[:RANKED], 1)],
@@ -154,7 +151,7 @@ def _verdict(report: DiagnosisReport) -> str:
         return f"{VERDICTS[report.verdict]}{_looks_like(report)}"
     if report.first is not None:
         why = in_words(report.first.why)
-        reason = _describes_because(report) if report.verdict == "effect_describes" else ""
+        reason = _describes_because(report) if report.verdict == "effect_describes" else _possible_because(report)
         return f"{VERDICTS[report.verdict]} {why[0].upper()}{why[1:]}.{reason}"
     return VERDICTS[report.verdict]
 
@@ -165,6 +162,17 @@ def _describes_because(report: DiagnosisReport) -> str:
     refines = () if report.first is None else variants(report.first.scored.candidate.effect)
     present, known = {effect.name for effect in found.fit.model.effects}, found.floor.rms is not None
     return f" It {took_words(report.share, known)}: {no_cause(refines, present, known)}."
+
+
+def _possible_because(report: DiagnosisReport) -> str:
+    """Sentence on what the first effect would leave, if another cause may stand behind it."""
+    left = left_per_taken(report)
+    if left is None or left <= LEFT_PER_TAKEN:
+        return ""
+    return (
+        f" It would leave {left:.1f} times as much of the mean square above the noise as it takes: a possible cause, "
+        "until it is known what else is there (auto goes on)."
+    )
 
 
 def _looks_like(report: DiagnosisReport) -> str:
@@ -264,22 +272,6 @@ def no_cause(refines: Sequence[str], present: Collection[str], floor_known: bool
     if refines:
         return f"a free curve that stands for {in_words(' or '.join(refines))}, no cause that was shown"
     return f"too little to name a cause while {'so much' if floor_known else 'more'} stays"
-
-
-def selftest_document(poses: int, trials: Sequence[InjectionTrial], refused: Sequence[tuple[Effect, str]]) -> Document:
-    """Result of `lrm-ident selftest`, schema `lrm/selftest/1`: what would be named for each injected effect."""
-    columns = ("hidden", "moves TCP mm|.2f", "outcome", "named")
-    rows = [(t.truth, t.moved * 1e3, OUTCOMES[t.outcome], enumerate_words(t.named, 4) or t.verdict) for t in trials]
-    counts = (f"{sum(trial.outcome == outcome for trial in trials)} {outcome}" for outcome in OUTCOMES)
-    blocks = [
-        ResultTable(columns, rows, "What would be named"),
-        *section("\nNot testable", untestable(refused)),
-        f"\n{len(trials)} effects: {', '.join(counts)}",
-    ]
-    records = [
-        {"truth": t.truth, "moved_rms_mm": t.moved * 1e3, "outcome": t.outcome, "named": t.named} for t in trials
-    ]
-    return Document(blocks, "lrm/selftest/1", {"poses": poses, "trials": records})
 
 
 def left_values(left: ResidualPatterns) -> dict[str, object]:

@@ -1,0 +1,57 @@
+"""Which steps of `auto` show a cause: none in worlds whose cause the catalogue lacks, all in worlds of known causes."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from lrm_ident.diagnosis.auto import run_auto
+from lrm_ident.diagnosis.diagnosis_report import report_of
+from lrm_ident.diagnosis.shown_causes import Claim, claims, taken_squares, unexplained_square
+from lrm_ident.fitting.loss import SQUARED
+from lrm_ident.fitting.model_fit import fit_model
+from lrm_ident.residual.thresholds import LEFT_PER_TAKEN
+from tests.support.upright_arm import upright_measurements
+from validation.hidden_effects.unforeseen_cases import CatchingCable, OccludedMarker, SharedSupply
+from validation.synthetic import FrictionLag, HiddenEffect, SoftPlay
+
+UNKNOWN: tuple[HiddenEffect, ...] = (
+    OccludedMarker(3e-3),
+    SharedSupply(2, 3, 0.4),
+    CatchingCable(2, {3: 0.4, 4: -0.3}, 0.45, 0.03),
+)
+KNOWN: tuple[tuple[HiddenEffect, ...], ...] = (
+    (SoftPlay(2, 0.02, 0.04),),
+    (FrictionLag(3, 0.02, 0.01),),
+    (SoftPlay(2, 0.02, 0.04), FrictionLag(4, 0.02, 0.01)),
+)
+
+
+def run(folder: Path, seed: int, *hidden: HiddenEffect) -> tuple[Claim, ...]:
+    model, data = upright_measurements(folder, seed, 300, 3e-4, hidden)
+    course = run_auto(fit_model(model, data, "identifiable", SQUARED).fit.model, data)
+    report = report_of(course.confirmed)
+    claimed = claims(course, report)
+    for step, claim, taken in zip(course.steps[1:], claimed, taken_squares(course), strict=True):
+        assert (claim == "description") == step.describes
+        assert claim != "finding" or unexplained_square(report) <= LEFT_PER_TAKEN * taken
+    return claimed
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("hidden", UNKNOWN, ids=lambda hidden: type(hidden).__name__)
+@pytest.mark.parametrize("seed", range(3))
+def test_a_cause_without_a_form_is_no_finding_of_another(tmp_path: Path, seed: int, hidden: HiddenEffect) -> None:
+    """Before: a target half hidden was found to be a wrong scale of the tracker."""
+    claimed = run(tmp_path, seed, hidden)
+    assert "finding" not in claimed
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("hidden", KNOWN, ids=str)
+@pytest.mark.parametrize("seed", range(2))
+def test_known_causes_are_findings(tmp_path: Path, seed: int, hidden: tuple[HiddenEffect, ...]) -> None:
+    claimed = run(tmp_path, seed, *hidden)
+    assert claimed.count("finding") >= len(hidden)
+    assert "possible_cause" not in claimed
