@@ -20,7 +20,6 @@ from lrm_ident.data.atomic_write import write_text
 from lrm_ident.data.measurement_file.load import load_poses
 from lrm_ident.data.wording import in_minutes
 from lrm_ident.diagnosis.auto import AutoStep
-from lrm_ident.diagnosis.diagnosis_report import report_of
 from lrm_ident.fitting.cross_validation import FOLDS
 from lrm_ident.fitting.executors import executor_for, rounds_of
 from lrm_ident.fitting.priors import load_rates
@@ -153,7 +152,7 @@ def auto(
             whole = replace(study, progress=shown).nested_held_out(pool, max_effects, rates)
     with_field = None if field_of(final.model) is None else final.errors
     publish(
-        course_document(course, report_of(course.confirmed), after.held_out, whole, with_prior, with_field),
+        course_document(course, after.held_out, whole, with_prior, with_field),
         json,
         in_full=show_all,
     )

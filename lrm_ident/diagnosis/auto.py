@@ -4,14 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
+from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 
+from lrm_ident.data.error_stats import error_stats
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.notebook import ShownInNotebook
 from lrm_ident.diagnosis.confirm import ConfirmedDiagnosis, Refit, confirm
 from lrm_ident.diagnosis.diagnose import Diagnosis, Verdict, diagnose
+from lrm_ident.diagnosis.diagnosis_report import DiagnosisReport, report_of
 from lrm_ident.diagnosis.screening.score_test import ScoredCandidate
+from lrm_ident.diagnosis.shown_causes import Claim, claim, unexplained_square
 from lrm_ident.fitting.levenberg_marquardt import Fit
 from lrm_ident.fitting.loss import SQUARED, Loss
 from lrm_ident.fitting.priors import EffectRates
@@ -80,6 +85,23 @@ class AutoRun(ShownInNotebook):
     def verdict(self) -> Verdict:
         """Verdict of the last diagnosis."""
         return self.confirmed.verdict
+
+    @cached_property
+    def report(self) -> DiagnosisReport:
+        """Report of the last diagnosis."""
+        return report_of(self.confirmed)
+
+    @property
+    def taken(self) -> tuple[float, ...]:
+        """Held-out mean square (m²) that each step after the start took away."""
+        squares = [error_stats(step.held_out).rms ** 2 for step in self.steps]
+        return tuple(before - after for before, after in pairwise(squares))
+
+    @property
+    def claims(self) -> tuple[Claim, ...]:
+        """Claims of the steps after the start: whether each shows a cause."""
+        left, pairs = unexplained_square(self.report), zip(self.steps[1:], self.taken, strict=True)
+        return tuple(claim(step.describes, left, taken) for step, taken in pairs)
 
 
 def run_auto(

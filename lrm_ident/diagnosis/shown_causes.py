@@ -1,22 +1,26 @@
-"""Which steps of `auto` show a cause: sensitivity to an omitted cause (Cinelli & Hazlett 2020).
+"""Whether an effect shows a cause: sensitivity to an omitted one (Cinelli & Hazlett 2020).
 
 A cause that the catalogue lacks is taken in part by effects that resemble it, and the rest of it stays as structure or
-as error above the noise. So what stays unexplained at the end bounds what may have been named wrongly: where it is not
-small beside what a step took away, the step may stand for that cause.
+as error above the noise. So what stays unexplained bounds what may have been named wrongly: where it is not small beside
+what an effect took away, the effect may stand for that cause.
 """
 
 from __future__ import annotations
 
-from itertools import pairwise
 from typing import Literal
 
-from lrm_ident.data.error_stats import error_stats
-from lrm_ident.diagnosis.auto import AutoRun
 from lrm_ident.diagnosis.diagnosis_report import DiagnosisReport
 from lrm_ident.residual.thresholds import LEFT_PER_TAKEN
 
 Claim = Literal["finding", "possible_cause", "description"]
 """A cause that is shown; one that may stand for another; an effect that predicts better and shows no cause."""
+
+
+def claim(describes: bool, left: float, taken: float) -> Claim:
+    """Claim of a step of `auto` that took a mean square away, of what is `left` unexplained at the end (both m²)."""
+    if describes:
+        return "description"
+    return "finding" if left <= LEFT_PER_TAKEN * taken else "possible_cause"
 
 
 def unexplained_square(report: DiagnosisReport) -> float:
@@ -35,18 +39,3 @@ def left_per_taken(report: DiagnosisReport) -> float | None:
         return None
     left, before = report.first.held_out_rms**2, report.held_out.rms**2
     return max(left - floor**2, 0.0) / (before - left)
-
-
-def taken_squares(course: AutoRun) -> tuple[float, ...]:
-    """Held-out mean square (m²) that each step after the start took away."""
-    squares = [error_stats(step.held_out).rms ** 2 for step in course.steps]
-    return tuple(before - after for before, after in pairwise(squares))
-
-
-def claims(course: AutoRun, report: DiagnosisReport) -> tuple[Claim, ...]:
-    """Claims of the steps after the start, given the report of the diagnosis after the last one."""
-    left = unexplained_square(report)
-    return tuple(
-        "description" if step.describes else "finding" if left <= LEFT_PER_TAKEN * taken else "possible_cause"
-        for step, taken in zip(course.steps[1:], taken_squares(course), strict=True)
-    )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,8 +11,7 @@ from rich.text import Text
 from lrm_ident.data.error_stats import error_stats
 from lrm_ident.data.wording import enumerate_words, in_mm, p_words
 from lrm_ident.diagnosis.auto import AutoRun, AutoStep
-from lrm_ident.diagnosis.diagnosis_report import DiagnosisReport
-from lrm_ident.diagnosis.shown_causes import Claim, claims, taken_squares, unexplained_square
+from lrm_ident.diagnosis.shown_causes import unexplained_square
 from lrm_ident.report.diagnosis.diagnosis import diagnosis_document, left_values, no_cause, took_words
 from lrm_ident.report.document import Block, Document, ResultTable, heading
 from lrm_ident.report.fit import error_blocks, parameter_table
@@ -68,7 +67,6 @@ def _said(step: StudyStep, effect: str) -> str:
 
 def course_document(
     course: AutoRun,
-    report: DiagnosisReport,
     held_out: HeldOutResidual,
     nested: NestedResidual,
     with_prior: ErrorSummary | None,
@@ -79,7 +77,7 @@ def course_document(
     with_prior: errors of the last fit, together with a prior, if there was one. with_field: with a residual field, if
     one was added.
     """
-    claimed = claims(course, report)
+    report, claimed = course.report, course.claims
     what = "Held out, effects chosen anew in every fold (nested):"
     last: list[Block] = [f"{what} none, because {nested.reason}"]
     if nested.error is not None:
@@ -107,17 +105,17 @@ def course_document(
         **({} if with_prior is None else {"with_prior": with_prior}),
         **({} if with_field is None else {"with_residual_field_not_a_cause": with_field}),
     }
-    shown = _shown(course, claimed, report)
-    return Document([*last, *shown, *diagnosis_document(report).blocks], "lrm/course/1", values)
+    return Document([*last, *shown_causes(course), *diagnosis_document(report).blocks], "lrm/course/1", values)
 
 
-def _shown(course: AutoRun, claimed: Sequence[Claim], report: DiagnosisReport) -> Iterator[Block]:
+def shown_causes(course: AutoRun) -> Iterator[Block]:
     """The causes that are shown, and those that may stand for another one, with what is left of it."""
-    steps = list(zip(course.steps[1:], claimed, taken_squares(course), strict=True))
-    if found := [step.added for step, claim, _ in steps if claim == "finding"]:
+    left = unexplained_square(course.report)
+    steps = list(zip([step.added for step in course.steps[1:]], course.claims, course.taken, strict=True))
+    if found := [name for name, claim, _ in steps if claim == "finding"]:
         yield heading(f"Shown to be a cause, or one of its class: {enumerate_words(found, len(found))}")
-    left = unexplained_square(report)
-    ratios = [f"{step.added} ({left / taken:.1f})" for step, claim, taken in steps if claim == "possible_cause"]
+    possible = [(name, taken) for name, claim, taken in steps if claim == "possible_cause"]
+    ratios = [f"{name} ({left / taken if taken > 0.0 else np.inf:.1f})" for name, taken in possible]
     if ratios:
         yield (
             f"Possible causes: {enumerate_words(ratios, len(ratios))}. In brackets: the mean square left unexplained "

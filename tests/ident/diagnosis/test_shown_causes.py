@@ -7,8 +7,7 @@ from pathlib import Path
 import pytest
 
 from lrm_ident.diagnosis.auto import run_auto
-from lrm_ident.diagnosis.diagnosis_report import report_of
-from lrm_ident.diagnosis.shown_causes import Claim, claims, taken_squares, unexplained_square
+from lrm_ident.diagnosis.shown_causes import Claim, unexplained_square
 from lrm_ident.fitting.loss import SQUARED
 from lrm_ident.fitting.model_fit import fit_model
 from lrm_ident.residual.thresholds import LEFT_PER_TAKEN
@@ -31,12 +30,10 @@ KNOWN: tuple[tuple[HiddenEffect, ...], ...] = (
 def run(folder: Path, seed: int, *hidden: HiddenEffect) -> tuple[Claim, ...]:
     model, data = upright_measurements(folder, seed, 300, 3e-4, hidden)
     course = run_auto(fit_model(model, data, "identifiable", SQUARED).fit.model, data)
-    report = report_of(course.confirmed)
-    claimed = claims(course, report)
-    for step, claim, taken in zip(course.steps[1:], claimed, taken_squares(course), strict=True):
+    for step, claim, taken in zip(course.steps[1:], course.claims, course.taken, strict=True):
         assert (claim == "description") == step.describes
-        assert claim != "finding" or unexplained_square(report) <= LEFT_PER_TAKEN * taken
-    return claimed
+        assert claim != "finding" or unexplained_square(course.report) <= LEFT_PER_TAKEN * taken
+    return course.claims
 
 
 @pytest.mark.slow

@@ -9,8 +9,6 @@ import numpy as np
 
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.diagnosis.auto import run_auto
-from lrm_ident.diagnosis.diagnosis_report import report_of
-from lrm_ident.diagnosis.shown_causes import claims
 from lrm_ident.fitting.identifiability import fit_identifiable
 from lrm_math.arm.arm_file import load_arm as load_tool_arm
 from lrm_math.arrays import Array
@@ -88,12 +86,12 @@ def examine(case: FaultCase, arm: str, half: str, number: int, poses: int) -> Fa
     model = model_of(drawn, effects_at(drawn, "offsets") + effects_at(drawn, "compliance"))
     try:
         run = run_auto(fit_identifiable(model, data, model.keys).fit.model, data)
-        report = report_of(run.confirmed)
+        verdict, claims = run.verdict, run.claims
     except LrmError as error:
         return FaultOutcome(case, arm, right, (), (), str(error), np.nan)
     steps = tuple(step.names for step in run.steps[1:])
-    findings = tuple(claim == "finding" for claim in claims(run, report))
-    return FaultOutcome(case, arm, right, steps, findings, report.verdict, run.steps[-1].fit.sigma / NOISE_M)
+    findings = tuple(claim == "finding" for claim in claims)
+    return FaultOutcome(case, arm, right, steps, findings, verdict, run.steps[-1].fit.sigma / NOISE_M)
 
 
 def spoiled(case: FaultCase, arm: str, seed: int, count: int) -> tuple[Measurements, tuple[str, ...]]:
