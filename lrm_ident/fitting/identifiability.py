@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +18,7 @@ from lrm_ident.fitting.least_squares.block_qr import compress
 from lrm_ident.fitting.levenberg_marquardt import Fit, fit
 from lrm_ident.fitting.loss import SQUARED, Loss
 from lrm_ident.fitting.parameter_sets import Bounds, bounds_of, check_distinct_poses
+from lrm_ident.fitting.priors import weak_prior
 from lrm_math.arrays import Array
 from lrm_math.effects import name_of_key
 from lrm_math.errors import LrmError, NoEquilibrium
@@ -189,8 +190,15 @@ def expected_noise(equilibrium: Equilibrium, keys: Sequence[str], data: Measurem
 
 def _columns(equilibrium: Equilibrium, order: Sequence[str], whitening: Whitening) -> Array:
     """(M, P), compressed Jacobian of parameters of typical sizes, whitened to a noise of the whitening's unit (m)."""
+    keys = sorted(order)
+    return _sorted_columns(equilibrium, tuple(keys), whitening)[:, [keys.index(key) for key in order]]
+
+
+@lru_cache(maxsize=1)  # what else can be told beside a fit is asked in two orders
+def _sorted_columns(equilibrium: Equilibrium, keys: tuple[str, ...], whitening: Whitening) -> Array:
+    """The same, of parameters in the order of their keys."""
     nothing = np.zeros((len(equilibrium.poses), whitening.rows(equilibrium.model.arm.dof)))
-    return compress(equilibrium, order, whitening, np.full((1, 1), whitening.unit), nothing).columns
+    return compress(equilibrium, keys, whitening, np.full((1, 1), whitening.unit), nothing).columns
 
 
 @dataclass(frozen=True, eq=False)
@@ -243,10 +251,10 @@ def fit_identifiable(
 
     Raises `LrmError`: fewer poses than identifiable parameters, none of the required ones, or no convergence.
     """
-    limits = bounds or bounds_of(model, keys)
+    limits, damped = bounds or bounds_of(model, keys), False
     if len(data) > MAX_SUBSAMPLE:
         part = part or fit_identifiable(model, data.take(subsample_rows(len(data))), keys, loss, bounds).fit
-        equilibrium, noise = solve_equilibrium(part.model, data.poses), part.sigma
+        equilibrium, noise, damped = solve_equilibrium(part.model, data.poses), part.sigma, part.damped
     else:
         equilibrium = solve_equilibrium(model, data.poses)
         noise = expected_noise(equilibrium, keys, data)
@@ -262,26 +270,14 @@ def fit_identifiable(
         within = Bounds(limits.lower[chosen], limits.upper[chosen])
         try:
             start = _freeing(equilibrium.model, keys, selected.kept)
-            result = _fit_from_part(start, data, within, loss, equilibrium)
+            result = fit(start, data, within, loss, weak_prior(start) if damped else None, equilibrium)
         except NoEquilibrium:  # parameters now at zero had balanced others: start from the model as given
-            result = _fit_from_part(_freeing(model, keys, selected.kept), data, within, loss)
+            result = fit(_freeing(model, keys, selected.kept), data, within, loss)
         if selected.kept in seen:
             break
         seen.append(selected.kept)
         equilibrium, noise = result.equilibrium, result.sigma
     return IdentifiedFit(result, data, selected)
-
-
-def _fit_from_part(
-    model: Model, data: Measurements, bounds: Bounds, loss: Loss, near: Equilibrium | None = None
-) -> Fit:
-    """Fits the free parameters; of many poses a fifth first, recursively: a start close to the optimum that also shows
-    whether weak priors are needed. A step costs as many Jacobians as there are poses."""
-    if len(data) <= MAX_SUBSAMPLE:
-        return fit(model, data, bounds, loss, near=near)
-    part = _fit_from_part(model, data.take(drawn_rows(len(data), max(MAX_SUBSAMPLE, len(data) // 5))), bounds, loss)
-    found = fit(part.model, data, bounds, loss, part.weak_prior)
-    return replace(found, damped=found.damped or part.damped)
 
 
 def subsample_rows(count: int) -> NDArray[np.int64]:

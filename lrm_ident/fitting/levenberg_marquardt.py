@@ -128,9 +128,9 @@ def fit(
     stated = prior is not None and prior.name != WEAK
     idle = MAX_STEPS_WITH_PRIOR if stated else IDLE_STEPS  # a flat posterior too is climbed to its maximum
     scaled = Bounds(limits.lower / objective.typical, limits.upper / objective.typical)
-    plain = LevenbergMarquardt(objective, smooth, scaled, idle, start)
+    plain, weakly = LevenbergMarquardt(objective, smooth, scaled, idle, start), prior is not None and not stated
     try:
-        found = _fit_of(plain.solve(MAX_STEPS if smooth.prior is None else MAX_STEPS_WITH_PRIOR), damped=False)
+        found = _fit_of(plain.solve(MAX_STEPS if smooth.prior is None else MAX_STEPS_WITH_PRIOR), damped=weakly)
     except FitNotConverged:
         if prior is not None:
             raise
