@@ -7,7 +7,7 @@ seeds.
 from __future__ import annotations
 
 from validation.hidden_effects.case_generator import bending, combined, coupled, gain, lag, play, restart, shaft, warms
-from validation.hidden_effects.second_unforeseen_cases import second_unforeseen
+from validation.hidden_effects.second_unforeseen.cases import second_unforeseen
 from validation.hidden_effects.unfamiliar_effects import (
     Half,
     UnfamiliarCase,

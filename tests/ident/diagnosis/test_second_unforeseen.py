@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from validation.hidden_effects.data import ARM_FILE
-from validation.hidden_effects.second_unforeseen_cases import second_unforeseen
-from validation.hidden_effects.second_unforeseen_effects import (
+from validation.hidden_effects.second_unforeseen.cases import second_unforeseen
+from validation.hidden_effects.second_unforeseen.effects import (
     BeltPolygon,
     FanCycles,
     FoamMat,

@@ -7,7 +7,7 @@ Whoever wrote them had not read how `auto` decides. Eighteen causes alone, eight
 from __future__ import annotations
 
 from validation.hidden_effects.case_generator import DEG, MM, bending, gain, lag, play, shaft, warms
-from validation.hidden_effects.second_unforeseen_effects import (
+from validation.hidden_effects.second_unforeseen.effects import (
     BeltPolygon,
     CapstanFriction,
     DifferentialPlay,
