@@ -122,7 +122,7 @@ class ShearingPlates(ShiftedLink):
     shift_m_per_n: float
 
     def shift(self, load: EndLoad) -> Array:
-        return self.shift_m_per_n * load.force_n * np.array([1.0, 0.0, 0.0])
+        return np.asarray(self.shift_m_per_n * load.force_n * np.array([1.0, 0.0, 0.0]))
 
 
 @dataclass(frozen=True)
@@ -137,7 +137,7 @@ class TelescopingTube(ShiftedLink):
     def shift(self, load: EndLoad) -> Array:
         pressed = np.maximum(-load.force_n[:, 2], 0.0) / 3.0
         slipped = self.shift_m * np.append(0.0, np.cumsum(pressed)[:-1]) / len(pressed)
-        return -slipped[:, None] * np.array([0.0, 0.0, 1.0])
+        return np.asarray(-slipped[:, None] * np.array([0.0, 0.0, 1.0]))
 
 
 @dataclass(frozen=True)
@@ -172,7 +172,7 @@ class MarkerOnJaw(ShiftedLink):
     shift_m: Vector3
 
     def shift(self, load: EndLoad) -> Array:
-        return (load.poses.payload_kg > 0.0)[:, None] * np.array(self.shift_m)
+        return np.asarray((load.poses.payload_kg > 0.0)[:, None] * np.array(self.shift_m))
 
 
 @dataclass(frozen=True)
@@ -252,7 +252,7 @@ class HelicalThrust(ShiftedLink):
 
     def shift(self, load: EndLoad) -> Array:
         along = self.float_m * np.tanh(load.moment_nm[:, 2] / self.softness_nm)
-        return along[:, None] * np.array([0.0, 0.0, 1.0])
+        return np.asarray(along[:, None] * np.array([0.0, 0.0, 1.0]))
 
 
 @dataclass(frozen=True)
