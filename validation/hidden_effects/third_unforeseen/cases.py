@@ -84,7 +84,7 @@ def swelling() -> UnfamiliarCase:
 
 def stuck(joint: int) -> UnfamiliarCase:
     """A bit of an encoder is stuck."""
-    return hidden(HALF, "stuck-bit", None, lambda by: StuckBit(joint, 360.0 * DEG / 512.0))
+    return hidden(HALF, "stuck-bit", None, lambda _: StuckBit(joint, 360.0 * DEG / 512.0))
 
 
 def pretravel() -> UnfamiliarCase:
