@@ -1,8 +1,8 @@
 """Whether an effect shows a cause: sensitivity to an omitted one (Cinelli & Hazlett 2020).
 
 A cause that the catalogue lacks is taken in part by effects that resemble it, and the rest of it stays as structure or
-as error above the noise. So what stays unexplained bounds what may have been named wrongly: where it is not small beside
-what an effect took away, the effect may stand for that cause.
+as error above the noise. So what stays unexplained bounds what may have been named wrongly: where it is not small
+beside what an effect took away, the effect may stand for that cause.
 """
 
 from __future__ import annotations

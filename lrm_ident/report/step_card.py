@@ -16,6 +16,7 @@ from lrm_ident.report.plots.interactive.group_means import explained_by_means, j
 from lrm_ident.residual.better_prediction import share_of_excess
 from lrm_ident.residual.covariates import Covariate
 from lrm_ident.residual.picture.error_field import ErrorField
+from lrm_ident.residual.thresholds import LEFT_PER_TAKEN
 from lrm_math.effects import FREE_FORMS, Effect
 from lrm_math.model.model import Model
 from lrm_math.model.model_file import HistoryTable, ModelFile
@@ -47,6 +48,14 @@ class ErrorFall:
             return None
         return float(np.clip(share_of_excess(self.after, self.before, floor), 0.0, 1.0))
 
+    def stands_for_another(self, unexplained_mm2: float | None) -> float | None:
+        """Mean square unexplained at the end, per mean square that the step took, where that is so much that another
+        cause may stand behind it; None elsewhere, and where errors are not held out."""
+        taken = self.before**2 - self.after**2
+        if not self.held_out or unexplained_mm2 is None or taken <= 0.0 or unexplained_mm2 <= LEFT_PER_TAKEN * taken:
+            return None
+        return unexplained_mm2 / taken
+
 
 @dataclass(frozen=True)
 class StepCard:
@@ -58,6 +67,7 @@ class StepCard:
         estimates: all of them. joint: from 0, driver: name of the covariate, that its motion follows.
         equivalent: what the data could not tell it from.
         rivals_mm: held-out RMS (mm) that others alone would have left; None where that is not known.
+        is_form: whether it is a form of other effects, which shows no cause.
     """
 
     number: int
@@ -70,6 +80,7 @@ class StepCard:
     driver: str
     equivalent: tuple[str, ...]
     rivals_mm: Mapping[str, float] | None = None
+    is_form: bool = False
 
     def unrivalled(self, after: float) -> bool:
         """Whether no other effect alone would have left about as little as was left `after` the step (mm, held out)."""
@@ -150,6 +161,7 @@ def _card(
         driver=driver,
         equivalent=tuple(rest.split(":")[0].split(", ")) if rest else (),
         rivals_mm=entry.rivals_mm,
+        is_form=any(effect.variant_of for effect in added),
     )
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from lrm_ident.data.wording import enumerate_words, in_mm, in_percent, p_words, poses_words
 from lrm_ident.diagnosis.diagnose import Diagnosis
 from lrm_ident.diagnosis.diagnosis_report import DiagnosisReport, RankedCandidate
-from lrm_ident.diagnosis.shown_causes import left_per_taken
+from lrm_ident.diagnosis.shown_causes import left_per_taken, unexplained_square
 from lrm_ident.report.document import Block, Document, FoldedSection, ResultTable, heading, section
 from lrm_ident.report.plain_names import in_words, plain_name
 from lrm_ident.residual.residual_patterns import ResidualPatterns
@@ -57,6 +57,7 @@ def _values(report: DiagnosisReport) -> dict[str, object]:
         "verdict": report.verdict,
         "share_of_excess": report.share,
         "left_per_taken": left_per_taken(report),
+        "unexplained_mean_square_mm2": unexplained_square(report) * 1e6,
         "motion_bounds_rms_mm": {name: bound * 1e3 for name, bound in found.motion_bounds.items()},
         "approximate_of": "everything measured, weighted by its noise" if found.data.several_kinds else "TCP error",
         "ranking": [_advice(rank, advice, report) for rank, advice in enumerate(report.ranking[:RANKED], 1)],

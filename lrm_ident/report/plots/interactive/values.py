@@ -136,6 +136,7 @@ def _card(found: ModelReport, card: StepCard) -> dict[str, Any]:
         **plain(card),
         **plain(fall),
         "share": fall.share_of_excess(floor),
+        "left": None if card.is_form else fall.stands_for_another(found.unexplained_mm2),
         "rivals": [{"name": name, "title": plain_name(name), "why": why} for name, why in rivals(card, judged)],
         "equivalent": [plain_name(name) for name in card.equivalent],
         "asked": judged is not None or card.rivals_mm is not None,
