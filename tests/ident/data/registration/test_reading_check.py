@@ -27,7 +27,7 @@ from lrm_ident.data.measurement_file.write import measurements_csv
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.registration.checked import Misread, load_checked
 from lrm_ident.data.registration.degenerate_fit import DegenerateFit, check_arm
-from lrm_ident.data.registration.reading_check import check_reading, nominal_tcp
+from lrm_ident.data.registration.reading_check import check_reading, nominal_tcp, registered
 from lrm_ident.data.registration.similarity import robust_similarity, similarity
 from lrm_math.arm.arm_file import load_arm
 from lrm_math.arrays import Array
@@ -217,6 +217,23 @@ def test_an_unknown_frame_is_found_with_the_fit(tmp_path: Path, healthy: Measure
     _fitted(path, found, "--frame", "unknown")
     errors = [tomllib.loads(model.read_text())["history"][0]["fit_rms_mm"] for model in (right, found)]
     assert errors[1] < 1.2 * errors[0]
+
+
+@pytest.mark.parametrize("arm_name", ["lrm-lab", "so101"])
+def test_an_unknown_frame_stands_where_the_base_is_drawn_however_the_arm_sags(arm_name: str) -> None:
+    """A frame found from a sagging arm: all tips lie lower, and none of it is taken for a place of the base."""
+    arm = load_arm(arm_name)
+    effects = (*effects_at(arm, "offsets"), *effects_at(arm, "compliance"))
+    values = {"compliance.joint2.k_rad_per_Nm": 0.08, "compliance.joint3.k_rad_per_Nm": 0.08}
+    values |= {"offsets.joint3.theta_rad": 0.03, "offsets.joint4.theta_rad": -0.02}
+    ranges = np.array([(joint.lower, joint.upper) for joint in arm.joints]).T
+    poses = poses_of(np.random.default_rng(6).uniform(*0.7 * ranges, (100, arm.dof)))
+    true = solve_equilibrium(model_of(arm, effects, values), poses).tcp
+    rotation, translation = _motion(5)
+    found = registered(arm, poses, (true - translation) @ rotation)[0]
+    moved = similarity(true, found, np.ones(len(true)), mirrored=False, scale=1.0)
+    assert np.abs(moved.translation).max() < 1e-4
+    assert np.abs(moved.rotation - np.eye(3)).max() < 1e-4
 
 
 @pytest.mark.parametrize(("fitted_in", "said"), [("another", "--frame arm"), ("the arm's", "--frame unknown")])
