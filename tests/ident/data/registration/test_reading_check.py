@@ -220,6 +220,32 @@ def test_an_unknown_frame_is_found_with_the_fit(tmp_path: Path, healthy: Measure
 
 
 @pytest.mark.parametrize("arm_name", ["lrm-lab", "so101"])
+@pytest.mark.parametrize("mistake", ["--joint-sign", "--joint-order"])
+def test_radians_of_another_convention_in_metres_of_another_frame(tmp_path: Path, arm_name: str, mistake: str) -> None:
+    """All that another program does its own way at once: every mistake is said, and the options read it."""
+    own, (rotation, translation) = random_arm_data(arm_name, 3, poses=80), _motion(5)
+    q = own.poses.q.copy()
+    q[:, [1, 2]] = q[:, [1, 2]] * [1.0, -1.0] if mistake == "--joint-sign" else q[:, [2, 1]]
+    q, tcp = np.radians(q), 1e-3 * (own.tcp - translation) @ rotation
+    path = _written(tmp_path, replace(own, poses=replace(own.poses, q=q), tcp=tcp))
+    with pytest.raises(Misread) as refused:
+        load_checked(path, load_arm(arm_name))
+    numbers = ",".join(map(str, range(4, own.poses.q.shape[1] + 1)))
+    words = f"1,1,-1,{','.join('1' for _ in numbers.split(','))}" if mistake == "--joint-sign" else f"1,3,2,{numbers}"
+    for said in ("--unit m", "--angle-unit rad", f"{mistake} {words}", "--frame unknown"):
+        assert said in str(refused.value)
+
+
+def test_radians_as_degrees_that_no_arm_can_have_are_one_clear_line(tmp_path: Path) -> None:
+    """Of two joints turned and a unit mistaken nothing is said, and no arm is tried that would not settle."""
+    own = random_arm_data("lrm-lab", 3, poses=80)
+    q = np.radians(own.poses.q[:, [4, 2, 0, 3, 1, 5]])
+    path = _written(tmp_path, replace(own, poses=replace(own.poses, q=q), tcp=1e-3 * own.tcp))
+    with pytest.raises(Misread):
+        load_checked(path, load_arm("lrm-lab"))
+
+
+@pytest.mark.parametrize("arm_name", ["lrm-lab", "so101"])
 def test_an_unknown_frame_stands_where_the_base_is_drawn_however_the_arm_sags(arm_name: str) -> None:
     """A frame found from a sagging arm: all tips lie lower, and none of it is taken for a place of the base."""
     arm = load_arm(arm_name)
