@@ -145,6 +145,17 @@ def test_an_arm_of_six_joints_keeps_its_orientation() -> None:
     np.testing.assert_allclose(tool, goal, atol=1e-4)
 
 
+def test_a_tool_that_was_measured_itself_is_corrected_too() -> None:
+    arm, wish = load_arm("lrm-lab"), np.array([0.3, 0.4, -0.5, 0.3, 0.5, 0.2])
+    values = {"offsets.tool.x_mm": 0.004, "offsets.joint2.theta_rad": 0.02}
+    model, off = model_of(arm, effects_at(arm, "offsets"), values), []
+    for with_tool in (False, True):
+        q = Correction.of(model, with_tool=with_tool).command(wish, Motion.at(wish))
+        off.append(np.linalg.norm(solve_equilibrium(model, poses_of(q)).tcp[0] - drawn_tip(model, wish)))
+    assert off[0] == pytest.approx(0.004, rel=0.05)
+    assert off[1] < 1e-4
+
+
 @pytest.mark.parametrize("name", ["lrm-lab", "ur5"])
 def test_of_an_arm_of_six_joints_no_command_is_worse_than_the_wish(name: str) -> None:
     """Also near singular poses, where the first Gauss–Newton step leads far away."""
