@@ -10,7 +10,6 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lrm_ident.data.measurement_file.commanded_poses import perhaps_radians
 from lrm_ident.data.measurement_file.conventions import metadata_of, read_positions
@@ -20,6 +19,7 @@ from lrm_ident.measuring.recordings.mcap_file import SUFFIX as MCAP
 from lrm_ident.measuring.recordings.mcap_file import read_joints, read_mcap
 from lrm_ident.measuring.recordings.published_mat import AXES, read_mat_poses, read_mat_positions
 from lrm_ident.measuring.recordings.take import RecordedTake
+from lrm_ident.measuring.recordings.time_matching import Rows, rows_of_same_time
 from lrm_ident.measuring.recordings.tracker_csv import read_export
 from lrm_ident.measuring.tracker.dwell import RestMean, UnstableDwell, rest_mean
 from lrm_math.arm.arm import Arm
@@ -36,7 +36,6 @@ STILL_RAD = np.radians(0.3)
 """rad: the same of the joints together, by their encoders."""
 END_S = 0.1
 """s before a rest ends that are not used: the next move may have begun."""
-Rows = NDArray[np.int64]
 
 
 @dataclass(frozen=True)
@@ -74,7 +73,7 @@ class RecordingOrder:
 class DrivenPoses:
     """N poses in the order driven: number (N,), angles (N, n) in rad, load (N,) in kg, what each repeats (N,).
 
-    `notices`: what a person should know of how they were read.
+    `notices`: what a person should know of how they were read. `t`: (N,), s, of whatever clock, or None.
     """
 
     number: Array
@@ -82,11 +81,21 @@ class DrivenPoses:
     payload: Array
     repeat_of: Array
     notices: tuple[str, ...] = ()
+    t: Array | None = None
 
-    def take(self, rows: Array) -> DrivenPoses:
+    def take(self, rows: Rows) -> DrivenPoses:
         """Some of them; one whose first is not among them stands for itself."""
         number, of = self.number[rows], self.repeat_of[rows]
-        return DrivenPoses(number, self.q[rows], self.payload[rows], np.where(np.isin(of, number), of, number))
+        first = np.where(np.isin(of, number), of, number)
+        return DrivenPoses(number, self.q[rows], self.payload[rows], first, self.notices)
+
+    def at_rests(self, rests: Rows) -> DrivenPoses:
+        """The same at some of the rests, counted from 0: poses that are only counted have the numbers of theirs."""
+        count = np.arange(1.0, len(self.number) + 1)
+        if not np.array_equal(self.number, count):
+            return self
+        number = np.array([float(rest + 1) for rest in rests.tolist()])
+        return replace(self, number=number, repeat_of=number[self.repeat_of.astype(np.int64) - 1])
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,7 +137,7 @@ def import_recording(source: Path, poses: Path, arm: Arm, order: RecordingOrder)
     if source.suffix == ".mat" and driven is not None:
         return _one_each(source, driven, order)
     take = read_mcap(source) if source.suffix == MCAP else read_export(source, order.rotation)
-    rests = _rests(take, order, driven)
+    rests, driven = _rests(take, order, driven)
     if driven is None:
         q, number = read_joints(poses, arm, take.t), np.arange(1.0, len(rests) + 1)
         means = np.array([q[rows].mean(axis=0) for rows in rests]).reshape(len(rests), arm.dof)
@@ -147,7 +156,7 @@ def _driven(path: Path, arm: Arm, order: RecordingOrder) -> DrivenPoses:
         return _resting(path, poses, poses.t, order.dwell, doubts)
     number = table["pose"][:, 0]
     repeat_of = table["repeat_of"][:, 0] if "repeat_of" in table else number
-    return DrivenPoses(number, poses.q, poses.payload, repeat_of, doubts)
+    return DrivenPoses(number, poses.q, poses.payload, repeat_of, doubts, poses.t)
 
 
 def _resting(path: Path, log: Poses, t: Array, dwell: float, doubts: tuple[str, ...]) -> DrivenPoses:
@@ -160,7 +169,7 @@ def _resting(path: Path, log: Poses, t: Array, dwell: float, doubts: tuple[str, 
     q, payload = (np.array([each[rows].mean(axis=0) for rows in rests]) for each in (log.q, log.payload))
     number = np.arange(1.0, len(rests) + 1)
     said = f"{path.name}: a log of {len(t)} joint states, in which the joints rest {len(rests)} times"
-    return DrivenPoses(number, q, payload, number, (said, *doubts))
+    return DrivenPoses(number, q, payload, number, (said, *doubts), np.array([t[rows[-1]] for rows in rests]))
 
 
 def _one_each(source: Path, driven: DrivenPoses, order: RecordingOrder) -> ImportedRows:
@@ -173,24 +182,32 @@ def _one_each(source: Path, driven: DrivenPoses, order: RecordingOrder) -> Impor
     return ImportedRows(driven, turned, t, None, notices=tuple(notices))
 
 
-def _rests(take: RecordedTake, order: RecordingOrder, driven: DrivenPoses | None) -> Sequence[Rows]:
-    """Frames of each rest, as many as there are poses; None: as there are rests. Raises `LrmError`."""
+def _rests(
+    take: RecordedTake, order: RecordingOrder, driven: DrivenPoses | None
+) -> tuple[Sequence[Rows], DrivenPoses | None]:
+    """Frames of each rest, and the poses there. Raises `LrmError`: which belong together is not known."""
     t, count = take.t - take.t[0], None if driven is None else len(driven.q)
     if order.times is not None:
         fit = int((t[-1] - order.times.first) // order.times.every) + 1
-        return regular_rests(t, max(1, fit) if count is None else count, order.times, order.dwell)
+        return regular_rests(t, max(1, fit) if count is None else count, order.times, order.dwell), driven
     found = still_rests(t, take.pair(order.tool, order.base).tip, order.dwell)
     left = found[order.skip :]
     if count is None and not left:
         raise FileError(take.path, "", f"the tip rests nowhere for {2.0 * order.dwell:g} s")
-    if count is not None and len(left) != count:
-        skipped = f", {order.skip} of them skipped" if order.skip else ""
-        raise LrmError(
-            f"the tip rests {len(found)} times{skipped}, there are {count} poses; give --skip for rests before the "
-            "first pose, or --every and --first for rests at regular times"
-            + "".join(f" ({doubt})" for doubt in (() if driven is None else driven.notices))
-        )
-    return left
+    if driven is None or len(left) == count:
+        return left, driven
+    ends = np.array([t[rows[-1]] for rows in left])
+    if driven.t is not None and len(left) and (same := rows_of_same_time(ends, driven.t, order.dwell)):
+        rests, rows = same
+        said = f"the tip rests {len(left)} times, there are {count} poses: {len(rows)} go together by their times"
+        kept = driven.at_rests(rests) if len(rests) == count else driven.take(rows)
+        return [left[k] for k in rests], replace(kept, notices=(*driven.notices, said))
+    skipped = f", {order.skip} of them skipped" if order.skip else ""
+    raise LrmError(
+        f"the tip rests {len(found)} times{skipped}, there are {count} poses; give --skip for rests before the first "
+        "pose, --every and --first for rests at regular times, or their times to the poses (t_s)"
+        + "".join(f" ({doubt})" for doubt in driven.notices)
+    )
 
 
 def _averaged(take: RecordedTake, rests: Sequence[Rows], driven: DrivenPoses, order: RecordingOrder) -> ImportedRows:
