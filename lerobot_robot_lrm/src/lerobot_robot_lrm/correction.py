@@ -43,13 +43,17 @@ class Correction:
     left_out: tuple[str, ...] = ()
 
     @classmethod
-    def of_file(cls, path: str | Path, payload: float = 0.0) -> Correction:
+    def of_file(cls, path: str | Path, payload: float = 0.0, with_tool: bool = False) -> Correction:
         """The correction by a model file. Raises `LrmError`."""
-        return cls.of(load_model(path), payload)
+        return cls.of(load_model(path), payload, with_tool)
 
     @classmethod
-    def of(cls, fitted: Model, payload: float = 0.0) -> Correction:
-        """The correction by a fitted model. Where the board or target sat on the tool is no error of the arm.
+    def of(cls, fitted: Model, payload: float = 0.0, with_tool: bool = False) -> Correction:
+        """The correction by a fitted model.
+
+        Args:
+            with_tool: whether the tip itself was measured. Else `offsets.tool` may say where a board or target sat on
+                it, which is no error of the arm, and is not corrected.
 
         Raises `LrmError`: a payload that is no weight, an arm of fewer than three joints.
         """
@@ -59,7 +63,7 @@ class Correction:
             raise LrmError(f"{fitted.arm.name} has {fitted.arm.dof} joints; a tool is corrected by three or more")
         sessions = sorted({effect.id for effect in fitted.effects if of_a_session(effect)})
         deployed = deployed_part(fitted, sessions)
-        kept = [effect for effect in deployed.effects if not (constant(effect) and effect.place == TOOL)]
+        kept = [each for each in deployed.effects if with_tool or not (constant(each) and each.place == TOOL)]
         names = {effect.name for effect in deployed.effects}
         left_out = tuple(effect.name for effect in fitted.effects if effect.name not in names)
         return cls(_restricted(deployed, kept), payload, left_out)
