@@ -9,10 +9,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from lrm_ident.diagnosis.auto import run_auto
-from lrm_ident.diagnosis.shown_causes import Claim, claim, unexplained_square
+from lrm_ident.diagnosis.shown_causes import Claim, TakenStep, step_claims
 from lrm_ident.fitting.loss import SQUARED
 from lrm_ident.fitting.model_fit import fit_model
-from lrm_ident.report.step_card import ErrorFall
 from lrm_ident.residual.thresholds import LEFT_PER_TAKEN
 from tests.support.upright_arm import upright_measurements
 from validation.hidden_effects.unforeseen_cases import CatchingCable, OccludedMarker, SharedSupply
@@ -30,13 +29,12 @@ KNOWN: tuple[tuple[HiddenEffect, ...], ...] = (
 )
 
 
-def run(folder: Path, seed: int, *hidden: HiddenEffect) -> tuple[Claim, ...]:
+def run(folder: Path, seed: int, *hidden: HiddenEffect) -> list[Claim]:
     model, data = upright_measurements(folder, seed, 300, 3e-4, hidden)
     course = run_auto(fit_model(model, data, "identifiable", SQUARED).fit.model, data)
-    for step, claimed, taken in zip(course.steps[1:], course.claims, course.taken, strict=True):
-        assert (claimed == "description") == step.describes
-        assert claimed != "finding" or unexplained_square(course.report) <= LEFT_PER_TAKEN * taken
-    return course.claims
+    for step, one in zip(course.steps[1:], course.claims, strict=True):
+        assert (one.claim == "description") == step.describes
+    return [one.claim for one in course.claims]
 
 
 @pytest.mark.slow
@@ -48,13 +46,24 @@ def test_a_cause_without_a_form_is_no_finding_of_another(tmp_path: Path, seed: i
     assert "finding" not in claimed
 
 
-@given(st.floats(0.1, 10.0), st.floats(0.1, 10.0), st.floats(0.0, 20.0))
-def test_the_card_of_a_step_says_the_same(before: float, after: float, left: float) -> None:
-    fall = ErrorFall(before, after, held_out=True)
-    said = fall.stands_for_another(left)
-    if after < before:
-        assert (said is None) == (claim(False, left, before**2 - after**2) == "finding")
-    assert ErrorFall(before, after, held_out=False).stands_for_another(left) is None
+steps = st.builds(TakenStep, st.floats(-0.1, 10.0), st.booleans(), st.booleans())
+
+
+@given(st.lists(steps, max_size=8), st.floats(0.0, 20.0))
+def test_claims_of_any_sequence_of_steps(taken: list[TakenStep], left: float) -> None:
+    claims = step_claims(taken, left)
+    for number, (step, one) in enumerate(zip(taken, claims, strict=True)):
+        later = zip(taken[number + 1 :], claims[number + 1 :], strict=True)
+        no_cause = [each for each, claim in later if claim.claim != "finding" and not each.of_present]
+        assert one.unexplained == pytest.approx(left + sum(max(each.taken, 0.0) for each in no_cause))
+        assert (one.claim == "description") == step.describes
+        assert one.claim != "finding" or one.unexplained <= LEFT_PER_TAKEN * step.taken
+
+
+@given(st.lists(steps, max_size=8), st.floats(0.0, 20.0), st.floats(0.0, 20.0))
+def test_more_that_stays_shows_no_more(taken: list[TakenStep], left: float, more: float) -> None:
+    less, greater = step_claims(taken, left), step_claims(taken, left + more)
+    assert all(one.claim == "finding" or other.claim != "finding" for one, other in zip(less, greater, strict=True))
 
 
 @pytest.mark.slow
