@@ -202,6 +202,13 @@ def _far_poses(report: DiagnosisReport) -> Iterator[str]:
         f"Far off: {which} {poses}; the RMS of the others is {in_mm(float(np.sqrt(np.mean(others**2))))} mm{noise}. "
         f"Measure there again, and near there: either {they} went wrong, or what is missing shows only there."
     )
+    side = data.poses.direction
+    directed = any("direction" in effect.depends_on for effect in fit.model.effects)
+    if directed and side is not None and (blind := [str(data.pose[row]) for row in rows if not side[row].any()]):
+        yield (
+            f"From which side the joints came to pose {enumerate_words(blind, SHOWN)} is not known, and the model asks "
+            "for it: state start_q_deg in the file beside the data, or approach."
+        )
 
 
 def _may_hide(report: DiagnosisReport) -> Iterator[str]:
