@@ -8,7 +8,7 @@ from collections.abc import Collection, Iterator, Sequence
 
 import numpy as np
 
-from lrm_ident.data.wording import enumerate_words, in_mm, in_percent, p_words, poses_words
+from lrm_ident.data.wording import enumerate_words, in_mm, in_percent, named_joints, p_words, poses_words
 from lrm_ident.diagnosis.diagnose import Diagnosis
 from lrm_ident.diagnosis.diagnosis_report import DiagnosisReport, RankedCandidate
 from lrm_ident.diagnosis.shown_causes import left_per_taken
@@ -86,7 +86,8 @@ def _blocks(report: DiagnosisReport) -> list[Block]:
         heading(_verdict(report)),
         f"{len(found.data)} poses, {len(found.fit.model.free)} parameters: RMS {in_mm(report.fit.rms)} mm in the "
         f"fit, {in_mm(report.held_out.rms)} mm held out; noise floor {noise}; "
-        f"likeness of neighbours (Moran's I) {found.structure.moran_i:.2f}, p {p_words(found.structure.p_value)}",
+        f"likeness of neighbours (Moran's I) {found.structure.moran_i:.2f}, p {p_words(found.structure.p_value)}"
+        f"{named_joints(found.fit.model.arm)}",
         *_far_poses(report),
         *_may_hide(report),
         in_words(report.left.predictable.sentence),
