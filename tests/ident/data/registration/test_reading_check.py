@@ -238,7 +238,7 @@ def test_radians_of_another_convention_in_metres_of_another_frame(tmp_path: Path
 
 
 def test_radians_as_degrees_that_no_arm_can_have_are_one_clear_line(tmp_path: Path) -> None:
-    """Of two joints turned and a unit mistaken nothing is said, and no arm is tried that would not settle."""
+    """Nothing explains a strange order of joints beside two units, and no arm is tried that would not settle."""
     own = random_arm_data("lrm-lab", 3, poses=80)
     q = np.radians(own.poses.q[:, [4, 2, 0, 3, 1, 5]])
     path = _written(tmp_path, replace(own, poses=replace(own.poses, q=q), tcp=1e-3 * own.tcp))
@@ -285,7 +285,7 @@ def test_data_in_another_frame_than_those_of_the_fit(tmp_path: Path, arm_name: s
 
 
 def test_a_frame_that_is_known_is_stated_beside_the_data(tmp_path: Path) -> None:
-    """As docs/files.md says it: Rx Ry Rz and the shift take a measured position into the arm's frame."""
+    """The table of docs/files.md: Rx Ry Rz and the shift take a measured position into the arm's frame."""
     own, shift = random_arm_data("lrm-lab", 3, poses=20), np.array([0.4, -1.2, 0.7])
     turn = Rotation.from_euler("XYZ", [90.0, 53.0, -20.0], degrees=True).as_matrix()
     path = _written(tmp_path, replace(own, tcp=(own.tcp - shift) @ turn))
