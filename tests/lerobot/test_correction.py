@@ -145,15 +145,17 @@ def test_an_arm_of_six_joints_keeps_its_orientation() -> None:
     np.testing.assert_allclose(tool, goal, atol=1e-4)
 
 
-def test_a_tool_that_was_measured_itself_is_corrected_too() -> None:
-    arm, wish = load_arm("lrm-lab"), np.array([0.3, 0.4, -0.5, 0.3, 0.5, 0.2])
-    values = {"offsets.tool.x_mm": 0.004, "offsets.joint2.theta_rad": 0.02}
-    model, off = model_of(arm, effects_at(arm, "offsets"), values), []
-    for with_tool in (False, True):
-        q = Correction.of(model, with_tool=with_tool).command(wish, Motion.at(wish))
-        off.append(np.linalg.norm(solve_equilibrium(model, poses_of(q)).tcp[0] - drawn_tip(model, wish)))
-    assert off[0] == pytest.approx(0.004, rel=0.05)
-    assert off[1] < 1e-4
+@pytest.mark.parametrize(("keep", "left"), [("base", 0.003), ("tool", 0.004), ("", 0.0)])
+def test_what_is_kept_is_no_error_of_the_arm(keep: str, left: float) -> None:
+    arm, wish = load_arm("lrm-lab"), np.array([0.0, 0.4, -0.5, 0.3, 0.5, 0.2])
+    values = {"offsets.base.z_mm": 0.003, "offsets.tool.x_mm": 0.004, "offsets.joint2.theta_rad": 0.02}
+    model = model_of(arm, effects_at(arm, "offsets"), values)
+    q = Correction.of(model, keep=[word for word in keep.split(",") if word]).command(wish, Motion.at(wish))
+    off = solve_equilibrium(model, poses_of(q)).tcp[0] - drawn_tip(model, wish)
+    assert np.linalg.norm(off) == pytest.approx(left, abs=1e-4)
+    assert Correction.of(model).keep == ("base", "tool")
+    with pytest.raises(LrmError, match="keep elbow"):
+        Correction.of(model, keep=("elbow",))
 
 
 @pytest.mark.parametrize("name", ["lrm-lab", "ur5"])

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
 
 import lrm_ident as lrm
 from lrm_ident.data.measurement_file.conventions import (
@@ -237,7 +238,7 @@ def test_radians_of_another_convention_in_metres_of_another_frame(tmp_path: Path
 
 
 def test_radians_as_degrees_that_no_arm_can_have_are_one_clear_line(tmp_path: Path) -> None:
-    """Of two joints turned and a unit mistaken nothing is said, and no arm is tried that would not settle."""
+    """Nothing explains a strange order of joints beside two units, and no arm is tried that would not settle."""
     own = random_arm_data("lrm-lab", 3, poses=80)
     q = np.radians(own.poses.q[:, [4, 2, 0, 3, 1, 5]])
     path = _written(tmp_path, replace(own, poses=replace(own.poses, q=q), tcp=1e-3 * own.tcp))
@@ -281,6 +282,16 @@ def test_data_in_another_frame_than_those_of_the_fit(tmp_path: Path, arm_name: s
     else:
         left = similarity(mended.tcp, own.tcp, np.ones(60), mirrored=False, scale=1.0).apply(mended.tcp) - own.tcp
         assert np.abs(left).max() < 1e-6
+
+
+def test_a_frame_that_is_known_is_stated_beside_the_data(tmp_path: Path) -> None:
+    """The table of docs/files.md: Rx Ry Rz and the shift take a measured position into the arm's frame."""
+    own, shift = random_arm_data("lrm-lab", 3, poses=20), np.array([0.4, -1.2, 0.7])
+    turn = Rotation.from_euler("XYZ", [90.0, 53.0, -20.0], degrees=True).as_matrix()
+    path = _written(tmp_path, replace(own, tcp=(own.tcp - shift) @ turn))
+    stated = "frame = {x_mm = 400, y_mm = -1200, z_mm = 700, alpha_deg = 90, beta_deg = 53, gamma_deg = -20}\n"
+    path.with_suffix(".toml").write_text(f'schema = "lrm/measurements/1"\n{stated}')
+    np.testing.assert_allclose(load_measurements(path, load_arm("lrm-lab")).tcp, own.tcp, atol=1e-6)
 
 
 def test_limits_are_checked_after_the_question(tmp_path: Path) -> None:
