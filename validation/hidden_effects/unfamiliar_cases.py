@@ -7,6 +7,7 @@ seeds.
 from __future__ import annotations
 
 from validation.hidden_effects.case_generator import bending, combined, coupled, gain, lag, play, restart, shaft, warms
+from validation.hidden_effects.second_unforeseen.cases import second_unforeseen
 from validation.hidden_effects.unfamiliar_effects import (
     Half,
     UnfamiliarCase,
@@ -108,4 +109,6 @@ def _reporting() -> tuple[UnfamiliarCase, ...]:
     )
 
 
-UNFAMILIAR = {each.name + "/" + each.half: each for each in (*_tuning(), *_reporting(), *unforeseen())}
+UNFAMILIAR = {
+    each.name + "/" + each.half: each for each in (*_tuning(), *_reporting(), *unforeseen(), *second_unforeseen())
+}

@@ -26,7 +26,7 @@ from validation.synthetic import (
 )
 
 ARMS = Path(__file__).resolve().parent / "arms"
-FIRST_SEED = {"tune": 0, "report": 1000, "unforeseen": 2000}
+FIRST_SEED = {"tune": 0, "report": 1000, "unforeseen": 2000, "second-unforeseen": 3000}
 OUTLIER_M = (0.005, 0.025)
 
 

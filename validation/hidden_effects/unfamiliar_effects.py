@@ -37,7 +37,7 @@ from validation.synthetic import (
     WeatherLag,
 )
 
-Half = Literal["tune", "report", "unforeseen"]
+Half = Literal["tune", "report", "unforeseen", "second-unforeseen"]
 LAB, TWO_LOADS, FIVE_LEVELS_DEG = "lrm-lab", (0.0, 0.0663), (-80.0, -40.0, 0.0, 40.0, 80.0)
 
 
