@@ -113,6 +113,8 @@ def auto(
 ) -> None:
     """Follow the tool's own advice, effect by effect, until it says stop.
 
+    At the end it says which effects are shown to be a cause, and which may stand for one that it does not know.
+
     With --prior: effects that arms of this kind often have need less evidence, and at the end all parameters are fitted
     together with the prior. With --field: what no name explains is predicted too, beside the names.
     """

@@ -24,6 +24,7 @@ from lrm_ident.cli.common import (
     show,
 )
 from lrm_ident.data.atomic_write import write_bytes, write_text
+from lrm_ident.data.measurement_file.commanded_poses import perhaps_radians
 from lrm_ident.data.measurement_file.conventions import arm_for, metadata_of
 from lrm_ident.data.measurement_file.load import load_poses
 from lrm_ident.data.measurements import Measurements
@@ -135,6 +136,7 @@ def predict(
             "those written are the arm file's own, in deg"
         )
     asked = load_poses(poses, the_model.arm, how)
+    notice(*perhaps_radians(asked.q, how))
     here, left_out = model_for_data(the_model, poses, asked.sha256 or "")
     notice(*left_out)
     settled = solve_equilibrium(here, asked)

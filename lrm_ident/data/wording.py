@@ -83,3 +83,9 @@ def enumerate_words(names: Sequence[str], most: int) -> str:
 def joint_labels(arm: Arm) -> tuple[str, ...]:
     """Names of an arm's joints as its own description has them, joint1, joint2 … where it has none."""
     return tuple(joint.name or own for joint, own in zip(arm.joints, arm.joint_names, strict=True))
+
+
+def named_joints(arm: Arm) -> str:
+    """The joints' own names after their numbers, to go on a sentence; empty where the arm's file has none."""
+    named = [f"{number} {joint.name}" for number, joint in enumerate(arm.joints, start=1) if joint.name]
+    return f"; joint {', '.join(named)}" if named else ""

@@ -16,7 +16,7 @@ from lrm_ident.diagnosis.confirm import ConfirmedDiagnosis, Refit, confirm
 from lrm_ident.diagnosis.diagnose import Diagnosis, Verdict, diagnose
 from lrm_ident.diagnosis.diagnosis_report import DiagnosisReport, report_of
 from lrm_ident.diagnosis.screening.score_test import ScoredCandidate
-from lrm_ident.diagnosis.shown_causes import Claim, claim, unexplained_square
+from lrm_ident.diagnosis.shown_causes import StepClaim, TakenStep, step_claims, unexplained_square
 from lrm_ident.fitting.levenberg_marquardt import Fit
 from lrm_ident.fitting.loss import SQUARED, Loss
 from lrm_ident.fitting.priors import EffectRates
@@ -98,10 +98,11 @@ class AutoRun(ShownInNotebook):
         return tuple(before - after for before, after in pairwise(squares))
 
     @property
-    def claims(self) -> tuple[Claim, ...]:
-        """Claims of the steps after the start: whether each shows a cause."""
-        left, pairs = unexplained_square(self.report), zip(self.steps[1:], self.taken, strict=True)
-        return tuple(claim(step.describes, left, taken) for step, taken in pairs)
+    def claims(self) -> tuple[StepClaim, ...]:
+        """Claims of the steps after the start: whether each shows a cause (mean squares in m²)."""
+        present, pairs = {effect.name for effect in self.model.effects}, zip(self.steps[1:], self.taken, strict=True)
+        steps = [TakenStep(taken, step.describes, bool(present & {*step.refines})) for step, taken in pairs]
+        return step_claims(steps, unexplained_square(self.report))
 
 
 def run_auto(

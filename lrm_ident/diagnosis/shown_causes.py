@@ -2,11 +2,14 @@
 
 A cause that the catalogue lacks is taken in part by effects that resemble it, and the rest of it stays as structure or
 as error above the noise. So what stays unexplained bounds what may have been named wrongly: where it is not small
-beside what an effect took away, the effect may stand for that cause.
+beside what an effect took away, the effect may stand for that cause. What later effects took that show no cause counts
+as unexplained too, unless they are forms of effects that are there.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Literal
 
 from lrm_ident.diagnosis.diagnosis_report import DiagnosisReport
@@ -16,11 +19,37 @@ Claim = Literal["finding", "possible_cause", "description"]
 """A cause that is shown; one that may stand for another; an effect that predicts better and shows no cause."""
 
 
-def claim(describes: bool, left: float, taken: float) -> Claim:
-    """Claim of a step of `auto` that took a mean square away, of what is `left` unexplained at the end (both m²)."""
-    if describes:
-        return "description"
-    return "finding" if left <= LEFT_PER_TAKEN * taken else "possible_cause"
+@dataclass(frozen=True)
+class TakenStep:
+    """One added effect.
+
+    Attributes:
+        taken: held-out mean square that it took away. describes: whether it only describes.
+        of_present: whether it is a form of an effect that is in the model.
+    """
+
+    taken: float
+    describes: bool
+    of_present: bool
+
+
+@dataclass(frozen=True)
+class StepClaim:
+    """Claim of a step; `unexplained`: the mean square that may belong to another cause, in the unit of `taken`."""
+
+    claim: Claim
+    unexplained: float
+
+
+def step_claims(steps: Sequence[TakenStep], left: float) -> tuple[StepClaim, ...]:
+    """Claims of successive steps. `left`: held-out mean square that stays unexplained after the last one."""
+    found: list[StepClaim] = []
+    for step in reversed(steps):
+        shown: Claim = "finding" if left <= LEFT_PER_TAKEN * step.taken else "possible_cause"
+        found.append(StepClaim("description" if step.describes else shown, left))
+        if found[-1].claim != "finding" and not step.of_present:
+            left += max(step.taken, 0.0)
+    return tuple(reversed(found))
 
 
 def unexplained_square(report: DiagnosisReport) -> float:

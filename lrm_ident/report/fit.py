@@ -198,7 +198,7 @@ def estimate_table(model: Model, errors: Mapping[str, float]) -> ResultTable:
     columns = ("parameter", "value|", "± standard error|", "unit")
     field = len(model.free) - len(named)
     beside = f", and {field} numbers of a residual field, which are not causes" if field else ""
-    return ResultTable(columns, rows, f"{len(named)} parameters{beside}")
+    return ResultTable(columns, rows, f"{len(named)} parameters{beside}{wording.named_joints(model.arm)}")
 
 
 def _implausible(model: Model) -> Iterator[str]:

@@ -136,6 +136,11 @@ class ModelReport:
         known = None if self.diagnosis is None else self.diagnosis.values["noise_floor_rms_mm"]
         return known if isinstance(known, float) else None
 
+    @property
+    def unexplained_mm2(self) -> float | None:
+        """Held-out mean square that stays unexplained, where there is a diagnosis."""
+        return None if self.diagnosis is None else float(str(self.diagnosis.values["unexplained_mean_square_mm2"]))
+
     def document(self) -> Document:
         """Result of `lrm-ident report`, schema `lrm/report/1`: those of `compare` and `diagnose`, and the history."""
         parts = [part for part in (self.diagnosis, self.comparison) if part is not None]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,7 +16,7 @@ from lrm_ident.report.plots.interactive.group_means import explained_by_means, j
 from lrm_ident.residual.better_prediction import share_of_excess
 from lrm_ident.residual.covariates import Covariate
 from lrm_ident.residual.picture.error_field import ErrorField
-from lrm_math.effects import FREE_FORMS, Effect
+from lrm_math.effects import FREE_FORMS, Effect, variants
 from lrm_math.model.model import Model
 from lrm_math.model.model_file import HistoryTable, ModelFile
 
@@ -47,6 +47,11 @@ class ErrorFall:
             return None
         return float(np.clip(share_of_excess(self.after, self.before, floor), 0.0, 1.0))
 
+    @property
+    def taken(self) -> float:
+        """Mean square (mm²) that the step took away."""
+        return self.before**2 - self.after**2
+
 
 @dataclass(frozen=True)
 class StepCard:
@@ -58,6 +63,7 @@ class StepCard:
         estimates: all of them. joint: from 0, driver: name of the covariate, that its motion follows.
         equivalent: what the data could not tell it from.
         rivals_mm: held-out RMS (mm) that others alone would have left; None where that is not known.
+        is_form: whether it is a form of other effects, which shows no cause. of_present: of one in the model.
     """
 
     number: int
@@ -70,6 +76,8 @@ class StepCard:
     driver: str
     equivalent: tuple[str, ...]
     rivals_mm: Mapping[str, float] | None = None
+    is_form: bool = False
+    of_present: bool = False
 
     def unrivalled(self, after: float) -> bool:
         """Whether no other effect alone would have left about as little as was left `after` the step (mm, held out)."""
@@ -124,14 +132,20 @@ def step_cards(
     file: ModelFile, models: Sequence[Model], field: ErrorField, known: Sequence[Covariate]
 ) -> tuple[StepCard, ...]:
     """A card for every step after the first. `known`: covariates at the drawn poses."""
+    present = {effect.name for effect in models[-1].effects}
     return tuple(
-        _card(number, file.history[number], models[number - 1 : number + 1], field, known)
+        _card(number, file.history[number], models[number - 1 : number + 1], field, known, present)
         for number in range(1, len(file.history))
     )
 
 
 def _card(
-    number: int, entry: HistoryTable, models: Sequence[Model], field: ErrorField, known: Sequence[Covariate]
+    number: int,
+    entry: HistoryTable,
+    models: Sequence[Model],
+    field: ErrorField,
+    known: Sequence[Covariate],
+    present: Collection[str],
 ) -> StepCard:
     before, after = ({effect.name: effect for effect in model.effects} for model in models)
     added = [effect for name, effect in after.items() if name not in before]
@@ -150,6 +164,8 @@ def _card(
         driver=driver,
         equivalent=tuple(rest.split(":")[0].split(", ")) if rest else (),
         rivals_mm=entry.rivals_mm,
+        is_form=any(effect.variant_of for effect in added),
+        of_present=any(name in present for effect in added for name in variants(effect)),
     )
 
 

@@ -145,6 +145,41 @@ def test_an_arm_of_six_joints_keeps_its_orientation() -> None:
     np.testing.assert_allclose(tool, goal, atol=1e-4)
 
 
+@pytest.mark.parametrize(("keep", "left"), [("base", 0.003), ("tool", 0.004), ("", 0.0)])
+def test_what_is_kept_is_no_error_of_the_arm(keep: str, left: float) -> None:
+    arm, wish = load_arm("lrm-lab"), np.array([0.0, 0.4, -0.5, 0.3, 0.5, 0.2])
+    values = {"offsets.base.z_mm": 0.003, "offsets.tool.x_mm": 0.004, "offsets.joint2.theta_rad": 0.02}
+    model = model_of(arm, effects_at(arm, "offsets"), values)
+    q = Correction.of(model, keep=[word for word in keep.split(",") if word]).command(wish, Motion.at(wish))
+    off = solve_equilibrium(model, poses_of(q)).tcp[0] - drawn_tip(model, wish)
+    assert np.linalg.norm(off) == pytest.approx(left, abs=1e-4)
+    assert Correction.of(model).keep == ("base", "tool")
+    with pytest.raises(LrmError, match="keep elbow"):
+        Correction.of(model, keep=("elbow",))
+
+
+@pytest.mark.parametrize("name", ["lrm-lab", "ur5"])
+def test_of_an_arm_of_six_joints_no_command_is_worse_than_the_wish(name: str) -> None:
+    """Also near singular poses, where the first Gauss–Newton step leads far away."""
+    arm, rng = load_arm(name), np.random.default_rng(4)
+    effects = [effect for effect in effects_at(arm, "offsets") if effect.place.startswith("joint")]
+    keys = [key for effect in effects for key in effect.keys]
+    made = Correction.of(
+        model_of(arm, effects, {key: rng.normal(0.0, 0.02 if key.endswith("_rad") else 1e-3) for key in keys})
+    )
+    low, high = made.limits
+    wishes = rng.uniform(0.8 * low, 0.8 * high, (150, 6))
+    q = np.array([made.command(wish, Motion.at(wish)) for wish in wishes])
+    inside = ((low < q) & (q < high)).all(axis=1)
+    goal = solve_equilibrium(model_of(arm, ()), poses_of(wishes)).tcp
+    before, after = (
+        np.linalg.norm(solve_equilibrium(made.model, poses_of(at)).tcp - goal, axis=1) for at in (wishes, q)
+    )
+    assert inside.sum() > 140
+    assert (after < before)[inside].all()
+    assert np.sqrt((after[inside] ** 2).mean()) < 0.2 * np.sqrt((before[inside] ** 2).mean())
+
+
 @given(wish=st.lists(st.floats(-4.0, 4.0), min_size=5, max_size=5))
 def test_limits_hold_for_any_wish(wish: list[float]) -> None:
     made = correction("so101", "five")

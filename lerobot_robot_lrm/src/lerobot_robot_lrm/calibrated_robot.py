@@ -36,7 +36,8 @@ class CalibratedRobot(Robot):
         self.robot = robot
         self.config, self.id = config, robot.id
         self.name = self.robot_type = f"{robot.name}_{CalibratedRobot.name}"
-        self.correction = Correction.of_file(config.model, 1e-3 * config.payload_g)
+        keep = [word.strip() for word in config.keep.split(",") if word.strip()]
+        self.correction = Correction.of_file(config.model, 1e-3 * config.payload_g, keep)
         self.keys = tuple(f"{name}{SUFFIX}" for name in self.correction.names)
         self._check_names()
         _ = self.correction.arm, self.correction.drawn  # packed before the first command

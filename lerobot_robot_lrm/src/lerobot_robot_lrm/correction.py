@@ -7,6 +7,7 @@ the loads, for the side that each joint arrives from.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -36,33 +37,41 @@ class Correction:
     Attributes:
         payload: kg, what the tool carries.
         left_out: names of the model's effects that are not corrected.
+        keep: places whose constant errors are none of the arm, see `of`.
     """
 
     model: Model
     payload: float = 0.0
     left_out: tuple[str, ...] = ()
+    keep: tuple[str, ...] = (BASE, TOOL)
 
     @classmethod
-    def of_file(cls, path: str | Path, payload: float = 0.0) -> Correction:
-        """The correction by a model file. Raises `LrmError`."""
-        return cls.of(load_model(path), payload)
+    def of_file(cls, path: str | Path, payload: float = 0.0, keep: Sequence[str] = (BASE, TOOL)) -> Correction:
+        """The correction by a model file, see `of`. Raises `LrmError`."""
+        return cls.of(load_model(path), payload, keep)
 
     @classmethod
-    def of(cls, fitted: Model, payload: float = 0.0) -> Correction:
-        """The correction by a fitted model. Where the board or target sat on the tool is no error of the arm.
+    def of(cls, fitted: Model, payload: float = 0.0, keep: Sequence[str] = (BASE, TOOL)) -> Correction:
+        """The correction by a fitted model.
 
-        Raises `LrmError`: a payload that is no weight, an arm of fewer than three joints.
+        Args:
+            keep: base, tool or both: their offsets say where the tracker's frame stood, and where a board or target sat
+                on the tool. What was measured in the arm's own frame, or at the tip itself, is an error of the arm.
+
+        Raises `LrmError`: another place to keep, a payload that is no weight, an arm of fewer than three joints.
         """
+        if unknown := sorted({*keep} - {BASE, TOOL}):
+            raise LrmError(f"keep {', '.join(unknown)}; should be {BASE}, {TOOL}, both or none")
         if not 0.0 <= payload < np.inf:
             raise LrmError(f"payload = {1e3 * payload:g} g; should be a weight of zero or more")
         if fitted.arm.dof < FEWEST_JOINTS:
             raise LrmError(f"{fitted.arm.name} has {fitted.arm.dof} joints; a tool is corrected by three or more")
         sessions = sorted({effect.id for effect in fitted.effects if of_a_session(effect)})
         deployed = deployed_part(fitted, sessions)
-        kept = [effect for effect in deployed.effects if not (constant(effect) and effect.place == TOOL)]
+        kept = [each for each in deployed.effects if not (constant(each) and each.place == TOOL and TOOL in keep)]
         names = {effect.name for effect in deployed.effects}
         left_out = tuple(effect.name for effect in fitted.effects if effect.name not in names)
-        return cls(_restricted(deployed, kept), payload, left_out)
+        return cls(_restricted(deployed, kept), payload, left_out, tuple(keep))
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -81,8 +90,9 @@ class Correction:
 
     @cached_property
     def drawn(self) -> KernelArmModel:
-        """The arm as drawn, on the base as fitted; nothing loads it."""
-        of_base = [effect for effect in self.model.effects if constant(effect) and effect.place == BASE]
+        """The arm as drawn, on the base as fitted if that is kept; nothing loads it."""
+        kept = [BASE] if BASE in self.keep else []
+        of_base = [effect for effect in self.model.effects if constant(effect) and effect.place in kept]
         return KernelArmModel.of(_restricted(self.model, of_base), 0.0)
 
     @cached_property

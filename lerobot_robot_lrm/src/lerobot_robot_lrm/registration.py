@@ -25,8 +25,12 @@ def register_calibrated_robots() -> None:
 
 
 def calibrated_config(name: str, config: type[Any]) -> type[Any]:
-    """Configuration of the calibrated form of a robot: its own fields, `model` (a file) and `payload_g`."""
-    own = [("model", str, field(kw_only=True)), ("payload_g", float, field(default=0.0, kw_only=True))]
+    """Configuration of the calibrated form of a robot: its own fields, `model` (a file), `payload_g`, `keep`."""
+    own = [
+        ("model", str, field(kw_only=True)),
+        ("payload_g", float, field(default=0.0, kw_only=True)),
+        ("keep", str, field(default="base,tool", kw_only=True)),
+    ]
     namespace = {"wrapped_type": name, "wrapped_config": config, "__module__": __name__}
     # LeRobot makes the robot of the class named like the configuration's, from the package of its module.
     return make_dataclass("CalibratedFormConfig", own, bases=(config,), namespace=namespace)

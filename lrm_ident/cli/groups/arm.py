@@ -129,6 +129,7 @@ def export(
     where = f"{files[0]} … {files[-1]}" if draws else str(output)
     missing = made[0].left_out
     show(f"{made[0].what} written to {where}", *([f"Not in it: {', '.join(map(marked, missing))}"] if missing else []))
+    notice(*([made[0].advice] if made[0].advice else []))
 
 
 @command_of(group, "show")

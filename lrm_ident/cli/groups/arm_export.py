@@ -14,9 +14,14 @@ from lrm_ident.data.robot_files.mjcf_robot import read_mjcf
 from lrm_ident.data.robot_files.ros2_control import with_offsets
 from lrm_ident.data.robot_files.urdf import read_urdf
 from lrm_math.effects import split_key
+from lrm_math.effects.compliance import Spring
 from lrm_math.errors import FileError, LrmError
 from lrm_math.model.model import Model
 
+RIGID = (
+    "this is the unloaded arm; where nothing else corrects the commands, the rigid arm nearest to the one that sags is "
+    "that of a fit with --effects offsets"
+)
 Writer: TypeAlias = Callable[[Model, Path], export.ExportedFile]
 """Makes the file for a model that is written at a path. Raises `LrmError`."""
 
@@ -63,7 +68,9 @@ def _urdf(
     rigid = export.rigid_part(model, keep)
     text = export.corrected_urdf(rigid, robot, base, tip)
     off = export.exported_difference(rigid, text, base, tip)
-    return export.ExportedFile(text, f"URDF (at most {off:.1g} m off the model's rigid part)", export.left_out(model))
+    lost, what = export.left_out(model), f"URDF (at most {off:.1g} m off the model's rigid part)"
+    sags = any(isinstance(effect, Spring) and effect.name in lost for effect in model.effects)
+    return export.ExportedFile(text, what, lost, RIGID if sags else "")
 
 
 def _zeros(model: Model, text: str, what: str) -> export.ExportedFile:

@@ -45,13 +45,18 @@ def import_(
     dwell: arg.Dwell = 1.0,
     axes: Annotated[str | None, Option(help="Which axes of the file are the arm's x, y, z: x,-z,y.")] = None,
     rotation: Annotated[str | None, Option(help="Of Vicon's RX, RY, RZ: helical or euler-xyz.")] = None,
+    angle_unit: Annotated[
+        str | None, Option(help="Unit of the joint angles: deg or rad. Default: as the names say.")
+    ] = None,
 ) -> None:
     """Turn a tracker's recording into measurements: one row for each pose, its mean over the end of the rest.
 
     Rests are found where the tip stands still, or taken at regular times (--every, --first). A rest in which a body is
     hidden, frozen or jumps is left out, and said.
 
-    An .mcap (extra: mcap) has bodies as topics of poses, or frames of tf; as POSES, its JointState at the rests counts.
+    POSES has a row for each rest. Or it is a log, many rows with their times by any clock: the joints' rests are those
+    of the tip then, in order. An .mcap (extra: mcap) has bodies as topics of poses, or frames of tf; as POSES, its
+    JointState at the rests counts.
 
     With the word lerobot for RECORDING, POSES is a LeRobot dataset (v3; extra: lerobot), and DATA becomes poses: the
     commanded angles of every rest and what the encoders read, for `camera read` or a tracker's recording.
@@ -67,7 +72,8 @@ def import_(
         raise LrmError("--every and --first go together")
     times = None if every is None or first is None else RestTimes(first, every)
     kind = None if rotation is None else one_of("rotation", rotation, ROTATIONS)
-    order = RecordingOrder(tool, base, times, skip, dwell, stated_reading({"axes": axes}).axes, kind)
+    stated = stated_reading({"axes": axes, "angle_unit": angle_unit})
+    order = RecordingOrder(tool, base, times, skip, dwell, stated.axes, kind, stated.angle_unit)
     name, the_arm = arm_for(poses, arm)
     found = import_recording(recording, poses, the_arm, order)
     write_with_metadata(output, found.csv(), name, f"import: {recording.name}")

@@ -81,6 +81,14 @@ def pose_notices(table: NumberTable) -> Iterator[str]:
         yield f"repeat_of: {pose_words(number[away])} is not commanded where the pose is that it repeats"
 
 
+def perhaps_radians(q: Array, how: Reading) -> tuple[str, ...]:
+    """The doubt, in words, whether angles (N, n), rad, were radians read as degrees, where nobody stated their unit."""
+    if how.angle_unit is not None or not 0.0 < np.abs(q).max(initial=0.0) <= np.radians(2.0 * np.pi):
+        return ()
+    most = np.degrees(np.abs(q).max())
+    return (f"no joint angle is beyond {most:.3g} deg; if they are radians: --angle-unit rad",)
+
+
 def pose_words(numbers: NDArray[np.int64]) -> str:
     """The first of some poses, by number, and how many more there are."""
     return f"pose {enumerate_words([str(number) for number in numbers.tolist()], LISTED)}"

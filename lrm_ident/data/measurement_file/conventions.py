@@ -124,7 +124,7 @@ def arm_for(data: Path, arm: str | None) -> tuple[str, Arm]:
     if not data.exists():
         raise FileError(data, "", "no such file")
     if metadata is None or metadata.arm is None:
-        names = f"{', '.join(sorted(shipped_arms()))} or an arm file of your own (lrm-ident arm new)"
+        names = f"{', '.join(sorted(shipped_arms()))} or an arm file of your own (lrm-ident arm import, arm new)"
         right = f"name it with --arm, or as arm in the .toml file beside the data: {names}"
         raise FileError(data, "", "no arm given", right)
     return metadata.arm, load_arm(metadata.arm)

@@ -154,11 +154,13 @@ def read_feedback(table: NumberTable) -> Array | None:
 
 
 def _noise(data: Measurements, sd: Array | None) -> Iterator[str]:
-    """A standard deviation, of the column `sd` (N,) or the file beside the data, smaller than that of any tracker."""
+    """Doubts about standard deviations: of the column `sd` (N,), or else of the file beside the data."""
     name, usual = ("noise_sd_mm", data.noise_sd or 0.0) if sd is None else ("sd_mm", float(np.median(sd)))
     if data.arm is not None and 0.0 < usual < FINEST * reach(data.arm):
         mm = usual / MM
         yield f"{name} is {mm:.3g} mm: no tracker is so exact; were it in metres, it would be {mm * 1e3:.3g} mm"
+    if sd is not None and data.noise_sd is not None:
+        yield "noise_sd_mm of the file beside the data is not used: the column sd_mm says the noise of each position"
 
 
 def without_lost(data: Measurements) -> Measurements:

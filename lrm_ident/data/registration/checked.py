@@ -59,7 +59,7 @@ class Misread(FileError):
             return
         words = ", or ".join(" and ".join(scored.hypothesis.words) for scored in check.found)
         remedies = ", or ".join(remedy(scored.hypothesis, stated) for scored in check.found)
-        then = f"(then {arm.name} misses the positions by {_millimetres(check.found[0])}, as read by "
+        then = f"(then {arm.name}, roughly fitted, misses the positions by {_millimetres(check.found[0])}, as read by "
         super().__init__(path, "", words, f"if so: {remedies} {then}{_millimetres(check.read)})")
 
 

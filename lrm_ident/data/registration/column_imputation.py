@@ -10,6 +10,7 @@ import numpy as np
 from lrm_ident.data.registration.coarse_fit import coarse_fit
 from lrm_math.arm.arm import Arm
 from lrm_math.arrays import Array
+from lrm_math.errors import NoEquilibrium
 from lrm_math.kinematics.poses import Poses
 from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import Model, model_of
@@ -21,11 +22,14 @@ GRID, TERNARY_STEPS, FITS = 48, 25, 2
 def imputed_angles(arm: Arm, poses: Poses, tcp: Array, joint: int) -> Array:
     """(N,), rad, angles of a joint (from 0) for which the arm comes nearest to positions (N, 3), m, all others as read.
 
-    First of the arm as drawn, then of its dimensions that these angles lead to.
+    First of the arm as drawn, then of its dimensions that these angles lead to, unless such an arm would not settle.
     """
     first = _nearest(model_of(arm, ()), poses, tcp, joint)
     fitted = coarse_fit(arm, poses.perturbed(joint, first - poses.q[:, joint]), tcp)
-    return _nearest(fitted.equilibrium.model, poses, tcp, joint)
+    try:
+        return _nearest(fitted.equilibrium.model, poses, tcp, joint)
+    except NoEquilibrium:
+        return first
 
 
 def imputed_coordinate(arm: Arm, poses: Poses, tcp: Array, axis: int) -> Array:

@@ -59,12 +59,17 @@ class Hypothesis:
 
 
 def joint_hypotheses(read: Hypothesis, arm: Arm) -> Iterator[Hypothesis]:
-    """Joint angles as read, in another unit, with other signs, in another order, from another zero."""
+    """Joint angles as read, in another unit, with other signs, in another order, from another zero.
+
+    In another unit with other signs or in another order, too: who exports from a program has its conventions, not one.
+    """
     yield read
-    yield from _other_units(read)
+    units = list(_other_units(read))
+    yield from units
     yield from _servo_units(read, arm)
-    yield from _other_signs(read)
-    yield from _other_orders(read)
+    for unit in (read, *(other for other in units if other.reading.angle_unit != read.reading.angle_unit)):
+        yield from _other_signs(unit)
+        yield from _other_orders(unit)
     for joint in range(read.q.shape[1]):
         for turn in RIGHT_ANGLES:
             words = f"the zero of joint {joint + 1} looks turned by {turn:g} deg"

@@ -33,8 +33,9 @@ from lrm_ident.data.registration.similarity import Similarity, robust_similarity
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_file import read_arm, shipped_arms
 from lrm_math.arrays import Array
+from lrm_math.errors import NoEquilibrium
 from lrm_math.kinematics.poses import Poses
-from lrm_math.model.equilibrium import solve_equilibrium
+from lrm_math.model.equilibrium import Equilibrium, solve_equilibrium
 from lrm_math.model.model import model_of
 from lrm_math.model.reading import FrameTable, Reading
 
@@ -62,6 +63,8 @@ coefficient of determination. After a push or a slip meanwhile they agree to mor
 SCALE_TOLERANCE = 0.35
 RIGHT_ANGLED = 0.5  # Frobenius norm of a rotation less a signed permutation: about 20 deg
 REGISTRATIONS = 2
+LIKE_BASE = ("offsets.joint1.theta_rad", "offsets.joint1.d_mm")
+"""They move all tips as a base does that turns about the first axis, or slides along it."""
 MAX_RELATIVE_ERROR = 0.3
 """Share of the spread beyond which the data are of another arm, even if no other reading is better."""
 
@@ -263,14 +266,25 @@ def _with_imputed_coordinates(points: PointSet) -> Iterator[Hypothesis]:
 def registered(arm: Arm, poses: Poses, tcp: Array) -> tuple[Array, Similarity]:
     """Positions (N, 3) in the arm's frame (m), and the rigid motion that takes them there.
 
-    Registration (Kabsch 1976) and coarse fit of the arm's dimensions alternate.
+    Registration (Kabsch 1976) and coarse fit of the arm's dimensions alternate. The fit moves the base, too, which is
+    then put back: the arm's sag, or a turn of joint 1, would else be taken for a place of the base.
     """
     goal = nominal_tcp(arm, poses)
     for _ in range(REGISTRATIONS):
         motion = robust_similarity(tcp, goal, mirrored=False, scale=1.0)
-        goal = coarse_fit(arm, poses, motion.apply(tcp), fixed_base=True).equilibrium.tcp
+        goal = _on_drawn_base(coarse_fit(arm, poses, motion.apply(tcp)).equilibrium)
     motion = robust_similarity(tcp, goal, mirrored=False, scale=1.0)
     return motion.apply(tcp), motion
+
+
+def _on_drawn_base(fitted: Equilibrium) -> Array:
+    """(N, 3), TCP (m) of a fitted arm whose base stands as drawn; as fitted if it would not settle there."""
+    model, poses = fitted.model, fitted.poses
+    keys = [key for key in model.keys if key.startswith("offsets.base.") or key in LIKE_BASE]
+    try:
+        return solve_equilibrium(model.with_values_of(keys, np.zeros(len(keys))), poses).tcp
+    except NoEquilibrium:  # of a misread file the fit is at its bounds
+        return fitted.tcp
 
 
 def nominal_tcp(arm: Arm, poses: Poses) -> Array:

@@ -37,11 +37,15 @@ BALL = 0.03
 
 @dataclass(frozen=True)
 class ExportedFile:
-    """Text of a file, what it is, and what of the model, `effect@place`, it cannot hold, some with the reason."""
+    """Text of a file, what it is, and what of the model, `effect@place`, it cannot hold, some with the reason.
+
+    `advice`: what a person may do about that.
+    """
 
     text: str
     what: str
     left_out: tuple[str, ...]
+    advice: str = ""
 
 
 def rigid_part(model: Model, keep: Sequence[str] = ()) -> Model:
@@ -52,8 +56,9 @@ def rigid_part(model: Model, keep: Sequence[str] = ()) -> Model:
 
 
 def left_out(model: Model, held: Collection[str] = ()) -> tuple[str, ...]:
-    """Effects of a model, `effect@place`, that no `<origin>` can hold, and that are not of those `held` elsewhere."""
-    return tuple(effect.name for effect in model.effects if not (constant(effect) or effect.id in held))
+    """Effects of a model, `effect@place`, that act but that no `<origin>` can hold, nor the file as those `held`."""
+    acting = [effect for effect in model.effects if any(model.value(key) != 0.0 for key in effect.keys)]
+    return tuple(effect.name for effect in acting if not (constant(effect) or effect.id in held))
 
 
 def corrected_urdf(model: Model, robot: Urdf, base: str | None = None, tip: str | None = None) -> str:

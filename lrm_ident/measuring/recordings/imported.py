@@ -6,33 +6,36 @@ Rests of the arm are at regular times, or wherever the tip stood still.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
-from lrm_ident.data.measurement_file.conventions import read_positions
+from lrm_ident.data.measurement_file.commanded_poses import perhaps_radians
+from lrm_ident.data.measurement_file.conventions import metadata_of, read_positions
 from lrm_ident.data.measurement_file.load import load_pose_table
 from lrm_ident.data.measurement_file.write import StatedQuantity, csv_text, quantity_columns
 from lrm_ident.measuring.recordings.mcap_file import SUFFIX as MCAP
 from lrm_ident.measuring.recordings.mcap_file import read_joints, read_mcap
 from lrm_ident.measuring.recordings.published_mat import AXES, read_mat_poses, read_mat_positions
 from lrm_ident.measuring.recordings.take import RecordedTake
+from lrm_ident.measuring.recordings.time_matching import Rows, rows_of_same_time
 from lrm_ident.measuring.recordings.tracker_csv import read_export
 from lrm_ident.measuring.tracker.dwell import RestMean, UnstableDwell, rest_mean
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_file import MM
 from lrm_math.arrays import Array
 from lrm_math.errors import FileError, LrmError
-from lrm_math.model.reading import Reading
+from lrm_math.kinematics.poses import Poses
+from lrm_math.model.reading import AngleUnit, Reading
 
 LEAST_SD = 1e-4 * MM
 STILL_M = 1e-3
 """m: how far the tip may be from where it is one dwell later; more than noise and sag, less than any move."""
+STILL_RAD = np.radians(0.3)
+"""rad: the same of the joints together, by their encoders."""
 END_S = 0.1
 """s before a rest ends that are not used: the next move may have begun."""
-Rows = NDArray[np.int64]
 
 
 @dataclass(frozen=True)
@@ -53,7 +56,7 @@ class RecordingOrder:
 
     `tool`, `base`: names of the bodies at the tip and at the base. `times`: of regular rests; None: they are looked
     for. `skip`: rests before the first pose. `dwell`: s at the end of a rest to average over. `axes`: as in `Reading`.
-    `rotation`: of a Vicon export, see `read_export`.
+    `rotation`: of a Vicon export, see `read_export`. `angle_unit`: of the joint angles, as in `Reading`.
     """
 
     tool: str | None = None
@@ -63,21 +66,36 @@ class RecordingOrder:
     dwell: float = 1.0
     axes: str | None = None
     rotation: str | None = None
+    angle_unit: AngleUnit | None = None
 
 
 @dataclass(frozen=True, eq=False)
 class DrivenPoses:
-    """N poses in the order driven: number (N,), angles (N, n) in rad, load (N,) in kg, what each repeats (N,)."""
+    """N poses in the order driven: number (N,), angles (N, n) in rad, load (N,) in kg, what each repeats (N,).
+
+    `notices`: what a person should know of how they were read. `t`: (N,), s, of whatever clock, or None.
+    """
 
     number: Array
     q: Array
     payload: Array
     repeat_of: Array
+    notices: tuple[str, ...] = ()
+    t: Array | None = None
 
-    def take(self, rows: Array) -> DrivenPoses:
+    def take(self, rows: Rows) -> DrivenPoses:
         """Some of them; one whose first is not among them stands for itself."""
         number, of = self.number[rows], self.repeat_of[rows]
-        return DrivenPoses(number, self.q[rows], self.payload[rows], np.where(np.isin(of, number), of, number))
+        first = np.where(np.isin(of, number), of, number)
+        return DrivenPoses(number, self.q[rows], self.payload[rows], first, self.notices)
+
+    def at_rests(self, rests: Rows) -> DrivenPoses:
+        """The same at some of the rests, counted from 0: poses that are only counted have the numbers of theirs."""
+        count = np.arange(1.0, len(self.number) + 1)
+        if not np.array_equal(self.number, count):
+            return self
+        number = np.array([float(rest + 1) for rest in rests.tolist()])
+        return replace(self, number=number, repeat_of=number[self.repeat_of.astype(np.int64) - 1])
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,27 +130,46 @@ class ImportedRows:
 def import_recording(source: Path, poses: Path, arm: Arm, order: RecordingOrder) -> ImportedRows:
     """Reads a `.mat` file of positions, or a recording of Motive, Vicon or ROS 2 (MCAP). Raises `LrmError`.
 
-    `poses` may be an MCAP file: the joint states in it at the rests, without loads.
+    `poses` may be an MCAP file: the joint states in it at the rests, without loads. Or a table of joint states with
+    times, of any clock: rows nearer to each other than a rest lasts; its rests are those of the tip, in order.
     """
-    driven = None if poses.suffix == MCAP else _driven(poses, arm)
+    driven = None if poses.suffix == MCAP else _driven(poses, arm, order)
     if source.suffix == ".mat" and driven is not None:
         return _one_each(source, driven, order)
     take = read_mcap(source) if source.suffix == MCAP else read_export(source, order.rotation)
-    rests = _rests(take, order, None if driven is None else len(driven.q))
+    rests, driven = _rests(take, order, driven)
     if driven is None:
         q, number = read_joints(poses, arm, take.t), np.arange(1.0, len(rests) + 1)
         means = np.array([q[rows].mean(axis=0) for rows in rests]).reshape(len(rests), arm.dof)
         driven = DrivenPoses(number, means, np.zeros(len(rests)), number)
-    return _averaged(take, rests, driven, order)
+    return replace(_averaged(take, rests, driven, order), notices=driven.notices)
 
 
-def _driven(path: Path, arm: Arm) -> DrivenPoses:
+def _driven(path: Path, arm: Arm, order: RecordingOrder) -> DrivenPoses:
     if path.suffix in (".mat", ".txt"):
         number, q = read_mat_poses(path, arm.dof)
         return DrivenPoses(number, q, np.zeros(len(q)), number)
-    poses, table = load_pose_table(path, arm, more=["repeat_of"])
+    how = Reading(angle_unit=order.angle_unit).over(metadata_of(path))
+    poses, table = load_pose_table(path, arm, how, more=["repeat_of"])
+    doubts = perhaps_radians(poses.q, how)
+    if poses.t is not None and len(poses.t) > 1 and np.median(np.diff(poses.t)) < order.dwell:
+        return _resting(path, poses, poses.t, order.dwell, doubts)
     number = table["pose"][:, 0]
-    return DrivenPoses(number, poses.q, poses.payload, table["repeat_of"][:, 0] if "repeat_of" in table else number)
+    repeat_of = table["repeat_of"][:, 0] if "repeat_of" in table else number
+    return DrivenPoses(number, poses.q, poses.payload, repeat_of, doubts, poses.t)
+
+
+def _resting(path: Path, log: Poses, t: Array, dwell: float, doubts: tuple[str, ...]) -> DrivenPoses:
+    """Poses of a log of joint states at times (N,), s: where the joints rest. Raises `FileError`."""
+    rests = still_rests(t - t[0], log.q, dwell, STILL_RAD)
+    if not rests:
+        raise FileError(
+            path, "", f"a log of {len(t)} joint states, in which the joints rest nowhere for {2 * dwell:g} s"
+        )
+    q, payload = (np.array([each[rows].mean(axis=0) for rows in rests]) for each in (log.q, log.payload))
+    number = np.arange(1.0, len(rests) + 1)
+    said = f"{path.name}: a log of {len(t)} joint states, in which the joints rest {len(rests)} times"
+    return DrivenPoses(number, q, payload, number, (said, *doubts), np.array([t[rows[-1]] for rows in rests]))
 
 
 def _one_each(source: Path, driven: DrivenPoses, order: RecordingOrder) -> ImportedRows:
@@ -145,23 +182,32 @@ def _one_each(source: Path, driven: DrivenPoses, order: RecordingOrder) -> Impor
     return ImportedRows(driven, turned, t, None, notices=tuple(notices))
 
 
-def _rests(take: RecordedTake, order: RecordingOrder, count: int | None) -> Sequence[Rows]:
-    """Frames of each rest; `count`: how many there should be, None: as many as there are. Raises `LrmError`."""
-    t = take.t - take.t[0]
+def _rests(
+    take: RecordedTake, order: RecordingOrder, driven: DrivenPoses | None
+) -> tuple[Sequence[Rows], DrivenPoses | None]:
+    """Frames of each rest, and the poses there. Raises `LrmError`: which belong together is not known."""
+    t, count = take.t - take.t[0], None if driven is None else len(driven.q)
     if order.times is not None:
         fit = int((t[-1] - order.times.first) // order.times.every) + 1
-        return regular_rests(t, max(1, fit) if count is None else count, order.times, order.dwell)
+        return regular_rests(t, max(1, fit) if count is None else count, order.times, order.dwell), driven
     found = still_rests(t, take.pair(order.tool, order.base).tip, order.dwell)
     left = found[order.skip :]
     if count is None and not left:
         raise FileError(take.path, "", f"the tip rests nowhere for {2.0 * order.dwell:g} s")
-    if count is not None and len(left) != count:
-        skipped = f", {order.skip} of them skipped" if order.skip else ""
-        raise LrmError(
-            f"the tip rests {len(found)} times{skipped}, there are {count} poses; give --skip for rests before the "
-            "first pose, or --every and --first for rests at regular times"
-        )
-    return left
+    if driven is None or len(left) == count:
+        return left, driven
+    ends = np.array([t[rows[-1]] for rows in left])
+    if driven.t is not None and len(left) and (same := rows_of_same_time(ends, driven.t, order.dwell)):
+        rests, rows = same
+        said = f"the tip rests {len(left)} times, there are {count} poses: {len(rows)} go together by their times"
+        kept = driven.at_rests(rests) if len(rests) == count else driven.take(rows)
+        return [left[k] for k in rests], replace(kept, notices=(*driven.notices, said))
+    skipped = f", {order.skip} of them skipped" if order.skip else ""
+    raise LrmError(
+        f"the tip rests {len(found)} times{skipped}, there are {count} poses; give --skip for rests before the first "
+        "pose, --every and --first for rests at regular times, or their times to the poses (t_s)"
+        + "".join(f" ({doubt})" for doubt in driven.notices)
+    )
 
 
 def _averaged(take: RecordedTake, rests: Sequence[Rows], driven: DrivenPoses, order: RecordingOrder) -> ImportedRows:
@@ -188,15 +234,18 @@ def regular_rests(t: Array, count: int, times: RestTimes, dwell: float) -> list[
     return [np.flatnonzero((t > end - dwell) & (t <= end)) for end in ends]
 
 
-def still_rests(t: Array, tip: Array, dwell: float) -> list[Rows]:
-    """The frames of the last `dwell` s of every stretch of at least twice that in which the tip (N, 3) stands still."""
+def still_rests(t: Array, tip: Array, dwell: float, still: float = STILL_M) -> list[Rows]:
+    """The frames of the last `dwell` s of every stretch of at least twice that in which the tip (N, 3) stands still.
+
+    Or joints (N, n): within `still`.
+    """
     seen = np.flatnonzero(np.isfinite(tip).all(axis=1))
     if not len(seen):
         return []
     later = np.searchsorted(t[seen], t[seen] + dwell, side="right") - 1
     moved = np.linalg.norm(tip[seen[later]] - tip[seen], axis=1)
     lasting = t[seen[later]] - t[seen] > 0.5 * dwell
-    stands = (moved < STILL_M) & lasting
+    stands = (moved < still) & lasting
     edges = np.flatnonzero(np.diff(np.concatenate([[False], stands, [False]]).astype(np.int64)))
     rests = []
     for begin, end in zip(edges[0::2], edges[1::2], strict=True):

@@ -11,7 +11,6 @@ from rich.text import Text
 from lrm_ident.data.error_stats import error_stats
 from lrm_ident.data.wording import enumerate_words, in_mm, p_words
 from lrm_ident.diagnosis.auto import AutoRun, AutoStep
-from lrm_ident.diagnosis.shown_causes import unexplained_square
 from lrm_ident.report.diagnosis.diagnosis import diagnosis_document, left_values, no_cause, took_words
 from lrm_ident.report.document import Block, Document, ResultTable, heading
 from lrm_ident.report.fit import error_blocks, parameter_table
@@ -89,7 +88,7 @@ def course_document(
                 "indistinguishable_from": step.equivalent,
                 "form_of": step.refines,
                 "share_of_excess": step.share,
-                **({"is": claimed[number - 1]} if number else {}),
+                **({"is": claimed[number - 1].claim} if number else {}),
                 "freed": step.freed,
                 "parameters": len(step.fit.model.free),
                 "fit_rms_mm": error_stats(step.fit.residual).rms * 1e3,
@@ -110,16 +109,16 @@ def course_document(
 
 def shown_causes(course: AutoRun) -> Iterator[Block]:
     """The causes that are shown, and those that may stand for another one, with what is left of it."""
-    left = unexplained_square(course.report)
     steps = list(zip([step.added for step in course.steps[1:]], course.claims, course.taken, strict=True))
-    if found := [name for name, claim, _ in steps if claim == "finding"]:
+    if found := [name for name, one, _ in steps if one.claim == "finding"]:
         yield heading(f"Shown to be a cause, or one of its class: {enumerate_words(found, len(found))}")
-    possible = [(name, taken) for name, claim, taken in steps if claim == "possible_cause"]
-    ratios = [f"{name} ({left / taken if taken > 0.0 else np.inf:.1f})" for name, taken in possible]
+    possible = [(name, one.unexplained, taken) for name, one, taken in steps if one.claim == "possible_cause"]
+    ratios = [f"{name} ({left / taken if taken > 0.0 else np.inf:.1f})" for name, left, taken in possible]
     if ratios:
         yield (
-            f"Possible causes: {enumerate_words(ratios, len(ratios))}. In brackets: the mean square left unexplained "
-            f"over what the step took; above {LEFT_PER_TAKEN:.2f} a cause without a name here may stand behind it."
+            f"Possible causes: {enumerate_words(ratios, len(ratios))}. In brackets: the mean square without a cause, "
+            "left at the end or taken by later steps that show none, over what the step took; above "
+            f"{LEFT_PER_TAKEN:.2f} another cause may stand behind it."
         )
 
 

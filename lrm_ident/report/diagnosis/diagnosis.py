@@ -8,10 +8,10 @@ from collections.abc import Collection, Iterator, Sequence
 
 import numpy as np
 
-from lrm_ident.data.wording import enumerate_words, in_mm, in_percent, p_words, poses_words
+from lrm_ident.data.wording import enumerate_words, in_mm, in_percent, named_joints, p_words, poses_words
 from lrm_ident.diagnosis.diagnose import Diagnosis
 from lrm_ident.diagnosis.diagnosis_report import DiagnosisReport, RankedCandidate
-from lrm_ident.diagnosis.shown_causes import left_per_taken
+from lrm_ident.diagnosis.shown_causes import left_per_taken, unexplained_square
 from lrm_ident.report.document import Block, Document, FoldedSection, ResultTable, heading, section
 from lrm_ident.report.plain_names import in_words, plain_name
 from lrm_ident.residual.residual_patterns import ResidualPatterns
@@ -57,6 +57,7 @@ def _values(report: DiagnosisReport) -> dict[str, object]:
         "verdict": report.verdict,
         "share_of_excess": report.share,
         "left_per_taken": left_per_taken(report),
+        "unexplained_mean_square_mm2": unexplained_square(report) * 1e6,
         "motion_bounds_rms_mm": {name: bound * 1e3 for name, bound in found.motion_bounds.items()},
         "approximate_of": "everything measured, weighted by its noise" if found.data.several_kinds else "TCP error",
         "ranking": [_advice(rank, advice, report) for rank, advice in enumerate(report.ranking[:RANKED], 1)],
@@ -86,7 +87,8 @@ def _blocks(report: DiagnosisReport) -> list[Block]:
         heading(_verdict(report)),
         f"{len(found.data)} poses, {len(found.fit.model.free)} parameters: RMS {in_mm(report.fit.rms)} mm in the "
         f"fit, {in_mm(report.held_out.rms)} mm held out; noise floor {noise}; "
-        f"likeness of neighbours (Moran's I) {found.structure.moran_i:.2f}, p {p_words(found.structure.p_value)}",
+        f"likeness of neighbours (Moran's I) {found.structure.moran_i:.2f}, p {p_words(found.structure.p_value)}"
+        f"{named_joints(found.fit.model.arm)}",
         *_far_poses(report),
         *_may_hide(report),
         in_words(report.left.predictable.sentence),
@@ -202,6 +204,13 @@ def _far_poses(report: DiagnosisReport) -> Iterator[str]:
         f"Far off: {which} {poses}; the RMS of the others is {in_mm(float(np.sqrt(np.mean(others**2))))} mm{noise}. "
         f"Measure there again, and near there: either {they} went wrong, or what is missing shows only there."
     )
+    side = data.poses.direction
+    directed = any("direction" in effect.depends_on for effect in fit.model.effects)
+    if directed and side is not None and (blind := [str(data.pose[row]) for row in rows if not side[row].any()]):
+        yield (
+            f"From which side the joints came to pose {enumerate_words(blind, SHOWN)} is not known, and the model asks "
+            "for it: state start_q_deg in the file beside the data, or approach."
+        )
 
 
 def _may_hide(report: DiagnosisReport) -> Iterator[str]:

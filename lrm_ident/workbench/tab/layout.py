@@ -127,7 +127,7 @@ class WorkbenchPage:
     def _numbers(self, found: str) -> str:
         law = self.session.taken.law
         notices = "".join(f"<p>{html.escape(words)}</p>" for words in self.session.notices)
-        notes = section_html("What to know", notices)
+        notes = section_html("What to know of the files", notices)
         return notes + section_html("Proposed law", "" if law is None else law.words) + found
 
     # ---- doing

@@ -21,7 +21,7 @@ from lrm_ident.diagnosis.symbolic_regression.law_file import law_id
 from lrm_ident.fitting.effect_plugins import sha256_of
 from lrm_ident.fitting.levenberg_marquardt import check_enough
 from lrm_ident.fitting.progress import Progress
-from lrm_ident.report.diagnosis.course import proposal_document, shown_causes
+from lrm_ident.report.diagnosis.course import proposal_document
 from lrm_ident.report.document import blocks_html, table_html
 from lrm_ident.report.model_report import ModelReport, after_step, quick_report, with_comparison, with_diagnosis
 from lrm_ident.report.plots.interactive.values import figure_values, values_text
@@ -103,7 +103,7 @@ def add_effect(task: tasks.AddTask, send: tasks.Send) -> None:
 
 @run_task.register
 def follow_advice(task: tasks.AutoTask, send: tasks.Send) -> None:
-    """Takes step after step and keeps each; at the end says which causes they show."""
+    """Takes step after step and keeps each."""
     numbers, errors, coming, packed = count(task.number), list[str](), list[str](), task.packed
 
     def on_confirmed(refit: Refit) -> None:
@@ -127,8 +127,7 @@ def follow_advice(task: tasks.AutoTask, send: tasks.Send) -> None:
         send(tasks.WorkProgress(f"auto, round {max(len(known), 1)} of at most {MAX_EFFECTS}{fall}; {what}", done, of))
 
     study = replace(_study(task.files, send), progress=on_progress)
-    course, _ = study.auto(on_step=on_step, on_confirmed=on_confirmed)
-    _tell((f"auto: {sentence}" for sentence in shown_causes(course)), send)
+    study.auto(on_step=on_step, on_confirmed=on_confirmed)
 
 
 @run_task.register

@@ -13,7 +13,7 @@ import pytest
 
 from lrm_ident.data.measurement_file.number_table import numbers_of, read_csv
 from tests.conftest import EXAMPLE, ROOT
-from tests.support.commands import stdout_of
+from tests.support.commands import run_command, stdout_of
 from validation import synthetic
 
 
@@ -78,6 +78,16 @@ def test_predict_gives_the_residuals_of_compare(folder: Path) -> None:
     rms = float(np.sqrt(np.mean(np.sum(np.square(away), axis=0))))
     assert rms == pytest.approx(json.loads((folder / "fit.json").read_text())["error"]["fit"]["rms_mm"], abs=1e-4)
     assert len(json.loads((folder / "p.json").read_text())["poses"]) == 300
+
+
+def test_predict_says_that_poses_may_be_in_radians(folder: Path) -> None:
+    poses, words = folder / "radians.csv", ["predict", folder / "model.toml", folder / "radians.csv"]
+    poses.write_text("q1,q2,q3,q4,q5,q6\n0.2,0.4,-0.5,0.1,1.1,0.3\n")
+    code, _, said = run_command(*words, "-o", folder / "r.csv")
+    assert code == 0
+    assert "if they are radians: --angle-unit rad" in " ".join(said.split())
+    for unit in ("deg", "rad"):
+        assert "if they are" not in run_command(*words, "-o", folder / "r.csv", "--angle-unit", unit)[2]
 
 
 @pytest.mark.slow

@@ -116,6 +116,23 @@ def test_poses_take_the_same_names(tmp_path: Path, lab: Arm) -> None:
     np.testing.assert_allclose(np.degrees(load_poses(path, lab).q), [row[1:7] for row in ROWS])
 
 
+@pytest.mark.parametrize("begin", ["Format Version,1.23,Take Name,t", "Objects", "Trajectories;;"])
+def test_a_recording_is_sent_to_import(tmp_path: Path, lab: Arm, begin: str) -> None:
+    path = tmp_path / "take.csv"
+    path.write_text(f"{begin}\n\n,Type,Rigid Body\n")
+    with pytest.raises(FileError, match="a recording of OptiTrack or Vicon; lrm-ident import"):
+        load_measurements(path, lab)
+
+
+def test_of_two_statements_of_the_noise_the_one_not_used_is_told(tmp_path: Path, lab: Arm) -> None:
+    path = tmp_path / "data.csv"
+    path.write_text(text([*NAMES, "sd_mm"], rows=[[*row, 0.1] for row in ROWS]))
+    assert load_measurements(path, lab).notices == ()
+    path.with_suffix(".toml").write_text('schema = "lrm/measurements/1"\nnoise_sd_mm = 0.5\n')
+    (notice,) = load_measurements(path, lab).notices
+    assert "noise_sd_mm of the file beside the data is not used" in notice
+
+
 @given(st.text(max_size=12))
 def test_any_text_is_a_name_or_not(name: str) -> None:
     found = column_name(name)

@@ -11,11 +11,13 @@ from lrm_ident.data.wording import (
     fall,
     in_minutes,
     in_percent,
+    named_joints,
     p_words,
     poses_words,
     quantity,
     with_error,
 )
+from lrm_math.arm.arm_file import load_arm
 from lrm_math.plausibility import far_from_typical
 
 
@@ -77,3 +79,8 @@ def test_an_error_falls_to_less_and_rises_to_more(before: float, after: float) -
 @given(st.lists(st.integers(1, 999), min_size=1))
 def test_one_pose_is_no_poses(numbers: list[int]) -> None:
     assert poses_words(numbers).split(" ")[0] == ("pose" if len(numbers) == 1 else "poses")
+
+
+def test_joints_that_have_names_are_called_by_them() -> None:
+    assert named_joints(load_arm("so101")).startswith("; joint 1 shoulder_pan, 2 shoulder_lift, 3 elbow_flex")
+    assert named_joints(load_arm("lrm-lab")) == ""

@@ -11,13 +11,14 @@ import numpy as np
 from lrm_ident.data.error_stats import error_stats
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.wording import in_mm, p_words, quantity
+from lrm_ident.diagnosis.shown_causes import TakenStep, step_claims
 from lrm_ident.report.diagnosis.diagnosis import MARKS
 from lrm_ident.report.document import plain
 from lrm_ident.report.model_report import ModelReport, data_of
 from lrm_ident.report.plain_names import plain_name, step_title
 from lrm_ident.report.plots.interactive.candidate_view import ANGLE, SHARE, UM, rounded
 from lrm_ident.report.plots.interactive.group_means import explained_by_means, fair_rows, shown_most
-from lrm_ident.report.step_card import AS_WELL, StepCard, error_fall, of_data, rivals
+from lrm_ident.report.step_card import AS_WELL, ErrorFall, StepCard, error_fall, of_data, rivals
 from lrm_ident.residual.picture.error_field import COLOURS, ErrorField
 from lrm_ident.residual.thresholds import MIN_GAIN
 
@@ -48,7 +49,7 @@ def figure_values(found: ModelReport) -> dict[str, Any]:
         "steps": [_step(found, number) for number in range(len(found.field.steps))],
         "fitted": len((found.file.history[0] if found.file.history else found.file).parameters),
         "history": [_entry(found, number) for number in range(len(found.file.history))],
-        "cards": [_card(found, card) for card in found.cards],
+        "cards": _cards(found),
         "together": _together(found),
         "floor": found.floor_mm,
         "bound": known.get("noise_bound_rms_mm"),
@@ -128,14 +129,29 @@ def _entry(found: ModelReport, number: int) -> dict[str, Any]:
     }
 
 
-def _card(found: ModelReport, card: StepCard) -> dict[str, Any]:
-    fall = error_fall(found.file, found.field, card.number, found.poses.sha256)
+def _cards(found: ModelReport) -> list[dict[str, Any]]:
+    """The cards with the errors of their steps, and for possible causes what is unexplained over what the step took."""
+    falls = [error_fall(found.file, found.field, card.number, found.poses.sha256) for card in found.cards]
+    ratios: list[float | None] = [None] * len(falls)
+    if found.unexplained_mm2 is not None and all(fall.held_out for fall in falls):
+        pairs = zip(found.cards, falls, strict=True)
+        steps = [TakenStep(fall.taken, card.is_form, card.of_present) for card, fall in pairs]
+        claims = zip(step_claims(steps, found.unexplained_mm2), steps, strict=True)
+        ratios = [
+            one.unexplained / step.taken if one.claim == "possible_cause" and step.taken > 0.0 else None
+            for one, step in claims
+        ]
+    return [_card(found, *each) for each in zip(found.cards, falls, ratios, strict=True)]
+
+
+def _card(found: ModelReport, card: StepCard, fall: ErrorFall, left: float | None) -> dict[str, Any]:
     floor = found.floor_mm
     judged = (found.judged or {}).get(card.number - 1)
     return {
         **plain(card),
         **plain(fall),
         "share": fall.share_of_excess(floor),
+        "left": left,
         "rivals": [{"name": name, "title": plain_name(name), "why": why} for name, why in rivals(card, judged)],
         "equivalent": [plain_name(name) for name in card.equivalent],
         "asked": judged is not None or card.rivals_mm is not None,

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
 
 import lrm_ident as lrm
 from lrm_ident.data.measurement_file.conventions import (
@@ -27,7 +28,7 @@ from lrm_ident.data.measurement_file.write import measurements_csv
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.registration.checked import Misread, load_checked
 from lrm_ident.data.registration.degenerate_fit import DegenerateFit, check_arm
-from lrm_ident.data.registration.reading_check import check_reading, nominal_tcp
+from lrm_ident.data.registration.reading_check import check_reading, nominal_tcp, registered
 from lrm_ident.data.registration.similarity import robust_similarity, similarity
 from lrm_math.arm.arm_file import load_arm
 from lrm_math.arrays import Array
@@ -219,6 +220,49 @@ def test_an_unknown_frame_is_found_with_the_fit(tmp_path: Path, healthy: Measure
     assert errors[1] < 1.2 * errors[0]
 
 
+@pytest.mark.parametrize("arm_name", ["lrm-lab", "so101"])
+@pytest.mark.parametrize("mistake", ["--joint-sign", "--joint-order"])
+def test_radians_of_another_convention_in_metres_of_another_frame(tmp_path: Path, arm_name: str, mistake: str) -> None:
+    """All that another program does its own way at once: every mistake is said, and the options read it."""
+    own, (rotation, translation) = random_arm_data(arm_name, 3, poses=80), _motion(5)
+    q = own.poses.q.copy()
+    q[:, [1, 2]] = q[:, [1, 2]] * [1.0, -1.0] if mistake == "--joint-sign" else q[:, [2, 1]]
+    q, tcp = np.radians(q), 1e-3 * (own.tcp - translation) @ rotation
+    path = _written(tmp_path, replace(own, poses=replace(own.poses, q=q), tcp=tcp))
+    with pytest.raises(Misread) as refused:
+        load_checked(path, load_arm(arm_name))
+    numbers = ",".join(map(str, range(4, own.poses.q.shape[1] + 1)))
+    words = f"1,1,-1,{','.join('1' for _ in numbers.split(','))}" if mistake == "--joint-sign" else f"1,3,2,{numbers}"
+    for said in ("--unit m", "--angle-unit rad", f"{mistake} {words}", "--frame unknown"):
+        assert said in str(refused.value)
+
+
+def test_radians_as_degrees_that_no_arm_can_have_are_one_clear_line(tmp_path: Path) -> None:
+    """Nothing explains a strange order of joints beside two units, and no arm is tried that would not settle."""
+    own = random_arm_data("lrm-lab", 3, poses=80)
+    q = np.radians(own.poses.q[:, [4, 2, 0, 3, 1, 5]])
+    path = _written(tmp_path, replace(own, poses=replace(own.poses, q=q), tcp=1e-3 * own.tcp))
+    with pytest.raises(Misread):
+        load_checked(path, load_arm("lrm-lab"))
+
+
+@pytest.mark.parametrize("arm_name", ["lrm-lab", "so101"])
+def test_an_unknown_frame_stands_where_the_base_is_drawn_however_the_arm_sags(arm_name: str) -> None:
+    """A frame found from a sagging arm: all tips lie lower, and none of it is taken for a place of the base."""
+    arm = load_arm(arm_name)
+    effects = (*effects_at(arm, "offsets"), *effects_at(arm, "compliance"))
+    values = {"compliance.joint2.k_rad_per_Nm": 0.08, "compliance.joint3.k_rad_per_Nm": 0.08}
+    values |= {"offsets.joint3.theta_rad": 0.03, "offsets.joint4.theta_rad": -0.02}
+    ranges = np.array([(joint.lower, joint.upper) for joint in arm.joints]).T
+    poses = poses_of(np.random.default_rng(6).uniform(*0.7 * ranges, (100, arm.dof)))
+    true = solve_equilibrium(model_of(arm, effects, values), poses).tcp
+    rotation, translation = _motion(5)
+    found = registered(arm, poses, (true - translation) @ rotation)[0]
+    moved = similarity(true, found, np.ones(len(true)), mirrored=False, scale=1.0)
+    assert np.abs(moved.translation).max() < 1e-4
+    assert np.abs(moved.rotation - np.eye(3)).max() < 1e-4
+
+
 @pytest.mark.parametrize(("fitted_in", "said"), [("another", "--frame arm"), ("the arm's", "--frame unknown")])
 @pytest.mark.parametrize("arm_name", ["lrm-lab", "so101"])
 def test_data_in_another_frame_than_those_of_the_fit(tmp_path: Path, arm_name: str, fitted_in: str, said: str) -> None:
@@ -238,6 +282,16 @@ def test_data_in_another_frame_than_those_of_the_fit(tmp_path: Path, arm_name: s
     else:
         left = similarity(mended.tcp, own.tcp, np.ones(60), mirrored=False, scale=1.0).apply(mended.tcp) - own.tcp
         assert np.abs(left).max() < 1e-6
+
+
+def test_a_frame_that_is_known_is_stated_beside_the_data(tmp_path: Path) -> None:
+    """The table of docs/files.md: Rx Ry Rz and the shift take a measured position into the arm's frame."""
+    own, shift = random_arm_data("lrm-lab", 3, poses=20), np.array([0.4, -1.2, 0.7])
+    turn = Rotation.from_euler("XYZ", [90.0, 53.0, -20.0], degrees=True).as_matrix()
+    path = _written(tmp_path, replace(own, tcp=(own.tcp - shift) @ turn))
+    stated = "frame = {x_mm = 400, y_mm = -1200, z_mm = 700, alpha_deg = 90, beta_deg = 53, gamma_deg = -20}\n"
+    path.with_suffix(".toml").write_text(f'schema = "lrm/measurements/1"\n{stated}')
+    np.testing.assert_allclose(load_measurements(path, load_arm("lrm-lab")).tcp, own.tcp, atol=1e-6)
 
 
 def test_limits_are_checked_after_the_question(tmp_path: Path) -> None:

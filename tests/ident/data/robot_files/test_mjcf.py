@@ -48,5 +48,6 @@ def test_play_is_a_joint_with_a_range() -> None:
     assert 'name="joint2_play"' in file.text
     assert 'range="-0.015 0.015"' in file.text
     assert file.left_out == ()
-    gain = model_of(arm, effects_at(arm, "servo_gain@joint1"))
+    gain = model_of(arm, effects_at(arm, "servo_gain@joint1"), {"servo_gain.joint1.g_plus_rad_per_rad": 0.02})
     assert mjcf(gain).left_out == ("servo_gain@joint1",)
+    assert mjcf(gain.with_values(np.zeros(len(gain.keys)))).left_out == (), "what does nothing is not missed"

@@ -22,7 +22,7 @@ from lrm_math.effects import effects_at
 from lrm_math.kinematics.poses import poses_of
 from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import Model, model_of
-from tests.support.commands import stderr_of, stdout_of
+from tests.support.commands import run_command, stderr_of, stdout_of
 from tests.support.random_arms import arms, random_arm
 
 EXACT = 1e-12
@@ -212,6 +212,19 @@ def test_xacro(tmp_path: Path) -> None:
     )
     path.write_text(text.replace("</robot>", "<xacro:nothing/></robot>"))
     assert "xacro" in stderr_of("arm", "import", path, "-o", tmp_path / "arm.toml")
+
+
+@pytest.mark.parametrize("sag", [0.0, 0.05])
+def test_of_an_arm_that_sags_the_export_says_what_a_urdf_can_do(sag: float, tmp_path: Path) -> None:
+    model = tmp_path / "model.toml"
+    model.write_text(
+        'schema = "lrm/model/1"\narm = "so101"\neffects = ["offsets", "compliance"]\n[parameters]\n'
+        f'"offsets.joint2.theta_rad" = 0.02\n"compliance.joint2.k_rad_per_Nm" = {sag}\n'
+    )
+    code, out, said = run_command("arm", "export", model, "-o", tmp_path / "out.urdf")
+    assert code == 0
+    assert ("Not in it: compliance@joint2\n" in out) == (sag > 0.0), "what does nothing is not missed"
+    assert ("--effects offsets" in " ".join(said.split())) == (sag > 0.0)
 
 
 @pytest.mark.slow

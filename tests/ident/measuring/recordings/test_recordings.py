@@ -17,6 +17,7 @@ from scipy.spatial.transform import Rotation
 from lrm_ident.data.measurement_file.number_table import numbers_of, read_csv
 from lrm_ident.measuring.recordings.imported import still_rests
 from lrm_ident.measuring.recordings.published_mat import read_mat_positions
+from lrm_ident.measuring.recordings.time_matching import rows_of_same_time
 from lrm_ident.measuring.recordings.tracker_csv import read_export
 from lrm_math.errors import FileError
 from tests.conftest import ROOT
@@ -87,11 +88,32 @@ def vicon(path: Path, rotation: str, prefix: str = "") -> Path:
     return path
 
 
+def flat(text: str) -> str:
+    """A text in one line."""
+    return " ".join(text.split())
+
+
 def poses(folder: Path) -> Path:
     """Poses, one for each rest; the last one repeats the first."""
     rows = [f"{k},0,10,20,30,40,{k},66.3,{1 if k == 4 else k}" for k in range(1, 5)]
     path = folder / "poses.csv"
     path.write_text(HEAD + "\n".join(rows) + "\n")
+    return path
+
+
+def log(folder: Path, rests: int = 4, unit: float = 1.0) -> Path:
+    """A log of joint states at 50 Hz by another clock, half a second late; encoders flicker."""
+    rng, at, parts = np.random.default_rng(3), np.array([0.0, 10, 20, 30, 40, 5]), []
+    for k in range(1, rests + 1):
+        goal = np.array([0.0, 10, 20, 30, 40, 9 * k])
+        parts += [np.linspace(at, goal, 50), np.tile(goal, (150, 1))]
+        at = goal
+    q = np.concatenate(parts)
+    q = (q + rng.normal(scale=0.02, size=q.shape)) * unit
+    t = 1.7e9 + 0.5 + 0.02 * np.arange(len(q))
+    rows = [",".join([f"{when:.2f}", *(f"{v:.5f}" for v in row)]) for when, row in zip(t, q, strict=True)]
+    path = folder / "joints.csv"
+    path.write_text("time,q1,q2,q3,q4,q5,q6\n" + "\n".join(rows) + "\n")
     return path
 
 
@@ -268,3 +290,50 @@ def test_author_files_that_do_not_fit_are_told(tmp_path: Path) -> None:
     assert "a 2x3, b 2x3" in stderr_of(*words)
     positions.write_bytes(b"MATLAB 5.0 MAT-file, but cut off")
     assert "cannot be read as a .mat file" in stderr_of(*words)
+
+
+def test_a_log_of_joint_states_gives_the_poses_at_its_rests(tmp_path: Path) -> None:
+    """By whatever clock; in radians if said, and if not the doubt is said."""
+    source, data = motive(tmp_path / "take.csv"), tmp_path / "data.csv"
+    words = ["import", source, log(tmp_path), "--arm", "lrm-lab", "--tool", "Tool", "--base", "Base", "-o", data]
+    assert "a log of 800 joint states, in which the joints rest 4 times" in flat(run_command(*words)[2])
+    table = read_csv(data, ["q6_deg", "x_mm"])
+    np.testing.assert_allclose(numbers_of(table, "q6_deg"), [9, 18, 27, 36], atol=0.02)
+    np.testing.assert_allclose(numbers_of(table, "x_mm"), TIPS[:, 0] * 1e3, atol=0.2)
+    log(tmp_path, unit=float(np.radians(1.0)))
+    assert "if they are radians: --angle-unit rad" in stderr_of(*words)
+    assert "radians" not in run_command(*words, "--angle-unit", "rad")[2]
+    np.testing.assert_allclose(numbers_of(read_csv(data, ["q6_deg"]), "q6_deg"), [9, 18, 27, 36], atol=0.02)
+    log(tmp_path, rests=3)
+    assert "the tip rests 4 times, there are 3 poses" in stderr_of(*words)
+
+
+def test_poses_that_are_missing_are_told_by_their_times(tmp_path: Path) -> None:
+    """Two clocks; in the middle it is known which rest has no pose, at an end of regular ones it is not."""
+    source, data = motive(tmp_path / "take.csv"), tmp_path / "data.csv"
+    words = ["import", source, tmp_path / "few.csv", "--arm", "lrm-lab", "--tool", "Tool", "--base", "Base", "-o", data]
+    rows = [f"{1.7e9 + 4 * k + 2.4},0,10,20,30,40,{k}" for k in range(1, 5)]
+    for kept in ([0, 1, 3], [0, 3]):
+        text = "t_s,q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg\n" + "\n".join(rows[k] for k in kept) + "\n"
+        (tmp_path / "few.csv").write_text(text)
+        assert f"there are {len(kept)} poses: {len(kept)} go together" in flat(run_command(*words)[2])
+        table = read_csv(data, ["pose", "q6_deg", "x_mm"])
+        assert numbers_of(table, "pose").tolist() == [k + 1 for k in kept]
+        assert numbers_of(table, "q6_deg").tolist() == [k + 1 for k in kept]
+        np.testing.assert_allclose(numbers_of(table, "x_mm"), TIPS[kept, 0] * 1e3, atol=0.2)
+    (tmp_path / "few.csv").write_text("t_s,q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg\n" + "\n".join(rows[:3]) + "\n")
+    assert "there are 3 poses; give --skip" in stderr_of(*words)
+
+
+@given(st.lists(st.floats(3.0, 30.0), min_size=6, max_size=30), st.data())
+def test_rests_and_poses_of_irregular_times_find_each_other(gaps: list[float], data: st.DataObject) -> None:
+    rests, shift = np.cumsum(gaps), data.draw(st.floats(-1e9, 1e9))
+    kept = np.array(sorted(data.draw(st.sets(st.integers(0, len(gaps) - 1), min_size=1))))
+    one, other = (
+        rows_of_same_time(*pair, 1.0) for pair in ((rests, rests[kept] + shift), (rests[kept] + shift, rests))
+    )
+    assert (one is None) == (other is None)
+    if one is not None and other is not None:  # not where another shift explains as many
+        assert one[0].tolist() == other[1].tolist() == kept.tolist()
+    if kept[0] == 0 and kept[-1] == len(rests) - 1:
+        assert one is not None, "both ends are there"

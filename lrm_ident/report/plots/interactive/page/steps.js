@@ -120,8 +120,9 @@ function lrmSteps(page) {
     const out = element("article", "", "lrm-card-of-step"), fall = `${words(card.before)}\u00a0→\u00a0${inMm(card.after)}`;
     const heading = element("h3", `${card.number}. ${named(card)}: ${fall}`);
     const share = card.share === null ? "" : `; ${Math.round(100 * card.share)} % of the mean square above the noise`;
+    const left = card.left === null ? "" : ` ${words(card.left)} times as much is without a cause, at the end or in later steps: a possible cause.`;
     const says = element("div", "", "lrm-card-says");
-    says.append(element("p", `${card.claim ? (card.equivalent.length ? "If it is this one: " : "") + card.claim + ". " : ""}${card.held_out ? "Held-out RMS" : "RMS on these data"}: ${fall}${share}.`));
+    says.append(element("p", `${card.claim ? (card.equivalent.length ? "If it is this one: " : "") + card.claim + ". " : ""}${card.held_out ? "Held-out RMS" : "RMS on these data"}: ${fall}${share}.${left}`));
     if (card.unrivalled) says.append(element("p", "No other effect explained it as well."));
     if (card.rivals.length) {
       const list = element("ul");
