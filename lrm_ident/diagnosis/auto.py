@@ -12,11 +12,11 @@ import numpy as np
 from lrm_ident.data.error_stats import error_stats
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.notebook import ShownInNotebook
+from lrm_ident.diagnosis.attribution import ExplainedStep, StepAttribution, attribute_steps, unexplained_mean_square
 from lrm_ident.diagnosis.confirm import ConfirmedDiagnosis, Refit, confirm
 from lrm_ident.diagnosis.diagnose import Diagnosis, Verdict, diagnose
 from lrm_ident.diagnosis.diagnosis_report import DiagnosisReport, report_of
 from lrm_ident.diagnosis.screening.score_test import ScoredCandidate
-from lrm_ident.diagnosis.shown_causes import StepClaim, TakenStep, step_claims, unexplained_square
 from lrm_ident.fitting.levenberg_marquardt import Fit
 from lrm_ident.fitting.loss import SQUARED, Loss
 from lrm_ident.fitting.priors import EffectRates
@@ -92,17 +92,20 @@ class AutoRun(ShownInNotebook):
         return report_of(self.confirmed)
 
     @property
-    def taken(self) -> tuple[float, ...]:
+    def explained(self) -> tuple[float, ...]:
         """Held-out mean square (m²) that each step after the start took away."""
         squares = [error_stats(step.held_out).rms ** 2 for step in self.steps]
         return tuple(before - after for before, after in pairwise(squares))
 
     @property
-    def claims(self) -> tuple[StepClaim, ...]:
-        """Claims of the steps after the start: whether each shows a cause (mean squares in m²)."""
-        present, pairs = {effect.name for effect in self.model.effects}, zip(self.steps[1:], self.taken, strict=True)
-        steps = [TakenStep(taken, step.describes, bool(present & {*step.refines})) for step, taken in pairs]
-        return step_claims(steps, unexplained_square(self.report))
+    def attributions(self) -> tuple[StepAttribution, ...]:
+        """Attributions of the steps after the start: whether each shows a cause (mean squares in m²)."""
+        present, pairs = (
+            {effect.name for effect in self.model.effects},
+            zip(self.steps[1:], self.explained, strict=True),
+        )
+        steps = [ExplainedStep(square, step.describes, bool(present & {*step.refines})) for step, square in pairs]
+        return attribute_steps(steps, unexplained_mean_square(self.report))
 
 
 def run_auto(

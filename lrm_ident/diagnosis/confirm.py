@@ -22,12 +22,10 @@ from lrm_ident.diagnosis.screening.score_test import ScoredCandidate
 from lrm_ident.fitting.cross_validation import blocks_of_fit
 from lrm_ident.fitting.held_out import HeldOutBlock, held_out_residual, held_out_squares
 from lrm_ident.fitting.levenberg_marquardt import Fit
-from lrm_ident.residual.better_prediction import predicts_better, share_of_excess
+from lrm_ident.residual.better_prediction import predicts_better, share_of_excess, takes_little
 from lrm_ident.residual.thresholds import (
     EQUIVALENT_GAIN,
-    FLOOR_RATIO,
     MIN_GAIN,
-    SMALL_SHARE,
     WITHIN_TWO_DEVIATIONS,
 )
 from lrm_math.arrays import Array
@@ -101,8 +99,9 @@ class ConfirmedDiagnosis:
         """Whether the refitted effect only describes: a form of an effect, or one of small share while much stays."""
         if self.first is None or self.refit is None:
             return False
-        much = self.refit.error.rms > FLOOR_RATIO * (self.diagnosis.floor.rms or 0.0)
-        return bool(self.first.candidate.effect.variant_of) or (self.share < SMALL_SHARE and much)
+        after, before = self.refit.error.rms, error_stats(self.held_out).rms
+        little = takes_little(after, before, self.diagnosis.floor.rms or 0.0)
+        return little or bool(self.first.candidate.effect.variant_of)
 
     @property
     def verdict(self) -> Verdict:

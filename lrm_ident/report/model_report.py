@@ -137,7 +137,7 @@ class ModelReport:
         return known if isinstance(known, float) else None
 
     @property
-    def unexplained_mm2(self) -> float | None:
+    def unexplained_mean_square_mm2(self) -> float | None:
         """Held-out mean square that stays unexplained, where there is a diagnosis."""
         return None if self.diagnosis is None else float(str(self.diagnosis.values["unexplained_mean_square_mm2"]))
 

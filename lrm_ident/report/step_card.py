@@ -48,7 +48,7 @@ class ErrorFall:
         return float(np.clip(share_of_excess(self.after, self.before, floor), 0.0, 1.0))
 
     @property
-    def taken(self) -> float:
+    def explained(self) -> float:
         """Mean square (mm²) that the step took away."""
         return self.before**2 - self.after**2
 

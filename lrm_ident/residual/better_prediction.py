@@ -6,7 +6,7 @@ import numpy as np
 
 from lrm_ident.fitting.levenberg_marquardt import OUTLIER_DISTANCE
 from lrm_ident.fitting.loss import CHI3_MEDIAN
-from lrm_ident.residual.thresholds import NEGLIGIBLE, Z_THRESHOLD
+from lrm_ident.residual.thresholds import FLOOR_RATIO, NEGLIGIBLE, SMALL_SHARE, Z_THRESHOLD
 from lrm_math.arrays import Array
 
 
@@ -29,6 +29,12 @@ def falls_by_share(after: Array, before: Array, share: float, start: Array | Non
 def share_of_excess(after: float, before: float, floor: float) -> float:
     """Share of the mean square above the noise floor that a change of the model takes away; RMS errors in one unit."""
     return (before**2 - after**2) / max(before**2 - floor**2, NEGLIGIBLE * after**2)
+
+
+def takes_little(after: float, before: float, floor: float) -> bool:
+    """Whether a change of the model takes a small share of the mean square above the noise floor (0 if unknown) away
+    while much stays; RMS errors in one unit."""
+    return share_of_excess(after, before, floor) < SMALL_SHARE and after > FLOOR_RATIO * floor
 
 
 def paired_z(better: Array, worse: Array) -> float:

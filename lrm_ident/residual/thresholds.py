@@ -34,7 +34,7 @@ SMALL_SHARE = 0.15
 """Share of the mean square above the noise below which a step, while much stays, describes and names no cause: local
 effects that spell one common cause took 3 to 8 % each; of the findings on the half for tuning of the third catalogue
 two of less were false and none was right."""
-LEFT_PER_TAKEN = 1 / 3
+MAX_UNEXPLAINED_RATIO = 1 / 3
 """Mean square that stays unexplained after a step of `auto`, per mean square that it took, above which the step shows
 no cause: on the half for tuning of the third catalogue 9 of 19 such findings were false, 2 of the other 66."""
 NEGLIGIBLE = 1e-3

@@ -12,7 +12,7 @@ from lrm_ident.diagnosis.auto import AutoRun
 from lrm_ident.diagnosis.diagnosis_report import DiagnosisReport
 from lrm_ident.diagnosis.symbolic_regression.proposal import LawProposal
 from lrm_ident.fitting.levenberg_marquardt import Fit
-from lrm_ident.report.diagnosis.course import proposal_document, shown_causes, step_blocks
+from lrm_ident.report.diagnosis.course import attribution_blocks, proposal_document, step_blocks
 from lrm_ident.report.diagnosis.diagnosis import diagnosis_document
 from lrm_ident.report.document import Block, blocks_html
 from lrm_ident.report.fit import comparison_document, parameter_table
@@ -50,7 +50,7 @@ def html_of(result: object) -> str:
             return _tables(diagnosis_document(result).blocks) + _picture(result)
         case AutoRun(steps=taken):
             steps: list[Block] = [block for k, step in enumerate(taken) for block in step_blocks(k, step, taken[0])]
-            return _tables([*steps, *shown_causes(result)]) + html_of(result.report)
+            return _tables([*steps, *attribution_blocks(result)]) + html_of(result.report)
         case LawProposal():
             return _tables(proposal_document(result).blocks)
         case Fit():

@@ -16,7 +16,7 @@ from lrm_ident.report.document import Block, Document, ResultTable, heading
 from lrm_ident.report.fit import error_blocks, parameter_table
 from lrm_ident.residual.error_breakdown import HeldOutResidual, NestedResidual
 from lrm_ident.residual.residual_structure import noise_floor
-from lrm_ident.residual.thresholds import LEFT_PER_TAKEN
+from lrm_ident.residual.thresholds import MAX_UNEXPLAINED_RATIO
 from lrm_ident.study.field_step import WHAT_IT_IS
 from lrm_ident.study.model_on_data import ErrorSummary
 from lrm_ident.study.step import StudyStep
@@ -76,7 +76,7 @@ def course_document(
     with_prior: errors of the last fit, together with a prior, if there was one. with_field: with a residual field, if
     one was added.
     """
-    report, claimed = course.report, course.claims
+    report, attributed = course.report, course.attributions
     what = "Held out, effects chosen anew in every fold (nested):"
     last: list[Block] = [f"{what} none, because {nested.reason}"]
     if nested.error is not None:
@@ -88,7 +88,7 @@ def course_document(
                 "indistinguishable_from": step.equivalent,
                 "form_of": step.refines,
                 "share_of_excess": step.share,
-                **({"is": claimed[number - 1].claim} if number else {}),
+                **({"is": attributed[number - 1].kind} if number else {}),
                 "freed": step.freed,
                 "parameters": len(step.fit.model.free),
                 "fit_rms_mm": error_stats(step.fit.residual).rms * 1e3,
@@ -104,21 +104,21 @@ def course_document(
         **({} if with_prior is None else {"with_prior": with_prior}),
         **({} if with_field is None else {"with_residual_field_not_a_cause": with_field}),
     }
-    return Document([*last, *shown_causes(course), *diagnosis_document(report).blocks], "lrm/course/1", values)
+    return Document([*last, *attribution_blocks(course), *diagnosis_document(report).blocks], "lrm/course/1", values)
 
 
-def shown_causes(course: AutoRun) -> Iterator[Block]:
+def attribution_blocks(course: AutoRun) -> Iterator[Block]:
     """The causes that are shown, and those that may stand for another one, with what is left of it."""
-    steps = list(zip([step.added for step in course.steps[1:]], course.claims, course.taken, strict=True))
-    if found := [name for name, one, _ in steps if one.claim == "finding"]:
+    steps = list(zip([step.added for step in course.steps[1:]], course.attributions, course.explained, strict=True))
+    if found := [name for name, one, _ in steps if one.kind == "finding"]:
         yield heading(f"Shown to be a cause, or one of its class: {enumerate_words(found, len(found))}")
-    possible = [(name, one.unexplained, taken) for name, one, taken in steps if one.claim == "possible_cause"]
-    ratios = [f"{name} ({left / taken if taken > 0.0 else np.inf:.1f})" for name, left, taken in possible]
+    possible = [(name, one.unexplained, explained) for name, one, explained in steps if one.kind == "possible_cause"]
+    ratios = [f"{name} ({left / explained if explained > 0.0 else np.inf:.1f})" for name, left, explained in possible]
     if ratios:
         yield (
             f"Possible causes: {enumerate_words(ratios, len(ratios))}. In brackets: the mean square without a cause, "
             "left at the end or taken by later steps that show none, over what the step took; above "
-            f"{LEFT_PER_TAKEN:.2f} another cause may stand behind it."
+            f"{MAX_UNEXPLAINED_RATIO:.2f} another cause may stand behind it."
         )
 
 

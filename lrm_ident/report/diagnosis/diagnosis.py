@@ -9,13 +9,13 @@ from collections.abc import Collection, Iterator, Sequence
 import numpy as np
 
 from lrm_ident.data.wording import enumerate_words, in_mm, in_percent, named_joints, p_words, poses_words
+from lrm_ident.diagnosis.attribution import unexplained_mean_square, unexplained_ratio
 from lrm_ident.diagnosis.diagnose import Diagnosis
 from lrm_ident.diagnosis.diagnosis_report import DiagnosisReport, RankedCandidate
-from lrm_ident.diagnosis.shown_causes import left_per_taken, unexplained_square
 from lrm_ident.report.document import Block, Document, FoldedSection, ResultTable, heading, section
 from lrm_ident.report.plain_names import in_words, plain_name
 from lrm_ident.residual.residual_patterns import ResidualPatterns
-from lrm_ident.residual.thresholds import LEFT_PER_TAKEN, MIN_GAIN
+from lrm_ident.residual.thresholds import MAX_UNEXPLAINED_RATIO, MIN_GAIN
 from lrm_math.effects import Effect, compensable, variants
 
 SHOWN, REFUSED_SHOWN, RANKED = 8, 4, 30
@@ -56,8 +56,8 @@ def _values(report: DiagnosisReport) -> dict[str, object]:
         },
         "verdict": report.verdict,
         "share_of_excess": report.share,
-        "left_per_taken": left_per_taken(report),
-        "unexplained_mean_square_mm2": unexplained_square(report) * 1e6,
+        "unexplained_per_explained": unexplained_ratio(report),
+        "unexplained_mean_square_mm2": unexplained_mean_square(report) * 1e6,
         "motion_bounds_rms_mm": {name: bound * 1e3 for name, bound in found.motion_bounds.items()},
         "approximate_of": "everything measured, weighted by its noise" if found.data.several_kinds else "TCP error",
         "ranking": [_advice(rank, advice, report) for rank, advice in enumerate(report.ranking[:RANKED], 1)],
@@ -168,8 +168,8 @@ def _describes_because(report: DiagnosisReport) -> str:
 
 def _possible_because(report: DiagnosisReport) -> str:
     """Sentence on what the first effect would leave, if another cause may stand behind it."""
-    left = left_per_taken(report)
-    if left is None or left <= LEFT_PER_TAKEN:
+    left = unexplained_ratio(report)
+    if left is None or left <= MAX_UNEXPLAINED_RATIO:
         return ""
     return (
         f" It would leave {left:.1f} times as much of the mean square above the noise as it takes: a possible cause, "

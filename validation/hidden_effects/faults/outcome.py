@@ -86,11 +86,11 @@ def examine(case: FaultCase, arm: str, half: str, number: int, poses: int) -> Fa
     model = model_of(drawn, effects_at(drawn, "offsets") + effects_at(drawn, "compliance"))
     try:
         run = run_auto(fit_identifiable(model, data, model.keys).fit.model, data)
-        verdict, claims = run.report.verdict, run.claims
+        verdict, attributions = run.report.verdict, run.attributions
     except LrmError as error:
         return FaultOutcome(case, arm, right, (), (), str(error), np.nan)
     steps = tuple(step.names for step in run.steps[1:])
-    findings = tuple(one.claim == "finding" for one in claims)
+    findings = tuple(one.kind == "finding" for one in attributions)
     return FaultOutcome(case, arm, right, steps, findings, verdict, run.steps[-1].fit.sigma / NOISE_M)
 
 

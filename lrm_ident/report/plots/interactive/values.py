@@ -11,7 +11,7 @@ import numpy as np
 from lrm_ident.data.error_stats import error_stats
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.wording import in_mm, p_words, quantity
-from lrm_ident.diagnosis.shown_causes import TakenStep, step_claims
+from lrm_ident.diagnosis.attribution import ExplainedStep, attribute_steps
 from lrm_ident.report.diagnosis.diagnosis import MARKS
 from lrm_ident.report.document import plain
 from lrm_ident.report.model_report import ModelReport, data_of
@@ -19,6 +19,7 @@ from lrm_ident.report.plain_names import plain_name, step_title
 from lrm_ident.report.plots.interactive.candidate_view import ANGLE, SHARE, UM, rounded
 from lrm_ident.report.plots.interactive.group_means import explained_by_means, fair_rows, shown_most
 from lrm_ident.report.step_card import AS_WELL, ErrorFall, StepCard, error_fall, of_data, rivals
+from lrm_ident.residual.better_prediction import takes_little
 from lrm_ident.residual.picture.error_field import COLOURS, ErrorField
 from lrm_ident.residual.thresholds import MIN_GAIN
 
@@ -133,13 +134,16 @@ def _cards(found: ModelReport) -> list[dict[str, Any]]:
     """The cards with the errors of their steps, and for possible causes what is unexplained over what the step took."""
     falls = [error_fall(found.file, found.field, card.number, found.poses.sha256) for card in found.cards]
     ratios: list[float | None] = [None] * len(falls)
-    if found.unexplained_mm2 is not None and all(fall.held_out for fall in falls):
-        pairs = zip(found.cards, falls, strict=True)
-        steps = [TakenStep(fall.taken, card.is_form, card.of_present) for card, fall in pairs]
-        claims = zip(step_claims(steps, found.unexplained_mm2), steps, strict=True)
+    if found.unexplained_mean_square_mm2 is not None and all(fall.held_out for fall in falls):
+        floor, pairs = found.floor_mm or 0.0, zip(found.cards, falls, strict=True)
+        steps = [
+            ExplainedStep(fall.explained, card.is_form or takes_little(fall.after, fall.before, floor), card.of_present)
+            for card, fall in pairs
+        ]
+        attributed = zip(attribute_steps(steps, found.unexplained_mean_square_mm2), steps, strict=True)
         ratios = [
-            one.unexplained / step.taken if one.claim == "possible_cause" and step.taken > 0.0 else None
-            for one, step in claims
+            one.unexplained / step.explained if one.kind == "possible_cause" and step.explained > 0.0 else None
+            for one, step in attributed
         ]
     return [_card(found, *each) for each in zip(found.cards, falls, ratios, strict=True)]
 

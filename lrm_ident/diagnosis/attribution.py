@@ -13,46 +13,46 @@ from dataclasses import dataclass
 from typing import Literal
 
 from lrm_ident.diagnosis.diagnosis_report import DiagnosisReport
-from lrm_ident.residual.thresholds import LEFT_PER_TAKEN
+from lrm_ident.residual.thresholds import MAX_UNEXPLAINED_RATIO
 
-Claim = Literal["finding", "possible_cause", "description"]
+Attribution = Literal["finding", "possible_cause", "description"]
 """A cause that is shown; one that may stand for another; an effect that predicts better and shows no cause."""
 
 
 @dataclass(frozen=True)
-class TakenStep:
+class ExplainedStep:
     """One added effect.
 
     Attributes:
-        taken: held-out mean square that it took away. describes: whether it only describes.
+        explained: held-out mean square that it took away. describes: whether it only describes.
         of_present: whether it is a form of an effect that is in the model.
     """
 
-    taken: float
+    explained: float
     describes: bool
     of_present: bool
 
 
 @dataclass(frozen=True)
-class StepClaim:
-    """Claim of a step; `unexplained`: the mean square that may belong to another cause, in the unit of `taken`."""
+class StepAttribution:
+    """Attribution of a step; `unexplained`: mean square that may belong to another cause, in the unit it is given in."""
 
-    claim: Claim
+    kind: Attribution
     unexplained: float
 
 
-def step_claims(steps: Sequence[TakenStep], left: float) -> tuple[StepClaim, ...]:
-    """Claims of successive steps. `left`: held-out mean square that stays unexplained after the last one."""
-    found: list[StepClaim] = []
+def attribute_steps(steps: Sequence[ExplainedStep], left: float) -> tuple[StepAttribution, ...]:
+    """Attributions of successive steps. `left`: held-out mean square that stays unexplained after the last one."""
+    found: list[StepAttribution] = []
     for step in reversed(steps):
-        shown: Claim = "finding" if left <= LEFT_PER_TAKEN * step.taken else "possible_cause"
-        found.append(StepClaim("description" if step.describes else shown, left))
-        if found[-1].claim != "finding" and not step.of_present:
-            left += max(step.taken, 0.0)
+        shown: Attribution = "finding" if left <= MAX_UNEXPLAINED_RATIO * step.explained else "possible_cause"
+        found.append(StepAttribution("description" if step.describes else shown, left))
+        if found[-1].kind != "finding" and not step.of_present:
+            left += max(step.explained, 0.0)
     return tuple(reversed(found))
 
 
-def unexplained_square(report: DiagnosisReport) -> float:
+def unexplained_mean_square(report: DiagnosisReport) -> float:
     """Held-out mean square (m²) above the noise, where that is unknown above its bound; 0 if nothing is missing."""
     if report.verdict in ("nothing_missing", "noise_unknown"):
         return 0.0
@@ -60,7 +60,7 @@ def unexplained_square(report: DiagnosisReport) -> float:
     return max(report.held_out.rms**2 - floor**2, 0.0)
 
 
-def left_per_taken(report: DiagnosisReport) -> float | None:
+def unexplained_ratio(report: DiagnosisReport) -> float | None:
     """Held-out mean square above a known noise that the effect to add would leave, per mean square that it takes away;
     None where no effect is to be added, or the noise is unknown."""
     floor = report.diagnosis.floor.rms
