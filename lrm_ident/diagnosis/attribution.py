@@ -35,7 +35,7 @@ class ExplainedStep:
 
 @dataclass(frozen=True)
 class StepAttribution:
-    """Attribution of a step; `unexplained`: mean square that may belong to another cause, in the unit it is given in."""
+    """Attribution of a step; `unexplained`: mean square that may belong to another cause, in the same unit."""
 
     kind: Attribution
     unexplained: float
