@@ -16,6 +16,7 @@ from lrm_math.effects.base import (
     LinearEffect,
     LoadedJointEffect,
     Parameter,
+    Part,
     separately,
 )
 from lrm_math.effects.targets import Kind, kind_of
@@ -173,6 +174,7 @@ __all__ = [
     "LinearEffect",
     "LoadedJointEffect",
     "Parameter",
+    "Part",
     "compensable",
     "constant",
     "effect_names",

@@ -136,6 +136,26 @@ class Description:
     needs: str = ""
 
 
+class Part(Enum):
+    """Part of a calibrated arm that an effect belongs to, which decides where its estimate holds."""
+
+    ARM = "arm"
+    """True wherever the arm is mounted: its links, gears and servos."""
+    INSTALLATION = "installation"
+    """True while the arm stays bolted where it is: its base, the direction of gravity, the mounted tool."""
+    MEASUREMENT = "measurement"
+    """True of one measurement: its tracker, its anchor."""
+
+
+PART_OF_PLACE = {
+    "base": Part.INSTALLATION,
+    "tool": Part.INSTALLATION,
+    "frame": Part.MEASUREMENT,
+    "distance": Part.MEASUREMENT,
+}
+"""Part of the effects at a place; at all other places that of the arm."""
+
+
 class Extrapolation(Enum):
     """Validity of an effect's formula beyond the range that it was fitted on.
 
@@ -222,6 +242,11 @@ class Effect(ABC):
     def name(self) -> str:
         """`id@place`."""
         return f"{self.id}@{self.place}"
+
+    @property
+    def part(self) -> Part:
+        """The part of a calibrated arm that it belongs to: by its place, where a class does not say otherwise."""
+        return PART_OF_PLACE.get(self.place, Part.ARM)
 
     @property
     def place_in_words(self) -> str:
