@@ -122,7 +122,8 @@ def _with_effect(model: Model, effect: Effect, shape: Sequence[float] | None) ->
         return model
     if shape is not None:
         known |= dict(zip(effect.keys, shape, strict=True))
-    return replace(model_of(model.arm, (*model.effects, effect), known), free=model.free, within=model.within)
+    extended = model_of(model.arm, (*model.effects, effect), known)
+    return replace(extended, free=model.free, within=model.within, state=model.state)
 
 
 def _fit_shapes(best: Fit, data: Measurements, tried: Mapping[str, Sequence[float]], loss: Loss) -> Fit:

@@ -31,7 +31,7 @@ def fit_with_field(fitted: Fit, data: Measurements) -> Fit:
     posterior = field_posterior(field.over(model.within), data.poses, residual, fitted.weight)
     free = (*model.free, *(field.keys[row] for row in posterior.kept))
     values = np.concatenate([model.values, posterior.values])
-    extended = Model(model.arm, (*model.effects, field), values, free, model.within, model.fitted_to)
+    extended = Model(model.arm, (*model.effects, field), values, free, model.within, model.fitted_to, model.state)
     equilibrium = solve_equilibrium(extended, data.poses, tuple(fitted.equilibrium.slots))
     left, parameters = data.position_error(equilibrium), fitted.effective_parameters + posterior.determined
     square = float((fitted.weight * (left**2).sum(axis=1)).sum())
