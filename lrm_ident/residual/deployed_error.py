@@ -1,0 +1,38 @@
+"""Held-out error of a model as it is deployed, beside that in the session of its measurement."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from lrm_ident.data.error_stats import ErrorStats, error_stats
+from lrm_ident.fitting.held_out import HeldOutBlock, deployed_residual
+from lrm_ident.fitting.session_moments import rows_as_deployed
+from lrm_math.model.model import Model
+
+
+@dataclass(frozen=True)
+class DeployedError:
+    """Held-out error of a model `as_deployed`.
+
+    Attributes:
+        now: at the poses where the state that is deployed held: all, or the last fifth of the session.
+        before: at the poses before, such as of a colder arm; None where the state held at all.
+    """
+
+    now: ErrorStats
+    before: ErrorStats | None = None
+
+    @classmethod
+    def of(cls, model: Model, blocks: Sequence[HeldOutBlock]) -> DeployedError:
+        """The error of a cross-validated model."""
+        residual = deployed_residual(blocks)
+        rows = rows_as_deployed(model, len(residual))
+        others = np.delete(residual, rows, axis=0)
+        return cls(error_stats(residual[rows]), error_stats(others) if len(others) else None)
+
+    def as_json(self) -> dict[str, object]:
+        """The table `as_deployed`."""
+        return {**self.now.as_json(), **({} if self.before is None else {"before_last_state": self.before.as_json()})}
