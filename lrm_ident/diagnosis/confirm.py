@@ -24,6 +24,7 @@ from lrm_ident.fitting.held_out import HeldOutBlock, deployed_residual, held_out
 from lrm_ident.fitting.levenberg_marquardt import Fit
 from lrm_ident.fitting.session_moments import rows_as_deployed
 from lrm_ident.residual.better_prediction import paired_z, predicts_better, share_of_excess, takes_little
+from lrm_ident.residual.deployed_error import DeployedError
 from lrm_ident.residual.thresholds import (
     EQUIVALENT_GAIN,
     MIN_GAIN,
@@ -84,6 +85,11 @@ class ConfirmedDiagnosis:
     def held_out(self) -> Array:
         """(N, 3), held-out residual of the model as it is (m)."""
         return held_out_residual(self.blocks)
+
+    @property
+    def deployed(self) -> DeployedError:
+        """Held-out error of the model as it is deployed."""
+        return DeployedError.of(self.diagnosis.fit.model, self.blocks)
 
     @property
     def first(self) -> ScoredCandidate | None:

@@ -6,10 +6,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lrm_ident.data.error_stats import ErrorStats, error_stats
 from lrm_ident.fitting.held_out import HeldOutBlock, deployed_residual
 from lrm_ident.fitting.session_moments import rows_as_deployed
+from lrm_math.arrays import Array
 from lrm_math.model.model import Model
 
 
@@ -28,8 +30,11 @@ class DeployedError:
     @classmethod
     def of(cls, model: Model, blocks: Sequence[HeldOutBlock]) -> DeployedError:
         """The error of a cross-validated model."""
-        residual = deployed_residual(blocks)
-        rows = rows_as_deployed(model, len(residual))
+        return cls.of_residual(deployed_residual(blocks), rows_as_deployed(model, sum(len(b.test) for b in blocks)))
+
+    @classmethod
+    def of_residual(cls, residual: Array, rows: NDArray[np.int64]) -> DeployedError:
+        """The error of a residual (N, 3) in m, of which at some rows the deployed state held."""
         others = np.delete(residual, rows, axis=0)
         return cls(error_stats(residual[rows]), error_stats(others) if len(others) else None)
 

@@ -22,6 +22,7 @@ from lrm_ident.fitting.parameter_sets import Bounds
 from lrm_ident.fitting.priors import Prior
 from lrm_ident.fitting.progress import OnProgress, silent
 from lrm_ident.residual.covariates import levels
+from lrm_ident.residual.deployed_error import DeployedError
 from lrm_ident.residual.predictability import PredictableError, predictable_error
 from lrm_math.arrays import Array
 from lrm_math.errors import LrmError
@@ -67,11 +68,20 @@ class Factor:
 
 @dataclass(frozen=True, eq=False)
 class HeldOutResidual:
-    """Held-out residual (N, 3) in m with the blocks of its cross-validation, or the reason why there is none."""
+    """Held-out residual (N, 3) in m with the blocks of its cross-validation, or the reason why there is none.
+
+    `deployed`: held-out error of the model as it is deployed.
+    """
 
     residual: Array | None
     reason: str = ""
     blocks: tuple[HeldOutBlock, ...] = ()
+    deployed: DeployedError | None = None
+
+    @classmethod
+    def of(cls, model: Model, blocks: tuple[HeldOutBlock, ...]) -> HeldOutResidual:
+        """The held-out residual of a cross-validated model."""
+        return HeldOutResidual(held_out_residual(blocks), blocks=blocks, deployed=DeployedError.of(model, blocks))
 
     def __repr__(self) -> str:
         error = self.error
@@ -142,7 +152,7 @@ def compare(
 def compare_unseen(model: Model, data: Measurements, progress: OnProgress = silent) -> ModelComparison:
     """Compares a model with measurements that no fit of it saw: nothing is refitted. Raises `NoEquilibrium`."""
     as_it_is = try_held_out(replace(model, free=()), data, progress=progress)
-    return _compared(model, data, HeldOutResidual(None, UNSEEN, as_it_is.blocks))
+    return _compared(model, data, HeldOutResidual(None, UNSEEN, as_it_is.blocks, as_it_is.deployed))
 
 
 def _compared(model: Model, data: Measurements, held_out: HeldOutResidual) -> ModelComparison:
@@ -177,7 +187,7 @@ def try_held_out(
         blocks = held_out_blocks(model, data, bounds, loss, progress, prior=prior)
     except LrmError as error:
         return HeldOutResidual(None, str(error))
-    return HeldOutResidual(held_out_residual(blocks), blocks=blocks)
+    return HeldOutResidual.of(model, blocks)
 
 
 def _factors(equilibrium: Equilibrium, data: Measurements, residual: Array) -> Iterator[Factor]:

@@ -176,7 +176,7 @@ class Study(ModelOnData, ShownInNotebook):
             """Follows the run with a study."""
             nonlocal now
             name = add_step_name(step.added, step.equivalent) if step.added else ""
-            held_out = HeldOutResidual(step.held_out)
+            held_out = HeldOutResidual(step.held_out, deployed=step.deployed)
             rivals = step.rivals if step.added else None
             one = StudyStep(name, step.fit, start=now.model, held_out=held_out, rivals=rivals)
             now = replace(own, data=step.data)._after(one, now)
