@@ -21,7 +21,7 @@ from lrm_ident.fitting.levenberg_marquardt import Fit
 from lrm_ident.fitting.loss import SQUARED, Loss
 from lrm_ident.fitting.priors import EffectRates
 from lrm_ident.fitting.progress import OnProgress, silent
-from lrm_ident.residual.deployed_error import DeployedError
+from lrm_ident.residual.deployment.deployed_error import DeployedError
 from lrm_ident.residual.thresholds import MAX_EFFECTS
 from lrm_math.arrays import Array
 from lrm_math.effects import CATALOGUE, Effect, name_of_key, variants

@@ -16,7 +16,7 @@ from lrm_ident.diagnosis.diagnose import Diagnosis, Verdict
 from lrm_ident.diagnosis.screening.score_test import ScoredCandidate
 from lrm_ident.fitting.levenberg_marquardt import Fit
 from lrm_ident.residual.data_audit import audit
-from lrm_ident.residual.deployed_error import DeployedError
+from lrm_ident.residual.deployment.deployed_error import DeployedError
 from lrm_ident.residual.error_breakdown import ModelComparison
 from lrm_ident.residual.parameter_hints import parameter_hints
 from lrm_ident.residual.predictability import PredictableError

@@ -16,7 +16,7 @@ from lrm_ident.fitting.levenberg_marquardt import Fit
 from lrm_ident.report.document import Block, Document, ResultTable, heading, section
 from lrm_ident.report.effects import field_blocks, field_values
 from lrm_ident.report.plain_names import in_words
-from lrm_ident.residual.deployed_error import DeployedError
+from lrm_ident.residual.deployment.deployed_error import DeployedError
 from lrm_ident.residual.error_breakdown import Factor, ModelComparison, PoseGroup
 from lrm_ident.study.model_history import fit_words
 from lrm_ident.study.model_on_data import ErrorSummary

@@ -22,7 +22,7 @@ from lrm_ident.fitting.parameter_sets import Bounds
 from lrm_ident.fitting.priors import Prior
 from lrm_ident.fitting.progress import OnProgress, silent
 from lrm_ident.residual.covariates import levels
-from lrm_ident.residual.deployed_error import DeployedError
+from lrm_ident.residual.deployment.deployed_error import DeployedError
 from lrm_ident.residual.predictability import PredictableError, predictable_error
 from lrm_math.arrays import Array
 from lrm_math.errors import LrmError
