@@ -89,7 +89,7 @@ class ConfirmedDiagnosis:
     @property
     def deployed(self) -> DeployedError:
         """Held-out error of the model as it is deployed."""
-        return DeployedError.of(self.diagnosis.fit.model, self.blocks)
+        return DeployedError.of(self.diagnosis.fit.model, self.diagnosis.data.poses, self.blocks)
 
     @property
     def first(self) -> ScoredCandidate | None:
@@ -192,7 +192,7 @@ def _worse_as_deployed(refit: Refit, blocks: tuple[HeldOutBlock, ...]) -> str:
 
     What it explains passes with the session, and what was traded against it would stay behind in the arm.
     """
-    rows = rows_as_deployed(refit.fit.model, len(refit.squares))
+    rows = rows_as_deployed(refit.fit.model, refit.fit.equilibrium.poses)
     before, after = deployed_residual(blocks)[rows], deployed_residual(refit.blocks)[rows]
     if paired_z((before**2).sum(axis=1), (after**2).sum(axis=1)) <= ONE_DEVIATION:
         return ""

@@ -59,9 +59,10 @@ def deployed_rows(deployed: DeployedError | None) -> list[tuple[str, ErrorStats]
     """Rows of a table of errors for a model as it is deployed."""
     if deployed is None:
         return []
-    if deployed.before is None:
+    if deployed.otherwise is None:
         return [("as deployed, held out", deployed.now)]
-    return [("as deployed, held out: last fifth", deployed.now), ("as deployed, held out: before", deployed.before)]
+    now, otherwise = "as deployed, held out: in its state", "as deployed, held out: in another state"
+    return [(now, deployed.now), (otherwise, deployed.otherwise)]
 
 
 def fit_document(

@@ -14,6 +14,7 @@ from lrm_ident.residual.better_prediction import vuong_z
 from lrm_ident.residual.thresholds import ONE_DEVIATION
 from lrm_math.arrays import Array
 from lrm_math.errors import LrmError
+from lrm_math.kinematics.poses import Poses
 from lrm_math.model.deployed_model import as_deployed, named_part
 from lrm_math.model.equilibrium import Equilibrium, solve_equilibrium
 from lrm_math.model.model import Model
@@ -22,8 +23,8 @@ from lrm_math.model.state_after_session import passing_effects, state_after_sess
 
 LAST_SHARE = 0.1
 """Share of the poses, the last in order, that are predicted from those before them."""
-DEPLOYED_SHARE = 0.2
-"""Share of the poses, the last in order, at which a state that is the last one is taken to hold."""
+SETTLED_SHARE = 0.1
+"""Share of an effect's range by which it may differ from its end for the last state to hold."""
 FEWEST = 10
 """Poses of either part below which nothing is chosen."""
 
@@ -72,11 +73,17 @@ def _squares(earlier: Equilibrium, after: Measurements, moments: Mapping[str, Mo
     return np.asarray((after.position_error(solve_equilibrium(deployed, after.poses)) ** 2).sum(axis=1))
 
 
-def rows_as_deployed(model: Model, count: int) -> NDArray[np.int64]:
-    """Rows of `count` measured poses at which the state that is deployed held.
+def rows_as_deployed(model: Model, poses: Poses) -> NDArray[np.int64]:
+    """Rows of measured poses at which the state that is deployed held: all where it is a mean, or there is none.
 
-    All of them where it is a mean or there is none; of a last state the last fifth: the poses before were measured with
-    another zero, or a colder arm.
+    A last state held where each of its effects was within a tenth of its range from its end: after a change, in the
+    last session, in a warm arm. The other poses were measured with another zero, or a colder arm.
     """
-    ends = model.state is not None and "last" in model.state.moments.values()
-    return np.arange(round((1.0 - DEPLOYED_SHARE) * count) if ends else 0, count)
+    held = np.ones(len(poses), dtype=np.bool_)
+    moments = {} if model.state is None else model.state.moments
+    for bound in model.binding.bound:
+        if moments.get(bound.effect.name) == "last":
+            for amount in bound.at(poses, (0.0,) * len(bound.loads)):
+                course = np.broadcast_to(np.asarray(amount, dtype=np.float64), len(poses))
+                held &= np.abs(course - course[-1]) <= SETTLED_SHARE * np.ptp(course)
+    return np.flatnonzero(held)
