@@ -119,6 +119,7 @@ class EffectBinding:
         elastic: effects that move slots by loads; nonlinear: those of them that are no linear springs.
         springs: (M, K), compliance of the linear springs: motion of the `moving` slots by the K loads (rad/N·m, m/N·m).
         loading, weighing: effects that put loads on slots, or change weights.
+        leaning: effects that turn gravity.
         distorting, anchoring: effects that distort the tracker's measurement, or shift the anchor of distances.
         moving: slots that the elastic effects move, ascending.
         reach: m; the most that a rotation by 1 rad can move the TCP (the stretched nominal arm, with a margin).
@@ -132,6 +133,7 @@ class EffectBinding:
     springs: Array
     loading: tuple[BoundEffect, ...]
     weighing: tuple[BoundEffect, ...]
+    leaning: tuple[BoundEffect, ...]
     distorting: tuple[BoundEffect, ...]
     anchoring: tuple[BoundEffect, ...]
     moving: tuple[int, ...]
@@ -157,6 +159,7 @@ def bind_effects(chain: Chain, bound: tuple[BoundEffect, ...]) -> EffectBinding:
         springs=_springs(elastic, moving, 1 + max((i for b in bound for i in b.loads), default=-1)),
         loading=of_kind[Kind.LOAD],
         weighing=of_kind[Kind.WEIGHT],
+        leaning=of_kind[Kind.GRAVITY],
         distorting=of_kind[Kind.FRAME],
         anchoring=of_kind[Kind.ANCHOR],
         moving=moving,
