@@ -128,13 +128,21 @@ def _trackers_and_bases() -> dict[str, UnfamiliarCase]:
     zero = (0.0, 0.0, 0.0)
     frame, base = "measurement_frame@frame", "base_compliance@base"
     long_z = hidden("report", "long-z", frame, lambda by: SkewTracker(zero, (0.0, 0.0, by.size(0.006)), zero))
-    wide = hidden("report", "wide-xy", frame, lambda by: SkewTracker(zero, (by.size(0.008), -by.size(0.006), 0.0), zero))
-    sheared = hidden("report", "sheared", frame, lambda by: SkewTracker(zero, zero, (0.0, by.sign() * by.size(0.007), 0.0)))
+    wide = hidden(
+        "report", "wide-xy", frame, lambda by: SkewTracker(zero, (by.size(0.008), -by.size(0.006), 0.0), zero)
+    )
+    sheared = hidden(
+        "report", "sheared", frame, lambda by: SkewTracker(zero, zero, (0.0, by.sign() * by.size(0.007), 0.0))
+    )
     lens = hidden("report", "lens", frame, lambda by: effects.LensTracker(by.sign() * by.size(0.010)))
     depth = hidden("report", "depth", frame, lambda by: effects.DepthTracker((1.5, -1.0, 0.8), by.size(0.03)))
     loose = hidden("report", "loose-base-y", base, lambda by: LooseBase(0, by.size(0.5 * DEG)))
-    rocks_x = hidden("report", "feet-x", base, lambda by: effects.RockingFeet((1.0, 0.0, 0.0), by.size(0.4 * DEG), 0.05))
-    rocks_d = hidden("report", "feet-xy", base, lambda by: effects.RockingFeet((0.6, 0.8, 0.0), by.size(0.4 * DEG), 0.1))
+    rocks_x = hidden(
+        "report", "feet-x", base, lambda by: effects.RockingFeet((1.0, 0.0, 0.0), by.size(0.4 * DEG), 0.05)
+    )
+    rocks_d = hidden(
+        "report", "feet-xy", base, lambda by: effects.RockingFeet((0.6, 0.8, 0.0), by.size(0.4 * DEG), 0.1)
+    )
     lifts = hidden("report", "lifts-y", base, lambda by: LiftingBase((0.0, 1.0, 0.0), by.size(0.04), 0.05, 0.05))
     ten = (long_z, wide, sheared, lens, depth, loose, rocks_x, rocks_d, lifts, both(wide, rocks_x))
     return {case.name: case for case in ten}

@@ -61,7 +61,9 @@ class SimulatedCase:
     def _half(self) -> HalfRange:
         """Joints 2, 3 and 4 in turn over cases and seeds, so that seeds 0, 1, 2 give each case every joint."""
         number = [*CATALOGUE].index(self.name)
-        return HalfRange(JOINTS[(number + self.seed) % len(JOINTS)], -1 if (number // len(JOINTS) + self.seed) % 2 else 1)
+        return HalfRange(
+            JOINTS[(number + self.seed) % len(JOINTS)], -1 if (number // len(JOINTS) + self.seed) % 2 else 1
+        )
 
 
 def cases_of(part: str, seeds: Sequence[int] | None, counts: Sequence[int]) -> Iterator[SimulatedCase]:
