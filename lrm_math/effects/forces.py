@@ -150,7 +150,7 @@ class Gravity(Effect):
         cause="The base does not stand level: gravity leans in the frame that positions are measured in.",
         formula="g = R_j(b) R_i(a) (gravity of the arm file), i and j the axes x, y of an arm that stands or hangs",
         source="gravity as a vector g0 in the base frame: Siciliano et al. 2009, section 7.1",
-        claim="gravity leans against {place}, which is not level",
+        claim="the base is not level: gravity leans and bends the arm",
         needs="poses that bend the arm to several sides, best with a load",
     )
     depends_on = ()

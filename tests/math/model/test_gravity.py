@@ -49,8 +49,13 @@ def turned(arm: Arm, R: Array) -> Arm:
     """The arm with base and gravity rotated."""
     b = arm.base
     own = Rotation.from_euler("XYZ", [b.alpha, b.beta, b.gamma]).as_matrix()
-    position = R @ np.array([b.x, b.y, b.z])
-    return replace(arm, base=Placement(*position, *to_xyz_angles(R @ own)), gravity=tuple((R @ arm.gravity).tolist()))
+    (x, y, z), angles = (R @ np.array([b.x, b.y, b.z])).tolist(), to_xyz_angles(R @ own).tolist()
+    return with_gravity(replace(arm, base=Placement(x, y, z, *angles)), R @ np.array(arm.gravity))
+
+
+def with_gravity(arm: Arm, gravity: Array) -> Arm:
+    x, y, z = gravity.tolist()
+    return replace(arm, gravity=(x, y, z))
 
 
 @settings(max_examples=25)
@@ -72,7 +77,7 @@ def test_effect_poses_and_arm_file_state_gravity_alike(arm: Arm, seed: int) -> N
     poses, by_effect = some_poses(arm, seed), elastic(arm, seed, lean)
     g = np.array(by_effect.constant_gravity)
     assert np.linalg.norm(g) == pytest.approx(np.linalg.norm(arm.gravity), rel=1e-12)
-    expected = solve_equilibrium(elastic(replace(arm, gravity=tuple(g.tolist())), seed), poses, tolerance=TIGHT).tcp
+    expected = solve_equilibrium(elastic(with_gravity(arm, g), seed), poses, tolerance=TIGHT).tcp
     np.testing.assert_allclose(solve_equilibrium(by_effect, poses, tolerance=TIGHT).tcp, expected, atol=1e-12)
     for model in (by_effect, elastic(arm, seed)):  # a direction that is stated is known: the effect adds nothing to it
         stated = solve_equilibrium(model, stating(poses, g), tolerance=TIGHT)
