@@ -110,6 +110,10 @@ class Poses:
         columns = {f.name: getattr(self, f.name) for f in fields(self) if f.name != "sha256"}
         return replace(self, **{name: column[chosen] for name, column in columns.items() if column is not None})
 
+    def turned(self, rotation: Array) -> Poses:
+        """The same poses where the frame of measurement is turned: directions d to R d, with R (3, 3)."""
+        return self if self.gravity is None else replace(self, gravity=self.gravity @ rotation.T)
+
     def perturbed(self, joint: int, step: float | Array) -> Poses:
         """The same poses with one joint angle changed by `step` (rad), a float or (N,)."""
         q = self.q.copy()

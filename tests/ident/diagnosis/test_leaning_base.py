@@ -61,7 +61,7 @@ def test_the_report_says_that_the_base_is_not_level(tmp_path: Path) -> None:
 
 
 def test_nothing_gives_way_to_gravity(tmp_path: Path) -> None:
-    """Of a model without compliances no lean can be told, and that is said."""
+    """A model without compliances cannot show a lean, and that is said."""
     data, _ = leaning_recording(7, Lean("x", 5, 60)).load(tmp_path)
     assert data.arm is not None
     rigid = model_of(data.arm, effects_at(data.arm, "offsets@joint2"))
@@ -72,7 +72,7 @@ def test_nothing_gives_way_to_gravity(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(("share", "blamed"), [(0.97, "gravity@base"), (0.5, "measurement_frame@frame")])
 def test_a_tracker_is_blamed_only_where_it_is_surely_better(lab: Arm, share: float, blamed: str) -> None:
-    """Of two effects that help, the tracker's leaves a share of the other's held-out squares."""
+    """The tracker leaves a share of the held-out squares that the leaning base leaves."""
     noise = np.random.default_rng(0).chisquare(3, 100)
     before, base = LinearEstimate(np.zeros(1), np.zeros(1), 4.0, 4.0 * noise), 1.0 * noise
     tracker = share * np.random.default_rng(1).permutation(noise) if share > 0.9 else share * noise

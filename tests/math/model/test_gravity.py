@@ -95,7 +95,7 @@ def test_a_level_base_gives_the_very_same_numbers(lab: Arm, count: int) -> None:
 
 
 def test_each_pose_has_its_own_gravity(lab: Arm) -> None:
-    """As of an arm on a vehicle that was tilted between poses; derivatives follow."""
+    """An arm on a vehicle that was tilted between poses; derivatives follow."""
     rng, poses = np.random.default_rng(5), some_poses(lab, 5, 6)
     several = stating(poses, np.array([0, 0, -1]) + rng.normal(0, 0.2, (6, 3)))
     model = elastic(lab, 1)
