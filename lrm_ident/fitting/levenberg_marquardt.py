@@ -122,6 +122,8 @@ def fit(
         raise LrmError("a residual field is fitted last, on what the causes leave; take it out first (undo)")
     start = solve_equilibrium(model, data.poses, near)
     model = replace(model, within=measured_range(start), fitted_to=data.sha256)
+    if model.binding.distorting:  # about the centre of these poses, not of those that the start was fitted to
+        start = solve_equilibrium(model, data.poses, start)
     limits = bounds or bounds_of(model, model.free)
     smooth = Smoothness.of(model, prior)
     objective = Objective(model, data, loss, smooth.prior)

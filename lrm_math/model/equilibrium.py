@@ -126,7 +126,8 @@ def measured_range(settled: Equilibrium) -> MeasuredRange:
         loads[chain.slots[k].key] = ends_of(load)
     times = {name: None if of is None else ends_of(of) for name, of in (("t", poses.t), ("running", poses.running))}
     tcp = tuple(map(ends_of, settled.true_tcp.T))
-    return MeasuredRange(tuple(map(ends_of, poses.q.T)), ends_of(poses.payload), loads, **times, tcp=tcp)
+    centre = tuple(settled.true_tcp.mean(axis=0).tolist())
+    return MeasuredRange(tuple(map(ends_of, poses.q.T)), ends_of(poses.payload), loads, **times, tcp=tcp, centre=centre)
 
 
 def _columns(components: Sequence[Number], count: int) -> Array:
