@@ -82,6 +82,17 @@ class Fit(ShownInNotebook):
         return np.sqrt(np.diag(self.covariance))
 
     @property
+    def told(self) -> Array:
+        """(P,), how much the data told of each free parameter: 1 − posterior variance / prior variance, 0 to 1; NaN
+        where it has no prior."""
+        out = np.full(len(self.model.free), np.nan)
+        if self.stated is not None:
+            known = [row for row, key in enumerate(self.model.free) if key in self.stated.keys]
+            prior = self.stated.sd_of([self.model.free[row] for row in known])
+            out[known] = 1.0 - (self.standard_error[known] / prior) ** 2
+        return out
+
+    @property
     def correlation(self) -> Array:
         """(P, P), correlation of the free parameters; zero where a bound is active."""
         error = self.standard_error
