@@ -27,10 +27,6 @@ from lrm_math.model.model import Model
 from lrm_math.plausibility import far_from_typical
 
 BAR, FACTORS_SHOWN, PARTS_SHOWN, STRONG = 10, 8, 3, 0.95
-DAMPED = (
-    "Least squares alone did not converge; fitted with weak priors (three typical sizes about zero). Look at the "
-    "standard errors: some parameters are hardly known."
-)
 IMPLAUSIBLE = "Implausible: something is missing in the model, or wrong in the data or in the arm file"
 OUTLIERS = "Outliers (beyond 5 robust standard deviations): wrong measurements, or where the model fails most:"
 
@@ -76,7 +72,6 @@ def fit_document(
     unseen = "" if held_out is None else f"; on poses that it never saw it is {in_mm(held_out.rms)} mm"
     blocks = [
         heading(f"The RMS error {change_words(before, fitted)}{unseen}."),
-        *([heading(DAMPED)] if fit.damped else []),
         *error_blocks(errors, f"{len(data)} poses, {len(model.free)} parameters{how and '; ' + how}"),
         *section(IMPLAUSIBLE, _implausible(model)),
         *section(OUTLIERS, (f"pose {pose}: {in_mm(float(error) * 1e-3)} mm" for pose, error in outliers)),
@@ -93,7 +88,7 @@ def fit_document(
         "parameters": len(model.free),
         "loss": fit.loss.name,
         "left_out": data.left_out,
-        "damped": fit.damped,
+        "prior": None if fit.stated is None else fit.stated.name,
         "error": errors,
         "residual_sd_per_axis_mm": fit.sigma * 1e3,
         "steps": fit.steps,
