@@ -1,4 +1,4 @@
-"""The state that a session's effects leave behind: chosen from the data, shown in errors, and in every file that leaves."""
+"""The state that a session's effects leave behind: chosen from the data, shown in errors, in every file that leaves."""
 
 from __future__ import annotations
 
