@@ -73,7 +73,7 @@ class ConfirmedDiagnosis:
         supported: the effects that the data support, the one to add first.
         refused: for each one whose refit did not confirm it, why.
         refuted: whether one of them was refitted; one that these poses cannot tell from the model does not count.
-        worse_deployed: of those refused since the deployed model would be worse, its held-out RMS without and with it (m).
+        worse_deployed: of those refused since the deployed model would be worse: its held-out RMS without, with it (m).
     """
 
     diagnosis: Diagnosis
