@@ -69,8 +69,8 @@ def fit(
     parameters: Annotated[
         str,
         Option(
-            help="What to fit: 'identifiable' (everything, with typical sizes as prior), option1 to option5 of the thesis, or names "
-            "and patterns by commas, for instance 'compliance.*,offsets.base.?_mm'."
+            help="What to fit: 'identifiable' (everything, with typical sizes as prior), option1 to option5 of the "
+            "thesis, or names and patterns by commas, for instance 'compliance.*,offsets.base.?_mm'."
         ),
     ] = "identifiable",
     loss: Annotated[str, Option(help="squared, huber or cauchy; the last two bear wrong measurements.")] = "squared",
