@@ -87,10 +87,10 @@ def loads(
     return out
 
 
-def joint_torques(chain: Chain, q: Sequence[float], payload: float) -> list[float]:
+def joint_torques(chain: Chain, gravity: Gravity, q: Sequence[float], payload: float) -> list[float]:
     """Gravity's torque (N·m) on every joint of the rigid nominal arm at angles q (rad), with a payload (kg)."""
     values = chain.values(q)
-    found = loads(chain, values, trig(chain, values), weights(chain, payload), chain.gravity, chain.joint_slots)
+    found = loads(chain, values, trig(chain, values), weights(chain, payload), gravity, chain.joint_slots)
     return [float(torque) for torque in found]
 
 

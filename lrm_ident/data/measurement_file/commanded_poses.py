@@ -6,7 +6,6 @@ from collections.abc import Iterator
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from lrm_ident.data.measurement_file.approach_path import states_from_beside
 from lrm_ident.data.measurement_file.conventions import motion_of
@@ -17,6 +16,7 @@ from lrm_math.arm.arm import Arm, feasible_approach
 from lrm_math.arrays import Array
 from lrm_math.effects.friction import friction_states
 from lrm_math.errors import FileError
+from lrm_math.kinematics.chain import INVERSE, Vector, X, Y, rotate, trig_of
 from lrm_math.kinematics.poses import Poses
 from lrm_math.model.reading import Reading
 
@@ -78,10 +78,11 @@ def _gravity(table: NumberTable, arm: Arm, how: Reading) -> Array | None:
     if not level.any():
         raise FileError(table.cells.path, "header", "gravity is stated", f"the arm file of {arm.name} has none")
     if "tilt" in table:
+        seen: Vector = [np.full(len(table), component) for component in level / np.linalg.norm(level)]
         roll, pitch = table["tilt"].T
-        turn = Rotation.from_euler("xy", np.stack([roll, pitch], axis=1))
-        down = turn.inv().apply(level)
-        return np.asarray(down / np.linalg.norm(level))
+        for axis, angle in ((Y, pitch), (X, roll)):
+            rotate(seen, INVERSE[axis], trig_of(angle))
+        return np.stack(seen, axis=1)
     down = table["gravity"] / np.linalg.norm(table["gravity"], axis=1, keepdims=True)
     up = down @ level < 0.0
     if up.any():
