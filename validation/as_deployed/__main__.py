@@ -7,7 +7,9 @@ session, with noise. Names: `?` a possible cause, `~` a description, `+` others 
 
 Parts: `catalogue` (the catalogues of hidden effects, ten pairs of effects of session or tracker, ten trackers and
 bases; 300 poses, then 80), `lean` (gravity tilted by 0 to 8 deg, 20 seeds), `beyond` (half of joint 2, 3 or 4
-measured, fresh poses in the other half), `absurd` (estimates that are absurd by construction).
+measured, fresh poses in the other half), `absurd` (estimates that are absurd by construction), `board` (closed loop on
+the simulated board, 20 seeds, minutes each: distance from goals beside that with all causes known), `real` (the real
+arm in nested folds, with --real; a quarter of an hour each).
 A case that is in the file of results is not run again.
 """
 
@@ -17,43 +19,54 @@ import argparse
 import sys
 from concurrent.futures import Executor
 from contextlib import nullcontext
+from functools import partial
 from pathlib import Path
 
 from lrm_ident.fitting.executors import as_finished, executor_for, in_this_process
+from validation.as_deployed.board.loop import loop_record
 from validation.as_deployed.outcome import Record, examined
+from validation.as_deployed.real_arm import nested_record
 from validation.as_deployed.results import line_of, read_cases, report, write_cases
-from validation.as_deployed.worlds import COUNTS, PARTS, SimulatedCase, cases_of
+from validation.as_deployed.worlds import COUNTS, PARTS, SimulatedCase, keys_of, seed_of
 
 
-def examine(key: str) -> tuple[str, Record]:
-    """The record of a case. Never raises."""
+def examine(key: str, real: Path | None = None) -> tuple[str, Record]:
+    """The record of a case; `real`: folder of the real measurements. Simulated cases never raise."""
+    part = key.partition("/")[0]
+    if part == "board":
+        return key, loop_record(seed_of(key))
+    if part == "real" and real is not None:
+        parameters, folding = key.split("/")[1].split(", ")
+        return key, nested_record(real, parameters, folding)
     case = SimulatedCase.of(key)
     try:
         run = case.record()
     except RuntimeError as problem:  # the world itself has no equilibrium
         return key, {"hidden": case.hidden, "trouble": f"world: {problem}"}
-    return key, {"hidden": case.hidden, **examined(run, floor=case.part == "lean")}
+    return key, {"hidden": case.hidden, **examined(run, floor=part == "lean")}
 
 
 def main() -> None:
     """Reads the options, runs what is not there yet, prints the tables."""
     options = _options()
+    parts = [part for part in options.part or PARTS if part != "real" or options.real is not None]
     cases = read_cases(options.out)
-    asked = [one.key for part in options.part or PARTS for one in cases_of(part, options.seeds, options.poses)]
+    asked = [key for part in parts for key in keys_of(part, options.seeds, options.poses)]
     asked = [key for key in asked if not options.only or any(word in key for word in options.only)]
     asked = asked[:: options.every]
     pool = executor_for(most=options.jobs) if options.jobs > 1 else nullcontext(in_this_process())
     with pool as executor:
-        run(executor, [key for key in asked if key not in cases], cases, options.out)
+        run(executor, [key for key in asked if key not in cases], cases, options)
     known = {key: cases[key] for key in asked if key in cases}
     print(report(known, read_cases(options.beside)))
 
 
-def run(executor: Executor, keys: list[str], cases: dict[str, Record], out: Path) -> None:
+def run(executor: Executor, keys: list[str], cases: dict[str, Record], options: argparse.Namespace) -> None:
     """Adds the records of cases to those that are there, and writes the file after each."""
-    for number, (_, (key, record)) in enumerate(as_finished(executor, examine, keys), start=1):
+    found = as_finished(executor, partial(examine, real=options.real), keys)
+    for number, (_, (key, record)) in enumerate(found, start=1):
         cases[key] = record
-        write_cases(out, cases)
+        write_cases(options.out, cases)
         print(f"{number}/{len(keys)} {line_of(key, record)}", file=sys.stderr, flush=True)
 
 
@@ -62,6 +75,7 @@ def _options() -> argparse.Namespace:
         "python -m validation.as_deployed", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("--part", choices=PARTS, action="append", help="parts (default: all); may be repeated")
+    parser.add_argument("--real", type=Path, help="folder of the real arm's measurements.csv")
     parser.add_argument("--poses", type=int, nargs="+", default=COUNTS, help="numbers of poses of the catalogue")
     parser.add_argument("--seeds", type=int, nargs="+", help="seeds (default: those of each part)")
     parser.add_argument("--only", action="append", help="only cases whose key contains this; may be repeated")

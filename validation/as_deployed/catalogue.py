@@ -6,7 +6,6 @@ ones follow every 15 s.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -48,20 +47,23 @@ class HalfRange:
     side: int
 
 
-Draw = Callable[[int, int], Array]
+def recording_of(
+    case: UnfamiliarCase, seed: int, poses: int, half: HalfRange | None = None, anywhere: bool = False
+) -> WorldRecording:
+    """The world of a case, measured at so many poses; its true arm as in the catalogue with this seed.
 
-
-def recording_of(case: UnfamiliarCase, seed: int, poses: int, half: HalfRange | None = None) -> WorldRecording:
-    """The world of a case, measured at so many poses; its true arm as in the catalogue with this seed."""
+    `anywhere`: whether fresh poses stand at any angle even where measured ones stand at the case's levels.
+    """
     number, arm = FIRST_SEED[case.half] + seed, load_arm(arm_file(case))
     truth = base_displacement_to_deviations(
         arm, GroundTruth.random(arm, stable_seed(case.name, number, "arm"), case.build(arm, number))
     )
     seeds = [stable_seed(case.name, number, what) for what in ("poses", "fresh", "loads", "noise")]
     sides = (0, 0) if half is None else (half.side, -half.side)
+    angles = (case, replace(case, levels_deg=()) if anywhere else case)
     drawn = [
-        _on_side(case, arm, first, count, half, side)
-        for first, count, side in zip(seeds[:2], (poses, FRESH), sides, strict=True)
+        _on_side(of, arm, first, count, half, side)
+        for of, first, count, side in zip(angles, seeds[:2], (poses, FRESH), sides, strict=True)
     ]
     q = np.vstack(drawn)
     load = np.random.default_rng(seeds[2]).choice(case.loads_kg, size=len(q))
@@ -128,13 +130,21 @@ def _trackers_and_bases() -> dict[str, UnfamiliarCase]:
     zero = (0.0, 0.0, 0.0)
     frame, base = "measurement_frame@frame", "base_compliance@base"
     long_z = hidden("report", "long-z", frame, lambda by: SkewTracker(zero, (0.0, 0.0, by.size(0.006)), zero))
-    wide = hidden("report", "wide-xy", frame, lambda by: SkewTracker(zero, (by.size(0.008), -by.size(0.006), 0.0), zero))
-    sheared = hidden("report", "sheared", frame, lambda by: SkewTracker(zero, zero, (0.0, by.sign() * by.size(0.007), 0.0)))
+    wide = hidden(
+        "report", "wide-xy", frame, lambda by: SkewTracker(zero, (by.size(0.008), -by.size(0.006), 0.0), zero)
+    )
+    sheared = hidden(
+        "report", "sheared", frame, lambda by: SkewTracker(zero, zero, (0.0, by.sign() * by.size(0.007), 0.0))
+    )
     lens = hidden("report", "lens", frame, lambda by: effects.LensTracker(by.sign() * by.size(0.010)))
     depth = hidden("report", "depth", frame, lambda by: effects.DepthTracker((1.5, -1.0, 0.8), by.size(0.03)))
     loose = hidden("report", "loose-base-y", base, lambda by: LooseBase(0, by.size(0.5 * DEG)))
-    rocks_x = hidden("report", "feet-x", base, lambda by: effects.RockingFeet((1.0, 0.0, 0.0), by.size(0.4 * DEG), 0.05))
-    rocks_d = hidden("report", "feet-xy", base, lambda by: effects.RockingFeet((0.6, 0.8, 0.0), by.size(0.4 * DEG), 0.1))
+    rocks_x = hidden(
+        "report", "feet-x", base, lambda by: effects.RockingFeet((1.0, 0.0, 0.0), by.size(0.4 * DEG), 0.05)
+    )
+    rocks_d = hidden(
+        "report", "feet-xy", base, lambda by: effects.RockingFeet((0.6, 0.8, 0.0), by.size(0.4 * DEG), 0.1)
+    )
     lifts = hidden("report", "lifts-y", base, lambda by: LiftingBase((0.0, 1.0, 0.0), by.size(0.04), 0.05, 0.05))
     ten = (long_z, wide, sheared, lens, depth, loose, rocks_x, rocks_d, lifts, both(wide, rocks_x))
     return {case.name: case for case in ten}

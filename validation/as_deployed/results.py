@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections import Counter
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
@@ -15,6 +16,7 @@ from validation.hidden_effects.tables import markdown_table
 
 SCHEMA = "as-deployed/1"
 CLAIMS = {"finding": "", "possible_cause": "?", "description": "~"}
+IN_MM = ("board/", "real/")
 Cases = dict[str, Record]
 
 
@@ -44,8 +46,8 @@ def steps_words(record: Record) -> str:
 
 def line_of(key: str, record: Record) -> str:
     """One line of progress."""
-    if "trouble" in record:
-        return f"{key}: {record['trouble']}"
+    if "trouble" in record or key.startswith(IN_MM):
+        return f"{key}: {json.dumps(record, ensure_ascii=False)}"
     floor = f" floor {record['floor_mm'] / NOISE_MM:.2f}" if "floor_mm" in record else ""
     return (
         f"{key}: {record['before_mm'] / NOISE_MM:.2f} -> {record['after_mm'] / NOISE_MM:.2f} x noise "
@@ -55,7 +57,10 @@ def line_of(key: str, record: Record) -> str:
 
 def report(cases: Cases, beside: Cases) -> str:
     """Counts by part, then every case as Markdown; `beside`: records of other code, shown as *then*."""
-    return "\n\n".join(["## Counts", _counts(cases, beside), "## Cases", _table(cases, beside)])
+    simulated = {key: one for key, one in cases.items() if not key.startswith(IN_MM)}
+    parts = ["## Counts", _counts(simulated, beside), "## Cases", _table(simulated, beside)] if simulated else []
+    others = {key: one for key, one in cases.items() if key not in simulated}
+    return "\n\n".join([*parts, *(["## Board and real arm, mm", _table_in_mm(others, beside)] if others else [])])
 
 
 def group_of(key: str) -> str:
@@ -111,6 +116,33 @@ def _table(cases: Cases, beside: Cases) -> str:
         own = (*figures[:2], f"{ratio(record):.2f}", figures[2], steps_words(record), record["verdict"])
         rows.append((key, record["hidden"], *own, *then))
     return markdown_table((*head, *more), rows)
+
+
+def _table_in_mm(cases: Cases, beside: Cases) -> str:
+    """Cases whose noise is another: RMS in mm, over the floor where there is one."""
+    head = ("case", "hidden", "before", "after", "floor", "after / floor", "shown before", "shown after", "named")
+    names = ("before_mm", "after_mm", "floor_mm", "over", "shown_before_mm", "shown_after_mm")
+    rows = []
+    for key, one in cases.items():
+        over = {"over": one["after_mm"] / one["floor_mm"]} if "floor_mm" in one else {}
+        figures = [_figure(one | over, name) for name in names]
+        for column, name in enumerate(names[:2]):
+            if name in (then := beside.get(key, {})):
+                figures[column] += f" (then {_figure(then, name)})"
+        rows.append((key, one.get("hidden", ""), *figures, one.get("trouble") or _named(one)))
+    return markdown_table(head, rows)
+
+
+def _figure(record: Record, name: str) -> str:
+    return f"{record[name]:.2f}" if name in record else "–"
+
+
+def _named(record: Record) -> str:
+    """Steps of one run, or how often folds chose each name."""
+    if "chosen" not in record:
+        return steps_words(record)
+    counted = Counter(name for names in record["chosen"] for name in names)
+    return ", ".join(f"{name} ×{count}" for name, count in counted.most_common())
 
 
 def _then(record: Record | None) -> tuple[str, ...]:
