@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
-from validation.as_deployed.catalogue import HalfRange, recording_of
+from validation.as_deployed.catalogue import recording_of
 from validation.as_deployed.leaning import Lean, leaning_recording
+from validation.as_deployed.pose_choice import BetweenLevels, HalfRange, TiedJoints
 from validation.as_deployed.recording import WorldRecording
-from validation.hidden_effects.unfamiliar_effects import UnfamiliarCase, gear_ripple
+from validation.hidden_effects.case_generator import coupled
+from validation.hidden_effects.unfamiliar_effects import UnfamiliarCase, from_first_catalogue, gear_ripple
 
 
 @dataclass(frozen=True)
@@ -20,10 +22,8 @@ class AbsurdCase:
     record: Callable[[int], WorldRecording]
 
 
-def _half(case: UnfamiliarCase, poses: int, joint: int, side: int) -> AbsurdCase:
-    where = "upper" if side > 0 else "lower"
-    hidden = f"{case.name}, {where} half of joint {joint} measured"
-    return AbsurdCase(hidden, poses, lambda seed: recording_of(case, seed, poses, HalfRange(joint, side)))
+def _of(case: UnfamiliarCase, poses: int, choice: HalfRange | TiedJoints | BetweenLevels) -> AbsurdCase:
+    return AbsurdCase(f"{case.name}, {choice.words}", poses, lambda seed: recording_of(case, seed, poses, choice))
 
 
 def _leaning(axis: str, tilt_deg: int, poses: int) -> AbsurdCase:
@@ -31,11 +31,21 @@ def _leaning(axis: str, tilt_deg: int, poses: int) -> AbsurdCase:
     return AbsurdCase(lean.words, poses, lambda seed: leaning_recording(seed, lean))
 
 
+def _ripple(waves: int, degrees: float) -> UnfamiliarCase:
+    return gear_ripple("report", 2, waves, degrees)
+
+
+LOWER, UPPER = HalfRange(2, -1), HalfRange(2, 1)
+TIED = from_first_catalogue("report", coupled(4, 2, 0.02))
 ABSURD = {
-    "gear2, 4 waves, lower half": _half(gear_ripple("report", 2, 4, 0.3), 300, 2, -1),
-    "gear2, 5 waves, lower half": _half(gear_ripple("report", 2, 5, 0.4), 300, 2, -1),
+    "4 waves, lower half": _of(_ripple(4, 0.3), 300, LOWER),
+    "4 waves, upper half": _of(_ripple(4, 0.3), 300, UPPER),
+    "3 waves, upper half": _of(_ripple(3, 0.6), 300, UPPER),
+    "5 waves, lower half": _of(_ripple(5, 0.4), 300, LOWER),
+    "4 waves, upper half, few": _of(_ripple(4, 0.3), 120, UPPER),
     "leans 5 about x": _leaning("x", 5, 300),
     "leans 5 about y": _leaning("y", 5, 300),
-    "leans -8 about x": _leaning("x", -8, 300),
-    "leans 8 about y": _leaning("y", 8, 300),
+    "leans -3 about x, few": _leaning("x", -3, 80),
+    "coupled, tied": _of(TIED, 100, TiedJoints(2, 4)),
+    "3 waves, three angles": _of(replace(_ripple(3, 0.4), levels_deg=(-60.0, 0.0, 60.0)), 300, BetweenLevels()),
 }

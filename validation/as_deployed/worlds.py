@@ -8,9 +8,10 @@ from dataclasses import dataclass
 from lrm_ident.fitting.cross_validation import FOLDS
 from validation.as_deployed.absurd import ABSURD
 from validation.as_deployed.board.loop import POSES
-from validation.as_deployed.catalogue import CATALOGUE, HalfRange, recording_of
+from validation.as_deployed.catalogue import CATALOGUE, recording_of
 from validation.as_deployed.faults import FAULTS, fault_recording
 from validation.as_deployed.leaning import SEEDS, Lean, leaning_recording
+from validation.as_deployed.pose_choice import HalfRange
 from validation.as_deployed.real_arm import REAL
 from validation.as_deployed.recording import WorldRecording
 
