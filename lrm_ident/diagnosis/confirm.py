@@ -20,15 +20,19 @@ from lrm_ident.diagnosis.add_effect import add_effects
 from lrm_ident.diagnosis.diagnose import Diagnosis, Verdict, select_without
 from lrm_ident.diagnosis.screening.score_test import ScoredCandidate
 from lrm_ident.fitting.cross_validation import blocks_of_fit
-from lrm_ident.fitting.held_out import HeldOutBlock, held_out_residual, held_out_squares
+from lrm_ident.fitting.held_out import HeldOutBlock, deployed_residual, held_out_residual, held_out_squares
 from lrm_ident.fitting.levenberg_marquardt import Fit
-from lrm_ident.residual.better_prediction import predicts_better, share_of_excess, takes_little
+from lrm_ident.residual.better_prediction import paired_z, predicts_better, share_of_excess, takes_little
+from lrm_ident.residual.deployment.deployed_error import DeployedError
+from lrm_ident.residual.deployment.session_moments import rows_as_deployed
 from lrm_ident.residual.thresholds import (
     EQUIVALENT_GAIN,
     MIN_GAIN,
+    ONE_DEVIATION,
     WITHIN_TWO_DEVIATIONS,
 )
 from lrm_math.arrays import Array
+from lrm_math.effects import ModelPart
 from lrm_math.errors import LrmError
 
 MOST_REFUSED = 8
@@ -81,6 +85,11 @@ class ConfirmedDiagnosis:
     def held_out(self) -> Array:
         """(N, 3), held-out residual of the model as it is (m)."""
         return held_out_residual(self.blocks)
+
+    @property
+    def deployed(self) -> DeployedError:
+        """Held-out error of the model as it is deployed."""
+        return DeployedError.of(self.diagnosis.fit.model, self.diagnosis.data.poses, self.blocks)
 
     @property
     def first(self) -> ScoredCandidate | None:
@@ -172,9 +181,23 @@ def _refit_trial(diagnosis: Diagnosis, scored: ScoredCandidate, blocks: tuple[He
     except LrmError as error:
         return _Trial(None, f"it could not be refitted: {error}", fitted=False)
     if predicts_better(refit.squares, held_out_squares(blocks), MIN_GAIN):
-        return _Trial(refit)
+        worse = _worse_as_deployed(refit, blocks) if effect.part is not ModelPart.MEASUREMENT else ""
+        return _Trial(None, worse) if worse else _Trial(refit)
     before, after = in_mm(error_stats(held_out_residual(blocks)).rms), in_mm(refit.error.rms)
     return _Trial(None, f"refitted, it does not surely predict better: {before} mm held out, {after} with it")
+
+
+def _worse_as_deployed(refit: Refit, blocks: tuple[HeldOutBlock, ...]) -> str:
+    """Why a refit is refused, though it predicts its own session: as deployed it is surely worse; empty if it is not.
+
+    What it explains passes with the session, and what was traded against it would stay behind in the arm.
+    """
+    rows = rows_as_deployed(refit.fit.model, refit.fit.equilibrium.poses)
+    before, after = deployed_residual(blocks)[rows], deployed_residual(refit.blocks)[rows]
+    if paired_z((before**2).sum(axis=1), (after**2).sum(axis=1)) <= ONE_DEVIATION:
+        return ""
+    known, now = in_mm(error_stats(before).rms), in_mm(error_stats(after).rms)
+    return f"it fits this session, but the model as deployed would be worse: {known} mm held out, {now} with it"
 
 
 def _share_saved(after: Array, before: Array) -> float:

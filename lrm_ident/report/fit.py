@@ -16,6 +16,7 @@ from lrm_ident.fitting.levenberg_marquardt import Fit
 from lrm_ident.report.document import Block, Document, ResultTable, heading, section
 from lrm_ident.report.effects import field_blocks, field_values
 from lrm_ident.report.plain_names import in_words
+from lrm_ident.residual.deployment.deployed_error import DeployedError
 from lrm_ident.residual.error_breakdown import Factor, ModelComparison, PoseGroup
 from lrm_ident.study.model_history import fit_words
 from lrm_ident.study.model_on_data import ErrorSummary
@@ -39,6 +40,7 @@ def error_blocks(errors: ErrorSummary, title: str) -> list[Block]:
     stats = [("nominal arm", errors.nominal), ("model", errors.fitted)]
     if errors.held_out.error is not None:
         stats.append(("held out (10 joint-space blocks)", errors.held_out.error))
+    stats += deployed_rows(errors.held_out.deployed)
     if errors.nameless is not None:
         stats.append(("held out, with a nameless model on top", errors.nameless.error))
     spec = f".{decimals(*(error.rms * 1e3 for _, error in stats))}f"
@@ -51,6 +53,16 @@ def error_blocks(errors: ErrorSummary, title: str) -> list[Block]:
         rows = [(*row, turn) for row, turn in zip(rows, turns, strict=True)]
     table = ResultTable(columns, rows, title)
     return [table] if errors.held_out.error else [table, f"held out: none, because {errors.held_out.reason}"]
+
+
+def deployed_rows(deployed: DeployedError | None) -> list[tuple[str, ErrorStats]]:
+    """Rows of a table of errors for a model as it is deployed."""
+    if deployed is None:
+        return []
+    if deployed.otherwise is None:
+        return [("as deployed, held out", deployed.now)]
+    now, otherwise = "as deployed, held out: in its state", "as deployed, held out: in another state"
+    return [(now, deployed.now), (otherwise, deployed.otherwise)]
 
 
 def fit_document(
