@@ -2,8 +2,9 @@
 
 Every case is a simulated world that goes on after the measurement (`recording`). Figures are RMS over 200 fresh poses,
 without noise, in multiples of a measurement's noise (0.52 mm, all axes). *Before*: the plain fit; *after*: what `auto`
-ends with; both as deployed: without what no rover can know. *Ratio*: after over before. *Shown*: held-out error in the
-session, with noise. Names: `?` a possible cause, `~` a description, `+` others in its class.
+ends with; both as deployed: without what no rover can know. *Ratio*: after over before. What the tool states, held out
+and with noise: *shown*, in the session, and *stated*, as deployed; stated is off where it differs from the error at
+fresh poses with noise. Names: `?` a possible cause, `~` a description, `+` others in its class.
 
 Parts: `catalogue` (the catalogues of hidden effects, ten pairs of effects of session or tracker, ten trackers and
 bases; 300 poses, then 80), `lean` (gravity tilted by 0 to 8 deg, 20 seeds), `beyond` (half of joint 2, 3 or 4
@@ -23,6 +24,7 @@ from functools import partial
 from pathlib import Path
 
 from lrm_ident.fitting.executors import as_finished, executor_for, in_this_process
+from validation.as_deployed.absurd import said_by_auto
 from validation.as_deployed.board.loop import loop_record
 from validation.as_deployed.outcome import Record, examined
 from validation.as_deployed.real_arm import nested_record
@@ -43,7 +45,8 @@ def examine(key: str, real: Path | None = None) -> tuple[str, Record]:
         run = case.record()
     except RuntimeError as problem:  # the world itself has no equilibrium
         return key, {"hidden": case.hidden, "trouble": f"world: {problem}"}
-    return key, {"hidden": case.hidden, **examined(run, floor=part == "lean")}
+    said = {"says": said_by_auto(run)} if part == "absurd" else {}
+    return key, {"hidden": case.hidden, **examined(run, floor=part == "lean"), **said}
 
 
 def main() -> None:

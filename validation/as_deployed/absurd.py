@@ -2,14 +2,21 @@
 
 from __future__ import annotations
 
+import os
+import subprocess
+import sys
+import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from pathlib import Path
 
+from lrm_ident.fitting.executors import ONE_THREAD
 from validation.as_deployed.catalogue import recording_of
 from validation.as_deployed.leaning import Lean, leaning_recording
 from validation.as_deployed.pose_choice import BetweenLevels, HalfRange, TiedJoints
 from validation.as_deployed.recording import WorldRecording
 from validation.hidden_effects.case_generator import coupled
+from validation.hidden_effects.confusion import COMMAND_TIMEOUT_S, ROOT
 from validation.hidden_effects.unfamiliar_effects import UnfamiliarCase, from_first_catalogue, gear_ripple
 
 
@@ -49,3 +56,28 @@ ABSURD = {
     "coupled, tied": _of(TIED, 100, TiedJoints(2, 4)),
     "3 waves, three angles": _of(replace(_ripple(3, 0.4), levels_deg=(-60.0, 0.0, 60.0)), 300, BetweenLevels()),
 }
+
+
+def said_by_auto(run: WorldRecording) -> list[str]:
+    """Lines that `fit` and `auto` print on a recording, errors and notices among them."""
+    with tempfile.TemporaryDirectory(prefix="as-deployed-") as scratch:
+        folder = Path(scratch)
+        run.load(folder)
+        data, model, better = (str(folder / name) for name in ("measured.csv", "model.toml", "better.toml"))
+        fit = ["fit", data, "--arm", str(run.arm_file), "--loss", run.loss, "-o", model]
+        auto = ["auto", model, data, "--no-nested", "-o", better]
+        return [line.replace(scratch, "") for words in (fit, auto) for line in _printed(words)]
+
+
+def _printed(words: list[str]) -> list[str]:
+    done = subprocess.run(
+        [sys.executable, "-m", "lrm_ident", *words],
+        cwd=ROOT,
+        env=os.environ | ONE_THREAD | {"COLUMNS": "160"},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        timeout=COMMAND_TIMEOUT_S,
+        check=False,
+    )
+    return [line.rstrip() for line in done.stdout.splitlines() if line.strip()]

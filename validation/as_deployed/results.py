@@ -11,11 +11,13 @@ from typing import Any
 import numpy as np
 
 from lrm_ident.data.atomic_write import write_text
-from validation.as_deployed.outcome import NOISE_MM, WORSE, WORSE_BEYOND, Record, ratio, ratio_with_noise
+from validation.as_deployed.outcome import NOISE_MM, WORSE, WORSE_BEYOND, Record, ratio, ratio_with_noise, stated_off
 from validation.hidden_effects.tables import markdown_table
 
 SCHEMA = "as-deployed/1"
 CLAIMS = {"finding": "", "possible_cause": "?", "description": "~"}
+OFF = 0.1
+IMPLAUSIBLE = "implausible"
 IN_MM = ("board/", "real/")
 Cases = dict[str, Record]
 
@@ -59,6 +61,8 @@ def report(cases: Cases, beside: Cases) -> str:
     """Counts by part, then every case as Markdown; `beside`: records of other code, shown as *then*."""
     simulated = {key: one for key, one in cases.items() if not key.startswith(IN_MM)}
     parts = ["## Counts", _counts(simulated, beside), "## Cases", _table(simulated, beside)] if simulated else []
+    if absurd := {key: one for key, one in simulated.items() if "says" in one and "steps" in one}:
+        parts += ["## Absurd estimates", _claims(absurd)]
     others = {key: one for key, one in cases.items() if key not in simulated}
     return "\n\n".join([*parts, *(["## Board and real arm, mm", _table_in_mm(others, beside)] if others else [])])
 
@@ -68,7 +72,7 @@ def group_of(key: str) -> str:
     part, rest = key.split("/", 1)
     name, poses, _ = rest.rsplit("/", 2)
     catalogue = name.partition("/")[0]
-    return part if part == "lean" else f"{part}, {catalogue}, {poses} poses"
+    return part if part in ("lean", "absurd") else f"{part}, {catalogue}, {poses} poses"
 
 
 def _counts(cases: Cases, beside: Cases) -> str:
@@ -84,7 +88,8 @@ def _counts(cases: Cases, beside: Cases) -> str:
                 rows.append((group, "now, of those then", *_count(cases, both)))
             rows.append((group, "then", *_count(beside, both)))
     head = ("worlds", "code", "number", "failed", f"> {WORSE} ×", f"> {WORSE_BEYOND} ×", f"with noise > {WORSE} ×")
-    return markdown_table((*head, "median ratio", "worst", "before × noise", "after × noise", "worst after"), rows)
+    more = ("median ratio", "worst", "before × noise", "after × noise", "worst after", f"stated off by > {OFF:.0%}")
+    return markdown_table((*head, *more), rows)
 
 
 def _count(cases: Cases, keys: list[str]) -> Iterator[str]:
@@ -99,23 +104,50 @@ def _count(cases: Cases, keys: list[str]) -> Iterator[str]:
         yield from (f"{value:.2f}" for value in figures)
     else:
         yield from "–" * 5
+    known = [off for one in ran if (off := stated_off(one)) is not None]
+    yield f"{sum(abs(off) > OFF for off in known)} of {len(known)}" if known else "–"
 
 
 def _table(cases: Cases, beside: Cases) -> str:
-    head = ("case", "hidden", "before × noise", "after × noise", "ratio", "shown × noise", "named", "verdict")
+    head = (
+        "case",
+        "hidden",
+        "before × noise",
+        "after × noise",
+        "ratio",
+        "shown × noise",
+        "stated × noise",
+        "named",
+        "verdict",
+    )
     more = ("then before", "then after", "then ratio", "then named") if beside else ()
     rows = []
     for key, record in cases.items():
         then = _then(beside.get(key)) if beside else ()
         if "trouble" in record:
-            rows.append((key, record.get("hidden", ""), *("–",) * 5, record["trouble"].replace("|", "/"), *then))
+            rows.append((key, record.get("hidden", ""), *("–",) * 6, record["trouble"].replace("|", "/"), *then))
             continue
         floor = f" (floor {record['floor_mm'] / NOISE_MM:.2f})" if "floor_mm" in record else ""
         figures = [f"{record[name] / NOISE_MM:.2f}" for name in ("before_mm", "after_mm", "shown_after_mm")]
         figures[1] += floor
-        own = (*figures[:2], f"{ratio(record):.2f}", figures[2], steps_words(record), record["verdict"])
+        stated = f"{record['stated_after_mm'] / NOISE_MM:.2f}" if "stated_after_mm" in record else "–"
+        own = (*figures[:2], f"{ratio(record):.2f}", figures[2], stated, steps_words(record), record["verdict"])
         rows.append((key, record["hidden"], *own, *then))
     return markdown_table((*head, *more), rows)
+
+
+def _claims(cases: Cases) -> str:
+    """What is claimed of each step, its largest estimate over its typical size, and what is printed about its size."""
+    rows = []
+    for key, record in cases.items():
+        lines = [line.strip() for line in record["says"] if IMPLAUSIBLE in line.lower()]
+        for step in record["steps"]:
+            size, name = max((abs(over), of) for of, (_, over) in step["estimates"].items())
+            value = f"{name} = {step['estimates'][name][0]:g}"
+            rows.append((key, step["added"], step["claim"], value, f"{size:.1f}", " / ".join(lines) or "nothing"))
+    return markdown_table(
+        ("case", "step", "claim", "largest estimate", "× typical", f"said of an {IMPLAUSIBLE} size"), rows
+    )
 
 
 def _table_in_mm(cases: Cases, beside: Cases) -> str:
