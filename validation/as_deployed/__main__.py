@@ -18,59 +18,50 @@ from __future__ import annotations
 
 import argparse
 import sys
-from concurrent.futures import Executor
-from contextlib import nullcontext
+from collections.abc import Iterator, Sequence
 from functools import partial
 from pathlib import Path
 
-from lrm_ident.fitting.executors import as_finished, executor_for, in_this_process
-from validation.as_deployed.absurd import said_by_auto
-from validation.as_deployed.board.loop import loop_record
-from validation.as_deployed.outcome import Record, examined
-from validation.as_deployed.real_arm import nested_record
+from lrm_ident.fitting.executors import as_finished, executor_for
+from lrm_math.errors import FileError
+from validation.as_deployed.examine import examine
+from validation.as_deployed.outcome import Record
+from validation.as_deployed.real_arm import MEASUREMENTS
 from validation.as_deployed.results import line_of, read_cases, report, write_cases
-from validation.as_deployed.worlds import COUNTS, PARTS, SimulatedCase, keys_of, seed_of
+from validation.as_deployed.worlds import COUNTS, PARTS, keys_of
 
 
-def examine(key: str, real: Path | None = None) -> tuple[str, Record]:
-    """The record of a case; `real`: folder of the real measurements. Simulated cases never raise."""
-    part = key.partition("/")[0]
-    if part == "board":
-        return key, loop_record(seed_of(key))
-    if part == "real" and real is not None:
-        parameters, folding = key.split("/")[1].split(", ")
-        return key, nested_record(real, parameters, folding)
-    case = SimulatedCase.of(key)
-    try:
-        run = case.record()
-    except RuntimeError as problem:  # the world itself has no equilibrium
-        return key, {"hidden": case.hidden, "trouble": f"world: {problem}"}
-    said = {"says": said_by_auto(run)} if part == "absurd" else {}
-    return key, {"hidden": case.hidden, **examined(run, floor=part == "lean"), **said}
-
-
-def main() -> None:
-    """Reads the options, runs what is not there yet, prints the tables."""
+def main() -> int:
+    """Reads the options, runs what is not there yet, prints the tables. Exit code 2 if a file is another one."""
     options = _options()
-    parts = [part for part in options.part or PARTS if part != "real" or options.real is not None]
-    cases = read_cases(options.out)
+    try:
+        cases, beside = read_cases(options.out), read_cases(options.beside)
+    except FileError as problem:
+        print(problem, file=sys.stderr)
+        return 2
+    there = options.real is not None and (options.real / MEASUREMENTS).exists()
+    parts = [part for part in options.part or PARTS if part != "real" or there]
     asked = [key for part in parts for key in keys_of(part, options.seeds, options.poses)]
     asked = [key for key in asked if not options.only or any(word in key for word in options.only)]
     asked = asked[:: options.every]
-    pool = executor_for(most=options.jobs) if options.jobs > 1 else nullcontext(in_this_process())
-    with pool as executor:
-        run(executor, [key for key in asked if key not in cases], cases, options)
-    known = {key: cases[key] for key in asked if key in cases}
-    print(report(known, read_cases(options.beside)))
-
-
-def run(executor: Executor, keys: list[str], cases: dict[str, Record], options: argparse.Namespace) -> None:
-    """Adds the records of cases to those that are there, and writes the file after each."""
-    found = as_finished(executor, partial(examine, real=options.real), keys)
-    for number, (_, (key, record)) in enumerate(found, start=1):
+    keys = [key for key in asked if key not in cases]
+    for number, (key, record) in enumerate(examined(keys, options.real, options.jobs), start=1):
         cases[key] = record
         write_cases(options.out, cases)
         print(f"{number}/{len(keys)} {line_of(key, record)}", file=sys.stderr, flush=True)
+    known = {key: cases[key] for key in asked if key in cases}
+    print(report(known, beside))
+    return 0
+
+
+def examined(keys: Sequence[str], real: Path | None, jobs: int) -> Iterator[tuple[str, Record]]:
+    """Keys with their records, as they are done; one after the other in this process, or side by side."""
+    of_key = partial(examine, real=real)
+    if jobs == 1:
+        yield from map(of_key, keys)
+        return
+    with executor_for(most=jobs) as executor:
+        yield from (found for _, found in as_finished(executor, of_key, keys))
 
 
 def _options() -> argparse.Namespace:
@@ -78,7 +69,9 @@ def _options() -> argparse.Namespace:
         "python -m validation.as_deployed", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("--part", choices=PARTS, action="append", help="parts (default: all); may be repeated")
-    parser.add_argument("--real", type=Path, help="folder of the real arm's measurements.csv")
+    parser.add_argument(
+        "--real", type=Path, help=f"folder of the real arm's {MEASUREMENTS}; without it that part is skipped"
+    )
     parser.add_argument("--poses", type=int, nargs="+", default=COUNTS, help="numbers of poses of the catalogue")
     parser.add_argument("--seeds", type=int, nargs="+", help="seeds (default: those of each part)")
     parser.add_argument("--only", action="append", help="only cases whose key contains this; may be repeated")
@@ -90,4 +83,4 @@ def _options() -> argparse.Namespace:
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

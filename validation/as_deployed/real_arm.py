@@ -24,6 +24,7 @@ from lrm_math.model.model import Model
 from validation.as_deployed.outcome import Record, deployed
 from validation.as_deployed.recording import as_known_to_a_rover
 
+MEASUREMENTS = "measurements.csv"
 REAL = ("option1, blocks", "identifiable, blocks", "option1, random", "identifiable, random")
 """Parameters of the plain fit that `auto` starts from, and kind of folds."""
 FOLDINGS = {"blocks": joint_space_folds, "random": random_folds}
@@ -31,7 +32,7 @@ FOLDINGS = {"blocks": joint_space_folds, "random": random_folds}
 
 def nested_record(folder: Path, parameters: str, folding: str, folds: int = FOLDS) -> Record:
     """RMS in mm of a plain fit and of `auto` from it, each as shown and as deployed, and what each fold chose."""
-    data = load_measurements(folder / "measurements.csv", load_arm("lrm-lab"))
+    data = load_measurements(folder / MEASUREMENTS, load_arm("lrm-lab"))
     start = Study.of(data).fit(parameters).model
     fold = FOLDINGS[folding](data.poses.q, data.repeat_of)
     chosen: list[list[str]] = []

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from lrm_ident.data.atomic_write import write_text
+from lrm_math.errors import FileError
 from validation.as_deployed.outcome import NOISE_MM, WORSE, WORSE_BEYOND, Record, ratio, ratio_with_noise, stated_off
 from validation.hidden_effects.tables import markdown_table
 
@@ -23,11 +24,14 @@ Cases = dict[str, Record]
 
 
 def read_cases(path: Path | None) -> Cases:
-    """Records by the keys of their cases; none where there is no file yet."""
+    """Records by the keys of their cases; none where there is no file yet. Raises `FileError` for another file."""
     if path is None or not path.exists():
         return {}
-    found: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
-    cases: Cases = found["cases"]
+    try:
+        found: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+        cases: Cases = found["cases"]
+    except (ValueError, KeyError, TypeError):
+        raise FileError(path, "cases", "holds no results of validation.as_deployed; name another file") from None
     return cases
 
 
