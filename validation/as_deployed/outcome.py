@@ -57,10 +57,9 @@ def _examined(run: WorldRecording, folder: Path, floor: bool) -> Record:
         record |= _errors("floor", informed, fresh, run.tips_m)
     found, named = plain.auto()
     record |= _errors("after", deployed(named.model), fresh, run.tips_m)
-    shown = [1e3 * error_stats(step.held_out).rms for step in found.steps]
     return record | {
-        "shown_before_mm": _short(shown[0]),
-        "shown_after_mm": _short(shown[-1]),
+        **_stated("before", found.steps[0]),
+        **_stated("after", found.steps[-1]),
         "steps": _steps(found),
         "verdict": found.verdict,
     }
@@ -78,6 +77,13 @@ def _errors(when: str, model: Model, fresh: Poses, tips_m: Array) -> Record:
         f"{when}_aligned_mm": _short(1e3 * error_stats(aligned).rms),
     }
     return found if len(rows) == len(fresh) else found | {f"{when}_unsettled": len(fresh) - len(rows)}
+
+
+def _stated(when: str, step: AutoStep) -> Record:
+    """Held-out errors that the tool states, of measurements with their noise: in the session, and as deployed."""
+    shown = {f"shown_{when}_mm": _short(1e3 * error_stats(step.held_out).rms)}
+    stated = getattr(step, "deployed", None)
+    return shown if stated is None else shown | {f"stated_{when}_mm": _short(1e3 * stated.now.rms)}
 
 
 def _steps(found: AutoRun) -> list[Record]:
@@ -110,6 +116,13 @@ def ratio(record: Record) -> float | None:
     if record.get("after_unsettled", 0) > record.get("before_unsettled", 0):
         return float("inf")
     return float(record["after_mm"] / record["before_mm"])
+
+
+def stated_off(record: Record) -> float | None:
+    """Error that the tool states as deployed over that at fresh poses, with noise, less one; None: it states none."""
+    if "stated_after_mm" not in record or "after_mm" not in record:
+        return None
+    return float(record["stated_after_mm"] / np.hypot(record["after_mm"], NOISE_MM)) - 1.0
 
 
 def ratio_with_noise(record: Record) -> float | None:
