@@ -47,18 +47,18 @@ def with_chosen_moments(fitted: Fit, data: Measurements) -> Fit:
     ordered = data.poses.number is not None and not joints_of_order(data.poses.q)
     if ordered and len(data) - cut >= FEWEST:
         rows = np.arange(len(data))
-        moments |= _surely_last(model, data.take(rows[:cut]), data.take(rows[cut:]), moments)
+        moments |= _surely_last(fitted, data.take(rows[:cut]), data.take(rows[cut:]), moments)
     found = model.with_state(state_after_session(fitted.equilibrium, moments))
     return replace(fitted, model=found, equilibrium=replace(fitted.equilibrium, model=found))
 
 
 def _surely_last(
-    model: Model, before: Measurements, after: Measurements, means: Mapping[str, Moment]
+    fitted: Fit, before: Measurements, after: Measurements, means: Mapping[str, Moment]
 ) -> dict[str, Moment]:
     """The effects whose end predicts later measurements surely better than their mean, chosen one by one; none where
     the earlier ones cannot be fitted alone."""
     try:
-        earlier = fit(named_part(model), before).equilibrium
+        earlier = fit(named_part(fitted.model), before, prior=fitted.stated).equilibrium
         chosen, least = dict(means), _squares(earlier, after, means)
         for name in means:
             other: dict[str, Moment] = chosen | {name: "last"}
