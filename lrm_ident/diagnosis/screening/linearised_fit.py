@@ -267,7 +267,7 @@ class LinearisedFit:
         count = 1 if left[0].ndim == 1 else left[0].shape[1]
         held_out = np.empty((count, self.measured // self.rows))
         for part, rows in zip(self.folds, left, strict=True):
-            held_out[:, part.poses] = (rows.reshape(-1, self.rows, count) ** 2).sum(axis=1).T
+            held_out[:, part.poses] = (rows.reshape(len(part.poses), self.rows, count) ** 2).sum(axis=1).T
         return held_out
 
 
