@@ -236,6 +236,8 @@ class LinearisedFit:
 
     def explain_each(self, sets: ColumnSets) -> list[LinearEstimate]:
         """Linear estimate of each set alone beside the fit."""
+        if not len(sets):
+            return []
         sets = self.up_to_date(sets)
         theta, inverse = self._estimates(sets)
         left = []
