@@ -27,6 +27,10 @@ from lrm_math.model.model import Model
 from lrm_math.plausibility import far_from_typical
 
 BAR, FACTORS_SHOWN, PARTS_SHOWN, STRONG = 10, 8, 3, 0.95
+FROM_DATA = (
+    "from data: share of the prior variance of a parameter that the poses removed. At 0 % it is only its typical size: "
+    "these poses cannot distinguish it from others, or do not show it."
+)
 IMPLAUSIBLE = "Implausible: something is missing in the model, or wrong in the data or in the arm file"
 OUTLIERS = "Outliers (beyond 5 robust standard deviations): wrong measurements, or where the model fails most:"
 
@@ -79,6 +83,7 @@ def fit_document(
         *section(OUTLIERS, (f"pose {pose}: {in_mm(float(error) * 1e-3)} mm" for pose, error in outliers)),
         *_lost(fit, held, data),
         parameter_table(fit),
+        *([] if fit.stated is None else [FROM_DATA]),
         *section(
             "Held at zero, because these poses cannot tell them:",
             (f"{p.key}: {_why(fit.equilibrium, p)}" for p in held),

@@ -114,10 +114,12 @@ class ModelOnData:
 
     @cached_property
     def prior(self) -> Prior | None:
-        """Prior of the last fit. Raises `FileError` if its file is gone."""
+        """Prior of the last fit; of typical sizes where no fit is known. Raises `FileError` if its file is gone."""
         if self.step is not None:
             return self.step.prior
-        return None if self.source is None else prior_of_file(self.source, self.model, self.catalogue)
+        if self.source is None:
+            return typical_prior(self.model)
+        return prior_of_file(self.source, self.model, self.catalogue)
 
     @property
     def prior_name(self) -> str | None:

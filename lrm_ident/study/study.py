@@ -122,7 +122,7 @@ class Study(ModelOnData, ShownInNotebook):
         """
         from lrm_ident.diagnosis.diagnosis_report import build_report
 
-        return build_report(screened or self.screen(rates), self._say, compared if self.prior is None else None)
+        return build_report(screened or self.screen(rates), self._say, compared if self.prior_name == TYPICAL else None)
 
     def add(self, effect: str | RankedCandidate, screened: Diagnosis | None = None) -> Study:
         """Adds an effect (`id` or `id@place`) or candidate and refits everything, without the diagnosis's outliers.

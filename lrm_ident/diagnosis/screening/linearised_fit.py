@@ -236,6 +236,8 @@ class LinearisedFit:
 
     def explain_each(self, sets: ColumnSets) -> list[LinearEstimate]:
         """Linear estimate of each set alone beside the fit."""
+        if not len(sets):
+            return []
         sets = self.up_to_date(sets)
         theta, inverse = self._estimates(sets)
         left = []
@@ -267,7 +269,7 @@ class LinearisedFit:
         count = 1 if left[0].ndim == 1 else left[0].shape[1]
         held_out = np.empty((count, self.measured // self.rows))
         for part, rows in zip(self.folds, left, strict=True):
-            held_out[:, part.poses] = (rows.reshape(-1, self.rows, count) ** 2).sum(axis=1).T
+            held_out[:, part.poses] = (rows.reshape(len(part.poses), self.rows, count) ** 2).sum(axis=1).T
         return held_out
 
 
