@@ -78,6 +78,7 @@ def at_rest(path: Path, q: Array, side: float = 0.0) -> Array:
     [
         ("offsets", "compliance", "lateral_compliance@link2", "base_compliance"),
         ("offsets", "compliance", "backlash@joint3", "mass@link4"),
+        ("compliance", "gravity"),
     ],
 )
 def test_mujoco_comes_to_rest_where_our_equilibrium_is(
