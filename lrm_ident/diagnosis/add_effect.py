@@ -16,7 +16,7 @@ from lrm_ident.fitting.levenberg_marquardt import Fit, fit
 from lrm_ident.fitting.loss import SQUARED, Loss
 from lrm_ident.fitting.model_fit import DEFAULT_EFFECTS
 from lrm_ident.fitting.parameter_sets import Bounds, bounds_of
-from lrm_ident.fitting.session_moments import with_chosen_moments
+from lrm_ident.residual.deployment.session_moments import with_chosen_moments
 from lrm_math.effects import Effect, Parameter, name_of_key, split_key
 from lrm_math.errors import LrmError, NoEquilibrium
 from lrm_math.model.equilibrium import solve_equilibrium

@@ -16,7 +16,6 @@ from lrm_ident.fitting.levenberg_marquardt import Fit, fit
 from lrm_ident.fitting.loss import Loss
 from lrm_ident.fitting.parameter_sets import Bounds, bounds_of, fittable, no_bounds, select_parameters
 from lrm_ident.fitting.priors import Prior
-from lrm_ident.fitting.session_moments import with_chosen_moments
 from lrm_math.arm.arm import Arm
 from lrm_math.effects import CATALOGUE, Effect, effects_at
 from lrm_math.errors import LrmError
@@ -57,7 +56,7 @@ def fit_model(
         return fit_model(model, weighed, parameters, loss, unbounded, prior)
     if not result.fit.model.free:
         raise LrmError(f"nothing can be fitted: no parameter helps, and {_left(result.fit, data)}")
-    return replace(result, fit=with_chosen_moments(result.fit, data))
+    return result
 
 
 def _left(found: Fit, data: Measurements) -> str:

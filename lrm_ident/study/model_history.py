@@ -65,6 +65,7 @@ def model_file(
         step=step,
         fit_rms_mm=error_stats(fit.residual).rms * 1e3,
         held_out_rms_mm=None if held_out.error is None else held_out.error.rms * 1e3,
+        deployed_rms_mm=None if held_out.deployed is None else held_out.deployed.now.rms * 1e3,
         rivals_mm=None if rivals is None else {name: round(rms * 1e3, 4) for name, rms in rivals.items()},
         effects=effect_names(model.effects),
         parameters=parameter_tables(model),

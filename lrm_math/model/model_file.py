@@ -83,12 +83,14 @@ class DeployedTable(StrictSchema):
 class HistoryTable(StrictSchema):
     """One `[[history]]` entry: a step, its errors, and the whole model after it.
 
+    `deployed_rms_mm`: held-out error of the model as it is deployed, without what no rover can know.
     `rivals_mm`: the held-out RMS that other effects alone would have left (linear), the least first; None: not known.
     """
 
     step: str
     fit_rms_mm: float
     held_out_rms_mm: float | None = None
+    deployed_rms_mm: float | None = None
     rivals_mm: dict[str, float] | None = None
     effects: list[str]
     parameters: dict[str, float]

@@ -21,3 +21,12 @@ class StateAfterSession:
 
     moments: Mapping[str, Moment]
     offsets: Mapping[str, float]
+
+    @property
+    def sentence(self) -> str:
+        """The state that is deployed in words; empty where there is none."""
+        by_moment = {
+            moment: [name for name, one in self.moments.items() if one == moment] for moment in ("last", "mean")
+        }
+        parts = [f"the {moment} state of {', '.join(names)}" for moment, names in by_moment.items() if names]
+        return f"The deployed model keeps {' and '.join(parts)}." if parts else ""
