@@ -113,6 +113,8 @@ def import_arm(robot: Urdf, base: str | None = None, tip: str | None = None, nam
 def _gravity(robot: Urdf, base: str, notices: list[str]) -> Vector3:
     """Gravity in the frame of the link `base` (m/s²), which the file may hold to a wall or a ceiling."""
     x, y, z = (_clean(component) for component in (np.array(robot.gravity) @ robot.standing(base)[:3, :3]).tolist())
+    if not any(robot.gravity):
+        notices.append("the file has no gravity: nothing bends the arm")
     if (x, y, z) != robot.gravity:
         along = ", ".join(f"{component:.3g}" for component in (x, y, z))
         notices.append(f"gravity is {along} m/s2 along x, y, z of '{base}', as the file mounts it")
