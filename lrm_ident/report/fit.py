@@ -52,7 +52,10 @@ def error_blocks(errors: ErrorSummary, title: str) -> list[Block]:
         columns.append(f"orientation RMS, deg|.{decimals(*known)}f")
         rows = [(*row, turn) for row, turn in zip(rows, turns, strict=True)]
     table = ResultTable(columns, rows, title)
-    return [table] if errors.held_out.error else [table, f"held out: none, because {errors.held_out.reason}"]
+    deployed = errors.held_out.deployed
+    state = [] if deployed is None or deployed.state is None else [in_words(deployed.state.sentence)]
+    none = [] if errors.held_out.error else [f"held out: none, because {errors.held_out.reason}"]
+    return [table, *none, *(words for words in state if words)]
 
 
 def deployed_rows(deployed: DeployedError | None) -> list[tuple[str, ErrorStats]]:
@@ -61,8 +64,7 @@ def deployed_rows(deployed: DeployedError | None) -> list[tuple[str, ErrorStats]
         return []
     if deployed.otherwise is None:
         return [("as deployed, held out", deployed.now)]
-    now, otherwise = "as deployed, held out: in its state", "as deployed, held out: in another state"
-    return [(now, deployed.now), (otherwise, deployed.otherwise)]
+    return [("as deployed, held out", deployed.now), ("as deployed, earlier in the session", deployed.otherwise)]
 
 
 def fit_document(
