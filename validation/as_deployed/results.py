@@ -43,7 +43,7 @@ def write_cases(path: Path, cases: Mapping[str, Record]) -> None:
 
 
 def steps_words(record: Record) -> str:
-    """Names of the steps; ?: a possible cause, ~: a description; +: others of its class."""
+    """Names of the steps; ?: a candidate cause, ~: an empirical term; +: others of its class."""
     words = (
         CLAIMS.get(step["claim"], "!") + step["added"] + "+" * (len(step["names"]) > 1) for step in record["steps"]
     )
