@@ -141,7 +141,7 @@ def _table(cases: Cases, beside: Cases) -> str:
 
 
 def _claims(cases: Cases) -> str:
-    """What is claimed of each step, its largest estimate over its typical size, and what is printed about its size."""
+    """Claim of each step, its largest estimate over its typical size, and what is printed about its size."""
     rows = []
     for key, record in cases.items():
         lines = [line.strip() for line in record["says"] if IMPLAUSIBLE in line.lower()]
