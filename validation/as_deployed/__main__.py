@@ -4,7 +4,7 @@ Every case is a simulated world that goes on after the measurement (`recording`)
 without noise, in multiples of a measurement's noise (0.52 mm, all axes). *Before*: the plain fit; *after*: what `auto`
 ends with; both as deployed: without what no rover can know. *Ratio*: after over before. What the tool states, held out
 and with noise: *shown*, in the session, and *stated*, as deployed; stated is off where it differs from the error at
-fresh poses with noise. Names: `?` a possible cause, `~` a description, `+` others in its class.
+fresh poses with noise. Names: `?` a candidate cause, `~` an empirical term, `+` others in its class.
 
 Parts: `catalogue` (the catalogues of hidden effects, ten pairs of effects of session or tracker, ten trackers and
 bases; 300 poses, then 80), `lean` (gravity tilted by 0 to 8 deg, 20 seeds), `beyond` (half of joint 2, 3 or 4

@@ -22,7 +22,7 @@ from validation.hidden_effects.unfamiliar_effects import UnfamiliarCase, from_fi
 
 @dataclass(frozen=True)
 class AbsurdCase:
-    """What is hidden, how many poses are measured, and the world of a seed."""
+    """Hidden cause, number of measured poses, and the world of a seed."""
 
     hidden: str
     poses: int

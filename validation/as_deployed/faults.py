@@ -118,5 +118,5 @@ def fault_recording(case: FaultCase, seed: int, poses: int) -> WorldRecording:
 
 
 def _then(spoiled: Array | None, healthy: Array) -> Array:
-    """What was spoiled, and after it what is healthy."""
+    """Spoiled rows, and after them healthy ones."""
     return healthy if spoiled is None else np.concatenate([spoiled, healthy[len(spoiled) :]])

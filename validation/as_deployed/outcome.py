@@ -37,7 +37,14 @@ def deployed(model: Model) -> Model:
 
 
 def examined(run: WorldRecording, floor: bool = False) -> Record:
-    """Figures of a world, mm RMS; see the package's `__main__` for the keys. Never raises."""
+    """Figures of a world. Raises nothing that a fit raises: `trouble` says it.
+
+    Keys, with WHEN = `before` (the plain fit), `after` (`auto`), `floor` (the plain fit that knows gravity):
+        WHEN_mm, WHEN_max_mm: RMS and largest error as deployed at fresh poses, without noise.
+        WHEN_aligned_mm: RMS after the best rigid alignment of those poses. WHEN_unsettled: poses without equilibrium.
+        shown_WHEN_mm, stated_WHEN_mm: held-out RMS that the tool states, in the session and as deployed.
+        steps: see `_steps`. verdict: of `auto` in the end. seconds: of this record.
+    """
     began = time.perf_counter()
     with tempfile.TemporaryDirectory(prefix="as-deployed-") as folder:
         try:

@@ -37,7 +37,7 @@ class HalfRange(PoseChoice):
 
     @property
     def words(self) -> str:
-        """What is measured."""
+        """The half that is measured, in words."""
         return f"{'upper' if self.side > 0 else 'lower'} half of joint {self.joint} measured"
 
     def measured(self, case: UnfamiliarCase, arm: ArmDescription, seed: int, count: int) -> Array:

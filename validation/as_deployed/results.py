@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from lrm_ident.data.atomic_write import write_text
+from lrm_math.atomic_file import write_atomically
 from lrm_math.errors import FileError
 from validation.as_deployed.outcome import NOISE_MM, WORSE, WORSE_BEYOND, Record, ratio, ratio_with_noise, stated_off
 from validation.hidden_effects.tables import markdown_table
@@ -39,11 +39,11 @@ def write_cases(path: Path, cases: Mapping[str, Record]) -> None:
     """Writes all records."""
     path.parent.mkdir(parents=True, exist_ok=True)
     document = {"schema": SCHEMA, "noise_rms_mm": NOISE_MM, "cases": cases}
-    write_text(path, json.dumps(document, indent=1, ensure_ascii=False) + "\n")
+    write_atomically(path, (json.dumps(document, indent=1, ensure_ascii=False) + "\n").encode())
 
 
 def steps_words(record: Record) -> str:
-    """Names of the steps; ?: a possible cause, ~: a description; +: others of its class."""
+    """Names of the steps; ?: a candidate cause, ~: an empirical term; +: others of its class."""
     words = (
         CLAIMS.get(step["claim"], "!") + step["added"] + "+" * (len(step["names"]) > 1) for step in record["steps"]
     )
@@ -141,7 +141,7 @@ def _table(cases: Cases, beside: Cases) -> str:
 
 
 def _claims(cases: Cases) -> str:
-    """What is claimed of each step, its largest estimate over its typical size, and what is printed about its size."""
+    """Claim of each step, its largest estimate over its typical size, and what is printed about its size."""
     rows = []
     for key, record in cases.items():
         lines = [line.strip() for line in record["says"] if IMPLAUSIBLE in line.lower()]
