@@ -1,7 +1,7 @@
 """Doors to a motor: ways by which something outside asks an arm to move, each driven by its tests in the same manner.
 
-A door keeps the laws of `tests.doors.laws`, whoever wrote it. A module `tests/doors/NAME_door.py` has a tuple `DOORS` of
-the kinds that it knows, and `registry` finds it.
+A door keeps the laws of `tests.doors.laws`, whoever wrote it. A module `tests/doors/NAME_door.py` has a tuple `DOORS`
+of the kinds that it knows, and `registry` finds it.
 """
 
 from __future__ import annotations

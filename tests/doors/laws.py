@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 import random
 from collections.abc import Callable
+from contextlib import suppress
 
 import numpy as np
 
@@ -70,7 +71,7 @@ def _time_to_stand(kind: DoorKind, seed: int, end: Callable[[MotionDoor], None],
             now = door.commanded()
             if np.max(np.abs(np.subtract(now, seen))) > SAME:
                 last, seen = look * GLANCE_S, now
-        assert last <= bound + GLANCE_S, f"{kind.name}: commands changed until {last:.2f} s after; the bound is {bound} s"
+        assert last <= bound + GLANCE_S, f"{kind.name}: commands changed for {last:.2f} s; the bound is {bound} s"
         return last
 
 
@@ -90,7 +91,5 @@ def _anything(kind: DoorKind, door: MotionDoor, rng: random.Random) -> None:
 
 def _tried(request: Callable[[], None]) -> None:
     """A request that the door may refuse."""
-    try:
+    with suppress(LrmError):
         request()
-    except LrmError:
-        pass
