@@ -63,7 +63,7 @@ def nearest_state(arm: KernelModel, hold: Callable[[Array], HeldState], slots: A
 
 def _floor(arm: KernelModel, miss: Array, gain: float) -> float:
     """μ² (m²/rad²) of what the tool lacks at the wish (M,), m."""
-    return ROUND_OFF**2 + arm.memory.reach * float(np.linalg.norm(miss)) / gain
+    return ROUND_OFF**2 + float(arm.memory.reach * np.linalg.norm(miss)) / gain
 
 
 def _turned(J: Array, lack: Array, floors: Sequence[float]) -> Array:
