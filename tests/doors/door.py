@@ -46,10 +46,10 @@ class MotionDoor(Protocol):
         """Lets time pass for the door and the arm (s)."""
 
     def commanded(self) -> Angles:
-        """Where the motors are told to be now."""
+        """Angles (n,), rad, that the motors are told now."""
 
     def standing(self) -> Angles:
-        """Where the shafts are now."""
+        """Angles (n,), rad, of the shafts now."""
 
     def powered(self) -> frozenset[str]:
         """Names of the joints that have torque now."""

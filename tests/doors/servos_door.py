@@ -45,7 +45,7 @@ effects = ["offsets", "compliance", "hysteresis@joint2", "drift@joint1"]
 
 
 class ServosDoor:
-    """What the doors below have in common: five servos and their time."""
+    """Common part of the doors below: five servos and their time."""
 
     joints: Sequence[str] = NAMES
 
@@ -133,18 +133,21 @@ class CampaignDoor(ServosDoor):
 
 
 class DoorLine:
-    """A serial line to a simulated bus. `lost`: how many questions do not arrive. `gone`: it is unplugged."""
+    """A serial line to a simulated bus, which loses questions, or answers, or both for a while; `gone`: unplugged."""
 
-    def __init__(self, bus: FeetechBus) -> None:
-        self.bus, self.waiting, self.lost, self.gone = bus, b"", 0, False
+    def __init__(self, bus: FeetechBus, rng: random.Random) -> None:
+        self.bus, self.waiting, self.gone, self._rng = bus, b"", False, rng
+        self._asked = 0
+        self._losses: set[int] = set()
 
     def write(self, data: bytes) -> int:
         """Sends bytes to the bus."""
         self._there()
-        if self.lost:
-            self.lost -= 1
-        else:
-            self.waiting += self.bus.feed(data, self.bus.now)
+        lost = self._asked in self._losses
+        if not lost or self._rng.random() < 0.5:
+            answer = self.bus.feed(data, self.bus.now)
+            self.waiting += b"" if lost else answer
+        self._asked += 1
         return len(data)
 
     def read(self, size: int = 1) -> bytes:
@@ -164,8 +167,9 @@ class DoorLine:
         self.gone = True
 
     def lose(self) -> None:
-        """Loses the next question."""
-        self.lost += 1
+        """Loses one of the next questions, or some in a row."""
+        first = self._asked + self._rng.randrange(60)
+        self._losses |= set(range(first, first + self._rng.choice([1, 1, 2, 9])))
 
     def _there(self) -> None:
         if self.gone:
@@ -220,7 +224,7 @@ def campaign_over_bus(
     """A campaign that drives servos on a bus; nobody waits for answers that do not come."""
     servos = [make(number) for number in range(1, 6)]
     placed(servos, random.Random(seed), make is FeetechServo)
-    line = DoorLine(wire(servos))
+    line = DoorLine(wire(servos), random.Random(seed + 1))
     looks = count()
     connect = partial(held_servos, "x", ServoHost(line, kind), ARM, (1, 2, 3, 4, 5))
     door = CampaignDoor(servos, line.bus, connect, line.unplug, line.lose)

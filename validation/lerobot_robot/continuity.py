@@ -39,7 +39,7 @@ WHERE = (("servo_gain", 0.7), ("backlash", 0.5), ("hysteresis", 0.5), ("friction
 
 @dataclass
 class PathFigures:
-    """What was found along paths: ratios of steps, distances (rad), errors at rests (mm)."""
+    """Figures found along paths: ratios of steps, distances (rad), errors at rests (mm)."""
 
     steps: int = 0
     ratio: float = 0.0
