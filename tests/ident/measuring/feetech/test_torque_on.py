@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 
 from examples.so101.feetech_bus import FeetechBus
 from examples.so101.feetech_servo import MIDDLE, STEP, FeetechServo
+from lrm_ident.measuring.campaign.session import torque_named
 from lrm_ident.measuring.servo_bus import bus
 from lrm_ident.measuring.servo_bus import feetech as table
 from lrm_ident.measuring.servo_bus.bus import ServoHost
@@ -164,3 +165,10 @@ class Dying(Losing):
             table.ID.write(servo.memory, 200)
             table.TORQUE_ENABLE.write(servo.memory, 0)
         return super().write(data)
+
+
+def test_an_error_that_ends_a_campaign_names_the_joints_that_have_torque() -> None:
+    line = line_of(*NUMBERS)
+    said = r"^pulled out; torque is on, .* at shoulder_pan, .*, wrist_roll$"
+    with pytest.raises(LrmError, match=said), torque_named(held(line)):
+        raise LrmError("pulled out")
