@@ -131,7 +131,7 @@ class CalibratedRobot(Robot):
             self._tell(f"no command is found for some wishes ({answer.lost}); they go with the correction before")
         elif answer.left > NOTABLE_M and not beyond.any():
             where = "near a singular pose the correction is held back, so that no joint swings out"
-            self._tell(f"{where}; the tip stays beside its goal, by {1e3 * answer.left:.0f} mm this time")
+            self._tell(f"{where}; there the tip stays more than {1e3 * NOTABLE_M:.0f} mm beside its goal")
 
     def _true_angles(self, encoders: Array, motion: Motion) -> Array:
         try:
