@@ -41,5 +41,5 @@ def test_where_accuracy_is_given_up_it_is_said_once(tmp_path: Path, caplog: pyte
             if before is not None:
                 assert np.abs(sent - before).max() <= (1.0 + RATE) * step + CREEP
             before = sent
-    assert sum("the tip stays beside its goal" in text for text in caplog.messages) == 1
+    assert sum("the tip stays more than 2 mm beside its goal" in text for text in caplog.messages) == 1
     assert max(Counter(caplog.messages).values()) == 1
