@@ -15,8 +15,8 @@ from enum import IntEnum
 from typing import Any
 
 from lrm_ros2.bridge import TrajectoryDoor, TrajectoryOrder
+from lrm_ros2.ros_endpoints import ServiceAnswer
 from lrm_ros2.ros_node import RosNode
-from lrm_ros2.ros_service import ServiceAnswer
 from lrmd.client import JointsState
 
 FEEDBACK_S, AGAIN_S = 0.1, 0.2
@@ -94,7 +94,7 @@ class JointGoal(TrajectoryOrder):
 
 
 class FollowAction:
-    """Serves the action, on threads of zenoh; `door` follows the goals on its own."""
+    """Serves the action, on the thread of the arrivals; `door` follows the goals on its own."""
 
     def __init__(self, door: TrajectoryDoor, node: RosNode) -> None:
         self.door, self.node = door, node
@@ -105,11 +105,11 @@ class FollowAction:
         self._goals: OrderedDict[bytes, JointGoal] = OrderedDict()
         self._last, self._held = 0.0, 0.0
 
-    def send_goal(self, request: Any, answer: ServiceAnswer) -> None:
+    def send_goal(self, request: Any, answer: ServiceAnswer, number: int) -> None:
         """Service `send_goal`."""
         goal, id_ = request.goal, bytes(request.goal_id.uuid)
         with self._lock:
-            new = JointGoal(goal.trajectory, self, id_, answer, frozenset(self._clients))
+            new = JointGoal(goal.trajectory, number, self, id_, answer, frozenset(self._clients))
             if why := self._unfit(goal, new):
                 print(f"action: a goal is refused: {why}", flush=True)
                 new.refused(why)
@@ -127,21 +127,28 @@ class FollowAction:
             return "its id was taken by another goal"
         return "" if new.clients else "its client has no liveliness token: nobody would notice that it is lost"
 
-    def cancel_goal(self, request: Any, answer: ServiceAnswer) -> None:
-        """Service `cancel_goal`: an id of zeros is any goal."""
+    def cancel_goal(self, request: Any, answer: ServiceAnswer, number: int) -> None:
+        """Service `cancel_goal`: an id of zeros is any goal that came before."""
         id_ = bytes(request.goal_info.goal_id.uuid)
+        if not any(id_):
+            self.door.arrivals.stopped(number)
         with self._lock:
-            goal, known = self._active, self._goals.get(id_)
-            if goal is None or (any(id_) and id_ != goal.id):
+            known = self._goals.get(id_)
+            wanted = (goal for goal in (self._active, self._offered) if goal is not None)
+            goals = [goal for goal in wanted if not any(id_) or id_ == goal.id]
+            if not goals:
                 code = CancelCode.UNKNOWN_GOAL_ID if known is None and any(id_) else CancelCode.GOAL_TERMINATED
                 answer(return_code=int(code), goals_canceling=[])
                 return
-            goal.cancelled, goal.state = True, GoalState.CANCELING
-            self._stop(goal, "cancelled")
-            answer(return_code=int(CancelCode.NONE), goals_canceling=[self.node.goal_info(goal.id, goal.stamp)])
+            for goal in goals:
+                goal.cancelled = True
+                goal.state = GoalState.CANCELING if goal is self._active else goal.state
+                self._stop(goal, "cancelled")
+            told = [self.node.goal_info(goal.id, goal.stamp) for goal in goals]
+            answer(return_code=int(CancelCode.NONE), goals_canceling=told)
             self._tell()
 
-    def get_result(self, request: Any, answer: ServiceAnswer) -> None:
+    def get_result(self, request: Any, answer: ServiceAnswer, _: int) -> None:
         """Service `get_result`: answered when the goal has ended."""
         with self._lock:
             goal = self._goals.get(bytes(request.goal_id.uuid))

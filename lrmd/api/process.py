@@ -28,7 +28,7 @@ from lrmd.control.state_machine import Mode
 from lrmd.errors import RequestError
 from lrmd.ik.deployed_model import DeployedModel
 from lrmd.messages.codec import Message, error_reply, pack
-from lrmd.messages.control import DeployRequest, JogRequest, MoveRequest, ReloadRequest, UndeployRequest
+from lrmd.messages.control import DeployRequest, HoldRequest, JogRequest, MoveRequest, ReloadRequest, UndeployRequest
 from lrmd.messages.zenoh_session import own_client
 from lrmd.persistence.state_file import BackgroundWriter, SaveSchedule, restored_state
 from lrmd.safety.thermal_model import gravity_torques
@@ -238,7 +238,11 @@ class ApiProcess:
             result = self._controller.handle(request, now)
             self._write_order()
             self._flush()
-            return self._publisher.reply(tail, result)
+            reply, order = self._publisher.reply(tail, result), self._controller.order.number
+        if isinstance(request, HoldRequest) and not self._shared.wait_for_order(order, SETTLING_TIME):
+            text = "the ramp did not confirm the hold in time; it reads the order as soon as it ticks"
+            raise RequestError("hold_unconfirmed", text, retryable=True)
+        return reply
 
     def _changed_model(self, request: ReloadRequest | DeployRequest | UndeployRequest) -> DeployedModel:
         if isinstance(request, DeployRequest):

@@ -113,7 +113,7 @@ class StatePublisher:
         """Keys of the states to publish at `now` (ns): joints always, others on change or every second."""
         c = self._controller
         keys = ["state/joints"]
-        published = (c.mode, c.why, tuple(c.faults), c.lease and c.lease.holder, c.report.link, c.troubles)
+        published = (c.mode, c.why, tuple(c.faults), c.lease and c.lease.holder, c.report.link, c.troubles, c.stops)
         due = now - self._published_at >= SECOND
         if due or published != self._published:
             self._published = published
@@ -127,7 +127,8 @@ class StatePublisher:
         """The reply to a request that was carried out."""
         lease = result.lease
         return Reply(
-            **self._header(tail), mode=self._controller.mode.value, seconds=result.seconds,
+            **self._header(tail), mode=self._controller.mode.value, stops=self._controller.stops,
+            seconds=result.seconds,
             lease=None if lease is None else lease.token, lease_ms=None if lease is None else self._config.lease / 1e6,
             model_sha256=self._model_sha256, unchecked=result.unchecked,
         )  # fmt: skip
@@ -167,7 +168,7 @@ class StatePublisher:
         return ModeState(
             **self._header("state/mode"), mode=c.mode.value, why=c.why, since_mono_ns=c.since,
             holder=c.lease.holder if c.lease else None, link=c.report.link.name.lower(), payload_kg=c.payload,
-            troubles=c.troubles,
+            stops=c.stops, troubles=c.troubles,
         )  # fmt: skip
 
     def _faults(self) -> FaultsState:

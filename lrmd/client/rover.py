@@ -76,7 +76,9 @@ class Rover(RoverSession):
         """Switches servos on at their present angles (`q`, rad by name, for `given`) and waits until they are on."""
         chosen = None if servos is None else list(servos)
         with field_named():
-            request = ArmRequest(lease=self._token(), where=where, q_rad=dict(q or {}), servos=chosen)
+            request = ArmRequest(
+                lease=self._token(), stops=self._stops, where=where, q_rad=dict(q or {}), servos=chosen
+            )
         reply = self._query(Reply, "rpc/arm", request)
         self._wait(("armed",), ("arming",), (reply.seconds or 0.0) + 2.0)
 
@@ -87,14 +89,19 @@ class Rover(RoverSession):
         speed: float = 1.0,
         payload_kg: float | None = None,
         wait: bool = True,
+        stops: int | None = None,
     ) -> float:
-        """Moves servos (rad by name) through the waypoints; returns the duration (s).
+        """Moves servos (rad by name) through the waypoints; returns the duration (s). `stops`: of `mode` when the
+        motion was asked for, if that was before now.
 
         Raises `RequestRefused`; while waiting `MotionInterrupted` if the motion ends before its goal.
         """
         path = [dict(w) for w in waypoints]
         with field_named():
-            request = MoveRequest(lease=self._token(), waypoints=path, pace=pace, speed=speed, payload_kg=payload_kg)
+            request = MoveRequest(
+                lease=self._token(), stops=self._stops if stops is None else stops, waypoints=path, pace=pace,
+                speed=speed, payload_kg=payload_kg,
+            )  # fmt: skip
         reply = self._query(Reply, "rpc/move", request)
         seconds, self.unchecked = reply.seconds or 0.0, reply.unchecked
         if wait:
@@ -104,26 +111,26 @@ class Rover(RoverSession):
     def jog(self, rates: Mapping[str, float]) -> None:
         """Turns servos at rates (rad/s) until the command timeout (0.5 s): call it again to continue. Does not wait."""
         with field_named():
-            request = JogRequest(lease=self._token(), rate_rad_per_s=dict(rates))
+            request = JogRequest(lease=self._token(), stops=self._stops, rate_rad_per_s=dict(rates))
         self._session.put(key(self.robot, "cmd/jog"), pack(request), express=True)
 
     def hold(self) -> None:
-        """Stops the motion with pulses on. Needs no lease."""
-        self._query(Reply, "rpc/hold", HoldRequest())
+        """Stops the motion with pulses on; returns when the ramp has read it. Needs no lease."""
+        self._stops = self._query(Reply, "rpc/hold", HoldRequest()).stops
 
     def relax(self, servos: Sequence[str] | None = None) -> None:
         """Stops the pulses of some servos, or of all: their load falls."""
         with field_named():
             request = RelaxRequest(lease=self._token(), servos=None if servos is None else list(servos))
-        self._query(Reply, "rpc/relax", request)
+        self._stops = self._query(Reply, "rpc/relax", request).stops
 
     def disarm(self) -> None:
         """Stops all pulses of a stationary arm."""
-        self._query(Reply, "rpc/disarm", DisarmRequest(lease=self._token()))
+        self._stops = self._query(Reply, "rpc/disarm", DisarmRequest(lease=self._token())).stops
 
     def reset_fault(self) -> None:
         """Leaves fault or estop. Nothing moves."""
-        self._query(Reply, "rpc/reset_fault", ResetRequest(lease=self._token()))
+        self._stops = self._query(Reply, "rpc/reset_fault", ResetRequest(lease=self._token())).stops
 
     def reload(self) -> ReloadReply:
         """Reloads the model file in the daemon. Needs no lease; nothing moves."""
@@ -209,6 +216,7 @@ class Rover(RoverSession):
         while (state := self.mode()).mode not in wanted:
             self._check_restart()
             if state.mode not in meanwhile:
+                self._stops = state.stops
                 raise MotionInterrupted(state.mode, state.why)
             if time.monotonic() > end:
                 raise MotionInterrupted(state.mode, f"not there after {limit:.0f} s")

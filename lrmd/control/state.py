@@ -55,8 +55,9 @@ class ControllerState:
 
     Attributes: `mode`, `why`, `since` (monotonic ns), `faults` by code, the lease as `leasehold`, `orders` for the
     ramp, its `report`, `thermal` monitor, `motion_check`, `payload` (kg), unpublished `events`, and the state file as
-    `stored`. Of the thermal protection: `held_at`, `rest_tried_at` (monotonic ns) of the last hold and attempt to go to
-    rest, `rest_goal` (pulses, ns) of the last motion to rest, and `rest_blocked` while its path is not free.
+    `stored`. `stops`: number of holds, emergency stops, disarmings and faults so far. Of the thermal protection:
+    `held_at`, `rest_tried_at` (monotonic ns) of the last hold and attempt to go to rest, `rest_goal` (pulses, ns) of
+    the last motion to rest, and `rest_blocked` while its path is not free.
     """
 
     def __init__(
@@ -75,6 +76,7 @@ class ControllerState:
         self.leasehold = Lease()
         self.report = RampReport()
         self.other_daemons: frozenset[str] = frozenset()
+        self.stops = 0
         self.payload = stored.payload_kg if stored else 0.0
         self.stored = stored
         self._identity = arm_identity(config)
@@ -194,6 +196,7 @@ class ControllerState:
 
     def estop(self, now: int, why: str) -> None:
         """Records an emergency stop; the ramp was notified directly, before."""
+        self.stops += 1
         self.transition(Trigger.ESTOP, why or "estop", now)
         self.add_fault("estop", f"emergency stop: {why or 'no reason given'}", now)
         self.orders.stop(now, 0)

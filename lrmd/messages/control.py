@@ -21,6 +21,7 @@ Label = Annotated[str, Field(max_length=64), AfterValidator(_printable)]
 Angles = Annotated[dict[Label, Annotated[float, Field(ge=-20, le=20)]], Field(max_length=16)]
 Servos = Annotated[list[Label], Field(max_length=16)]
 Token = Annotated[str, Field(min_length=1, max_length=64)]
+Stops = Annotated[int, Field(ge=0, lt=2**53)]
 
 # ---- requests of clients
 
@@ -46,7 +47,16 @@ class CommandRequest(Message):
     lease: Token
 
 
-class ArmRequest(CommandRequest):
+class MotionRequest(CommandRequest):
+    """Request that may move something. `stops`: number of stops that its sender knows of; None: it does not say.
+
+    One that knows of fewer than there were was made before the last stop, or without knowledge of it: it is refused.
+    """
+
+    stops: Stops | None = None
+
+
+class ArmRequest(MotionRequest):
     """`rpc/arm`: switches servos on at their present position.
 
     `where` = "given": it is `q_rad`; "stored": the last one commanded (of `servos`, or all); "board": the registers of
@@ -66,7 +76,7 @@ class ArmRequest(CommandRequest):
         return value
 
 
-class MoveRequest(CommandRequest):
+class MoveRequest(MotionRequest):
     """`rpc/move` and `cmd/target`: brings servos to each of the waypoints (rad), one after the other.
 
     `pace` = "together": all end at once; "each": each at its own full rate. `speed`: share of the full rate.
@@ -79,7 +89,7 @@ class MoveRequest(CommandRequest):
     payload_kg: Annotated[float, Field(ge=0, le=2)] | None = None
 
 
-class JogRequest(CommandRequest):
+class JogRequest(MotionRequest):
     """`cmd/jog`: turns servos at these rates (rad/s) until the next one, at most for the command watchdog's time."""
 
     rate_rad_per_s: Angles
@@ -157,7 +167,10 @@ class JointsState(Header):
 
 
 class ModeState(Header):
-    """`state/mode`, when it changes and every second. `troubles`: what keeps the arm from being armed."""
+    """`state/mode`, when it changes and every second. `troubles`: what keeps the arm from being armed.
+
+    `stops`: number of holds, emergency stops, disarmings and faults since the start; see `MotionRequest`.
+    """
 
     mode: str
     why: str
@@ -165,6 +178,7 @@ class ModeState(Header):
     holder: str | None
     link: str
     payload_kg: float
+    stops: int
     troubles: list[str] = []
 
 
@@ -265,9 +279,11 @@ class Event(Header):
 
 class Reply(Header):
     """Reply to a request that was carried out: the resulting mode. `model_sha256`: empty for the nominal arm;
-    `unchecked`: why the motion that `rpc/move` began was not checked for collisions, empty if it was."""
+    `unchecked`: why the motion that `rpc/move` began was not checked for collisions, empty if it was. `stops`: as in
+    `state/mode`; None from `rpc/estop`, whose process does not count."""
 
     mode: str
+    stops: int | None = None
     lease: str | None = None
     lease_ms: float | None = None
     seconds: float | None = None
