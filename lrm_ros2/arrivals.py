@@ -1,4 +1,4 @@
-"""What comes from ROS 2, in the order in which it came, and which orders a stop has overtaken.
+"""Order of what arrives from ROS 2, and which orders a stop has overtaken.
 
 Theory of operation. zenoh gives each topic and service a thread of its own. So of a trajectory and the stop that
 follows it either may be first at the door, above all when the bridge was stalled and both wait. Therefore each message

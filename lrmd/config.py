@@ -54,12 +54,14 @@ class ServoEntry(StrictSchema):
 
 
 class SafetyTable(StrictSchema):
-    """`[safety]`: timeouts of commands and leases, delay between servos that are switched on, rest pose."""
+    """`[safety]`: timeouts of commands and leases, delay between servos that are switched on, rest pose, torque that a
+    servo without pulses bears."""
 
     command_ms: Milliseconds = 500.0
     lease_ms: Annotated[float, Field(ge=100, le=500)] = 400.0
     stagger_ms: Milliseconds = 200.0
     rest_q_deg: list[Angle] | None = None
+    unpowered_nm: Annotated[float, Field(ge=0, le=10)] = 0.05
 
 
 class ThermalTable(StrictSchema):
@@ -129,7 +131,8 @@ class Config:
 
     `arm_file`: the name or path that `arm` was read from.
     `tick`, `reply`, `command`, `lease`, `stagger`, `save`: ns. `step`: ns of pulse in one tick.
-    `rest`: rad, one angle per joint, or None. `rise`: K/(N·m)², one per servo, 0 where not configured.
+    `rest`: rad, one angle per joint, or None. `unpowered`: N·m that a servo without pulses bears.
+    `rise`: K/(N·m)², one per servo, 0 where not configured.
     """
 
     robot: str
@@ -147,6 +150,7 @@ class Config:
     lease: int
     stagger: int
     rest: tuple[float, ...] | None
+    unpowered: float
     thermal: ThermalTable
     rise: tuple[float, ...]
     state: Path
@@ -205,6 +209,7 @@ def _config(t: DaemonFile, arm: Arm) -> Config:
         tick=round(t.ramp.tick_ms * MS), step=round(t.ramp.step_us * US), realtime_priority=t.ramp.realtime_priority,
         command=round(t.safety.command_ms * MS), lease=round(t.safety.lease_ms * MS),
         stagger=round(t.safety.stagger_ms * MS), rest=None if rest is None else tuple(map(math.radians, rest)),
+        unpowered=t.safety.unpowered_nm,
         thermal=t.thermal, rise=tuple(t.thermal.rise_k_per_nm2.get(servo.name, 0.0) for servo in servos),
         state=Path(t.state.directory), save=round(t.state.save_ms * MS), zenoh=t.zenoh,
     )  # fmt: skip

@@ -210,7 +210,8 @@ class ApiProcess:
 
     def _save(self, now: int, at_once: bool = False) -> None:
         c = self._controller
-        state = (c.mode, c.position, c.report.moving, c.payload, *map(c.thermal.model.level, c.thermal.temperature))
+        levels = map(c.thermal.model.level, c.thermal.temperature)
+        state = (c.mode, c.position, c.report.moving, c.report.outputs, c.fallen.bits, c.payload, *levels)
         if self._saving.due(state, c.report.moving, now) or at_once:
             c.stored = c.saved(time.time_ns())
             self._writer.put(c.stored)

@@ -196,6 +196,7 @@ class StatePublisher:
 
     def _info(self) -> InfoState:
         config, stored = self._config, self._controller.stored
+        still = bool(stored and stored.still and not self._controller.fallen.bits)
         limits = [sorted((s.angle(s.lowest), s.angle(s.highest))) for s in config.servos]
         rates = [
             (high - low) / (s.highest - s.lowest) * config.step / config.tick * SECOND
@@ -210,7 +211,7 @@ class StatePublisher:
             pwm_hz=1.0 / (COUNTS_PER_PERIOD * config.clock.count_s),
             lease_ms=config.lease / 1e6, command_ms=config.command / 1e6,
             model=self.model if self._model_sha256 else None, model_sha256=self._model_sha256,
-            stored_rad=stored_angles(config, stored), stored_still=bool(stored and stored.still),
+            stored_rad=stored_angles(config, stored), stored_still=still,
         )  # fmt: skip
 
 

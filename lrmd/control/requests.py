@@ -67,7 +67,7 @@ def _arm(s: ControllerState, request: ArmRequest, now: int) -> RequestResult:
     if s.report.link is not LinkState.READY:
         why = s.port_trouble or s.board_trouble or f"link {s.report.link.name.lower()}"
         raise RequestError("link", f"the board is not ready ({why})", retryable=True)
-    first_pulses = arming_pulses(request, s.config, s.report, s.stored)
+    first_pulses = arming_pulses(request, s.config, s.report, s.stored, s.fallen.names(s.fallen.bits))
     thermal_protection.check_arming(s, sorted(first_pulses))
     s.transition(Trigger.ARM, "arm", now)
     pose = tuple(first_pulses.get(i, pulse) for i, pulse in enumerate(s.position))

@@ -11,6 +11,7 @@ from importlib.metadata import version
 from typing import Any, Literal
 
 from lrmd.config import Config
+from lrmd.control.fallen_servos import FallenServos
 from lrmd.control.lease import Lease
 from lrmd.control.motion_check import MotionCheck
 from lrmd.control.ramp_orders import Departure, OrderScheduler, Pulses, angles, overlaid
@@ -55,7 +56,8 @@ class ControllerState:
 
     Attributes: `mode`, `why`, `since` (monotonic ns), `faults` by code, the lease as `leasehold`, `orders` for the
     ramp, its `report`, `thermal` monitor, `motion_check`, `payload` (kg), unpublished `events`, and the state file as
-    `stored`. `stops`: number of holds, emergency stops, disarmings and faults so far. Of the thermal protection:
+    `stored`. `fallen`: servos without pulses whose position is not known. `stops`: number of holds, emergency stops,
+    disarmings and faults so far. Of the thermal protection:
     `held_at`, `rest_tried_at` (monotonic ns) of the last hold and attempt to go to rest, `rest_goal` (pulses, ns) of
     the last motion to rest, and `rest_blocked` while its path is not free.
     """
@@ -84,6 +86,7 @@ class ControllerState:
         self.boots = (stored.boots if stored else 0) + 1
         self.thermal = ThermalMonitor(config, stored, now, wall)
         self.motion_check = MotionCheck(config, torques, guard, self.thermal)
+        self.fallen = FallenServos(config, self.motion_check, stored)
         self.orders = OrderScheduler(config, now)
         self.held_at: int | None = None
         self.rest_goal: Pulses | None = None
@@ -174,6 +177,7 @@ class ControllerState:
         return StoredState(
             saved_wall_ns=wall, boots=self.boots, arm=self.config.arm.name, identity=self._identity, mode=self.mode,
             still=still, pulse_ns=before | known, payload_kg=self.payload, temperature_c=heat,
+            fallen=self.fallen.names_if_all_ended(self.report, self.payload),
         )  # fmt: skip
 
     def transition(self, trigger: Trigger, why: str, now: int) -> None:
