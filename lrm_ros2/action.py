@@ -1,8 +1,8 @@
 """The action `FollowJointTrajectory`: goals through the door of trajectories, feedback as the ramp goes on.
 
-A goal is followed only while its client is there: clients are known by their liveliness tokens, and when one of those
-that were there at the beginning has gone, the arm holds. What is measured is not known: `desired` has the commanded
-angles, `actual` and `error` are empty, and a goal with tolerances is refused.
+A goal is followed only while its client is there: clients are known by their liveliness tokens. When one of those that
+were there at the beginning has gone, or is silent (`ClientWatch`), the arm holds. What is measured is not known:
+`desired` has the commanded angles, `actual` and `error` are empty, and a goal with tolerances is refused.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ from enum import IntEnum
 from typing import Any
 
 from lrm_ros2.bridge import TrajectoryDoor, TrajectoryOrder
+from lrm_ros2.client_watch import ClientWatch, session_of
 from lrm_ros2.ros_endpoints import ServiceAnswer
 from lrm_ros2.ros_node import RosNode
 from lrmd.client import JointsState
@@ -57,8 +58,8 @@ class CancelCode(IntEnum):
 class JointGoal(TrajectoryOrder):
     """One goal.
 
-    `clients`: tokens of those that were there when it came. `waiting`: answers to who asked for its result. `unwanted`:
-    why it is to be stopped; empty while it is not.
+    `clients`: tokens of those that were there when it came. `waiting`: answers to who asked for its result.
+    `over`: set when it has ended.
     """
 
     action: FollowAction
@@ -67,10 +68,15 @@ class JointGoal(TrajectoryOrder):
     clients: frozenset[str]
     stamp: float = field(default_factory=time.time)
     state: GoalState = GoalState.UNKNOWN
-    unwanted: str = ""
     cancelled: bool = False
     result: tuple[int, str] = (0, "")
     waiting: list[ServiceAnswer] = field(default_factory=list)
+    over: threading.Event = field(default_factory=threading.Event)
+
+    @property
+    def sessions(self) -> frozenset[str]:
+        """Sessions of zenoh that its clients are in."""
+        return frozenset(map(session_of, self.clients))
 
     def refused(self, why: str) -> None:
         """See `TrajectoryOrder`."""
@@ -82,6 +88,10 @@ class JointGoal(TrajectoryOrder):
 
     def accepted(self) -> bool:
         """See `TrajectoryOrder`."""
+        if not self.unwanted and not self.action.watch.answers(self.sessions):
+            self.unwanted = (
+                "a client's session answers no question (is its admin space off?): its loss would not be seen"
+            )
         if self.unwanted:
             return False
         self.action.begin(self)
@@ -97,7 +107,7 @@ class FollowAction:
     """Serves the action, on the thread of the arrivals; `door` follows the goals on its own."""
 
     def __init__(self, door: TrajectoryDoor, node: RosNode) -> None:
-        self.door, self.node = door, node
+        self.door, self.node, self.watch = door, node, ClientWatch(node.ask_session)
         self._lock = threading.RLock()
         self._clients: set[str] = set()
         self._active: JointGoal | None = None
@@ -170,6 +180,12 @@ class FollowAction:
                 if goal is self._active:
                     self._stop(goal, goal.unwanted)
 
+    def _silent(self, goal: JointGoal) -> None:
+        """A client of a goal is frozen, or out of reach."""
+        with self._lock:
+            if goal is self._active:
+                self._stop(goal, "its client is silent: the arm holds")
+
     def on_state(self, state: JointsState) -> None:
         """Feedback from the commanded angles; a motion that nobody wants any more is held again."""
         with self._lock:
@@ -196,12 +212,16 @@ class FollowAction:
             while len(self._goals) > KEPT:
                 self._goals.popitem(last=False)
             goal.state = GoalState.EXECUTING
+            threading.Thread(
+                target=self.watch.run, args=(goal.sessions, goal.over, lambda _: self._silent(goal)), daemon=True
+            ).start()
             self._tell()
 
     def end(self, goal: JointGoal, why: str) -> None:
         """A goal has ended, well if `why` is empty."""
         with self._lock:
             self._active = None
+            goal.over.set()
             code = TrajectoryErrorCode.PATH_TOLERANCE_VIOLATED if why else TrajectoryErrorCode.SUCCESSFUL
             goal.result = int(code), f"{goal.unwanted}; {why}" if why and goal.unwanted else why
             goal.state = GoalState.SUCCEEDED if not why else GoalState.ABORTED

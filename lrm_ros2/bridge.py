@@ -29,10 +29,11 @@ PERIOD_S = 1.0
 @dataclass(eq=False)
 class TrajectoryOrder:
     """A `JointTrajectory`, and who is told what becomes of it, on threads that may wait: of one that came on a topic,
-    nobody but the diagnostics. `number`: of its arrival."""
+    nobody but the diagnostics. `number`: of its arrival; `unwanted`: why it is to be stopped, empty while it is not."""
 
     message: Any
     number: int
+    unwanted: str = field(default="", kw_only=True)
 
     def refused(self, why: str) -> None:
         """Tells that it is not followed."""
@@ -58,7 +59,7 @@ class TrajectoryDoor:
     said: DiagnosticRow = field(default=DiagnosticRow("lrm bridge: trajectory", Severity.OK, "none yet"))
     _waiting: queue.Queue[TrajectoryOrder] = field(default_factory=queue.Queue)
     _busy: threading.Lock = field(default_factory=threading.Lock)
-    _holds: set[threading.Thread] = field(default_factory=set)
+    _holds: list[threading.Thread] = field(default_factory=list)
 
     def take(self, message: Any, number: int) -> None:
         """Takes a message of the topic in, on any thread."""
@@ -79,8 +80,8 @@ class TrajectoryDoor:
     def hold(self) -> None:
         """Holds, on a thread of its own: that of the arrivals must not wait."""
         thread = threading.Thread(target=self._hold, daemon=True)
-        self._holds.add(thread)
         thread.start()
+        self._holds = [*(one for one in self._holds if one.is_alive()), thread]
 
     def follow_next(self, patience: float) -> None:
         """Follows the next trajectory to its end, if one comes within a time (s)."""
@@ -94,7 +95,7 @@ class TrajectoryDoor:
             self._busy.release()
 
     def _follow(self, order: TrajectoryOrder) -> None:
-        for earlier in tuple(self._holds):
+        for earlier in self._holds:
             earlier.join()
         try:
             stops = self.rover.mode().stops
@@ -108,7 +109,7 @@ class TrajectoryDoor:
             self._refuse(order, "the arm was stopped after it was sent")
             return
         if not order.accepted():
-            self._refuse(order, "its client is gone, or has cancelled it")
+            self._refuse(order, order.unwanted or "it is not wanted any more")
             return
         self._report(Severity.OK, f"following {len(path.waypoints)} points")
         try:
@@ -133,8 +134,6 @@ class TrajectoryDoor:
             self.rover.hold()
         except LrmError as error:
             self._report(Severity.ERROR, f"not held: {error}")
-        finally:
-            self._holds.discard(threading.current_thread())
 
     def _report(self, level: Severity, text: str) -> None:
         self.said = DiagnosticRow(self.said.name, level, text)

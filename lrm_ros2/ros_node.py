@@ -11,10 +11,12 @@ from functools import partial
 from typing import Any, Self
 
 import numpy as np
+from zenoh.handlers import Callback
 
 from lrm_math.errors import LrmError
 from lrm_ros2.action_types import ACTION, BODY_POINT, FEEDBACK, POINT, STATUS
 from lrm_ros2.arrivals import Arrivals
+from lrm_ros2.client_watch import SILENT_S
 from lrm_ros2.diagnostics import DiagnosticRow
 from lrm_ros2.message_types import (
     DIAGNOSTIC_ARRAY,
@@ -117,6 +119,11 @@ class RosNode:
         key = f"@ros2_lv/{self._network.domain}/**"
         opened = self._session.liveliness.declare_subscriber(key, heard, history=True)
         self._stack.callback(opened.undeclare)
+
+    def ask_session(self, other: str, answered: Callable[[], None]) -> None:
+        """Asks another session of zenoh whether it runs; `answered` is called if it does, on a thread of zenoh."""
+        heard: Callback[Any] = Callback(lambda reply: answered() if reply.ok is not None else None, indirect=False)
+        self._session.session.get(f"@/{other}/*", heard, timeout=SILENT_S)
 
     def publish_feedback(self, goal: bytes, names: Sequence[str], q: Sequence[float], t: float) -> None:
         """Publishes commanded angles (rad) of a goal; what is measured is not known: empty."""

@@ -22,8 +22,8 @@ LAYERS = {
     "arm kinematics collision effects model ik",
     "lrm_ident": "data fitting residual diagnosis study design report fleet measuring workbench cli",
     "lrmd": "errors heap log config persistence link messages ramp safety control sim ik api client cli main demo",
-    "lrm_ros2": "diagnostics action_types message_types trajectory arrivals ros_endpoints ros_node bridge action "
-    "command",
+    "lrm_ros2": "diagnostics action_types message_types trajectory client_watch arrivals ros_endpoints ros_node "
+    "bridge action command",
 }
 """Folders and modules of each package; each imports only from those before it, so there is no cycle between them."""
 

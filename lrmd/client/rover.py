@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Literal
 
 from lrm_math.errors import LrmError
-from lrmd.client.session import RoverSession, S
-from lrmd.messages.codec import field_named, pack, unpack
+from lrmd.client.session import NoReply, RequestRefused, RoverSession, S
+from lrmd.messages.codec import Message, field_named, pack, unpack
 from lrmd.messages.control import (
     ArmRequest,
     DeployRequest,
@@ -44,6 +44,8 @@ from lrmd.messages.kinematics import (
 from lrmd.messages.zenoh_session import key
 
 RELOAD_S = 10.0
+STOP_S, ONCE_S, AGAIN_S = 3.0, 0.5, 0.02
+"""s: how long a stop is repeated, how long its answer is waited for, and from that to the next one."""
 
 
 class MotionInterrupted(LrmError):
@@ -112,11 +114,14 @@ class Rover(RoverSession):
         """Turns servos at rates (rad/s) until the command timeout (0.5 s): call it again to continue. Does not wait."""
         with field_named():
             request = JogRequest(lease=self._token(), stops=self._stops, rate_rad_per_s=dict(rates))
-        self._session.put(key(self.robot, "cmd/jog"), pack(request), express=True)
+        self._put("cmd/jog", request)
 
     def hold(self) -> None:
-        """Stops the motion with pulses on; returns when the ramp has read it. Needs no lease."""
-        self._stops = self._query(Reply, "rpc/hold", HoldRequest()).stops
+        """Stops the motion with pulses on; returns when the ramp has read it. Needs no lease.
+
+        Repeated until it is confirmed, for `STOP_S`. Raises `NoReply` then, `RequestRefused` where the mode has no hold.
+        """
+        self._stops = self._insist("rpc/hold", HoldRequest()).stops
 
     def relax(self, servos: Sequence[str] | None = None) -> None:
         """Stops the pulses of some servos, or of all: their load falls."""
@@ -147,10 +152,30 @@ class Rover(RoverSession):
         return self._query(ReloadReply, "rpc/undeploy", UndeployRequest(), self._timeout + RELOAD_S)
 
     def estop(self, why: str = "") -> None:
-        """Stops all pulses at the next tick. Needs no lease."""
+        """Stops all pulses at the next tick. Needs no lease.
+
+        Repeated until it is confirmed, for `STOP_S`: the router may be restarting. Raises `NoReply` then.
+        """
         command = EstopCommand(why="".join(c for c in why if c.isprintable())[:64])
-        self._session.put(key(self.robot, "cmd/estop"), pack(command), express=True)
-        self._query(Reply, "rpc/estop", command)
+        self._insist("rpc/estop", command, lambda: self._put("cmd/estop", command))
+
+    def _insist(self, tail: str, stop: Message, before: Callable[[], object] = lambda: None) -> Reply:
+        """The reply to a stop, asked for again until one comes; `before` is done before each time."""
+        end = time.monotonic() + STOP_S
+        while True:
+            before()
+            try:
+                return self._query(Reply, tail, stop, min(self._timeout, ONCE_S))
+            except NoReply:
+                if time.monotonic() > end:
+                    raise
+            except RequestRefused as refused:
+                if not refused.retryable or time.monotonic() > end:
+                    raise
+            time.sleep(AGAIN_S)
+
+    def _put(self, tail: str, command: Message) -> None:
+        self._session.put(key(self.robot, tail), pack(command), express=True)
 
     # ---- kinematics
 

@@ -87,9 +87,13 @@ class RosPeer:
 
     def client_of(self, service: str) -> zenoh.LivelinessToken:
         """Declares a client of a service, as rmw_zenoh does."""
+        return self.session.liveliness().declare_token(self.token_of(service))
+
+    def token_of(self, service: str) -> str:
+        """The token of a client of a service."""
         place = f"@ros2_lv/0/{self.session.info.zid()}/1/2/SC/%/%/tester/%lrm%{service.replace('/', '%')}"
         of = f"{dds(SEND_GOAL)}/{type_hash(SEND_GOAL, 'jazzy')}"
-        return self.session.liveliness().declare_token(f"{place}/{of}/::,:,:")
+        return f"{place}/{of}/::,:,:"
 
 
 def plainly(name: str) -> tuple[str, str]:
@@ -127,6 +131,7 @@ def ros_router(port: int) -> Iterator[RosPeer]:
     config.insert_json5("mode", '"router"')
     config.insert_json5("listen/endpoints", json.dumps([f"tcp/127.0.0.1:{port}"]))
     config.insert_json5("scouting/multicast/enabled", "false")
+    config.insert_json5("adminspace/enabled", "true")  # as rmw_zenoh's sessions have it
     with zenoh.open(config) as session:
         yield RosPeer(session)
 

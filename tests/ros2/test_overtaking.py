@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import signal
 import subprocess
+import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -35,6 +36,7 @@ class Bridged:
     rover: Rover
     peer: RosPeer
     process: subprocess.Popen[bytes]
+    port: int
     goals: int = 10
 
     def send(self, way: str) -> None:
@@ -88,7 +90,7 @@ def bridge(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Bridged]:
         token = peer.client_of(f"{ACTION}/send_goal")
         stack.callback(token.undeclare)
         time.sleep(0.3)
-        yield Bridged(rover, peer, process)
+        yield Bridged(rover, peer, process, port)
 
 
 WAYS = [("topic", "empty"), ("topic", "hold"), ("action", "hold"), ("action", "cancel all")]
@@ -151,3 +153,36 @@ def _moves(ask: Callable[[], object], bridge: Bridged) -> bool:
     ask()
     wait_for(lambda: bridge.rover.mode().mode in ("moving", "armed"), "it moves")
     return True
+
+
+@pytest.fixture
+def client(bridge: Bridged) -> Iterator[subprocess.Popen[bytes]]:
+    """Another client of the action, a process of its own."""
+    token = str(bridge.peer.token_of(f"{ACTION}/send_goal")).replace(str(bridge.peer.session.info.zid()), "ZID")
+    command = [sys.executable, "-m", "tests.ros2.frozen_client", f"tcp/127.0.0.1:{bridge.port}", token]
+    with subprocess.Popen(command, stdout=subprocess.PIPE) as process:
+        assert process.stdout is not None
+        process.stdout.readline()
+        time.sleep(0.3)
+        yield process
+        process.kill()
+
+
+CLIENT_S = 1.0
+"""The stated bound for a client that is lost."""
+
+
+@pytest.mark.parametrize("how", [signal.SIGSTOP, signal.SIGKILL])
+def test_a_goal_ends_soon_after_its_client_is_frozen_or_killed(
+    bridge: Bridged, client: subprocess.Popen[bytes], how: signal.Signals
+) -> None:
+    bridge.ready()
+    bridge.send("action")
+    wait_for(lambda: bridge.rover.joints().moving, "it moves")
+    time.sleep(0.3)
+    client.send_signal(how)
+    time.sleep(CLIENT_S)
+    at_the_bound = bridge.counts()
+    bridge.stands()
+    assert bridge.counts() == at_the_bound
+    client.send_signal(signal.SIGCONT)
