@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Literal
 
 from lrm_math.errors import LrmError
-from lrmd.client.session import NoReply, RequestRefused, RoverSession, S
+from lrmd.client.session import NoReply, RoverSession, S
 from lrmd.messages.codec import Message, field_named, pack, unpack
 from lrmd.messages.control import (
     ArmRequest,
@@ -44,7 +44,7 @@ from lrmd.messages.kinematics import (
 from lrmd.messages.zenoh_session import key
 
 RELOAD_S = 10.0
-STOP_S, ONCE_S, AGAIN_S = 3.0, 0.5, 0.02
+STOP_S, ONCE_S, AGAIN_S = 5.0, 0.5, 0.02
 """s: how long a stop is repeated, how long its answer is waited for, and from that to the next one."""
 
 
@@ -119,7 +119,7 @@ class Rover(RoverSession):
     def hold(self) -> None:
         """Stops the motion with pulses on; returns when the ramp has read it. Needs no lease.
 
-        Repeated until it is confirmed, for `STOP_S`. Raises `NoReply` then, `RequestRefused` where the mode has no hold.
+        Repeated until it is answered, for `STOP_S`. Raises `NoReply` then, `RequestRefused` in a mode without hold.
         """
         self._stops = self._insist("rpc/hold", HoldRequest()).stops
 
@@ -154,7 +154,7 @@ class Rover(RoverSession):
     def estop(self, why: str = "") -> None:
         """Stops all pulses at the next tick. Needs no lease.
 
-        Repeated until it is confirmed, for `STOP_S`: the router may be restarting. Raises `NoReply` then.
+        Repeated until it is answered, for `STOP_S`: the router may be restarting. Raises `NoReply` then.
         """
         command = EstopCommand(why="".join(c for c in why if c.isprintable())[:64])
         self._insist("rpc/estop", command, lambda: self._put("cmd/estop", command))
@@ -168,9 +168,6 @@ class Rover(RoverSession):
                 return self._query(Reply, tail, stop, min(self._timeout, ONCE_S))
             except NoReply:
                 if time.monotonic() > end:
-                    raise
-            except RequestRefused as refused:
-                if not refused.retryable or time.monotonic() > end:
                     raise
             time.sleep(AGAIN_S)
 
