@@ -34,7 +34,7 @@ class LinkTable(StrictSchema):
     pwm_hz: Annotated[float, Field(gt=0)] = 50.0
     oscillator_hz: Annotated[float, Field(ge=20e6, le=30e6)] = 25e6
     silence_ms: Annotated[int, Field(ge=50, le=10_000)] = 1000
-    reply_ms: Milliseconds = 100.0
+    reply_ms: Milliseconds = 490.0
 
 
 class RampTable(StrictSchema):

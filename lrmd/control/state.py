@@ -142,7 +142,7 @@ class ControllerState:
     def port_trouble(self) -> str:
         """Reason why the port cannot be opened; empty if it is open."""
         number = self.report.port_error
-        why = "another program has it open" if number == errno.EAGAIN else os.strerror(number).lower()
+        why = "another program has it open" if number in (errno.EAGAIN, errno.EBUSY) else os.strerror(number).lower()
         return f"{self.config.link.port}: {why}" if number else ""
 
     @property
