@@ -16,6 +16,7 @@ from lrm_ident.fitting.levenberg_marquardt import Fit, fit
 from lrm_ident.fitting.loss import SQUARED, Loss
 from lrm_ident.fitting.model_fit import DEFAULT_EFFECTS
 from lrm_ident.fitting.parameter_sets import Bounds, bounds_of
+from lrm_ident.residual.deployment.session_moments import with_chosen_moments
 from lrm_math.effects import Effect, Parameter, name_of_key, split_key
 from lrm_math.errors import LrmError, NoEquilibrium
 from lrm_math.model.equilibrium import solve_equilibrium
@@ -55,7 +56,7 @@ def add_effects(
     for key, parameter, _ in _searched(effects, data):
         if parameter.unit == MOMENT:
             best = _fit_moment(best, data, key, loss)
-    return free_base_parameters(best, data, loss)
+    return with_chosen_moments(free_base_parameters(best, data, loss), data)
 
 
 def _with_shapes(model: Model, data: Measurements, effects: Sequence[Effect], new: Sequence[str], loss: Loss) -> Fit:
@@ -122,7 +123,8 @@ def _with_effect(model: Model, effect: Effect, shape: Sequence[float] | None) ->
         return model
     if shape is not None:
         known |= dict(zip(effect.keys, shape, strict=True))
-    return replace(model_of(model.arm, (*model.effects, effect), known), free=model.free, within=model.within)
+    extended = model_of(model.arm, (*model.effects, effect), known)
+    return replace(extended, free=model.free, within=model.within, state=model.state)
 
 
 def _fit_shapes(best: Fit, data: Measurements, tried: Mapping[str, Sequence[float]], loss: Loss) -> Fit:

@@ -21,6 +21,7 @@ from lrm_ident.fitting.levenberg_marquardt import Fit
 from lrm_ident.fitting.loss import SQUARED, Loss
 from lrm_ident.fitting.priors import EffectRates
 from lrm_ident.fitting.progress import OnProgress, silent
+from lrm_ident.residual.deployment.deployed_error import DeployedError
 from lrm_ident.residual.thresholds import MAX_EFFECTS
 from lrm_math.arrays import Array
 from lrm_math.effects import CATALOGUE, Effect, name_of_key, variants
@@ -34,7 +35,7 @@ class AutoStep:
 
     Attributes:
         added: `effect@place`, "" at the start. refines: the effects, `effect@place`, of which it is another form.
-        fit: with it. held_out: (N, 3), held-out residual with it (m).
+        fit: with it. held_out: (N, 3), held-out residual with it (m). deployed: held-out error of it as deployed.
         data: the measurements that were fitted, outliers left out.
         equivalent: the other effects of its equivalence class, which these data cannot distinguish from it.
         rivals: held-out RMS (m) that the next best effects outside its class would have left alone.
@@ -46,6 +47,7 @@ class AutoStep:
     added: str
     fit: Fit
     held_out: Array
+    deployed: DeployedError
     data: Measurements
     equivalent: tuple[str, ...] = ()
     refines: tuple[str, ...] = ()
@@ -133,7 +135,7 @@ def run_auto(
     kinds = tuple(catalogue)
     now = confirm(diagnose(model, data, kinds, progress, loss, rates))
     refused: tuple[str, ...] = ()
-    steps = [AutoStep("", now.diagnosis.fit, now.held_out, now.diagnosis.data)]
+    steps = [AutoStep("", now.diagnosis.fit, now.held_out, now.deployed, now.diagnosis.data)]
     on_step(steps[0])
     while now.first is not None and now.refit is not None and len(steps) <= max_effects:
         on_confirmed(now.refit)
@@ -170,4 +172,5 @@ def _taken(step: AutoStep, after: ConfirmedDiagnosis) -> AutoStep:
     """The step with the results of the diagnosis after it."""
     fit, before = after.diagnosis.fit, step.fit.model.free
     freed = tuple(key for key in fit.model.free if key not in before and name_of_key(key) != step.added)
-    return replace(step, fit=fit, held_out=after.held_out, data=after.diagnosis.data, freed=freed)
+    taken = replace(step, fit=fit, held_out=after.held_out, deployed=after.deployed)
+    return replace(taken, data=after.diagnosis.data, freed=freed)

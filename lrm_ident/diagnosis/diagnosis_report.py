@@ -16,6 +16,7 @@ from lrm_ident.diagnosis.diagnose import Diagnosis, Verdict
 from lrm_ident.diagnosis.screening.score_test import ScoredCandidate
 from lrm_ident.fitting.levenberg_marquardt import Fit
 from lrm_ident.residual.data_audit import audit
+from lrm_ident.residual.deployment.deployed_error import DeployedError
 from lrm_ident.residual.error_breakdown import ModelComparison
 from lrm_ident.residual.parameter_hints import parameter_hints
 from lrm_ident.residual.predictability import PredictableError
@@ -96,7 +97,7 @@ class DiagnosisReport(ShownInNotebook):
     """A diagnosis with its ranking, the limitations of the data, and a hint on what to measure next.
 
     Attributes:
-        fit, held_out: error of the model as it is, in the fit and cross-validated.
+        fit, held_out: error of the model as it is, in the fit and cross-validated. deployed: as it is deployed.
         share: of the held-out mean square above the noise that the first candidate takes away.
         left: patterns of the residual without a name. hints: patterns of the estimates, which are no effects.
     """
@@ -105,6 +106,7 @@ class DiagnosisReport(ShownInNotebook):
     verdict: Verdict
     fit: ErrorStats
     held_out: ErrorStats
+    deployed: DeployedError
     ranking: tuple[RankedCandidate, ...]
     share: float
     limitations: tuple[str, ...]
@@ -172,6 +174,7 @@ def report_of(confirmed: ConfirmedDiagnosis, predictable: PredictableError | Non
         verdict=verdict,
         fit=error_stats(diagnosis.fit.residual),
         held_out=before,
+        deployed=confirmed.deployed,
         ranking=tuple(_rank(one, confirmed, before) for one in _order(diagnosis, supported)),
         share=confirmed.share,
         limitations=audit(diagnosis.data, diagnosis.fit.equilibrium.joint_torque),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from concurrent.futures import Executor
+from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
@@ -16,11 +17,14 @@ from lrm_ident.fitting.executors import in_order
 from lrm_ident.fitting.loss import SQUARED, Loss
 from lrm_ident.fitting.priors import EffectRates
 from lrm_ident.fitting.progress import OnProgress, silent
+from lrm_ident.residual.deployment.deployed_error import DeployedError
+from lrm_ident.residual.deployment.session_moments import rows_as_deployed
 from lrm_ident.residual.error_breakdown import NestedResidual
 from lrm_ident.residual.thresholds import MAX_EFFECTS
 from lrm_math.arrays import Array
 from lrm_math.effects import CATALOGUE
 from lrm_math.errors import LrmError
+from lrm_math.model.deployed_model import as_deployed
 from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import Model
 
@@ -45,14 +49,25 @@ def nested_held_out(
     fold = joint_space_folds(data.poses.q, data.repeat_of)
     parts = [fold == number for number in range(int(fold.max()) + 1)]
     predict = partial(_predict, model, data, max_effects, catalogue, loss, rates)
-    residual, chosen = np.empty_like(data.tcp), []
+    residual, deployed, chosen, last = np.empty_like(data.tcp), np.empty_like(data.tcp), [], np.arange(len(data))
     try:
-        for out, (left, names) in zip(parts, in_order(executor, predict, parts, progress), strict=True):
-            residual[out] = left
-            chosen.append(names)
+        for out, found in zip(parts, in_order(executor, predict, parts, progress), strict=True):
+            residual[out], deployed[out] = found.residual, found.deployed
+            chosen.append(found.chosen)
+            last = np.intersect1d(last, rows_as_deployed(found.model, data.poses))
     except LrmError as error:
         return NestedResidual(None, str(error))
-    return NestedResidual(residual, chosen=tuple(chosen))
+    return NestedResidual(residual, deployed=DeployedError.of_residual(deployed, last), chosen=tuple(chosen))
+
+
+@dataclass(frozen=True, eq=False)
+class _Fold:
+    """A fold's model, and its residuals (n, 3) at the poses that neither selection nor fit saw (m)."""
+
+    model: Model
+    residual: Array
+    deployed: Array
+    chosen: tuple[str, ...]
 
 
 def _predict(
@@ -63,8 +78,8 @@ def _predict(
     loss: Loss,
     rates: EffectRates | None,
     out: NDArray[np.bool_],
-) -> tuple[Array, tuple[str, ...]]:
-    """(n, 3), residual at the poses `out` (m), which neither selection nor fit saw; and the effects chosen."""
-    run = run_auto(model, data.take(~out), max_effects, catalogue, loss=loss, rates=rates)
-    left = data.take(out).position_error(solve_equilibrium(run.model, data.poses.take(out)))
-    return left, tuple(step.added for step in run.steps[1:])
+) -> _Fold:
+    """The fold of an `auto` that does not see the poses `out`."""
+    run, unseen = run_auto(model, data.take(~out), max_effects, catalogue, loss=loss, rates=rates), data.take(out)
+    left = [unseen.position_error(solve_equilibrium(m, unseen.poses)) for m in (run.model, as_deployed(run.model))]
+    return _Fold(run.model, left[0], left[1], tuple(step.added for step in run.steps[1:]))

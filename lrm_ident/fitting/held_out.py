@@ -21,6 +21,7 @@ class HeldOutBlock:
         weighted: (n, R), whitened test residual of all that was measured, times the whitening's unit (m); None where
             no correlations are stated.
         test_turn: (n, 3), test residual of the orientation as rotation vectors (rad), NaN where not measured.
+        deployed_residual: (n, 3), of the TCP (m) where the fit is used `as_deployed`; None: as `test_residual`.
     """
 
     train: NDArray[np.int64]
@@ -29,6 +30,12 @@ class HeldOutBlock:
     test_residual: Array
     weighted: Array | None = None
     test_turn: Array | None = None
+    deployed_residual: Array | None = None
+
+    @property
+    def deployed(self) -> Array:
+        """(n, 3), test residual of the fit as it is deployed (m)."""
+        return self.test_residual if self.deployed_residual is None else self.deployed_residual
 
 
 def held_out_turns(blocks: Sequence[HeldOutBlock]) -> Array | None:
@@ -39,6 +46,12 @@ def held_out_turns(blocks: Sequence[HeldOutBlock]) -> Array | None:
 def held_out_residual(blocks: Sequence[HeldOutBlock]) -> Array:
     """(N, 3), held-out residual of every pose (m)."""
     rows = _in_order(blocks, [block.test_residual for block in blocks])
+    return np.empty((0, 3)) if rows is None else rows
+
+
+def deployed_residual(blocks: Sequence[HeldOutBlock]) -> Array:
+    """(N, 3), held-out residual of every pose where each fold's fit is used as it is deployed (m)."""
+    rows = _in_order(blocks, [block.deployed for block in blocks])
     return np.empty((0, 3)) if rows is None else rows
 
 

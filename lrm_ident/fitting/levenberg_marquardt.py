@@ -29,6 +29,7 @@ from lrm_math.errors import LrmError
 from lrm_math.model.deployed_model import field_of
 from lrm_math.model.equilibrium import Equilibrium, measured_range, solve_equilibrium
 from lrm_math.model.model import Model
+from lrm_math.model.state_after_session import state_after_session
 
 MAX_STEPS = 60
 MAX_STEPS_WITH_PRIOR = 300  # steps are short along directions that only a prior determines
@@ -168,6 +169,7 @@ def _fit_of(optimum: Optimum, damped: bool) -> Fit:
         if shapes := nuisance_shapes(model):
             inverse = _marginal_inverse(optimum, shapes, noise)
         covariance[np.ix_(free, free)] = noise.sigma**2 * inverse
+    model = model.with_state(state_after_session(replace(iterate.equilibrium, model=model)))
     return Fit(
         model=model,
         equilibrium=replace(iterate.equilibrium, model=model),

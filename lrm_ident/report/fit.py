@@ -16,6 +16,7 @@ from lrm_ident.fitting.levenberg_marquardt import Fit
 from lrm_ident.report.document import Block, Document, ResultTable, heading, section
 from lrm_ident.report.effects import field_blocks, field_values
 from lrm_ident.report.plain_names import in_words
+from lrm_ident.residual.deployment.deployed_error import DeployedError
 from lrm_ident.residual.error_breakdown import Factor, ModelComparison, PoseGroup
 from lrm_ident.study.model_history import fit_words
 from lrm_ident.study.model_on_data import ErrorSummary
@@ -39,6 +40,7 @@ def error_blocks(errors: ErrorSummary, title: str) -> list[Block]:
     stats = [("nominal arm", errors.nominal), ("model", errors.fitted)]
     if errors.held_out.error is not None:
         stats.append(("held out (10 joint-space blocks)", errors.held_out.error))
+    stats += deployed_rows(errors.held_out.deployed)
     if errors.nameless is not None:
         stats.append(("held out, with a nameless model on top", errors.nameless.error))
     spec = f".{decimals(*(error.rms * 1e3 for _, error in stats))}f"
@@ -50,7 +52,19 @@ def error_blocks(errors: ErrorSummary, title: str) -> list[Block]:
         columns.append(f"orientation RMS, deg|.{decimals(*known)}f")
         rows = [(*row, turn) for row, turn in zip(rows, turns, strict=True)]
     table = ResultTable(columns, rows, title)
-    return [table] if errors.held_out.error else [table, f"held out: none, because {errors.held_out.reason}"]
+    deployed = errors.held_out.deployed
+    state = [] if deployed is None or deployed.state is None else [in_words(deployed.state.sentence)]
+    none = [] if errors.held_out.error else [f"held out: none, because {errors.held_out.reason}"]
+    return [table, *none, *(words for words in state if words)]
+
+
+def deployed_rows(deployed: DeployedError | None) -> list[tuple[str, ErrorStats]]:
+    """Rows of a table of errors for a model as it is deployed."""
+    if deployed is None:
+        return []
+    if deployed.otherwise is None:
+        return [("as deployed, held out", deployed.now)]
+    return [("as deployed, held out", deployed.now), ("as deployed, earlier in the session", deployed.otherwise)]
 
 
 def fit_document(

@@ -22,9 +22,11 @@ from lrm_ident.fitting.parameter_sets import Bounds
 from lrm_ident.fitting.priors import Prior
 from lrm_ident.fitting.progress import OnProgress, silent
 from lrm_ident.residual.covariates import levels
+from lrm_ident.residual.deployment.deployed_error import DeployedError
 from lrm_ident.residual.predictability import PredictableError, predictable_error
 from lrm_math.arrays import Array
 from lrm_math.errors import LrmError
+from lrm_math.kinematics.poses import Poses
 from lrm_math.model.derivatives import joint_jacobian
 from lrm_math.model.equilibrium import Equilibrium, solve_equilibrium
 from lrm_math.model.model import Model
@@ -67,11 +69,22 @@ class Factor:
 
 @dataclass(frozen=True, eq=False)
 class HeldOutResidual:
-    """Held-out residual (N, 3) in m with the blocks of its cross-validation, or the reason why there is none."""
+    """Held-out residual (N, 3) in m with the blocks of its cross-validation, or the reason why there is none.
+
+    `deployed`: held-out error of the model as it is deployed.
+    """
 
     residual: Array | None
     reason: str = ""
     blocks: tuple[HeldOutBlock, ...] = ()
+    deployed: DeployedError | None = None
+
+    @classmethod
+    def of(cls, model: Model, poses: Poses, blocks: tuple[HeldOutBlock, ...]) -> HeldOutResidual:
+        """The held-out residual of a model that was cross-validated at these poses."""
+        return HeldOutResidual(
+            held_out_residual(blocks), blocks=blocks, deployed=DeployedError.of(model, poses, blocks)
+        )
 
     def __repr__(self) -> str:
         error = self.error
@@ -142,7 +155,7 @@ def compare(
 def compare_unseen(model: Model, data: Measurements, progress: OnProgress = silent) -> ModelComparison:
     """Compares a model with measurements that no fit of it saw: nothing is refitted. Raises `NoEquilibrium`."""
     as_it_is = try_held_out(replace(model, free=()), data, progress=progress)
-    return _compared(model, data, HeldOutResidual(None, UNSEEN, as_it_is.blocks))
+    return _compared(model, data, HeldOutResidual(None, UNSEEN, as_it_is.blocks, as_it_is.deployed))
 
 
 def _compared(model: Model, data: Measurements, held_out: HeldOutResidual) -> ModelComparison:
@@ -177,7 +190,7 @@ def try_held_out(
         blocks = held_out_blocks(model, data, bounds, loss, progress, prior=prior)
     except LrmError as error:
         return HeldOutResidual(None, str(error))
-    return HeldOutResidual(held_out_residual(blocks), blocks=blocks)
+    return HeldOutResidual.of(model, data.poses, blocks)
 
 
 def _factors(equilibrium: Equilibrium, data: Measurements, residual: Array) -> Iterator[Factor]:

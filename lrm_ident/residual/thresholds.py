@@ -10,6 +10,9 @@ SIGNIFICANCE = 0.01
 a convention, chosen before the hidden effects were tried (decision 6)."""
 Z_THRESHOLD = 2.0
 """Standard errors of a paired difference by which one prediction must beat another (Vuong 1989): likewise."""
+ONE_DEVIATION = 1.0
+"""Standard errors by which the deployed error must rise for an effect to be refused: the usual one-standard-error rule
+(Breiman et al. 1984)."""
 WITHIN_TWO_DEVIATIONS = 0.0455
 """p value of parameters that lie within two standard deviations of zero: no effect is named by such."""
 MIN_GAIN = 0.02

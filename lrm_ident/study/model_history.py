@@ -30,7 +30,9 @@ from lrm_math.model.model_file import (
     ModelFile,
     ProvenanceTable,
     as_tables,
+    deployed_table,
     parameter_tables,
+    parts_table,
     range_table,
     to_model,
 )
@@ -63,12 +65,15 @@ def model_file(
         step=step,
         fit_rms_mm=error_stats(fit.residual).rms * 1e3,
         held_out_rms_mm=None if held_out.error is None else held_out.error.rms * 1e3,
+        deployed_rms_mm=None if held_out.deployed is None else held_out.deployed.now.rms * 1e3,
         rivals_mm=None if rivals is None else {name: round(rms * 1e3, 4) for name, rms in rivals.items()},
         effects=effect_names(model.effects),
         parameters=parameter_tables(model),
         sigma=sigma_table(fit),
         covariance=covariance_table_of(fit),
         range=range_table(model),
+        deployed=deployed_table(model),
+        parts=parts_table(model),
         provenance=ProvenanceTable(
             data=data.path.name,
             data_sha256=data.sha256,
@@ -111,6 +116,8 @@ def _file_at(arm: str, history: Sequence[HistoryTable]) -> ModelFile:
         sigma=last.sigma,
         covariance=last.covariance,
         range=last.range,
+        deployed=last.deployed,
+        parts=last.parts,
         history=list(history),
         provenance=last.provenance,
     )
@@ -152,7 +159,14 @@ def add_step_name(effect: str, equivalent: Sequence[str]) -> str:
 def as_written(model: Model, arm: str) -> Model:
     """The model as it would be read from its own file: effects in its order, values rounded by the change of units."""
     effects, parameters = effect_names(model.effects), parameter_tables(model)
-    file = ModelFile(schema="lrm/model/1", arm=arm, effects=effects, parameters=parameters, range=range_table(model))
+    file = ModelFile(
+        schema="lrm/model/1",
+        arm=arm,
+        effects=effects,
+        parameters=parameters,
+        range=range_table(model),
+        deployed=deployed_table(model),
+    )
     read = to_model(Path(arm), file, model.arm, tuple({type(effect) for effect in model.effects}))
     return replace(read, fitted_to=model.fitted_to)
 

@@ -43,7 +43,8 @@ class ErrorSummary:
         """The table `error`."""
         reason = {} if self.held_out.error else {"held_out_reason": self.held_out.reason}
         nameless = {} if self.nameless is None else {"nameless": self.nameless}
-        return {"nominal": self.nominal, "fit": self.fitted, "held_out": self.held_out.error, **reason, **nameless}
+        errors = {"nominal": self.nominal, "fit": self.fitted, "held_out": self.held_out.error}
+        return {**errors, "as_deployed": self.held_out.deployed, **reason, **nameless}
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,7 +6,7 @@ import hashlib
 from pathlib import Path
 
 from lrm_ident.data.wording import enumerate_words
-from lrm_math.model.deployed_model import lasting_part
+from lrm_math.model.deployed_model import as_deployed
 from lrm_math.model.model import Model
 
 NAMED = 12  # effects in a message
@@ -21,16 +21,16 @@ def model_for_data(model: Model, data: Path | None, sha256: str) -> tuple[Model,
     Args:
         data: the file; None if only its SHA-256 is known. sha256: of the file.
     """
-    lasting = lasting_part(model)
-    if lasting is model or model.fitted_to in (None, sha256):
+    deployed = as_deployed(model)
+    if deployed is model or model.fitted_to in (None, sha256):
         return model, ()
     if data is not None and _grown_from(data, model.fitted_to):
         return model, ()
-    kept = {effect.name for effect in lasting.effects}
+    kept = {effect.name for effect in deployed.effects}
     gone = [effect.name for effect in model.effects if effect.name not in kept]
     here = "the file of these poses" if data is None else data.name
     words = f"{here} is not what the model was fitted to; left out, as of that session alone: "
-    return lasting, (words + enumerate_words(gone, NAMED),)
+    return deployed, (words + enumerate_words(gone, NAMED),)
 
 
 def _grown_from(data: Path, sha256: str | None) -> bool:

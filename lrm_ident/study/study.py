@@ -19,6 +19,7 @@ from lrm_ident.fitting.loss import SQUARED, Loss, loss_named
 from lrm_ident.fitting.model_fit import DEFAULT_EFFECTS, fit_bounds, fit_model, nominal_model
 from lrm_ident.fitting.priors import EffectRates, load_prior, prior_name_for
 from lrm_ident.fitting.progress import Progress, silent
+from lrm_ident.residual.deployment.session_moments import with_chosen_moments
 from lrm_ident.residual.error_breakdown import HeldOutResidual, ModelComparison, NestedResidual
 from lrm_ident.residual.thresholds import MAX_EFFECTS
 from lrm_ident.study.arguments import effect_named, measurements_of, names_of
@@ -90,7 +91,8 @@ class Study(ModelOnData, ShownInNotebook):
         result = fit_model(named_part(self.model), self.data, ",".join(names_of(parameters)), loss, unbounded, known)
         name = None if prior is None else prior_name_for(prior)
         bounds = fit_bounds(result.fit.model, unbounded)
-        step = StudyStep("fit", result.fit, result.held, bounds=bounds, stated_prior=known, prior_name=name)
+        deployable = with_chosen_moments(result.fit, result.data)
+        step = StudyStep("fit", deployable, result.held, bounds=bounds, stated_prior=known, prior_name=name)
         begun = replace(self, data=result.data, loss=loss, source=None)
         return replace(begun, notices=(*self.notices, *model_error_words(result.data)))._after(step, None)
 
@@ -176,7 +178,7 @@ class Study(ModelOnData, ShownInNotebook):
             """Follows the run with a study."""
             nonlocal now
             name = add_step_name(step.added, step.equivalent) if step.added else ""
-            held_out = HeldOutResidual(step.held_out)
+            held_out = HeldOutResidual(step.held_out, deployed=step.deployed)
             rivals = step.rivals if step.added else None
             one = StudyStep(name, step.fit, start=now.model, held_out=held_out, rivals=rivals)
             now = replace(own, data=step.data)._after(one, now)

@@ -15,8 +15,8 @@ from lrm_math.effects.base import (
     JointEffect,
     LinearEffect,
     LoadedJointEffect,
+    ModelPart,
     Parameter,
-    Part,
     separately,
 )
 from lrm_math.effects.targets import Kind, kind_of
@@ -173,8 +173,8 @@ __all__ = [
     "JointEffect",
     "LinearEffect",
     "LoadedJointEffect",
+    "ModelPart",
     "Parameter",
-    "Part",
     "compensable",
     "constant",
     "effect_names",

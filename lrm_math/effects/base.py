@@ -136,7 +136,7 @@ class Description:
     needs: str = ""
 
 
-class Part(Enum):
+class ModelPart(Enum):
     """Part of a calibrated arm that an effect belongs to, which decides where its estimate holds."""
 
     ARM = "arm"
@@ -148,10 +148,10 @@ class Part(Enum):
 
 
 PART_OF_PLACE = {
-    "base": Part.INSTALLATION,
-    "tool": Part.INSTALLATION,
-    "frame": Part.MEASUREMENT,
-    "distance": Part.MEASUREMENT,
+    "base": ModelPart.INSTALLATION,
+    "tool": ModelPart.INSTALLATION,
+    "frame": ModelPart.MEASUREMENT,
+    "distance": ModelPart.MEASUREMENT,
 }
 """Part of the effects at a place; at all other places that of the arm."""
 
@@ -244,9 +244,9 @@ class Effect(ABC):
         return f"{self.id}@{self.place}"
 
     @property
-    def part(self) -> Part:
+    def part(self) -> ModelPart:
         """The part of a calibrated arm that it belongs to: by its place, where a class does not say otherwise."""
-        return PART_OF_PLACE.get(self.place, Part.ARM)
+        return PART_OF_PLACE.get(self.place, ModelPart.ARM)
 
     @property
     def place_in_words(self) -> str:

@@ -13,6 +13,7 @@ from lrm_math.arrays import Array
 from lrm_math.errors import LrmError
 from lrm_math.ik.kernel.kernel_model import KernelModel, frames_as_numbers, packed, with_laws
 from lrm_math.ik.kernel.laws import kernel_field, kernel_laws, without_formula
+from lrm_math.ik.reach_ball import ReachBall, reach_ball
 from lrm_math.kinematics.chain import Number
 from lrm_math.kinematics.moving_slots import Indices
 from lrm_math.kinematics.pieper import PieperForm, pieper_form
@@ -21,7 +22,6 @@ from lrm_math.kinematics.screw_axes import screw_axes_of
 from lrm_math.model.equilibrium import batch_equilibrium
 from lrm_math.model.joint_errors import JointErrorModel
 from lrm_math.model.model import CACHED_PAYLOADS, Model
-from lrm_math.model.reach_ball import ReachBall, reach_ball
 
 LIBRARY_SIZE, COARSE = 2048, 1e-5
 """Poses of a library, before those that do not settle are left out; m: tolerance of their equilibria."""

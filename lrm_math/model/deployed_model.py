@@ -1,8 +1,8 @@
-"""Parts of a model: what a rover can compensate, and what names a cause."""
+"""Parts of a model: what a rover uses, and what names a cause."""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -10,6 +10,7 @@ import numpy as np
 from lrm_math.arm.servo_table import PwmClock
 from lrm_math.effects import Effect
 from lrm_math.effects.field.residual_field import ResidualField
+from lrm_math.effects.offsets import Offsets
 from lrm_math.effects.servo_errors import Quantisation
 from lrm_math.errors import LrmError
 from lrm_math.model.model import Model
@@ -22,8 +23,30 @@ def of_a_session(effect: Effect) -> bool:
     return not {"time", "session"}.isdisjoint(effect.depends_on)
 
 
+def as_deployed(model: Model) -> Model:
+    """The model that a rover uses: without what no rover can know, whose last state (`Model.state`) is in the offsets.
+
+    It follows neither how poses are numbered nor when they were measured; the model itself if nothing is left out.
+    """
+    lasting = _part(model, [effect for effect in model.effects if not of_a_session(effect)])
+    if lasting is model or model.state is None:
+        return lasting
+    return with_offsets(replace(lasting, state=None), model.state.offsets)
+
+
+def with_offsets(model: Model, added: Mapping[str, float]) -> Model:
+    """The model with amounts (rad, m) added to constant offsets, by their keys; places that have none get them."""
+    places = dict.fromkeys(key.split(".")[1] for key in added if key not in model.structure.positions)
+    missing = [Offsets(model.arm, place) for place in places]
+    if missing:
+        zeros = np.zeros(sum(len(effect.parameters) for effect in missing))
+        values = np.concatenate([model.values, zeros])
+        model = replace(model, effects=(*model.effects, *missing), values=values)
+    return model.with_values_of([*added], [model.value(key) + amount for key, amount in added.items()])
+
+
 def deployed_part(model: Model, left_out: Sequence[str] = ()) -> Model:
-    """The effects of a model that can be compensated: not rounding, not where an instrument stood, none `left_out`.
+    """The model `as_deployed`, without rounding, which inverse kinematics do apart, and without effects `left_out`.
 
     Raises `LrmError`: an effect that only explains a measurement session (drift, session, measurement_frame) is neither
     compensable nor named in `left_out`; or a name there that the model does not have.
@@ -32,14 +55,14 @@ def deployed_part(model: Model, left_out: Sequence[str] = ()) -> Model:
     for name in left_out:
         if name not in names:
             raise LrmError(f"left out: '{name}' is no effect of this model; it has {', '.join(sorted(names))}")
-    kept = [set(e.depends_on) <= COMPENSATED and e.id not in left_out for e in model.effects]
     for effect in model.effects:
         if of_a_session(effect) and effect.id not in left_out:
             raise LrmError(
                 f"effect {effect.name} explains a measurement session and cannot be compensated on the "
                 f"rover; name it as left out (left_out = ['{effect.id}']) to deploy the others"
             )
-    return _part(model, [effect for effect, keep in zip(model.effects, kept, strict=True) if keep])
+    deployed = as_deployed(model)
+    return _part(deployed, [e for e in deployed.effects if set(e.depends_on) <= COMPENSATED and e.id not in left_out])
 
 
 def named_part(model: Model) -> Model:
@@ -57,17 +80,9 @@ def _part(model: Model, effects: Collection[Effect]) -> Model:
         return model
     spans = [span for effect, span in zip(model.effects, model.spans, strict=True) if effect in effects]
     values = np.concatenate([np.empty(0), *(model.values[span] for span in spans)])
-    part = Model(model.arm, tuple(effects), values, within=model.within, fitted_to=model.fitted_to)
+    part = Model(model.arm, tuple(effects), values, within=model.within, fitted_to=model.fitted_to, state=model.state)
     keys = set(part.keys)
     return replace(part, free=tuple(key for key in model.free if key in keys))
-
-
-def lasting_part(model: Model) -> Model:
-    """The model without effects of one measurement session: what is left at poses of any other.
-
-    It follows neither how poses are numbered nor when they were measured; the model itself if it has no such effect.
-    """
-    return _part(model, [effect for effect in model.effects if not of_a_session(effect)])
 
 
 def clock_of(model: Model) -> PwmClock | None:

@@ -22,6 +22,7 @@ from lrm_math.kinematics.chain import Chain, Number, chain_of
 from lrm_math.kinematics.poses import poses_of
 from lrm_math.kinematics.statics import Weight
 from lrm_math.model.effect_binding import BoundEffect, EffectBinding, bind_effect, bind_effects
+from lrm_math.model.session_state import StateAfterSession
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,6 +83,7 @@ class Model:
         within: range of what the parameters were fitted on, beyond which held effects stay as at its edge; None: not
             known, and nothing is held.
         fitted_to: SHA-256 of the measurements that the parameters were fitted to; None: not known.
+        state: state that its effects of a session leave behind, for where they are left out; None: none, or not known.
     """
 
     arm: Arm
@@ -90,6 +92,7 @@ class Model:
     free: tuple[str, ...] = ()
     within: MeasuredRange | None = None
     fitted_to: str | None = None
+    state: StateAfterSession | None = None
 
     def __repr__(self) -> str:
         names = ", ".join(effect_names(self.effects)) or "no effects"
@@ -167,6 +170,10 @@ class Model:
     def with_free(self, free: Iterable[str]) -> Model:
         """The same model with other free parameters."""
         return self._alike(replace(self, free=tuple(free)))
+
+    def with_state(self, state: StateAfterSession | None) -> Model:
+        """The same model with another state of its session effects."""
+        return self._alike(replace(self, state=state))
 
     def _alike(self, other: Model) -> Model:
         """A model of the same effects, which shares this one's structure."""

@@ -13,16 +13,19 @@ from pydantic import Field
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_digest import WHAT_COUNTS, arm_sha256
 from lrm_math.arm.arm_file import load_arm, shipped_arms
-from lrm_math.effects import CATALOGUE, Effect, effects_at
+from lrm_math.effects import CATALOGUE, Effect, ModelPart, Parameter, effects_at
 from lrm_math.effects.measured_range import MeasuredRange
+from lrm_math.effects.offsets import Offsets
 from lrm_math.errors import FileError, LrmError, UnknownName
 from lrm_math.model.covariance import Covariance, CovarianceTable, to_covariance
 from lrm_math.model.model import Model, model_of
 from lrm_math.model.reading import Reading
+from lrm_math.model.session_state import Moment, StateAfterSession
 from lrm_math.toml_file import StrictSchema, read_toml
 
 MOST_EFFECTS = 1000
 FIT_AGAIN = "take the arm file of the fit, or fit again (lrm-ident fit --start)"
+PartsTable: TypeAlias = dict[Literal["arm", "installation", "measurement"], list[str]]
 Ends: TypeAlias = Annotated[list[float], Field(min_length=2, max_length=2)]
 
 
@@ -60,26 +63,44 @@ class RangeTable(StrictSchema):
     loads: dict[str, Ends] = {}
 
 
+class DeployedTable(StrictSchema):
+    """Table `[deployed]`: state that effects of a session leave behind, for where the model is used later.
+
+    `moments`: of each effect `id@place`, whether its last or its mean state. `offsets`: what is added to constant
+    offsets, by their keys, in the keys' units.
+    """
+
+    moments: dict[str, Moment] = {}
+    offsets: dict[str, float] = {}
+
+
 class HistoryTable(StrictSchema):
     """One `[[history]]` entry: a step, its errors, and the whole model after it.
 
+    `deployed_rms_mm`: held-out error of the model as it is deployed, without what no rover can know.
     `rivals_mm`: the held-out RMS that other effects alone would have left (linear), the least first; None: not known.
     """
 
     step: str
     fit_rms_mm: float
     held_out_rms_mm: float | None = None
+    deployed_rms_mm: float | None = None
     rivals_mm: dict[str, float] | None = None
     effects: list[str]
     parameters: dict[str, float]
     sigma: dict[str, float] = {}
     covariance: CovarianceTable | None = None
     range: RangeTable | None = None
+    deployed: DeployedTable | None = None
+    parts: PartsTable = {}
     provenance: ProvenanceTable | None = None
 
 
 class ModelFile(StrictSchema):
-    """The whole file, schema `lrm/model/1`. `[parameters]` holds the fitted ones; others are zero."""
+    """The whole file, schema `lrm/model/1`. `[parameters]` holds the fitted ones; others are zero.
+
+    `parts`: the effects of arm, installation and measurement, for the reader: the effects themselves say it.
+    """
 
     schema_: Literal["lrm/model/1"] = Field(alias="schema")
     arm: str
@@ -88,6 +109,8 @@ class ModelFile(StrictSchema):
     sigma: dict[str, float] = {}
     covariance: CovarianceTable | None = None
     range: RangeTable | None = None
+    deployed: DeployedTable | None = None
+    parts: PartsTable = {}
     history: list[HistoryTable] = []
     provenance: ProvenanceTable | None = None
 
@@ -164,7 +187,46 @@ def to_model(path: Path, tables: ModelFile, arm: Arm, catalogue: tuple[type[Effe
     shape = {key for key, parameter in zip(model.keys, model.parameters, strict=True) if parameter.fixed is not None}
     free = tuple(key for key in model.keys if key in values and key not in shape)
     known = None if tables.provenance is None else tables.provenance.data_sha256
-    return replace(model, free=free, within=_range_of(path, tables.range, model), fitted_to=known)
+    within, state = _range_of(path, tables.range, model), _state_of(path, tables.deployed, model)
+    return replace(model, free=free, within=within, fitted_to=known, state=state)
+
+
+def _state_of(path: Path, table: DeployedTable | None, model: Model) -> StateAfterSession | None:
+    """The state of a file's session effects (SI). Raises `FileError`: an effect or an offset that is not there."""
+    if table is None:
+        return None
+    names, every = [effect.name for effect in model.effects], _offsets(model.arm)
+    try:
+        for name in table.moments:
+            if name not in names:
+                raise UnknownName("effect of this model", name, names)
+        for key in table.offsets:
+            if key not in every:
+                raise UnknownName("offset", key, every)
+    except UnknownName as error:
+        raise FileError(path, "deployed", str(error)) from None
+    return StateAfterSession(table.moments, {key: value * every[key].si for key, value in table.offsets.items()})
+
+
+def deployed_table(model: Model) -> DeployedTable | None:
+    """The `[deployed]` table of a model, None where no effect of a session leaves a state behind."""
+    if model.state is None:
+        return None
+    units = {key: parameter.si for key, parameter in _offsets(model.arm).items()}
+    offsets = {key: value / units[key] for key, value in model.state.offsets.items()}
+    return DeployedTable(moments=dict(model.state.moments), offsets=offsets)
+
+
+def parts_table(model: Model) -> PartsTable:
+    """The `[parts]` table of a model: names of the effects of each part that has any."""
+    parts = {part: [effect for effect in model.effects if effect.part is part] for part in ModelPart}
+    return {part.value: [effect.name for effect in effects] for part, effects in parts.items() if effects}
+
+
+def _offsets(arm: Arm) -> dict[str, Parameter]:
+    """Every constant offset of an arm by its key."""
+    every = [Offsets(arm, place) for place in Offsets.places(arm)]
+    return {key: parameter for effect in every for key, parameter in zip(effect.keys, effect.parameters, strict=True)}
 
 
 def _range_of(path: Path, table: RangeTable | None, model: Model) -> MeasuredRange | None:
@@ -226,4 +288,4 @@ def parameter_tables(model: Model) -> dict[str, float]:
 
 def as_tables(file: ModelFile) -> dict[str, Any]:
     """A model file as plain tables for a TOML writer."""
-    return file.model_dump(by_alias=True, exclude_none=True)
+    return file.model_dump(mode="json", by_alias=True, exclude_none=True)

@@ -22,13 +22,13 @@ from lrm_math.ik.calibrated import CalibratedSolver
 from lrm_math.ik.calibrated_arm import nearest
 from lrm_math.ik.goal import CHAR_LENGTH, Goal, IkQuery, point, point_along, pose
 from lrm_math.ik.methods import Direct
+from lrm_math.ik.reach_ball import reach_ball
 from lrm_math.kinematics.forward import frames
 from lrm_math.kinematics.poses import Poses
 from lrm_math.model.deployed_model import COMPENSATED
 from lrm_math.model.equilibrium import batch_equilibrium
 from lrm_math.model.model import Model, model_of
 from lrm_math.model.model_file import load_model
-from lrm_math.model.reach_ball import reach_ball
 from tests.conftest import TABLE_B2
 from tests.support.random_arms import arms
 

@@ -31,7 +31,7 @@ def fit_with_field(fitted: Fit, data: Measurements) -> Fit:
     posterior = field_posterior(field.over(model.within), data.poses, residual, fitted.weight)
     free = (*model.free, *(field.keys[row] for row in posterior.kept))
     values = np.concatenate([model.values, posterior.values])
-    extended = Model(model.arm, (*model.effects, field), values, free, model.within, model.fitted_to)
+    extended = Model(model.arm, (*model.effects, field), values, free, model.within, model.fitted_to, model.state)
     equilibrium = solve_equilibrium(extended, data.poses, tuple(fitted.equilibrium.slots))
     left, parameters = data.position_error(equilibrium), fitted.effective_parameters + posterior.determined
     square = float((fitted.weight * (left**2).sum(axis=1)).sum())
@@ -68,8 +68,10 @@ def _with_field(field: ResidualField, poses: Poses, block: HeldOutBlock) -> Held
     known, unseen, left = poses.take(block.train), poses.take(block.test), block.train_residual
     own = field.over(range_of(known))
     values = field_posterior(own, known, left).values.tolist()
+    known_apart = block.deployed_residual
     return replace(
         block,
+        deployed_residual=None if known_apart is None else _less_field(known_apart, own, unseen, values),
         train_residual=_less_field(left, own, known, values),
         test_residual=_less_field(block.test_residual, own, unseen, values),
         weighted=None,

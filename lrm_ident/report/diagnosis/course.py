@@ -11,6 +11,7 @@ from rich.text import Text
 from lrm_ident.data.error_stats import error_stats
 from lrm_ident.data.wording import enumerate_words, in_mm, p_words
 from lrm_ident.diagnosis.auto import AutoRun, AutoStep
+from lrm_ident.diagnosis.confirm import ConfirmedDiagnosis
 from lrm_ident.report.diagnosis.diagnosis import diagnosis_document, left_values, no_cause, took_words
 from lrm_ident.report.document import Block, Document, ResultTable, heading
 from lrm_ident.report.fit import error_blocks, parameter_table
@@ -33,7 +34,9 @@ def step_blocks(number: int, step: AutoStep, start: AutoStep) -> Iterator[Block]
     """One step of `auto`: errors, rival effects, and what was freed; its bar is relative to that of the `start`."""
     held_out, before = (error_stats(one.held_out).rms * 1e3 for one in (step, start))
     bar = "█" * int(np.clip(round(BAR * held_out / max(before, 1e-9)), 1, 2 * BAR))
-    errors = f"fit {in_mm(error_stats(step.fit.residual).rms):>5s}  held out {in_mm(held_out * 1e-3):>5s} mm {bar}"
+    deployed = f"as deployed {in_mm(step.deployed.now.rms):>5s} mm"
+    fitted = f"fit {in_mm(error_stats(step.fit.residual).rms):>5s}"
+    errors = f"{fitted}  held out {in_mm(held_out * 1e-3):>5s}  {deployed} {bar}"
     yield f"{number:3d}  {step.added or 'start':27s} {len(step.fit.model.free):3d} parameters  {errors}"
     if step.equivalent:
         rivals = enumerate_words(step.equivalent, RIVALS_SHOWN)
@@ -80,7 +83,9 @@ def course_document(
     what = "Held out, effects chosen anew in every fold (nested):"
     last: list[Block] = [f"{what} none, because {nested.reason}"]
     if nested.error is not None:
-        last = [heading(f"{what} mean {in_mm(nested.error.mean)}, RMS {in_mm(nested.error.rms)} mm"), _chosen(nested)]
+        deployed = "" if nested.deployed is None else f"; as deployed RMS {in_mm(nested.deployed.now.rms)} mm"
+        shown = f"{what} mean {in_mm(nested.error.mean)}, RMS {in_mm(nested.error.rms)} mm{deployed}"
+        last = [heading(shown), _chosen(nested)]
     values = {
         "steps": [
             {
@@ -93,18 +98,35 @@ def course_document(
                 "parameters": len(step.fit.model.free),
                 "fit_rms_mm": error_stats(step.fit.residual).rms * 1e3,
                 "held_out_rms_mm": error_stats(step.held_out).rms * 1e3,
+                "as_deployed": step.deployed,
             }
             for number, step in enumerate(course.steps)
         ],
         "verdict": report.verdict,
+        "refused_as_deployed": {
+            name: {"without_mm": before * 1e3, "with_mm": after * 1e3}
+            for name, (before, after) in course.confirmed.worse_deployed.items()
+        },
         **left_values(report.left),
         "held_out_effects_fixed": held_out.error,
         "held_out": nested.error,
+        "as_deployed_effects_fixed": held_out.deployed,
+        "as_deployed": nested.deployed,
         "chosen_in_folds": nested.frequency,
         **({} if with_prior is None else {"with_prior": with_prior}),
         **({} if with_field is None else {"with_residual_field_not_a_cause": with_field}),
     }
-    return Document([*last, *attribution_blocks(course), *diagnosis_document(report).blocks], "lrm/course/1", values)
+    told = [*last, *attribution_blocks(course), *refused_blocks(course.confirmed)]
+    return Document([*told, *diagnosis_document(report).blocks], "lrm/course/1", values)
+
+
+def refused_blocks(confirmed: ConfirmedDiagnosis) -> Iterator[Block]:
+    """The effects that predict this session better, and were not added since the arm would get a worse model."""
+    rises = [
+        f"{name} ({in_mm(before)} → {in_mm(after)} mm)" for name, (before, after) in confirmed.worse_deployed.items()
+    ]
+    if rises:
+        yield f"Not added, because the deployed model would be worse (held-out RMS): {enumerate_words(rises, SHOWN)}"
 
 
 def attribution_blocks(course: AutoRun) -> Iterator[Block]:

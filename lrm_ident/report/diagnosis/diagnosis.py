@@ -45,7 +45,7 @@ def _values(report: DiagnosisReport) -> dict[str, object]:
     return {
         "poses": len(found.data),
         "parameters": len(found.fit.model.free),
-        "error": {"fit": report.fit, "held_out": report.held_out},
+        "error": {"fit": report.fit, "held_out": report.held_out, "as_deployed": report.deployed},
         "noise_floor_rms_mm": _floor_mm(report),
         "noise_floor_source": found.floor.source,
         **left_values(report.left),
@@ -86,7 +86,8 @@ def _blocks(report: DiagnosisReport) -> list[Block]:
     blocks: list[Block] = [
         heading(_verdict(report)),
         f"{len(found.data)} poses, {len(found.fit.model.free)} parameters: RMS {in_mm(report.fit.rms)} mm in the "
-        f"fit, {in_mm(report.held_out.rms)} mm held out; noise floor {noise}; "
+        f"fit, {in_mm(report.held_out.rms)} mm held out, {in_mm(report.deployed.now.rms)} mm as deployed; "
+        f"noise floor {noise}; "
         f"likeness of neighbours (Moran's I) {found.structure.moran_i:.2f}, p {p_words(found.structure.p_value)}"
         f"{named_joints(found.fit.model.arm)}",
         *_far_poses(report),

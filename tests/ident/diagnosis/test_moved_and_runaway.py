@@ -21,7 +21,7 @@ from lrm_math.effects.servo_errors import Coupling, Eccentricity, ServoGain
 from lrm_math.effects.session_errors import ChangePoint, Drift, Session
 from lrm_math.errors import NoEquilibrium
 from lrm_math.kinematics.poses import Poses
-from lrm_math.model.deployed_model import lasting_part
+from lrm_math.model.deployed_model import as_deployed
 from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import Model, model_of
 from validation.hidden_effects.data import ARM_FILE
@@ -101,7 +101,7 @@ def test_a_change_point_says_nothing_of_the_arm_as_it_is_now(lab: Arm) -> None:
     np.testing.assert_array_equal(tip[40:], nominal[40:])
     assert (np.linalg.norm(tip[:40] - nominal[:40], axis=1) > 1e-4).all()
     np.testing.assert_array_equal(solve_equilibrium(model, replace(poses, number=None)).tcp, nominal)
-    np.testing.assert_array_equal(solve_equilibrium(lasting_part(model), poses).tcp, nominal)
+    np.testing.assert_array_equal(solve_equilibrium(as_deployed(model), poses).tcp, nominal)
 
 
 @pytest.mark.slow

@@ -1,0 +1,1 @@
+"""The model as it is deployed: state of its session effects, and held-out error."""

@@ -1,0 +1,92 @@
+"""Moment of a session whose state stands for what follows: chosen by predicting the last poses from those before."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lrm_ident.data.measurements import Measurements
+from lrm_ident.fitting.levenberg_marquardt import Fit, fit
+from lrm_ident.residual.better_prediction import vuong_z
+from lrm_ident.residual.data_audit import joints_of_order
+from lrm_ident.residual.thresholds import ONE_DEVIATION
+from lrm_math.arrays import Array
+from lrm_math.errors import LrmError
+from lrm_math.kinematics.poses import Poses
+from lrm_math.model.deployed_model import as_deployed, named_part
+from lrm_math.model.equilibrium import Equilibrium, solve_equilibrium
+from lrm_math.model.model import Model
+from lrm_math.model.session_state import Moment
+from lrm_math.model.state_after_session import passing_effects, state_after_session
+
+LAST_SHARE = 0.1
+"""Share of the poses, the last in order, that are predicted from those before them."""
+SETTLED_SHARE = 0.1
+"""Share of an effect's range by which it may differ from its end for the last state to hold."""
+FEWEST = 10
+"""Poses of either part below which nothing is chosen."""
+
+
+def with_chosen_moments(fitted: Fit, data: Measurements) -> Fit:
+    """The fit, with the moment of each session effect's state chosen: the mean, or of a law the end.
+
+    The last tenth of the poses in order is predicted, as deployed, by a fit to those before. A law is deployed with its
+    end where that predicts better than its mean by more than a standard error. Free curves, poses without an order or
+    whose order follows a joint, and few poses are deployed with the mean: an end of the order that is the end of a
+    joint's range tells nothing of what follows.
+    """
+    model = fitted.model
+    laws = [effect.name for effect in passing_effects(model) if not effect.variant_of]
+    if not laws:
+        return fitted
+    moments: dict[str, Moment] = dict.fromkeys(laws, "mean")
+    cut = len(data) - round(LAST_SHARE * len(data))
+    ordered = data.poses.number is not None and not joints_of_order(data.poses.q)
+    if ordered and len(data) - cut >= FEWEST:
+        rows = np.arange(len(data))
+        moments |= _surely_last(model, data.take(rows[:cut]), data.take(rows[cut:]), moments)
+    found = model.with_state(state_after_session(fitted.equilibrium, moments))
+    return replace(fitted, model=found, equilibrium=replace(fitted.equilibrium, model=found))
+
+
+def _surely_last(
+    model: Model, before: Measurements, after: Measurements, means: Mapping[str, Moment]
+) -> dict[str, Moment]:
+    """The effects whose end predicts later measurements surely better than their mean, chosen one by one; none where
+    the earlier ones cannot be fitted alone."""
+    try:
+        earlier = fit(named_part(model), before).equilibrium
+        chosen, least = dict(means), _squares(earlier, after, means)
+        for name in means:
+            other: dict[str, Moment] = chosen | {name: "last"}
+            squares = _squares(earlier, after, other)
+            if vuong_z(least - squares) > ONE_DEVIATION:
+                chosen, least = other, squares
+    except LrmError:
+        return {}
+    return chosen
+
+
+def _squares(earlier: Equilibrium, after: Measurements, moments: Mapping[str, Moment]) -> Array:
+    """(n,), squared errors (m²) at later poses of a fit as deployed with the state of some moments."""
+    deployed = as_deployed(earlier.model.with_state(state_after_session(earlier, moments)))
+    return np.asarray((after.position_error(solve_equilibrium(deployed, after.poses)) ** 2).sum(axis=1))
+
+
+def rows_as_deployed(model: Model, poses: Poses) -> NDArray[np.int64]:
+    """Rows of measured poses at which the state that is deployed held: all where it is a mean, or there is none.
+
+    A last state held where each of its effects was within a tenth of its range from its end: after a change, in the
+    last session, in a warm arm. The other poses were measured with another zero, or a colder arm.
+    """
+    held = np.ones(len(poses), dtype=np.bool_)
+    moments = {} if model.state is None else model.state.moments
+    for bound in model.binding.bound:
+        if moments.get(bound.effect.name) == "last":
+            for amount in bound.at(poses, (0.0,) * len(bound.loads)):
+                course = np.broadcast_to(np.asarray(amount, dtype=np.float64), len(poses))
+                held &= np.abs(course - course[-1]) <= SETTLED_SHARE * np.ptp(course)
+    return np.flatnonzero(held)

@@ -1,0 +1,91 @@
+"""State of a model's session effects at the end of its data: what a rover drives with when the session is over.
+
+A drift ends warm, a horn that was put back stays so, and a stretched tracker has moved all measured points by a rigid
+motion. Left out with its effect, that state is missing from the lasting parameters that were fitted beside it; so it is
+added to the constant offset of the same slot, and the rigid motion to the base.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from lrm_math.arm.arm import BASE
+from lrm_math.effects import Effect
+from lrm_math.effects.offsets import Offsets
+from lrm_math.effects.targets import Kind, kind_of
+from lrm_math.kinematics.chain import Slot
+from lrm_math.model.deployed_model import as_deployed, of_a_session, with_offsets
+from lrm_math.model.derivatives import parameter_jacobian
+from lrm_math.model.equilibrium import Equilibrium, solve_equilibrium
+from lrm_math.model.model import Model
+from lrm_math.model.session_state import Moment, StateAfterSession
+
+NO_RANK = 1e-9
+"""Singular values below it times the largest are none: of motions of the base that the measured points do not show."""
+CLOSE = 1e-7
+"""m: tolerance of the equilibrium at which the rigid motion is linearised."""
+
+
+def usual_moment(effect: Effect) -> Moment:
+    """Moment of the session that stands for what follows, where nothing more is known.
+
+    The end of a law; the mean of a free curve, which follows whatever the order of the poses follows.
+    """
+    return "mean" if effect.variant_of else "last"
+
+
+def passing_effects(model: Model) -> tuple[Effect, ...]:
+    """Effects that no rover can compensate and that move the arm or its base: their state goes along."""
+    return tuple(effect for effect in model.effects if of_a_session(effect) and kind_of(effect) is Kind.MOTION)
+
+
+def state_after_session(settled: Equilibrium, moments: Mapping[str, Moment] | None = None) -> StateAfterSession | None:
+    """State that a fitted model's session effects leave behind; None for a model without such effects.
+
+    Args:
+        settled: its equilibrium at the measured poses, in their order.
+        moments: by effect's name; of others those of the model's present state, then `usual_moment`.
+    """
+    model = settled.model
+    if not any(of_a_session(effect) for effect in model.effects):
+        return None
+    known = {**({} if model.state is None else model.state.moments), **(moments or {})}
+    chosen = {effect.name: known.get(effect.name, usual_moment(effect)) for effect in passing_effects(model)}
+    left = _left_by_motions(settled, chosen)
+    if not model.binding.distorting:
+        return StateAfterSession(chosen, left)
+    moved = as_deployed(model.with_state(StateAfterSession(chosen, left)))
+    base = _rigid_motion(settled, with_offsets(moved, dict.fromkeys(Offsets(model.arm, BASE).keys, 0.0)))
+    return StateAfterSession(chosen, left | {key: left.get(key, 0.0) + shift for key, shift in base.items()})
+
+
+def _left_by_motions(settled: Equilibrium, chosen: Mapping[str, Moment]) -> dict[str, float]:
+    """State of the effects that move slots, by key of the constant offset of the same slot (rad, m)."""
+    model, offsets = settled.model, dict[str, float]()
+    for bound in model.binding.bound:
+        if bound.effect.name in chosen:
+            amounts = bound.at(settled.poses, bound.own_loads(settled.tau))
+            for k, amount in zip(bound.slots, amounts, strict=True):
+                if key := _offset_key(model, model.chain.slots[k]):
+                    course = np.broadcast_to(np.asarray(amount, dtype=np.float64), len(settled.poses))
+                    left = course[-1] if chosen[bound.effect.name] == "last" else course.mean()
+                    offsets[key] = offsets.get(key, 0.0) + float(left)
+    return {key: left for key, left in offsets.items() if left}
+
+
+def _offset_key(model: Model, slot: Slot) -> str:
+    """Key of the constant offset of a slot; empty for a slot that has none."""
+    key = f"{Offsets.id}.{slot.place}.{slot.name}_{'rad' if slot.rotates else 'mm'}"
+    there = slot.place in Offsets.places(model.arm) and key in Offsets(model.arm, slot.place).keys
+    return key if there else ""
+
+
+def _rigid_motion(settled: Equilibrium, deployed: Model) -> dict[str, float]:
+    """The six offsets of the base (rad, m) that move a deployed arm's points most like a tracker's distortion does."""
+    keys = Offsets(deployed.arm, BASE).keys
+    now = solve_equilibrium(deployed, settled.poses, tolerance=CLOSE)
+    seen = (settled.tcp - settled.true_tcp).reshape(-1)
+    shift, *_ = np.linalg.lstsq(parameter_jacobian(now, keys).reshape(-1, len(keys)), seen, rcond=NO_RANK)
+    return dict(zip(keys, shift.tolist(), strict=True))
