@@ -262,7 +262,7 @@ class ApiProcess:
 
     def _changed_model(self, request: ReloadRequest | DeployRequest | UndeployRequest) -> DeployedModel:
         if isinstance(request, DeployRequest):
-            return self._adopt(partial(self._model.deploy, request.text))
+            return self._adopt(partial(self._model.deploy, request.text, request.accept))
         return self._adopt(self._model.undo if isinstance(request, UndeployRequest) else self._model.load)
 
     def report_refusal(self, tail: str, error: LrmError) -> None:

@@ -141,10 +141,13 @@ class Rover(RoverSession):
         """Reloads the model file in the daemon. Needs no lease; nothing moves."""
         return self._query(ReloadReply, "rpc/reload", ReloadRequest(), self._timeout + RELOAD_S)
 
-    def deploy(self, text: str) -> ReloadReply:
-        """Gives the daemon a model file's text, to keep as a version and use from now on. Needs no lease."""
+    def deploy(self, text: str, accept: bool = False) -> ReloadReply:
+        """Gives the daemon a model file's text, to keep as a version and use from now on. Needs no lease.
+
+        `accept`: also if the tip moves by much. Raises `RequestRefused` with the code `needs_accept` without it.
+        """
         with field_named():
-            request = DeployRequest(text=text)
+            request = DeployRequest(text=text, accept=accept)
         return self._query(ReloadReply, "rpc/deploy", request, self._timeout + RELOAD_S)
 
     def undeploy(self) -> ReloadReply:

@@ -118,9 +118,13 @@ class ReloadRequest(Message):
 
 
 class DeployRequest(Message):
-    """`rpc/deploy`: a model file's `text`, kept as a new version and used at once. Nothing moves; needs no lease."""
+    """`rpc/deploy`: a model file's `text`, kept as a new version and used at once. Nothing moves; needs no lease.
+
+    `accept`: also a model that moves the tip by more than a fifth of the reach, at the same commands.
+    """
 
     text: Annotated[str, Field(min_length=1, max_length=1_000_000)]
+    accept: bool = False
 
 
 class UndeployRequest(Message):
@@ -306,10 +310,13 @@ class FieldPart(Part):
 class ReloadReply(Header):
     """Reply to `rpc/reload`, `rpc/deploy` and `rpc/undeploy`: the model, as in later replies of `rpc/ik`.
 
-    `field`: its residual field; None without one.
+    `field`: its residual field; None without one. `tip_moves_m`, `tip_moves_rms_m`: of a deployment, how far the tip
+    moves at most, and RMS, against the model before it, at the same commands.
     """
 
     model: str
     model_sha256: str
     left_out: list[str] = []
     field: FieldPart | None = None
+    tip_moves_m: float | None = None
+    tip_moves_rms_m: float | None = None

@@ -108,7 +108,7 @@ def restored_state(config: Config, emit: Emit) -> StoredState | None:
     """The state that the daemon left, or None if there is none that can be used."""
     folder = config.state
     try:
-        folder.mkdir(parents=True, exist_ok=True)
+        folder.mkdir(mode=0o750, parents=True, exist_ok=True)
         stored = load(folder)
     except FileError as error:
         emit("state_damaged", "error", f"{error}; it is set aside, and the pose is unknown")
