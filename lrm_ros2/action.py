@@ -19,6 +19,7 @@ from lrm_ros2.client_watch import ClientWatch, session_of
 from lrm_ros2.ros_endpoints import ServiceAnswer
 from lrm_ros2.ros_node import RosNode
 from lrmd.client import JointsState
+from lrmd.messages.shown_text import shown
 
 FEEDBACK_S, AGAIN_S = 0.1, 0.2
 """s between feedbacks; between holds of a motion that nobody wants any more."""
@@ -121,7 +122,7 @@ class FollowAction:
         with self._lock:
             new = JointGoal(goal.trajectory, number, self, id_, answer, frozenset(self._clients))
             if why := self._unfit(goal, new):
-                print(f"action: a goal is refused: {why}", flush=True)
+                print(f"action: a goal is refused: {shown(why)}", flush=True)
                 new.refused(why)
                 return
             self._offered = new

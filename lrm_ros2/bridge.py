@@ -20,6 +20,7 @@ from lrm_ros2.ros_endpoints import ServiceAnswer
 from lrm_ros2.ros_node import RosNode
 from lrm_ros2.trajectory import asks_to_hold, trajectory_path
 from lrmd.client import JointsState, Rover
+from lrmd.messages.shown_text import shown
 
 HOLDER = "ROS 2 bridge"
 PERIOD_S = 1.0
@@ -136,8 +137,8 @@ class TrajectoryDoor:
             self._report(Severity.ERROR, f"not held: {error}")
 
     def _report(self, level: Severity, text: str) -> None:
-        self.said = DiagnosticRow(self.said.name, level, text)
-        print(f"trajectory: {text}", flush=True)
+        self.said = DiagnosticRow(self.said.name, level, shown(text))
+        print(f"trajectory: {self.said.text}", flush=True)
 
 
 def stop_service(stop: Callable[[], None], done: str) -> Callable[[Any, ServiceAnswer, int], None]:

@@ -8,7 +8,7 @@ from typing import Literal
 
 from lrm_math.errors import LrmError
 from lrmd.client.session import NoReply, RoverSession, S
-from lrmd.messages.codec import Message, field_named, pack, unpack
+from lrmd.messages.codec import Message, field_named, pack, unpack_shown
 from lrmd.messages.control import (
     ArmRequest,
     DeployRequest,
@@ -194,7 +194,7 @@ class Rover(RoverSession):
     def _solve(self, kind: type[S], tail: str, request: IkRequest | FkRequest | PlanRequest) -> S:
         """Asks the ik process, in this session's name: it has a share of the queue of its own."""
         timeout = self._timeout + request.deadline_ms / 1000
-        return unpack(kind, self._replies(tail, pack(request), timeout, self._source(tail))[0])
+        return unpack_shown(kind, self._replies(tail, pack(request), timeout, self._source(tail))[0])
 
     def cancel(self, name: str) -> None:
         """Cancels the query or plan with this `id`; its caller gets the verdict `cancelled`."""
@@ -234,7 +234,7 @@ class Rover(RoverSession):
 
     def events(self) -> list[Event]:
         """The last events, oldest first."""
-        return [unpack(Event, data) for data in self._replies("rpc/events", b"", self._timeout)]
+        return [unpack_shown(Event, data) for data in self._replies("rpc/events", b"", self._timeout)]
 
     def _wait(self, wanted: Sequence[str], meanwhile: Sequence[str], limit: float) -> None:
         end = time.monotonic() + limit

@@ -14,7 +14,7 @@ import zenoh
 
 from lrm_math.errors import LrmError
 from lrmd.client.identity import Daemon, DaemonRestarted, QueryAnswer, SeveralDaemons, Subscription, boot_ids
-from lrmd.messages.codec import ErrorReply, Header, Message, field_named, pack, unpack
+from lrmd.messages.codec import ErrorReply, Header, Message, field_named, pack, unpack_shown
 from lrmd.messages.control import LeaseRequest, Reply
 from lrmd.messages.zenoh_session import client, key
 
@@ -154,7 +154,7 @@ class RoverSession:
     def watch(self, kind: type[S], tail: str, callback: Callable[[S], None]) -> zenoh.Subscriber[None]:
         """Subscribes `callback` to a key, for instance `watch(JointsState, "state/joints", print)`."""
         self._identified()
-        received = Subscription(lambda data: callback(unpack(kind, data)), lambda: self._daemon, self._confirm)
+        received = Subscription(lambda data: callback(unpack_shown(kind, data)), lambda: self._daemon, self._confirm)
         return self._session.declare_subscriber(
             key(self.robot, tail), lambda sample: received.take(str(sample.key_expr), sample.payload.to_bytes())
         )
@@ -168,7 +168,7 @@ class RoverSession:
 
     def _query(self, kind: type[S], tail: str, request: Message | None = None, timeout: float | None = None) -> S:
         payload = b"" if request is None else pack(request)
-        return unpack(kind, self._replies(tail, payload, timeout or self._timeout)[0])
+        return unpack_shown(kind, self._replies(tail, payload, timeout or self._timeout)[0])
 
     def _replies(
         self, tail: str, payload: bytes, timeout: float, source: zenoh.SourceInfo | None = None
@@ -184,7 +184,7 @@ class RoverSession:
         own = self._of_daemon(answers, known)
         if refused := next((answer for answer in own if answer.refused), None):
             self._check_restart()
-            raise self._refusal(unpack(ErrorReply, refused.data))
+            raise self._refusal(unpack_shown(ErrorReply, refused.data))
         if tail == EVENTS:
             return [answer.data for answer in own]
         if not own:
