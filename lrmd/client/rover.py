@@ -82,7 +82,12 @@ class Rover(RoverSession):
                 lease=self._token(), stops=self._stops, where=where, q_rad=dict(q or {}), servos=chosen
             )
         reply = self._query(Reply, "rpc/arm", request)
-        self._wait(("armed",), ("arming",), (reply.seconds or 0.0) + 2.0)
+        try:
+            self._wait(("armed",), ("arming",), (reply.seconds or 0.0) + 2.0)
+        except MotionInterrupted as ended:
+            joints = self.joints()
+            on = ", ".join(name for name, is_on in zip(joints.names, joints.on, strict=True) if is_on) or "no servo"
+            raise MotionInterrupted(ended.mode, f"{ended.why}; with pulses: {on}") from None
 
     def move(
         self,

@@ -9,7 +9,6 @@ ELSEWHERE = {
     "lrm_ros2.bridge": "tests/ros2",
     "lrm_ros2.command": "tests/ros2",
     "lrmd.api.router_process": "tests/system/test_estop_path.py",
-    "lrmd.api.zenoh_server": "tests/system/test_daemon.py",
     "lrmd.cli.motion": "tests/daemon/cli/test_lrm_cli.py",
     "lrmd.cli.servo_calibration": "tests/daemon/cli/test_servo_calibration.py",
     "lrmd.client.rover": "tests/system/test_daemon.py",
