@@ -138,4 +138,4 @@ def daemon_door(seed: int) -> Iterator[DaemonDoor]:
     yield DaemonDoor(seed)
 
 
-DOORS = (DoorKind("daemon client", ("lrmd.api.zenoh_server",), daemon_door, 0.0, 0.5),)
+DOORS = (DoorKind("daemon client", ("lrmd.api.zenoh_server",), daemon_door, 0.5, 0.5),)
