@@ -12,6 +12,7 @@ from typing import Any, Literal
 
 from lrmd.config import Config
 from lrmd.control.fallen_servos import FallenServos
+from lrmd.control.gravity import KnownGravity
 from lrmd.control.lease import Lease
 from lrmd.control.motion_check import MotionCheck
 from lrmd.control.ramp_orders import Departure, OrderScheduler, Pulses, angles, overlaid
@@ -55,11 +56,11 @@ class ControllerState:
     """Everything that the controller knows.
 
     Attributes: `mode`, `why`, `since` (monotonic ns), `faults` by code, the lease as `leasehold`, `orders` for the
-    ramp, its `report`, `thermal` monitor, `motion_check`, `payload` (kg), unpublished `events`, and the state file as
-    `stored`. `fallen`: servos without pulses whose position is not known. `stops`: number of holds, emergency stops,
-    disarmings and faults so far. Of the thermal protection:
-    `held_at`, `rest_tried_at` (monotonic ns) of the last hold and attempt to go to rest, `rest_goal` (pulses, ns) of
-    the last motion to rest, and `rest_blocked` while its path is not free.
+    ramp, its `report`, `thermal` monitor, `motion_check`, `payload` (kg), the known `gravity`, unpublished `events`,
+    and the state file as `stored`. `fallen`: servos without pulses whose position is not known. `stops`: number of
+    holds, emergency stops, disarmings and faults so far. Of the thermal protection: `held_at`, `rest_tried_at`
+    (monotonic ns) of the last hold and attempt to go to rest, `rest_goal` (pulses, ns) of the last motion to rest, and
+    `rest_blocked` while its path is not free.
     """
 
     def __init__(
@@ -88,6 +89,7 @@ class ControllerState:
         self.motion_check = MotionCheck(config, torques, guard, self.thermal)
         self.fallen = FallenServos(config, self.motion_check, stored)
         self.orders = OrderScheduler(config, now)
+        self.gravity = KnownGravity(config)
         self.held_at: int | None = None
         self.rest_goal: Pulses | None = None
         self.rest_tried_at, self.rest_blocked = now, False

@@ -1,7 +1,7 @@
 """The daemon as a client drives it: real server, controller, ramp and link on a simulated clock and board.
 
-What a client sends is under way for up to 0.3 s, so that a stop, which anybody may send, often arrives before it. A stop
-is final at once, but for one step that may be in a stalled line already (0.16 deg): it comes out when the line goes on.
+What a client sends is under way for up to 0.3 s, so that a stop, which anybody may send, often arrives before it. A
+stop is final at once, but for one step that may be in a stalled line already (0.16 deg): it comes out with the line.
 """
 
 from __future__ import annotations

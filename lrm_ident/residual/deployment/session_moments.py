@@ -16,7 +16,7 @@ from lrm_ident.residual.thresholds import ONE_DEVIATION
 from lrm_math.arrays import Array
 from lrm_math.errors import LrmError
 from lrm_math.kinematics.poses import Poses
-from lrm_math.model.deployed_model import as_deployed, named_part
+from lrm_math.model.deployed_model import as_deployed
 from lrm_math.model.equilibrium import Equilibrium, solve_equilibrium
 from lrm_math.model.model import Model
 from lrm_math.model.session_state import Moment
@@ -47,18 +47,18 @@ def with_chosen_moments(fitted: Fit, data: Measurements) -> Fit:
     ordered = data.poses.number is not None and not joints_of_order(data.poses.q)
     if ordered and len(data) - cut >= FEWEST:
         rows = np.arange(len(data))
-        moments |= _surely_last(model, data.take(rows[:cut]), data.take(rows[cut:]), moments)
+        moments |= _surely_last(fitted, data.take(rows[:cut]), data.take(rows[cut:]), moments)
     found = model.with_state(state_after_session(fitted.equilibrium, moments))
     return replace(fitted, model=found, equilibrium=replace(fitted.equilibrium, model=found))
 
 
 def _surely_last(
-    model: Model, before: Measurements, after: Measurements, means: Mapping[str, Moment]
+    fitted: Fit, before: Measurements, after: Measurements, means: Mapping[str, Moment]
 ) -> dict[str, Moment]:
     """The effects whose end predicts later measurements surely better than their mean, chosen one by one; none where
     the earlier ones cannot be fitted alone."""
     try:
-        earlier = fit(named_part(model), before).equilibrium
+        earlier = fit(fitted.model, before, loss=fitted.loss, prior=fitted.stated).equilibrium
         chosen, least = dict(means), _squares(earlier, after, means)
         for name in means:
             other: dict[str, Moment] = chosen | {name: "last"}
