@@ -73,9 +73,10 @@ class RosDoor:
         self._way = self._rng.choice(["topic", "action"])
 
     def torque_on(self) -> None:
-        """The bridge does not arm: a person does, at the daemon."""
+        """The bridge does not arm: a person does, at the daemon, and says where the arm stands."""
+        state = self._stack.rover.joints()
         with self._stack.rover.control("door"):
-            self._stack.rover.arm("given", HOME)
+            self._stack.rover.arm("given", dict(zip(list(HOME), state.q_rad, strict=False)))
 
     def ask(self, wish: Sequence[float]) -> None:
         there = point(SLOW_S, **dict(zip("ab", wish, strict=True)))
