@@ -229,8 +229,10 @@ class Rover(RoverSession):
         return self._query(JointsState, "state/joints")
 
     def mode(self) -> ModeState:
-        """Mode of the daemon."""
-        return self._query(ModeState, "state/mode")
+        """Mode of the daemon; who looks knows of the stops before."""
+        state = self._query(ModeState, "state/mode")
+        self._stops = state.stops
+        return state
 
     def faults(self) -> FaultsState:
         """Faults that are not reset yet."""
@@ -258,7 +260,7 @@ class Rover(RoverSession):
 
     def _wait(self, wanted: Sequence[str], meanwhile: Sequence[str], limit: float) -> None:
         end = time.monotonic() + limit
-        while (state := self.mode()).mode not in wanted:
+        while (state := self._query(ModeState, "state/mode")).mode not in wanted:
             self._check_restart()
             if state.mode not in meanwhile:
                 self._stops = state.stops

@@ -56,7 +56,7 @@ class RoverSession:
     raise `DaemonRestarted` until the lease is taken anew.
 
     A command says how many stops this session knows of: those before it took the lease, its own, and those that it was
-    told of by an exception. After another one the daemon refuses it, once (`overtaken`).
+    told of by `mode` or an exception. After another one the daemon refuses it, once (`overtaken`).
 
     `connect`: zenoh endpoints; default: the environment variable LRM_CONNECT (comma-separated), or this machine.
     `config`: a zenoh file with a password or certificates; default: LRM_ZENOH_CONFIG. `timeout`: s per query.
