@@ -1,8 +1,8 @@
 """The action `FollowJointTrajectory`: goals through the door of trajectories, feedback as the ramp goes on.
 
-A goal is followed only while its client is there: clients are known by their liveliness tokens, and when one of those
-that were there at the beginning has gone, the arm holds. What is measured is not known: `desired` has the commanded
-angles, `actual` and `error` are empty, and a goal with tolerances is refused.
+A goal is followed only while its client is there: clients are known by their liveliness tokens. When one of those that
+were there at the beginning has gone, or is silent (`ClientWatch`), the arm holds. What is measured is not known:
+`desired` has the commanded angles, `actual` and `error` are empty, and a goal with tolerances is refused.
 """
 
 from __future__ import annotations
@@ -15,9 +15,11 @@ from enum import IntEnum
 from typing import Any
 
 from lrm_ros2.bridge import TrajectoryDoor, TrajectoryOrder
+from lrm_ros2.client_watch import ClientWatch, session_of
+from lrm_ros2.ros_endpoints import ServiceAnswer
 from lrm_ros2.ros_node import RosNode
-from lrm_ros2.ros_service import ServiceAnswer
 from lrmd.client import JointsState
+from lrmd.messages.shown_text import shown
 
 FEEDBACK_S, AGAIN_S = 0.1, 0.2
 """s between feedbacks; between holds of a motion that nobody wants any more."""
@@ -57,8 +59,8 @@ class CancelCode(IntEnum):
 class JointGoal(TrajectoryOrder):
     """One goal.
 
-    `clients`: tokens of those that were there when it came. `waiting`: answers to who asked for its result. `unwanted`:
-    why it is to be stopped; empty while it is not.
+    `clients`: tokens of those that were there when it came. `waiting`: answers to who asked for its result.
+    `over`: set when it has ended.
     """
 
     action: FollowAction
@@ -67,10 +69,15 @@ class JointGoal(TrajectoryOrder):
     clients: frozenset[str]
     stamp: float = field(default_factory=time.time)
     state: GoalState = GoalState.UNKNOWN
-    unwanted: str = ""
     cancelled: bool = False
     result: tuple[int, str] = (0, "")
     waiting: list[ServiceAnswer] = field(default_factory=list)
+    over: threading.Event = field(default_factory=threading.Event)
+
+    @property
+    def sessions(self) -> frozenset[str]:
+        """Sessions of zenoh that its clients are in."""
+        return frozenset(map(session_of, self.clients))
 
     def refused(self, why: str) -> None:
         """See `TrajectoryOrder`."""
@@ -82,6 +89,10 @@ class JointGoal(TrajectoryOrder):
 
     def accepted(self) -> bool:
         """See `TrajectoryOrder`."""
+        if not self.unwanted and not self.action.watch.answers(self.sessions):
+            self.unwanted = (
+                "a client's session answers no question (is its admin space off?): its loss would not be seen"
+            )
         if self.unwanted:
             return False
         self.action.begin(self)
@@ -94,10 +105,10 @@ class JointGoal(TrajectoryOrder):
 
 
 class FollowAction:
-    """Serves the action, on threads of zenoh; `door` follows the goals on its own."""
+    """Serves the action, on the thread of the arrivals; `door` follows the goals on its own."""
 
     def __init__(self, door: TrajectoryDoor, node: RosNode) -> None:
-        self.door, self.node = door, node
+        self.door, self.node, self.watch = door, node, ClientWatch(node.ask_session)
         self._lock = threading.RLock()
         self._clients: set[str] = set()
         self._active: JointGoal | None = None
@@ -105,13 +116,13 @@ class FollowAction:
         self._goals: OrderedDict[bytes, JointGoal] = OrderedDict()
         self._last, self._held = 0.0, 0.0
 
-    def send_goal(self, request: Any, answer: ServiceAnswer) -> None:
+    def send_goal(self, request: Any, answer: ServiceAnswer, number: int) -> None:
         """Service `send_goal`."""
         goal, id_ = request.goal, bytes(request.goal_id.uuid)
         with self._lock:
-            new = JointGoal(goal.trajectory, self, id_, answer, frozenset(self._clients))
+            new = JointGoal(goal.trajectory, number, self, id_, answer, frozenset(self._clients))
             if why := self._unfit(goal, new):
-                print(f"action: a goal is refused: {why}", flush=True)
+                print(f"action: a goal is refused: {shown(why)}", flush=True)
                 new.refused(why)
                 return
             self._offered = new
@@ -127,21 +138,28 @@ class FollowAction:
             return "its id was taken by another goal"
         return "" if new.clients else "its client has no liveliness token: nobody would notice that it is lost"
 
-    def cancel_goal(self, request: Any, answer: ServiceAnswer) -> None:
-        """Service `cancel_goal`: an id of zeros is any goal."""
+    def cancel_goal(self, request: Any, answer: ServiceAnswer, number: int) -> None:
+        """Service `cancel_goal`: an id of zeros is any goal that came before."""
         id_ = bytes(request.goal_info.goal_id.uuid)
+        if not any(id_):
+            self.door.arrivals.stopped(number)
         with self._lock:
-            goal, known = self._active, self._goals.get(id_)
-            if goal is None or (any(id_) and id_ != goal.id):
+            known = self._goals.get(id_)
+            wanted = (goal for goal in (self._active, self._offered) if goal is not None)
+            goals = [goal for goal in wanted if not any(id_) or id_ == goal.id]
+            if not goals:
                 code = CancelCode.UNKNOWN_GOAL_ID if known is None and any(id_) else CancelCode.GOAL_TERMINATED
                 answer(return_code=int(code), goals_canceling=[])
                 return
-            goal.cancelled, goal.state = True, GoalState.CANCELING
-            self._stop(goal, "cancelled")
-            answer(return_code=int(CancelCode.NONE), goals_canceling=[self.node.goal_info(goal.id, goal.stamp)])
+            for goal in goals:
+                goal.cancelled = True
+                goal.state = GoalState.CANCELING if goal is self._active else goal.state
+                self._stop(goal, "cancelled")
+            told = [self.node.goal_info(goal.id, goal.stamp) for goal in goals]
+            answer(return_code=int(CancelCode.NONE), goals_canceling=told)
             self._tell()
 
-    def get_result(self, request: Any, answer: ServiceAnswer) -> None:
+    def get_result(self, request: Any, answer: ServiceAnswer, _: int) -> None:
         """Service `get_result`: answered when the goal has ended."""
         with self._lock:
             goal = self._goals.get(bytes(request.goal_id.uuid))
@@ -162,6 +180,12 @@ class FollowAction:
                 goal.unwanted = "its client is gone: the arm holds"
                 if goal is self._active:
                     self._stop(goal, goal.unwanted)
+
+    def _silent(self, goal: JointGoal) -> None:
+        """A client of a goal is frozen, or out of reach."""
+        with self._lock:
+            if goal is self._active:
+                self._stop(goal, "its client is silent: the arm holds")
 
     def on_state(self, state: JointsState) -> None:
         """Feedback from the commanded angles; a motion that nobody wants any more is held again."""
@@ -189,12 +213,16 @@ class FollowAction:
             while len(self._goals) > KEPT:
                 self._goals.popitem(last=False)
             goal.state = GoalState.EXECUTING
+            threading.Thread(
+                target=self.watch.run, args=(goal.sessions, goal.over, lambda _: self._silent(goal)), daemon=True
+            ).start()
             self._tell()
 
     def end(self, goal: JointGoal, why: str) -> None:
         """A goal has ended, well if `why` is empty."""
         with self._lock:
             self._active = None
+            goal.over.set()
             code = TrajectoryErrorCode.PATH_TOLERANCE_VIOLATED if why else TrajectoryErrorCode.SUCCESSFUL
             goal.result = int(code), f"{goal.unwanted}; {why}" if why and goal.unwanted else why
             goal.state = GoalState.SUCCEEDED if not why else GoalState.ABORTED

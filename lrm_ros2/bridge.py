@@ -14,11 +14,13 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from lrm_math.errors import LrmError
+from lrm_ros2.arrivals import Arrivals
 from lrm_ros2.diagnostics import DiagnosticRow, Severity, fault_row, heat_row, mode_row, silent_row
+from lrm_ros2.ros_endpoints import ServiceAnswer
 from lrm_ros2.ros_node import RosNode
-from lrm_ros2.ros_service import ServiceAnswer
 from lrm_ros2.trajectory import asks_to_hold, trajectory_path
 from lrmd.client import JointsState, Rover
+from lrmd.messages.shown_text import shown
 
 HOLDER = "ROS 2 bridge"
 PERIOD_S = 1.0
@@ -28,9 +30,11 @@ PERIOD_S = 1.0
 @dataclass(eq=False)
 class TrajectoryOrder:
     """A `JointTrajectory`, and who is told what becomes of it, on threads that may wait: of one that came on a topic,
-    nobody but the diagnostics."""
+    nobody but the diagnostics. `number`: of its arrival; `unwanted`: why it is to be stopped, empty while it is not."""
 
     message: Any
+    number: int
+    unwanted: str = field(default="", kw_only=True)
 
     def refused(self, why: str) -> None:
         """Tells that it is not followed."""
@@ -45,20 +49,27 @@ class TrajectoryOrder:
 
 @dataclass
 class TrajectoryDoor:
-    """Trajectories, one at a time. One that comes while another is followed is refused; an empty one holds at once."""
+    """Trajectories, one at a time. One that comes while another is followed is refused; an empty one holds at once.
+
+    None is followed after a stop that came later: the door refuses it if it knows of the stop (`Arrivals`), and the
+    daemon if not: a move says how many stops there had been before the door looked.
+    """
 
     rover: Rover
+    arrivals: Arrivals
     said: DiagnosticRow = field(default=DiagnosticRow("lrm bridge: trajectory", Severity.OK, "none yet"))
     _waiting: queue.Queue[TrajectoryOrder] = field(default_factory=queue.Queue)
     _busy: threading.Lock = field(default_factory=threading.Lock)
+    _holds: list[threading.Thread] = field(default_factory=list)
 
-    def take(self, message: Any) -> None:
+    def take(self, message: Any, number: int) -> None:
         """Takes a message of the topic in, on any thread."""
         if asks_to_hold(message):
+            self.arrivals.stopped(number)
             self._report(Severity.OK, "held, by an empty trajectory")
             self.hold()
         else:
-            self.offer(TrajectoryOrder(message))
+            self.offer(TrajectoryOrder(message, number))
 
     def offer(self, order: TrajectoryOrder) -> None:
         """Takes an order in, on any thread."""
@@ -68,8 +79,10 @@ class TrajectoryDoor:
             self._refuse(order, "another trajectory is being followed")
 
     def hold(self) -> None:
-        """Holds, on a thread of its own: zenoh's must not wait for zenoh."""
-        threading.Thread(target=self._hold, daemon=True).start()
+        """Holds, on a thread of its own: that of the arrivals must not wait."""
+        thread = threading.Thread(target=self._hold, daemon=True)
+        thread.start()
+        self._holds = [*(one for one in self._holds if one.is_alive()), thread]
 
     def follow_next(self, patience: float) -> None:
         """Follows the next trajectory to its end, if one comes within a time (s)."""
@@ -83,20 +96,26 @@ class TrajectoryDoor:
             self._busy.release()
 
     def _follow(self, order: TrajectoryOrder) -> None:
+        for earlier in self._holds:
+            earlier.join()
         try:
+            stops = self.rover.mode().stops
             joints, info = self.rover.joints(), self.rover.info()
             now = dict(zip(joints.names, joints.q_rad, strict=True))
             path = trajectory_path(order.message, now, info, time.time())
         except LrmError as error:
             self._refuse(order, str(error))
             return
+        if self.arrivals.overtaken(order.number):
+            self._refuse(order, "the arm was stopped after it was sent")
+            return
         if not order.accepted():
-            self._refuse(order, "its client is gone, or has cancelled it")
+            self._refuse(order, order.unwanted or "it is not wanted any more")
             return
         self._report(Severity.OK, f"following {len(path.waypoints)} points")
         try:
             with self.rover.control(HOLDER):
-                self.rover.move(*path.waypoints, speed=path.speed)
+                self.rover.move(*path.waypoints, speed=path.speed, stops=stops)
         except LrmError as error:
             self._report(Severity.WARN, f"refused or not ended: {error}")
             order.ended(str(error))
@@ -118,15 +137,15 @@ class TrajectoryDoor:
             self._report(Severity.ERROR, f"not held: {error}")
 
     def _report(self, level: Severity, text: str) -> None:
-        self.said = DiagnosticRow(self.said.name, level, text)
-        print(f"trajectory: {text}", flush=True)
+        self.said = DiagnosticRow(self.said.name, level, shown(text))
+        print(f"trajectory: {self.said.text}", flush=True)
 
 
-def stop_service(stop: Callable[[], None], done: str) -> Callable[[Any, ServiceAnswer], None]:
+def stop_service(stop: Callable[[], None], done: str) -> Callable[[Any, ServiceAnswer, int], None]:
     """Handler of a `std_srvs/Trigger` that stops the arm, and says whether it did."""
 
-    def handler(_: Any, answer: ServiceAnswer) -> None:
-        """Stops on a thread of its own: zenoh's must not wait for zenoh."""
+    def handler(_: Any, answer: ServiceAnswer, __: int) -> None:
+        """Stops on a thread of its own: that of the arrivals must not wait."""
         threading.Thread(target=carry_out, args=(answer,), daemon=True).start()
 
     def carry_out(answer: ServiceAnswer) -> None:

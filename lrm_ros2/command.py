@@ -10,6 +10,7 @@ import threading
 from lrm_math.errors import LrmError
 from lrm_ros2.action import FollowAction
 from lrm_ros2.action_types import CANCEL_GOAL, GET_RESULT, SEND_GOAL, TRIGGER
+from lrm_ros2.arrivals import Arrivals
 from lrm_ros2.bridge import TrajectoryDoor, publish_states, stop_service
 from lrm_ros2.message_types import DISTRIBUTIONS
 from lrm_ros2.ros_node import ACTION_NAME, RosNetwork, RosNode
@@ -50,8 +51,8 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _open_services(node: RosNode, rover: Rover, action: FollowAction | None) -> None:
-    node.serve("hold", TRIGGER, stop_service(rover.hold, "the arm holds"))
-    node.serve("estop", TRIGGER, stop_service(lambda: rover.estop("ROS 2"), "all pulses are off"))
+    node.serve("hold", TRIGGER, stop_service(rover.hold, "the arm holds"), stops=True)
+    node.serve("estop", TRIGGER, stop_service(lambda: rover.estop("ROS 2"), "all pulses are off"), stops=True)
     if action is not None:
         node.watch_clients(f"{ACTION_NAME}/send_goal", action.client)
         node.serve(f"{ACTION_NAME}/send_goal", SEND_GOAL, action.send_goal)
@@ -66,8 +67,10 @@ def _run(options: argparse.Namespace) -> None:
     network = RosNetwork(host, int(port), options.distribution, options.domain)
     with Rover(options.robot, options.connect.split(",") if options.connect else None) as rover:
         rover.info()
-        door, ended = TrajectoryDoor(rover), threading.Event()
-        with RosNode(network, options.namespace, door.take if options.trajectories else None) as node:
+        arrivals, ended = Arrivals(), threading.Event()
+        door = TrajectoryDoor(rover, arrivals)
+        take = door.take if options.trajectories else None
+        with RosNode(network, options.namespace, arrivals, take) as node, arrivals:
             action = FollowAction(door, node)
             _open_services(node, rover, action if options.trajectories else None)
             print(f"bridge of {rover.robot} to ROS 2 at {options.ros_router}", flush=True)

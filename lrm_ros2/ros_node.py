@@ -11,9 +11,12 @@ from functools import partial
 from typing import Any, Self
 
 import numpy as np
+from zenoh.handlers import Callback
 
 from lrm_math.errors import LrmError
 from lrm_ros2.action_types import ACTION, BODY_POINT, FEEDBACK, POINT, STATUS
+from lrm_ros2.arrivals import Arrivals
+from lrm_ros2.client_watch import SILENT_S
 from lrm_ros2.diagnostics import DiagnosticRow
 from lrm_ros2.message_types import (
     DIAGNOSTIC_ARRAY,
@@ -23,7 +26,7 @@ from lrm_ros2.message_types import (
     message_type,
     type_store,
 )
-from lrm_ros2.ros_service import Handler, RosService
+from lrm_ros2.ros_endpoints import Handler, RosListener, RosService
 
 NODE = "lrm_bridge"
 ACTION_NAME = "follow_joint_trajectory/_action"
@@ -44,11 +47,15 @@ class RosNetwork:
 class RosNode:
     """Topics of the bridge in a namespace such as `/lrm`: `joint_states`, `diagnostics`, `joint_trajectory`.
 
-    `on_trajectory`: called with each trajectory, on a thread of zenoh; None: none is subscribed to, and no goal taken.
-    Raises `LrmError` where it is opened: a package is missing, or there is no router.
+    `on_trajectory`: called with each trajectory and its number by `arrivals`; None: none is subscribed to, and no goal
+    taken. Raises `LrmError` where it is opened: a package is missing, or there is no router.
     """
 
-    def __init__(self, network: RosNetwork, namespace: str, on_trajectory: Callable[[Any], None] | None) -> None:
+    def __init__(
+        self, network: RosNetwork, namespace: str, arrivals: Arrivals,
+        on_trajectory: Callable[[Any, int], None] | None,
+    ) -> None:  # fmt: skip
+        self._arrivals = arrivals
         self._network, self._namespace, self._on_trajectory = network, namespace.rstrip("/"), on_trajectory
         self._stack = ExitStack()
 
@@ -67,8 +74,11 @@ class RosNode:
             self._joints = open_one(sdk.ROS2Publisher, "joint_states", JOINT_STATE)
             self._diagnostics = open_one(sdk.ROS2Publisher, "/diagnostics", DIAGNOSTIC_ARRAY)
             if self._on_trajectory is not None:
-                listener = partial(sdk.ROS2Subscriber, callback=self._on_trajectory)
-                open_one(listener, "joint_trajectory", JOINT_TRAJECTORY)
+                whole = f"{self._namespace}/joint_trajectory"
+                listener = RosListener(
+                    sdk, session, self._network, whole, JOINT_TRAJECTORY, NODE, self._arrivals, self._on_trajectory
+                )
+                stack.callback(listener.close)
                 self._feedback = open_one(sdk.ROS2Publisher, f"{ACTION_NAME}/feedback", FEEDBACK)
                 self._goals = open_one(sdk.ROS2Publisher, f"{ACTION_NAME}/status", STATUS)
             self._stack = stack.pop_all()
@@ -88,10 +98,12 @@ class RosNode:
         """Publishes rows, all of one robot."""
         self._diagnostics.publish(header=self._header(time.time()), status=[self._status(r, hardware) for r in rows])
 
-    def serve(self, name: str, service: str, handler: Handler) -> None:
-        """Opens a service in the namespace, until the node is closed."""
+    def serve(self, name: str, service: str, handler: Handler, stops: bool = False) -> None:
+        """Opens a service in the namespace, until the node is closed. `stops`: whatever is asked of it is a stop."""
         whole = f"{self._namespace}/{name}"
-        opened = RosService(self._sdk, self._session, self._network, whole, service, NODE, handler)
+        opened = RosService(
+            self._sdk, self._session, self._network, whole, service, NODE, self._arrivals, handler, stops
+        )
         self._stack.callback(opened.close)
 
     def watch_clients(self, name: str, on_client: Callable[[str, bool], object]) -> None:
@@ -107,6 +119,11 @@ class RosNode:
         key = f"@ros2_lv/{self._network.domain}/**"
         opened = self._session.liveliness.declare_subscriber(key, heard, history=True)
         self._stack.callback(opened.undeclare)
+
+    def ask_session(self, other: str, answered: Callable[[], None]) -> None:
+        """Asks another session of zenoh whether it runs; `answered` is called if it does, on a thread of zenoh."""
+        heard: Callback[Any] = Callback(lambda reply: answered() if reply.ok is not None else None, indirect=False)
+        self._session.session.get(f"@/{other}/*", heard, timeout=SILENT_S)
 
     def publish_feedback(self, goal: bytes, names: Sequence[str], q: Sequence[float], t: float) -> None:
         """Publishes commanded angles (rad) of a goal; what is measured is not known: empty."""
@@ -145,7 +162,7 @@ class RosNode:
         return self._types["unique_identifier_msgs/msg/UUID"](uuid=np.frombuffer(goal, dtype=np.uint8))
 
     def _open(self, stack: ExitStack, kind: Callable[..., Any], topic: str, name: str) -> Any:
-        """A publisher or subscriber. Type and hash are given: the SDK would clone their repositories from the net."""
+        """A publisher. Type and hash are given: the SDK would clone their repositories from the net."""
         of = message_type(name, self._network.distribution)
         whole = topic if topic.startswith("/") else f"{self._namespace}/{topic}"
         opened = kind(

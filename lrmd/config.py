@@ -34,7 +34,7 @@ class LinkTable(StrictSchema):
     pwm_hz: Annotated[float, Field(gt=0)] = 50.0
     oscillator_hz: Annotated[float, Field(ge=20e6, le=30e6)] = 25e6
     silence_ms: Annotated[int, Field(ge=50, le=10_000)] = 1000
-    reply_ms: Milliseconds = 100.0
+    reply_ms: Milliseconds = 490.0
 
 
 class RampTable(StrictSchema):
@@ -54,12 +54,14 @@ class ServoEntry(StrictSchema):
 
 
 class SafetyTable(StrictSchema):
-    """`[safety]`: timeouts of commands and leases, delay between servos that are switched on, rest pose."""
+    """`[safety]`: timeouts of commands and leases, delay between servos that are switched on, rest pose, torque that a
+    servo without pulses bears."""
 
     command_ms: Milliseconds = 500.0
     lease_ms: Annotated[float, Field(ge=100, le=500)] = 400.0
     stagger_ms: Milliseconds = 200.0
     rest_q_deg: list[Angle] | None = None
+    unpowered_nm: Annotated[float, Field(ge=0, le=10)] = 0.05
 
 
 class ThermalTable(StrictSchema):
@@ -138,7 +140,8 @@ class Config:
     `arm_file`: the name or path that `arm` was read from.
     `tick`, `reply`, `command`, `lease`, `stagger`, `save`, `gravity_age`: ns. `step`: ns of pulse in one tick.
     `gravity_keeps_last`: whether a direction of gravity that is older is used still, instead of the model's.
-    `rest`: rad, one angle per joint, or None. `rise`: K/(N·m)², one per servo, 0 where not configured.
+    `rest`: rad, one angle per joint, or None. `unpowered`: N·m that a servo without pulses bears.
+    `rise`: K/(N·m)², one per servo, 0 where not configured.
     """
 
     robot: str
@@ -156,6 +159,7 @@ class Config:
     lease: int
     stagger: int
     rest: tuple[float, ...] | None
+    unpowered: float
     thermal: ThermalTable
     rise: tuple[float, ...]
     gravity_age: int
@@ -216,6 +220,7 @@ def _config(t: DaemonFile, arm: Arm) -> Config:
         tick=round(t.ramp.tick_ms * MS), step=round(t.ramp.step_us * US), realtime_priority=t.ramp.realtime_priority,
         command=round(t.safety.command_ms * MS), lease=round(t.safety.lease_ms * MS),
         stagger=round(t.safety.stagger_ms * MS), rest=None if rest is None else tuple(map(math.radians, rest)),
+        unpowered=t.safety.unpowered_nm,
         thermal=t.thermal, rise=tuple(t.thermal.rise_k_per_nm2.get(servo.name, 0.0) for servo in servos),
         gravity_age=round(t.gravity.max_age_s * SECOND), gravity_keeps_last=t.gravity.fallback == "last",
         state=Path(t.state.directory), save=round(t.state.save_ms * MS), zenoh=t.zenoh,

@@ -20,6 +20,7 @@ the arm only on request.
 
   lrmd --config /etc/lrm/lrmd.toml           run (systemd does this)
   lrmd --config /etc/lrm/lrmd.toml --check   load what the start loads, report its errors, and stop
+  lrmd --config /etc/lrm/lrmd.toml --undo    take the last deployed model back, where its file stops the start
   lrmd --config lrmd.toml --simulated        run on a simulated board and arm instead of the port
 """
 
@@ -41,6 +42,7 @@ def main(argv: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser("lrmd", description=TEXT, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--config", type=Path, required=True, metavar="FILE", help="lrmd.toml")
     parser.add_argument("--check", action="store_true", help="load what the start loads, and stop")
+    parser.add_argument("--undo", action="store_true", help="take the last deployed model back, without a daemon")
     parser.add_argument("--simulated", action="store_true", help="run on a simulated board instead of the port")
     parser.add_argument("--log-level", choices=["debug", "info", "warning", "error"], default="info")
     options = parser.parse_args(argv)
@@ -55,6 +57,13 @@ def main(argv: list[str] | None = None) -> int:
             from lrmd.api.start_check import check_start
 
             print(f"{options.config}: in order; {check_start(config)}")
+            return 0
+        if options.undo:
+            from lrmd.persistence.deployed_models import undo_offline
+            from lrmd.persistence.sole_user import sole_user
+
+            with sole_user(config.state):
+                print(undo_offline(config.state))
             return 0
         return_freed_memory()
         if options.simulated:

@@ -2,6 +2,7 @@
 # Installs the daemon on a rover, or removes it.
 #
 #   install.sh             the program in /opt/lrm, units, udev rule, user, configuration; run it again to upgrade
+#   install.sh program     the program alone
 #   install.sh uninstall   removes all of that, but keeps configuration that was changed, and what the daemon saved
 #   install.sh purge       removes these too
 #
@@ -10,14 +11,16 @@
 # (PIP_NO_INDEX=1 PIP_FIND_LINKS=wheels for a rover without a network).
 #
 # A configuration file that was changed is never overwritten: the new one is put beside it as FILE.new.
-# A running daemon is not restarted, for it may be holding a load.
+# A running daemon is not restarted, for it may be holding a load. Each version has a folder of its own, and the link
+# /opt/lrm/current names the newest: processes that a running daemon starts anew are of the version that it began with.
 set -eu
+umask 022
 
 SOURCE=$(cd "$(dirname "$0")/.." && pwd)
 DESTDIR=${DESTDIR:-}
 DESTDIR=${DESTDIR%/}
 PYTHON=${PYTHON:-python3}
-PROGRAM=/opt/lrm
+PROGRAM=${PROGRAM:-/opt/lrm}
 AS_INSTALLED=/usr/local/share/lrm
 UNITS="lrmd.service lrmd-sim.service"
 
@@ -50,7 +53,7 @@ check() {
     done
     [ -z "$DESTDIR" ] || return 0
     [ "$(id -u)" = 0 ] || fail "must run as root: sudo make install (or set DESTDIR)"
-    for program in systemctl systemd-sysusers systemd-tmpfiles udevadm; do
+    for program in systemctl systemd-sysusers systemd-tmpfiles udevadm runuser; do
         command -v "$program" >/dev/null || fail "$program is missing; the daemon runs on Linux with systemd"
     done
 }
@@ -94,12 +97,55 @@ put() { # MODE SOURCE DESTINATION
     case $3 in /etc/*) write "$1" "$2" "$DESTDIR$AS_INSTALLED$3" ;; esac
 }
 
+# A folder for this version that is not there yet; the name of one that is says nothing of its content.
+new_folder() {
+    version=$(sed -n 's/^version = "\(.*\)"/\1/p' "$SOURCE/pyproject.toml")
+    [ -n "$version" ] || fail "pyproject.toml has no version in $SOURCE"
+    folder=$PROGRAM/$version
+    number=1
+    while [ -e "$folder" ]; do
+        number=$((number + 1))
+        folder=$PROGRAM/$version-$number
+    done
+    echo "$folder"
+}
+
 put_program() {
-    say build "$PROGRAM"
-    [ -x "$PROGRAM/bin/python" ] || "$PYTHON" -m venv "$PROGRAM"
-    "$PROGRAM/bin/python" -m pip install --quiet --disable-pip-version-check -c "$SOURCE/constraints.txt" "$SOURCE"
-    [ -x "$PROGRAM/bin/lrmd" ] || fail "the project was installed to $PROGRAM, but brought no program lrmd"
-    "$PROGRAM/bin/lrmd" --config /etc/lrm/lrmd.toml --check
+    folder=$(new_folder)
+    say build "$folder"
+    mkdir -p "$PROGRAM"
+    trap 'rm -rf "$folder"' EXIT # unless all of it is there
+    "$PYTHON" -m venv "$folder"
+    "$folder/bin/python" -m pip install --quiet --disable-pip-version-check -c "$SOURCE/constraints.txt" "$SOURCE"
+    [ -x "$folder/bin/lrmd" ] || fail "the project was installed to $folder, but brought no program lrmd"
+    trap - EXIT
+    ln -sfn "${folder##*/}" "$PROGRAM/current.part"
+    mv -fT "$PROGRAM/current.part" "$PROGRAM/current"
+    sweep_versions "$folder"
+}
+
+# Removes what earlier installations left, but for what a running process was started from.
+sweep_versions() { # FOLDER that stays
+    for old in "$PROGRAM"/*/; do
+        old=${old%/}
+        [ ! -L "$old" ] || continue # the link, and lib64 of a release that had no folders of versions
+        case ${old##*/} in
+            bin | include | lib | share) used=$PROGRAM/lib ;; # that release
+            *) used=$old ;;
+        esac
+        [ "$old" != "$1" ] || continue
+        if grep -qsF "$used/" /proc/[0-9]*/maps; then
+            say kept "$old, which a running process uses; the next installation removes it"
+        else
+            rm -rf "$old"
+            say removed "$old"
+        fi
+    done
+    [ -d "$PROGRAM/lib" ] || rm -rf "$PROGRAM/lib64" "$PROGRAM/pyvenv.cfg"
+}
+
+check_program() { # as the daemon's user, who reads other files than root does
+    runuser -u lrm -- "$PROGRAM/current/bin/lrmd" --config /etc/lrm/lrmd.toml --check
 }
 
 tell_system() {
@@ -119,6 +165,7 @@ install_all() {
     systemd-sysusers lrm.conf
     systemd-tmpfiles --create lrm.conf
     put_program
+    check_program
     tell_system
     systemctl enable --quiet lrmd.service
     say ready "at the next boot; now: systemctl start lrmd (after an upgrade restart it, the arm at rest)"
@@ -162,7 +209,8 @@ uninstall_all() {
 
 case ${1:-install} in
     install) install_all ;;
+    program) put_program ;;
     uninstall) uninstall_all "" ;;
     purge) uninstall_all all ;;
-    *) fail "usage: [DESTDIR=DIR] [PYTHON=PROGRAM] install.sh [install|uninstall|purge]" ;;
+    *) fail "usage: [DESTDIR=DIR] [PYTHON=PROGRAM] install.sh [install|program|uninstall|purge]" ;;
 esac

@@ -21,8 +21,10 @@ LAYERS = {
     "lrm_math": "errors arrays text_file number_list atomic_file plausibility toml_file "
     "arm kinematics collision effects model ik",
     "lrm_ident": "data fitting residual diagnosis study design report fleet measuring workbench cli",
-    "lrmd": "errors heap log config persistence link messages ramp safety control sim ik api client cli main demo",
-    "lrm_ros2": "diagnostics action_types message_types trajectory ros_service ros_node bridge action command",
+    "lrmd": "errors heap background log config persistence link messages ramp safety control sim ik api client cli "
+    "main demo",
+    "lrm_ros2": "diagnostics action_types message_types trajectory client_watch arrivals ros_endpoints ros_node "
+    "bridge action command",
 }
 """Folders and modules of each package; each imports only from those before it, so there is no cycle between them."""
 

@@ -72,6 +72,9 @@ def _noted(note: Path) -> OpenFiles | None:
         return None
 
 
+REDIRECT = "open-workbench.html"
+
+
 @dataclass(frozen=True)
 class WorkbenchAddress:
     """Place where a workbench runs: `port` of this machine, `token` of its address, `folder` of its steps."""
@@ -84,6 +87,16 @@ class WorkbenchAddress:
     def address(self) -> str:
         """URL that a person opens."""
         return f"http://{HOST}:{self.port}/?token={self.token}"
+
+    def redirect_file(self) -> Path:
+        """A page in the folder that only its owner reads, and that leads a browser to the address.
+
+        A browser is started with what it opens on its command line, which every user of the machine can read.
+        """
+        path = self.folder / REDIRECT
+        write_text(path, f'<!doctype html><meta http-equiv="refresh" content="0; url={self.address}">\n')
+        path.chmod(0o600)
+        return path
 
     async def listening(self) -> None:
         """Waits until the port takes connections."""

@@ -75,7 +75,7 @@ def _when_started(place: WorkbenchAddress, session: WorkbenchSession, show: bool
         await place.listening()
         print(f"Workbench at {place.address}\nEvery step is kept in {place.folder}; Ctrl-C ends it.", flush=True)
         if show:
-            await asyncio.to_thread(webbrowser.open, place.address)
+            await asyncio.to_thread(webbrowser.open, place.redirect_file().as_uri())
 
     running: list[asyncio.Task[None]] = []
     app.on_startup(lambda: running.extend(map(asyncio.create_task, (ticking(), announcing()))))

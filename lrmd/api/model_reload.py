@@ -15,6 +15,7 @@ from lrmd.api.model_trial import check_in_trial, load_checked
 from lrmd.config import Config
 from lrmd.errors import RequestError
 from lrmd.ik.deployed_model import DeployedModel
+from lrmd.ik.tip_movement import check_movement, tip_movement
 from lrmd.persistence.deployed_models import (
     DeployedStack,
     active_model,
@@ -22,6 +23,7 @@ from lrmd.persistence.deployed_models import (
     model_in_use,
     prune,
     save_stack,
+    undo_named,
     write_version,
 )
 from lrmd.ramp.shared_memory import GravityRecord, SharedRecords
@@ -45,7 +47,8 @@ class ActiveModel:
         self._down: Vector3 | None = None
         self.guard: Guard | None = None
         self.gravity = config.arm.gravity
-        self.deployed = self._take(*load_checked(config, active_model(config)))
+        with undo_named(config):
+            self.deployed = self._take(*load_checked(config, active_model(config)))
 
     def load(self) -> DeployedModel:
         """Reads the file; raises `LrmError` and keeps the present model if it cannot be used.
@@ -55,18 +58,23 @@ class ActiveModel:
         with self._one_at_a_time():
             return self._take(*self._tried(active_model(self._config)))
 
-    def deploy(self, text: str) -> DeployedModel:
-        """Keeps a model file's text as a new version and uses it. Raises `LrmError`; then nothing has changed."""
+    def deploy(self, text: str, accept: bool = False) -> DeployedModel:
+        """Keeps a model file's text as a new version and uses it. Raises `LrmError`; then nothing has changed.
+
+        `accept`: also if the tip moves by much against the model in use.
+        """
         with self._one_at_a_time():
             stack, path = load_stack(self._config.state), write_version(self._config.state, text)
             try:
                 checked = self._tried(path)
+                moved = tip_movement(self.deployed.model, checked[0].model, self._config.arm)
+                check_movement(moved, self._config.arm, accept)
                 save_stack(self._config.state, stack.with_version(path.name))
             except BaseException:
                 path.unlink(missing_ok=True)
                 raise
             prune(self._config.state)
-            return self._take(*checked)
+            return replace(self._take(*checked), moved=moved)
 
     def undo(self) -> DeployedModel:
         """Goes back to the version before. Raises `LrmError`: nothing was deployed, or that one cannot be used."""

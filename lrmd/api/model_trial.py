@@ -7,7 +7,6 @@ spawned: it holds no descriptor of the daemon's, neither zenoh's nor the port no
 from __future__ import annotations
 
 import math
-import os
 import resource
 import signal
 from multiprocessing import get_context
@@ -22,6 +21,7 @@ from lrm_math.errors import FileError, LrmError, NoEquilibrium
 from lrm_math.kinematics.poses import poses_of
 from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import Model
+from lrmd.background import give_way
 from lrmd.config import Config
 from lrmd.errors import RequestError
 from lrmd.ik.deployed_model import DeployedModel, deploy_file
@@ -35,8 +35,6 @@ SECONDS, DEADLINE = 2, 8.0
 """s of computing time (the thesis's model takes 0.02), and until the answer, the start of the process included."""
 TOO_LARGE, TOO_DEEP = f"takes more than {MEMORY >> 20} MB of memory", "nests too deeply"
 LONGEST_REASON = 1000
-NICE = 5
-"""It gives way to the processes that move the arm."""
 
 
 def load_checked(config: Config, path: Path | None) -> tuple[DeployedModel, Guard | None]:
@@ -84,7 +82,7 @@ def run(config: Config, path: Path | None, answer: Connection) -> None:
     die_with_parent()
     for number in (signal.SIGINT, signal.SIGHUP):
         signal.signal(number, signal.SIG_IGN)
-    os.nice(NICE)
+    give_way()
     load_checked(config, None)
     before = _limit(_address_space() + MEMORY)
     what = ""

@@ -28,7 +28,7 @@ from lrmd.control.state_machine import Mode
 from lrmd.errors import RequestError
 from lrmd.ik.deployed_model import DeployedModel
 from lrmd.messages.codec import Message, error_reply, pack
-from lrmd.messages.control import DeployRequest, JogRequest, MoveRequest, ReloadRequest, UndeployRequest
+from lrmd.messages.control import DeployRequest, HoldRequest, JogRequest, MoveRequest, ReloadRequest, UndeployRequest
 from lrmd.messages.zenoh_session import own_client
 from lrmd.persistence.state_file import BackgroundWriter, SaveSchedule, restored_state
 from lrmd.safety.thermal_model import gravity_torques
@@ -40,6 +40,8 @@ RAMP_TIMEOUT = SECOND // 2
 START_TIMEOUT = 20 * SECOND
 SETTLING_TIME = SECOND // 10
 """ns, 15 ticks of the ramp: for the last order to be read before the next motion."""
+IK_PAUSE = 10 * SECOND
+"""ns until an ik process that does not start is tried again."""
 IK_TIMEOUT, ROUTER_TIMEOUT = 5 * SECOND, 2 * SECOND
 STOP_SIGNALS = (signal.SIGTERM, signal.SIGINT)
 
@@ -65,7 +67,8 @@ class ApiProcess:
         self._publisher = StatePublisher(config, self._controller, self._shared, self._ramp, self._ik, self.boot_id)
         self._publisher.model, self._publisher.gravity = self._model.deployed.path, self._model.gravity
         self._writer = BackgroundWriter(config.state, self._on_write)
-        self._stopping = self._reloading = False
+        self._stopping = self._reloading = self._was_ready = False
+        self._ik_due = now
         self._server: ZenohServer | None = None
         self._presence: Presence | None = None
         self._tick_seen, self._ticked_at = 0, now
@@ -106,7 +109,7 @@ class ApiProcess:
 
     def _loop(self, probe: IkProbe) -> None:
         notify_every = int((watchdog_s() or 2.0) / 4 * SECOND)
-        due, notified_at, ready = time.monotonic_ns(), 0, False
+        due, notified_at = time.monotonic_ns(), 0
         while not self._stopping:
             now = time.monotonic_ns()
             if self._reloading:
@@ -114,14 +117,14 @@ class ApiProcess:
                 threading.Thread(target=self._reload_on_signal, daemon=True).start()
             with self._lock:
                 self._cycle(now)
-            if not ready and self._ready(probe, now):
-                ready = True
+            if not self._was_ready and self._ready(probe, now):
+                self._was_ready = True
                 notify(f"READY=1\nSTATUS={self._controller.mode}")
                 self._log.info("ready", boot_id=self.boot_id, port=self._config.link.port)
-            if ready and now - notified_at >= notify_every and now - self._ticked_at < RAMP_TIMEOUT:
+            if self._was_ready and now - notified_at >= notify_every and now - self._ticked_at < RAMP_TIMEOUT:
                 notified_at = now
                 notify(f"WATCHDOG=1\nSTATUS={self._controller.mode}")
-            due = max(due + (STANDBY_PERIOD if ready and self._standing_by else PERIOD), now)
+            due = max(due + (STANDBY_PERIOD if self._was_ready and self._standing_by else PERIOD), now)
             time.sleep(max(0, due - time.monotonic_ns()) / SECOND)
 
     @property
@@ -216,10 +219,22 @@ class ApiProcess:
         silent = now - max(self._ticked_at, self._ramp.started_at)
         stuck = silent > (RAMP_TIMEOUT if self._ticked_at > self._ramp.started_at else START_TIMEOUT)
         self._keep_alive(self._ramp, f"no tick for {silent / SECOND:.1f} s" if stuck else None, "error", now)
-        if self._keep_alive(self._ik, silence(self._shared.ik[0], IK_TIMEOUT, now), "warning", now):
+        if now >= self._ik_due and self._keep_ik_alive(now):
             self._shared.ik[0] = 0
         if self._keep_alive(self._router, silence(self._shared.router[0], ROUTER_TIMEOUT, now), "error", now):
             self._shared.router[0] = 0
+
+    def _keep_ik_alive(self, now: int) -> bool:
+        """Whether the ik process was restarted, or given up for a while: the arm does not depend on it."""
+        try:
+            return self._keep_alive(self._ik, silence(self._shared.ik[0], IK_TIMEOUT, now), "warning", now)
+        except RestartLimitExceeded as error:
+            if not self._was_ready:
+                raise
+            self._ik_due = now + IK_PAUSE
+            text = f"{error}; no kinematics until it starts, which is tried every {IK_PAUSE // SECOND} s"
+            self._emit("ik_given_up", "error", text)
+            return True
 
     def _keep_alive(self, child: ChildProcess, stuck: str | None, level: Level, now: int) -> bool:
         ended = child.ended() or stuck
@@ -232,7 +247,8 @@ class ApiProcess:
 
     def _save(self, now: int, at_once: bool = False) -> None:
         c = self._controller
-        state = (c.mode, c.position, c.report.moving, c.payload, *map(c.thermal.model.level, c.thermal.temperature))
+        levels = map(c.thermal.model.level, c.thermal.temperature)
+        state = (c.mode, c.position, c.report.moving, c.report.outputs, c.fallen.bits, c.payload, *levels)
         if self._saving.due(state, c.report.moving, now) or at_once:
             c.stored = c.saved(time.time_ns())
             self._writer.put(c.stored)
@@ -260,11 +276,15 @@ class ApiProcess:
             result = self._controller.handle(request, now)
             self._write_order()
             self._flush()
-            return self._publisher.reply(tail, result)
+            reply, order = self._publisher.reply(tail, result), self._controller.order.number
+        if isinstance(request, HoldRequest) and not self._shared.wait_for_order(order, SETTLING_TIME):
+            text = "the ramp did not confirm the hold in time; it reads the order as soon as it ticks"
+            raise RequestError("hold_unconfirmed", text, retryable=True)
+        return reply
 
     def _changed_model(self, request: ReloadRequest | DeployRequest | UndeployRequest) -> DeployedModel:
         if isinstance(request, DeployRequest):
-            return self._adopt(partial(self._model.deploy, request.text))
+            return self._adopt(partial(self._model.deploy, request.text, request.accept))
         return self._adopt(self._model.undo if isinstance(request, UndeployRequest) else self._model.load)
 
     def report_refusal(self, tail: str, error: LrmError) -> None:

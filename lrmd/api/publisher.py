@@ -118,7 +118,7 @@ class StatePublisher:
         """Keys of the states to publish at `now` (ns): joints always, others on change or every second."""
         c = self._controller
         keys = ["state/joints"]
-        published = (c.mode, c.why, tuple(c.faults), c.lease and c.lease.holder, c.report.link, c.troubles)
+        published = (c.mode, c.why, tuple(c.faults), c.lease and c.lease.holder, c.report.link, c.troubles, c.stops)
         due = now - self._published_at >= SECOND
         if due or published != self._published:
             self._published = published
@@ -132,7 +132,8 @@ class StatePublisher:
         """The reply to a request that was carried out."""
         lease = result.lease
         return Reply(
-            **self._header(tail), mode=self._controller.mode.value, seconds=result.seconds,
+            **self._header(tail), mode=self._controller.mode.value, stops=self._controller.stops,
+            seconds=result.seconds,
             lease=None if lease is None else lease.token, lease_ms=None if lease is None else self._config.lease / 1e6,
             model_sha256=self._model_sha256, unchecked=result.unchecked,
         )  # fmt: skip
@@ -145,7 +146,8 @@ class StatePublisher:
             field = FieldPart(effect=marked(known.effect), speaks_share=known.speaks, outside_share=known.outside)
         return ReloadReply(
             **self._header(tail), model=deployed.path, model_sha256=deployed.sha256, left_out=list(deployed.left_out),
-            field=field,
+            field=field, tip_moves_m=None if deployed.moved is None else deployed.moved.largest,
+            tip_moves_rms_m=None if deployed.moved is None else deployed.moved.rms,
         )  # fmt: skip
 
     @property
@@ -172,7 +174,7 @@ class StatePublisher:
         return ModeState(
             **self._header("state/mode"), mode=c.mode.value, why=c.why, since_mono_ns=c.since,
             holder=c.lease.holder if c.lease else None, link=c.report.link.name.lower(), payload_kg=c.payload,
-            troubles=c.troubles,
+            stops=c.stops, troubles=c.troubles,
         )  # fmt: skip
 
     def _faults(self) -> FaultsState:
@@ -207,6 +209,7 @@ class StatePublisher:
 
     def _info(self) -> InfoState:
         config, stored = self._config, self._controller.stored
+        still = bool(stored and stored.still and not self._controller.fallen.bits)
         limits = [sorted((s.angle(s.lowest), s.angle(s.highest))) for s in config.servos]
         rates = [
             (high - low) / (s.highest - s.lowest) * config.step / config.tick * SECOND
@@ -221,7 +224,7 @@ class StatePublisher:
             pwm_hz=1.0 / (COUNTS_PER_PERIOD * config.clock.count_s),
             lease_ms=config.lease / 1e6, command_ms=config.command / 1e6,
             model=self.model if self._model_sha256 else None, model_sha256=self._model_sha256,
-            stored_rad=stored_angles(config, stored), stored_still=bool(stored and stored.still),
+            stored_rad=stored_angles(config, stored), stored_still=still,
         )  # fmt: skip
 
 

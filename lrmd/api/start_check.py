@@ -10,7 +10,7 @@ from lrm_math.errors import LrmError
 from lrmd.api.model_trial import load_checked
 from lrmd.config import Config
 from lrmd.messages.zenoh_session import client, own_endpoints, router
-from lrmd.persistence.deployed_models import active_model
+from lrmd.persistence.deployed_models import active_model, undo_named
 
 
 def check_start(config: Config) -> str:
@@ -18,7 +18,8 @@ def check_start(config: Config) -> str:
 
     Raises `LrmError` for what the start would refuse. The state file is not read: no content of it stops a start.
     """
-    deployed, guard = load_checked(config, active_model(config))
+    with undo_named(config):
+        deployed, guard = load_checked(config, active_model(config))
     try:
         router(config.zenoh)
         client(own_endpoints(config.zenoh), config.zenoh.config)

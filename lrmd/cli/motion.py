@@ -38,7 +38,7 @@ def _stored_hint(detail: Mapping[str, object]) -> str:
     if not isinstance(stored, dict) or not stored:
         return " (no pose is stored)"
     pose = ", ".join(f"{n} {math.degrees(q):.1f}" for n, q in stored.items())
-    return f". Stored (deg): {pose}" + ("" if detail.get("stored_still") else "; but it was moving then")
+    return f". Stored (deg): {pose}" + ("" if detail.get("stored_still") else "; but it moved then, or fell")
 
 
 def move(o: argparse.Namespace) -> int:

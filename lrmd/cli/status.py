@@ -57,9 +57,12 @@ def deploy(o: argparse.Namespace) -> int:
     text_of_file = None if o.model is None else text_to_deploy(o.model)
     with open_rover(o) as rover:
         before = rover.info().model_sha256
-        reply = rover.undeploy() if text_of_file is None else rover.deploy(text_of_file)
+        reply = rover.undeploy() if text_of_file is None else rover.deploy(text_of_file, o.accept)
         print(text.model_text(reply.model, reply.model_sha256))
         print(f"before: {before[:12] or 'the nominal arm'}; back to it: lrm deploy --undo" if o.model else "undone")
+        if reply.tip_moves_m is not None and reply.tip_moves_rms_m is not None:
+            most, rms = reply.tip_moves_m * 1e3, reply.tip_moves_rms_m * 1e3
+            print(f"at the same commands the tip moves by {rms:.1f} mm RMS, {most:.1f} mm at most")
         if reply.left_out:
             print(f"not compensated (only explain a measurement): {', '.join(reply.left_out)}")
         if reply.field is not None:

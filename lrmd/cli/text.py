@@ -104,7 +104,7 @@ def info_text(info: InfoState) -> str:
         lines.append(f"{name:<10}{limits:>18}{math.degrees(rate):>6.1f} deg/s")
     if info.stored_rad:
         pose = ", ".join(f"{n} {math.degrees(q):.1f}" for n, q in info.stored_rad.items())
-        lines.append(f"last pose (deg): {pose}{'' if info.stored_still else '; it was moving then'}")
+        lines.append(f"last pose (deg): {pose}{'' if info.stored_still else '; it moved then, or has fallen since'}")
     return "\n".join(lines)
 
 

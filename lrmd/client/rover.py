@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Literal
 
 from lrm_math.errors import LrmError
-from lrmd.client.session import RoverSession, S
-from lrmd.messages.codec import field_named, pack, unpack
+from lrmd.client.session import NoReply, RoverSession, S
+from lrmd.messages.codec import Message, field_named, pack, unpack_shown
 from lrmd.messages.control import (
     ArmRequest,
     DeployRequest,
@@ -46,6 +46,8 @@ from lrmd.messages.kinematics import (
 from lrmd.messages.zenoh_session import key
 
 RELOAD_S = 10.0
+STOP_S, ONCE_S, AGAIN_S = 5.0, 0.5, 0.02
+"""s: how long a stop is repeated, how long its answer is waited for, and from that to the next one."""
 
 
 class MotionInterrupted(LrmError):
@@ -78,9 +80,16 @@ class Rover(RoverSession):
         """Switches servos on at their present angles (`q`, rad by name, for `given`) and waits until they are on."""
         chosen = None if servos is None else list(servos)
         with field_named():
-            request = ArmRequest(lease=self._token(), where=where, q_rad=dict(q or {}), servos=chosen)
+            request = ArmRequest(
+                lease=self._token(), stops=self._stops, where=where, q_rad=dict(q or {}), servos=chosen
+            )
         reply = self._query(Reply, "rpc/arm", request)
-        self._wait(("armed",), ("arming",), (reply.seconds or 0.0) + 2.0)
+        try:
+            self._wait(("armed",), ("arming",), (reply.seconds or 0.0) + 2.0)
+        except MotionInterrupted as ended:
+            joints = self.joints()
+            on = ", ".join(name for name, is_on in zip(joints.names, joints.on, strict=True) if is_on) or "no servo"
+            raise MotionInterrupted(ended.mode, f"{ended.why}; with pulses: {on}") from None
 
     def move(
         self,
@@ -89,14 +98,19 @@ class Rover(RoverSession):
         speed: float = 1.0,
         payload_kg: float | None = None,
         wait: bool = True,
+        stops: int | None = None,
     ) -> float:
-        """Moves servos (rad by name) through the waypoints; returns the duration (s).
+        """Moves servos (rad by name) through the waypoints; returns the duration (s). `stops`: of `mode` when the
+        motion was asked for, if that was before now.
 
         Raises `RequestRefused`; while waiting `MotionInterrupted` if the motion ends before its goal.
         """
         path = [dict(w) for w in waypoints]
         with field_named():
-            request = MoveRequest(lease=self._token(), waypoints=path, pace=pace, speed=speed, payload_kg=payload_kg)
+            request = MoveRequest(
+                lease=self._token(), stops=self._stops if stops is None else stops, waypoints=path, pace=pace,
+                speed=speed, payload_kg=payload_kg,
+            )  # fmt: skip
         reply = self._query(Reply, "rpc/move", request)
         seconds, self.unchecked = reply.seconds or 0.0, reply.unchecked
         if wait:
@@ -106,8 +120,8 @@ class Rover(RoverSession):
     def jog(self, rates: Mapping[str, float]) -> None:
         """Turns servos at rates (rad/s) until the command timeout (0.5 s): call it again to continue. Does not wait."""
         with field_named():
-            request = JogRequest(lease=self._token(), rate_rad_per_s=dict(rates))
-        self._session.put(key(self.robot, "cmd/jog"), pack(request), express=True)
+            request = JogRequest(lease=self._token(), stops=self._stops, rate_rad_per_s=dict(rates))
+        self._put("cmd/jog", request)
 
     def tell_gravity(self, gravity_m_per_s2: Sequence[float]) -> None:
         """Tells the direction of gravity in the arm's frame, m/s², as often as it changes. Needs no lease; no reply.
@@ -119,31 +133,37 @@ class Rover(RoverSession):
         self._session.put(key(self.robot, "cmd/gravity"), pack(command), express=True)
 
     def hold(self) -> None:
-        """Stops the motion with pulses on. Needs no lease."""
-        self._query(Reply, "rpc/hold", HoldRequest())
+        """Stops the motion with pulses on; returns when the ramp has read it. Needs no lease.
+
+        Repeated until it is answered, for `STOP_S`. Raises `NoReply` then, `RequestRefused` in a mode without hold.
+        """
+        self._stops = self._insist("rpc/hold", HoldRequest()).stops
 
     def relax(self, servos: Sequence[str] | None = None) -> None:
         """Stops the pulses of some servos, or of all: their load falls."""
         with field_named():
             request = RelaxRequest(lease=self._token(), servos=None if servos is None else list(servos))
-        self._query(Reply, "rpc/relax", request)
+        self._stops = self._query(Reply, "rpc/relax", request).stops
 
     def disarm(self) -> None:
         """Stops all pulses of a stationary arm."""
-        self._query(Reply, "rpc/disarm", DisarmRequest(lease=self._token()))
+        self._stops = self._query(Reply, "rpc/disarm", DisarmRequest(lease=self._token())).stops
 
     def reset_fault(self) -> None:
         """Leaves fault or estop. Nothing moves."""
-        self._query(Reply, "rpc/reset_fault", ResetRequest(lease=self._token()))
+        self._stops = self._query(Reply, "rpc/reset_fault", ResetRequest(lease=self._token())).stops
 
     def reload(self) -> ReloadReply:
         """Reloads the model file in the daemon. Needs no lease; nothing moves."""
         return self._query(ReloadReply, "rpc/reload", ReloadRequest(), self._timeout + RELOAD_S)
 
-    def deploy(self, text: str) -> ReloadReply:
-        """Gives the daemon a model file's text, to keep as a version and use from now on. Needs no lease."""
+    def deploy(self, text: str, accept: bool = False) -> ReloadReply:
+        """Gives the daemon a model file's text, to keep as a version and use from now on. Needs no lease.
+
+        `accept`: also if the tip moves by much. Raises `RequestRefused` with the code `needs_accept` without it.
+        """
         with field_named():
-            request = DeployRequest(text=text)
+            request = DeployRequest(text=text, accept=accept)
         return self._query(ReloadReply, "rpc/deploy", request, self._timeout + RELOAD_S)
 
     def undeploy(self) -> ReloadReply:
@@ -151,10 +171,27 @@ class Rover(RoverSession):
         return self._query(ReloadReply, "rpc/undeploy", UndeployRequest(), self._timeout + RELOAD_S)
 
     def estop(self, why: str = "") -> None:
-        """Stops all pulses at the next tick. Needs no lease."""
+        """Stops all pulses at the next tick. Needs no lease.
+
+        Repeated until it is answered, for `STOP_S`: the router may be restarting. Raises `NoReply` then.
+        """
         command = EstopCommand(why="".join(c for c in why if c.isprintable())[:64])
-        self._session.put(key(self.robot, "cmd/estop"), pack(command), express=True)
-        self._query(Reply, "rpc/estop", command)
+        self._insist("rpc/estop", command, lambda: self._put("cmd/estop", command))
+
+    def _insist(self, tail: str, stop: Message, before: Callable[[], object] = lambda: None) -> Reply:
+        """The reply to a stop, asked for again until one comes; `before` is done before each time."""
+        end = time.monotonic() + STOP_S
+        while True:
+            before()
+            try:
+                return self._query(Reply, tail, stop, min(self._timeout, ONCE_S))
+            except NoReply:
+                if time.monotonic() > end:
+                    raise
+            time.sleep(AGAIN_S)
+
+    def _put(self, tail: str, command: Message) -> None:
+        self._session.put(key(self.robot, tail), pack(command), express=True)
 
     # ---- kinematics
 
@@ -173,7 +210,7 @@ class Rover(RoverSession):
     def _solve(self, kind: type[S], tail: str, request: IkRequest | FkRequest | PlanRequest) -> S:
         """Asks the ik process, in this session's name: it has a share of the queue of its own."""
         timeout = self._timeout + request.deadline_ms / 1000
-        return unpack(kind, self._replies(tail, pack(request), timeout, self._source(tail))[0])
+        return unpack_shown(kind, self._replies(tail, pack(request), timeout, self._source(tail))[0])
 
     def cancel(self, name: str) -> None:
         """Cancels the query or plan with this `id`; its caller gets the verdict `cancelled`."""
@@ -192,8 +229,10 @@ class Rover(RoverSession):
         return self._query(JointsState, "state/joints")
 
     def mode(self) -> ModeState:
-        """Mode of the daemon."""
-        return self._query(ModeState, "state/mode")
+        """Mode of the daemon; who looks knows of the stops before."""
+        state = self._query(ModeState, "state/mode")
+        self._stops = state.stops
+        return state
 
     def faults(self) -> FaultsState:
         """Faults that are not reset yet."""
@@ -217,13 +256,14 @@ class Rover(RoverSession):
 
     def events(self) -> list[Event]:
         """The last events, oldest first."""
-        return [unpack(Event, data) for data in self._replies("rpc/events", b"", self._timeout)]
+        return [unpack_shown(Event, data) for data in self._replies("rpc/events", b"", self._timeout)]
 
     def _wait(self, wanted: Sequence[str], meanwhile: Sequence[str], limit: float) -> None:
         end = time.monotonic() + limit
-        while (state := self.mode()).mode not in wanted:
+        while (state := self._query(ModeState, "state/mode")).mode not in wanted:
             self._check_restart()
             if state.mode not in meanwhile:
+                self._stops = state.stops
                 raise MotionInterrupted(state.mode, state.why)
             if time.monotonic() > end:
                 raise MotionInterrupted(state.mode, f"not there after {limit:.0f} s")

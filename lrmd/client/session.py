@@ -14,7 +14,7 @@ import zenoh
 
 from lrm_math.errors import LrmError
 from lrmd.client.identity import Daemon, DaemonRestarted, QueryAnswer, SeveralDaemons, Subscription, boot_ids
-from lrmd.messages.codec import ErrorReply, Header, Message, field_named, pack, unpack
+from lrmd.messages.codec import ErrorReply, Header, Message, field_named, pack, unpack_shown
 from lrmd.messages.control import LeaseRequest, Reply
 from lrmd.messages.zenoh_session import client, key
 
@@ -55,6 +55,9 @@ class RoverSession:
     replies and no states. A daemon that was restarted is recognised, and `info` asked again: states go on, and commands
     raise `DaemonRestarted` until the lease is taken anew.
 
+    A command says how many stops this session knows of: those before it took the lease, its own, and those that it was
+    told of by `mode` or an exception. After another one the daemon refuses it, once (`overtaken`).
+
     `connect`: zenoh endpoints; default: the environment variable LRM_CONNECT (comma-separated), or this machine.
     `config`: a zenoh file with a password or certificates; default: LRM_ZENOH_CONFIG. `timeout`: s per query.
     """
@@ -79,6 +82,7 @@ class RoverSession:
         self._daemon: Daemon | None = None
         self._confirming, self._seeing = threading.Lock(), threading.Lock()
         self._lease: HeldLease | None = None
+        self._stops: int | None = None
         self._querier: zenoh.Querier | None = None
 
     def __enter__(self) -> Self:
@@ -104,7 +108,7 @@ class RoverSession:
         with field_named():
             request = LeaseRequest(action="acquire", holder=holder, take=take)
         reply = self._query(Reply, "rpc/lease", request)
-        self._lease = _held(reply)
+        self._lease, self._stops = _held(reply), reply.stops
         ended = threading.Event()
         period = (reply.lease_ms or 400.0) / 4000
         beat = threading.Thread(target=self._keep_alive, args=(ended, period, holder), daemon=True)
@@ -150,7 +154,7 @@ class RoverSession:
     def watch(self, kind: type[S], tail: str, callback: Callable[[S], None]) -> zenoh.Subscriber[None]:
         """Subscribes `callback` to a key, for instance `watch(JointsState, "state/joints", print)`."""
         self._identified()
-        received = Subscription(lambda data: callback(unpack(kind, data)), lambda: self._daemon, self._confirm)
+        received = Subscription(lambda data: callback(unpack_shown(kind, data)), lambda: self._daemon, self._confirm)
         return self._session.declare_subscriber(
             key(self.robot, tail), lambda sample: received.take(str(sample.key_expr), sample.payload.to_bytes())
         )
@@ -164,7 +168,7 @@ class RoverSession:
 
     def _query(self, kind: type[S], tail: str, request: Message | None = None, timeout: float | None = None) -> S:
         payload = b"" if request is None else pack(request)
-        return unpack(kind, self._replies(tail, payload, timeout or self._timeout)[0])
+        return unpack_shown(kind, self._replies(tail, payload, timeout or self._timeout)[0])
 
     def _replies(
         self, tail: str, payload: bytes, timeout: float, source: zenoh.SourceInfo | None = None
@@ -180,7 +184,7 @@ class RoverSession:
         own = self._of_daemon(answers, known)
         if refused := next((answer for answer in own if answer.refused), None):
             self._check_restart()
-            raise RequestRefused(unpack(ErrorReply, refused.data))
+            raise self._refusal(unpack_shown(ErrorReply, refused.data))
         if tail == EVENTS:
             return [answer.data for answer in own]
         if not own:
@@ -188,6 +192,12 @@ class RoverSession:
         if len(own) > 1 and known is not None:
             raise self._several(tail, own)
         return [own[0].data]
+
+    def _refusal(self, reply: ErrorReply) -> RequestRefused:
+        """The error of a refused request; who is told of a stop knows of it from then on."""
+        if isinstance(stops := reply.detail.get("stops"), int):
+            self._stops = stops
+        return RequestRefused(reply)
 
     def _query_all(
         self, tail: str, payload: bytes, timeout: float, source: zenoh.SourceInfo | None = None

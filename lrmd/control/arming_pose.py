@@ -2,12 +2,13 @@
 
 Theory of operation: where the position comes from depends on the request and on the pulses that the board puts out. A
 board that was left pulsing, by a daemon that ended, knows best: it is taken over or nothing is switched on. Otherwise
-the client says where the arm stands, or the pose is that which was stored when the arm last stood still.
+the client says where the arm stands, or the pose is that which was stored when the arm last stood still, unless it has
+fallen since (`fallen_servos.py`).
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from enum import StrEnum
 
@@ -29,12 +30,13 @@ class BoardPulses(StrEnum):
 
 @dataclass(frozen=True)
 class ArmingSituation:
-    """Sources of the pose of an arming request."""
+    """Sources of the pose of an arming request. `fallen`: servos that are not where they were commanded."""
 
     request: ArmRequest
     config: Config
     report: RampReport
     stored: StoredState | None
+    fallen: frozenset[str]
 
     @property
     def board(self) -> BoardPulses:
@@ -45,13 +47,13 @@ class ArmingSituation:
 
 
 def arming_pulses(
-    request: ArmRequest, config: Config, report: RampReport, stored: StoredState | None
+    request: ArmRequest, config: Config, report: RampReport, stored: StoredState | None, fallen: Iterable[str]
 ) -> dict[int, int]:
     """First pulse (ns) by number of every servo that the request switches on, at its present position.
 
     Raises `RequestError` if the position is unknown, `UnknownName`.
     """
-    situation = ArmingSituation(request, config, report, stored)
+    situation = ArmingSituation(request, config, report, stored, frozenset(fallen))
     pose = TABLE[request.where, situation.board](situation)
     off = {i: pulse for i, pulse in pose.items() if not report.outputs >> i & 1}
     return {i: within_limits(config.servos[i], pulse) for i, pulse in off.items()}
@@ -72,7 +74,7 @@ def _nothing_to_take_over(a: ArmingSituation) -> dict[int, int]:
         "pose_needed",
         "the board has no pulses to take over. Say where the arm stands: where = 'given' with q_rad, or 'stored' "
         "if it has not been touched since the daemon left it",
-        stored_rad=stored_angles(a.config, a.stored), stored_still=bool(a.stored and a.stored.still),
+        stored_rad=stored_angles(a.config, a.stored), stored_still=bool(a.stored and a.stored.still and not a.fallen),
     )  # fmt: skip
 
 
@@ -97,6 +99,11 @@ def _from_store(a: ArmingSituation) -> dict[int, int]:
     names = [name for name in stored.pulse_ns if name in a.config.names] if names is None else names
     for name in names:
         a.config.index(name)
+        if name in a.fallen and name in stored.pulse_ns:
+            text = (
+                f"{name} is not where it was: its pulses ended in motion or under load, and the arm fell; look where "
+            )
+            raise RequestError("pose_needed", f"{text}it stands, and send that with where = 'given' and q_rad")
         if name not in stored.pulse_ns:
             raise RequestError("pose_needed", f"no pose of {name} was stored; send it with where = 'given' and q_rad")
     return {a.config.index(name): stored.pulse_ns[name] for name in names}

@@ -21,6 +21,7 @@ from lrmd.messages.control import (
     HoldRequest,
     JogRequest,
     LeaseRequest,
+    MotionRequest,
     MoveRequest,
     RelaxRequest,
     ResetRequest,
@@ -52,7 +53,12 @@ def _acquire(s: ControllerState, request: LeaseRequest, now: int) -> RequestResu
 
 
 def _hold(s: ControllerState, _: HoldRequest, now: int) -> RequestResult:
-    s.hold(now, "hold")
+    s.stops += 1  # also where nothing moves: what was ordered before it is not carried out after it
+    try:
+        s.hold(now, "hold")
+    except InvalidTransition as refused:
+        refused.detail["stops"] = s.stops
+        raise
     s.held_at = now
     return RequestResult()
 
@@ -62,7 +68,7 @@ def _arm(s: ControllerState, request: ArmRequest, now: int) -> RequestResult:
     if s.report.link is not LinkState.READY:
         why = s.port_trouble or s.board_trouble or f"link {s.report.link.name.lower()}"
         raise RequestError("link", f"the board is not ready ({why})", retryable=True)
-    first_pulses = arming_pulses(request, s.config, s.report, s.stored)
+    first_pulses = arming_pulses(request, s.config, s.report, s.stored, s.fallen.names(s.fallen.bits))
     thermal_protection.check_arming(s, sorted(first_pulses))
     s.transition(Trigger.ARM, "arm", now)
     pose = tuple(first_pulses.get(i, pulse) for i, pulse in enumerate(s.position))
@@ -109,12 +115,14 @@ def _relax(s: ControllerState, request: RelaxRequest, now: int) -> RequestResult
     if remaining and s.mode not in LIVE:
         raise InvalidTransition(s.mode, Trigger.HOLD, s.why)
     s.transition(Trigger.HOLD if remaining else Trigger.RELAX, "relax", now)
+    s.stops += 1
     s.orders.stop(now, remaining)
     return RequestResult()
 
 
 def _disarm(s: ControllerState, _: DisarmRequest, now: int) -> RequestResult:
     s.transition(Trigger.DISARM, "disarmed", now)
+    s.stops += 1
     s.orders.issue(now, 0)
     return RequestResult()
 
@@ -162,4 +170,12 @@ class Controller(ControllerState):
             raise RequestError("name_taken", self.name_trouble, retryable=True)
         if isinstance(request, CommandRequest):
             self.leasehold.check(request.lease)
+        if isinstance(request, MotionRequest):
+            self._check_overtaken(request)
         return HANDLERS[type(request)](self, request, now)
+
+    def _check_overtaken(self, request: MotionRequest) -> None:
+        """Raises `RequestError` for a request whose sender does not know of the last stop."""
+        if request.stops is not None and request.stops != self.stops:
+            text = f"the arm was stopped since this was asked for ({self.mode}: {self.why}); ask again if it may go on"
+            raise RequestError("overtaken", text, stops=self.stops)

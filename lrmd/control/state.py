@@ -11,6 +11,7 @@ from importlib.metadata import version
 from typing import Any, Literal
 
 from lrmd.config import Config
+from lrmd.control.fallen_servos import FallenServos
 from lrmd.control.gravity import KnownGravity
 from lrmd.control.lease import Lease
 from lrmd.control.motion_check import MotionCheck
@@ -56,9 +57,10 @@ class ControllerState:
 
     Attributes: `mode`, `why`, `since` (monotonic ns), `faults` by code, the lease as `leasehold`, `orders` for the
     ramp, its `report`, `thermal` monitor, `motion_check`, `payload` (kg), the known `gravity`, unpublished `events`,
-    and the state file as `stored`. Of the thermal protection: `held_at`, `rest_tried_at` (monotonic ns) of the last
-    hold and attempt to go to rest, `rest_goal` (pulses, ns) of the last motion to rest, and `rest_blocked` while its
-    path is not free.
+    and the state file as `stored`. `fallen`: servos without pulses whose position is not known. `stops`: number of
+    holds, emergency stops, disarmings and faults so far. Of the thermal protection: `held_at`, `rest_tried_at`
+    (monotonic ns) of the last hold and attempt to go to rest, `rest_goal` (pulses, ns) of the last motion to rest, and
+    `rest_blocked` while its path is not free.
     """
 
     def __init__(
@@ -77,6 +79,7 @@ class ControllerState:
         self.leasehold = Lease()
         self.report = RampReport()
         self.other_daemons: frozenset[str] = frozenset()
+        self.stops = 0
         self.payload = stored.payload_kg if stored else 0.0
         self.stored = stored
         self._identity = arm_identity(config)
@@ -84,6 +87,7 @@ class ControllerState:
         self.boots = (stored.boots if stored else 0) + 1
         self.thermal = ThermalMonitor(config, stored, now, wall)
         self.motion_check = MotionCheck(config, torques, guard, self.thermal)
+        self.fallen = FallenServos(config, self.motion_check, stored)
         self.orders = OrderScheduler(config, now)
         self.gravity = KnownGravity(config)
         self.held_at: int | None = None
@@ -140,7 +144,7 @@ class ControllerState:
     def port_trouble(self) -> str:
         """Reason why the port cannot be opened; empty if it is open."""
         number = self.report.port_error
-        why = "another program has it open" if number == errno.EAGAIN else os.strerror(number).lower()
+        why = "another program has it open" if number in (errno.EAGAIN, errno.EBUSY) else os.strerror(number).lower()
         return f"{self.config.link.port}: {why}" if number else ""
 
     @property
@@ -175,6 +179,7 @@ class ControllerState:
         return StoredState(
             saved_wall_ns=wall, boots=self.boots, arm=self.config.arm.name, identity=self._identity, mode=self.mode,
             still=still, pulse_ns=before | known, payload_kg=self.payload, temperature_c=heat,
+            fallen=self.fallen.names_if_all_ended(self.report, self.payload),
         )  # fmt: skip
 
     def transition(self, trigger: Trigger, why: str, now: int) -> None:
@@ -197,6 +202,7 @@ class ControllerState:
 
     def estop(self, now: int, why: str) -> None:
         """Records an emergency stop; the ramp was notified directly, before."""
+        self.stops += 1
         self.transition(Trigger.ESTOP, why or "estop", now)
         self.add_fault("estop", f"emergency stop: {why or 'no reason given'}", now)
         self.orders.stop(now, 0)

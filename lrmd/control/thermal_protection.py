@@ -68,6 +68,7 @@ def _stop_pulses(s: ControllerState, hottest: int, now: int) -> None:
         return
     text = _temperature(s, hottest)
     if s.mode is not Mode.ESTOP:
+        s.stops += 1
         s.transition(Trigger.FAILED, text, now)
         s.add_fault("too_hot", text, now)
     s.orders.stop(now, 0)

@@ -55,6 +55,7 @@ def fault_response(report: RampReport, ordered: int) -> FaultResponse:
 def observe(s: ControllerState, report: RampReport, now: int) -> None:
     """Processes a report of the ramp."""
     before, s.report = s.report, report
+    s.fallen.follow(before, report, s.payload)
     if report.link is not before.link:
         _link_changed(s, before.link, report.link)
     if report.port_error not in (0, before.port_error):
@@ -97,6 +98,7 @@ def _ramp_froze(s: ControllerState, report: RampReport, now: int) -> None:
         s.emit(response.code, level, response.text, trip=report.fault.name.lower())
     s.orders.keep_outputs(report.outputs)
     if s.mode in (*LIVE, Mode.FAULT):
+        s.stops += 1
         s.transition(response.trigger, response.text, now)
         if s.mode is Mode.FAULT:
             s.add_fault(response.code, response.text, now)
@@ -119,6 +121,7 @@ def _order_read(s: ControllerState, report: RampReport, now: int) -> None:
 
 def _order_dropped(s: ControllerState, report: RampReport, now: int) -> None:
     """The ramp could not take the newest order."""
+    s.stops += 1
     s.orders.clear()
     s.orders.keep_outputs(report.outputs)
     s.emit("order_dropped", "warning", "the ramp could not take the order: it came too late, or the link was not up")

@@ -18,6 +18,7 @@ from lrm_math.model.model_file import FIT_AGAIN, ModelFile, arm_mismatch, arm_of
 from lrm_math.model.uncertainty import FieldCoverage, field_coverage
 from lrm_math.toml_file import bounded_content, read_toml
 from lrmd.config import Config
+from lrmd.ik.tip_movement import TipMovement
 from lrmd.persistence.deployed_models import active_model, was_deployed
 from lrmd.ramp.shared_memory import NOMINAL
 
@@ -27,6 +28,7 @@ class DeployedModel:
     """A model and its source.
 
     `sha256`: of the file, empty for the nominal arm. `left_out`: ids of its effects that cannot be compensated online.
+    `moved`: how far the tip moves against the model before; None where that was not asked.
     """
 
     model: Model
@@ -34,6 +36,7 @@ class DeployedModel:
     path: str
     sha256: str
     left_out: tuple[str, ...]
+    moved: TipMovement | None = None
 
     @property
     def digest(self) -> bytes:

@@ -15,7 +15,10 @@ import serial
 class SerialPort:
     """A serial port that may come and go: every system error closes it.
 
-    `error`: errno of the last attempt to open it, 0 if it succeeded; EAGAIN: another program has the port.
+    `error`: errno of the last attempt to open it, 0 if it succeeded; EAGAIN, EBUSY: another program has the port.
+
+    pyserial's `exclusive` is a lock that others may leave alone (flock). TIOCEXCL is the kernel's: while the port is
+    open, nobody but root opens it.
     """
 
     def __init__(self, path: str, baud: int) -> None:
@@ -37,6 +40,7 @@ class SerialPort:
             return False
         try:
             self._line = serial.Serial(self._path, self._baud, timeout=0, write_timeout=0, exclusive=True)
+            fcntl.ioctl(self._line.fileno(), termios.TIOCEXCL)
             self.error = 0
         except (OSError, ValueError, termios.error) as error:
             self._line = None
@@ -83,5 +87,7 @@ class SerialPort:
         """Closes the port; closing a closed one does nothing."""
         line, self._line = self._line, None
         if line is not None:
+            with contextlib.suppress(OSError, termios.error):
+                fcntl.ioctl(line.fileno(), termios.TIOCNXCL)  # a pseudo-terminal would keep it
             with contextlib.suppress(OSError, termios.error):
                 line.close()

@@ -18,6 +18,7 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, JsonValue, Validati
 from lrm_math.errors import LrmError, UnknownName
 from lrmd.errors import RequestError
 from lrmd.messages.bounds import bounds_of, excess
+from lrmd.messages.shown_text import shown_texts
 
 LONGEST_TEXT = 1000
 """Characters of the text of an error."""
@@ -99,6 +100,19 @@ def unpack(kind: type[M], data: bytes) -> M:
 
     What is larger than any valid message of the kind is refused before it is read, or before it is validated.
     """
+    content = _content_of(kind, data)
+    with field_named():
+        return kind.model_validate(content)
+
+
+def unpack_shown(kind: type[M], data: bytes) -> M:
+    """The same of a message that came from elsewhere, with its texts as they may be shown on a terminal."""
+    content = shown_texts(_content_of(kind, data))
+    with field_named():
+        return kind.model_validate(content)
+
+
+def _content_of(kind: type[Message], data: bytes) -> dict[str, Any]:
     check_size(kind, len(data))
     if (much := excess(data, bounds_of(kind))) is not None:
         raise MessageError(much)
@@ -108,8 +122,7 @@ def unpack(kind: type[M], data: bytes) -> M:
         raise MessageError(f"not msgpack ({error or type(error).__name__})") from None
     if not isinstance(content, dict):
         raise MessageError(f"a {type(content).__name__}; should be a map with the fields of {kind.__name__}")
-    with field_named():
-        return kind.model_validate(content)
+    return content
 
 
 def check_size(kind: type[Message], size: int) -> None:

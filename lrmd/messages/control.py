@@ -21,6 +21,7 @@ Label = Annotated[str, Field(max_length=64), AfterValidator(_printable)]
 Angles = Annotated[dict[Label, Annotated[float, Field(ge=-20, le=20)]], Field(max_length=16)]
 Servos = Annotated[list[Label], Field(max_length=16)]
 Token = Annotated[str, Field(min_length=1, max_length=64)]
+Stops = Annotated[int, Field(ge=0, lt=2**53)]
 
 # ---- requests of clients
 
@@ -46,7 +47,16 @@ class CommandRequest(Message):
     lease: Token
 
 
-class ArmRequest(CommandRequest):
+class MotionRequest(CommandRequest):
+    """Request that may move something. `stops`: number of stops that its sender knows of; None: it does not say.
+
+    One that knows of fewer than there were was made before the last stop, or without knowledge of it: it is refused.
+    """
+
+    stops: Stops | None = None
+
+
+class ArmRequest(MotionRequest):
     """`rpc/arm`: switches servos on at their present position.
 
     `where` = "given": it is `q_rad`; "stored": the last one commanded (of `servos`, or all); "board": the registers of
@@ -66,7 +76,7 @@ class ArmRequest(CommandRequest):
         return value
 
 
-class MoveRequest(CommandRequest):
+class MoveRequest(MotionRequest):
     """`rpc/move` and `cmd/target`: brings servos to each of the waypoints (rad), one after the other.
 
     `pace` = "together": all end at once; "each": each at its own full rate. `speed`: share of the full rate.
@@ -79,7 +89,7 @@ class MoveRequest(CommandRequest):
     payload_kg: Annotated[float, Field(ge=0, le=2)] | None = None
 
 
-class JogRequest(CommandRequest):
+class JogRequest(MotionRequest):
     """`cmd/jog`: turns servos at these rates (rad/s) until the next one, at most for the command watchdog's time."""
 
     rate_rad_per_s: Angles
@@ -108,9 +118,13 @@ class ReloadRequest(Message):
 
 
 class DeployRequest(Message):
-    """`rpc/deploy`: a model file's `text`, kept as a new version and used at once. Nothing moves; needs no lease."""
+    """`rpc/deploy`: a model file's `text`, kept as a new version and used at once. Nothing moves; needs no lease.
+
+    `accept`: also a model that moves the tip by more than a fifth of the reach, at the same commands.
+    """
 
     text: Annotated[str, Field(min_length=1, max_length=1_000_000)]
+    accept: bool = False
 
 
 class UndeployRequest(Message):
@@ -166,7 +180,10 @@ class JointsState(Header):
 
 
 class ModeState(Header):
-    """`state/mode`, when it changes and every second. `troubles`: what keeps the arm from being armed."""
+    """`state/mode`, when it changes and every second. `troubles`: what keeps the arm from being armed.
+
+    `stops`: number of holds, emergency stops, disarmings and faults since the start; see `MotionRequest`.
+    """
 
     mode: str
     why: str
@@ -174,6 +191,7 @@ class ModeState(Header):
     holder: str | None
     link: str
     payload_kg: float
+    stops: int
     troubles: list[str] = []
 
 
@@ -285,9 +303,11 @@ class Event(Header):
 
 class Reply(Header):
     """Reply to a request that was carried out: the resulting mode. `model_sha256`: empty for the nominal arm;
-    `unchecked`: why the motion that `rpc/move` began was not checked for collisions, empty if it was."""
+    `unchecked`: why the motion that `rpc/move` began was not checked for collisions, empty if it was. `stops`: as in
+    `state/mode`; None from `rpc/estop`, whose process does not count."""
 
     mode: str
+    stops: int | None = None
     lease: str | None = None
     lease_ms: float | None = None
     seconds: float | None = None
@@ -310,10 +330,13 @@ class FieldPart(Part):
 class ReloadReply(Header):
     """Reply to `rpc/reload`, `rpc/deploy` and `rpc/undeploy`: the model, as in later replies of `rpc/ik`.
 
-    `field`: its residual field; None without one.
+    `field`: its residual field; None without one. `tip_moves_m`, `tip_moves_rms_m`: of a deployment, how far the tip
+    moves at most, and RMS, against the model before it, at the same commands.
     """
 
     model: str
     model_sha256: str
     left_out: list[str] = []
     field: FieldPart | None = None
+    tip_moves_m: float | None = None
+    tip_moves_rms_m: float | None = None

@@ -9,13 +9,15 @@ from __future__ import annotations
 
 import hashlib
 import re
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated, Literal
 
 from pydantic import Field, ValidationError
 
 from lrm_math.atomic_file import write_atomically
-from lrm_math.errors import FileError
+from lrm_math.errors import FileError, LrmError
 from lrm_math.toml_file import StrictSchema
 from lrmd.config import Config
 
@@ -87,13 +89,43 @@ def write_version(state: Path, text: str) -> Path:
     """Writes a model's text as a new version, which is not in use yet. Raises `FileError`."""
     folder, content = state / FOLDER, text.encode()
     try:
-        folder.mkdir(parents=True, exist_ok=True)
+        folder.mkdir(mode=0o750, parents=True, exist_ok=True)
         number = 1 + max((_number(path.name) for path in _versions(folder)), default=0)
     except OSError as error:
         raise FileError(folder, "", f"cannot be written ({error.strerror})") from None
     path = folder / f"{number:04d}-{hashlib.sha256(content).hexdigest()[:12]}.toml"
     write_atomically(path, content)
     return path
+
+
+def undo_offline(state: Path) -> str:
+    """Takes the last deployed model back without a daemon, whatever is in its file; what was done, in one line.
+
+    A damaged stack is set aside, and the model of the configuration is in use. Raises `FileError`.
+    """
+    path = state / FOLDER / STACK
+    try:
+        stack = load_stack(state)
+    except FileError:
+        aside = path.with_suffix(".damaged")
+        path.replace(aside)
+        return f"{path} is damaged and was renamed to {aside.name}: the model of the configuration is in use"
+    if not stack.versions:
+        return "no deployed model is in use; the one of the configuration is"
+    save_stack(state, DeployedStack(versions=stack.versions[:-1]))
+    before = stack.versions[-2] if stack.versions[1:] else "the model of the configuration"
+    return f"{stack.versions[-1]} was taken back; in use: {before}"
+
+
+@contextmanager
+def undo_named(config: Config) -> Iterator[None]:
+    """Adds to the error of a deployed model how to take it back without a daemon."""
+    try:
+        yield
+    except LrmError as error:
+        if not (config.state / FOLDER / STACK).exists():
+            raise
+        raise LrmError(f"{error}; if that model was deployed, take it back: lrmd --config FILE --undo") from None
 
 
 def save_stack(state: Path, stack: DeployedStack) -> None:

@@ -19,7 +19,7 @@ def sole_user(folder: Path) -> Iterator[None]:
     """
     descriptor = None
     with suppress(OSError):
-        folder.mkdir(parents=True, exist_ok=True)
+        folder.mkdir(mode=0o750, parents=True, exist_ok=True)
         descriptor = os.open(folder, os.O_RDONLY)
     try:
         if descriptor is not None:

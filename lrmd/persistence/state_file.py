@@ -36,6 +36,8 @@ class StoredState(StrictSchema):
 
     `still`: no motion was under way when it was written, so the pulses are the arm's final position. `arm`, `identity`:
     name and `arm_identity` of the arm that they are of, empty in files of older releases. `payload_kg`: its load.
+    `fallen`: servos that are not at their pulse any more, or would not be without pulses; None in files of older
+    releases: all may be.
     """
 
     schema_: Literal["lrm/state/1"] = Field(default="lrm/state/1", alias="schema")
@@ -48,6 +50,7 @@ class StoredState(StrictSchema):
     pulse_ns: dict[str, Annotated[int, Field(ge=0, le=20_000_000)]]
     payload_kg: Annotated[float, Field(ge=0, le=2)] = 0.0
     temperature_c: dict[str, Annotated[float, Field(ge=-50, le=HOTTEST)]]
+    fallen: list[str] | None = None
 
 
 def save(folder: Path, state: StoredState) -> None:
@@ -105,7 +108,7 @@ def restored_state(config: Config, emit: Emit) -> StoredState | None:
     """The state that the daemon left, or None if there is none that can be used."""
     folder = config.state
     try:
-        folder.mkdir(parents=True, exist_ok=True)
+        folder.mkdir(mode=0o750, parents=True, exist_ok=True)
         stored = load(folder)
     except FileError as error:
         emit("state_damaged", "error", f"{error}; it is set aside, and the pose is unknown")

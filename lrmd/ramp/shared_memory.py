@@ -256,8 +256,11 @@ class SharedRecords:
         data = self._read("gravity")
         return None if data is None else GravityRecord.unpack(data)
 
-    def wait_for_order(self, number: int, timeout: int) -> None:
-        """Waits until the ramp has read an order, or for `timeout` (ns): then it is known where a motion begins."""
+    def wait_for_order(self, number: int, timeout: int) -> bool:
+        """Waits until the ramp has read an order or a later one, at most for `timeout` (ns); whether it has."""
         deadline = time.monotonic_ns() + timeout
-        while (report := self.read_report()) and report.order != number and time.monotonic_ns() < deadline:
+        while (report := self.read_report()) is None or (report.order - number) % 2**32 >= 2**31:
+            if time.monotonic_ns() >= deadline:
+                return False
             time.sleep(0.001)
+        return True

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import fcntl
 import os
+import termios
 import tty
 from pathlib import Path
 
@@ -53,7 +55,9 @@ class PtyPort:
         return self._ends[0] if self._ends else -1
 
     def read(self) -> bytes:
-        """Bytes from the host."""
+        """Bytes from the host. Its TIOCEXCL would outlive it on a slave end that stays open: it is taken back."""
+        if self._ends is not None:
+            fcntl.ioctl(self._ends[1], termios.TIOCNXCL)
         try:
             return os.read(self.fileno(), LONGEST_READ)
         except BlockingIOError:

@@ -46,6 +46,7 @@ class RosPeer:
 
     def __init__(self, session: zenoh.Session) -> None:
         self.session, self.samples = session, dict[str, zenoh.Sample]()
+        self._queriers: dict[str, Any] = {}
         self._heard = session.declare_subscriber("0/**", self._take)
 
     def _take(self, sample: zenoh.Sample) -> None:
@@ -64,26 +65,35 @@ class RosPeer:
         attachment = struct.pack("<QQB16s", 1, time.time_ns(), 16, bytes(range(16)))
         self.session.put(f"0/{topic}/{dds(name)}/{of.type_hash}", data, attachment=attachment)
 
-    def call(self, service: str, name: str, request: dict[str, Any], patience: float = 20.0) -> Any:
-        """Asks a service of the bridge, as rmw_zenoh does; its response, decoded."""
+    def ask(self, service: str, name: str, request: dict[str, Any], patience: float = 20.0) -> Any:
+        """Sends a request to a service of the bridge, as rmw_zenoh does; the replies that will come."""
         plain, text = plainly(f"{name}_Request")
         data = dynamic.serialize_dynamic(plain, text)[plain](request)
         attachment = struct.pack("<QQB16s", 7, time.time_ns(), 16, bytes(range(16)))
         key = f"0/lrm/{service}/{dds(name)}/{type_hash(name, 'jazzy')}"
-        querier = self.session.declare_querier(key, timeout=patience)
-        wait_for(lambda: querier.matching_status.matching, f"the router knows {key}", patience)
-        for reply in querier.get(payload=data, attachment=attachment):
+        if key not in self._queriers:
+            querier = self._queriers[key] = self.session.declare_querier(key, timeout=patience)
+            wait_for(lambda: querier.matching_status.matching, f"the router knows {key}", patience)
+        return self._queriers[key].get(payload=data, attachment=attachment)
+
+    def call(self, service: str, name: str, request: dict[str, Any]) -> Any:
+        """Asks a service of the bridge; its response, decoded."""
+        for reply in self.ask(service, name, request):
             assert reply.ok is not None, reply.err.payload.to_string()
             assert struct.unpack("<QQB16s", reply.ok.attachment.to_bytes())[::3] == (7, bytes(range(16)))
             plain, text = plainly(f"{name}_Response")
             return dynamic.generate_dynamic(plain, text)[plain](reply.ok.payload.to_bytes())
-        raise AssertionError(f"nobody answers {key}")
+        raise AssertionError(f"nobody answers {service}")
 
     def client_of(self, service: str) -> zenoh.LivelinessToken:
         """Declares a client of a service, as rmw_zenoh does."""
+        return self.session.liveliness().declare_token(self.token_of(service))
+
+    def token_of(self, service: str) -> str:
+        """The token of a client of a service."""
         place = f"@ros2_lv/0/{self.session.info.zid()}/1/2/SC/%/%/tester/%lrm%{service.replace('/', '%')}"
         of = f"{dds(SEND_GOAL)}/{type_hash(SEND_GOAL, 'jazzy')}"
-        return self.session.liveliness().declare_token(f"{place}/{of}/::,:,:")
+        return f"{place}/{of}/::,:,:"
 
 
 def plainly(name: str) -> tuple[str, str]:
@@ -121,6 +131,7 @@ def ros_router(port: int) -> Iterator[RosPeer]:
     config.insert_json5("mode", '"router"')
     config.insert_json5("listen/endpoints", json.dumps([f"tcp/127.0.0.1:{port}"]))
     config.insert_json5("scouting/multicast/enabled", "false")
+    config.insert_json5("adminspace/enabled", "true")  # as rmw_zenoh's sessions have it
     with zenoh.open(config) as session:
         yield RosPeer(session)
 

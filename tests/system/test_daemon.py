@@ -212,7 +212,15 @@ def test_a_daemon_that_is_killed_falls_silent_and_the_next_one_knows_where_the_a
         assert harness.pulses() == []
 
 
-def test_a_pose_that_was_left_standing_survives_a_kill(harness: MovingHarness) -> None:
+@pytest.mark.parametrize("bears", [True, False])
+def test_a_pose_that_was_left_standing_survives_a_kill_unless_it_fell(tmp_path: Path, bears: bool) -> None:
+    """At home gravity's torque on joint 2 is 0.9 N m: whether its servo bears that is for the configuration to say."""
+    setup = DaemonSetup.make(tmp_path, {"unpowered_nm = 0.05": "unpowered_nm = 1.0"} if bears else None)
+    with running_harness(setup) as harness:
+        _left_standing_and_killed(harness, bears)
+
+
+def _left_standing_and_killed(harness: MovingHarness, bears: bool) -> None:
     with harness.rover.control("test"):
         harness.arm()
         harness.rover.move({"joint1": 0.1})
@@ -220,6 +228,14 @@ def test_a_pose_that_was_left_standing_survives_a_kill(harness: MovingHarness) -
     harness.daemon.signal(signal.SIGKILL)
     harness.daemon.process.wait()
     with connected(harness.setup) as (_, rover):
+        if not bears:
+            wait_for(lambda: harness.pulses() == [], "the board stops by itself", 3.0)
+            assert not rover.info().stored_still
+            with rover.control("test"), pytest.raises(RequestRefused, match="the arm fell"):
+                rover.arm("stored")
+            time.sleep(0.2)
+            assert harness.pulses() == []
+            return
         wait_for(lambda: harness.pulses() == [], "the board stops by itself", 3.0)
         time.sleep(0.1)
         assert rover.info().stored_still

@@ -109,3 +109,22 @@ def test_the_router_process_comes_back_and_nothing_moves_meanwhile(harness: Daem
     assert "name_taken" not in harness.daemon.codes()
     harness.rover.estop("after that")
     wait_for(lambda: not harness.pulses(), "the pulses stop")
+
+
+@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGSTOP])
+@pytest.mark.parametrize("stop", ["estop", "hold"])
+def test_a_stop_while_the_router_restarts_is_repeated_until_it_is_confirmed(
+    harness: DaemonHarness, stop: str, number: signal.Signals
+) -> None:
+    """The lease is renewed by nobody meanwhile, so that a motion would end by itself, too; pulses would not."""
+    with harness.rover.control("test"):
+        harness.arm()
+        os.kill(harness.daemon.child("router"), number)
+        time.sleep(0.02)
+        if stop == "estop":
+            harness.rover.estop("while the router restarts")
+            assert not harness.pulses()
+        else:
+            harness.rover.hold()
+            assert harness.pulses()
+    harness.wait_for_mode("estop" if stop == "estop" else "holding")

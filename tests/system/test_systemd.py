@@ -60,7 +60,7 @@ def tree(folder: Path) -> dict[str, tuple[int, bytes]]:
 def rover(tmp_path: Path) -> Path:
     """A root as an installation leaves it, with a stand-in for the program and the host's own units."""
     install(tmp_path)
-    for program in ("opt/lrm/bin/lrmd", "bin/kill"):
+    for program in ("opt/lrm/current/bin/lrmd", "bin/kill"):
         path = tmp_path / program
         path.parent.mkdir(parents=True)
         path.write_text("#!/bin/sh\n", encoding="utf-8")
@@ -86,7 +86,7 @@ def test_verify_notices_a_fault(unit: str, tmp_path: Path) -> None:
     broken.write_text((SYSTEMD / unit).read_text(encoding="utf-8") + "\nNoSuchKey=1\n", encoding="utf-8")
     done = run(need("systemd-analyze"), "verify", "--man=no", broken)
     assert "NoSuchKey" in done.stderr
-    assert "/opt/lrm/bin/lrmd is not executable" in done.stderr
+    assert "/opt/lrm/current/bin/lrmd is not executable" in done.stderr
 
 
 @pytest.mark.parametrize("unit", UNITS)
@@ -266,3 +266,88 @@ def test_unknown_command_is_refused(tmp_path: Path) -> None:
     done = run(SYSTEMD / "install.sh", "instal", DESTDIR=str(tmp_path))
     assert (done.returncode, tree(tmp_path)) == (2, {})
     assert "usage" in done.stderr
+
+
+PYTHON_STUB = """\
+#!/bin/sh
+# python -m venv FOLDER: a folder whose own python installs a program that is as old as this build
+[ "$2" = venv ] || exit 0
+mkdir -p "$3/bin" "$3/lib"
+cp "$0" "$3/bin/python"
+echo "$BUILD" > "$3/lib/module"
+printf '#!/bin/sh\\necho %s\\n' "$BUILD" > "$3/bin/lrmd"
+[ "$BUILD" != broken ] || exit 1
+chmod 755 "$3/bin/lrmd"
+"""
+
+
+def build(folder: Path, name: str, umask: int = 0o022) -> subprocess.CompletedProcess[str]:
+    """Installs the program alone below a folder, with a stand-in for Python and pip."""
+    python = folder / "python"
+    python.write_text(PYTHON_STUB, encoding="utf-8")
+    python.chmod(0o755)
+    before = os.umask(umask)
+    try:
+        program, stub = str(folder / "lrm"), str(python)
+        return run(SYSTEMD / "install.sh", "program", PROGRAM=program, PYTHON=stub, BUILD=name, DESTDIR="")
+    finally:
+        os.umask(before)
+
+
+def versions(folder: Path) -> list[str]:
+    return sorted(path.name for path in (folder / "lrm").iterdir() if path.is_dir() and not path.is_symlink())
+
+
+def test_an_upgrade_leaves_alone_what_a_running_daemon_was_started_from(tmp_path: Path) -> None:
+    """Its child processes begin by importing: of its own version, whatever was installed meanwhile."""
+    assert build(tmp_path, "one").returncode == 0
+    current = tmp_path / "lrm" / "current"
+    first = current.resolve()
+    assert run(current / "bin" / "lrmd").stdout == "one\n"
+    mapping = (
+        "import mmap, sys; f = open(sys.argv[1], 'r+b'); m = mmap.mmap(f.fileno(), 0); print(1, flush=True); input()"
+    )
+    command = ["python3", "-c", mapping, str(first / "lib" / "module")]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as daemon:
+        assert daemon.stdout is not None
+        daemon.stdout.readline()
+        said = [build(tmp_path, name).stdout for name in ("two", "three")]
+        assert run(first / "bin" / "lrmd").stdout == "one\n"
+        assert run(current / "bin" / "lrmd").stdout == "three\n"
+        assert versions(tmp_path) == [first.name, current.resolve().name]
+        assert all("a running process uses" in one for one in said)
+        daemon.communicate(b"\n")
+    assert build(tmp_path, "four").returncode == 0
+    assert versions(tmp_path) == [current.resolve().name]
+
+
+def test_an_installation_that_fails_changes_nothing(tmp_path: Path) -> None:
+    build(tmp_path, "one")
+    before = versions(tmp_path)
+    assert build(tmp_path, "broken").returncode != 0
+    assert versions(tmp_path) == before
+    assert run(tmp_path / "lrm" / "current" / "bin" / "lrmd").stdout == "one\n"
+
+
+def test_an_older_release_without_folders_of_versions_is_removed(tmp_path: Path) -> None:
+    for name in ("bin", "lib", "include"):
+        (tmp_path / "lrm" / name).mkdir(parents=True)
+    (tmp_path / "lrm" / "lib64").symlink_to("lib")
+    (tmp_path / "lrm" / "pyvenv.cfg").touch()
+    assert build(tmp_path, "one").returncode == 0
+    left = {path.name for path in (tmp_path / "lrm").iterdir()}
+    assert left == {"current", (tmp_path / "lrm" / "current").resolve().name}
+
+
+def test_whoever_installs_with_whatever_umask_all_may_read_the_program(tmp_path: Path) -> None:
+    assert build(tmp_path, "one", umask=0o077).returncode == 0
+    for path in (tmp_path / "lrm").rglob("*"):
+        assert path.stat().st_mode & 0o444 == 0o444, path
+
+
+def test_the_program_is_checked_as_the_daemons_user() -> None:
+    """Root reads what the service does not."""
+    text = (SYSTEMD / "install.sh").read_text(encoding="utf-8")
+    assert [line.strip().split()[:3] for line in text.splitlines() if line.strip().endswith("--check")] == [
+        ["runuser", "-u", settings("lrmd.service")["User"][0]]
+    ]

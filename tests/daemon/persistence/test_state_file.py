@@ -25,7 +25,13 @@ NAMES = st.text(min_size=1, max_size=12)
 
 def saved(pulse: int = 1_500_000, mode: str = "armed") -> StoredState:
     return StoredState(
-        saved_wall_ns=1, boots=3, mode=mode, still=True, pulse_ns={"joint1": pulse}, temperature_c={"joint1": 40.0}
+        saved_wall_ns=1,
+        boots=3,
+        mode=mode,
+        still=True,
+        pulse_ns={"joint1": pulse},
+        fallen=[],
+        temperature_c={"joint1": 40.0},
     )
 
 

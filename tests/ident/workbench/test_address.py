@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import asyncio
 import socket
+from collections.abc import Callable
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
+from lrm_ident.workbench import application
 from lrm_ident.workbench.address import HOST, LOOK_S, new_place
 from tests.support.browser import workbench
 from tests.support.commands import part_of_example
@@ -35,3 +38,31 @@ def test_the_first_request_after_the_address_is_printed_is_answered(tmp_path: Pa
         with socket.create_connection((HOST, port)) as one:
             one.sendall(b"GET / HTTP/1.0\r\nHost: 127.0.0.1\r\n\r\n")
             assert one.recv(9) == b"HTTP/1.1 "
+
+
+def test_the_browsers_command_line_has_no_token(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """Every user of the machine reads command lines; the file that stands there only its owner does."""
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
+    place, opened = new_place(None), []
+
+    async def listening(_: object) -> None:
+        """Takes no time."""
+
+    monkeypatch.setattr(type(place), "listening", listening)
+    monkeypatch.setattr(application.webbrowser, "open", opened.append)
+    started: list[Callable[[], object]] = []
+    monkeypatch.setattr(application.app, "on_startup", started.append)
+    session = SimpleNamespace(tick=lambda: None)
+
+    async def run() -> None:
+        application._when_started(place, session, show=True)
+        started[0]()
+        while not opened:
+            await asyncio.sleep(0.01)
+
+    asyncio.run(asyncio.wait_for(run(), 60.0))
+    (command,) = opened
+    assert place.token not in command
+    file = Path(command.removeprefix("file://"))
+    assert (file.stat().st_mode & 0o777, file.parent.stat().st_mode & 0o777) == (0o600, 0o700)
+    assert f"url={place.address}" in file.read_text(encoding="utf-8")

@@ -72,7 +72,6 @@ class DaemonSetup:
     def make(cls, folder: Path, changes: Mapping[str, str] | None = None) -> DaemonSetup:
         """The shipped configuration with these files, 330 Hz (a count shorter than a step) and a short stagger.
 
-        A simulated board shares the processors with everything else and may reply late; so the link's timeout is long.
         `changes`: more texts of the file to replace, each of which must be there.
         """
         setup = cls(folder, free_port())
@@ -82,7 +81,6 @@ class DaemonSetup:
             "127.0.0.1:7447": f"127.0.0.1:{setup.port}",
             "pwm_hz = 50.0": "pwm_hz = 330.0",
             "stagger_ms = 200": "stagger_ms = 20",
-            "reply_ms = 100": "reply_ms = 490",
         }
         text = (ROOT / "config" / "lrmd.toml").read_text(encoding="utf-8")
         for old, new in {**own, **(changes or {})}.items():

@@ -1,0 +1,45 @@
+"""Servos without pulses that do not stand where they were commanded: their pulses ended in motion or under load.
+
+RC servos have no brake. The friction of their gears holds gravity's torque up to `safety.unpowered_nm`. With more of it
+the arm falls, and carries the joints with it that have no pulses either. Where it comes to lie is not known.
+"""
+
+from __future__ import annotations
+
+from lrmd.config import Config
+from lrmd.control.motion_check import MotionCheck
+from lrmd.persistence.state_file import StoredState
+from lrmd.ramp.shared_memory import RampReport
+
+
+class FallenServos:
+    """`bits`: those servos now. What was stored is of servos that had no pulses since."""
+
+    def __init__(self, config: Config, check: MotionCheck, stored: StoredState | None) -> None:
+        self._config, self._check = config, check
+        self._all = (1 << len(config.servos)) - 1
+        known = stored.fallen if stored else []
+        self.bits = self._all if known is None else sum(1 << i for i, n in enumerate(config.names) if n in known)
+
+    def follow(self, before: RampReport, now: RampReport, payload: float) -> None:
+        """Compares two reports of the ramp, one after the other; `payload`: kg."""
+        ended, n = before.outputs & ~now.outputs, len(self._config.servos)
+        moved = before.moving or before.position[:n] != now.position[:n]
+        if ended and (moved or self._loaded(ended, before, payload)):
+            self.bits = self._all
+        self.bits &= ~now.outputs
+
+    def names_if_all_ended(self, report: RampReport, payload: float) -> list[str]:
+        """Names of those servos if the pulses ended now, as they do when the daemon is killed."""
+        falls = report.moving or self._loaded(report.outputs, report, payload)
+        return self.names(self._all if falls else self.bits)
+
+    def names(self, bits: int) -> list[str]:
+        """Names of servos (bits)."""
+        return [name for i, name in enumerate(self._config.names) if bits >> i & 1]
+
+    def _loaded(self, servos: int, report: RampReport, payload: float) -> bool:
+        """Whether one of some servos (bits) bears more than its friction does."""
+        position = report.position[: len(self._config.servos)]
+        torques = self._check.servo_torques(position, payload) if servos else ()
+        return any(servos >> i & 1 and abs(tau) > self._config.unpowered for i, tau in enumerate(torques))

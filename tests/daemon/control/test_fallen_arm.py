@@ -1,0 +1,166 @@
+"""An arm whose pulses ended in motion or under load is not armed where it stood: read from the counts of the board."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from lrmd.config import Config
+from lrmd.control.state_machine import Mode
+from lrmd.errors import RequestError
+from lrmd.messages.control import (
+    ArmRequest,
+    DisarmRequest,
+    HoldRequest,
+    LeaseRequest,
+    MoveRequest,
+    RelaxRequest,
+    ResetRequest,
+)
+from tests.support.daemon.in_memory_daemon import SimulatedDaemon, config_at
+
+HOME = {f"joint{i}": 0.0 for i in range(1, 7)}
+LOADED, BALANCED = (0.0, 0.4, 0.0, 0.0, 0.0, 0.0), (0.0, -0.03, 0.0, 0.01, 0.0, 0.0)
+
+
+@pytest.fixture(scope="module")
+def config(tmp_path_factory: pytest.TempPathFactory) -> Config:
+    folder: Path = tmp_path_factory.mktemp("config")
+    return config_at(330.0, folder)
+
+
+def lease(sim: SimulatedDaemon) -> str:
+    given_ = sim.core.handle(LeaseRequest(action="acquire", holder="x", take=True), sim.now).lease
+    assert given_ is not None
+    return given_.token
+
+
+def armed(config: Config, torque: tuple[float, ...]) -> SimulatedDaemon:
+    sim = SimulatedDaemon(config, torque=torque)
+    sim.run(30)
+    token = lease(sim)
+    sim.core.handle(ArmRequest(lease=token, where="given", q_rad=HOME), sim.now)
+    for _ in range(14):
+        sim.run(20)
+        sim.core.handle(LeaseRequest(action="renew", lease=token), sim.now)
+    assert sim.core.mode is Mode.ARMED
+    sim.core.stored = sim.core.saved(1)
+    return sim
+
+
+def estop(sim: SimulatedDaemon) -> None:
+    sim.estop_requested = True
+    sim.core.estop(sim.now, "x")
+
+
+def silence(sim: SimulatedDaemon) -> None:
+    sim.stop_ramp(1_200_000_000)
+
+
+ENDS: dict[str, Callable[[SimulatedDaemon], object]] = {
+    "estop": estop,
+    "relax": lambda sim: sim.core.handle(RelaxRequest(lease=lease(sim)), sim.now),
+    "relax joint 2": lambda sim: sim.core.handle(RelaxRequest(lease=lease(sim), servos=["joint2"]), sim.now),
+    "disarm": lambda sim: sim.core.handle(DisarmRequest(lease=lease(sim)), sim.now),
+    "silence": silence,
+}
+
+
+def arm_at_stored(sim: SimulatedDaemon) -> None:
+    if sim.core.mode in (Mode.ESTOP, Mode.FAULT):
+        sim.core.handle(ResetRequest(lease=lease(sim)), sim.now)
+        sim.run(6)
+    sim.core.stored = sim.core.saved(2)
+    try:
+        sim.core.handle(ArmRequest(lease=lease(sim), where="stored"), sim.now)
+    finally:
+        sim.run(30)
+
+
+def on(sim: SimulatedDaemon) -> int:
+    return sum(pulse is not None for pulse in sim._pulses().values())
+
+
+@pytest.mark.parametrize("end", ENDS)
+def test_pulses_that_end_under_load_leave_no_stored_pose(config: Config, end: str) -> None:
+    sim = armed(config, LOADED)
+    ENDS[end](sim)
+    sim.run(90)
+    before = on(sim)
+    with pytest.raises(RequestError, match="its pulses ended in motion or under load") as refused:
+        arm_at_stored(sim)
+    assert refused.value.code == "pose_needed"
+    assert on(sim) == before
+
+
+@pytest.mark.parametrize("end", ["estop", "relax", "disarm"])
+def test_an_arm_in_balance_stays_where_it_was(config: Config, end: str) -> None:
+    sim = armed(config, BALANCED)
+    ENDS[end](sim)
+    sim.run(30)
+    arm_at_stored(sim)
+    assert on(sim) > 0
+
+
+@pytest.mark.parametrize("end", ["estop", "relax"])
+def test_pulses_that_end_in_motion_leave_none_either(config: Config, end: str) -> None:
+    sim = armed(config, BALANCED)
+    sim.core.handle(MoveRequest(lease=lease(sim), waypoints=[{"joint1": 0.5}]), sim.now)
+    sim.run(30)
+    ENDS[end](sim)
+    sim.run(90)
+    with pytest.raises(RequestError, match="its pulses ended in motion"):
+        arm_at_stored(sim)
+    assert on(sim) == 0
+
+
+@given(at=st.integers(0, 12), held=st.booleans())
+def test_at_whatever_tick_of_a_motion(config: Config, at: int, held: bool) -> None:
+    """Known only if no step was made, or the motion had ended before."""
+    sim = armed(config, BALANCED)
+    sim.core.handle(MoveRequest(lease=lease(sim), waypoints=[{"joint1": 0.5}]), sim.now)
+    before = sim.core.position
+    sim.run(at)
+    if held:
+        sim.core.handle(HoldRequest(), sim.now)
+        sim.run(6)
+    moved = sim.ramp.position != before[: len(sim.ramp.position)]
+    estop(sim)
+    sim.run(6)
+    assert bool(sim.core.fallen.bits) == (moved and not held)
+
+
+def test_it_is_stored_for_the_next_start_also_of_servos_that_still_have_pulses(config: Config) -> None:
+    sim = armed(config, LOADED)
+    stored = sim.core.saved(3)
+    assert stored.fallen == list(config.names)
+    assert stored.still
+    later = SimulatedDaemon(config, stored=stored)
+    later.run(30)
+    with pytest.raises(RequestError, match="the arm fell"):
+        arm_at_stored(later)
+    later.core.handle(ArmRequest(lease=lease(later), where="given", q_rad={"joint2": 0.1}), later.now)
+    later.run(30)
+    assert later.core.fallen.names(later.core.fallen.bits) == [n for n in config.names if n != "joint2"]
+
+
+def test_a_state_file_that_does_not_say_it_is_no_pose(config: Config) -> None:
+    stored = armed(config, BALANCED).core.saved(3)
+    assert stored.fallen == []
+    older = SimulatedDaemon(config, stored=stored.model_copy(update={"fallen": None}))
+    older.run(30)
+    with pytest.raises(RequestError, match="the arm fell"):
+        arm_at_stored(older)
+
+
+def test_the_bound_is_that_of_the_configuration(config: Config) -> None:
+    sim = armed(replace(config, unpowered=0.5), LOADED)
+    ENDS["relax"](sim)
+    sim.run(6)
+    arm_at_stored(sim)
+    assert on(sim) > 0

@@ -1,0 +1,188 @@
+"""Stops of ROS 2 are not overtaken by the trajectory that they stop, however close they follow, and where they wait."""
+
+from __future__ import annotations
+
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from lrm_ros2.action_types import CANCEL_GOAL, SEND_GOAL, TRIGGER
+from lrm_ros2.message_types import JOINT_TRAJECTORY
+from lrmd.client import Rover
+from tests.ros2.test_bridge import ACTION, RosPeer, bridged, goal, point, ros_router, said, trajectory
+from tests.support.daemon.daemon_harness import HOME, wait_for_link
+from tests.support.daemon.daemon_process import SLOW_BOARD, DaemonSetup, free_port, running_daemon, wait_for
+
+GAPS_MS = (0, 1, 3, 10)
+"""From the trajectory to its stop."""
+FAR = (60.0, 1.0)
+"""s, rad: a motion that would still go on."""
+DOOR = "lrm bridge: trajectory"
+
+
+@dataclass
+class Bridged:
+    """A bridge between a daemon whose arm is armed at home, and ROS 2's side of it."""
+
+    rover: Rover
+    peer: RosPeer
+    process: subprocess.Popen[bytes]
+    port: int
+    goals: int = 10
+
+    def send(self, way: str) -> None:
+        """Sends a trajectory by a topic or as a goal, and returns at once."""
+        seconds, angle = FAR
+        there = point(seconds, a=angle, b=0.05)
+        if way == "topic":
+            self.peer.send("lrm/joint_trajectory", JOINT_TRAJECTORY, trajectory(there))
+            return
+        self.goals += 1
+        self.peer.ask(f"{ACTION}/send_goal", SEND_GOAL, goal(self.goals, there))
+
+    def stop(self, way: str) -> Any:
+        """Stops it; returns the answer, if there is one."""
+        if way == "empty":
+            return self.peer.send("lrm/joint_trajectory", JOINT_TRAJECTORY, trajectory())
+        if way == "hold":
+            return self.peer.call("hold", TRIGGER, {"structure_needs_at_least_one_member": 0})
+        info = {"goal_id": {"uuid": [0] * 16}, "stamp": {"sec": 0, "nanosec": 0}}
+        return self.peer.call(f"{ACTION}/cancel_goal", CANCEL_GOAL, {"goal_info": info})
+
+    def counts(self) -> list[float]:
+        """Commanded pulses (us)."""
+        return self.rover.joints().pulse_us
+
+    def stands(self) -> None:
+        """Asserts that it stands, and goes on standing while everything on its way has time to arrive."""
+        time.sleep(0.25)
+        before = self.counts()
+        time.sleep(0.35)
+        assert self.counts() == before, self.rover.mode()
+        assert self.rover.mode().mode in ("armed", "holding")
+
+    def ready(self) -> None:
+        """Waits until the door takes another trajectory."""
+        wait_for(lambda: "following" not in said(self.peer, DOOR)[1], "the last one is done", 5.0)
+
+
+@pytest.fixture(scope="module")
+def bridge(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Bridged]:
+    folder: Path = tmp_path_factory.mktemp("bridge")
+    setup, port = DaemonSetup.make(folder, {**SLOW_BOARD}), free_port()
+    with ExitStack() as stack:
+        stack.enter_context(running_daemon(setup))
+        rover, peer = stack.enter_context(setup.rover()), stack.enter_context(ros_router(port))
+        wait_for_link(rover)
+        with rover.control("test"):
+            rover.arm("given", HOME)
+        process = stack.enter_context(bridged(setup, port, folder / "bridge.log", "--trajectories"))
+        wait_for(lambda: said(peer, DOOR)[0] >= 0, "diagnostics")
+        token = peer.client_of(f"{ACTION}/send_goal")
+        stack.callback(token.undeclare)
+        time.sleep(0.3)
+        yield Bridged(rover, peer, process, port)
+
+
+WAYS = [("topic", "empty"), ("topic", "hold"), ("action", "hold"), ("action", "cancel all")]
+
+
+@pytest.mark.parametrize(("order", "stop"), WAYS)
+def test_no_trajectory_moves_the_arm_after_a_stop_that_followed_it(bridge: Bridged, order: str, stop: str) -> None:
+    for gap in GAPS_MS:
+        bridge.ready()
+        bridge.send(order)
+        time.sleep(gap / 1000)
+        answer = bridge.stop(stop)
+        if stop == "hold":
+            assert answer.success, answer.message
+            at_the_answer = bridge.counts()
+            time.sleep(0.1)
+            assert bridge.counts() == at_the_answer
+        bridge.stands()
+
+
+@pytest.mark.parametrize(("order", "stop"), [("topic", "empty"), ("topic", "hold")])
+def test_nor_when_both_waited_in_a_stalled_bridge(bridge: Bridged, order: str, stop: str) -> None:
+    for _ in range(3):
+        bridge.ready()
+        bridge.process.send_signal(signal.SIGSTOP)
+        bridge.send(order)
+        time.sleep(0.05)
+        stopping = threading.Thread(target=bridge.stop, args=(stop,))
+        stopping.start()
+        time.sleep(0.5)
+        bridge.process.send_signal(signal.SIGCONT)
+        stopping.join()
+        bridge.stands()
+
+
+def test_an_order_after_a_stop_is_followed(bridge: Bridged) -> None:
+    """Also where it comes before the stop is answered."""
+    bridge.ready()
+    bridge.stop("empty")
+    here = bridge.rover.joints().q_rad[0]
+    there = trajectory(point(2.0, a=here + 0.05, b=0.0))
+    bridge.peer.send("lrm/joint_trajectory", JOINT_TRAJECTORY, there)
+    wait_for(lambda: abs(bridge.rover.joints().q_rad[0] - here - 0.05) < 2e-3, "it is followed")
+
+
+def test_a_stop_by_another_door_is_not_overtaken_either(bridge: Bridged) -> None:
+    """The bridge looks, is stalled, somebody holds at the daemon, and the bridge goes on."""
+    bridge.ready()
+    seen = bridge.rover.mode().stops
+    with bridge.rover.control("other"):
+        before = bridge.counts()
+        bridge.rover.hold()
+        with pytest.raises(Exception, match="stopped since"):
+            bridge.rover.move({"joint1": 1.0}, stops=seen)
+        assert bridge.counts() == before
+        assert _moves(lambda: bridge.rover.move({"joint1": 0.0}, wait=False), bridge)
+
+
+def _moves(ask: Callable[[], object], bridge: Bridged) -> bool:
+    ask()
+    wait_for(lambda: bridge.rover.mode().mode in ("moving", "armed"), "it moves")
+    return True
+
+
+@pytest.fixture
+def client(bridge: Bridged) -> Iterator[subprocess.Popen[bytes]]:
+    """Another client of the action, a process of its own."""
+    token = str(bridge.peer.token_of(f"{ACTION}/send_goal")).replace(str(bridge.peer.session.info.zid()), "ZID")
+    command = [sys.executable, "-m", "tests.ros2.frozen_client", f"tcp/127.0.0.1:{bridge.port}", token]
+    with subprocess.Popen(command, stdout=subprocess.PIPE) as process:
+        assert process.stdout is not None
+        process.stdout.readline()
+        time.sleep(0.3)
+        yield process
+        process.kill()
+
+
+CLIENT_S = 1.0
+"""The stated bound for a client that is lost."""
+
+
+@pytest.mark.parametrize("how", [signal.SIGSTOP, signal.SIGKILL])
+def test_a_goal_ends_soon_after_its_client_is_frozen_or_killed(
+    bridge: Bridged, client: subprocess.Popen[bytes], how: signal.Signals
+) -> None:
+    bridge.ready()
+    bridge.send("action")
+    wait_for(lambda: bridge.rover.joints().moving, "it moves")
+    time.sleep(0.3)
+    client.send_signal(how)
+    time.sleep(CLIENT_S)
+    at_the_bound = bridge.counts()
+    bridge.stands()
+    assert bridge.counts() == at_the_bound
+    client.send_signal(signal.SIGCONT)
