@@ -28,7 +28,7 @@ class Poses:
         temperature: (N,), °C, or None.
         number: (N,), number of each pose in error messages, or None: 1 … N.
         friction: (N, n, K), states (−1 … 1) of elements of dry friction that the moves so far have turned over, see
-            `lrm_math.effects.friction`, or None if the moves are unknown.
+            `lrm_math.kinematics.motion`, or None if the moves are unknown.
         running: (N,), time since the first pose of the session (s), or None.
         warmed: (N,), K, temperature less that of the first pose. power_cycle: (N,), number of the session from 0, in
             the order of their numbers. Both follow from all the poses first given, and stay with each of them.

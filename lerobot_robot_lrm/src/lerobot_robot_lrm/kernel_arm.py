@@ -7,7 +7,6 @@ from functools import cached_property
 
 import numpy as np
 
-from lerobot_robot_lrm.motion import Motion
 from lrm_math.arrays import Array
 from lrm_math.effects.targets import Kind
 from lrm_math.errors import NoEquilibrium
@@ -15,6 +14,7 @@ from lrm_math.ik.calibrated_arm import CalibratedArm
 from lrm_math.ik.goal import Goal, point
 from lrm_math.ik.kernel.kernel_model import KernelModel, with_laws
 from lrm_math.ik.kernel.laws import kernel_laws, without_formula
+from lrm_math.kinematics.motion import Motion
 from lrm_math.kinematics.moving_slots import Indices
 from lrm_math.kinematics.poses import Poses
 from lrm_math.model.effect_binding import BoundEffect
