@@ -20,7 +20,9 @@ from lrm_math.ik.answer import Branch, CalibratedReply, NoAllowedBranch, NotConv
 from lrm_math.ik.calibrated_arm import CalibratedArm, IkSolutions, Method, nearest
 from lrm_math.ik.goal import Goal, IkQuery, Rotation, rotation_rows
 from lrm_math.ik.methods import DEFAULT
-from lrm_math.kinematics.poses import poses_of
+from lrm_math.kinematics.known import Known
+from lrm_math.kinematics.motion import Motion
+from lrm_math.kinematics.poses import Poses, poses_of
 from lrm_math.model.covariance import Covariance
 from lrm_math.model.deployed_model import clock_of, deployed_part
 from lrm_math.model.equilibrium import solve_equilibrium
@@ -152,10 +154,13 @@ class CalibratedSolver:
 
         Raises `NoEquilibrium` if the arm does not settle there, `LrmError` unless q and near are n finite angles.
         """
-        command, here = self._angles("q", q), self._angles("near", near)
-        angles = np.array([command])
-        side = None if here is None else np.sign(angles - here)
-        settled = solve_equilibrium(self.arm.model, poses_of(angles, _checked_load(payload), side))
+        command, here = checked_angles("q", q, self.arm.packed.joints), self._angles("near", near)
+        arrival = Motion.at(command) if here is None else Motion.between(here, command)
+        return self.predicted(Known().poses(arrival, _checked_load(payload)))
+
+    def predicted(self, pose: Poses) -> ForwardResult:
+        """The tool at one pose, with what is known of its circumstances. Raises `NoEquilibrium`."""
+        settled = solve_equilibrium(self.arm.model, pose)
         rotation = rotation_rows(tool_rotation(settled)[0])
         x, y, z = settled.true_tcp[0].tolist()
         uncertainty = position_uncertainty(settled, self.covariance, self.joint_sd)

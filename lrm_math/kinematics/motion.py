@@ -41,11 +41,17 @@ class Motion:
         return cls(angles, np.zeros_like(angles), np.zeros((len(angles), len(TRAVELS_DEG))))
 
     @classmethod
+    def towards(cls, q: Sequence[float] | Array, side: Sequence[float] | Array) -> Motion:
+        """An arm whose joints came to angles q (n,), rad, by long moves towards `side` (n,), which turned over all
+        friction; 0: nobody knows from where."""
+        signs = np.array(side, dtype=np.float64)
+        return cls(np.array(q, dtype=np.float64), signs, np.repeat(signs[:, None], len(TRAVELS_DEG), axis=1))
+
+    @classmethod
     def between(cls, start: Sequence[float] | Array, q: Sequence[float] | Array) -> Motion:
-        """An arm that went straight from `start` to q, both (n,), rad, and of which nothing else is known: friction has
-        turned over whole, as after a long move; of joints that stayed nothing is known."""
-        here = Motion.at(start).to(np.asarray(q, dtype=np.float64))
-        return cls(here.q, here.side, np.repeat(here.side[:, None], len(TRAVELS_DEG), axis=1))
+        """An arm that went straight from `start` to q, both (n,), rad, and of which nothing else is known: the move
+        counts as a long one, and of joints that stayed nothing is known."""
+        return cls.towards(q, Motion.at(start).to(np.asarray(q, dtype=np.float64)).side)
 
     def to(self, q: Array, still: float = STILL) -> Motion:
         """After a straight move to commands q (n,), rad; a joint that is sent no further than `still` (rad) stays.

@@ -13,6 +13,7 @@ from typing import Any, Literal
 from lrmd.config import Config
 from lrmd.control.lease import Lease
 from lrmd.control.motion_check import MotionCheck
+from lrmd.control.motion_record import MotionRecord
 from lrmd.control.ramp_orders import Departure, OrderScheduler, Pulses, angles, overlaid
 from lrmd.control.state_machine import Mode, Trigger, next_mode
 from lrmd.errors import RequestError
@@ -54,9 +55,10 @@ class ControllerState:
     """Everything that the controller knows.
 
     Attributes: `mode`, `why`, `since` (monotonic ns), `faults` by code, the lease as `leasehold`, `orders` for the
-    ramp, its `report`, `thermal` monitor, `motion_check`, `payload` (kg), unpublished `events`, and the state file as
-    `stored`. Of the thermal protection: `held_at`, `rest_tried_at` (monotonic ns) of the last hold and attempt to go to
-    rest, `rest_goal` (pulses, ns) of the last motion to rest, and `rest_blocked` while its path is not free.
+    ramp, its `report`, `thermal` monitor, `motion_check`, `motion_record`, `payload` (kg), unpublished `events`, and
+    the state file as `stored`. Of the thermal protection: `held_at`, `rest_tried_at` (monotonic ns) of the last hold
+    and attempt to go to rest, `rest_goal` (pulses, ns) of the last motion to rest, and `rest_blocked` while its path is
+    not free.
     """
 
     def __init__(
@@ -81,6 +83,7 @@ class ControllerState:
         self._stored_at_rest = stored is None or stored.still
         self.boots = (stored.boots if stored else 0) + 1
         self.thermal = ThermalMonitor(config, stored, now, wall)
+        self.motion_record = MotionRecord(config, stored, now, wall)
         self.motion_check = MotionCheck(config, torques, guard, self.thermal)
         self.orders = OrderScheduler(config, now)
         self.held_at: int | None = None
@@ -169,10 +172,11 @@ class ControllerState:
         known = {n: p for n, p in zip(self.config.names, self.position, strict=True) if p}
         still = not self.report.moving and (self._stored_at_rest or before.keys() <= known.keys())
         heat = {n: min(T, HOTTEST) for n, T in zip(self.config.names, self.thermal.temperature, strict=True)}
-        return StoredState(
+        state = StoredState(
             saved_wall_ns=wall, boots=self.boots, arm=self.config.arm.name, identity=self._identity, mode=self.mode,
             still=still, pulse_ns=before | known, payload_kg=self.payload, temperature_c=heat,
         )  # fmt: skip
+        return self.motion_record.added_to(state)
 
     def transition(self, trigger: Trigger, why: str, now: int) -> None:
         """Changes the mode by the transition table. Raises `InvalidTransition`; then nothing has changed."""

@@ -55,6 +55,7 @@ def fault_response(report: RampReport, ordered: int) -> FaultResponse:
 def observe(s: ControllerState, report: RampReport, now: int) -> None:
     """Processes a report of the ramp."""
     before, s.report = s.report, report
+    s.motion_record.follow(report, max(s.thermal.temperature), now)
     if report.link is not before.link:
         _link_changed(s, before.link, report.link)
     if report.port_error not in (0, before.port_error):

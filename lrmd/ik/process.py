@@ -18,6 +18,7 @@ from zenoh.handlers import Callback
 from lrm_math.errors import FileError, LrmError
 from lrmd import log
 from lrmd.config import MS, Config
+from lrmd.control.motion_record import known_of
 from lrmd.errors import RequestError
 from lrmd.heap import return_freed_memory
 from lrmd.ik.deployed_model import deploy, digest_of
@@ -218,7 +219,7 @@ class IkProcess:
                     yield
             case FkRequest():
                 kind, content["places"] = FkReply, []
-                for place in service.forward(request):
+                for place in service.forward(request, known_of(self._shared.read_knowledge(), time.monotonic_ns())):
                     content["places"].append(place)
                     yield
             case PlanRequest():

@@ -20,6 +20,8 @@ from lrm_math.ik.calibrated import CalibratedSolver
 from lrm_math.ik.calibrated_arm import CalibratedArm, Method
 from lrm_math.ik.goal import Goal, IkQuery, point, point_along, pose_rpy
 from lrm_math.ik.methods import QUICKEST, method_named
+from lrm_math.kinematics.known import Known
+from lrm_math.kinematics.motion import Motion
 from lrmd.config import Config
 from lrmd.errors import RequestError
 from lrmd.ik.deployed_model import DeployedModel
@@ -33,6 +35,7 @@ UNIT = 1e-3
 NO_EQUILIBRIUM = "the model has no elastic equilibrium there, or more than one: the load may be too heavy for the arm"
 UNIQUE_TOLERANCE = 1e-6
 """rad, m: slots of one equilibrium differ by less."""
+UNKNOWN = Known()
 CancellationCheck = Callable[[], None]
 """Called before every move that a plan checks; raises an `LrmError` once the plan is not wanted any more."""
 
@@ -169,16 +172,20 @@ class IkService:
         if q is not None and len(q) != self._dof:
             raise MessageError(f"{name}: {len(q)} angles; {self._config.arm.name} has {self._dof} joints")
 
-    def forward(self, request: FkRequest) -> Iterator[FkAnswer]:
+    def forward(self, request: FkRequest, known: Known = UNKNOWN) -> Iterator[FkAnswer]:
         """One answer per row of angles, each computed when it is taken from the iterator. Raises `LrmError`."""
         self._check_angles("near_rad", request.near_rad)
         for number, q in enumerate(request.q_rad):
             self._check_angles(f"q_rad.{number}", q)
-        for q in request.q_rad:
-            f = self._solver.forward(q, request.payload_kg or 0.0, request.near_rad)
+        for number, direction in enumerate(request.direction):
+            self._check_angles(f"direction.{number}", direction)
+        for number, q in enumerate(request.q_rad):
+            arrival = _arrival(request, number, known)
+            f = self._solver.predicted(known.poses(arrival, request.payload_kg or 0.0))
             yield FkAnswer(
                 tcp_m=list(f.tcp), rotation=[list(row) for row in f.rotation], tau_nm=list(f.joint_torque),
                 sd_m=None if f.uncertainty is None else f.uncertainty.sd, outside_range=self._outside(q),
+                direction=arrival.side.astype(int).tolist(),
             )  # fmt: skip
 
     def _outside(self, q: Sequence[float]) -> list[int]:
@@ -223,6 +230,14 @@ class IkService:
                     "nearest_rad": list(reply.nearest.q), "nearest_distance_m": reply.nearest.distance,
                 }  # fmt: skip
         return {"verdict": "not_converged", "text": NO_EQUILIBRIUM if isinstance(reply, Solved) else str(reply)}
+
+
+def _arrival(request: FkRequest, number: int, known: Known) -> Motion:
+    """The record of an arm at a row of a request."""
+    q = np.array(request.q_rad[number])
+    if request.direction:
+        return Motion.towards(q, request.direction[number])
+    return known.arrived(q) if request.near_rad is None else Motion.between(request.near_rad, q)
 
 
 def _solved(reply: Solved) -> dict[str, Any]:
