@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -180,13 +180,23 @@ class IkService:
         for number, direction in enumerate(request.direction):
             self._check_angles(f"direction.{number}", direction)
         for number, q in enumerate(request.q_rad):
-            arrival = _arrival(request, number, known)
+            arrival = self._arrival(request, number, known)
             f = self._solver.predicted(known.poses(arrival, request.payload_kg or 0.0))
             yield FkAnswer(
                 tcp_m=list(f.tcp), rotation=[list(row) for row in f.rotation], tau_nm=list(f.joint_torque),
                 sd_m=None if f.uncertainty is None else f.uncertainty.sd, outside_range=self._outside(q),
                 direction=arrival.side.astype(int).tolist(),
             )  # fmt: skip
+
+    def _arrival(self, request: FkRequest, number: int, known: Known) -> Motion:
+        """The record of an arm at a row of a request. A joint moves if it gets another pulse, of whole ns."""
+        q = np.array(request.q_rad[number])
+        if request.direction:
+            return Motion.towards(q, request.direction[number])
+        if request.near_rad is not None:
+            return Motion.between(request.near_rad, q)
+        servos = zip(self._config.servos[: self._dof], q.tolist(), strict=True)
+        return replace(known.arrived(np.array([s.angle(s.pulse_ns(angle)) for s, angle in servos])), q=q)
 
     def _outside(self, q: Sequence[float]) -> list[int]:
         """Joints, from 1, that a command (rad) puts outside the range that the model was fitted on."""
@@ -230,14 +240,6 @@ class IkService:
                     "nearest_rad": list(reply.nearest.q), "nearest_distance_m": reply.nearest.distance,
                 }  # fmt: skip
         return {"verdict": "not_converged", "text": NO_EQUILIBRIUM if isinstance(reply, Solved) else str(reply)}
-
-
-def _arrival(request: FkRequest, number: int, known: Known) -> Motion:
-    """The record of an arm at a row of a request."""
-    q = np.array(request.q_rad[number])
-    if request.direction:
-        return Motion.towards(q, request.direction[number])
-    return known.arrived(q) if request.near_rad is None else Motion.between(request.near_rad, q)
 
 
 def _solved(reply: Solved) -> dict[str, Any]:
