@@ -17,7 +17,7 @@ from lrm_math.arm.servo_table import PwmClock
 from lrm_math.arrays import Vector3
 from lrm_math.errors import LrmError, NoEquilibrium
 from lrm_math.ik.answer import Branch, CalibratedReply, NoAllowedBranch, NotConverged, Solved, Unsolved, apart, distinct
-from lrm_math.ik.calibrated_arm import CalibratedArm, IkSolutions, Method, nearest
+from lrm_math.ik.calibrated_arm import CalibratedArm, IkSolutions, Method, friction_of, nearest
 from lrm_math.ik.goal import Goal, IkQuery, Rotation, rotation_rows
 from lrm_math.ik.methods import DEFAULT
 from lrm_math.kinematics.known import Known
@@ -105,6 +105,7 @@ class CalibratedSolver:
         method: Method = DEFAULT,
         rounding: Rounding = Rounding.EACH,
         allowed: CommandFilter | None = None,
+        motion: Motion | None = None,
     ) -> CalibratedReply:
         """Commands for one goal.
 
@@ -115,11 +116,13 @@ class CalibratedSolver:
             method: see `methods`.
             rounding: to counts, where the board's clock is known.
             allowed: which commands may be answered, for instance collision-free ones; None: all.
+            motion: record of the moves that led to `near`, from which follows the friction on arrival; None: as if the
+                move to the goal were a long one.
 
         Raises `LrmError`: a negative or infinite payload, or `near` that is not n finite angles.
         """
         started = time.perf_counter()
-        query = IkQuery(goal, _checked_load(payload), self._angles("near", near))
+        query = IkQuery(goal, _checked_load(payload), self._angles("near", near), motion)
         reply = self._answer(query, method, rounding, allowed)
         return replace(reply, left_out=self.left_out, elapsed=time.perf_counter() - started)
 
@@ -139,7 +142,7 @@ class CalibratedSolver:
                 return NoAllowedBranch(branches=tuple(order), **asked)
             order = [branch for branch, may in zip(order, free, strict=True) if may]
         for k, branch in enumerate(order):
-            tool = self.arm.tool_at(query.payload, branch.q, branch.direction, branch.slots)
+            tool = self.arm.tool_at(query.payload, branch.q, branch, branch.slots)
             if tool is not None:
                 best_first = (branch, *order[:k], *order[k + 1 :])
                 how: dict[str, Any] = {"branches": best_first, "steps": found.steps, "cube_error": found.error}
@@ -188,7 +191,8 @@ class CalibratedSolver:
     def _uncertainty_of(self, query: IkQuery, branch: Branch) -> PositionUncertainty | None:
         if self.covariance is None and self.joint_sd is None:
             return None
-        poses = poses_of(branch.q, query.payload, np.array([branch.direction], dtype=np.float64))
+        side = np.array([branch.direction], dtype=np.float64)
+        poses = poses_of(branch.q, query.payload, side, friction_of([branch]))
         settled = solve_equilibrium(self.arm.model, poses, self.arm.chain_amounts(np.array([branch.slots])))
         return position_uncertainty(settled, self.covariance, self.joint_sd)
 
@@ -198,7 +202,7 @@ class CalibratedSolver:
 
         def position(angles: tuple[float, ...]) -> list[float]:
             """m, of the tool in equilibrium. Raises `NoEquilibrium`."""
-            tool = self.arm.tool_at(query.payload, angles, branch.direction, branch.slots)
+            tool = self.arm.tool_at(query.payload, angles, branch, branch.slots)
             if tool is None:
                 raise NoEquilibrium([1], "the arm does not settle at the rounded command")
             return tool[9:]

@@ -112,10 +112,14 @@ def _number(column: Array) -> Number:
     return column  # a dual number (`lrm_math.kinematics.dual`)
 
 
-def poses_of(q: ArrayLike, payload: ArrayLike = 0.0, direction: Array | None = None) -> Poses:
-    """Poses from angles (N, n) or (n,) in rad and payload in kg, one number or (N,); `direction` (N, n) of arrival."""
+def poses_of(
+    q: ArrayLike, payload: ArrayLike = 0.0, direction: Array | None = None, friction: Array | None = None
+) -> Poses:
+    """Poses from angles (N, n) or (n,) in rad and payload in kg, one number or (N,); `direction` (N, n) of arrival, and
+    states of friction (N, n, K)."""
     angles = np.atleast_2d(np.asarray(q, dtype=np.float64))
-    return Poses(angles, np.broadcast_to(np.asarray(payload, dtype=np.float64), (len(angles),)).copy(), direction)
+    carried = np.broadcast_to(np.asarray(payload, dtype=np.float64), (len(angles),)).copy()
+    return Poses(angles, carried, direction, friction=friction)
 
 
 def roberts_sequence(count: int, n: int) -> Array:

@@ -15,9 +15,9 @@ from lrm_math.arm.pulse_rounding import Rounding
 from lrm_math.arrays import Array
 from lrm_math.collision.scene import Clearance, ClosestPair, Scene, clearance_of
 from lrm_math.errors import LrmError
-from lrm_math.ik.answer import Branch, CalibratedReply, NoAllowedBranch, Solved, Unsolved
+from lrm_math.ik.answer import SAME, Branch, CalibratedReply, NoAllowedBranch, Solved, Unsolved, apart
 from lrm_math.ik.calibrated import CalibratedSolver
-from lrm_math.ik.calibrated_arm import CalibratedArm, Method
+from lrm_math.ik.calibrated_arm import CalibratedArm, Method, friction_of
 from lrm_math.ik.goal import Goal, IkQuery, point, point_along, pose_rpy
 from lrm_math.ik.methods import QUICKEST, method_named
 from lrm_math.kinematics.known import Known
@@ -88,7 +88,7 @@ class FeasibilityCheck:
         """
         feasible = np.zeros(len(branches), dtype=bool)
         q, side, slots = (np.array(part) for part in zip(*((b.q, b.direction, b.slots) for b in branches), strict=True))
-        settled = self.arm.equilibria(query.payload, q, side)
+        settled = self.arm.equilibria(query.payload, q, side, friction=friction_of(branches))
         same = (np.abs(settled.slots - slots[settled.rows]) < UNIQUE_TOLERANCE).all(axis=1)
         rows = settled.rows[same]
         feasible[rows] = True
@@ -101,7 +101,7 @@ class FeasibilityCheck:
         """Whether the equilibrium at the rounded counts has the error that the reply states."""
         if reply.rounded is None:
             return True
-        tool = self.arm.tool_at(payload, reply.rounded.q, reply.direction)
+        tool = self.arm.tool_at(payload, reply.rounded.q, reply.branches[0])
         if tool is None:
             return False
         return abs(math.dist(tool[9:], reply.goal.position) - reply.rounded.error) < UNIQUE_TOLERANCE
@@ -139,21 +139,23 @@ class IkService:
         self._feasibility = FeasibilityCheck(self._scene, self._solver.arm)
         self._solver.warm_up()
 
-    def inverse(self, request: IkRequest) -> Iterator[IkAnswer]:
+    def inverse(self, request: IkRequest, known: Known = UNKNOWN) -> Iterator[IkAnswer]:
         """One answer per goal, each computed when it is taken. Raises `LrmError` for invalid goals."""
         self._check_angles("near_rad", request.near_rad)
         goals = [self._goal(number, entry) for number, entry in enumerate(request.goals)]
         method = method_named(request.method, side=request.cube_side_m, points=request.cube_points)
+        near, motion = _start(request.near_rad, known)
         for goal in goals:
-            yield self._answer(goal, request.payload_kg or 0.0, request.near_rad, method, Rounding(request.round))
+            yield self._answer(goal, request.payload_kg or 0.0, near, method, Rounding(request.round), motion)
 
     def _answer(
-        self, goal: Goal, payload: float, near: Sequence[float] | None, method: Method, rounding: Rounding
-    ) -> IkAnswer:
+        self, goal: Goal, payload: float, near: Sequence[float] | None, method: Method, rounding: Rounding,
+        motion: Motion | None = None,
+    ) -> IkAnswer:  # fmt: skip
         """The answer to one goal, with the time that it took."""
         started = time.perf_counter()
         try:
-            reply = self._solver.solve(goal, payload, near, method, rounding, self._feasibility.feasible)
+            reply = self._solver.solve(goal, payload, near, method, rounding, self._feasibility.feasible, motion)
             content = self._content(reply, payload)
         except LrmError as error:
             content = {"verdict": "not_converged", "text": str(error)}
@@ -240,6 +242,14 @@ class IkService:
                     "nearest_rad": list(reply.nearest.q), "nearest_distance_m": reply.nearest.distance,
                 }  # fmt: skip
         return {"verdict": "not_converged", "text": NO_EQUILIBRIUM if isinstance(reply, Solved) else str(reply)}
+
+
+def _start(near: Sequence[float] | None, known: Known) -> tuple[Sequence[float] | None, Motion | None]:
+    """Pose that the arm comes from (rad), and its record: where it stands, unless the request says another."""
+    here = known.motion
+    if here is None or (near is not None and apart(near, here.q.tolist()) > SAME):
+        return near, None
+    return here.q.tolist(), here
 
 
 def _solved(reply: Solved) -> dict[str, Any]:

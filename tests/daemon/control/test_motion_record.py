@@ -23,7 +23,7 @@ from lrmd.config import Config, load_config
 from lrmd.control.state_machine import Mode
 from lrmd.ik.deployed_model import DeployedModel
 from lrmd.ik.service import IkService
-from lrmd.messages.kinematics import FkRequest
+from lrmd.messages.kinematics import FkRequest, GoalEntry, IkRequest
 from lrmd.ramp.shared_memory import FRICTION_ELEMENTS
 from tests.support.daemon.armed_daemon import ArmedDaemon
 from tests.support.daemon.in_memory_daemon import CONFIG
@@ -97,6 +97,23 @@ def test_a_stated_direction_and_a_stated_start_are_those_of_a_file(
     request = FkRequest(q_rad=q.tolist(), direction=side.astype(int).tolist())
     tips = [place.tcp_m for place in service(of).forward(request)]
     np.testing.assert_allclose(tips, predict(of, replace(poses, friction=None)), rtol=0.0, atol=AGREE)
+
+
+@given(seed=st.integers(0, 2**31), ends=st.lists(st.lists(ANGLES, min_size=6, max_size=6), min_size=3, max_size=3))
+@settings(max_examples=12, deadline=None)
+def test_rpc_ik_comes_from_where_the_arm_stands(seed: int, ends: list[list[float]]) -> None:
+    """Its commands reach the goal with the friction that the move there leaves: as `rpc/fk` has it."""
+    ik, start = service(model(seed)), Motion.at(ends[0]).to(np.array(ends[1]))
+    known = Known(start)
+    goal = tip(ik, [angle + 0.05 for angle in ends[2]], known)
+    (answer,) = ik.inverse(IkRequest(goals=[GoalEntry(position_m=goal)]), known)
+    if answer.q_rad is None:  # on the way it would turn: the goal lies in a gap between both sides
+        assert answer.verdict in ("not_converged", "collision")
+        return
+    (place,) = ik.forward(FkRequest(q_rad=[answer.q_rad]), known)
+    if not answer.detours:
+        np.testing.assert_allclose(place.tcp_m, goal, rtol=0.0, atol=1e-6)
+        assert place.direction == answer.direction
 
 
 def test_a_turn_on_the_way_counts(tmp_path: Path) -> None:
