@@ -8,7 +8,7 @@ Screening (`diagnose`) is linear. The first effect that it supports is refitted 
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -21,7 +21,7 @@ from lrm_ident.diagnosis.diagnose import Diagnosis, Verdict, select_without
 from lrm_ident.diagnosis.screening.score_test import ScoredCandidate
 from lrm_ident.fitting.cross_validation import blocks_of_fit
 from lrm_ident.fitting.held_out import HeldOutBlock, deployed_residual, held_out_residual, held_out_squares
-from lrm_ident.fitting.levenberg_marquardt import Fit
+from lrm_ident.fitting.levenberg_marquardt import Fit, implausible_of
 from lrm_ident.residual.better_prediction import paired_z, predicts_better, share_of_excess, takes_little
 from lrm_ident.residual.deployment.deployed_error import DeployedError
 from lrm_ident.residual.deployment.session_moments import rows_as_deployed
@@ -32,11 +32,15 @@ from lrm_ident.residual.thresholds import (
     WITHIN_TWO_DEVIATIONS,
 )
 from lrm_math.arrays import Array
-from lrm_math.effects import ModelPart
+from lrm_math.effects import ModelPart, split_key
+from lrm_math.effects.compliance import Compliance
 from lrm_math.errors import LrmError
 
 MOST_REFUSED = 8
 """Effects that are refused before the rest is left as structure: a bound on time."""
+SURE, COLLAPSED = 3.0, 0.1
+"""Standard errors at which a spring is known to be there, and part of it that no further effect can leave."""
+DEPLOYED_WORSE = "it fits this session, but the model as deployed would be worse"
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,6 +76,7 @@ class ConfirmedDiagnosis:
         supported: the effects that the data support, the one to add first.
         refused: for each one whose refit did not confirm it, why.
         refuted: whether one of them was refitted; one that these poses cannot tell from the model does not count.
+        worse_deployed: of those refused since the deployed model would be worse: its held-out RMS without, with it (m).
     """
 
     diagnosis: Diagnosis
@@ -80,6 +85,7 @@ class ConfirmedDiagnosis:
     supported: tuple[ScoredCandidate, ...]
     refused: Mapping[str, str]
     refuted: bool = False
+    worse_deployed: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
     @property
     def held_out(self) -> Array:
@@ -89,7 +95,7 @@ class ConfirmedDiagnosis:
     @property
     def deployed(self) -> DeployedError:
         """Held-out error of the model as it is deployed."""
-        return DeployedError.of(self.diagnosis.fit.model, self.blocks)
+        return DeployedError.of(self.diagnosis.fit.model, self.diagnosis.data.poses, self.blocks)
 
     @property
     def first(self) -> ScoredCandidate | None:
@@ -144,13 +150,16 @@ def confirm(
     reasons = dict.fromkeys(refused, "a model with it could not be gone on with")
     now = select_without(diagnosis, reasons) if refused else diagnosis
     promised, rival, refuted, squares = 0.0, "", bool(refused), held_out_squares(blocks)
+    worse = dict[str, tuple[float, float]]()
     while now.supported and len(reasons) < MOST_REFUSED:
         scored = now.supported[0]
         on_progress(f"refitting with {scored.name}")
         trial = _refit_trial(now, scored, blocks)
         if trial.refit and _share_saved(trial.refit.squares, squares) >= EQUIVALENT_GAIN * promised:
-            return ConfirmedDiagnosis(now, blocks, trial.refit, now.supported, reasons)
+            return ConfirmedDiagnosis(now, blocks, trial.refit, now.supported, reasons, worse_deployed=worse)
         refuted |= trial.fitted
+        if trial.worse_deployed:
+            worse[scored.name] = trial.worse_deployed
         reasons[scored.name] = trial.objection or f"it saves far less than {rival} promised, which its refit refused"
         if trial.refit:
             break
@@ -158,16 +167,17 @@ def confirm(
             saved = _share_saved(scored.alone.held_out, now.squared_held_out)
             promised, rival = max((promised, rival), (saved, scored.name))
         now = select_without(now, reasons)
-    return ConfirmedDiagnosis(now, blocks, None, (), reasons, refuted)
+    return ConfirmedDiagnosis(now, blocks, None, (), reasons, refuted, worse)
 
 
 @dataclass(frozen=True, eq=False)
 class _Trial:
-    """Trial of a candidate: its refit, or the objection to it; whether the fit converged."""
+    """Trial of a candidate: its refit, or the objection to it; whether the fit converged; see `worse_deployed`."""
 
     refit: Refit | None
     objection: str = ""
     fitted: bool = True
+    worse_deployed: tuple[float, float] | None = None
 
 
 def _refit_trial(diagnosis: Diagnosis, scored: ScoredCandidate, blocks: tuple[HeldOutBlock, ...]) -> _Trial:
@@ -177,27 +187,45 @@ def _refit_trial(diagnosis: Diagnosis, scored: ScoredCandidate, blocks: tuple[He
         fitted = add_effects(diagnosis.fit.model, data, [effect], scored.shape, loss)
         if wald_p_value(fitted, [effect.keys[row] for row in scored.candidate.rows]) > WITHIN_TWO_DEVIATIONS:
             return _Trial(None, "refitted, its own parameters lie within two standard deviations of zero")
+        if absurd := _absurd(diagnosis.fit, fitted):
+            return _Trial(None, f"refitted, {absurd}")
         refit = Refit(fitted, blocks_of_fit(fitted, data))
     except LrmError as error:
         return _Trial(None, f"it could not be refitted: {error}", fitted=False)
     if predicts_better(refit.squares, held_out_squares(blocks), MIN_GAIN):
-        worse = _worse_as_deployed(refit, blocks) if effect.part is not ModelPart.MEASUREMENT else ""
-        return _Trial(None, worse) if worse else _Trial(refit)
+        worse = None if effect.part is ModelPart.MEASUREMENT else _worse_as_deployed(refit, blocks)
+        return _Trial(refit) if worse is None else _Trial(None, DEPLOYED_WORSE, worse_deployed=worse)
     before, after = in_mm(error_stats(held_out_residual(blocks)).rms), in_mm(refit.error.rms)
     return _Trial(None, f"refitted, it does not surely predict better: {before} mm held out, {after} with it")
 
 
-def _worse_as_deployed(refit: Refit, blocks: tuple[HeldOutBlock, ...]) -> str:
-    """Why a refit is refused, though it predicts its own session: as deployed it is surely worse; empty if it is not.
+def _worse_as_deployed(refit: Refit, blocks: tuple[HeldOutBlock, ...]) -> tuple[float, float] | None:
+    """Held-out RMS (m) as deployed before and after a refit that is surely worse there; None if it is not.
 
     What it explains passes with the session, and what was traded against it would stay behind in the arm.
     """
-    rows = rows_as_deployed(refit.fit.model, len(refit.squares))
+    rows = rows_as_deployed(refit.fit.model, refit.fit.equilibrium.poses)
     before, after = deployed_residual(blocks)[rows], deployed_residual(refit.blocks)[rows]
     if paired_z((before**2).sum(axis=1), (after**2).sum(axis=1)) <= ONE_DEVIATION:
-        return ""
-    known, now = in_mm(error_stats(before).rms), in_mm(error_stats(after).rms)
-    return f"it fits this session, but the model as deployed would be worse: {known} mm held out, {now} with it"
+        return None
+    return error_stats(before).rms, error_stats(after).rms
+
+
+def _absurd(before: Fit, after: Fit) -> str:
+    """Estimate of a refit that physics or the model before it speaks against, in words; empty if there is none.
+
+    An estimate beyond its largest plausible size that was not so before, or a spring that all but vanishes.
+    """
+    known = {one.key for one in implausible_of(before)}
+    if new := [one for one in implausible_of(after) if one.key not in known]:
+        return new[0].sentence
+    for key, error in zip(before.model.free, before.standard_error, strict=True):
+        value = before.model.value(key)
+        if split_key(key)[0] == Compliance.id and value > SURE * error and key in after.model.free:
+            now = after.model.value(key)
+            if now < COLLAPSED * value:
+                return f"{key} would fall from {value:.3g} to {now:.3g} rad/Nm, less than a tenth"
+    return ""
 
 
 def _share_saved(after: Array, before: Array) -> float:

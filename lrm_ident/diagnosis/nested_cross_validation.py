@@ -54,7 +54,7 @@ def nested_held_out(
         for out, found in zip(parts, in_order(executor, predict, parts, progress), strict=True):
             residual[out], deployed[out] = found.residual, found.deployed
             chosen.append(found.chosen)
-            last = np.intersect1d(last, rows_as_deployed(found.model, len(data)))
+            last = np.intersect1d(last, rows_as_deployed(found.model, data.poses))
     except LrmError as error:
         return NestedResidual(None, str(error))
     return NestedResidual(residual, deployed=DeployedError.of_residual(deployed, last), chosen=tuple(chosen))

@@ -26,6 +26,7 @@ from lrm_ident.residual.deployment.deployed_error import DeployedError
 from lrm_ident.residual.predictability import PredictableError, predictable_error
 from lrm_math.arrays import Array
 from lrm_math.errors import LrmError
+from lrm_math.kinematics.poses import Poses
 from lrm_math.model.derivatives import joint_jacobian
 from lrm_math.model.equilibrium import Equilibrium, solve_equilibrium
 from lrm_math.model.model import Model
@@ -79,9 +80,11 @@ class HeldOutResidual:
     deployed: DeployedError | None = None
 
     @classmethod
-    def of(cls, model: Model, blocks: tuple[HeldOutBlock, ...]) -> HeldOutResidual:
-        """The held-out residual of a cross-validated model."""
-        return HeldOutResidual(held_out_residual(blocks), blocks=blocks, deployed=DeployedError.of(model, blocks))
+    def of(cls, model: Model, poses: Poses, blocks: tuple[HeldOutBlock, ...]) -> HeldOutResidual:
+        """The held-out residual of a model that was cross-validated at these poses."""
+        return HeldOutResidual(
+            held_out_residual(blocks), blocks=blocks, deployed=DeployedError.of(model, poses, blocks)
+        )
 
     def __repr__(self) -> str:
         error = self.error
@@ -187,7 +190,7 @@ def try_held_out(
         blocks = held_out_blocks(model, data, bounds, loss, progress, prior=prior)
     except LrmError as error:
         return HeldOutResidual(None, str(error))
-    return HeldOutResidual.of(model, blocks)
+    return HeldOutResidual.of(model, data.poses, blocks)
 
 
 def _factors(equilibrium: Equilibrium, data: Measurements, residual: Array) -> Iterator[Factor]:

@@ -62,7 +62,9 @@ def field_step(model: Model, data: Measurements, loss: Loss, prior: Prior | None
         raise NoBetterPrediction(f"no residual field: beside the poses it predicts worse ({_words(before, after)})")
     fitted = fit_with_field(fit(model, data, loss=loss, prior=prior), data)
     name = f"add {field.name}, {WHAT_IT_IS}"
-    return StudyStep(name, fitted, start=model, stated_prior=prior, held_out=HeldOutResidual.of(fitted.model, blocks))
+    return StudyStep(
+        name, fitted, start=model, stated_prior=prior, held_out=HeldOutResidual.of(fitted.model, data.poses, blocks)
+    )
 
 
 def _squares(residual: Array) -> Array:

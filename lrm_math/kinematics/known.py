@@ -1,4 +1,4 @@
-"""What a daemon knows of its arm beside command and load, and what a model may therefore depend on where it drives."""
+"""Circumstances of a command that a daemon knows: what a model may depend on where it drives an arm."""
 
 from __future__ import annotations
 

@@ -106,7 +106,7 @@ class MotionRecord:
 
     @property
     def knowledge(self) -> ArmKnowledge:
-        """What is known now: nothing of the moves of an arm some of whose joints have no pulses."""
+        """Present knowledge: nothing of the moves of an arm some of whose joints have no pulses."""
         if self._outputs != self._joints:
             return ArmKnowledge()
         m = self.motion

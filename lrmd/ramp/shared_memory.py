@@ -152,7 +152,7 @@ class RampReport(Record):
 
 @dataclass(frozen=True, slots=True)
 class ArmKnowledge(Record):
-    """What the API process knows of the arm beside its pulses, for the ik process; see `lrm_math.kinematics.known`.
+    """Knowledge of the API process about the arm, beside its pulses, for the ik process; see `lrm_math.kinematics.known`.
 
     `joints`: number of joints whose moves are known, all or 0. `q`: their commands (rad). `side`, `friction`: of
     `Motion`, the latter joint by joint. `powered`: monotonic ns since when the joints have pulses, 0 without.
@@ -166,6 +166,16 @@ class ArmKnowledge(Record):
     powered: Time = 0
     temperature: Annotated[float, ctypes.c_double] = 0.0
     warmed: Annotated[float, ctypes.c_double] = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class GravityRecord(Record):
+    """Direction of gravity that is known, a unit vector in the arm's frame; not `known`: the model's."""
+
+    known: Flag = False
+    x: Annotated[float, ctypes.c_double] = 0.0
+    y: Annotated[float, ctypes.c_double] = 0.0
+    z: Annotated[float, ctypes.c_double] = 0.0
 
 
 BUCKET_NS, BUCKETS = 5_000, 512
@@ -188,8 +198,8 @@ class SharedValues(ctypes.Structure):
 
     `lateness`: counts per bucket. `ik`: [last heartbeat (ns, 0 = none yet), queries answered, refused]; `router`: [last
     heartbeat, emergency stops]. `duty`: share of the tick period that the ramp computes, 0 to 1, as a moving average.
-    `payload`: of the arm (kg), for queries that do not say it. `model`: SHA-256 of the model file that the daemon
-    accepted, `ik_model`: of the one in use by the ik process; see `NOMINAL` and `NO_MODEL`.
+    `payload`: of the arm (kg), for queries that do not say it; `gravity`: its direction in use. `model`: SHA-256 of the
+    model file that the daemon accepted, `ik_model`: of the one in use by the ik process; see `NOMINAL` and `NO_MODEL`.
     """
 
     duty: float
@@ -201,7 +211,8 @@ class SharedValues(ctypes.Structure):
         ("knowledge", _mailbox(ArmKnowledge.layout())),
         ("estop_reason", _mailbox(ctypes.c_char * ESTOP_REASON_BYTES)), ("lateness", ctypes.c_uint64 * BUCKETS),
         ("ik", ctypes.c_uint64 * 3), ("router", ctypes.c_uint64 * 2), ("duty", ctypes.c_double),
-        ("payload", ctypes.c_double), ("model", ctypes.c_char * DIGEST), ("ik_model", ctypes.c_char * DIGEST),
+        ("payload", ctypes.c_double), ("gravity", _mailbox(GravityRecord.layout())),
+        ("model", ctypes.c_char * DIGEST), ("ik_model", ctypes.c_char * DIGEST),
     )  # fmt: skip
 
 
@@ -269,6 +280,15 @@ class SharedRecords:
         """The newest knowledge of the arm; none before the first (ik process)."""
         data = self._read("knowledge")
         return ArmKnowledge() if data is None else ArmKnowledge.unpack(data)
+
+    def write_gravity(self, gravity: GravityRecord) -> None:
+        """Publishes the direction of gravity in use (API process)."""
+        self._write("gravity", gravity.pack())
+
+    def read_gravity(self) -> GravityRecord | None:
+        """The direction of gravity in use, None before the first (ik process)."""
+        data = self._read("gravity")
+        return None if data is None else GravityRecord.unpack(data)
 
     def wait_for_order(self, number: int, timeout: int) -> None:
         """Waits until the ramp has read an order, or for `timeout` (ns): then it is known where a motion begins."""

@@ -20,7 +20,7 @@ from lrm_math.model.model import Model
 RIGID_KP = 1e4
 """N·m/rad, of joints to which the model gives no compliance: a thousand times that of a printed arm."""
 SPRINGS = ("compliance", "base_compliance", "lateral_compliance")
-HELD = (*SPRINGS, "backlash", "mass", "payload")
+HELD = (*SPRINGS, "backlash", "mass", "payload", "gravity")
 """Effects that the file holds, beside constant ones."""
 
 
@@ -31,7 +31,7 @@ def mjcf(model: Model) -> ExportedFile:
     play = {e.place: model.value(e.keys[0]) for e in model.effects if e.id == "backlash"}
     root = ElementTree.Element("mujoco", model=model.arm.name)
     ElementTree.SubElement(root, "compiler", angle="radian", autolimits="true")
-    ElementTree.SubElement(root, "option", gravity=numbers(model.arm.gravity))
+    ElementTree.SubElement(root, "option", gravity=numbers(model.constant_gravity))
     parent = ElementTree.SubElement(root, "worldbody")
     actuators = ElementTree.SubElement(root, "actuator")
     pose, body, carriers = np.eye(4), 0, []

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +12,9 @@ from lrm_ident.data.error_stats import ErrorStats, error_stats
 from lrm_ident.fitting.held_out import HeldOutBlock, deployed_residual
 from lrm_ident.residual.deployment.session_moments import rows_as_deployed
 from lrm_math.arrays import Array
+from lrm_math.kinematics.poses import Poses
 from lrm_math.model.model import Model
+from lrm_math.model.session_state import StateAfterSession
 
 
 @dataclass(frozen=True)
@@ -20,17 +22,20 @@ class DeployedError:
     """Held-out error of a model `as_deployed`.
 
     Attributes:
-        now: at the poses where the state that is deployed held: all, or the last fifth of the session.
-        before: at the poses before, such as of a colder arm; None where the state held at all.
+        now: at the poses where the state that is deployed held (`rows_as_deployed`).
+        otherwise: at the others, such as of a colder arm; None where the state held at all.
+        state: what the deployed model keeps of its session; None: nothing.
     """
 
     now: ErrorStats
-    before: ErrorStats | None = None
+    otherwise: ErrorStats | None = None
+    state: StateAfterSession | None = None
 
     @classmethod
-    def of(cls, model: Model, blocks: Sequence[HeldOutBlock]) -> DeployedError:
-        """The error of a cross-validated model."""
-        return cls.of_residual(deployed_residual(blocks), rows_as_deployed(model, sum(len(b.test) for b in blocks)))
+    def of(cls, model: Model, poses: Poses, blocks: Sequence[HeldOutBlock]) -> DeployedError:
+        """The error of a model that was cross-validated at these poses."""
+        error = cls.of_residual(deployed_residual(blocks), rows_as_deployed(model, poses))
+        return replace(error, state=model.state)
 
     @classmethod
     def of_residual(cls, residual: Array, rows: NDArray[np.int64]) -> DeployedError:
@@ -40,4 +45,4 @@ class DeployedError:
 
     def as_json(self) -> dict[str, object]:
         """The table `as_deployed`."""
-        return {**self.now.as_json(), **({} if self.before is None else {"before_last_state": self.before.as_json()})}
+        return {**self.now.as_json(), **({} if self.otherwise is None else {"otherwise": self.otherwise.as_json()})}

@@ -11,10 +11,12 @@ from numpy.typing import NDArray
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.fitting.levenberg_marquardt import Fit, fit
 from lrm_ident.residual.better_prediction import vuong_z
+from lrm_ident.residual.data_audit import joints_of_order
 from lrm_ident.residual.thresholds import ONE_DEVIATION
 from lrm_math.arrays import Array
 from lrm_math.errors import LrmError
-from lrm_math.model.deployed_model import as_deployed, named_part
+from lrm_math.kinematics.poses import Poses
+from lrm_math.model.deployed_model import as_deployed
 from lrm_math.model.equilibrium import Equilibrium, solve_equilibrium
 from lrm_math.model.model import Model
 from lrm_math.model.session_state import Moment
@@ -22,8 +24,8 @@ from lrm_math.model.state_after_session import passing_effects, state_after_sess
 
 LAST_SHARE = 0.1
 """Share of the poses, the last in order, that are predicted from those before them."""
-DEPLOYED_SHARE = 0.2
-"""Share of the poses, the last in order, at which a state that is the last one is taken to hold."""
+SETTLED_SHARE = 0.1
+"""Share of an effect's range by which it may differ from its end for the last state to hold."""
 FEWEST = 10
 """Poses of either part below which nothing is chosen."""
 
@@ -32,8 +34,9 @@ def with_chosen_moments(fitted: Fit, data: Measurements) -> Fit:
     """The fit, with the moment of each session effect's state chosen: the mean, or of a law the end.
 
     The last tenth of the poses in order is predicted, as deployed, by a fit to those before. A law is deployed with its
-    end where that predicts better than its mean by more than a standard error. Free curves, poses without an order, and
-    few poses are deployed with the mean: an order that follows a joint would make an end of the joint's range of it.
+    end where that predicts better than its mean by more than a standard error. Free curves, poses without an order or
+    whose order follows a joint, and few poses are deployed with the mean: an end of the order that is the end of a
+    joint's range tells nothing of what follows.
     """
     model = fitted.model
     laws = [effect.name for effect in passing_effects(model) if not effect.variant_of]
@@ -41,20 +44,21 @@ def with_chosen_moments(fitted: Fit, data: Measurements) -> Fit:
         return fitted
     moments: dict[str, Moment] = dict.fromkeys(laws, "mean")
     cut = len(data) - round(LAST_SHARE * len(data))
-    if data.poses.number is not None and len(data) - cut >= FEWEST:
+    ordered = data.poses.number is not None and not joints_of_order(data.poses.q)
+    if ordered and len(data) - cut >= FEWEST:
         rows = np.arange(len(data))
-        moments |= _surely_last(model, data.take(rows[:cut]), data.take(rows[cut:]), moments)
+        moments |= _surely_last(fitted, data.take(rows[:cut]), data.take(rows[cut:]), moments)
     found = model.with_state(state_after_session(fitted.equilibrium, moments))
     return replace(fitted, model=found, equilibrium=replace(fitted.equilibrium, model=found))
 
 
 def _surely_last(
-    model: Model, before: Measurements, after: Measurements, means: Mapping[str, Moment]
+    fitted: Fit, before: Measurements, after: Measurements, means: Mapping[str, Moment]
 ) -> dict[str, Moment]:
     """The effects whose end predicts later measurements surely better than their mean, chosen one by one; none where
     the earlier ones cannot be fitted alone."""
     try:
-        earlier = fit(named_part(model), before).equilibrium
+        earlier = fit(fitted.model, before, loss=fitted.loss, prior=fitted.stated).equilibrium
         chosen, least = dict(means), _squares(earlier, after, means)
         for name in means:
             other: dict[str, Moment] = chosen | {name: "last"}
@@ -72,11 +76,17 @@ def _squares(earlier: Equilibrium, after: Measurements, moments: Mapping[str, Mo
     return np.asarray((after.position_error(solve_equilibrium(deployed, after.poses)) ** 2).sum(axis=1))
 
 
-def rows_as_deployed(model: Model, count: int) -> NDArray[np.int64]:
-    """Rows of `count` measured poses at which the state that is deployed held.
+def rows_as_deployed(model: Model, poses: Poses) -> NDArray[np.int64]:
+    """Rows of measured poses at which the state that is deployed held: all where it is a mean, or there is none.
 
-    All of them where it is a mean or there is none; of a last state the last fifth: the poses before were measured with
-    another zero, or a colder arm.
+    A last state held where each of its effects was within a tenth of its range from its end: after a change, in the
+    last session, in a warm arm. The other poses were measured with another zero, or a colder arm.
     """
-    ends = model.state is not None and "last" in model.state.moments.values()
-    return np.arange(round((1.0 - DEPLOYED_SHARE) * count) if ends else 0, count)
+    held = np.ones(len(poses), dtype=np.bool_)
+    moments = {} if model.state is None else model.state.moments
+    for bound in model.binding.bound:
+        if moments.get(bound.effect.name) == "last":
+            for amount in bound.at(poses, (0.0,) * len(bound.loads)):
+                course = np.broadcast_to(np.asarray(amount, dtype=np.float64), len(poses))
+                held &= np.abs(course - course[-1]) <= SETTLED_SHARE * np.ptp(course)
+    return np.flatnonzero(held)

@@ -1,4 +1,4 @@
-"""What the daemon knows of its arm's moves: `rpc/fk` and `lrm-ident predict` agree, over whatever it went through."""
+"""Record of the arm's moves: `rpc/fk` and `lrm-ident predict` agree, over whatever it went through."""
 
 from __future__ import annotations
 
@@ -157,7 +157,7 @@ def test_what_is_known_survives_a_kill(silence: bool) -> None:
 
 
 def test_of_a_pose_that_is_given_nothing_is_known() -> None:
-    """As after a fall: the arm is where somebody says, and came there from nobody knows where."""
+    """The arm is where somebody says, as after a fall, and came there from nobody knows where."""
     arm = ArmedDaemon(config())
     arm.arm("given", [0.0] * 6)
     arm.go([0.1] * 6)

@@ -76,7 +76,7 @@ class ArmedDaemon(SimulatedDaemon):
 
     @property
     def known(self) -> Known:
-        """What the ik process is told."""
+        """Knowledge that the ik process gets."""
         self.core.observe(self.report, self.now)
         return known_of(self.core.motion_record.knowledge, self.now)
 
