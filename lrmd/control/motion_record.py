@@ -45,7 +45,7 @@ class MotionRecord:
         known = [stored.arrival.get(name, StoredArrival()) for name in names]
         side, friction = [a.direction for a in known], [a.friction for a in known]
         self.motion = Motion(self._angles(self._pulses), np.array(side, dtype=np.float64), np.array(friction))
-        if stored.powered_s is not None and stored.powered_at_c is not None:
+        if stored.powered_s > 0.0:
             self._left = saved - round(stored.powered_s * SECOND), stored.powered_at_c
 
     def follow(self, report: RampReport, hottest: float, now: int) -> None:
@@ -101,8 +101,8 @@ class MotionRecord:
             for name, side, friction in zip(self._config.names, self.motion.side, self.motion.friction, strict=False)
             if side
         }
-        powered = None if self.powered is None else (self._now - self.powered) / SECOND
-        return state.model_copy(update={"arrival": arrivals, "powered_s": powered, "powered_at_c": self._began})
+        powered = 0.0 if self.powered is None else (self._now - self.powered) / SECOND
+        return state.model_copy(update={"arrival": arrivals, "powered_s": powered, "powered_at_c": self._began or 0.0})
 
     @property
     def knowledge(self) -> ArmKnowledge:

@@ -43,8 +43,8 @@ class StoredState(StrictSchema):
 
     `still`: no motion was under way when it was written, so the pulses are the arm's final position. `arm`, `identity`:
     name and `arm_identity` of the arm that they are of, empty in files of older releases. `payload_kg`: its load.
-    `arrival`: of joints whose last move is known. `powered_s`: time for which the joints have had pulses, and
-    `powered_at_c`, degC, of the hottest servo at its beginning.
+    `arrival`: of joints whose last move is known. `powered_s`: time for which the joints have had pulses, 0 without,
+    and `powered_at_c`, degC, of the hottest servo at its beginning.
     """
 
     schema_: Literal["lrm/state/1"] = Field(default="lrm/state/1", alias="schema")
@@ -58,8 +58,8 @@ class StoredState(StrictSchema):
     payload_kg: Annotated[float, Field(ge=0, le=2)] = 0.0
     temperature_c: dict[str, Annotated[float, Field(ge=-50, le=HOTTEST)]]
     arrival: dict[str, StoredArrival] = {}
-    powered_s: Annotated[float, Field(ge=0)] | None = None
-    powered_at_c: float | None = None
+    powered_s: Annotated[float, Field(ge=0)] = 0.0
+    powered_at_c: float = 0.0
 
 
 def save(folder: Path, state: StoredState) -> None:

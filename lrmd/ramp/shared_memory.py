@@ -152,7 +152,7 @@ class RampReport(Record):
 
 @dataclass(frozen=True, slots=True)
 class ArmKnowledge(Record):
-    """Knowledge of the API process about the arm, beside its pulses, for the ik process; see `lrm_math.kinematics.known`.
+    """Knowledge of the API process about the arm, for the ik process; see `lrm_math.kinematics.known`.
 
     `joints`: number of joints whose moves are known, all or 0. `q`: their commands (rad). `side`, `friction`: of
     `Motion`, the latter joint by joint. `powered`: monotonic ns since when the joints have pulses, 0 without.
