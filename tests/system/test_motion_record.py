@@ -33,7 +33,7 @@ def with_friction(folder: Path) -> tuple[Path, Model]:
 def test_rpc_fk_over_zenoh_is_what_predict_says_of_the_same_order(tmp_path: Path) -> None:
     path, model = with_friction(tmp_path)
     setup = DaemonSetup.make(tmp_path, {'# model = "/etc/lrm/model.toml"': f'model = "{path}"'})
-    with running_daemon(setup) as (_, daemon), setup.rover() as rover:
+    with running_daemon(setup) as _, setup.rover() as rover:
         names = rover.info().names[:6]
         with rover.control("test"):
             rover.arm("given", dict.fromkeys(rover.info().names, 0.0))
