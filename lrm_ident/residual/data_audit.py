@@ -11,6 +11,8 @@ from lrm_math.arrays import Array
 from lrm_math.effects.base import FEW_REVERSALS, Excitation
 
 FEW_LEVELS, STRONG_CORRELATION = 4, 0.8
+MOST_OF_RANGE = 2 / 3
+"""Share of a joint's range from which a verdict speaks for the whole of it: a convention."""
 
 
 def audit(data: Measurements, torque: Array) -> tuple[str, ...]:
@@ -37,6 +39,22 @@ def _order(excitation: Excitation) -> Iterator[str]:
             f"order: the poses run with joint {joint + 1} (correlation {correlation:.2f}), so a drift and an error "
             "of that joint look alike; measure in random order"
         )
+
+
+def where_it_holds(q: Array, lower: Array, upper: Array) -> str:
+    """Sentence on where a verdict of poses q (N, n) holds: at few levels of a joint, or in a part of its range (rad).
+
+    Empty where every joint was measured at more levels than `FEW_LEVELS`, over most of its range.
+    """
+    parts = []
+    for joint, angle in enumerate(np.degrees(q.T)):
+        levels = np.unique(np.round(2.0 * angle) / 2.0)
+        share = np.ptp(angle) / np.degrees(upper[joint] - lower[joint])
+        if len(levels) <= FEW_LEVELS:
+            parts.append(f"joint {joint + 1} at {', '.join(f'{level:g}' for level in levels)} deg only")
+        elif share < MOST_OF_RANGE:
+            parts.append(f"joint {joint + 1} from {angle.min():.0f} to {angle.max():.0f} deg")
+    return f"This holds where it was measured: {'; '.join(parts)}. Elsewhere nothing was tested." if parts else ""
 
 
 def joints_of_order(q: Array) -> dict[int, float]:

@@ -14,8 +14,10 @@ from lrm_ident.diagnosis.diagnose import Diagnosis
 from lrm_ident.diagnosis.diagnosis_report import DiagnosisReport, RankedCandidate
 from lrm_ident.report.document import Block, Document, FoldedSection, ResultTable, heading, section
 from lrm_ident.report.plain_names import in_words, plain_name
+from lrm_ident.residual.data_audit import where_it_holds
 from lrm_ident.residual.residual_patterns import ResidualPatterns
 from lrm_ident.residual.thresholds import MAX_UNEXPLAINED_RATIO, MIN_GAIN
+from lrm_math.arm.arm import JointLimits
 from lrm_math.effects import Effect, compensable, variants
 
 SHOWN, REFUSED_SHOWN, RANKED = 8, 4, 30
@@ -73,6 +75,7 @@ def _values(report: DiagnosisReport) -> dict[str, object]:
         "shifted": [one.sentence for one in found.shifted],
         "far_poses": [int(found.data.pose[row]) for row in report.far_rows],
         "audit": report.limitations,
+        "holds": _holds(report),
         "hints": report.hints,
         "not_testable": [_refusal(effect, reason) for effect, reason in found.not_testable],
         "next_poses_hint": in_words(report.hint),
@@ -223,6 +226,14 @@ def _may_hide(report: DiagnosisReport) -> Iterator[str]:
             f"A known cause that these poses do not show moves the TCP by at most {in_mm(bounds[name])} mm RMS there "
             f"(95 %; {plain_name(name)} the most), beyond what the fit takes up."
         )
+    if report.verdict in ("nothing_missing", "noise_unknown") and (words := _holds(report)):
+        yield words
+
+
+def _holds(report: DiagnosisReport) -> str:
+    """Where a verdict holds that nothing is missing; empty where the poses cover the arm's range."""
+    limits = JointLimits.of(report.diagnosis.fit.model.arm)
+    return where_it_holds(report.diagnosis.data.poses.q, np.array(limits.lower), np.array(limits.upper))
 
 
 def _ranking_table(report: DiagnosisReport) -> ResultTable:
