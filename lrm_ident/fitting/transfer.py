@@ -1,0 +1,116 @@
+"""Transfer of a calibrated arm to another installation (Conenna 2024, chapter 7: from the rig to the rover).
+
+What is true of the arm goes along as a prior, with its covariance: the posterior of the first measurements is the
+prior of the next ones (Bayes). The bench's installation and measurement stay behind.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from lrm_ident.fitting.parameter_sets import fittable
+from lrm_ident.fitting.priors import Prior
+from lrm_math.arm.arm import BASE, TOOL, Arm
+from lrm_math.arm.arm_part import arm_part_difference
+from lrm_math.arrays import Array
+from lrm_math.effects import CATALOGUE, Effect, ModelPart
+from lrm_math.errors import LrmError
+from lrm_math.model.covariance import Covariance
+from lrm_math.model.deployed_model import as_deployed, named_part
+from lrm_math.model.model import Model, model_of
+
+INSTALLED = {"offsets": (BASE, TOOL), "compliance": (BASE,), "gravity": (BASE,)}
+"""Effects, and their places, by which one installation of an arm differs from its drawing."""
+LEAST_EIGENVALUE = 1e-6
+"""Of a correlation matrix that was rounded in a file."""
+
+
+@dataclass(frozen=True, eq=False)
+class TransferredModel:
+    """Model of an arm in another installation, before anything was measured there.
+
+    Attributes:
+        model: its free parameters are those of the prior.
+        prior: of the arm's parameters, as identified on the bench; of the installation's, nominal ± a typical size.
+        installed: keys of the installation's parameters.
+        left_behind: names of the effects of the bench and its measurement that do not go along.
+    """
+
+    model: Model
+    prior: Prior
+    installed: tuple[str, ...]
+    left_behind: tuple[str, ...]
+
+    @property
+    def covariance(self) -> Covariance:
+        """Covariance of the prior."""
+        return Covariance(self.prior.keys, self.prior.covariance)
+
+
+def transferred(model: Model, known: Covariance | None, arm: Arm, noise: float) -> TransferredModel:
+    """The arm's part of a model, on another installation of that arm.
+
+    Args:
+        known: covariance of the model's parameters; those without one are taken as exact.
+        arm: the target; only its base, gravity, tool and limits may differ.
+        noise: error that the model left on the bench, standard deviation per axis (m).
+
+    Raises `LrmError`: links, servos or masses differ.
+    """
+    if words := arm_part_difference(model.arm, arm):
+        raise LrmError(f"not the same arm: {words}; only base, tool, gravity and joint limits may differ")
+    lasting = named_part(as_deployed(model))
+    own = [replace(effect, arm=arm) for effect in lasting.effects if effect.part is ModelPart.ARM]
+    there = model_of(arm, own, _values(lasting, own))
+    installation = installed_effects(arm, lasting.effects)
+    target = model_of(arm, (*own, *installation), _values(there, own))
+    free = fittable(model_of(arm, installation))
+    certain = Covariance((), np.empty((0, 0))) if known is None else known.marginal(model, there)
+    prior = _prior(target, certain, free, noise)
+    within = None if lasting.within is None else replace(lasting.within, tcp=None)
+    prior = replace(prior, within=within)
+    moved = replace(target, within=within, fitted_to=model.fitted_to, free=prior.keys)
+    names = {effect.name for effect in own}
+    return TransferredModel(moved, prior, free, tuple(e.name for e in model.effects if e.name not in names))
+
+
+def installed_effects(arm: Arm, also: Sequence[Effect] = ()) -> tuple[Effect, ...]:
+    """Effects of the installation of an arm: base, tool and gravity, and those of a bench, at zero."""
+    every = {kind.id: kind for kind in CATALOGUE}
+    usual = [every[name](arm, place) for name, places in INSTALLED.items() if name in every for place in places]
+    names = {effect.name for effect in usual}
+    more = [e for e in also if e.part is ModelPart.INSTALLATION and e.name not in names and e.place in e.places(arm)]
+    return (*usual, *(replace(effect, arm=arm) for effect in more))
+
+
+def informed(start: TransferredModel, jacobian: Array) -> Covariance:
+    """Posterior covariance that poses with a Jacobian (N, 3, P) will leave of the prior, before they are measured."""
+    prior, noise = start.prior, start.prior.noise
+    assert noise is not None
+    J = jacobian.reshape(-1, len(prior.keys)) / noise
+    gain = np.linalg.solve(J @ prior.covariance @ J.T + np.eye(len(J)), J @ prior.covariance)
+    return Covariance(prior.keys, prior.covariance - prior.covariance @ J.T @ gain)
+
+
+def _values(model: Model, effects: Sequence[Effect]) -> Mapping[str, float]:
+    return {key: model.value(key) for effect in effects for key in effect.keys}
+
+
+def _prior(target: Model, certain: Covariance, installed: Sequence[str], noise: float) -> Prior:
+    """The prior of the arm's parameters that have a variance, and of the installation's: typical sizes about zero."""
+    rows = [k for k, variance in enumerate(np.diag(certain.matrix)) if variance > 0.0]
+    size, keys = len(rows), (*(certain.keys[k] for k in rows), *installed)
+    covariance = np.diag(np.array([target.parameter(key).typical for key in keys]) ** 2)
+    covariance[:size, :size] = _regular(certain.matrix[np.ix_(rows, rows)])
+    return Prior("the arm as identified before", keys, np.array([target.value(key) for key in keys]), covariance, noise)
+
+
+def _regular(covariance: Array) -> Array:
+    """A covariance (P, P) whose correlations have no eigenvalue that rounding made zero or negative."""
+    error = np.sqrt(np.diag(covariance))
+    values, vectors = np.linalg.eigh(covariance / np.outer(error, error))
+    regular = (vectors * np.maximum(values, LEAST_EIGENVALUE)) @ vectors.T
+    return np.asarray(regular * np.outer(error, error))
