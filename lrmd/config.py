@@ -73,6 +73,13 @@ class ThermalTable(StrictSchema):
     rise_k_per_nm2: dict[str, Annotated[float, Field(ge=0)]] = {}
 
 
+class GravityTable(StrictSchema):
+    """`[gravity]`: how long a direction that `cmd/gravity` told is used, and what is used then."""
+
+    max_age_s: Annotated[float, Field(gt=0, le=86_400)] = 10.0
+    fallback: Literal["model", "last"] = "model"
+
+
 class StateTable(StrictSchema):
     """`[state]`: directory of the state file, and the interval between two writes during a motion."""
 
@@ -100,6 +107,7 @@ class DaemonFile(StrictSchema):
     servo: dict[str, ServoEntry]
     safety: SafetyTable = SafetyTable()
     thermal: ThermalTable = ThermalTable()
+    gravity: GravityTable = GravityTable()
     state: StateTable
     zenoh: ZenohTable = ZenohTable()
 
@@ -128,7 +136,8 @@ class Config:
     """The checked configuration. Servos in the order joint1 … jointN, then the others as in the file.
 
     `arm_file`: the name or path that `arm` was read from.
-    `tick`, `reply`, `command`, `lease`, `stagger`, `save`: ns. `step`: ns of pulse in one tick.
+    `tick`, `reply`, `command`, `lease`, `stagger`, `save`, `gravity_age`: ns. `step`: ns of pulse in one tick.
+    `gravity_keeps_last`: whether a direction of gravity that is older is used still, instead of the model's.
     `rest`: rad, one angle per joint, or None. `rise`: K/(N·m)², one per servo, 0 where not configured.
     """
 
@@ -149,6 +158,8 @@ class Config:
     rest: tuple[float, ...] | None
     thermal: ThermalTable
     rise: tuple[float, ...]
+    gravity_age: int
+    gravity_keeps_last: bool
     state: Path
     save: int
     zenoh: ZenohTable
@@ -206,6 +217,7 @@ def _config(t: DaemonFile, arm: Arm) -> Config:
         command=round(t.safety.command_ms * MS), lease=round(t.safety.lease_ms * MS),
         stagger=round(t.safety.stagger_ms * MS), rest=None if rest is None else tuple(map(math.radians, rest)),
         thermal=t.thermal, rise=tuple(t.thermal.rise_k_per_nm2.get(servo.name, 0.0) for servo in servos),
+        gravity_age=round(t.gravity.max_age_s * SECOND), gravity_keeps_last=t.gravity.fallback == "last",
         state=Path(t.state.directory), save=round(t.state.save_ms * MS), zenoh=t.zenoh,
     )  # fmt: skip
 

@@ -87,6 +87,7 @@ class Measurements:
             "times": self.poses.t is not None,
             "sessions": self.poses.session is not None,
             "temperatures": self.poses.temperature is not None,
+            "gravity": self.poses.gravity is not None,
         }
         columns = ", ".join(name for name, is_there in there.items() if is_there)
         return f"<Measurements{of}: {poses} poses, {joints} joints; {columns}; {self.path.name}>"
@@ -191,6 +192,7 @@ class Measurements:
         """Moves them to another frame: positions to R p + t, with rotation R (3, 3) and translation t (3,), m."""
         return replace(
             self,
+            poses=self.poses.turned(rotation),
             tcp=self.tcp @ rotation.T + translation,
             covariance=None if self.covariance is None else turned_covariance(self.covariance, rotation),
             attitude=None if self.attitude is None else rotation @ self.attitude,

@@ -1,9 +1,10 @@
 """Forward selection of effects by held-out error, and their equivalence classes: which the data cannot tell apart.
 
 Candidates are ranked by held-out error. Among those that prediction cannot separate, a refinement of an effect of the
-model comes before a plain effect, and that before another form of an effect that the model does not have. Where a plain
-effect helps most, candidates with so many more parameters that Schwarz's criterion is very strong evidence against them
-are left out (Kass and Raftery 1995).
+model comes before a plain effect, and that before another form of an effect that the model does not have; of each rank
+the arm and its installation come before what measures them, so a tracker is named only where it leaves two standard
+errors less. Where a plain effect helps most, candidates with so many more parameters that Schwarz's criterion is very
+strong evidence against them are left out (Kass and Raftery 1995).
 """
 
 from __future__ import annotations
@@ -32,7 +33,7 @@ from lrm_ident.residual.thresholds import (
     VERY_STRONG,
     Z_THRESHOLD,
 )
-from lrm_math.effects import variants
+from lrm_math.effects import ModelPart, variants
 
 
 class Choice(NamedTuple):
@@ -168,16 +169,19 @@ def _parsimonious(choices: Sequence[Choice], priority: Mapping[str, int], count:
 def _most_helpful(
     choices: Sequence[Choice], before: LinearEstimate, priority: Mapping[str, int], expected: Mapping[str, float]
 ) -> Choice:
-    """The most helpful choice; among those that prediction cannot separate from it the first by priority, then by
-    weight, then by number of parameters."""
+    """The most helpful choice; among those that prediction cannot separate from it the first by priority, the arm and
+    its installation before the measurement, then by weight, then by number of parameters."""
     best = min(choices, key=lambda choice: choice.estimate.rms).estimate
 
     def near(choice: Choice, z: float, share: float) -> bool:
         gain, most = (float(before.held_out.mean() - after.held_out.mean()) for after in (choice.estimate, best))
         return gain > share * most and paired_z(best.held_out, choice.estimate.held_out) < z
 
-    first = min(priority[choice.scored.name] for choice in choices if near(choice, Z_THRESHOLD, EQUIVALENT_GAIN))
-    equal = [choice for choice in choices if priority[choice.scored.name] == first]
+    def rank(choice: Choice) -> tuple[int, bool]:
+        return priority[choice.scored.name], choice.scored.candidate.effect.part is ModelPart.MEASUREMENT
+
+    first = min(rank(choice) for choice in choices if near(choice, Z_THRESHOLD, EQUIVALENT_GAIN))
+    equal = [choice for choice in choices if rank(choice) == first]
     best = min(equal, key=lambda choice: choice.estimate.rms).estimate
     similar = [choice for choice in equal if near(choice, 1.0, SIMILAR_GAIN)]
     return min(similar, key=lambda one: (-expected.get(one.scored.name, 1.0), one.scored.size, one.estimate.rms))

@@ -124,6 +124,8 @@ def fit(
     start = solve_equilibrium(model, data.poses, near)
     known = None if prior is None else prior.within
     model = replace(model, within=known or measured_range(start), fitted_to=data.sha256)
+    if model.binding.distorting:  # about the centre of these poses, not of those that the start was fitted to
+        start = solve_equilibrium(model, data.poses, start)
     limits = bounds or bounds_of(model, model.free)
     smooth = Smoothness.of(model, prior)
     objective = Objective(model, data, loss, smooth.prior)

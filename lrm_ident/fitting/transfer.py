@@ -70,7 +70,7 @@ def transferred(model: Model, known: Covariance | None, arm: Arm, noise: float) 
     free = fittable(model_of(arm, installation))
     certain = Covariance((), np.empty((0, 0))) if known is None else known.marginal(model, there)
     prior = _prior(target, certain, free, noise)
-    within = None if lasting.within is None else replace(lasting.within, tcp=None)
+    within = None if lasting.within is None else replace(lasting.within, tcp=None, centre=None)
     prior = replace(prior, within=within)
     moved = replace(target, within=within, fitted_to=model.fitted_to, free=prior.keys)
     names = {effect.name for effect in own}

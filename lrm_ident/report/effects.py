@@ -47,6 +47,7 @@ def _acts_on(effect: Effect) -> str:
         Kind.MOTION: f"turns or shifts {on}",
         Kind.LOAD: f"loads {on}",
         Kind.WEIGHT: "changes the weight of a body",
+        Kind.GRAVITY: "turns gravity",
         Kind.FRAME: "what the tracker sees",
         Kind.ANCHOR: "where distances are measured from",
     }[kind_of(effect)]

@@ -27,6 +27,7 @@ PLAIN = {
     "coupling": "coupling of {place}",
     "payload": "wrong mass of the load",
     "mass": "wrong mass of {place}",
+    "gravity": "base that is not level",
     "drift": "warm-up drift of {place}",
     "change_point": "sudden displacement of {place}",
     "second_change_point": "second displacement of {place}",

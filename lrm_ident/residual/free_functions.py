@@ -126,10 +126,11 @@ def _radial(joint_jacobian: Array, equilibrium: Equilibrium) -> list[FreeFunctio
     """Radial motions of every joint's axis under the weight F across it: Σ c F / √(|F|² + s²) over `RADIAL_SCALES`."""
     chain, count, found = equilibrium.model.chain, len(equilibrium.poses), []
     axes = frames(chain, equilibrium.slots, count)[:, :, :3, :2]
+    gravity = np.stack([np.broadcast_to(g, count) for g in equilibrium.gravity], axis=1)
     mass = np.array([np.broadcast_to(weight.mass, count) for weight in equilibrium.weights]).reshape(-1, count)
     for joint in range(chain.dof):
         carried = mass[chain.counted[chain.index[f"joint{joint + 1}.d"]] :].sum(axis=0)
-        force = carried[:, None] * np.einsum("c,nck->nk", chain.gravity, axes[:, joint])
+        force = carried[:, None] * np.einsum("nc,nck->nk", gravity, axes[:, joint])
         square = (force**2).sum(axis=1, keepdims=True)
         scales = float(np.sqrt(square.max(initial=0.0))) * np.array(RADIAL_SCALES)
         if not scales.any():

@@ -100,7 +100,7 @@ def load(path: str | Path, arm: str | Path | None = None, reading: Reading = AS_
 
 @options_in_python
 def load_poses(file: str | Path, arm: Arm | str | Path, reading: Reading = AS_NAMED) -> Poses:
-    """Commanded poses: `q1_deg` …, optional `payload_g`, `t_s`, `session`, `temp_c`, `approach`.
+    """Commanded poses: `q1_deg` …, optional `payload_g`, `t_s`, `session`, `temp_c`, `approach`, gravity.
 
     Args:
         arm: itself, the name of a shipped one or the path of an arm file.

@@ -48,6 +48,7 @@ ALL_EFFECTS: tuple[type[Effect], ...] = tuple(
         "servo_errors.Coupling",
         "forces.Payload",
         "forces.Mass",
+        "forces.Gravity",
         "session_errors.Drift",
         "session_errors.Session",
         "session_errors.ChangePoint",

@@ -1,26 +1,31 @@
-"""Forces missing from the nominal arm: cable stiffness, errors of the masses and centres of mass."""
+"""Forces missing from the nominal arm: cable stiffness, errors of the masses and of the direction of gravity."""
 
 from __future__ import annotations
 
 from abc import abstractmethod
+from collections.abc import Sequence
+from functools import cached_property
 
 import numpy as np
 
-from lrm_math.arm.arm import TOOL, Arm
+from lrm_math.arm.arm import BASE, TOOL, Arm
 from lrm_math.effects.base import (
     Amounts,
     AngleDependentEffect,
     Description,
+    Effect,
     Excitation,
     Extrapolation,
     LinearEffect,
     Parameter,
     separately,
 )
-from lrm_math.effects.targets import BODY_AMOUNTS
-from lrm_math.kinematics.chain import Number
+from lrm_math.effects.targets import BODY_AMOUNTS, GRAVITY
+from lrm_math.kinematics.chain import PLANE, Number, rotate, trig_of
 from lrm_math.kinematics.poses import Poses
 
+AXES = "xyz"
+LEAN = 0.03  # rad: how far a table, a floor or a rover is out of level
 CENTRE_OF_MASS = tuple(Parameter(f"com_{axis}_mm", f"error of its centre of mass along {axis}", 0.01) for axis in "xyz")
 CENTRE_CLAIM = "its centre lies {com_x_mm}, {com_y_mm}, {com_z_mm} further along x, y, z"
 
@@ -132,3 +137,52 @@ class Payload(_BodyError):
         """1 in poses with a load, else 0."""
         carried = poses.carried
         return float(carried > 0) if isinstance(carried, float) else (carried > 0).astype(np.float64)
+
+
+class Gravity(Effect):
+    """Direction of gravity in the frame of measurement: two angles, about the axes most square to the stated one.
+
+    Where poses state gravity's direction, that is known and the effect adds nothing.
+    """
+
+    id = "gravity"
+    about = Description(
+        cause="The base does not stand level: gravity leans in the frame that positions are measured in.",
+        formula="g = R_j(b) R_i(a) (gravity of the arm file), i and j the axes x, y of an arm that stands or hangs",
+        source="gravity as a vector g0 in the base frame: Siciliano et al. 2009, section 7.1",
+        claim="the base is not level: gravity leans and bends the arm",
+        needs="poses that bend the arm to several sides, best with a load",
+    )
+    depends_on = ()
+    extrapolation = Extrapolation.PROPORTIONAL
+    targets = tuple(f"{GRAVITY}{axis}" for axis in AXES)
+
+    @classmethod
+    def places(cls, arm: Arm) -> tuple[str, ...]:
+        """The base."""
+        return (BASE,)
+
+    @cached_property
+    def axes(self) -> tuple[int, int]:
+        """Numbers of the axes x, y, z that are most square to the gravity of the arm file."""
+        down = max(range(len(AXES)), key=lambda axis: abs(self.arm.gravity[axis]))
+        return (down + 1) % len(AXES), (down + 2) % len(AXES)
+
+    @cached_property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """The angle about either axis."""
+        return tuple(Parameter(f"{AXES[k]}_rad", f"rotation of gravity about {AXES[k]}", LEAN) for k in self.axes)
+
+    def amounts(self, poses: Poses, tau: Amounts, p: Sequence[float]) -> Amounts:
+        """Change of each component of the arm file's gravity by the rotations (m/s²)."""
+        if poses.gravity is not None:
+            return (0.0,) * len(AXES)
+        g: list[Number] = list(self.arm.gravity)
+        for axis, angle in zip(self.axes, p, strict=True):
+            rotate(g, PLANE[axis], trig_of(angle))
+        return tuple(turned - stated for turned, stated in zip(g, self.arm.gravity, strict=True))
+
+    def missing_excitation(self, excitation: Excitation) -> str | None:
+        """Gravity's direction must not be known."""
+        known = excitation.poses.gravity is not None
+        return "gravity's direction was measured at every pose (gx, gy, gz or roll, pitch)" if known else None

@@ -63,6 +63,7 @@ class MeasuredRange:
         load: on slots, by key: N·m, or N along one that slides.
         t, running: s since the start, and since the session began; None where no time was known.
         tcp: of the TCP's x, y and z (m); None where it is not known.
+        centre: mean position of the TCP (m), about which a tracker's frame distorts; None: about the base's origin.
     """
 
     angle: tuple[Interval, ...]
@@ -71,6 +72,7 @@ class MeasuredRange:
     t: Interval | None = None
     running: Interval | None = None
     tcp: tuple[Interval, ...] | None = None
+    centre: tuple[float, ...] | None = None
 
     def outside(self, q: Array) -> NDArray[np.bool_]:
         """(N, n), joints that stand outside their range at commands q (N, n) (rad)."""

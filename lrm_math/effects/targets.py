@@ -8,6 +8,7 @@
 | `body3.mass`, `body3.com_x` … | mass (kg) and centre of mass (m) of a body, by its number from 0 outwards |
 | `frame.xx`, `frame.xyz`, `frame.xr` … | coefficient of x, of y z (1/m), of x (x² + y² + z²) (1/m²) in the seen x |
 | `frame.s` | what a measured position is multiplied by, less one |
+| `gravity.x` … | component of gravity in the frame of measurement: m/s² |
 | `anchor.x` … | the fixed point that distances are measured from: m |
 """
 
@@ -18,7 +19,7 @@ from enum import Enum
 from lrm_math.effects.base import Effect
 from lrm_math.errors import LrmError
 
-SERVO, LOAD, BODY, FRAME, ANCHOR = ".servo", ".load", "body", "frame.", "anchor."
+SERVO, LOAD, BODY, GRAVITY, FRAME, ANCHOR = ".servo", ".load", "body", "gravity.", "frame.", "anchor."
 BODY_AMOUNTS = ("mass", "com_x", "com_y", "com_z")
 FRAME_PLACE = FRAME.rstrip(".")
 RADIAL, SCALE = "r", "s"
@@ -31,6 +32,7 @@ class Kind(Enum):
     MOTION = "motions of slots"
     LOAD = "loads on slots"
     WEIGHT = "weights of bodies"
+    GRAVITY = "the direction of gravity"
     FRAME = "the frame of measurement"
     ANCHOR = "the fixed point of measured distances"
 
@@ -49,6 +51,8 @@ def _kind(target: str) -> Kind:
         return Kind.FRAME
     if target.startswith(ANCHOR):
         return Kind.ANCHOR
+    if target.startswith(GRAVITY):
+        return Kind.GRAVITY
     if target.startswith(BODY):
         return Kind.WEIGHT
     return Kind.LOAD if target.endswith(LOAD) else Kind.MOTION

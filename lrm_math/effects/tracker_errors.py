@@ -26,22 +26,21 @@ QUADRATIC = tuple(map("".join, combinations_with_replacement("xyz", 2)))
 
 
 class MeasurementFrame(LinearEffect):
-    """Scale, shear and rotation of the tracker's frame against the base."""
+    """Scale and shear of the tracker's frame about the centre of what was measured; a rotation of it is the base's."""
 
     id = "measurement_frame"
     depends_on = ("session",)
     extrapolation = Extrapolation.PROPORTIONAL
     targets = tuple(f"frame.{row}{column}" for row in "xyz" for column in "xyz")
     about = Description(
-        cause="The tracker's calibration stretches or shears space, or its frame is turned against the base target.",
-        formula="x_seen = x + (symmetric matrix of scale and shear + small rotation) x",
+        cause="The tracker's calibration stretches or shears space.",
+        formula="x_seen = x + (symmetric matrix of scale and shear) (x - centre of the measured points)",
         source="linear map of the tracker's frame",
         claim="the tracker stretches x, y, z by {scale_x_mm_per_m}, {scale_y_mm_per_m}, {scale_z_mm_per_m}",
     )
     parameters = (
         *(Parameter(f"scale_{axis}_mm_per_m", f"stretch along {axis}", 0.005) for axis in "xyz"),
         *(Parameter(f"shear_{axes}_mm_per_m", f"shear between {axes}", 0.005) for axes in ("xy", "xz", "yz")),
-        *(Parameter(f"turn_{axis}_rad", f"rotation about {axis}", 0.01) for axis in "xyz"),
     )
 
     @classmethod
@@ -50,8 +49,8 @@ class MeasurementFrame(LinearEffect):
         return (FRAME_PLACE,)
 
     def basis(self, poses: Poses, tau: Amounts) -> tuple[Amounts, ...]:
-        """The matrix of each parameter: scale and shear are symmetric, a rotation is skew."""
-        return tuple(_entries(words, self.targets) for words in (*SYMMETRIC, "zy -yz", "xz -zx", "yx -xy"))
+        """The symmetric matrix of each parameter."""
+        return tuple(_entries(words, self.targets) for words in SYMMETRIC)
 
 
 class FrameCurve(LinearEffect):
@@ -62,7 +61,7 @@ class FrameCurve(LinearEffect):
     depends_on: ClassVar[tuple[str, ...]] = ("session",)
     about = Description(
         cause="A lens, a turntable or a scale of the tracker errs by where in space the target is.",
-        formula="x_seen = x + S x + polynomial of the second degree in x, y, z + k |x|² x, S symmetric",
+        formula="x_seen = x + S d + polynomial of the second degree in d + k |d|² d, S symmetric, d from the centre",
         source="polynomial distortion with a radial term: Brown 1971",
         claim="the tracker distorts space by a curve of the position",
         needs="positions spread over all of the space that the arm reaches",
@@ -91,10 +90,9 @@ class FrameCurve(LinearEffect):
 
 
 def _entries(words: str, targets: tuple[str, ...]) -> Amounts:
-    """1 at the entries of some words, −1 at those with a minus sign, 0 at the others."""
+    """1 at the entries of some words, 0 at the others."""
     named = words.split()
-    entries = [target.partition(".")[2] for target in targets]
-    return tuple(float(entry in named) - float(f"-{entry}" in named) for entry in entries)
+    return tuple(float(target.partition(".")[2] in named) for target in targets)
 
 
 class Anchor(LinearEffect):

@@ -91,6 +91,10 @@ class CalibratedSolver:
             None if clock is None else ServoCounts.of(model.arm, clock),
         )
 
+    def under_gravity(self, down: Vector3) -> CalibratedSolver:
+        """The solver where gravity's direction is known: a unit vector in the arm's frame."""
+        return replace(self, arm=self.arm.under_gravity(down))
+
     def warm_up(self) -> None:
         """Fills the caches, so that the first goals need not wait."""
         _ = self.arm.nominal_solver, self.arm.kernel(0.0)

@@ -13,7 +13,7 @@ from typing import Protocol
 import numpy as np
 
 from lrm_math.arm.arm import BASE, TOOL, Arm, Joint, Placement
-from lrm_math.arrays import Array
+from lrm_math.arrays import Array, Vector3
 from lrm_math.errors import LrmError
 from lrm_math.ik.answer import Branch, Nearest, NotConverged, distinct
 from lrm_math.ik.goal import IkQuery
@@ -24,6 +24,7 @@ from lrm_math.ik.packed_arm import EquilibriumBatch, PackedArm
 from lrm_math.kinematics.pieper import PieperForm, pieper_form
 from lrm_math.kinematics.poses import poses_of
 from lrm_math.kinematics.screw_axes import screw_axes_of
+from lrm_math.model.deployed_model import under_gravity
 from lrm_math.model.model import Model
 
 SLACK = 0.4
@@ -87,6 +88,12 @@ class CalibratedArm(PackedArm):
         """Inverse of the nominal arm, limits widened by `SLACK`."""
         joints = (replace(j, lower=j.lower - SLACK, upper=j.upper + SLACK) for j in self.model.arm.joints)
         return NominalSolver.of(replace(self.model.arm, joints=tuple(joints)))
+
+    def under_gravity(self, down: Vector3) -> CalibratedArm:
+        """The arm where gravity's direction is known (a unit vector), by the seeds of this one: ready at once."""
+        other = CalibratedArm(under_gravity(self.model, down))
+        vars(other).update({name: getattr(self, name) for name in ("form", "nominal_solver", "library")})
+        return other
 
     def nominal_tool(self, q: Array) -> Array:
         """(4, 4), tool frame of the nominal arm at angles (n,); m."""

@@ -54,8 +54,13 @@ class MovingSlots:
         return np.asarray(mass[:, None] * (self.body_frames @ com)[:, :, 0])
 
 
-def moving_slots_of(chain: Chain, constants: Sequence[float], also: Sequence[int]) -> MovingSlots:
-    """A chain whose slots keep the amounts `constants` (rad, m), except the joints and those in `also`."""
+def moving_slots_of(
+    chain: Chain, constants: Sequence[float], also: Sequence[int], gravity: Sequence[float]
+) -> MovingSlots:
+    """A chain whose slots keep the amounts `constants` (rad, m), except the joints and those in `also`.
+
+    `gravity`: (3,), m/s².
+    """
     slots = sorted({*chain.joint_slots, *also})
     edges = [-1, *slots, len(chain.slots)]
 
@@ -79,7 +84,7 @@ def moving_slots_of(chain: Chain, constants: Sequence[float], also: Sequence[int
         frames=frames,
         counted=np.array([chain.counted[k] for k in slots]),
         moved=np.array([chain.moved[k] for k in slots]),
-        gravity=np.array(chain.gravity),
+        gravity=np.array(gravity),
     )
 
 

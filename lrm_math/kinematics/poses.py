@@ -32,6 +32,7 @@ class Poses:
         running: (N,), time since the first pose of the session (s), or None.
         warmed: (N,), K, temperature less that of the first pose. power_cycle: (N,), number of the session from 0, in
             the order of their numbers. Both follow from all the poses first given, and stay with each of them.
+        gravity: (N, 3), unit vectors of gravity's direction in the frame of measurement; None: as the arm file says.
         sha256: of the file that they were read from; None: of none.
     """
 
@@ -46,6 +47,7 @@ class Poses:
     running: Array | None = None
     warmed: Array | None = None
     power_cycle: NDArray[np.int64] | None = None
+    gravity: Array | None = None
     sha256: str | None = None
 
     def __post_init__(self) -> None:
@@ -88,6 +90,15 @@ class Poses:
         return tuple(_number(self.friction[:, joint, k]) for k in range(count))
 
     @property
+    def down(self) -> tuple[Number, Number, Number] | None:
+        """Components of gravity's direction, each (N,), or a float if it is the same in all poses; None if unknown."""
+        if self.gravity is None:
+            return None
+        same = len(self) > 0 and bool((self.gravity == self.gravity[0]).all())
+        x, y, z = self.gravity[0].tolist() if same else self.gravity.T
+        return x, y, z
+
+    @property
     def carried(self) -> Number:
         """Load carried (kg): (N,), or a float if it is the same in all poses."""
         same = len(self) and bool(np.all(self.payload == self.payload[0]))
@@ -98,6 +109,10 @@ class Poses:
         chosen = np.asarray(rows)
         columns = {f.name: getattr(self, f.name) for f in fields(self) if f.name != "sha256"}
         return replace(self, **{name: column[chosen] for name, column in columns.items() if column is not None})
+
+    def turned(self, rotation: Array) -> Poses:
+        """The same poses where the frame of measurement is turned: directions d to R d, with R (3, 3)."""
+        return self if self.gravity is None else replace(self, gravity=self.gravity @ rotation.T)
 
     def perturbed(self, joint: int, step: float | Array) -> Poses:
         """The same poses with one joint angle changed by `step` (rad), a float or (N,)."""

@@ -9,12 +9,16 @@ from __future__ import annotations
 from bisect import bisect_right
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
 
 from lrm_math.arrays import Array
 from lrm_math.kinematics.chain import INVERSE, PLANE, Angle, Chain, Number, Vector, is_zero, rotate, trig
 from lrm_math.kinematics.forward import ChainGeometry
+
+Gravity: TypeAlias = tuple[Number, Number, Number]
+"""Components of gravity in the frame of measurement (m/s²), floats or (N,)."""
 
 
 @dataclass(frozen=True)
@@ -47,13 +51,14 @@ def loads(
     values: Sequence[Number],
     angles: Sequence[Angle],
     weights: Sequence[Weight],
+    gravity: Gravity,
     load_slots: Sequence[int],
 ) -> list[Number]:
-    """Gravity's load on the slots `load_slots` (ascending): N·m on a rotation, N on a translation.
+    """Gravity's load (`gravity` in m/s²) on the slots `load_slots` (ascending): N·m on a rotation, N on a translation.
 
     Two recursions in the slots' own frames: gravity's direction outwards, the first mass moment Σ m c inwards.
     """
-    gravity = _gravity_outwards(chain, angles, load_slots)
+    seen = _gravity_outwards(chain, angles, gravity, load_slots)
     out: list[Number] = [0.0] * len(load_slots)
     moment: Vector = [0.0, 0.0, 0.0]
     carried: Number = 0.0
@@ -70,7 +75,7 @@ def loads(
         elif not is_zero(values[k]):
             moment[slot.axis] = moment[slot.axis] + carried * values[k]
         if row >= 0 and load_slots[row] == k:
-            g = gravity[row]
+            g = seen[row]
             if slot.rotates:
                 counted = _with_bodies_behind(chain, values, angles, weights, k, moment)
                 i, j = PLANE[slot.axis]
@@ -82,16 +87,18 @@ def loads(
     return out
 
 
-def joint_torques(chain: Chain, q: Sequence[float], payload: float) -> list[float]:
+def joint_torques(chain: Chain, gravity: Gravity, q: Sequence[float], payload: float) -> list[float]:
     """Gravity's torque (N·m) on every joint of the rigid nominal arm at angles q (rad), with a payload (kg)."""
     values = chain.values(q)
-    found = loads(chain, values, trig(chain, values), weights(chain, payload), chain.joint_slots)
+    found = loads(chain, values, trig(chain, values), weights(chain, payload), gravity, chain.joint_slots)
     return [float(torque) for torque in found]
 
 
-def _gravity_outwards(chain: Chain, angles: Sequence[Angle], load_slots: Sequence[int]) -> list[Vector]:
+def _gravity_outwards(
+    chain: Chain, angles: Sequence[Angle], gravity: Gravity, load_slots: Sequence[int]
+) -> list[Vector]:
     """Gravity (m/s²) in the frame before each of `load_slots`."""
-    g: Vector = list(chain.gravity)
+    g: Vector = list(gravity)
     out: list[Vector] = []
     for k in range((load_slots[-1] if load_slots else -1) + 1):
         slot = chain.slots[k]
@@ -120,7 +127,7 @@ def _with_bodies_behind(
 
 
 def load_derivatives(
-    chain: Chain, geometry: ChainGeometry, weights: Sequence[Weight], load_slots: Sequence[int]
+    chain: Chain, geometry: ChainGeometry, weights: Sequence[Weight], gravity: Gravity, load_slots: Sequence[int]
 ) -> Array:
     """∂tau_k/∂s_j for the slots k in `load_slots` and every slot j: (K, S, N).
 
@@ -131,7 +138,7 @@ def load_derivatives(
     m, mc = _suffix_moments(geometry, weights)
     moved = list(chain.moved)
     u = _levers(chain, geometry, slice(None), m[moved], mc[moved])
-    h = _levers_of_gravity(chain, geometry, slice(None))
+    h = _levers_of_gravity(chain, geometry, gravity, slice(None))
     out = np.empty((len(load_slots), *geometry.axis.shape[::2]))
     for row, k in enumerate(load_slots):
         first, u_k = chain.counted[k], u[k]
@@ -147,23 +154,46 @@ def load_derivatives(
 
 
 def weight_derivatives(
-    chain: Chain, geometry: ChainGeometry, weights: Sequence[Weight], load_slots: Sequence[int], body: int
+    chain: Chain,
+    geometry: ChainGeometry,
+    weights: Sequence[Weight],
+    gravity: Gravity,
+    load_slots: Sequence[int],
+    body: int,
 ) -> tuple[Array, Array]:
     """∂tau/∂mass (K, N) and ∂tau/∂com (K, 3, N) of the slots `load_slots`, for one body's mass and centre of mass."""
     load_slots = list(load_slots)
-    h = _levers_of_gravity(chain, geometry, load_slots)
+    h = _levers_of_gravity(chain, geometry, gravity, load_slots)
     counts = np.array([chain.counted[k] <= body for k in load_slots], dtype=np.float64)[:, None]
     by_mass = np.einsum("kcn,kcn->kn", h, geometry.body[body] - geometry.origin[load_slots])
-    by_mass += ~chain.rotates[load_slots][:, None] * np.einsum("c,kcn->kn", chain.gravity, geometry.axis[load_slots])
+    along = sum(g * geometry.axis[load_slots, c] for c, g in enumerate(gravity))
+    by_mass += ~chain.rotates[load_slots][:, None] * along
     by_com = np.einsum("kcn,acn->kan", h, geometry.body_axes[body]) * weights[body].mass
     return counts * by_mass, counts[:, :, None] * by_com
 
 
-def _levers_of_gravity(chain: Chain, geometry: ChainGeometry, slots: Sequence[int] | slice) -> Array:
+def gravity_derivatives(
+    chain: Chain, geometry: ChainGeometry, weights: Sequence[Weight], load_slots: Sequence[int]
+) -> Array:
+    """∂tau_k/∂g of the slots `load_slots` by the components of gravity: (K, 3, N), kg m or kg.
+
+    tau = g · (a × S), with a the axis of a slot and S the first mass moment that its load counts about its origin;
+    g · m a for a translation.
+    """
+    m, mc = _suffix_moments(geometry, weights)
+    out = np.empty((len(load_slots), *geometry.axis.shape[1:]))
+    for row, k in enumerate(load_slots):
+        first = chain.counted[k]
+        out[row] = _levers(chain, geometry, slice(k, k + 1), m[first], mc[first])[0]
+    return out
+
+
+def _levers_of_gravity(chain: Chain, geometry: ChainGeometry, gravity: Gravity, slots: Sequence[int] | slice) -> Array:
     """(len(slots), 3, N): h = g × a of rotating slots, zero for translations; tau = h · (first mass moment)."""
-    x, y, z = chain.gravity
-    g_cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    h = np.asarray(g_cross @ geometry.axis[slots])
+    x, y, z = gravity
+    a = geometry.axis[slots]
+    h = np.empty_like(a)
+    h[:, 0], h[:, 1], h[:, 2] = y * a[:, 2] - z * a[:, 1], z * a[:, 0] - x * a[:, 2], x * a[:, 1] - y * a[:, 0]
     h[~chain.rotates[slots]] = 0.0
     return h
 

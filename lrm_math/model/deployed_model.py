@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from lrm_math.arm.servo_table import PwmClock
+from lrm_math.arrays import Vector3
 from lrm_math.effects import Effect
 from lrm_math.effects.field.residual_field import ResidualField
+from lrm_math.effects.forces import Gravity
 from lrm_math.effects.offsets import Offsets
 from lrm_math.effects.servo_errors import Quantisation
 from lrm_math.errors import LrmError
@@ -68,6 +71,16 @@ def deployed_part(model: Model, left_out: Sequence[str] = ()) -> Model:
 def named_part(model: Model) -> Model:
     """The model without a residual field: that is no cause, and is fitted anew after whatever changes the causes."""
     return _part(model, [effect for effect in model.effects if effect.names_a_cause])
+
+
+def under_gravity(model: Model, down: Vector3) -> Model:
+    """The model where gravity's direction is known, as from an accelerometer: a unit vector in the arm's frame.
+
+    The lean that it was measured with no longer counts.
+    """
+    x, y, z = (math.hypot(*model.arm.gravity) * component for component in down)
+    part = _part(model, [effect for effect in model.effects if not isinstance(effect, Gravity)])
+    return replace(part, arm=replace(model.arm, gravity=(x, y, z)))
 
 
 def field_of(model: Model) -> ResidualField | None:

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 import numpy as np
 
@@ -65,11 +65,18 @@ class Response:
         sensed; computed once per body, whose several effects all need it."""
         if body not in self._by_body:
             settled, model = self.equilibrium, self.equilibrium.model
-            args = (model.chain, self.geometry, settled.weights, model.load_slots, body)
+            args = (model.chain, self.geometry, settled.weights, settled.gravity, model.load_slots, body)
             by_mass, by_com = statics.weight_derivatives(*args)
             found = np.einsum("kcn,kn->cn", self.loads, by_mass), np.einsum("kcn,kan->acn", self.loads, by_com)
             self._by_body[body] = found
         return self._by_body[body]
+
+    @cached_property
+    def gravity_derivatives(self) -> Array:
+        """(3, R, N), ∂TCP/∂(component of gravity) (m per m/s²), and of what else is sensed."""
+        settled, model = self.equilibrium, self.equilibrium.model
+        by_gravity = statics.gravity_derivatives(model.chain, self.geometry, settled.weights, model.load_slots)
+        return np.asarray(np.einsum("kcn,kan->acn", self.loads, by_gravity))
 
 
 @lru_cache(maxsize=2)  # what is identifiable, and the fit that follows, ask at the same equilibrium
@@ -83,7 +90,7 @@ def respond(settled: Equilibrium, sensed: Sensed = TCP_ONLY) -> Response:
     if not acting.loads:
         return Response(settled, geometry, rigid, loads, sensed)
     D, moving, load_slots = acting.D, list(acting.moving), [model.load_slots[i] for i in acting.loads]
-    H = statics.load_derivatives(chain, geometry, settled.weights, load_slots)
+    H = statics.load_derivatives(chain, geometry, settled.weights, settled.gravity, load_slots)
     by_slot = H[:, moving]
     system = np.eye(len(H)) - by_slot.transpose(2, 0, 1) @ D.transpose(2, 0, 1)
     inverse = np.ascontiguousarray(np.linalg.inv(system).transpose(1, 2, 0))
@@ -200,6 +207,10 @@ def _add_responses(columns: Iterable[tuple[Array, Amounts]], bound: BoundEffect,
         for out, amounts in columns:
             for body, change in changes_of(bound.effect, amounts):
                 _add_weight(out, body, change, response)
+    elif bound.kind is Kind.GRAVITY:
+        for out, amounts in columns:
+            for moved, amount in zip(response.gravity_derivatives, amounts, strict=True):
+                out += moved * amount
     elif bound.kind is Kind.FRAME:
         basis = frame_basis(bound, list(response.equilibrium.true_tcp.T))
         for out, amounts in columns:

@@ -24,6 +24,8 @@ from lrm_math.kinematics.scalar_or_array import linear_combination
 from lrm_math.kinematics.statics import WeightChange
 
 AXES = "xyz"
+LENGTHS = (f"{FRAME}{SCALE}",)
+"""Targets of effects that scale all lengths."""
 
 
 class Bases(WeakKeyDictionary[Poses, Rows]):
@@ -117,6 +119,7 @@ class EffectBinding:
         elastic: effects that move slots by loads; nonlinear: those of them that are no linear springs.
         springs: (M, K), compliance of the linear springs: motion of the `moving` slots by the K loads (rad/N·m, m/N·m).
         loading, weighing: effects that put loads on slots, or change weights.
+        leaning: effects that turn gravity.
         distorting, anchoring: effects that distort the tracker's measurement, or shift the anchor of distances.
         moving: slots that the elastic effects move, ascending.
         reach: m; the most that a rotation by 1 rad can move the TCP (the stretched nominal arm, with a margin).
@@ -130,6 +133,7 @@ class EffectBinding:
     springs: Array
     loading: tuple[BoundEffect, ...]
     weighing: tuple[BoundEffect, ...]
+    leaning: tuple[BoundEffect, ...]
     distorting: tuple[BoundEffect, ...]
     anchoring: tuple[BoundEffect, ...]
     moving: tuple[int, ...]
@@ -155,6 +159,7 @@ def bind_effects(chain: Chain, bound: tuple[BoundEffect, ...]) -> EffectBinding:
         springs=_springs(elastic, moving, 1 + max((i for b in bound for i in b.loads), default=-1)),
         loading=of_kind[Kind.LOAD],
         weighing=of_kind[Kind.WEIGHT],
+        leaning=of_kind[Kind.GRAVITY],
         distorting=of_kind[Kind.FRAME],
         anchoring=of_kind[Kind.ANCHOR],
         moving=moving,
@@ -193,12 +198,17 @@ def distortion(bound: BoundEffect, amounts: Amounts, position: Sequence[Number])
 def frame_basis(bound: BoundEffect, position: Sequence[Number]) -> Rows:
     """Terms that one unit at each target of an effect of the tracker's frame adds to the components of a position (m).
 
-    Where the effect is held, it sees the position within the range of the fit.
+    Where the effect is held, it sees the position within the range of the fit. A distortion is about the centre of what
+    was measured, so that it moves the measured points least; a scale of all lengths is about the base's origin.
     """
-    ends = None if bound.within is None else bound.within.tcp
+    ends, centre = (None, None) if bound.within is None else (bound.within.tcp, bound.within.centre)
     seen = list(position)
     if ends is not None and bound.effect.extrapolation is Extrapolation.HELD:
         seen = [held(value, *within) for value, within in zip(position, ends, strict=True)]
+    if bound.effect.targets == LENGTHS:
+        return (tuple(seen),)
+    if centre is not None:
+        seen = [value - middle for value, middle in zip(seen, centre, strict=True)]
     names = [target.removeprefix(FRAME) for target in bound.effect.targets]
     products = {term: _product(term, seen) for term in {name[1:] for name in names} - {"", RADIAL}}
     square = _product("xx", seen) + _product("yy", seen) + _product("zz", seen)
@@ -208,7 +218,7 @@ def frame_basis(bound: BoundEffect, position: Sequence[Number]) -> Rows:
         term = seen[row] * square if name[1:] == RADIAL else products[name[1:]]
         return tuple(term if axis == row else 0.0 for axis in range(len(AXES)))
 
-    return tuple(tuple(seen) if name == SCALE else of_target(name) for name in names)
+    return tuple(map(of_target, names))
 
 
 def _product(axes: str, position: Sequence[Number]) -> Number:

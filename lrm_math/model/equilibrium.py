@@ -60,10 +60,15 @@ class Equilibrium:
         """Every body's mass and centre of mass, payload and effects included."""
         return self.model.weights(self.poses.carried)
 
+    @cached_property
+    def gravity(self) -> statics.Gravity:
+        """Gravity in the frame of measurement, effects included (m/s²)."""
+        return self.model.gravity(self.poses)
+
     def loads_on(self, slots: Sequence[int]) -> Array:
         """(N, len(slots)), gravity's load on slots given by number, ascending (N·m, or N along a translation)."""
         chain = self.model.chain
-        loads = statics.loads(chain, self.slots, trig(chain, self.slots), self.weights, slots)
+        loads = statics.loads(chain, self.slots, trig(chain, self.slots), self.weights, self.gravity, slots)
         return np.stack([np.broadcast_to(load, len(self.poses)) for load in loads], axis=1)
 
     @property
@@ -126,7 +131,8 @@ def measured_range(settled: Equilibrium) -> MeasuredRange:
         loads[chain.slots[k].key] = ends_of(load)
     times = {name: None if of is None else ends_of(of) for name, of in (("t", poses.t), ("running", poses.running))}
     tcp = tuple(map(ends_of, settled.true_tcp.T))
-    return MeasuredRange(tuple(map(ends_of, poses.q.T)), ends_of(poses.payload), loads, **times, tcp=tcp)
+    centre = tuple(settled.true_tcp.mean(axis=0).tolist())
+    return MeasuredRange(tuple(map(ends_of, poses.q.T)), ends_of(poses.payload), loads, **times, tcp=tcp, centre=centre)
 
 
 def _columns(components: Sequence[Number], count: int) -> Array:

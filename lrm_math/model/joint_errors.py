@@ -49,7 +49,7 @@ class JointErrorModel:
         binding = self.model.binding
         rigid = {k for bound in binding.rigid for k in bound.slots}
         also = sorted({*binding.moving, *self.model.load_slots, *rigid})
-        return moving_slots_of(self.model.chain, binding.constants, also)
+        return moving_slots_of(self.model.chain, binding.constants, also, self.model.constant_gravity)
 
     @cached_property
     def constants(self) -> Array:

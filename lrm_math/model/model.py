@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
@@ -12,15 +13,15 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from lrm_math.arm.arm import Arm
-from lrm_math.arrays import Array
+from lrm_math.arrays import Array, Vector3
 from lrm_math.effects import Effect, Parameter, effect_names
 from lrm_math.effects.measured_range import MeasuredRange
 from lrm_math.effects.targets import links_bent_at_ends
 from lrm_math.errors import LrmError, UnknownName
 from lrm_math.kinematics import statics
 from lrm_math.kinematics.chain import Chain, Number, chain_of
-from lrm_math.kinematics.poses import poses_of
-from lrm_math.kinematics.statics import Weight
+from lrm_math.kinematics.poses import Poses, poses_of
+from lrm_math.kinematics.statics import Gravity, Weight
 from lrm_math.model.effect_binding import BoundEffect, EffectBinding, bind_effect, bind_effects
 from lrm_math.model.session_state import StateAfterSession
 
@@ -156,6 +157,23 @@ class Model:
         poses = poses_of(np.zeros((np.size(carried), self.arm.dof)), carried)
         added = (change for bound in self.binding.weighing for change in bound.weight_changes(poses))
         return statics.weights(self.chain, carried, added)
+
+    def gravity(self, poses: Poses) -> Gravity:
+        """Gravity at poses (m/s²): the arm file's, or in the direction that the poses state; effects included."""
+        g: Gravity = self.arm.gravity
+        if (down := poses.down) is not None:
+            size = math.hypot(*g)
+            g = size * down[0], size * down[1], size * down[2]
+        for bound in self.binding.leaning:
+            x, y, z = bound.at(poses)
+            g = g[0] + x, g[1] + y, g[2] + z
+        return g
+
+    @cached_property
+    def constant_gravity(self) -> Vector3:
+        """Gravity where no pose states its direction (m/s²), effects included."""
+        x, y, z = map(float, self.gravity(poses_of(np.zeros((1, self.arm.dof)))))
+        return x, y, z
 
     def with_values(self, values: ArrayLike) -> Model:
         """The same model with other parameter values (SI)."""

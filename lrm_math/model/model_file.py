@@ -16,6 +16,8 @@ from lrm_math.arm.arm_file import load_arm, shipped_arms
 from lrm_math.effects import CATALOGUE, Effect, ModelPart, Parameter, effects_at
 from lrm_math.effects.measured_range import MeasuredRange
 from lrm_math.effects.offsets import Offsets
+from lrm_math.effects.targets import FRAME_PLACE
+from lrm_math.effects.tracker_errors import MeasurementFrame
 from lrm_math.errors import FileError, LrmError, UnknownName
 from lrm_math.model.covariance import Covariance, CovarianceTable, to_covariance
 from lrm_math.model.model import Model, model_of
@@ -26,6 +28,8 @@ from lrm_math.toml_file import StrictSchema, read_toml
 MOST_EFFECTS = 1000
 FIT_AGAIN = "take the arm file of the fit, or fit again (lrm-ident fit --start)"
 PartsTable: TypeAlias = dict[Literal["arm", "installation", "measurement"], list[str]]
+TURNED = f"{MeasurementFrame.id}.{FRAME_PLACE}.turn_"
+"""Beginning of keys of older files."""
 Ends: TypeAlias = Annotated[list[float], Field(min_length=2, max_length=2)]
 
 
@@ -52,7 +56,8 @@ class ProvenanceTable(StrictSchema):
 class RangeTable(StrictSchema):
     """Table `[range]`, lowest and highest value of what was fitted: joints' commands, loads on slots by key and unit
     (`joint2.theta_Nm`, `joint3.d_N`), times, the TCP's x, y and z. Beyond it curves stay as at its edge; without it
-    they go on by formula.
+    they go on by formula. `centre_mm`: mean of the TCP's positions, about which a tracker's frame distorts; without it,
+    in older files, that is about the base's origin.
     """
 
     joints_deg: list[Ends]
@@ -60,6 +65,7 @@ class RangeTable(StrictSchema):
     t_s: Ends | None = None
     running_s: Ends | None = None
     tcp_mm: Annotated[list[Ends], Field(min_length=3, max_length=3)] | None = None
+    centre_mm: Annotated[list[float], Field(min_length=3, max_length=3)] | None = None
     loads: dict[str, Ends] = {}
 
 
@@ -171,6 +177,9 @@ def arm_mismatch(tables: ModelFile, arm: Arm) -> str:
 def to_model(path: Path, tables: ModelFile, arm: Arm, catalogue: tuple[type[Effect], ...] = CATALOGUE) -> Model:
     """The model of parsed tables, in SI. Raises `FileError`."""
     where = "effects"
+    if turned := next((key for key in tables.parameters if key.startswith(TURNED)), None):
+        what = f"{turned}: a tracker's frame no longer turns, since that is the base's"
+        raise FileError(path, "parameters", what, "fit again, from the measurements")
     if twice := next((name for name, times in Counter(tables.effects).items() if times > 1), None):
         raise FileError(path, where, f"{twice} is named twice", "name each effect once")
     try:
@@ -247,7 +256,8 @@ def _range_of(path: Path, table: RangeTable | None, model: Model) -> MeasuredRan
     lightest, heaviest = table.payload_g
     t, running = (None if ends is None else (ends[0], ends[1]) for ends in (table.t_s, table.running_s))
     tcp = None if table.tcp_mm is None else tuple((1e-3 * lower, 1e-3 * upper) for lower, upper in table.tcp_mm)
-    return MeasuredRange(angle, (1e-3 * lightest, 1e-3 * heaviest), slots, t, running, tcp)
+    centre = None if table.centre_mm is None else tuple(1e-3 * value for value in table.centre_mm)
+    return MeasuredRange(angle, (1e-3 * lightest, 1e-3 * heaviest), slots, t, running, tcp, centre)
 
 
 def range_table(model: Model) -> RangeTable | None:
@@ -262,6 +272,7 @@ def range_table(model: Model) -> RangeTable | None:
         t_s=None if known.t is None else [*known.t],
         running_s=None if known.running is None else [*known.running],
         tcp_mm=None if known.tcp is None else [[1e3 * lower, 1e3 * upper] for lower, upper in known.tcp],
+        centre_mm=None if known.centre is None else [1e3 * value for value in known.centre],
         loads={f"{key}_{unit[key]}": [*ends] for key, ends in known.load.items()},
     )
 

@@ -6,8 +6,11 @@ import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 
+from lrm_math.arrays import Vector3
+from lrm_math.model.deployed_model import under_gravity
 from lrmd.api.model_trial import check_in_trial, load_checked
 from lrmd.config import Config
 from lrmd.errors import RequestError
@@ -21,21 +24,27 @@ from lrmd.persistence.deployed_models import (
     save_stack,
     write_version,
 )
-from lrmd.ramp.shared_memory import SharedRecords
-from lrmd.safety.collision_guard import Guard
+from lrmd.ramp.shared_memory import GravityRecord, SharedRecords
+from lrmd.safety.collision_guard import CollisionGuard, Guard
 
 IK_TIMEOUT, POLL_INTERVAL = 5.0, 0.005
 """s: time of the ik process for its present query and the new model, and how often its digest is read."""
 
 
 class ActiveModel:
-    """The model in use, in the api process. `guard`: with the sag of this model; None for an arm without shapes."""
+    """The model in use, in the api process, under the direction of gravity in use (m/s²).
+
+    `guard`: with the sag of this model; None for an arm without shapes.
+    """
 
     def __init__(self, config: Config, shared: SharedRecords) -> None:
         """Raises `LrmError` for a file that cannot be used."""
         self._config, self._shared = config, shared
         self._lock = threading.Lock()
+        self._using = threading.Lock()
+        self._down: Vector3 | None = None
         self.guard: Guard | None = None
+        self.gravity = config.arm.gravity
         self.deployed = self._take(*load_checked(config, active_model(config)))
 
     def load(self) -> DeployedModel:
@@ -86,9 +95,25 @@ class ActiveModel:
         return load_checked(self._config, path)
 
     def _take(self, deployed: DeployedModel, guard: Guard | None) -> DeployedModel:
-        self.guard, self.deployed = guard, deployed
+        with self._using:
+            self.guard, self.deployed = guard, deployed
+            self._follow_gravity()
         self._shared.values.model = deployed.digest
         return deployed
+
+    def under_gravity(self, down: Vector3 | None) -> None:
+        """Uses the model under a known direction of gravity, a unit vector; None: the one that the model says."""
+        with self._using:
+            self._down = down
+            self._follow_gravity()
+        self._shared.write_gravity(GravityRecord() if down is None else GravityRecord(True, *down))
+
+    def _follow_gravity(self) -> None:
+        model = self.deployed.model
+        here = model if self._down is None else under_gravity(model, self._down)
+        self.gravity = here.constant_gravity
+        if isinstance(self.guard, CollisionGuard) and self.guard.model is not None:
+            self.guard = replace(self.guard, model=here)
 
     def wait_for_ik(self, deployed: DeployedModel) -> None:
         """Waits until the ik process answers with this model. Raises `RequestError`."""

@@ -58,11 +58,12 @@ class ApiProcess:
         now = time.monotonic_ns()
         self._model = ActiveModel(config, self._shared)
         guard, stored = self._model.guard, restored_state(config, self._emit)
-        self._controller = Controller(config, gravity_torques(config.arm), stored, guard, now, time.time_ns())
+        torques = gravity_torques(config.arm, self._model.gravity)
+        self._controller = Controller(config, torques, stored, guard, now, time.time_ns())
         if self._controller.unchecked:
             self._emit("no_shapes", "warning", f"{self._controller.unchecked}; no move is checked")
         self._publisher = StatePublisher(config, self._controller, self._shared, self._ramp, self._ik, self.boot_id)
-        self._publisher.model = self._model.deployed.path
+        self._publisher.model, self._publisher.gravity = self._model.deployed.path, self._model.gravity
         self._writer = BackgroundWriter(config.state, self._on_write)
         self._stopping = self._reloading = False
         self._server: ZenohServer | None = None
@@ -154,15 +155,35 @@ class ApiProcess:
                 self._flush()
             raise RequestError("model", text) from None
         with self._lock:
-            if self._model.guard is not None:
-                self._controller.adopt_guard(self._model.guard, time.monotonic_ns())
             self._publisher.model = deployed.path
+            self._use_model("the new model", time.monotonic_ns())
             self._emit("model_loaded", "info", f"model {deployed.path}", model_sha256=deployed.sha256)
             self._flush()
         return deployed
 
+    def _use_model(self, cause: str, now: int) -> None:
+        """Guard and torques of the model as it is now."""
+        self._publisher.gravity = self._model.gravity
+        torques = gravity_torques(self._config.arm, self._model.gravity)
+        self._controller.adopt_model(torques, self._model.guard, cause, now)
+
+    def _follow_gravity(self, now: int) -> None:
+        """Adopts another direction of gravity where one is due."""
+        known = self._controller.gravity
+        if not known.due(now):
+            return
+        before, down = known.used, known.adopt(now)
+        self._model.under_gravity(down)
+        self._use_model("the new direction of gravity", now)
+        if before is None:
+            self._emit("gravity_known", "info", "the arm's model follows the direction of gravity that it is told")
+        elif down is None:
+            text = f"no direction of gravity for {known.age_s(now):.0f} s: the model's own is used again"
+            self._emit("gravity_lost", "warning", text)
+
     def _cycle(self, now: int) -> None:
         self._observe(now)
+        self._follow_gravity(now)
         self._controller.tick(now)
         self._write_order()
         self._supervise(now)

@@ -7,6 +7,7 @@ rate limit and a ring per code, so that no kind of event displaces the others.
 from __future__ import annotations
 
 import math
+import time
 from collections import defaultdict, deque
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -27,6 +28,7 @@ from lrmd.messages.control import (
     Event,
     FaultsState,
     FieldPart,
+    GravityState,
     InfoState,
     JointsState,
     MetricsState,
@@ -88,7 +90,8 @@ class Lateness:
 
 
 class StatePublisher:
-    """`states`: builders of the state messages, by key; `boot_id`: of this start; `model`: path in use."""
+    """`states`: builders of the state messages, by key; `boot_id`: of this start; `model`: path in use;
+    `gravity`: in use (m/s²)."""
 
     def __init__(
         self, config: Config, controller: Controller, shared: SharedRecords, ramp: ChildProcess, ik: ChildProcess,
@@ -96,6 +99,7 @@ class StatePublisher:
     ) -> None:  # fmt: skip
         self._config, self._controller, self._shared = config, controller, shared
         self._ramp, self._ik = ramp, ik
+        self.gravity = config.arm.gravity
         self.model = "nominal" if config.model is None else str(config.model)
         self.boot_id, self._header = boot_id, HeaderSource(boot_id).next
         self._published_at = 0
@@ -105,6 +109,7 @@ class StatePublisher:
             "state/mode": self._mode,
             "state/faults": self._faults,
             "state/thermal": self._thermal,
+            "state/gravity": self._gravity,
             "state/metrics": self._metrics,
             "info": self._info,
         }
@@ -120,7 +125,7 @@ class StatePublisher:
             keys += ["state/mode", "state/faults"]
         if due:
             self._published_at = now
-            keys += ["state/thermal", "state/metrics", "info"]
+            keys += ["state/thermal", "state/gravity", "state/metrics", "info"]
         return keys
 
     def reply(self, tail: str, result: RequestResult) -> Reply:
@@ -179,6 +184,13 @@ class StatePublisher:
             **self._header("state/thermal"), names=list(self._config.names), temperature_c=list(thermal.temperature),
             tau_nm=list(thermal.tau), level=[thermal.model.level(T).name.lower() for T in thermal.temperature],
             hot_in_s=[None if math.isinf(s) else s for s in thermal.time_to_hot],
+        )  # fmt: skip
+
+    def _gravity(self) -> GravityState:
+        known = self._controller.gravity
+        return GravityState(
+            **self._header("state/gravity"), gravity_m_per_s2=list(self.gravity),
+            source="model" if known.used is None else "told", age_s=known.age_s(time.monotonic_ns()),
         )  # fmt: skip
 
     def _metrics(self) -> MetricsState:

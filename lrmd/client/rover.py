@@ -16,6 +16,8 @@ from lrmd.messages.control import (
     EstopCommand,
     Event,
     FaultsState,
+    GravityCommand,
+    GravityState,
     HoldRequest,
     InfoState,
     JogRequest,
@@ -107,6 +109,15 @@ class Rover(RoverSession):
             request = JogRequest(lease=self._token(), rate_rad_per_s=dict(rates))
         self._session.put(key(self.robot, "cmd/jog"), pack(request), express=True)
 
+    def tell_gravity(self, gravity_m_per_s2: Sequence[float]) -> None:
+        """Tells the direction of gravity in the arm's frame, m/s², as often as it changes. Needs no lease; no reply.
+
+        An accelerometer at rest reads the opposite.
+        """
+        with field_named():
+            command = GravityCommand(gravity_m_per_s2=list(gravity_m_per_s2))
+        self._session.put(key(self.robot, "cmd/gravity"), pack(command), express=True)
+
     def hold(self) -> None:
         """Stops the motion with pulses on. Needs no lease."""
         self._query(Reply, "rpc/hold", HoldRequest())
@@ -191,6 +202,10 @@ class Rover(RoverSession):
     def thermal(self) -> ThermalState:
         """Modelled servo temperatures."""
         return self._query(ThermalState, "state/thermal")
+
+    def gravity(self) -> GravityState:
+        """Gravity in use, and what says so."""
+        return self._query(GravityState, "state/gravity")
 
     def metrics(self) -> MetricsState:
         """Timing and link statistics of the ramp."""

@@ -17,6 +17,7 @@ from lrmd.messages.control import (
     ArmRequest,
     CommandRequest,
     DisarmRequest,
+    GravityCommand,
     HoldRequest,
     JogRequest,
     LeaseRequest,
@@ -129,9 +130,14 @@ def _reset(s: ControllerState, _: ResetRequest, now: int) -> RequestResult:
     return RequestResult()
 
 
+def _gravity(s: ControllerState, request: GravityCommand, now: int) -> RequestResult:
+    s.gravity.tell(request.gravity_m_per_s2, now)
+    return RequestResult()
+
+
 HANDLERS: dict[type[Message], Callable[..., RequestResult]] = {
     LeaseRequest: _lease, HoldRequest: _hold, ArmRequest: _arm, MoveRequest: _move, JogRequest: request_jog,
-    RelaxRequest: _relax, DisarmRequest: _disarm, ResetRequest: _reset,
+    RelaxRequest: _relax, DisarmRequest: _disarm, ResetRequest: _reset, GravityCommand: _gravity,
 }  # fmt: skip
 
 
@@ -145,7 +151,7 @@ class Controller(ControllerState):
     observe = updates.observe
     tick = updates.tick
     others_seen = updates.others_seen
-    adopt_guard = updates.adopt_guard
+    adopt_model = updates.adopt_model
 
     def handle(self, request: Message, now: int) -> RequestResult:
         """Carries out a request. Raises an `LrmError` if it cannot; then nothing has changed but an expired lease."""

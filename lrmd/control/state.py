@@ -11,6 +11,7 @@ from importlib.metadata import version
 from typing import Any, Literal
 
 from lrmd.config import Config
+from lrmd.control.gravity import KnownGravity
 from lrmd.control.lease import Lease
 from lrmd.control.motion_check import MotionCheck
 from lrmd.control.ramp_orders import Departure, OrderScheduler, Pulses, angles, overlaid
@@ -54,9 +55,10 @@ class ControllerState:
     """Everything that the controller knows.
 
     Attributes: `mode`, `why`, `since` (monotonic ns), `faults` by code, the lease as `leasehold`, `orders` for the
-    ramp, its `report`, `thermal` monitor, `motion_check`, `payload` (kg), unpublished `events`, and the state file as
-    `stored`. Of the thermal protection: `held_at`, `rest_tried_at` (monotonic ns) of the last hold and attempt to go to
-    rest, `rest_goal` (pulses, ns) of the last motion to rest, and `rest_blocked` while its path is not free.
+    ramp, its `report`, `thermal` monitor, `motion_check`, `payload` (kg), the known `gravity`, unpublished `events`,
+    and the state file as `stored`. Of the thermal protection: `held_at`, `rest_tried_at` (monotonic ns) of the last
+    hold and attempt to go to rest, `rest_goal` (pulses, ns) of the last motion to rest, and `rest_blocked` while its
+    path is not free.
     """
 
     def __init__(
@@ -83,6 +85,7 @@ class ControllerState:
         self.thermal = ThermalMonitor(config, stored, now, wall)
         self.motion_check = MotionCheck(config, torques, guard, self.thermal)
         self.orders = OrderScheduler(config, now)
+        self.gravity = KnownGravity(config)
         self.held_at: int | None = None
         self.rest_goal: Pulses | None = None
         self.rest_tried_at, self.rest_blocked = now, False

@@ -13,6 +13,7 @@ from lrmd.link.protocol import VERSION as PROTOCOL
 from lrmd.messages.control import LEASE_LOST
 from lrmd.ramp.shared_memory import LinkState, RampFault, RampReport
 from lrmd.safety.collision_guard import Guard
+from lrmd.safety.thermal_model import Torques
 
 
 @dataclass(frozen=True)
@@ -146,8 +147,12 @@ def expire_lease(s: ControllerState, now: int) -> None:
         s.stop_motion(now, LEASE_LOST)
 
 
-def adopt_guard(s: ControllerState, guard: Guard, now: int) -> None:
-    """Uses another guard, that of a new model; a motion of which it does not allow the rest is stopped."""
+def adopt_model(s: ControllerState, torques: Torques, guard: Guard | None, cause: str, now: int) -> None:
+    """Uses the torques and guard of another model or direction of gravity; a motion of which the guard does not allow
+    the rest is stopped. `cause`: what is new, in words."""
+    s.motion_check.torques = torques
+    if guard is None:
+        return
     s.motion_check.guard = guard
     if s.mode is not Mode.MOVING:
         return
@@ -155,5 +160,5 @@ def adopt_guard(s: ControllerState, guard: Guard, now: int) -> None:
     try:
         s.motion_check.check_clearance(s.position, [under_way, *s.orders.legs], s.payload)
     except LrmError as error:
-        s.emit("motion_stopped", "warning", f"by the new model the rest of the motion is not allowed: {error}")
-        s.hold(now, "the new model does not allow the rest of the motion")
+        s.emit("motion_stopped", "warning", f"by {cause} the rest of the motion is not allowed: {error}")
+        s.hold(now, f"{cause} does not allow the rest of the motion")

@@ -41,7 +41,7 @@ from lrmd.messages.kinematics import (
 )
 from lrmd.messages.zenoh_session import GONE_KEY, key, own_client, reply_error, serve
 from lrmd.ramp.parent import SharedFd, die_with_parent
-from lrmd.ramp.shared_memory import NO_MODEL, SharedRecords
+from lrmd.ramp.shared_memory import NO_MODEL, GravityRecord, SharedRecords
 
 QUEUE = 16_000
 """Capacity of the queue in goals; what has no room is refused as `busy`. Clients that do not name themselves (zenoh's
@@ -102,6 +102,7 @@ class IkProcess:
         self._headers = HeaderSource(boot_id)
         self._service: IkService | None = None
         self._checked: tuple[bytes, bytes] | None = None
+        self._gravity = GravityRecord()
         self._shared.values.ik_model = NO_MODEL
         self._update_model()
 
@@ -156,6 +157,7 @@ class IkProcess:
         """Duties between two goals: sign of life, the daemon's model, queries that are over."""
         self._shared.ik[0] = time.monotonic_ns()
         self._update_model()
+        self._update_gravity()
         for queued in self._queue:
             try:
                 queued.check()
@@ -199,12 +201,24 @@ class IkProcess:
         try:
             if found != accepted:
                 raise LrmError("the model's file is not the one that the daemon accepted; reload it")
-            self._service = IkService(self._config, deploy(self._config))
+            self._service, self._gravity = IkService(self._config, deploy(self._config)), GravityRecord()
             self._shared.values.ik_model = self._service.deployed.digest
         except LrmError as error:
             self._log.error("model_refused", text=str(error))
 
+    def _update_gravity(self) -> None:
+        """Takes over the direction of gravity that the daemon uses."""
+        now = self._shared.read_gravity()
+        if now is None or now == self._gravity or self._service is None:
+            return
+        try:
+            self._service = self._service.under_gravity((now.x, now.y, now.z) if now.known else None)
+        except LrmError as error:
+            self._log.error("gravity_refused", text=str(error))
+        self._gravity = now
+
     def _steps(self, queued: QueuedQuery) -> Steps:
+        self._update_gravity()
         started, request, service = time.perf_counter(), queued.request, self._service
         if service is None:
             raise RequestError("no_model", "the model's file changed since the daemon loaded it; rpc/reload takes it")

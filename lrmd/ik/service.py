@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Iterator, Sequence
+from copy import copy
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lrm_math.arm.pulse_rounding import Rounding
-from lrm_math.arrays import Array
+from lrm_math.arrays import Array, Vector3
 from lrm_math.collision.scene import Clearance, ClosestPair, Scene, clearance_of
 from lrm_math.errors import LrmError
 from lrm_math.ik.answer import Branch, CalibratedReply, NoAllowedBranch, Solved, Unsolved
@@ -20,6 +21,7 @@ from lrm_math.ik.calibrated import CalibratedSolver
 from lrm_math.ik.calibrated_arm import CalibratedArm, Method
 from lrm_math.ik.goal import Goal, IkQuery, point, point_along, pose_rpy
 from lrm_math.ik.methods import QUICKEST, method_named
+from lrm_math.model.deployed_model import under_gravity
 from lrmd.config import Config
 from lrmd.errors import RequestError
 from lrmd.ik.deployed_model import DeployedModel
@@ -129,12 +131,22 @@ class IkService:
     """Answers kinematics requests with one model."""
 
     def __init__(self, config: Config, deployed: DeployedModel) -> None:
-        self.deployed = deployed
-        self._solver = solver_of(config, deployed)
+        self.deployed, self._model = deployed, deployed.model
+        self._measured = self._solver = solver_of(config, deployed)
         self._config, self._dof = config, config.dof
         self._scene = Scene.of(config.arm) if config.arm.shapes.capsules else None
         self._feasibility = FeasibilityCheck(self._scene, self._solver.arm)
         self._solver.warm_up()
+
+    def under_gravity(self, down: Vector3 | None) -> IkService:
+        """The service where gravity's direction is known, a unit vector in the arm's frame; None: as the model says."""
+        other = copy(self)
+        model, solver = self.deployed.model, self._measured
+        other._model = model if down is None else under_gravity(model, down)
+        other._solver = solver if down is None else solver.under_gravity(down)
+        other._feasibility = FeasibilityCheck(self._scene, other._solver.arm)
+        other._solver.warm_up()
+        return other
 
     def inverse(self, request: IkRequest) -> Iterator[IkAnswer]:
         """One answer per goal, each computed when it is taken. Raises `LrmError` for invalid goals."""
@@ -193,7 +205,7 @@ class IkService:
         for name in ("from_rad", "to_rad"):
             self._check_angles(name, getattr(request, name))
         goals = [request.to_rad] if request.to_rad is not None else self._commands(request)
-        guard = CollisionGuard(self._scene, self.deployed.model if self.deployed.sha256 else None)
+        guard = CollisionGuard(self._scene, self._model if self.deployed.sha256 else None)
         planner = Planner(self._config, guard, request.payload_kg or 0.0)
         return planner.find(request.from_rad, goals, request.seed, check_cancelled)
 

@@ -123,6 +123,15 @@ class EstopCommand(Message):
     why: Label = ""
 
 
+class GravityCommand(Message):
+    """`cmd/gravity`: gravity in the arm's frame (m/s²), from an accelerometer. Needs no lease.
+
+    Only its direction counts. An accelerometer at rest reads the opposite.
+    """
+
+    gravity_m_per_s2: Annotated[list[Annotated[float, Field(ge=-11, le=11)]], Field(min_length=3, max_length=3)]
+
+
 REQUESTS: dict[str, type[Message]] = {
     "rpc/lease": LeaseRequest,
     "rpc/arm": ArmRequest,
@@ -137,7 +146,7 @@ REQUESTS: dict[str, type[Message]] = {
 }
 MODELS = ("rpc/reload", "rpc/deploy", "rpc/undeploy")
 """Requests that take long: one at a time, of all of them."""
-COMMANDS: dict[str, type[Message]] = {"cmd/target": MoveRequest, "cmd/jog": JogRequest}
+COMMANDS: dict[str, type[Message]] = {"cmd/target": MoveRequest, "cmd/jog": JogRequest, "cmd/gravity": GravityCommand}
 """Requests without a reply: what is wrong with one is told by an event."""
 
 
@@ -190,6 +199,17 @@ class ThermalState(Header):
     tau_nm: list[float]
     level: list[str]
     hot_in_s: list[float | None]
+
+
+class GravityState(Header):
+    """`state/gravity`, 1 Hz: gravity in use, in the arm's frame.
+
+    `source`: the "model" with its arm file, or "told" by `cmd/gravity`. `age_s`: since the last one was told, or None.
+    """
+
+    gravity_m_per_s2: list[float]
+    source: Literal["model", "told"]
+    age_s: float | None
 
 
 class MetricsState(Header):

@@ -145,6 +145,16 @@ class RampReport(Record):
     register: Pulses = NONE
 
 
+@dataclass(frozen=True, slots=True)
+class GravityRecord(Record):
+    """Direction of gravity that is known, a unit vector in the arm's frame; not `known`: the model's."""
+
+    known: Flag = False
+    x: Annotated[float, ctypes.c_double] = 0.0
+    y: Annotated[float, ctypes.c_double] = 0.0
+    z: Annotated[float, ctypes.c_double] = 0.0
+
+
 BUCKET_NS, BUCKETS = 5_000, 512
 """Histogram of lateness: 512 buckets of 5 us, the last one open."""
 DIGEST = 64
@@ -165,8 +175,8 @@ class SharedValues(ctypes.Structure):
 
     `lateness`: counts per bucket. `ik`: [last heartbeat (ns, 0 = none yet), queries answered, refused]; `router`: [last
     heartbeat, emergency stops]. `duty`: share of the tick period that the ramp computes, 0 to 1, as a moving average.
-    `payload`: of the arm (kg), for queries that do not say it. `model`: SHA-256 of the model file that the daemon
-    accepted, `ik_model`: of the one in use by the ik process; see `NOMINAL` and `NO_MODEL`.
+    `payload`: of the arm (kg), for queries that do not say it; `gravity`: its direction in use. `model`: SHA-256 of the
+    model file that the daemon accepted, `ik_model`: of the one in use by the ik process; see `NOMINAL` and `NO_MODEL`.
     """
 
     duty: float
@@ -177,7 +187,8 @@ class SharedValues(ctypes.Structure):
         ("order", _mailbox(RampOrder.layout())), ("report", _mailbox(RampReport.layout())),
         ("estop_reason", _mailbox(ctypes.c_char * ESTOP_REASON_BYTES)), ("lateness", ctypes.c_uint64 * BUCKETS),
         ("ik", ctypes.c_uint64 * 3), ("router", ctypes.c_uint64 * 2), ("duty", ctypes.c_double),
-        ("payload", ctypes.c_double), ("model", ctypes.c_char * DIGEST), ("ik_model", ctypes.c_char * DIGEST),
+        ("payload", ctypes.c_double), ("gravity", _mailbox(GravityRecord.layout())),
+        ("model", ctypes.c_char * DIGEST), ("ik_model", ctypes.c_char * DIGEST),
     )  # fmt: skip
 
 
@@ -235,6 +246,15 @@ class SharedRecords:
         """The newest report, None before the first."""
         data = self._read("report")
         return None if data is None else RampReport.unpack(data)
+
+    def write_gravity(self, gravity: GravityRecord) -> None:
+        """Publishes the direction of gravity in use (API process)."""
+        self._write("gravity", gravity.pack())
+
+    def read_gravity(self) -> GravityRecord | None:
+        """The direction of gravity in use, None before the first (ik process)."""
+        data = self._read("gravity")
+        return None if data is None else GravityRecord.unpack(data)
 
     def wait_for_order(self, number: int, timeout: int) -> None:
         """Waits until the ramp has read an order, or for `timeout` (ns): then it is known where a motion begins."""

@@ -15,6 +15,7 @@ from enum import IntEnum
 from functools import partial
 
 from lrm_math.arm.arm import Arm
+from lrm_math.arrays import Vector3
 from lrm_math.kinematics.chain import chain_of
 from lrm_math.kinematics.statics import joint_torques
 from lrmd.config import SECOND, Config
@@ -79,9 +80,9 @@ class ThermalModel:
         return self.time_constant * math.log((final - temperature) / (final - limit))
 
 
-def gravity_torques(arm: Arm) -> Torques:
-    """Function that computes the gravity torques of the rigid nominal arm."""
-    return partial(joint_torques, chain_of(arm))
+def gravity_torques(arm: Arm, gravity: Vector3) -> Torques:
+    """Function that computes the torques of gravity (m/s²) on the rigid nominal arm."""
+    return partial(joint_torques, chain_of(arm), gravity)
 
 
 @dataclass(frozen=True)

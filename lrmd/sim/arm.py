@@ -158,9 +158,12 @@ class SimulatedArm:
     def _update_loads(self) -> None:
         """Gravity torque (N·m) on every joint of the nominal arm; its compliance hardly changes it."""
         self._update_temperatures()
-        for servo, torque in zip(self.joints, joint_torques(self.truth.chain, self.q, self.payload), strict=True):
+        for servo, torque in zip(self.joints, self._torques(), strict=True):
             servo.torque = torque
         self._travel = 0.0
+
+    def _torques(self) -> list[float]:
+        return joint_torques(self.truth.chain, self.truth.constant_gravity, self.q, self.payload)
 
     def _update_temperatures(self) -> None:
         elapsed = (self._now - self._warm_until) * 1e-9 / self._speed

@@ -1,4 +1,4 @@
-"""Commanded poses of a table: joint angles, load, direction of approach; doubts about their order, in words."""
+"""Commanded poses of a table: joint angles, load, approach, gravity; doubts about their order, in words."""
 
 from __future__ import annotations
 
@@ -8,11 +8,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lrm_ident.data.measurement_file.approach_path import states_from_beside
-from lrm_ident.data.measurement_file.number_table import NumberTable
+from lrm_ident.data.measurement_file.conventions import motion_of
+from lrm_ident.data.measurement_file.known_columns import DOWN, TILT
+from lrm_ident.data.measurement_file.number_table import NumberTable, cell_error
 from lrm_ident.data.wording import enumerate_words
 from lrm_math.arm.arm import Arm, feasible_approach
 from lrm_math.arrays import Array
 from lrm_math.effects.friction import friction_states
+from lrm_math.errors import FileError
+from lrm_math.kinematics.chain import INVERSE, Vector, X, Y, rotate, trig_of
 from lrm_math.kinematics.poses import Poses
 from lrm_math.model.reading import Reading
 
@@ -23,11 +27,13 @@ SAME_POSE = float(np.radians(1.0))
 def read_poses(
     table: NumberTable, arm: Arm, how: Reading, start: Array | None = None, beside: float | None = None
 ) -> Poses:
-    """The poses of a table.
+    """The poses of a table; gravity in the frame of its positions.
 
     Args:
         start: (n,), joint angles before the first one (rad).
         beside: how far (rad) from it the arm was sent before each pose; None where that is not known.
+
+    Raises `FileError`: gravity is stated twice, or points up.
     """
     q, number, none = table["angles"], table.integers("pose"), np.zeros(len(table))
     moves = directions(q, start, after_gap(number))
@@ -51,9 +57,38 @@ def read_poses(
         temperature=table.column("temperature"),
         number=number,
         friction=friction,
+        gravity=_gravity(table, arm, how),
         running=None if t is None else _running(t, none if session is None else session),
         sha256=table.cells.sha256,
     )
+
+
+def _gravity(table: NumberTable, arm: Arm, how: Reading) -> Array | None:
+    """(N, 3), unit vectors of gravity in the frame of the positions; None where the file states none.
+
+    Roll and pitch turn that frame from where gravity is as the arm file says.
+    """
+    if "gravity" not in table and "tilt" not in table:
+        return None
+    if "gravity" in table and "tilt" in table:
+        raise FileError(
+            table.cells.path, "header", "gravity is stated twice", f"{', '.join(DOWN)} or {', '.join(TILT)}"
+        )
+    level = np.array(arm.gravity) @ motion_of(how)[0]
+    if not level.any():
+        raise FileError(table.cells.path, "header", "gravity is stated", f"the arm file of {arm.name} has none")
+    if "tilt" in table:
+        seen: Vector = [np.full(len(table), component) for component in level / np.linalg.norm(level)]
+        roll, pitch = table["tilt"].T
+        for axis, angle in ((Y, pitch), (X, roll)):
+            rotate(seen, INVERSE[axis], trig_of(angle))
+        return np.stack(seen, axis=1)
+    down = table["gravity"] / np.linalg.norm(table["gravity"], axis=1, keepdims=True)
+    up = down @ level < 0.0
+    if up.any():
+        what = "gravity points the other way than in the arm file"
+        raise cell_error(table.cells, int(np.argmax(up)), DOWN[2], what, "down: an accelerometer at rest reads up")
+    return np.asarray(down)
 
 
 def pose_notices(table: NumberTable) -> Iterator[str]:

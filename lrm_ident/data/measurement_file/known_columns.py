@@ -58,7 +58,20 @@ UNIT_LENGTH = NumberRule(
     lambda values: np.abs(np.linalg.norm(values, axis=1, keepdims=True) - 1.0) > 0.01,
     "the quaternion's length is not one",
 )
+DOWN, TILT = ("gx", "gy", "gz"), ("roll_deg", "pitch_deg")
+"""Direction of gravity in the frame of the positions; attitude of that frame: a turn about x, then about level y."""
+OF_GRAVITY = NumberRule(
+    lambda values: ~_as_gravity(np.linalg.norm(values, axis=1, keepdims=True)),
+    "the length of gx, gy, gz is not that of gravity",
+    "a direction (length 1), or 9.3 to 10.3 m/s2",
+)
+LEANING = NumberRule(lambda values: np.abs(values) > 90.0, "beyond 90 deg", "roll and pitch of the base, in deg")
 SIDES = NumberRule(lambda values: ~np.isin(values, (-1.0, 0.0, 1.0)), "not a side", "1, -1, or 0 if unknown")
+
+
+def _as_gravity(length: Array) -> NDArray[np.bool_]:
+    """Whether lengths are those of a direction, or of gravity on Earth with the error of a cheap accelerometer."""
+    return np.asarray((np.abs(length - 1.0) <= 0.02) | ((length >= 9.3) & (length <= 10.3)))
 
 
 @dataclass(frozen=True)
@@ -103,6 +116,8 @@ KNOWN = (
     PoseQuantity("temperature", ("temp_c",), ("temp", "temperature"), size=TEMPERATURE, commanded=True),
     PoseQuantity("payload", ("payload_g",), ("payload", "load", "mass"), NOT_BELOW_ZERO, commanded=True),
     PoseQuantity("approach", ("approach",), ("direction",), SIDES, commanded=True),
+    PoseQuantity("gravity", DOWN, (), OF_GRAVITY, commanded=True),
+    PoseQuantity("tilt", TILT, (), LEANING, commanded=True),
     PoseQuantity("repeat_of", ("repeat_of",), ("repeatof", "repeat"), WHOLE, may_be_empty=True),
     PoseQuantity("supply", ("supply_v",), ("supply", "voltage"), size=SUPPLY),
     PoseQuantity("position", POSITION, size=COORDINATE, whole=True, required=True, unless=DISTANCE),

@@ -10,7 +10,7 @@ import numpy as np
 
 from lrm_ident.data.measurement_file.column_names import arm_columns, named_columns, stated_units
 from lrm_ident.data.measurement_file.commanded_poses import pose_notices, read_poses
-from lrm_ident.data.measurement_file.conventions import conventions_of
+from lrm_ident.data.measurement_file.conventions import conventions_of, motion_of
 from lrm_ident.data.measurement_file.known_columns import (
     DISTANCE,
     KNOWN,
@@ -79,7 +79,8 @@ def read_measured(
 
 
 def load_poses(file: str | Path, arm: Arm, reading: Reading = AS_NAMED) -> Poses:
-    """Reads commanded poses: `q1_deg` …, optional `payload_g`, `t_s`, `session`, `temp_c`, `approach`.
+    """Reads commanded poses: `q1_deg` …, optional `payload_g`, `t_s`, `session`, `temp_c`, `approach`,
+    and gravity as `gx, gy, gz` or `roll_deg, pitch_deg`.
 
     Args:
         reading: as in `load_measurements`.
@@ -98,7 +99,7 @@ def load_pose_table(
     table = read_numbers(arm_columns(read_table(path), arm, how, known), known)
     if table.beyond is not None:
         raise table.beyond
-    return read_poses(table, arm, how), table
+    return read_poses(table, arm, how).turned(motion_of(how)[0]), table
 
 
 def says_measured(path: Path) -> bool:

@@ -59,6 +59,7 @@ def measurements_csv(data: Measurements) -> str:
         ("angles", poses.q, 9),
         ("position", data.tcp if len(data.positions) else None, 6),
         ("temperature", poses.temperature, 3),
+        ("gravity", poses.gravity, 9),
         *_scatter(data),
         ("quaternion", None if data.attitude is None else quaternions(data.attitude), 9),
         ("feedback", data.feedback, 6),

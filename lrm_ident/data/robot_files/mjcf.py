@@ -31,7 +31,7 @@ def mjcf(model: Model) -> ExportedFile:
     play = {e.place: model.value(e.keys[0]) for e in model.effects if e.id == "backlash"}
     root = ElementTree.Element("mujoco", model=model.arm.name)
     ElementTree.SubElement(root, "compiler", angle="radian", autolimits="true")
-    ElementTree.SubElement(root, "option", gravity=numbers(model.arm.gravity))
+    ElementTree.SubElement(root, "option", gravity=numbers(model.constant_gravity))
     parent = ElementTree.SubElement(root, "worldbody")
     actuators = ElementTree.SubElement(root, "actuator")
     pose, body, carriers = np.eye(4), 0, []

@@ -118,9 +118,13 @@ def _loaded_slots(equilibrium: Equilibrium) -> set[int]:
 
 
 def _no_torque(effect: Effect, equilibrium: Equilibrium, loaded: Set[int]) -> str | None:
-    """Reason why an effect of loads cannot act at these poses: no masses, or no load on its axes; None if it can."""
-    if (effect.load_slots or kind_of(effect) in (Kind.LOAD, Kind.WEIGHT)) and equilibrium.weightless:
+    """Reason why an effect of loads cannot act at these poses: no masses, nothing of the model that gives way to them,
+    or no load on its axes; None if it can."""
+    kind = kind_of(effect)
+    if (effect.load_slots or kind in (Kind.LOAD, Kind.WEIGHT, Kind.GRAVITY)) and equilibrium.weightless:
         return "the arm's file gives no masses"
+    if kind is Kind.GRAVITY and all(bound.idle for bound in equilibrium.model.binding.elastic):
+        return "nothing of the model gives way to gravity; fit compliances first"
     index = equilibrium.model.chain.index
     felt = {index[key] for key in effect.load_slots if key in index}
     if felt and not felt & loaded:

@@ -36,7 +36,7 @@ SOURCES = [ast.parse(path.read_text(encoding="utf-8")) for path in sorted(Path(l
 
 UNITS = {
     "rad": "rad", "rad_per_s": "rad/s", "us": "µs", "ms": "ms", "ns": "ns", "s": "s", "kg": "kg", "m": "m", "nm": "N·m",
-    "c": "°C", "hz": "Hz",
+    "c": "°C", "hz": "Hz", "m_per_s2": "m/s²",
 }  # fmt: skip
 """The unit of a field by the end of its name."""
 UNNAMED = {"waypoints": "rad", "seconds": "s"}

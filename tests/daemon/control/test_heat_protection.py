@@ -51,7 +51,7 @@ class HeatingDaemon(SimulatedDaemon):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        self.core.motion_check.torques = gravity_torques(self.config.arm)
+        self.core.motion_check.torques = gravity_torques(self.config.arm, self.config.arm.gravity)
         self.keeps_lease = True
         self.token = "none"
         self.run(30)

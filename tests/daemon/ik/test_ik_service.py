@@ -22,6 +22,7 @@ from lrm_math.ik.answer import Solved
 from lrm_math.ik.methods import DEFAULT, METHODS, Direct, Iterative
 from lrm_math.kinematics.forward import frames
 from lrm_math.kinematics.poses import poses_of
+from lrm_math.model.deployed_model import under_gravity
 from lrm_math.model.equilibrium import solve_equilibrium
 from lrmd.config import Config, load_config
 from lrmd.ik.deployed_model import deploy
@@ -451,3 +452,28 @@ def test_answers_name_the_joints_outside_the_range_of_the_fit() -> None:
         assert answer.q_rad is not None
         assert answer.outside_range == ([] if -0.2 <= answer.q_rad[1] <= 0.3 else [2])
     assert [place.outside_range for place in service().forward(FkRequest(q_rad=[far]))] == [[]]
+
+
+def test_a_known_direction_of_gravity_is_that_of_another_arm_file() -> None:
+    """Forward and inverse kinematics on a slope; and back, the very same answers as before."""
+    lean = math.radians(12.0)
+    down = (math.sin(lean), 0.0, -math.cos(lean))
+    tilted = service().under_gravity(down)
+    q = np.random.default_rng(3).uniform(-1.0, 1.0, (6, 6)).tolist()
+    request = FkRequest(q_rad=q, payload_kg=0.05)
+    model = under_gravity(deploy(config()).model, down)
+    expected = solve_equilibrium(model, poses_of(q, 0.05))
+    found = list(tilted.forward(request))
+    np.testing.assert_allclose([one.tcp_m for one in found], expected.true_tcp, atol=1e-9)
+    np.testing.assert_allclose([one.tau_nm for one in found], expected.joint_torque, atol=1e-9)
+    level = list(service().forward(request))
+    assert np.linalg.norm(np.subtract([a.tcp_m for a in level], [b.tcp_m for b in found]), axis=1).max() > 2e-3
+    goals = IkRequest(goals=[GoalEntry(position_m=one.tcp_m) for one in found], payload_kg=0.05, near_rad=q[0])
+    solved = [answer for answer in tilted.inverse(goals) if answer.q_rad is not None]
+    assert solved
+    for answer in solved:
+        reached = solve_equilibrium(model, poses_of(answer.q_rad, 0.05, np.array([answer.direction])))
+        np.testing.assert_allclose(reached.true_tcp[0], answer.tcp_m, atol=EXACT)
+    assert [one.model_dump() for one in tilted.under_gravity(None).forward(request)] == [
+        one.model_dump() for one in level
+    ]

@@ -233,7 +233,7 @@ def test_a_request_to_several_at_once_is_not_carried_out(daemon: InMemoryDaemon,
 
 def test_states_may_be_queried_together(daemon: InMemoryDaemon) -> None:
     keys = {a.ok.key_expr for a in daemon.session.get("lrm/*/state/*") if a.ok is not None}
-    assert keys == {f"lrm/rover/state/{name}" for name in ("joints", "mode", "faults", "thermal", "metrics")}
+    assert keys == {f"lrm/rover/state/{name}" for name in ("joints", "mode", "faults", "thermal", "gravity", "metrics")}
 
 
 def test_a_command_that_cannot_be_read_is_an_event(daemon: InMemoryDaemon) -> None:

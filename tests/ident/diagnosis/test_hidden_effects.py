@@ -342,6 +342,7 @@ WITHOUT_TWIN = {
     "compliance": "always fitted",
     "quantisation": "known, never fitted",
     "anchor": "no distances in the cases; tests/ident/data/test_distances.py",
+    "gravity": "its twin are the leaning bases of validation/as_deployed; tests/ident/diagnosis/test_leaning_base.py",
     "servo_droop": "no joint feedback in the cases",
     "axial_play": "its twin AxialFloat is among the unfamiliar cases",
 }

@@ -55,7 +55,9 @@ def test_load_is_the_slope_of_the_energy(arm: Arm, seed: int) -> None:
     chain = chain_of(arm)
     slots = chain.values([poses.angle(i) for i in range(arm.dof)])
     load_slots = [k for k, slot in enumerate(chain.slots) if slot.rotates]
-    loads = statics.loads(chain, slots, trig(chain, slots), statics.weights(chain, poses.payload), load_slots)
+    loads = statics.loads(
+        chain, slots, trig(chain, slots), statics.weights(chain, poses.payload), chain.gravity, load_slots
+    )
     h = 1e-6
     payload = np.tile(poses.payload, len(load_slots))
     up, down = (gravity_energy(arm, [*stepped(slots, load_slots, len(poses), s)], payload) for s in (h, -h))
@@ -95,13 +97,15 @@ def test_load_derivatives_against_central_differences(arm: Arm, seed: int) -> No
     slots = chain.values([poses.angle(i) for i in range(arm.dof)])
     load_slots = [k for k, slot in enumerate(chain.slots) if slot.rotates]
     weights = statics.weights(chain, poses.payload)
-    H = statics.load_derivatives(chain, chain_geometry(chain, slots, 2), weights, load_slots)
+    H = statics.load_derivatives(chain, chain_geometry(chain, slots, 2), weights, chain.gravity, load_slots)
     h = 1e-6
     every = range(len(chain.slots))
     steps = [stepped(slots, every, 2, s) for s in (h, -h)]
     all_weights = statics.weights(chain, np.tile(poses.payload, len(every)))
     plus, minus = (
-        np.array(np.broadcast_arrays(*statics.loads(chain, some, trig(chain, some), all_weights, load_slots)))
+        np.array(
+            np.broadcast_arrays(*statics.loads(chain, some, trig(chain, some), all_weights, chain.gravity, load_slots))
+        )
         for some in steps
     )
     for j in every:
@@ -118,12 +122,16 @@ def test_load_derivatives_with_bodies_that_load_other_joints(lab: Arm) -> None:
     felt_keys = ("base.beta", "link2.x", "link2.y", "link4.y", *(f"joint{i}.theta" for i in range(1, 7)))
     load_slots = sorted(chain.index[key] for key in felt_keys)
     weights = statics.weights(chain, poses.payload)
-    H = statics.load_derivatives(chain, chain_geometry(chain, slots, 20), weights, load_slots)
+    H = statics.load_derivatives(chain, chain_geometry(chain, slots, 20), weights, chain.gravity, load_slots)
     h = 1e-6
     for j in range(len(chain.slots)):
         up, down = ([*slots[:j], slots[j] + s, *slots[j + 1 :]] for s in (h, -h))
-        plus = np.array(np.broadcast_arrays(*statics.loads(chain, up, trig(chain, up), weights, load_slots)))
-        minus = np.array(np.broadcast_arrays(*statics.loads(chain, down, trig(chain, down), weights, load_slots)))
+        plus = np.array(
+            np.broadcast_arrays(*statics.loads(chain, up, trig(chain, up), weights, chain.gravity, load_slots))
+        )
+        minus = np.array(
+            np.broadcast_arrays(*statics.loads(chain, down, trig(chain, down), weights, chain.gravity, load_slots))
+        )
         np.testing.assert_allclose(H[:, j], (plus - minus) / (2 * h), atol=1e-9)
 
 

@@ -1,0 +1,156 @@
+"""Worlds of the catalogues of hidden effects, and twenty more of session, tracker and base.
+
+Measured poses take 75 minutes however many they are, so that what happens at a time happens while measuring; fresh
+ones follow every 15 s.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from lrm_math.arrays import Array
+from validation.as_deployed import effects
+from validation.as_deployed.recording import FRESH, WorldPlan, WorldRecording, recorded
+from validation.hidden_effects.case_generator import DEG, HiddenEffectCase, combined, stable_seed
+from validation.hidden_effects.cases import CASES, SINGLE
+from validation.hidden_effects.data import BREAK_S, FLOOR_M
+from validation.hidden_effects.second_unforeseen.effects import FoamMat
+from validation.hidden_effects.unfamiliar_cases import UNFAMILIAR
+from validation.hidden_effects.unfamiliar_data import FIRST_SEED, OUTLIER_M, arm_file
+from validation.hidden_effects.unfamiliar_effects import UnfamiliarCase, both, from_first_catalogue, hidden
+from validation.hidden_effects.unforeseen_cases import LooseBase
+from validation.synthetic import (
+    ArmDescription,
+    GroundTruth,
+    LiftingBase,
+    Schedule,
+    SkewTracker,
+    base_displacement_to_deviations,
+    load_arm,
+    random_poses,
+    true_state,
+)
+
+MEASURING_S, PACE_S = 4500.0, 15.0
+MANY = 8
+"""Poses drawn for one that is taken, where only a part of a range is."""
+PHYSICAL = (FoamMat,)
+
+
+@dataclass(frozen=True)
+class HalfRange:
+    """The half of a joint's range (joint from 1) that is measured; fresh poses are in the other half. side: -1, 1."""
+
+    joint: int
+    side: int
+
+
+Draw = Callable[[int, int], Array]
+
+
+def recording_of(case: UnfamiliarCase, seed: int, poses: int, half: HalfRange | None = None) -> WorldRecording:
+    """The world of a case, measured at so many poses; its true arm as in the catalogue with this seed."""
+    number, arm = FIRST_SEED[case.half] + seed, load_arm(arm_file(case))
+    truth = base_displacement_to_deviations(
+        arm, GroundTruth.random(arm, stable_seed(case.name, number, "arm"), case.build(arm, number))
+    )
+    seeds = [stable_seed(case.name, number, what) for what in ("poses", "fresh", "loads", "noise")]
+    sides = (0, 0) if half is None else (half.side, -half.side)
+    drawn = [
+        _on_side(case, arm, first, count, half, side)
+        for first, count, side in zip(seeds[:2], (poses, FRESH), sides, strict=True)
+    ]
+    q = np.vstack(drawn)
+    load = np.random.default_rng(seeds[2]).choice(case.loads_kg, size=len(q))
+    plan = WorldPlan(q, load, continued_schedule(poses, case.sessions, q.shape[1]), poses)
+    run = recorded(arm_file(case), arm, truth, plan, seeds[3], PHYSICAL)
+    return _with_outliers(run, case.outliers, stable_seed(case.name, number, "outliers"))
+
+
+def continued_schedule(poses: int, sessions: int, joints: int) -> Schedule:
+    """Measured poses in sessions of equal length with a break between them, then fresh ones in the last session."""
+    before = np.floor(np.arange(poses) * sessions / poses)
+    time = MEASURING_S / poses * np.arange(1, poses + 1) + BREAK_S * before
+    fresh = time[-1] + PACE_S * np.arange(1, FRESH + 1)
+    session = np.append(before, np.full(FRESH, before[-1])) + 1.0
+    return Schedule(np.append(time, fresh), session, np.zeros(joints))
+
+
+def _on_side(
+    case: UnfamiliarCase, arm: ArmDescription, seed: int, count: int, half: HalfRange | None, side: int
+) -> Array:
+    """(count, N) rad, as the case takes its angles; with a half, on one side of that joint's middle."""
+    if half is None:
+        return _drawn(case, arm, seed, count)
+    many, (low, high) = _drawn(case, arm, seed, MANY * count), arm.links[half.joint - 1].limits_rad
+    return many[side * (many[:, half.joint - 1] - 0.5 * (low + high)) >= 0.0][:count]
+
+
+def _drawn(case: UnfamiliarCase, arm: ArmDescription, seed: int, count: int) -> Array:
+    if not case.levels_deg:
+        return random_poses(arm, count, seed, floor_m=FLOOR_M)
+    many = np.random.default_rng(seed).choice(np.radians(case.levels_deg), size=(20 * count, len(arm.links)))
+    return many[true_state(arm, GroundTruth.nominal(arm), many).tcp_m[:, 2] > FLOOR_M][:count]
+
+
+def _with_outliers(run: WorldRecording, share: float, seed: int) -> WorldRecording:
+    """The recording with a share of its measured positions out by some millimetres, and a fit that expects it."""
+    if not share:
+        return run
+    rng = np.random.default_rng(seed)
+    rows = rng.permutation(run.measured)[: round(share * run.measured)]
+    out = rng.normal(size=(len(rows), 3))
+    out *= (rng.uniform(*OUTLIER_M, len(rows)) / np.linalg.norm(out, axis=1))[:, None]
+    tcp = run.whole.tcp_m.copy()
+    tcp[rows] += out
+    return replace(run, whole=replace(run.whole, tcp_m=tcp), loss="huber")
+
+
+def _first(case: HiddenEffectCase) -> UnfamiliarCase:
+    taken = from_first_catalogue("tune", case)
+    return replace(taken, truths=None) if case.truth is None else taken
+
+
+def _pairs() -> dict[str, UnfamiliarCase]:
+    """Ten worlds with two effects of session or tracker together."""
+    names = (
+        "warm2+restart1 warm4+slip2 slip4+restart3 warm-base+warm2 warm-base+restart1 "
+        "stretched+warm2 leaning+restart3 stretched+slip2 warm2+warm4 stretched+warm-base"
+    )
+    return {name: _first(combined(*(SINGLE[part] for part in name.split("+")))) for name in names.split()}
+
+
+def _trackers_and_bases() -> dict[str, UnfamiliarCase]:
+    """Ten worlds with a distorted tracker, or a base that rocks between its feet."""
+    zero = (0.0, 0.0, 0.0)
+    frame, base = "measurement_frame@frame", "base_compliance@base"
+    long_z = hidden("report", "long-z", frame, lambda by: SkewTracker(zero, (0.0, 0.0, by.size(0.006)), zero))
+    wide = hidden(
+        "report", "wide-xy", frame, lambda by: SkewTracker(zero, (by.size(0.008), -by.size(0.006), 0.0), zero)
+    )
+    sheared = hidden(
+        "report", "sheared", frame, lambda by: SkewTracker(zero, zero, (0.0, by.sign() * by.size(0.007), 0.0))
+    )
+    lens = hidden("report", "lens", frame, lambda by: effects.LensTracker(by.sign() * by.size(0.010)))
+    depth = hidden("report", "depth", frame, lambda by: effects.DepthTracker((1.5, -1.0, 0.8), by.size(0.03)))
+    loose = hidden("report", "loose-base-y", base, lambda by: LooseBase(0, by.size(0.5 * DEG)))
+    rocks_x = hidden(
+        "report", "feet-x", base, lambda by: effects.RockingFeet((1.0, 0.0, 0.0), by.size(0.4 * DEG), 0.05)
+    )
+    rocks_d = hidden(
+        "report", "feet-xy", base, lambda by: effects.RockingFeet((0.6, 0.8, 0.0), by.size(0.4 * DEG), 0.1)
+    )
+    lifts = hidden("report", "lifts-y", base, lambda by: LiftingBase((0.0, 1.0, 0.0), by.size(0.04), 0.05, 0.05))
+    ten = (long_z, wide, sheared, lens, depth, loose, rocks_x, rocks_d, lifts, both(wide, rocks_x))
+    return {case.name: case for case in ten}
+
+
+CATALOGUE: dict[str, UnfamiliarCase] = (
+    {f"first/{name}": _first(case) for name, case in CASES.items()}
+    | {f"second/{name}": case for name, case in UNFAMILIAR.items()}
+    | {f"pair/{name}": case for name, case in _pairs().items()}
+    | {f"frame/{name}": case for name, case in _trackers_and_bases().items()}
+)

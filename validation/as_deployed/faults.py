@@ -1,0 +1,125 @@
+"""Worlds of the third catalogue, faults of measurements, that go on.
+
+A fault of the arm goes on: it acts on measured and fresh poses, moments lie within the measurement, and what grows
+stays as it is at its end. A fault of rows or people spoils the measurement alone. A fault of the tracker spoils it
+too, and fresh tips are given in the frame that it shows: over all poses, or where it moves over the last tenth.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from lrm_math.arrays import Array
+from validation.as_deployed.catalogue import continued_schedule
+from validation.as_deployed.recording import FRESH, WorldRecording, in_shown_frame
+from validation.hidden_effects.case_generator import stable_seed
+from validation.hidden_effects.data import ARM_FILE, FLOOR_M, LOADS_KG, NOISE_M
+from validation.hidden_effects.faults import loose_parts, people, trackers, transmissions, written_later
+from validation.hidden_effects.faults.cases import CASES, WRITTEN_LATER
+from validation.hidden_effects.faults.measurement import FaultCase, HealthyMeasurement, SpoiledMeasurement
+from validation.hidden_effects.faults.outcome import FIRST_SEED
+from validation.synthetic import (
+    Dataset,
+    GroundTruth,
+    base_displacement_to_deviations,
+    load_arm,
+    measure,
+    random_poses,
+)
+from validation.synthetic.generate import rounded
+
+OF_ARM = (
+    people.other_tool,
+    written_later.wears_where_it_works,
+    written_later.gives_way_beyond_a_torque,
+    written_later.stands_off_beyond_zero,
+    written_later.overshoots_by_the_way,
+    written_later.servo_replaced,
+    written_later.load_written_wrongly,
+    written_later.follows_a_square,
+)
+OF_ARM_MODULES = (loose_parts.__name__, transmissions.__name__)
+STILL_TRACKER = (
+    trackers.lens,
+    trackers.perspective,
+    trackers.azimuth_wave,
+    trackers.sheared,
+    written_later.two_cameras,
+)
+MOVING_TRACKER = (
+    trackers.moved_between,
+    trackers.moved_meanwhile,
+    trackers.moved_twice,
+    trackers.grows,
+    trackers.creeping_tripod,
+    trackers.wandering,
+)
+WITHOUT_END = (written_later.rows_sorted_afterwards,)
+"""Its order of rows is not that of time: no pose comes after it."""
+FAULTS = {f"fault/{one.name}": one for one in (*CASES, *WRITTEN_LATER) if one.spoil not in WITHOUT_END}
+
+
+@dataclass(frozen=True, eq=False)
+class FaultyMeasurement(HealthyMeasurement):
+    """A measurement of `measured` poses with those that follow it; what grows has grown at its end."""
+
+    measured: int
+
+    def moment(self) -> int:
+        return int(self.rng.uniform(0.3, 0.7) * self.measured)
+
+    @property
+    def progress(self) -> Array:
+        return np.minimum(np.arange(len(self.q)) / (self.measured - 1), 1.0)
+
+
+def fault_recording(case: FaultCase, seed: int, poses: int) -> WorldRecording:
+    """The world of a fault on the lab arm."""
+    number, arm = FIRST_SEED["report"] + seed, load_arm(ARM_FILE)
+    truth = base_displacement_to_deviations(arm, GroundTruth.random(arm, number))
+    counts, drawn = (poses, FRESH), (number, stable_seed(case.name, number, "fresh"))
+    q = np.vstack([random_poses(arm, n, at, floor_m=FLOOR_M) for n, at in zip(counts, drawn, strict=True)])
+    load = np.random.default_rng(stable_seed(case.name, number, "loads")).choice(LOADS_KG, len(q))
+    plan = continued_schedule(poses, 1, q.shape[1])
+    noise = NOISE_M * np.random.default_rng(number).normal(size=(len(q), 3))
+    fault = stable_seed(case.name, number, "fault")
+
+    def at(angles: Array) -> Array:
+        return measure(arm, truth, angles, load, 0.0, 0, plan)
+
+    true = at(q)
+
+    def spoiled(rows: int, added: Array) -> SpoiledMeasurement:
+        def noisy(angles: Array) -> Array:
+            whole = np.vstack([angles, q[len(angles) :]])
+            return (at(whole) + added)[: len(angles)]
+
+        of = (q[:rows], load[:rows], (true + added)[:rows], noisy, np.random.default_rng(fault))
+        return case.spoil(FaultyMeasurement(*of, measured=poses))
+
+    exact = np.zeros_like(noise)
+    if case.spoil in OF_ARM or case.spoil.__module__ in OF_ARM_MODULES:
+        found, tips = spoiled(len(q), noise), spoiled(len(q), exact).tcp[poses:]
+    else:
+        found, tips = spoiled(poses, noise), true[poses:]
+        rows = _shown_rows(case, poses)
+        if rows is not None:
+            tips = in_shown_frame(true[:poses][rows], spoiled(poses, exact).tcp[rows], tips)
+    written = (_then(found.q, q), _then(found.load, load), _then(found.tcp, true))
+    session = _then(found.session, np.full(len(q), 1.0 if found.session is None else found.session[-1]))
+    whole = Dataset(arm, truth, replace(plan, session=session), rounded(written[0]), *written[1:], NOISE_M, number)
+    return WorldRecording(ARM_FILE, whole, poses, tips, case.noise_known)
+
+
+def _then(spoiled: Array | None, healthy: Array) -> Array:
+    """What was spoiled, and after it what is healthy."""
+    return healthy if spoiled is None else np.concatenate([spoiled, healthy[len(spoiled) :]])
+
+
+def _shown_rows(case: FaultCase, poses: int) -> slice | None:
+    """Measured poses that show the frame of an erring tracker as it is at the end."""
+    if case.spoil in STILL_TRACKER:
+        return slice(0, poses)
+    return slice(poses - poses // 10, poses) if case.spoil in MOVING_TRACKER else None

@@ -1,0 +1,120 @@
+"""One world through fit and `auto`, and the error of what is deployed before and after."""
+
+from __future__ import annotations
+
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from lrm_ident.data.error_stats import error_stats
+from lrm_ident.diagnosis.auto import AutoRun, AutoStep
+from lrm_ident.study.study import Study
+from lrm_math.arrays import Array
+from lrm_math.effects import name_of_key
+from lrm_math.errors import LrmError
+from lrm_math.kinematics.poses import Poses
+from lrm_math.model import deployed_model
+from lrm_math.model.equilibrium import batch_equilibrium
+from lrm_math.model.model import Model
+from validation.as_deployed.recording import WorldRecording, in_shown_frame
+from validation.hidden_effects.data import NOISE_M
+
+NOISE_MM = 1e3 * NOISE_M * float(np.sqrt(3.0))
+"""RMS of a measurement's noise, all axes together."""
+WORSE, WORSE_BEYOND = 1.05, 1.20
+Record = dict[str, Any]
+
+
+def deployed(model: Model) -> Model:
+    """The model that a rover uses; before there was a state that goes along, the part that lasts."""
+    take: Callable[[Model], Model] | None = getattr(deployed_model, "as_deployed", None)
+    take = take or getattr(deployed_model, "lasting_part")  # noqa: B009
+    return take(model)
+
+
+def examined(run: WorldRecording, floor: bool = False) -> Record:
+    """Figures of a world, mm RMS; see the package's `__main__` for the keys. Never raises."""
+    began = time.perf_counter()
+    with tempfile.TemporaryDirectory(prefix="as-deployed-") as folder:
+        try:
+            record = _examined(run, Path(folder), floor)
+        except (LrmError, RuntimeError, np.linalg.LinAlgError, ValueError) as problem:  # one must not end a long run
+            record = {"trouble": f"{type(problem).__name__}: {problem}"}
+    return record | {"seconds": round(time.perf_counter() - began, 1)}
+
+
+def _examined(run: WorldRecording, folder: Path, floor: bool) -> Record:
+    data, fresh = run.load(folder)
+    plain = Study.of(data).fit(loss=run.loss)
+    record: Record = _errors("before", deployed(plain.model), fresh, run.tips_m)
+    if floor:
+        known, _ = run.load(folder, run.arm_with_known_gravity(folder))
+        informed = deployed(Study.of(known).fit(loss=run.loss).model)
+        record |= _errors("floor", informed, fresh, run.tips_m)
+    found, named = plain.auto()
+    record |= _errors("after", deployed(named.model), fresh, run.tips_m)
+    shown = [1e3 * error_stats(step.held_out).rms for step in found.steps]
+    return record | {
+        "shown_before_mm": _short(shown[0]),
+        "shown_after_mm": _short(shown[-1]),
+        "steps": _steps(found),
+        "verdict": found.verdict,
+    }
+
+
+def _errors(when: str, model: Model, fresh: Poses, tips_m: Array) -> Record:
+    """Errors at fresh poses; `unsettled` counts those that the model has no equilibrium for."""
+    settled, rows = batch_equilibrium(model, fresh)
+    tips = tips_m[rows]
+    error = settled.tcp - tips
+    aligned = in_shown_frame(settled.tcp, tips, settled.tcp) - tips
+    found = {
+        f"{when}_mm": _short(1e3 * error_stats(error).rms),
+        f"{when}_max_mm": _short(1e3 * error_stats(error).max),
+        f"{when}_aligned_mm": _short(1e3 * error_stats(aligned).rms),
+    }
+    return found if len(rows) == len(fresh) else found | {f"{when}_unsettled": len(fresh) - len(rows)}
+
+
+def _steps(found: AutoRun) -> list[Record]:
+    """Each step with its claim, all that it may stand for, and its estimates with how many times typical they are."""
+    claims = [one.kind for one in found.attributions]
+    return [
+        {"added": step.added, "claim": claim, "names": [*step.names], "estimates": _estimates(step, found.model)}
+        for step, claim in zip(found.steps[1:], claims, strict=True)
+    ]
+
+
+def _estimates(step: AutoStep, model: Model) -> dict[str, list[float]]:
+    """By key: the value in the key's unit, and over the typical size; of the last model."""
+    keys = [key for key in model.keys if name_of_key(key) == step.added and key in model.free]
+    values = {key: (model.value(key), model.parameter(key)) for key in keys}
+    return {
+        key: [_short(value / parameter.si), _short(value / parameter.typical)]
+        for key, (value, parameter) in values.items()
+    }
+
+
+def _short(value: float) -> float:
+    return float(f"{value:.4g}")
+
+
+def ratio(record: Record) -> float | None:
+    """Error after `auto` over that before; infinite where the model after has no equilibrium and that before has."""
+    if "after_mm" not in record:
+        return None
+    if record.get("after_unsettled", 0) > record.get("before_unsettled", 0):
+        return float("inf")
+    return float(record["after_mm"] / record["before_mm"])
+
+
+def ratio_with_noise(record: Record) -> float | None:
+    """The same of errors as a measurement with its noise would show them."""
+    if "after_mm" not in record:
+        return None
+    after, before = (np.hypot(record[f"{when}_mm"], NOISE_MM) for when in ("after", "before"))
+    return float(after / before)

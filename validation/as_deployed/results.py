@@ -1,0 +1,120 @@
+"""File of results, which a long run goes on with, and their tables."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from lrm_ident.data.atomic_write import write_text
+from validation.as_deployed.outcome import NOISE_MM, WORSE, WORSE_BEYOND, Record, ratio, ratio_with_noise
+from validation.hidden_effects.tables import markdown_table
+
+SCHEMA = "as-deployed/1"
+CLAIMS = {"finding": "", "possible_cause": "?", "description": "~"}
+Cases = dict[str, Record]
+
+
+def read_cases(path: Path | None) -> Cases:
+    """Records by the keys of their cases; none where there is no file yet."""
+    if path is None or not path.exists():
+        return {}
+    found: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+    cases: Cases = found["cases"]
+    return cases
+
+
+def write_cases(path: Path, cases: Mapping[str, Record]) -> None:
+    """Writes all records."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    document = {"schema": SCHEMA, "noise_rms_mm": NOISE_MM, "cases": cases}
+    write_text(path, json.dumps(document, indent=1, ensure_ascii=False) + "\n")
+
+
+def steps_words(record: Record) -> str:
+    """Names of the steps; ?: a possible cause, ~: a description; +: others of its class."""
+    words = (
+        CLAIMS.get(step["claim"], "!") + step["added"] + "+" * (len(step["names"]) > 1) for step in record["steps"]
+    )
+    return " > ".join(words) or "no step"
+
+
+def line_of(key: str, record: Record) -> str:
+    """One line of progress."""
+    if "trouble" in record:
+        return f"{key}: {record['trouble']}"
+    floor = f" floor {record['floor_mm'] / NOISE_MM:.2f}" if "floor_mm" in record else ""
+    return (
+        f"{key}: {record['before_mm'] / NOISE_MM:.2f} -> {record['after_mm'] / NOISE_MM:.2f} x noise "
+        f"(ratio {ratio(record):.2f}){floor} {steps_words(record)} {record['verdict']} {record['seconds']} s"
+    )
+
+
+def report(cases: Cases, beside: Cases) -> str:
+    """Counts by part, then every case as Markdown; `beside`: records of other code, shown as *then*."""
+    return "\n\n".join(["## Counts", _counts(cases, beside), "## Cases", _table(cases, beside)])
+
+
+def group_of(key: str) -> str:
+    """Part, catalogue and number of poses of a key."""
+    part, rest = key.split("/", 1)
+    name, poses, _ = rest.rsplit("/", 2)
+    catalogue = name.partition("/")[0]
+    return part if part == "lean" else f"{part}, {catalogue}, {poses} poses"
+
+
+def _counts(cases: Cases, beside: Cases) -> str:
+    groups: dict[str, list[str]] = {}
+    for key in cases:
+        groups.setdefault(group_of(key), []).append(key)
+    groups["all"] = [*cases]
+    rows = []
+    for group, keys in groups.items():
+        rows.append((group, "now", *_count(cases, keys)))
+        if both := [key for key in keys if key in beside]:
+            if len(both) < len(keys):
+                rows.append((group, "now, of those then", *_count(cases, both)))
+            rows.append((group, "then", *_count(beside, both)))
+    head = ("worlds", "code", "number", "failed", f"> {WORSE} ×", f"> {WORSE_BEYOND} ×", f"with noise > {WORSE} ×")
+    return markdown_table((*head, "median ratio", "worst", "before × noise", "after × noise", "worst after"), rows)
+
+
+def _count(cases: Cases, keys: list[str]) -> Iterator[str]:
+    ran = [cases[key] for key in keys if "trouble" not in cases[key]]
+    ratios = np.array([ratio(one) for one in ran], dtype=float)
+    noisy = np.array([ratio_with_noise(one) for one in ran], dtype=float)
+    before, after = (np.array([one[f"{when}_mm"] for one in ran]) / NOISE_MM for when in ("before", "after"))
+    yield from (str(len(keys)), str(len(keys) - len(ran)))
+    yield from (str(int(np.sum(of > by))) for of, by in ((ratios, WORSE), (ratios, WORSE_BEYOND), (noisy, WORSE)))
+    if ran:
+        figures = (np.median(ratios), ratios.max(), np.median(before), np.median(after), after.max())
+        yield from (f"{value:.2f}" for value in figures)
+    else:
+        yield from "–" * 5
+
+
+def _table(cases: Cases, beside: Cases) -> str:
+    head = ("case", "hidden", "before × noise", "after × noise", "ratio", "shown × noise", "named", "verdict")
+    more = ("then before", "then after", "then ratio", "then named") if beside else ()
+    rows = []
+    for key, record in cases.items():
+        then = _then(beside.get(key)) if beside else ()
+        if "trouble" in record:
+            rows.append((key, record.get("hidden", ""), *("–",) * 5, record["trouble"].replace("|", "/"), *then))
+            continue
+        floor = f" (floor {record['floor_mm'] / NOISE_MM:.2f})" if "floor_mm" in record else ""
+        figures = [f"{record[name] / NOISE_MM:.2f}" for name in ("before_mm", "after_mm", "shown_after_mm")]
+        figures[1] += floor
+        own = (*figures[:2], f"{ratio(record):.2f}", figures[2], steps_words(record), record["verdict"])
+        rows.append((key, record["hidden"], *own, *then))
+    return markdown_table((*head, *more), rows)
+
+
+def _then(record: Record | None) -> tuple[str, ...]:
+    if record is None or "trouble" in record:
+        return ("–",) * 4
+    figures = (record["before_mm"] / NOISE_MM, record["after_mm"] / NOISE_MM, ratio(record))
+    return (*(f"{value:.2f}" for value in figures), steps_words(record))
