@@ -45,7 +45,7 @@ RIPPLE_RAD = (0.004, 0.008)
 
 @dataclass(frozen=True)
 class TransferOutcome:
-    """One arm: RMS error of the tip (m) at fresh poses by the number of poses measured on the rover, `FULL` fitted anew.
+    """One arm: RMS error of the tip (m) at fresh poses by the number of poses on the rover; of `FULL` a new fit.
 
     `expected`: as the tool expects it. `rippled`: whether a gear ripple is hidden.
     """
@@ -69,7 +69,7 @@ def examine(seed: int) -> TransferOutcome:
     rig, rover = (synthetic.load_arm(arm_file.shipped_arms()[name]) for name in (RIG, ROVER))
     truth = synthetic.GroundTruth.random(rig, seed, (ripple,) if rippled else ())
     there, leaning = remounted(truth, rng), leant(rover, rng)
-    bench = _fitted(RIG, DEFAULT_EFFECTS, _measured(RIG, rig, truth, _poses(rig, FULL, seed), seed))
+    bench = _fitted(DEFAULT_EFFECTS, _measured(RIG, rig, truth, _poses(rig, FULL, seed), seed))
     fresh = _measured(ROVER, leaning, there, _poses(rover, FRESH, seed + 1000), None)
     begun = transfer_of(bench.file, bench.model, bench.covariance, ROVER)
     rms = {0: _error(begun.model, fresh)}
@@ -78,16 +78,18 @@ def examine(seed: int) -> TransferOutcome:
         rms[count] = _error(identified(begun, few).model, fresh)
     everything = [*DEFAULT_EFFECTS, *(name for name in INSTALLED if name in {kind.id for kind in CATALOGUE})]
     full = _measured(ROVER, leaning, there, _poses(rover, FULL, seed + 2000), seed + 1)
-    rms[FULL] = _error(_fitted(ROVER, list(dict.fromkeys(everything)), full).model, fresh)
+    rms[FULL] = _error(_fitted(list(dict.fromkeys(everything)), full).model, fresh)
     return TransferOutcome(seed, rippled, rms, dict(expected_errors(begun.start)))
 
 
 def remounted(truth: synthetic.GroundTruth, rng: np.random.Generator) -> synthetic.GroundTruth:
-    """The same arm with another base, base compliance and tool."""
+    """The same arm with another base, base compliance and tool; its displaced links turn with the base."""
     spread = np.array([*[ANGLE] * 3, *[LENGTH] * 3])
-    base, tool = (tuple((rng.normal(size=6) * spread).tolist()) for _ in range(2))
-    ends = (base, *truth.displacements[1:-1], tool)
-    return replace(truth, displacements=ends, base_compliance_rad_per_nm=float(rng.uniform(0.0, 0.04)))
+    base, tool = (rng.normal(size=6) * spread for _ in range(2))
+    turn = rotation_matrix(base[:3]) @ rotation_matrix(np.array(truth.displacements[0][:3])).T
+    links = [(np.reshape(link, (2, 3)) @ turn.T).reshape(-1) for link in truth.displacements[1:-1]]
+    displacements = tuple(tuple(row.tolist()) for row in (base, *links, tool))
+    return replace(truth, displacements=displacements, base_compliance_rad_per_nm=float(rng.uniform(0.0, 0.04)))
 
 
 def leant(arm: synthetic.ArmDescription, rng: np.random.Generator) -> synthetic.ArmDescription:
@@ -112,7 +114,7 @@ def _measured(
     return Measurements(poses, number, tcp, None, NOISE, number, Path(f"{name}.csv"), "", arm=described, arm_name=name)
 
 
-def _fitted(name: str, effects: Sequence[str], data: Measurements) -> Study:
+def _fitted(effects: Sequence[str], data: Measurements) -> Study:
     return Study.of(data, effects).fit()
 
 

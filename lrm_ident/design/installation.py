@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from lrm_ident.design.candidate_poses import ClearanceRules, clear_poses, parse_levels
 from lrm_ident.design.pose_design import DesignProblem, design
 from lrm_ident.fitting.progress import OnProgress, silent
-from lrm_ident.fitting.transfer import TransferredModel, informed
+from lrm_ident.fitting.transfer import TransferredModel
 from lrm_math.kinematics.poses import Poses
 from lrm_math.model.derivatives import parameter_jacobian
 from lrm_math.model.equilibrium import solve_equilibrium
@@ -24,16 +24,14 @@ def installation_poses(start: TransferredModel, count: int, candidates: Poses | 
 
     Raises `LrmError`: no pose keeps the clearance rules.
     """
-    noise = start.prior.noise
-    assert noise is not None
     offer = _clear(start) if candidates is None else candidates
     task = DesignProblem(
         model=start.model,
-        keys=start.prior.keys,
+        keys=start.covariance.keys,
         rivals=(),
         count=count,
         index="O1",
-        noise=noise,
+        noise=start.noise,
         measured=None,
         repeats=0,
         first_number=1,
@@ -51,7 +49,7 @@ def expected_errors(
     for done, count in enumerate(counts):
         progress(done, len(counts))
         settled = solve_equilibrium(start.model, installation_poses(start, count, offer))
-        after = informed(start, parameter_jacobian(settled, start.prior.keys))
+        after = start.informed(parameter_jacobian(settled, start.covariance.keys))
         expected[count] = expected_tip_error(start.model, after)
     return expected
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from lrm_ident.fitting.parameter_sets import fittable
-from lrm_ident.fitting.priors import Prior
+from lrm_ident.fitting.priors import WEAK_SD, Prior
 from lrm_math.arm.arm import BASE, TOOL, Arm
 from lrm_math.arm.arm_part import arm_part_difference
 from lrm_math.arrays import Array
@@ -22,6 +22,7 @@ from lrm_math.model.covariance import Covariance
 from lrm_math.model.deployed_model import as_deployed, named_part
 from lrm_math.model.model import Model, model_of
 
+NAME = "arm as identified before"
 INSTALLED = {"offsets": (BASE, TOOL), "compliance": (BASE,), "gravity": (BASE,)}
 """Effects, and their places, by which one installation of an arm differs from its drawing."""
 LEAST_EIGENVALUE = 1e-6
@@ -34,20 +35,36 @@ class TransferredModel:
 
     Attributes:
         model: its free parameters are those of the prior.
-        prior: of the arm's parameters, as identified on the bench; of the installation's, nominal ± a typical size.
+        covariance: of the arm's parameters, as identified on the bench; of the installation's, typical sizes.
+        noise: error that the model left on the bench, standard deviation per axis (m).
         installed: keys of the installation's parameters.
         left_behind: names of the effects of the bench and its measurement that do not go along.
     """
 
     model: Model
-    prior: Prior
+    covariance: Covariance
+    noise: float
     installed: tuple[str, ...]
     left_behind: tuple[str, ...]
 
     @property
-    def covariance(self) -> Covariance:
-        """Covariance of the prior."""
-        return Covariance(self.prior.keys, self.prior.covariance)
+    def prior(self) -> Prior:
+        """Prior of a fit: of the installation three typical sizes wide, so that it hardly pulls what few poses tell."""
+        keys, covariance = self.covariance
+        wide = np.array([WEAK_SD if key in self.installed else 1.0 for key in keys])
+        mean = np.array([self.model.value(key) for key in keys])
+        return Prior(NAME, keys, mean, covariance * np.outer(wide, wide), self.noise, self.model.within)
+
+    def informed(self, jacobian: Array) -> Covariance:
+        """Covariance of a fit to poses with a Jacobian (N, 3, P), where the installation is as wrong as is typical.
+
+        Of the estimate x + K (y − J x), K the gain of the prior: (1 − K J) C (1 − K J)ᵀ + σ² K Kᵀ.
+        """
+        prior, J = self.prior.covariance, jacobian.reshape(-1, len(self.covariance.keys))
+        K = np.linalg.solve(J @ prior @ J.T + self.noise**2 * np.eye(len(J)), J @ prior).T
+        kept = np.eye(len(prior)) - K @ J
+        after = kept @ self.covariance.matrix @ kept.T + self.noise**2 * K @ K.T
+        return Covariance(self.covariance.keys, np.asarray(after))
 
 
 def transferred(model: Model, known: Covariance | None, arm: Arm, noise: float) -> TransferredModel:
@@ -69,12 +86,12 @@ def transferred(model: Model, known: Covariance | None, arm: Arm, noise: float) 
     target = model_of(arm, (*own, *installation), _values(there, own))
     free = fittable(model_of(arm, installation))
     certain = Covariance((), np.empty((0, 0))) if known is None else known.marginal(model, there)
-    prior = _prior(target, certain, free, noise)
+    known = _covariance(target, certain, free)
     within = None if lasting.within is None else replace(lasting.within, tcp=None, centre=None)
-    prior = replace(prior, within=within)
-    moved = replace(target, within=within, fitted_to=model.fitted_to, free=prior.keys)
+    moved = replace(target, within=within, fitted_to=model.fitted_to, free=known.keys)
     names = {effect.name for effect in own}
-    return TransferredModel(moved, prior, free, tuple(e.name for e in model.effects if e.name not in names))
+    behind = tuple(effect.name for effect in model.effects if effect.name not in names)
+    return TransferredModel(moved, known, noise, free, behind)
 
 
 def installed_effects(arm: Arm, also: Sequence[Effect] = ()) -> tuple[Effect, ...]:
@@ -86,26 +103,17 @@ def installed_effects(arm: Arm, also: Sequence[Effect] = ()) -> tuple[Effect, ..
     return (*usual, *(replace(effect, arm=arm) for effect in more))
 
 
-def informed(start: TransferredModel, jacobian: Array) -> Covariance:
-    """Posterior covariance that poses with a Jacobian (N, 3, P) will leave of the prior, before they are measured."""
-    prior, noise = start.prior, start.prior.noise
-    assert noise is not None
-    J = jacobian.reshape(-1, len(prior.keys)) / noise
-    gain = np.linalg.solve(J @ prior.covariance @ J.T + np.eye(len(J)), J @ prior.covariance)
-    return Covariance(prior.keys, prior.covariance - prior.covariance @ J.T @ gain)
-
-
 def _values(model: Model, effects: Sequence[Effect]) -> Mapping[str, float]:
     return {key: model.value(key) for effect in effects for key in effect.keys}
 
 
-def _prior(target: Model, certain: Covariance, installed: Sequence[str], noise: float) -> Prior:
-    """The prior of the arm's parameters that have a variance, and of the installation's: typical sizes about zero."""
+def _covariance(target: Model, certain: Covariance, installed: Sequence[str]) -> Covariance:
+    """Covariance of the arm's parameters that have a variance, and of the installation's: typical sizes."""
     rows = [k for k, variance in enumerate(np.diag(certain.matrix)) if variance > 0.0]
     size, keys = len(rows), (*(certain.keys[k] for k in rows), *installed)
     covariance = np.diag(np.array([target.parameter(key).typical for key in keys]) ** 2)
     covariance[:size, :size] = _regular(certain.matrix[np.ix_(rows, rows)])
-    return Prior("the arm as identified before", keys, np.array([target.value(key) for key in keys]), covariance, noise)
+    return Covariance(keys, covariance)
 
 
 def _regular(covariance: Array) -> Array:
