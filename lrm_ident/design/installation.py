@@ -36,7 +36,7 @@ def installation_poses(start: TransferredModel, count: int, candidates: Poses | 
         repeats=0,
         first_number=1,
         seed=0,
-        prior=start.prior,
+        prior=start.covariance,
     )
     return design(task, offer).poses
 

@@ -37,15 +37,19 @@ class TransferredModel:
         model: its free parameters are those of the prior.
         covariance: of the arm's parameters, as identified on the bench; of the installation's, typical sizes.
         noise: error that the model left on the bench, standard deviation per axis (m).
+        bench: name of the arm as it was mounted there.
         installed: keys of the installation's parameters.
         left_behind: names of the effects of the bench and its measurement that do not go along.
+        state: words for the state of its session effects that goes along; empty where there is none.
     """
 
     model: Model
     covariance: Covariance
     noise: float
+    bench: str
     installed: tuple[str, ...]
     left_behind: tuple[str, ...]
+    state: str = ""
 
     @property
     def prior(self) -> Prior:
@@ -90,8 +94,9 @@ def transferred(model: Model, known: Covariance | None, arm: Arm, noise: float) 
     within = None if lasting.within is None else replace(lasting.within, tcp=None, centre=None)
     moved = replace(target, within=within, fitted_to=model.fitted_to, free=known.keys)
     names = {effect.name for effect in own}
+    said = "" if model.state is None else model.state.sentence
     behind = tuple(effect.name for effect in model.effects if effect.name not in names)
-    return TransferredModel(moved, known, noise, free, behind)
+    return TransferredModel(moved, known, noise, model.arm.name, free, behind, said)
 
 
 def installed_effects(arm: Arm, also: Sequence[Effect] = ()) -> tuple[Effect, ...]:

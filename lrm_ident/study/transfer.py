@@ -38,7 +38,6 @@ from lrm_math.model.model_file import (
 )
 from lrm_math.model.uncertainty import expected_tip_error
 
-STEP = "transfer"
 AXES = 3
 
 
@@ -79,7 +78,7 @@ class Transfer:
         """The model file. Its history begins with the transfer, if poses were measured."""
         if self.fit is not None and self.data is not None:
             unknown = HeldOutResidual(None, "the installation was identified from few poses")
-            return model_file(self.fit, self.data, unknown, self.arm, STEP, "squared")
+            return model_file(self.fit, self.data, unknown, self.arm, f"transfer from {self.start.bench}", "squared")
         model, known = self.start.model, self.covariance
         units = np.array([model.parameter(key).si for key in known.keys])
         errors = np.sqrt(np.diag(known.matrix)) / units
