@@ -35,7 +35,7 @@ def transfer_document(found: Transfer, expected: Mapping[int, float]) -> Documen
     blocks: list[Block] = [
         heading(f"{start.bench} -> {start.model.arm.name}: {known} parameters of the arm go along"),
         f"Of the arm, with standard errors: {', '.join(_grouped(own))}.",
-        f"Stays behind, as of the bench or its measurement: {enumerate_words(behind, len(behind))}.",
+        f"Stays behind, as of the bench: {enumerate_words(behind, len(behind))}.",
         *([start.state] if start.state else []),
         ResultTable(columns, rows, "Expected error of the tip over the arm's range, RMS"),
         *_identified(found),

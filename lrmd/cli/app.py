@@ -148,6 +148,8 @@ def _fk(c: argparse.ArgumentParser) -> None:
 def _deploy(c: argparse.ArgumentParser) -> None:
     c.add_argument("model", nargs="?", type=Path, metavar="MODEL", help="a model file of lrm-ident")
     c.add_argument("--undo", action="store_true", help="back to the model before the last one deployed")
+    accept = "even if what the daemon leaves out of it matters"
+    c.add_argument("--accept", action="store_true", help=accept)
 
 
 def _level1(c: argparse.ArgumentParser) -> None:
