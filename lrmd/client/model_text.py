@@ -15,7 +15,8 @@ from lrm_math.errors import FileError
 from lrm_math.toml_file import parse_toml
 
 ARM = re.compile(r"^arm[ \t]*=.*$", re.MULTILINE)
-HEADER = re.compile(r"^\[", re.MULTILINE)
+HEADER = re.compile(r"^\[\[?[ \t]*[A-Za-z_]", re.MULTILINE)
+"""Begin of a table of a model file, none of whose names needs quotes; not of a line of numbers in an array."""
 HISTORY = re.compile(r"\[\[?[ \t]*history[ \t]*[\].]")
 
 
