@@ -27,7 +27,6 @@ from lrm_ident.study.study import Study
 from lrm_ident.study.transfer import identified, transfer_of
 from lrm_math.arm import arm_file
 from lrm_math.arrays import Array
-from lrm_math.effects import CATALOGUE
 from lrm_math.kinematics.poses import Poses
 from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import Model
@@ -77,9 +76,8 @@ def examine(seed: int) -> TransferOutcome:
     for count in COUNTS:
         few = _measured(ROVER, leaning, there, installation_poses(begun.start, count).q, seed + count)
         rms[count] = _error(identified(begun, few).model, fresh)
-    everything = [*DEFAULT_EFFECTS, *(name for name in INSTALLED if name in {kind.id for kind in CATALOGUE})]
     full = _measured(ROVER, leaning, there, _poses(rover, FULL, seed + 2000), seed + 1)
-    rms[FULL] = _error(_fitted(list(dict.fromkeys(everything)), full).model, fresh)
+    rms[FULL] = _error(_fitted(list(dict.fromkeys([*DEFAULT_EFFECTS, *INSTALLED])), full).model, fresh)
     return TransferOutcome(seed, rippled, rms, dict(expected_errors(begun.start)))
 
 

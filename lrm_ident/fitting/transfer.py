@@ -100,12 +100,16 @@ def transferred(model: Model, known: Covariance | None, arm: Arm, noise: float) 
 
 
 def installed_effects(arm: Arm, also: Sequence[Effect] = ()) -> tuple[Effect, ...]:
-    """Effects of the installation of an arm: base, tool and gravity, and those of a bench, at zero."""
+    """Effects of the installation of an arm: base, tool and gravity, and the laws of a bench, all at zero.
+
+    A free form of a bench (a curve) is not among them: few poses cannot tell another.
+    """
     every = {kind.id: kind for kind in CATALOGUE}
-    usual = [every[name](arm, place) for name, places in INSTALLED.items() if name in every for place in places]
+    usual = [every[name](arm, place) for name, places in INSTALLED.items() for place in places]
     names = {effect.name for effect in usual}
-    more = [e for e in also if e.part is ModelPart.INSTALLATION and e.name not in names and e.place in e.places(arm)]
-    return (*usual, *(replace(effect, arm=arm) for effect in more))
+    laws = [effect for effect in also if effect.part is ModelPart.INSTALLATION and not effect.variant_of]
+    more = [replace(effect, arm=arm) for effect in laws if effect.name not in names]
+    return (*usual, *(effect for effect in more if effect.place in type(effect).places(arm)))
 
 
 def _values(model: Model, effects: Sequence[Effect]) -> Mapping[str, float]:

@@ -69,13 +69,14 @@ def on_the_rover(start: TransferredModel, seed: int) -> Model:
 @given(st.integers(0, 2**31))
 @settings(max_examples=5)
 def test_the_arms_part_goes_along_and_nothing_of_the_rig(seed: int) -> None:
-    model, known = lab_model(seed, "backlash@joint2", "base_compliance")
+    model, known = lab_model(seed, "backlash@joint2", "base_compliance", "base_curve")
     start = transferred(model, known, ROVER, NOISE)
     own = [key for effect in model.effects if effect.part is ModelPart.ARM for key in effect.keys]
     np.testing.assert_array_equal([start.model.value(key) for key in own], [model.value(key) for key in own])
     assert all(start.model.value(key) == 0.0 for key in start.installed)
     assert {"offsets.base.alpha_rad", "offsets.tool.z_mm", "gravity.base.x_rad"} < {*start.installed}
     assert "base_compliance.base.k_x_rad_per_Nm" in start.installed, "a bench that rocks: how much, here?"
+    assert "base_curve@base" in start.left_behind, "few poses cannot tell another curve"
     free = [key for key in own if key in known.keys]
     assert [*start.prior.keys] == [*free, *start.installed]
     rows = [known.keys.index(key) for key in free]
