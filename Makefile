@@ -16,7 +16,7 @@ ONE_THREAD := OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 MKL_NUM_THREADS=1
 unexport PYTHONDONTWRITEBYTECODE  # with it every process of the daemon and of the tests compiles all sources anew
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test quick browser lint schemas docs bench soak wheels coverage camera confusion unfamiliar misreadings tutorial closed-loop fleet lerobot install uninstall clean
+.PHONY: help setup demo test quick browser lint schemas docs bench soak wheels coverage camera confusion unfamiliar misreadings tutorial closed-loop fleet transfer lerobot install uninstall clean
 
 help: ## what there is to make
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 12
