@@ -16,7 +16,7 @@ ONE_THREAD := OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 MKL_NUM_THREADS=1
 unexport PYTHONDONTWRITEBYTECODE  # with it every process of the daemon and of the tests compiles all sources anew
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test quick browser lint schemas docs bench soak wheels coverage camera confusion unfamiliar misreadings tutorial closed-loop fleet transfer lerobot install uninstall clean
+.PHONY: help setup demo test quick browser lint schemas docs bench soak wheels coverage camera confusion unfamiliar misreadings tutorial closed-loop as-deployed fleet transfer lerobot install uninstall clean
 
 help: ## what there is to make
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 12
@@ -107,6 +107,9 @@ tutorial: setup ## the pictures of docs/tutorial.md and the speed of the workben
 closed-loop: setup ## the demo over 30 seeds, and adaptive measuring against random poses over 20 (two hours)
 	$(ONE_THREAD) $(BIN)/python -m validation.closed_loop --seeds 30
 	$(ONE_THREAD) $(BIN)/python -m validation.adaptive_measuring --seeds 20
+
+as-deployed: setup ## the error of the deployed model in worlds that go on, before and after auto, in out/as-deployed.json (an hour; PART=, REAL= folder of the real arm)
+	$(BIN)/python -m validation.as_deployed $(addprefix --part ,$(or $(PART),catalogue lean beyond absurd)) $(if $(REAL),--part real --real $(REAL)) --jobs 2 -o $(OUT)/as-deployed.json
 
 confusion: setup ## confusion matrix: hidden effects against named ones, both tables of the docs (an hour)
 	$(BIN)/python -m validation.hidden_effects --seeds 5 --jobs 2 --out docs/confusion.md

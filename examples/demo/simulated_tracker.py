@@ -107,11 +107,16 @@ def _target_text(number: int, pose: TargetPose) -> str:
 
 def track(truth_of: Callable[[ArmDescription, int], GroundTruth]) -> None:
     """Sends frames of the arm that a seed makes until the board or the parent process ends; from the command line."""
-    board, port, seed = Path(sys.argv[1]), int(sys.argv[2]), int(sys.argv[3])
     arm = load_arm(ARM_FILE)
+    send(lambda board, seed: frames(board, arm, truth_of(arm, seed), seed))
+
+
+def send(frames_of: Callable[[Path, int], Iterator[TrackerFrame]]) -> None:
+    """Sends the frames of a board and a seed until the board or the parent process ends; from the command line."""
+    board, port, seed = Path(sys.argv[1]), int(sys.argv[2]), int(sys.argv[3])
     sender, parent = socket.socket(socket.AF_INET, socket.SOCK_DGRAM), os.getppid()
     with suppress(ControlError, KeyboardInterrupt):
-        for frame in frames(board, arm, truth_of(arm, seed), seed):
+        for frame in frames_of(board, seed):
             sender.sendto(dtrack_text(frame), ("127.0.0.1", port))
             time.sleep(FRAME_S)
             if os.getppid() != parent:

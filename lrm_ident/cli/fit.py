@@ -72,8 +72,8 @@ def fit(
     parameters: Annotated[
         str,
         Option(
-            help="What to fit: 'identifiable' (all that the data can tell), option1 to option5 of the thesis, or names "
-            "and patterns by commas, for instance 'compliance.*,offsets.base.?_mm'."
+            help="What to fit: 'identifiable' (everything, with typical sizes as prior), option1 to option5 of the "
+            "thesis, or names and patterns by commas, for instance 'compliance.*,offsets.base.?_mm'."
         ),
     ] = "identifiable",
     loss: Annotated[str, Option(help="squared, huber or cauchy; the last two bear wrong measurements.")] = "squared",
@@ -87,8 +87,8 @@ def fit(
     prior: Annotated[
         str | None,
         Option(
-            help="What is known beforehand: a shipped prior (printed, vague) or the path of a prior file. All "
-            "parameters are then fitted together, and shown beside what the data alone can tell."
+            help="What is known beforehand: a shipped prior (printed, vague) or the path of a prior file; shown beside "
+            "the fit with the typical sizes that are declared for every parameter, which is the default."
         ),
     ] = None,
     output: Annotated[Path | None, Option("-o", "--output", metavar="MODEL", help="Where to write the model.")] = None,
@@ -99,8 +99,8 @@ def fit(
 ) -> None:
     """Fit the model of an arm to measurements: DATA -> MODEL.
 
-    Prints every parameter with its standard error, what the data cannot tell, and the error before, after, and on
-    poses that the fit did not see. With --prior: the same for all parameters at once (maximum a posteriori).
+    Prints every parameter with its standard error and how much of it the data tell, and the error before, after, and on
+    poses that the fit did not see.
     """
     arm_name, the_arm = arm_for(data, arm)
     measured = leave_out_poses(read_measurements(data, the_arm, arm_name, reading), leave_out)
@@ -112,7 +112,7 @@ def fit(
         step = fitted.taken
         document = fit_document(step.fit, step.held, fitted.errors, measured)
         if step.stated_prior:
-            beside = _without_prior(begun, fitted, step.stated_prior, parameters, unbounded)
+            beside = _beside_default(begun, fitted, step.stated_prior, parameters, unbounded)
             blocks, values = [*document.blocks, *beside.blocks()], {**document.values, "prior": beside}
             document = replace(document, blocks=blocks, values=values)
     if output:
@@ -258,14 +258,14 @@ def effects(
         show(*effect_blocks(kind, in_full=name is not None))
 
 
-def _without_prior(begun: Study, fitted: Study, prior: Prior, parameters: str, unbounded: bool) -> PriorComparison:
-    """The fit beside one without its prior, or beside the reason why there is none."""
+def _beside_default(begun: Study, fitted: Study, prior: Prior, parameters: str, unbounded: bool) -> PriorComparison:
+    """The fit beside one with typical sizes, or beside the reason why there is none."""
     known = PriorComparison(prior, fitted.taken.fit, fitted.held_out, "", HeldOutResidual(None))
     try:
-        alone = begun.fit(parameters, fitted.loss, unbounded=unbounded)
+        default = begun.fit(parameters, fitted.loss, unbounded=unbounded)
     except LrmError as error:
-        return replace(known, alone=str(error), alone_held_out=HeldOutResidual(None, str(error)))
-    return replace(known, alone=alone.taken.fit, alone_held_out=alone.held_out)
+        return replace(known, default=str(error), default_held_out=HeldOutResidual(None, str(error)))
+    return replace(known, default=default.taken.fit, default_held_out=default.held_out)
 
 
 def _start_model(data: Measurements, arm: Arm, effects: str | None, start: Path | None, catalogue: Catalogue) -> Model:

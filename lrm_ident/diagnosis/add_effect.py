@@ -1,4 +1,4 @@
-"""Addition of effects to a model: everything is refitted, and base parameters that are identifiable then are freed."""
+"""Addition of effects to a model: everything is refitted, base parameters that were held among it."""
 
 from __future__ import annotations
 
@@ -9,21 +9,25 @@ import numpy as np
 
 from lrm_ident.data.error_stats import error_stats
 from lrm_ident.data.measurements import Measurements
-from lrm_ident.data.registration.degenerate_fit import DegenerateFit
-from lrm_ident.fitting.identifiability import fit_identifiable, identifiable_beside, subsample_rows
-from lrm_ident.fitting.least_squares.convergence import FitNotConverged
+from lrm_ident.fitting.identifiability import (
+    MAX_SUBSAMPLE,
+    expected_noise,
+    fit_identifiable,
+    identifiable_beside,
+    subsample_rows,
+)
 from lrm_ident.fitting.levenberg_marquardt import Fit, fit
 from lrm_ident.fitting.loss import SQUARED, Loss
 from lrm_ident.fitting.model_fit import DEFAULT_EFFECTS
 from lrm_ident.fitting.parameter_sets import Bounds, bounds_of
+from lrm_ident.fitting.typical_prior import typical_prior
 from lrm_ident.residual.deployment.session_moments import with_chosen_moments
 from lrm_math.effects import Effect, Parameter, name_of_key, split_key
-from lrm_math.errors import LrmError, NoEquilibrium
+from lrm_math.errors import LrmError
 from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import Model, model_of
 
 MAX_MOMENT_FITS = 12
-MAX_FREEINGS = 3
 MOMENT = "pose"  # unit of a shape parameter that is a moment in the measured order
 
 
@@ -36,14 +40,14 @@ def add_effects(
 ) -> Fit:
     """Fits a model with further effects: all its free parameters and the new ones together.
 
-    Shape parameters are fitted together with all others, and then held. Parameters of `offsets` and `compliance` that
-    are identifiable with the effects are freed.
+    Shape parameters are fitted together with all others, and then held. Held parameters of `offsets` and `compliance`
+    are fitted too.
 
     Args:
         shape: parameter vector of a single effect, where its shape parameters start; None: at their defaults.
 
     Raises:
-        LrmError: all parameters are fitted already, no new one is identifiable, or no convergence.
+        LrmError: all parameters are fitted already, or no convergence.
     """
     extended, names = model, ", ".join(effect.name for effect in effects)
     for effect in effects:
@@ -56,23 +60,37 @@ def add_effects(
     for key, parameter, _ in _searched(effects, data):
         if parameter.unit == MOMENT:
             best = _fit_moment(best, data, key, loss)
-    return with_chosen_moments(free_base_parameters(best, data, loss), data)
+    return with_chosen_moments(best, data)
 
 
 def _with_shapes(model: Model, data: Measurements, effects: Sequence[Effect], new: Sequence[str], loss: Loss) -> Fit:
-    """Fit of the identifiable ones of the free parameters and the `new` ones, at the effects' best shapes.
+    """Fit of the free parameters, the `new` ones and those of the base, at the effects' best shapes.
 
-    Of thousands of poses a subsample decides the shapes; then all poses are fitted, with identifiable base parameters.
+    Of thousands of poses a subsample decides the shapes; then all poses are fitted.
     """
-    part, keys = data.take(subsample_rows(len(data))), [*model.free, *new]
-    best = fit_identifiable(model, part, keys, loss, required=() if len(data) > len(part) else new).fit
-    told = {name_of_key(key) for key in best.model.free}
-    searched = _searched([effect for effect in effects if effect.name in told], part)
+    part = data if len(data) <= MAX_SUBSAMPLE else data.take(subsample_rows(len(data)))
+    keys = _to_fit(model, part, new)
+    best = fit_identifiable(model, part, keys, loss).fit
+    searched = _searched(effects, part)
     best = _fit_shapes(best, part, {key: tried for key, one, tried in searched if one.unit != MOMENT}, loss)
-    if len(part) == len(data):
-        return best
-    keys += [key for key in _held_base_parameters(best.model) if key not in keys]
-    return fit_identifiable(best.model, data, keys, loss, required=new, part=best).fit
+    return best if part is data else fit_identifiable(best.model, data, keys, loss, near=best).fit
+
+
+def _to_fit(model: Model, data: Measurements, new: Sequence[str]) -> list[str]:
+    """Keys to fit: the free ones, the `new` ones and those of the base; of free forms the coefficients that the poses
+    can tell beside these. Raises `LrmError`: none of the new ones is among them."""
+    curves = {key for effect in model.effects if effect.variant_of for key in effect.keys}
+    keys = list(dict.fromkeys([*model.free, *new, *_held_base_parameters(model)]))
+    known = [key for key in keys if key not in curves or key in model.free]
+    coefficients = [key for key in keys if key not in known]
+    if coefficients:
+        settled = solve_equilibrium(model, data.poses)
+        noise = expected_noise(settled, keys, data)
+        known += identifiable_beside(settled, known, coefficients, noise, data.whitening)
+    if not {*new} & {*known}:
+        names = ", ".join(dict.fromkeys(map(name_of_key, new)))
+        raise LrmError(f"{names}: these poses cannot tell it from what the model has already")
+    return known
 
 
 def _searched(effects: Sequence[Effect], data: Measurements) -> Iterator[tuple[str, Parameter, tuple[float, ...]]]:
@@ -82,26 +100,6 @@ def _searched(effects: Sequence[Effect], data: Measurements) -> Iterator[tuple[s
         for key, parameter in zip(effect.keys, effect.parameters, strict=True):
             if parameter.name in tried:
                 yield key, parameter, tried[parameter.name]
-
-
-def free_base_parameters(fitted: Fit, data: Measurements, loss: Loss = SQUARED) -> Fit:
-    """Frees parameters of `offsets`, `compliance` and partly fitted effects that are identifiable beside the free ones,
-    and refits.
-
-    Parameters that were not identifiable beside the error of a missing effect may be once it is in the model.
-    """
-    for _ in range(MAX_FREEINGS):
-        model = fitted.model
-        held = _held_base_parameters(model)
-        found = identifiable_beside(fitted.equilibrium, model.free, held, fitted.sigma, data.whitening)
-        if not found or len(model.free) + len(found) > len(data):
-            return fitted
-        free = tuple(key for key in model.keys if key in (*model.free, *found))
-        try:
-            fitted = fit(model.with_free(free), data, loss=loss, near=fitted.equilibrium)
-        except (NoEquilibrium, FitNotConverged, DegenerateFit):
-            return fitted
-    return fitted
 
 
 def _held_base_parameters(model: Model) -> list[str]:
@@ -135,9 +133,10 @@ def _fit_shapes(best: Fit, data: Measurements, tried: Mapping[str, Sequence[floa
     free, limits = best.model.free, bounds_of(best.model, best.model.free)
     lower = np.append(limits.lower, [values[0] for values in tried.values()])
     upper = np.append(limits.upper, [values[-1] for values in tried.values()])
+    both = best.model.with_free((*free, *tried))
     try:
-        found = fit(best.model.with_free((*free, *tried)), data, Bounds(lower, upper), loss, near=best.equilibrium)
-        held = fit(found.model.with_free(free), data, loss=loss, near=found.equilibrium)
+        found = fit(both, data, Bounds(lower, upper), loss, typical_prior(both), best.equilibrium)
+        held = fit(found.model.with_free(free), data, loss=loss, prior=best.stated, near=found.equilibrium)
     except LrmError:
         return best
     return min(best, held, key=lambda one: error_stats(one.residual).rms)
@@ -156,7 +155,7 @@ def _fit_moment(best: Fit, data: Measurements, key: str, loss: Loss) -> Fit:
         moment = float(numbers[np.argmin(added)])
         if moment == best.model.value(key):
             break
-        found = fit(best.model.with_values_of([key], moment), data, loss=loss)
+        found = fit(best.model.with_values_of([key], moment), data, loss=loss, prior=best.stated)
         if error_stats(found.residual).rms >= error_stats(best.residual).rms:
             break
         best = found

@@ -8,7 +8,7 @@ Screening (`diagnose`) is linear. The first effect that it supports is refitted 
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -37,6 +37,7 @@ from lrm_math.errors import LrmError
 
 MOST_REFUSED = 8
 """Effects that are refused before the rest is left as structure: a bound on time."""
+DEPLOYED_WORSE = "it fits this session, but the model as deployed would be worse"
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,6 +73,7 @@ class ConfirmedDiagnosis:
         supported: the effects that the data support, the one to add first.
         refused: for each one whose refit did not confirm it, why.
         refuted: whether one of them was refitted; one that these poses cannot tell from the model does not count.
+        worse_deployed: of those refused since the deployed model would be worse: its held-out RMS without, with it (m).
     """
 
     diagnosis: Diagnosis
@@ -80,6 +82,7 @@ class ConfirmedDiagnosis:
     supported: tuple[ScoredCandidate, ...]
     refused: Mapping[str, str]
     refuted: bool = False
+    worse_deployed: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
     @property
     def held_out(self) -> Array:
@@ -144,13 +147,16 @@ def confirm(
     reasons = dict.fromkeys(refused, "a model with it could not be gone on with")
     now = select_without(diagnosis, reasons) if refused else diagnosis
     promised, rival, refuted, squares = 0.0, "", bool(refused), held_out_squares(blocks)
+    worse = dict[str, tuple[float, float]]()
     while now.supported and len(reasons) < MOST_REFUSED:
         scored = now.supported[0]
         on_progress(f"refitting with {scored.name}")
         trial = _refit_trial(now, scored, blocks)
         if trial.refit and _share_saved(trial.refit.squares, squares) >= EQUIVALENT_GAIN * promised:
-            return ConfirmedDiagnosis(now, blocks, trial.refit, now.supported, reasons)
+            return ConfirmedDiagnosis(now, blocks, trial.refit, now.supported, reasons, worse_deployed=worse)
         refuted |= trial.fitted
+        if trial.worse_deployed:
+            worse[scored.name] = trial.worse_deployed
         reasons[scored.name] = trial.objection or f"it saves far less than {rival} promised, which its refit refused"
         if trial.refit:
             break
@@ -158,16 +164,17 @@ def confirm(
             saved = _share_saved(scored.alone.held_out, now.squared_held_out)
             promised, rival = max((promised, rival), (saved, scored.name))
         now = select_without(now, reasons)
-    return ConfirmedDiagnosis(now, blocks, None, (), reasons, refuted)
+    return ConfirmedDiagnosis(now, blocks, None, (), reasons, refuted, worse)
 
 
 @dataclass(frozen=True, eq=False)
 class _Trial:
-    """Trial of a candidate: its refit, or the objection to it; whether the fit converged."""
+    """Trial of a candidate: its refit, or the objection to it; whether the fit converged; see `worse_deployed`."""
 
     refit: Refit | None
     objection: str = ""
     fitted: bool = True
+    worse_deployed: tuple[float, float] | None = None
 
 
 def _refit_trial(diagnosis: Diagnosis, scored: ScoredCandidate, blocks: tuple[HeldOutBlock, ...]) -> _Trial:
@@ -181,23 +188,22 @@ def _refit_trial(diagnosis: Diagnosis, scored: ScoredCandidate, blocks: tuple[He
     except LrmError as error:
         return _Trial(None, f"it could not be refitted: {error}", fitted=False)
     if predicts_better(refit.squares, held_out_squares(blocks), MIN_GAIN):
-        worse = _worse_as_deployed(refit, blocks) if effect.part is not ModelPart.MEASUREMENT else ""
-        return _Trial(None, worse) if worse else _Trial(refit)
+        worse = None if effect.part is ModelPart.MEASUREMENT else _worse_as_deployed(refit, blocks)
+        return _Trial(refit) if worse is None else _Trial(None, DEPLOYED_WORSE, worse_deployed=worse)
     before, after = in_mm(error_stats(held_out_residual(blocks)).rms), in_mm(refit.error.rms)
     return _Trial(None, f"refitted, it does not surely predict better: {before} mm held out, {after} with it")
 
 
-def _worse_as_deployed(refit: Refit, blocks: tuple[HeldOutBlock, ...]) -> str:
-    """Why a refit is refused, though it predicts its own session: as deployed it is surely worse; empty if it is not.
+def _worse_as_deployed(refit: Refit, blocks: tuple[HeldOutBlock, ...]) -> tuple[float, float] | None:
+    """Held-out RMS (m) as deployed before and after a refit that is surely worse there; None if it is not.
 
     What it explains passes with the session, and what was traded against it would stay behind in the arm.
     """
     rows = rows_as_deployed(refit.fit.model, refit.fit.equilibrium.poses)
     before, after = deployed_residual(blocks)[rows], deployed_residual(refit.blocks)[rows]
     if paired_z((before**2).sum(axis=1), (after**2).sum(axis=1)) <= ONE_DEVIATION:
-        return ""
-    known, now = in_mm(error_stats(before).rms), in_mm(error_stats(after).rms)
-    return f"it fits this session, but the model as deployed would be worse: {known} mm held out, {now} with it"
+        return None
+    return error_stats(before).rms, error_stats(after).rms
 
 
 def _share_saved(after: Array, before: Array) -> float:

@@ -20,7 +20,6 @@ from numpy.typing import NDArray
 from scipy.special import chdtri
 
 from lrm_ident.data.measurements import Measurements
-from lrm_ident.diagnosis.add_effect import free_base_parameters
 from lrm_ident.diagnosis.forward_selection import equivalent_effects, forward_select
 from lrm_ident.diagnosis.screening.candidates import REFINEMENT
 from lrm_ident.diagnosis.screening.score_test import ScoredCandidate
@@ -31,6 +30,7 @@ from lrm_ident.fitting.levenberg_marquardt import OUTLIER_DISTANCE, Fit, fit
 from lrm_ident.fitting.loss import SQUARED, Loss, robust_scale
 from lrm_ident.fitting.priors import EffectRates
 from lrm_ident.fitting.progress import OnProgress, silent
+from lrm_ident.fitting.typical_prior import typical_prior
 from lrm_ident.residual.residual_structure import NoiseFloor, ResidualStructure
 from lrm_ident.residual.significance import benjamini_yekutieli
 from lrm_ident.residual.thresholds import FLOOR_RATIO, MORAN_THRESHOLD, NOT_NOISE
@@ -169,8 +169,6 @@ def diagnose(
 ) -> Diagnosis:
     """Finds what a model misses on measurements; its free parameters are refitted first, with this loss.
 
-    Parameters that the data determine only without the outliers are freed before any effect is tried.
-
     Args:
         rates: how often arms of this kind have each effect, where that is known.
         fitted: the model's fit to these data with this loss, where that is known.
@@ -179,7 +177,7 @@ def diagnose(
         LrmError: too few poses, or the fit does not converge.
     """
     kinds = tuple(catalogue)
-    found = screen(fitted or fit(model, data, loss=loss), data, kinds, progress)
+    found = screen(fitted or _fitted(model, data, loss), data, kinds, progress)
     left_out: tuple[int, ...] = ()
     for _ in range(MOST_ROUNDS):
         numbers = found.outliers
@@ -188,11 +186,16 @@ def diagnose(
         left_out += numbers
         before, rest = found.fit.model, found.data.without(numbers)
         del found  # it holds the columns of every candidate
-        found = screen(free_base_parameters(fit(before, rest, loss=loss), rest, loss), rest, kinds, progress)
+        found = screen(_fitted(before, rest, loss), rest, kinds, progress)
     selected = _select(replace(found, rates=rates), progress)
     if not left_out:
         return selected
     return replace(selected, outliers=tuple(sorted(left_out)), shifted=_shifted(selected, data))
+
+
+def _fitted(model: Model, data: Measurements, loss: Loss) -> Fit:
+    """Fit of the model's free parameters, with the prior of typical sizes."""
+    return fit(model, data, loss=loss, prior=typical_prior(model))
 
 
 def select_without(diagnosis: Diagnosis, refused: Collection[str]) -> Diagnosis:

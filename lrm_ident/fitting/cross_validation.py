@@ -25,6 +25,7 @@ from lrm_ident.fitting.loss import SQUARED, Loss
 from lrm_ident.fitting.parameter_sets import Bounds, bounds_of
 from lrm_ident.fitting.priors import Prior
 from lrm_ident.fitting.progress import OnProgress, silent
+from lrm_ident.fitting.typical_prior import typical_prior
 from lrm_math.arrays import Array
 from lrm_math.errors import LrmError, NoEquilibrium
 from lrm_math.kinematics.poses import Poses
@@ -155,9 +156,9 @@ def held_out_blocks(
 def blocks_of_fit(fitted: Fit, data: Measurements) -> tuple[HeldOutBlock, ...]:
     """`held_out_blocks` of a model that was fitted to these data within the bounds that its effects state."""
     if len(data) <= MOST_REFITTED or not fitted.model.free:
-        return held_out_blocks(fitted.model, data, loss=fitted.loss, prior=fitted.weak_prior)
+        return held_out_blocks(fitted.model, data, loss=fitted.loss, prior=fitted.stated)
     splits = _splits(data)
-    return _blocks(data, splits, one_step_fits(fitted, data, splits, prior=fitted.weak_prior))
+    return _blocks(data, splits, one_step_fits(fitted, data, splits, prior=fitted.stated))
 
 
 def _splits(data: Measurements, fold: NDArray[np.int64] | None = None, most: int = MOST_TRAINING) -> list[Split]:
@@ -260,5 +261,6 @@ def _equilibrium_or_none(
 
 
 def cross_validated_residual(model: Model, data: Measurements, loss: Loss = SQUARED) -> Array:
-    """(N, 3), residual of every pose in the fold that held it out (m); errors as of `held_out_blocks`."""
-    return held_out_residual(held_out_blocks(model, data, loss=loss))
+    """(N, 3), residual of every pose in the fold that held it out (m), with the prior of typical sizes; errors as of
+    `held_out_blocks`."""
+    return held_out_residual(held_out_blocks(model, data, loss=loss, prior=typical_prior(model)))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from fnmatch import fnmatchcase
 from functools import cached_property, lru_cache
 
@@ -18,12 +18,10 @@ from lrm_ident.fitting.least_squares.block_qr import compress
 from lrm_ident.fitting.levenberg_marquardt import Fit, fit
 from lrm_ident.fitting.loss import SQUARED, Loss
 from lrm_ident.fitting.parameter_sets import Bounds, bounds_of, check_distinct_poses
-from lrm_ident.fitting.priors import weak_prior
+from lrm_ident.fitting.typical_prior import typical_prior
 from lrm_math.arrays import Array
-from lrm_math.effects import name_of_key
-from lrm_math.errors import LrmError, NoEquilibrium
 from lrm_math.kinematics.forward import chain_geometry
-from lrm_math.model.equilibrium import Equilibrium, solve_equilibrium
+from lrm_math.model.equilibrium import Equilibrium
 from lrm_math.model.model import Model
 
 MIN_T = 3.0  # ratio of typical size to standard error of a parameter worth fitting
@@ -131,34 +129,6 @@ def identifiable_beside(
     return tuple(order[j] for j in kept if j >= len(free))
 
 
-def _with_significant(
-    selected: IdentifiableSet, equilibrium: Equilibrium, others: Sequence[str], data: Measurements
-) -> IdentifiableSet:
-    """A selection with the `others` added, whose estimates must all exceed `MIN_T` standard errors (Wald test).
-
-    Data that would not determine a parameter of typical size do determine one many times larger, unless its column is
-    nearly dependent on the others. All must be significant: a curve is not determined by single coefficients.
-
-    Raises `LrmError`: they are not.
-    """
-    order, whitening = [*selected.kept, *others], data.whitening
-    rows = compress(
-        equilibrium, order, whitening, np.full((1, 1), whitening.unit), whitening(data.residual(equilibrium))
-    )
-    basis = np.linalg.qr(rows.columns[:, : len(selected.kept)])[0]
-    for key, column in zip(others, rows.columns.T[len(selected.kept) :], strict=True):
-        left = column - basis @ (basis.T @ column)
-        size, value = float(np.linalg.norm(left)), selected.model.value(key) / selected.model.parameter(key).typical
-        dependent = float(column @ column) >= MAX_VARIANCE_INFLATION * size**2
-        if dependent or abs(value * size + left @ rows.residual / size) <= MIN_T * selected.noise:
-            names = ", ".join(dict.fromkeys(map(name_of_key, others)))
-            raise LrmError(f"{names}: these poses cannot tell it from what the model has already")
-        basis = np.column_stack([basis, left / size])
-    added = tuple(selected.order.index(key) for key in others)
-    dropped = tuple((j, independent) for j, independent in selected.dropped if j not in added)
-    return replace(selected, chosen=(*selected.chosen, *added), dropped=dropped)
-
-
 def _gram_schmidt(columns: Array, noise: float, given: int = 0) -> tuple[list[int], list[tuple[int, float]]]:
     """Numbers of the columns kept: the first `given`, and those whose independent part exceeds the noise `MIN_T` times;
     numbers of the others, with the norm of that part (m)."""
@@ -236,55 +206,31 @@ def fit_identifiable(
     keys: Sequence[str],
     loss: Loss = SQUARED,
     bounds: Bounds | None = None,
-    required: Sequence[str] = (),
-    part: Fit | None = None,
+    near: Fit | None = None,
 ) -> IdentifiedFit:
-    """Fits the identifiable parameters among `keys`; the others are zero in the result.
+    """Fits the parameters `keys` together, with the prior of typical sizes.
 
-    The selection depends on the residual noise and on the estimate, so selection and fit alternate until the selection
-    repeats. Of many poses a subsample is fitted first, as a start close to the optimum.
+    Of many poses a subsample is fitted first, as a start close to the optimum.
 
     Args:
         bounds: of all `keys`; None: the physical ones.
-        required: of these at least one must be identifiable.
-        part: the fit to a subsample, where it is known.
+        near: a fit of the same effects to these data, or a part of them, to start from.
 
-    Raises `LrmError`: fewer poses than identifiable parameters, none of the required ones, or no convergence.
+    Raises `LrmError`: fewer distinct poses than a third of the parameters, or no convergence.
     """
-    limits, damped = bounds or bounds_of(model, keys), False
-    if len(data) > MAX_SUBSAMPLE:
-        part = part or fit_identifiable(model, data.take(subsample_rows(len(data))), keys, loss, bounds).fit
-        equilibrium, noise, damped = solve_equilibrium(part.model, data.poses), part.sigma, part.damped
-    else:
-        equilibrium = solve_equilibrium(model, data.poses)
-        noise = expected_noise(equilibrium, keys, data)
-    seen: list[tuple[str, ...]] = []
-    for _ in range(MAX_ITERATIONS):
-        selected = select_identifiable(equilibrium, keys, noise, data.whitening)
-        if seen and selected.kept == seen[-1]:
-            break
-        if required and not {*required} & {*selected.kept}:
-            selected = _with_significant(selected, equilibrium, required, data)
-        check_distinct_poses(model, data.poses, len(selected.kept), len(keys))
-        chosen = [keys.index(key) for key in selected.kept]
-        within = Bounds(limits.lower[chosen], limits.upper[chosen])
-        try:
-            start = _freeing(equilibrium.model, keys, selected.kept)
-            result = fit(start, data, within, loss, weak_prior(start) if damped else None, equilibrium)
-        except NoEquilibrium:  # parameters now at zero had balanced others: start from the model as given
-            result = fit(_freeing(model, keys, selected.kept), data, within, loss)
-        if selected.kept in seen:
-            break
-        seen.append(selected.kept)
-        equilibrium, noise = result.equilibrium, result.sigma
-    return IdentifiedFit(result, data, selected)
+    limits = bounds or bounds_of(model, keys)
+    chosen = [keys.index(key) for key in model.keys if key in keys]
+    free = model.with_free([keys[row] for row in chosen])
+    check_distinct_poses(model, data.poses, len(keys) // 3 + 1, len(keys))
+    if len(data) > MAX_SUBSAMPLE and near is None:
+        near = fit_identifiable(model, data.take(subsample_rows(len(data))), keys, loss, bounds).fit
+    if near is not None:
+        free = near.model.with_free(free.free)
+    equilibrium = None if near is None or len(near.residual) != len(data) else near.equilibrium
+    within = Bounds(limits.lower[chosen], limits.upper[chosen])
+    return IdentifiedFit(fit(free, data, within, loss, typical_prior(free), equilibrium), data)
 
 
 def subsample_rows(count: int) -> NDArray[np.int64]:
     """Rows, at most `MAX_SUBSAMPLE`, drawn from `count` without replacement, ascending, always the same."""
     return drawn_rows(count, MAX_SUBSAMPLE)
-
-
-def _freeing(model: Model, keys: Sequence[str], kept: Sequence[str]) -> Model:
-    """The model with `kept` free and the others of `keys` at zero."""
-    return model.with_values_of([*{*keys} - {*kept}], 0.0).with_free(kept)

@@ -1,8 +1,7 @@
 """Fit of a model's free parameters: least squares by Levenberg–Marquardt (Marquardt 1963), scaled and with bounds.
 
 With a prior: maximum a posteriori (Conenna 2024, Eq 2.66; Tenhumberg & Bäuml 2021). The noise that weighs data against
-prior is estimated from the residual, with MacKay's (1992) effective number of parameters. Where least squares alone
-does not converge, weak priors damp it (ridge regression, Hoerl & Kennard 1970), and the result says so.
+prior is estimated from the residual, with MacKay's (1992) effective number of parameters.
 """
 
 from __future__ import annotations
@@ -17,13 +16,12 @@ from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.notebook import ShownInNotebook
 from lrm_ident.data.registration.degenerate_fit import check_arm
 from lrm_ident.data.wording import in_mm
-from lrm_ident.fitting.least_squares.convergence import FitNotConverged
 from lrm_ident.fitting.least_squares.iteration import LevenbergMarquardt, Optimum
 from lrm_ident.fitting.least_squares.objective import NoiseScale, Objective
 from lrm_ident.fitting.least_squares.smoothness import Smoothness
 from lrm_ident.fitting.loss import SQUARED, Loss, robust_scale
 from lrm_ident.fitting.parameter_sets import Bounds, bounds_of, nuisance_shapes
-from lrm_ident.fitting.priors import WEAK, Prior, weak_prior, with_range_priors
+from lrm_ident.fitting.priors import Prior, with_range_priors
 from lrm_math.arrays import Array
 from lrm_math.errors import LrmError
 from lrm_math.model.deployed_model import field_of
@@ -51,8 +49,8 @@ class Fit(ShownInNotebook):
         weight: (N,), the weight of each pose, 1 for least squares.
         outliers: rows farther than `OUTLIER_DISTANCE` robust standard deviations.
         steps: Levenberg–Marquardt steps taken.
-        prior: product of a stated or weak prior and the penalties of forms, as it entered the objective.
-        loss: what it minimises. damped: whether it converged only with weak priors (`weak_prior`).
+        prior: product of the `stated` prior, if there is one, and the penalties of forms, as it entered the objective.
+        loss: what it minimises.
     """
 
     model: Model
@@ -66,8 +64,8 @@ class Fit(ShownInNotebook):
     outliers: tuple[int, ...]
     steps: int
     loss: Loss = SQUARED
-    damped: bool = False
     prior: Prior | None = None
+    stated: Prior | None = None
 
     def __repr__(self) -> str:
         parameters, poses, rms = len(self.model.free), len(self.residual), in_mm(error_stats(self.residual).rms)
@@ -80,14 +78,20 @@ class Fit(ShownInNotebook):
         return replace(self, equilibrium=equilibrium, residual=residual, weight=weight, outliers=outliers)
 
     @property
-    def weak_prior(self) -> Prior | None:
-        """The weak prior that damped the fit, if one did; fits to a part of the data need it too."""
-        return weak_prior(self.model) if self.damped else None
-
-    @property
     def standard_error(self) -> Array:
         """(P,), standard errors of the free parameters (SI)."""
         return np.sqrt(np.diag(self.covariance))
+
+    @property
+    def told(self) -> Array:
+        """(P,), how much the data told of each free parameter: 1 − posterior variance / prior variance, 0 to 1; NaN
+        where it has no prior."""
+        out = np.full(len(self.model.free), np.nan)
+        if self.stated is not None:
+            known = [row for row, key in enumerate(self.model.free) if key in self.stated.keys]
+            prior = self.stated.sd_of([self.model.free[row] for row in known])
+            out[known] = 1.0 - (self.standard_error[known] / prior) ** 2
+        return out
 
     @property
     def correlation(self) -> Array:
@@ -109,8 +113,7 @@ def fit(
 
     Args:
         bounds: of the free parameters; None: those that the effects state.
-        prior: of every free parameter; with one, a third of the poses suffices. None: none, unless the fit does not
-            converge without one; then weak ones (`Fit.damped`).
+        prior: of the free parameters; with one, a third of the poses suffices. None: least squares.
         near: a known equilibrium at the data's poses (to `EQUILIBRIUM_TOLERANCE`) of the same effects.
 
     Raises:
@@ -129,17 +132,9 @@ def fit(
     limits = bounds or bounds_of(model, model.free)
     smooth = Smoothness.of(model, prior)
     objective = Objective(model, data, loss, smooth.prior)
-    stated = prior is not None and prior.name != WEAK
-    idle = MAX_STEPS_WITH_PRIOR if stated else IDLE_STEPS  # a flat posterior too is climbed to its maximum
     scaled = Bounds(limits.lower / objective.typical, limits.upper / objective.typical)
-    plain, weakly = LevenbergMarquardt(objective, smooth, scaled, idle, start), prior is not None and not stated
-    try:
-        found = _fit_of(plain.solve(MAX_STEPS if smooth.prior is None else MAX_STEPS_WITH_PRIOR), damped=weakly)
-    except FitNotConverged:
-        if prior is not None:
-            raise
-        weak = plain.with_smoothness(Smoothness.of(model, weak_prior(model)))
-        found = _fit_of(weak.solve(MAX_STEPS_WITH_PRIOR), damped=True)
+    search = LevenbergMarquardt(objective, smooth, scaled, IDLE_STEPS, start)
+    found = _fit_of(search.solve(MAX_STEPS if smooth.prior is None else MAX_STEPS_WITH_PRIOR))
     check_arm(found.equilibrium, model.free)
     return found
 
@@ -159,7 +154,7 @@ def check_enough(poses: int, parameters: int, prior: Prior | None = None) -> Non
         )
 
 
-def _fit_of(optimum: Optimum, damped: bool) -> Fit:
+def _fit_of(optimum: Optimum) -> Fit:
     """The fit at an optimum: parameters, covariance, residual and its statistics.
 
     What nuisance shapes add to the covariance is in a prior of an earlier fit already.
@@ -190,8 +185,8 @@ def _fit_of(optimum: Optimum, damped: bool) -> Fit:
         outliers=tuple(np.flatnonzero(distance > OUTLIER_DISTANCE * robust_scale(distance)).tolist()),
         steps=optimum.steps,
         loss=objective.loss,
-        damped=damped,
         prior=objective.prior,
+        stated=optimum.stated,
     )
 
 

@@ -44,8 +44,9 @@ def fit_model(
     """Fits the named parameters of a model to measurements, weighed by their noise and the error of the model itself.
 
     Args:
-        parameters: 'identifiable', 'option1' to 'option5' of the thesis, or names and patterns by commas. With a prior,
-            'identifiable' means all, and what else it names: the prior determines what the data do not.
+        parameters: 'identifiable', 'option1' to 'option5' of the thesis, or names and patterns by commas.
+            'identifiable' means all, and what else a stated prior names: the prior determines what the data do not.
+        prior: None: of typical sizes for all parameters, none for named ones.
         unbounded: whether values are allowed that physics forbids, such as negative compliances.
 
     Raises `LrmError`: unknown parameters, too few poses, no convergence, or nothing that these poses can tell.

@@ -19,7 +19,6 @@ from lrm_math.effects.tracker_errors import Anchor
 from lrm_math.errors import FileError, LrmError, UnknownName, name_suggestion
 from lrm_math.model.covariance import CovarianceTable, correlation_matrix
 from lrm_math.model.model import Model
-from lrm_math.model.model_file import ModelFile
 from lrm_math.toml_file import StrictSchema, read_toml
 
 
@@ -79,6 +78,15 @@ class Prior:
     covariance: Array
     noise: float | None = None
     within: MeasuredRange | None = None
+
+    @property
+    def heavy_tailed(self) -> bool:
+        """Whether `reweighted` changes it."""
+        return False
+
+    def reweighted(self, model: Model) -> Prior:
+        """The prior for the next iterations of a fit that has come to a model: a Gaussian stays as it is."""
+        return self
 
     def mean_of(self, keys: Sequence[str]) -> Array:
         """(K,), means, SI. Raises `UnknownName`."""
@@ -199,12 +207,6 @@ def with_range_priors(prior: Prior | None, model: Model, shapes: Sequence[str]) 
 def prior_name_for(name_or_path: str) -> str:
     """Name of a shipped prior, or absolute path of a prior file, for the provenance of a model file."""
     return name_or_path if name_or_path in shipped_priors() else Path(name_or_path).resolve().as_posix()
-
-
-def prior_of_file(file: ModelFile, model: Model, catalogue: tuple[type[Effect], ...] = CATALOGUE) -> Prior | None:
-    """The prior that a model file was fitted with, or None. Raises `FileError`."""
-    name = None if file.provenance is None else file.provenance.prior
-    return None if name is None else load_prior(name, model, catalogue)
 
 
 def _gaussian(file: PriorFile, key: str, parameter: Parameter) -> tuple[float, float]:

@@ -27,9 +27,9 @@ from lrm_math.model.model import Model
 from lrm_math.plausibility import far_from_typical
 
 BAR, FACTORS_SHOWN, PARTS_SHOWN, STRONG = 10, 8, 3, 0.95
-DAMPED = (
-    "Least squares alone did not converge; fitted with weak priors (three typical sizes about zero). Look at the "
-    "standard errors: some parameters are hardly known."
+FROM_DATA = (
+    "from data: share of the prior variance of a parameter that the poses removed. At 0 % it is only its typical size: "
+    "these poses cannot distinguish it from others, or do not show it."
 )
 IMPLAUSIBLE = "Implausible: something is missing in the model, or wrong in the data or in the arm file"
 OUTLIERS = "Outliers (beyond 5 robust standard deviations): wrong measurements, or where the model fails most:"
@@ -52,7 +52,10 @@ def error_blocks(errors: ErrorSummary, title: str) -> list[Block]:
         columns.append(f"orientation RMS, deg|.{decimals(*known)}f")
         rows = [(*row, turn) for row, turn in zip(rows, turns, strict=True)]
     table = ResultTable(columns, rows, title)
-    return [table] if errors.held_out.error else [table, f"held out: none, because {errors.held_out.reason}"]
+    deployed = errors.held_out.deployed
+    state = [] if deployed is None or deployed.state is None else [in_words(deployed.state.sentence)]
+    none = [] if errors.held_out.error else [f"held out: none, because {errors.held_out.reason}"]
+    return [table, *none, *(words for words in state if words)]
 
 
 def deployed_rows(deployed: DeployedError | None) -> list[tuple[str, ErrorStats]]:
@@ -61,8 +64,7 @@ def deployed_rows(deployed: DeployedError | None) -> list[tuple[str, ErrorStats]
         return []
     if deployed.otherwise is None:
         return [("as deployed, held out", deployed.now)]
-    now, otherwise = "as deployed, held out: in its state", "as deployed, held out: in another state"
-    return [(now, deployed.now), (otherwise, deployed.otherwise)]
+    return [("as deployed, held out", deployed.now), ("as deployed, earlier in the session", deployed.otherwise)]
 
 
 def fit_document(
@@ -76,12 +78,12 @@ def fit_document(
     unseen = "" if held_out is None else f"; on poses that it never saw it is {in_mm(held_out.rms)} mm"
     blocks = [
         heading(f"The RMS error {change_words(before, fitted)}{unseen}."),
-        *([heading(DAMPED)] if fit.damped else []),
         *error_blocks(errors, f"{len(data)} poses, {len(model.free)} parameters{how and '; ' + how}"),
         *section(IMPLAUSIBLE, _implausible(model)),
         *section(OUTLIERS, (f"pose {pose}: {in_mm(float(error) * 1e-3)} mm" for pose, error in outliers)),
         *_lost(fit, held, data),
         parameter_table(fit),
+        *([] if fit.stated is None else [FROM_DATA]),
         *section(
             "Held at zero, because these poses cannot tell them:",
             (f"{p.key}: {_why(fit.equilibrium, p)}" for p in held),
@@ -93,7 +95,7 @@ def fit_document(
         "parameters": len(model.free),
         "loss": fit.loss.name,
         "left_out": data.left_out,
-        "damped": fit.damped,
+        "prior": None if fit.stated is None else fit.stated.name,
         "error": errors,
         "residual_sd_per_axis_mm": fit.sigma * 1e3,
         "steps": fit.steps,
@@ -192,22 +194,28 @@ def _worst_table(found: ModelComparison) -> ResultTable:
 
 
 def parameter_table(fit: Fit) -> ResultTable:
-    """Estimates with standard errors; angles in degrees."""
+    """Estimates with standard errors, and how much of them the data told; angles in degrees."""
     errors = zip(fit.model.free, fit.standard_error.tolist(), strict=True)
-    return estimate_table(fit.model, {key: error for key, error in errors if key not in fit.at_bound})
+    told = zip(fit.model.free, fit.told.tolist(), strict=True)
+    known = {key: part for key, part in told if key not in fit.at_bound and not np.isnan(part)}
+    return estimate_table(fit.model, {key: error for key, error in errors if key not in fit.at_bound}, known)
 
 
-def estimate_table(model: Model, errors: Mapping[str, float]) -> ResultTable:
+def estimate_table(model: Model, errors: Mapping[str, float], told: Mapping[str, float] | None = None) -> ResultTable:
     """The free parameters of a model with their standard errors (SI); those without one are at a bound.
 
+    `told`: the part (0 to 1) of what was unknown of them that the data removed, the rest being their typical size.
     Coefficients of a residual field, of which none means anything, are counted only.
     """
     rows, named = [], named_part(model).free
     for key in named:
         name, scale, unit = screen_unit(model, key)
         value, error = wording.with_error(model.value(key) * scale, errors.get(key, 0.0) * scale)
-        rows.append((name, value, f"± {error}" if key in errors else "at its bound", unit))
-    columns = ("parameter", "value|", "± standard error|", "unit")
+        from_data = f"{in_percent(max(told[key], 0.0))} %" if told and key in told else ""
+        rows.append(
+            (name, value, f"± {error}" if key in errors else "at its bound", unit, *([from_data] if told else []))
+        )
+    columns = ("parameter", "value|", "± standard error|", "unit", *(["from data|"] if told else []))
     field = len(model.free) - len(named)
     beside = f", and {field} numbers of a residual field, which are not causes" if field else ""
     return ResultTable(columns, rows, f"{len(named)} parameters{beside}{wording.named_joints(model.arm)}")
@@ -225,12 +233,13 @@ def _implausible(model: Model) -> Iterator[str]:
 def estimates(fit: Fit, se_at_bound: float | None) -> dict[str, dict[str, object]]:
     """Value and standard error of each free parameter for JSON, in the units of the keys."""
     out: dict[str, dict[str, object]] = {}
-    for key, error in zip(fit.model.free, fit.standard_error, strict=True):
+    for key, error, part in zip(fit.model.free, fit.standard_error, fit.told.tolist(), strict=True):
         unit, bound = fit.model.parameter(key).si, key in fit.at_bound
         out[key] = {
             "value": fit.model.value(key) / unit,
             "se": se_at_bound if bound else error / unit,
             "at_bound": bound,
+            "told_by_data": None if bound or np.isnan(part) else max(0.0, part),
         }
     return out
 

@@ -43,13 +43,25 @@ def data_of(entry: HistoryTable) -> str:
 
 def history_table(file: ModelFile) -> ResultTable:
     """Every step of a model's history with its error in the fit and held out, and the data that these are of."""
-    known = [value for entry in file.history for value in (entry.fit_rms_mm, entry.held_out_rms_mm) if value]
+    known = [
+        value
+        for entry in file.history
+        for value in (entry.fit_rms_mm, entry.held_out_rms_mm, entry.deployed_rms_mm)
+        if value
+    ]
     spec = f".{decimals(*known)}f"
     rows = [
-        (number, in_words(entry.step), entry.fit_rms_mm, entry.held_out_rms_mm, data_of(entry))
+        (number, in_words(entry.step), entry.fit_rms_mm, entry.held_out_rms_mm, entry.deployed_rms_mm, data_of(entry))
         for number, entry in enumerate(file.history)
     ]
-    columns = ("|", "step", f"fit RMS mm|{spec}", f"held out RMS mm|{spec}", "data (SHA-256)|")
+    columns = (
+        "|",
+        "step",
+        f"fit RMS mm|{spec}",
+        f"held out RMS mm|{spec}",
+        f"as deployed RMS mm|{spec}",
+        "data (SHA-256)|",
+    )
     return ResultTable(columns, rows, "Steps")
 
 
@@ -60,6 +72,7 @@ def history_values(file: ModelFile) -> list[dict[str, object]]:
             "step": entry.step,
             "fit_rms_mm": entry.fit_rms_mm,
             "held_out_rms_mm": entry.held_out_rms_mm,
+            "deployed_rms_mm": entry.deployed_rms_mm,
             "data_sha256": None if entry.provenance is None else entry.provenance.data_sha256,
         }
         for entry in file.history

@@ -1,4 +1,4 @@
-"""Report of `fit --prior`: maximum a posteriori beside elimination, which fits only what the data can identify."""
+"""Report of `fit --prior`: the fit with a stated prior beside the one with typical sizes, which is the default."""
 
 from __future__ import annotations
 
@@ -15,18 +15,18 @@ from lrm_ident.residual.error_breakdown import HeldOutResidual
 
 @dataclass(frozen=True, eq=False)
 class PriorComparison:
-    """A fit with a prior beside one without it.
+    """A fit with a stated prior beside the default one.
 
     Attributes:
-        alone: the fit of the parameters that the data alone identify, or the reason why there is none.
-        held_out, alone_held_out: held-out errors of both.
+        default: the fit with typical sizes, or the reason why there is none.
+        held_out, default_held_out: held-out errors of both.
     """
 
     prior: Prior
     fit: Fit
     held_out: HeldOutResidual
-    alone: Fit | str
-    alone_held_out: HeldOutResidual
+    default: Fit | str
+    default_held_out: HeldOutResidual
 
     def share_from_data(self, key: str) -> float | None:
         """Part (0 to 1) of a parameter's prior variance that the data removed: 1 − variance after / before.
@@ -45,15 +45,15 @@ class PriorComparison:
             unit = self.fit.model.parameter(key).si
             mean, sd = self._mean_sd(key, 1.0 / unit)
             parameters[key] = {"mean": mean, "sd": sd, "told_by_data": self.share_from_data(key)}
-        alone: dict[str, object] = {"reason": self.alone}
-        if not isinstance(self.alone, str):
-            fitted = error_stats(self.alone.residual)
-            alone = {"parameters": len(self.alone.model.free), "fit": fitted, "held_out": self.alone_held_out.error}
+        default: dict[str, object] = {"reason": self.default}
+        if not isinstance(self.default, str):
+            fitted, free = error_stats(self.default.residual), len(self.default.model.free)
+            default = {"parameters": free, "fit": fitted, "held_out": self.default_held_out.error}
         return {
             "name": self.prior.name,
             "parameters_decided_by_data": self.fit.effective_parameters,
             "parameters": parameters,
-            "elimination": alone,
+            "typical_sizes": default,
         }
 
     def _mean_sd(self, key: str, scale: float) -> tuple[float, float] | tuple[None, None]:
@@ -63,17 +63,14 @@ class PriorComparison:
         return float(self.prior.mean_of([key])[0] * scale), float(self.prior.sd_of([key])[0] * scale)
 
     def blocks(self) -> list[Block]:
-        """Every parameter with prior, posterior and elimination; then the errors of both."""
-        kept = (
-            f"there is none: {self.alone}"
-            if isinstance(self.alone, str)
-            else f"{len(self.alone.model.free)} kept, the rest zero"
-        )
+        """Every parameter with prior, posterior and its default estimate; then the errors of both."""
+        none = [f"With typical sizes there is no fit: {self.default}"] if isinstance(self.default, str) else []
         return [
             self._parameters(),
             self._errors(),
             f"The data decide {self.fit.effective_parameters:.1f} of {len(self.fit.model.free)} parameters; the prior "
-            f"'{self.prior.name}' decides the rest. Elimination: {kept}.",
+            f"'{self.prior.name}' decides the rest.",
+            *none,
         ]
 
     def _parameters(self) -> ResultTable:
@@ -83,14 +80,14 @@ class PriorComparison:
             (mean, sd), share = self._mean_sd(key, scale), self.share_from_data(key)
             prior = "none" if mean is None or sd is None else quantity(mean, sd)
             from_data = None if share is None else f"{in_percent(share)} %"
-            estimates = _estimate(self.fit, key, scale), from_data, _estimate(self.alone, key, scale)
+            estimates = _estimate(self.fit, key, scale), from_data, _estimate(self.default, key, scale)
             rows.append((name, prior, *estimates, unit))
-        columns = ("parameter", "prior|", "with prior|", "from data|", "elimination|", "unit")
-        return ResultTable(columns, rows, "With the prior, and by elimination")
+        columns = ("parameter", "prior|", "with prior|", "from data|", "typical sizes|", "unit")
+        return ResultTable(columns, rows, "With the prior, and with typical sizes")
 
     def _errors(self) -> ResultTable:
         rows: list[tuple[object, ...]] = []
-        both = ("with prior", self.fit, self.held_out), ("elimination", self.alone, self.alone_held_out)
+        both = ("with prior", self.fit, self.held_out), ("typical sizes", self.default, self.default_held_out)
         for name, fit, held_out in both:
             if not isinstance(fit, str):
                 left = ("none", "none") if held_out.error is None else stats_in_mm(held_out.error)[:2]

@@ -32,14 +32,18 @@ def _levels(excitation: Excitation) -> Iterator[str]:
 
 
 def _order(excitation: Excitation) -> Iterator[str]:
-    for i, q in enumerate(excitation.poses.q.T):
-        if np.ptp(q) > 0:
-            correlation = float(np.corrcoef(np.arange(len(q)), q)[0, 1])
-            if abs(correlation) > STRONG_CORRELATION:
-                yield (
-                    f"order: the poses run with joint {i + 1} (correlation {correlation:.2f}), so a drift and an error "
-                    "of that joint look alike; measure in random order"
-                )
+    for joint, correlation in joints_of_order(excitation.poses.q).items():
+        yield (
+            f"order: the poses run with joint {joint + 1} (correlation {correlation:.2f}), so a drift and an error "
+            "of that joint look alike; measure in random order"
+        )
+
+
+def joints_of_order(q: Array) -> dict[int, float]:
+    """Joints from 0 that the order of poses q (N, n) follows, with the correlation of angle and order."""
+    moved = {joint: angle for joint, angle in enumerate(q.T) if np.ptp(angle) > 0}
+    found = {joint: float(np.corrcoef(np.arange(len(q)), angle)[0, 1]) for joint, angle in moved.items()}
+    return {joint: correlation for joint, correlation in found.items() if abs(correlation) > STRONG_CORRELATION}
 
 
 def _reversals(excitation: Excitation) -> Iterator[str]:

@@ -16,7 +16,6 @@ from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.wording import enumerate_words
 from lrm_ident.fitting.effect_plugins import file_of, sha256_of
 from lrm_ident.fitting.levenberg_marquardt import Fit
-from lrm_ident.fitting.priors import WEAK
 from lrm_ident.residual.error_breakdown import HeldOutResidual
 from lrm_ident.study.tool_version import tool_version
 from lrm_math.arm.arm_digest import arm_sha256
@@ -56,7 +55,7 @@ def model_file(
     Args:
         arm: name of a shipped arm or path of its file, as stored in the model file.
         step: short description of the step.
-        prior: name of the prior of the fit, if any; that of a damped fit is the weak one.
+        prior: name of the prior of the fit, if any.
         rivals: held-out RMS (m) of other effects that were tried at this step, each alone.
     """
     model, date = fit.model, datetime.now(UTC).isoformat(timespec="seconds")
@@ -82,7 +81,7 @@ def model_file(
             tool=tool_version(),
             date=date,
             loss=loss,
-            prior=WEAK if fit.damped else prior,
+            prior=prior,
             left_out=list(data.left_out),
             reading=data.reading if data.reading.said() else None,
             effects_file=None if own is None else own.resolve().as_posix(),

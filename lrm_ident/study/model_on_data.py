@@ -10,8 +10,9 @@ from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.registration.anchor import nominal_arm
 from lrm_ident.fitting.effect_plugins import Catalogue
 from lrm_ident.fitting.loss import SQUARED, Loss
-from lrm_ident.fitting.priors import WEAK, Prior, prior_of_file
+from lrm_ident.fitting.priors import Prior
 from lrm_ident.fitting.progress import Progress, silent
+from lrm_ident.fitting.typical_prior import prior_of_file, typical_prior
 from lrm_ident.residual.error_breakdown import (
     HeldOutResidual,
     ModelComparison,
@@ -113,16 +114,18 @@ class ModelOnData:
 
     @cached_property
     def prior(self) -> Prior | None:
-        """Prior of the last fit. Raises `FileError` if its file is gone."""
+        """Prior of the last fit; of typical sizes where no fit is known. Raises `FileError` if its file is gone."""
         if self.step is not None:
             return self.step.prior
-        return None if self.source is None else prior_of_file(self.source, self.model, self.catalogue)
+        if self.source is None:
+            return typical_prior(self.model)
+        return prior_of_file(self.source, self.model, self.catalogue)
 
     @property
     def prior_name(self) -> str | None:
         """Name of the prior, as in a model file."""
         if self.step is not None:
-            return WEAK if self.step.fit.damped else self.step.prior_name
+            return self.step.file_prior
         known = None if self.source is None else self.source.provenance
         return None if known is None else known.prior
 
@@ -147,7 +150,8 @@ class ModelOnData:
         """Errors of the model before the last step, on the data of that step."""
         start = self.model if self.step is None or self.step.start is None else self.step.start
         tick = partial(self.progress, "held-out error, before")
-        held_out = try_held_out(start, self.data, loss=self.loss, progress=tick)
+        prior = None if self.prior is None else typical_prior(start)
+        held_out = try_held_out(start, self.data, loss=self.loss, progress=tick, prior=prior)
         return ErrorSummary(self.nominal_error, self._error_of(start), held_out)
 
     @cached_property

@@ -22,7 +22,8 @@ class StudyStep:
         fit: of the model after it. held: parameters held at zero, since the data cannot identify them.
         start: the model before it; None for a first fit.
         bounds: of the fit and its cross-validation; None: those that the effects state.
-        stated_prior: prior of the fit, if one was stated. prior_name: its name, as in a model file.
+        stated_prior: prior of the fit, if one was stated. prior_name: its name, as in a model file; None: that of the
+            fit's own prior.
         held_out: held-out residual, where it is known already.
         rivals: held-out RMS (m) of other effects that were tried, each alone, the least first; None where none was.
     """
@@ -39,5 +40,10 @@ class StudyStep:
 
     @property
     def prior(self) -> Prior | None:
-        """Prior of its fit: the prior that was stated, or the weak one that damped it."""
-        return self.stated_prior or self.fit.weak_prior
+        """Prior of its fit, None of plain least squares: the stated one, or that of typical sizes."""
+        return self.stated_prior or self.fit.stated
+
+    @property
+    def file_prior(self) -> str | None:
+        """Name of that prior in a model file."""
+        return self.prior_name or (None if self.prior is None else self.prior.name)

@@ -19,6 +19,7 @@ from lrm_ident.fitting.loss import SQUARED, Loss, loss_named
 from lrm_ident.fitting.model_fit import DEFAULT_EFFECTS, fit_bounds, fit_model, nominal_model
 from lrm_ident.fitting.priors import EffectRates, load_prior, prior_name_for
 from lrm_ident.fitting.progress import Progress, silent
+from lrm_ident.fitting.typical_prior import TYPICAL
 from lrm_ident.residual.deployment.session_moments import with_chosen_moments
 from lrm_ident.residual.error_breakdown import HeldOutResidual, ModelComparison, NestedResidual
 from lrm_ident.residual.thresholds import MAX_EFFECTS
@@ -122,7 +123,7 @@ class Study(ModelOnData, ShownInNotebook):
         """
         from lrm_ident.diagnosis.diagnosis_report import build_report
 
-        return build_report(screened or self.screen(rates), self._say, compared if self.prior is None else None)
+        return build_report(screened or self.screen(rates), self._say, compared if self.prior_name == TYPICAL else None)
 
     def add(self, effect: str | RankedCandidate, screened: Diagnosis | None = None) -> Study:
         """Adds an effect (`id` or `id@place`) or candidate and refits everything, without the diagnosis's outliers.
@@ -239,15 +240,12 @@ class Study(ModelOnData, ShownInNotebook):
         return replace(self, model=model_for_data(model, self.data.path, self.data.sha256)[0], source=file, step=None)
 
     def identifiable(self) -> Study:
-        """The study without a residual field, only parameters free that the data identify without a prior."""
-        if self.prior_name is None:
+        """The study without a residual field, fitted with typical sizes as all steps are, not with another prior."""
+        if self.prior_name in (None, TYPICAL):
             return self.named()
         model = named_part(self.model)
         fitted = fit_identifiable(model, self.data, model.free, self.loss).fit.model
-        words = (
-            f"the model was fitted with the prior '{self.prior_name}'; this goes on with the "
-            f"{len(fitted.free)} of its {len(model.free)} parameters that the data can tell without it"
-        )
+        words = f"the model was fitted with the prior '{self.prior_name}'; this goes on with that of typical sizes"
         return self._instead(fitted, words)
 
     def named(self) -> Study:
@@ -278,7 +276,7 @@ class Study(ModelOnData, ShownInNotebook):
             step.name,
             self.loss.name,
             history,
-            step.prior_name,
+            step.file_prior,
             step.rivals,
         )
 

@@ -77,6 +77,19 @@ class Body:
 
 
 @dataclass(frozen=True)
+class TypicalSizes:
+    """How far an arm of its make usually is from its drawing; by default one of printed parts on RC servos.
+
+    Attributes:
+        length, angle: errors of links and tool (m, rad). compliance: of joints (rad/(N·m)).
+    """
+
+    length: float = 0.005
+    angle: float = 0.05
+    compliance: float = 0.1
+
+
+@dataclass(frozen=True)
 class Arm:
     """A serial arm. `gravity` (m/s²) is given in the frame that TCP positions are measured in."""
 
@@ -88,6 +101,7 @@ class Arm:
     bodies: tuple[Body, ...]
     auxiliary_servos: tuple[tuple[str, ServoTable], ...] = ()
     shapes: Shapes = field(default_factory=Shapes)
+    typical_sizes: TypicalSizes = TypicalSizes()
 
     def __post_init__(self) -> None:
         for fault in contradictions(self.joints, self.bodies):

@@ -11,7 +11,7 @@ from typing import Annotated, Any, Literal, TypeVar
 
 from pydantic import AfterValidator, Field, ValidationError
 
-from lrm_math.arm.arm import Arm, Body, Joint, Placement, contradictions
+from lrm_math.arm.arm import Arm, Body, Joint, Placement, TypicalSizes, contradictions
 from lrm_math.arm.collision_shapes import Box, Capsule, Shapes
 from lrm_math.arm.plausible_arm import implausible
 from lrm_math.arm.servo_table import ServoTable
@@ -110,6 +110,14 @@ class CollisionTable(StrictSchema):
     ignore: list[Annotated[list[Name], Field(min_length=2, max_length=2)]] = []
 
 
+class TypicalSizesTable(StrictSchema):
+    """Table `[typical_sizes]`: how far an arm of this make usually is from its drawing, and gives way."""
+
+    length_mm: Annotated[float, Field(gt=0.0, le=100.0)] = TypicalSizes.length / MM
+    angle_deg: Annotated[float, Field(gt=0.0, le=45.0)] = math.degrees(TypicalSizes.angle)
+    compliance: Annotated[float, Field(alias="compliance_rad_per_Nm", gt=0.0, le=10.0)] = TypicalSizes.compliance
+
+
 class ArmFile(StrictSchema):
     """The whole file, schema `lrm/arm/1`."""
 
@@ -125,6 +133,7 @@ class ArmFile(StrictSchema):
     capsule: list[CapsuleTable] = []
     box: list[BoxTable] = []
     collision: CollisionTable = CollisionTable()
+    typical_sizes: TypicalSizesTable = TypicalSizesTable()
 
 
 def shipped_arms() -> dict[str, Path]:
@@ -217,7 +226,9 @@ def to_arm(tables: ArmFile) -> Arm:
             (name, _servo(f"auxiliary_servo {name}", table)) for name, table in tables.auxiliary_servo.items()
         ),
     )
-    return replace(arm, shapes=_shapes(tables, arm.dof))
+    sizes = tables.typical_sizes
+    own = TypicalSizes(sizes.length_mm * MM, math.radians(sizes.angle_deg), sizes.compliance)
+    return replace(arm, shapes=_shapes(tables, arm.dof), typical_sizes=own)
 
 
 def _placement(t: PlacementTable) -> Placement:

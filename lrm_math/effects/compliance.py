@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from lrm_math.arm.arm import BASE, Arm
+from functools import cached_property
+
+from lrm_math.arm.arm import BASE, Arm, TypicalSizes
 from lrm_math.effects.base import (
     Amounts,
     Description,
@@ -44,7 +46,12 @@ class Compliance(Spring):
         source="Conenna 2024, section 4.3; Kamali et al. 2016",
         claim="{place} gives way by {k_rad_per_Nm}",
     )
-    parameters = (Parameter("k_rad_per_Nm", "torsional compliance", 0.1, lower=0.0),)
+
+    @cached_property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """One, in a joint as large as the arm's make suggests."""
+        sizes = TypicalSizes() if self.place == BASE else self.arm.typical_sizes
+        return (Parameter("k_rad_per_Nm", "torsional compliance", sizes.compliance, lower=0.0),)
 
     @classmethod
     def places(cls, arm: Arm) -> tuple[str, ...]:

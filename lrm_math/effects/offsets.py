@@ -7,12 +7,10 @@ from __future__ import annotations
 
 from functools import cached_property
 
-from lrm_math.arm.arm import BASE, TOOL, Arm
+from lrm_math.arm.arm import BASE, TOOL, Arm, TypicalSizes
 from lrm_math.effects.base import Amounts, Description, Extrapolation, LinearEffect, Parameter, separately
 from lrm_math.kinematics.chain import chain_of
 from lrm_math.kinematics.poses import Poses
-
-ANGLE, LENGTH = 0.05, 0.005  # rad and m: sizes of assembly errors of a printed arm
 
 
 class Offsets(LinearEffect):
@@ -36,11 +34,12 @@ class Offsets(LinearEffect):
 
     @cached_property
     def parameters(self) -> tuple[Parameter, ...]:
-        """One for each dimension at this place."""
+        """One for each dimension at this place; how well an arm stands in its place does not depend on its make."""
+        sizes = TypicalSizes() if self.place == BASE else self.arm.typical_sizes
         return tuple(
-            Parameter(f"{slot.name}_rad", f"error of the angle {slot.key}", ANGLE)
+            Parameter(f"{slot.name}_rad", f"error of the angle {slot.key}", sizes.angle)
             if slot.rotates
-            else Parameter(f"{slot.name}_mm", f"error of the length {slot.key}", LENGTH)
+            else Parameter(f"{slot.name}_mm", f"error of the length {slot.key}", sizes.length)
             for slot in chain_of(self.arm).slots
             if slot.place == self.place
         )

@@ -19,6 +19,7 @@ from lrm_math.effects.targets import FRAME_PLACE, RADIAL
 from lrm_math.kinematics.poses import Poses
 
 ANCHOR_TYPICAL = 0.1  # m: how well a point beside an arm is known without measuring it
+FRAME_TYPICAL = 1e-3 / 3.0  # calibrated trackers are right to 1 mm in a metre
 SYMMETRIC = ("xx", "yy", "zz", "xy yx", "xz zx", "yz zy")
 """Entries of a symmetric matrix: row and column."""
 SCALES = (*(f"scale_{axis}" for axis in "xyz"), *(f"shear_{axes}" for axes in ("xy", "xz", "yz")))
@@ -39,8 +40,8 @@ class MeasurementFrame(LinearEffect):
         claim="the tracker stretches x, y, z by {scale_x_mm_per_m}, {scale_y_mm_per_m}, {scale_z_mm_per_m}",
     )
     parameters = (
-        *(Parameter(f"scale_{axis}_mm_per_m", f"stretch along {axis}", 0.005) for axis in "xyz"),
-        *(Parameter(f"shear_{axes}_mm_per_m", f"shear between {axes}", 0.005) for axes in ("xy", "xz", "yz")),
+        *(Parameter(f"scale_{axis}_mm_per_m", f"stretch along {axis}", FRAME_TYPICAL) for axis in "xyz"),
+        *(Parameter(f"shear_{axes}_mm_per_m", f"shear between {axes}", FRAME_TYPICAL) for axes in ("xy", "xz", "yz")),
     )
 
     @classmethod

@@ -6,64 +6,43 @@ ones follow every 15 s.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
-from lrm_math.arrays import Array
 from validation.as_deployed import effects
+from validation.as_deployed.pose_choice import PoseChoice
 from validation.as_deployed.recording import FRESH, WorldPlan, WorldRecording, recorded
 from validation.hidden_effects.case_generator import DEG, HiddenEffectCase, combined, stable_seed
 from validation.hidden_effects.cases import CASES, SINGLE
-from validation.hidden_effects.data import BREAK_S, FLOOR_M
+from validation.hidden_effects.data import BREAK_S
 from validation.hidden_effects.second_unforeseen.effects import FoamMat
 from validation.hidden_effects.unfamiliar_cases import UNFAMILIAR
 from validation.hidden_effects.unfamiliar_data import FIRST_SEED, OUTLIER_M, arm_file
 from validation.hidden_effects.unfamiliar_effects import UnfamiliarCase, both, from_first_catalogue, hidden
 from validation.hidden_effects.unforeseen_cases import LooseBase
 from validation.synthetic import (
-    ArmDescription,
     GroundTruth,
     LiftingBase,
     Schedule,
     SkewTracker,
     base_displacement_to_deviations,
     load_arm,
-    random_poses,
-    true_state,
 )
 
 MEASURING_S, PACE_S = 4500.0, 15.0
-MANY = 8
-"""Poses drawn for one that is taken, where only a part of a range is."""
+ANY_POSES = PoseChoice()
 PHYSICAL = (FoamMat,)
 
 
-@dataclass(frozen=True)
-class HalfRange:
-    """The half of a joint's range (joint from 1) that is measured; fresh poses are in the other half. side: -1, 1."""
-
-    joint: int
-    side: int
-
-
-Draw = Callable[[int, int], Array]
-
-
-def recording_of(case: UnfamiliarCase, seed: int, poses: int, half: HalfRange | None = None) -> WorldRecording:
+def recording_of(case: UnfamiliarCase, seed: int, poses: int, choice: PoseChoice = ANY_POSES) -> WorldRecording:
     """The world of a case, measured at so many poses; its true arm as in the catalogue with this seed."""
     number, arm = FIRST_SEED[case.half] + seed, load_arm(arm_file(case))
     truth = base_displacement_to_deviations(
         arm, GroundTruth.random(arm, stable_seed(case.name, number, "arm"), case.build(arm, number))
     )
     seeds = [stable_seed(case.name, number, what) for what in ("poses", "fresh", "loads", "noise")]
-    sides = (0, 0) if half is None else (half.side, -half.side)
-    drawn = [
-        _on_side(case, arm, first, count, half, side)
-        for first, count, side in zip(seeds[:2], (poses, FRESH), sides, strict=True)
-    ]
-    q = np.vstack(drawn)
+    q = np.vstack([choice.measured(case, arm, seeds[0], poses), choice.fresh(case, arm, seeds[1], FRESH)])
     load = np.random.default_rng(seeds[2]).choice(case.loads_kg, size=len(q))
     plan = WorldPlan(q, load, continued_schedule(poses, case.sessions, q.shape[1]), poses)
     run = recorded(arm_file(case), arm, truth, plan, seeds[3], PHYSICAL)
@@ -77,23 +56,6 @@ def continued_schedule(poses: int, sessions: int, joints: int) -> Schedule:
     fresh = time[-1] + PACE_S * np.arange(1, FRESH + 1)
     session = np.append(before, np.full(FRESH, before[-1])) + 1.0
     return Schedule(np.append(time, fresh), session, np.zeros(joints))
-
-
-def _on_side(
-    case: UnfamiliarCase, arm: ArmDescription, seed: int, count: int, half: HalfRange | None, side: int
-) -> Array:
-    """(count, N) rad, as the case takes its angles; with a half, on one side of that joint's middle."""
-    if half is None:
-        return _drawn(case, arm, seed, count)
-    many, (low, high) = _drawn(case, arm, seed, MANY * count), arm.links[half.joint - 1].limits_rad
-    return many[side * (many[:, half.joint - 1] - 0.5 * (low + high)) >= 0.0][:count]
-
-
-def _drawn(case: UnfamiliarCase, arm: ArmDescription, seed: int, count: int) -> Array:
-    if not case.levels_deg:
-        return random_poses(arm, count, seed, floor_m=FLOOR_M)
-    many = np.random.default_rng(seed).choice(np.radians(case.levels_deg), size=(20 * count, len(arm.links)))
-    return many[true_state(arm, GroundTruth.nominal(arm), many).tcp_m[:, 2] > FLOOR_M][:count]
 
 
 def _with_outliers(run: WorldRecording, share: float, seed: int) -> WorldRecording:

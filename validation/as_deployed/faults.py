@@ -2,7 +2,7 @@
 
 A fault of the arm goes on: it acts on measured and fresh poses, moments lie within the measurement, and what grows
 stays as it is at its end. A fault of rows or people spoils the measurement alone. A fault of the tracker spoils it
-too, and fresh tips are given in the frame that it shows: over all poses, or where it moves over the last tenth.
+too, and fresh tips are given in the frame that it shows at the end.
 """
 
 from __future__ import annotations
@@ -41,21 +41,17 @@ OF_ARM = (
     written_later.follows_a_square,
 )
 OF_ARM_MODULES = (loose_parts.__name__, transmissions.__name__)
-STILL_TRACKER = (
+TRACKER = (
     trackers.lens,
     trackers.perspective,
     trackers.azimuth_wave,
     trackers.sheared,
     written_later.two_cameras,
-)
-MOVING_TRACKER = (
-    trackers.moved_between,
-    trackers.moved_meanwhile,
-    trackers.moved_twice,
     trackers.grows,
     trackers.creeping_tripod,
     trackers.wandering,
 )
+PUSHED_TRACKER = (trackers.moved_between, trackers.moved_meanwhile, trackers.moved_twice)
 WITHOUT_END = (written_later.rows_sorted_afterwards,)
 """Its order of rows is not that of time: no pose comes after it."""
 FAULTS = {f"fault/{one.name}": one for one in (*CASES, *WRITTEN_LATER) if one.spoil not in WITHOUT_END}
@@ -75,6 +71,14 @@ class FaultyMeasurement(HealthyMeasurement):
         return np.minimum(np.arange(len(self.q)) / (self.measured - 1), 1.0)
 
 
+class EndOfMeasurement(FaultyMeasurement):
+    """The same where all poses stand as what grows has grown at the end."""
+
+    @property
+    def progress(self) -> Array:
+        return np.ones(len(self.q))
+
+
 def fault_recording(case: FaultCase, seed: int, poses: int) -> WorldRecording:
     """The world of a fault on the lab arm."""
     number, arm = FIRST_SEED["report"] + seed, load_arm(ARM_FILE)
@@ -91,22 +95,22 @@ def fault_recording(case: FaultCase, seed: int, poses: int) -> WorldRecording:
 
     true = at(q)
 
-    def spoiled(rows: int, added: Array) -> SpoiledMeasurement:
+    def spoiled(rows: int, added: Array, kind: type[FaultyMeasurement] = FaultyMeasurement) -> SpoiledMeasurement:
         def noisy(angles: Array) -> Array:
             whole = np.vstack([angles, q[len(angles) :]])
             return (at(whole) + added)[: len(angles)]
 
         of = (q[:rows], load[:rows], (true + added)[:rows], noisy, np.random.default_rng(fault))
-        return case.spoil(FaultyMeasurement(*of, measured=poses))
+        return case.spoil(kind(*of, measured=poses))
 
     exact = np.zeros_like(noise)
     if case.spoil in OF_ARM or case.spoil.__module__ in OF_ARM_MODULES:
         found, tips = spoiled(len(q), noise), spoiled(len(q), exact).tcp[poses:]
     else:
         found, tips = spoiled(poses, noise), true[poses:]
-        rows = _shown_rows(case, poses)
-        if rows is not None:
-            tips = in_shown_frame(true[:poses][rows], spoiled(poses, exact).tcp[rows], tips)
+        if case.spoil in (*TRACKER, *PUSHED_TRACKER):
+            rows = slice(poses - poses // 10 if case.spoil in PUSHED_TRACKER else 0, poses)
+            tips = in_shown_frame(true[rows], spoiled(poses, exact, EndOfMeasurement).tcp[rows], tips)
     written = (_then(found.q, q), _then(found.load, load), _then(found.tcp, true))
     session = _then(found.session, np.full(len(q), 1.0 if found.session is None else found.session[-1]))
     whole = Dataset(arm, truth, replace(plan, session=session), rounded(written[0]), *written[1:], NOISE_M, number)
@@ -114,12 +118,5 @@ def fault_recording(case: FaultCase, seed: int, poses: int) -> WorldRecording:
 
 
 def _then(spoiled: Array | None, healthy: Array) -> Array:
-    """What was spoiled, and after it what is healthy."""
+    """Spoiled rows, and after them healthy ones."""
     return healthy if spoiled is None else np.concatenate([spoiled, healthy[len(spoiled) :]])
-
-
-def _shown_rows(case: FaultCase, poses: int) -> slice | None:
-    """Measured poses that show the frame of an erring tracker as it is at the end."""
-    if case.spoil in STILL_TRACKER:
-        return slice(0, poses)
-    return slice(poses - poses // 10, poses) if case.spoil in MOVING_TRACKER else None

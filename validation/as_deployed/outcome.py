@@ -37,7 +37,14 @@ def deployed(model: Model) -> Model:
 
 
 def examined(run: WorldRecording, floor: bool = False) -> Record:
-    """Figures of a world, mm RMS; see the package's `__main__` for the keys. Never raises."""
+    """Figures of a world. Raises nothing that a fit raises: `trouble` says it.
+
+    Keys, with WHEN = `before` (the plain fit), `after` (`auto`), `floor` (the plain fit that knows gravity):
+        WHEN_mm, WHEN_max_mm: RMS and largest error as deployed at fresh poses, without noise.
+        WHEN_aligned_mm: RMS after the best rigid alignment of those poses. WHEN_unsettled: poses without equilibrium.
+        shown_WHEN_mm, stated_WHEN_mm: held-out RMS that the tool states, in the session and as deployed.
+        steps: see `_steps`. verdict: of `auto` in the end. seconds: of this record.
+    """
     began = time.perf_counter()
     with tempfile.TemporaryDirectory(prefix="as-deployed-") as folder:
         try:
@@ -57,10 +64,9 @@ def _examined(run: WorldRecording, folder: Path, floor: bool) -> Record:
         record |= _errors("floor", informed, fresh, run.tips_m)
     found, named = plain.auto()
     record |= _errors("after", deployed(named.model), fresh, run.tips_m)
-    shown = [1e3 * error_stats(step.held_out).rms for step in found.steps]
     return record | {
-        "shown_before_mm": _short(shown[0]),
-        "shown_after_mm": _short(shown[-1]),
+        **_stated("before", found.steps[0]),
+        **_stated("after", found.steps[-1]),
         "steps": _steps(found),
         "verdict": found.verdict,
     }
@@ -78,6 +84,13 @@ def _errors(when: str, model: Model, fresh: Poses, tips_m: Array) -> Record:
         f"{when}_aligned_mm": _short(1e3 * error_stats(aligned).rms),
     }
     return found if len(rows) == len(fresh) else found | {f"{when}_unsettled": len(fresh) - len(rows)}
+
+
+def _stated(when: str, step: AutoStep) -> Record:
+    """Held-out errors that the tool states, of measurements with their noise: in the session, and as deployed."""
+    shown = {f"shown_{when}_mm": _short(1e3 * error_stats(step.held_out).rms)}
+    stated = getattr(step, "deployed", None)
+    return shown if stated is None else shown | {f"stated_{when}_mm": _short(1e3 * stated.now.rms)}
 
 
 def _steps(found: AutoRun) -> list[Record]:
@@ -110,6 +123,13 @@ def ratio(record: Record) -> float | None:
     if record.get("after_unsettled", 0) > record.get("before_unsettled", 0):
         return float("inf")
     return float(record["after_mm"] / record["before_mm"])
+
+
+def stated_off(record: Record) -> float | None:
+    """Error that the tool states as deployed over that at fresh poses, with noise, less one; None: it states none."""
+    if "stated_after_mm" not in record or "after_mm" not in record:
+        return None
+    return float(record["stated_after_mm"] / np.hypot(record["after_mm"], NOISE_MM)) - 1.0
 
 
 def ratio_with_noise(record: Record) -> float | None:

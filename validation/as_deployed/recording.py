@@ -66,8 +66,7 @@ class WorldRecording:
             beside.write_text("".join(line for line in lines if "noise_sd_mm" not in line), encoding="utf-8")
         data = replace(load_measurements(paths[0], arm), arm_name=str(arm_file or self.arm_file))
         fresh = load_poses(paths[1], arm).take(np.arange(self.measured, len(self.whole.q_rad)))
-        unknown = dict.fromkeys(("t", "session", "temperature", "number", "running", "warmed", "power_cycle", "sha256"))
-        return data, replace(fresh, **unknown)
+        return data, as_known_to_a_rover(fresh)
 
     def arm_with_known_gravity(self, folder: Path) -> Path:
         """The arm file with the true gravity."""
@@ -75,6 +74,11 @@ class WorldRecording:
         text = self.arm_file.read_text(encoding="utf-8")
         path.write_text(GRAVITY_LINE.sub(f"gravity_m_per_s2 = {gravity}", text), encoding="utf-8")
         return path
+
+
+def as_known_to_a_rover(poses: Poses) -> Poses:
+    """Poses with angles, loads and the moves that led to them: no time, number or session."""
+    return Poses(poses.q, poses.payload, poses.direction, friction=poses.friction)
 
 
 @dataclass(frozen=True, eq=False)

@@ -3,27 +3,35 @@
 from __future__ import annotations
 
 import json
+from collections import Counter
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from lrm_ident.data.atomic_write import write_text
-from validation.as_deployed.outcome import NOISE_MM, WORSE, WORSE_BEYOND, Record, ratio, ratio_with_noise
+from lrm_math.atomic_file import write_atomically
+from lrm_math.errors import FileError
+from validation.as_deployed.outcome import NOISE_MM, WORSE, WORSE_BEYOND, Record, ratio, ratio_with_noise, stated_off
 from validation.hidden_effects.tables import markdown_table
 
 SCHEMA = "as-deployed/1"
 CLAIMS = {"finding": "", "possible_cause": "?", "description": "~"}
+OFF = 0.1
+IMPLAUSIBLE = "implausible"
+IN_MM = ("board/", "real/")
 Cases = dict[str, Record]
 
 
 def read_cases(path: Path | None) -> Cases:
-    """Records by the keys of their cases; none where there is no file yet."""
+    """Records by the keys of their cases; none where there is no file yet. Raises `FileError` for another file."""
     if path is None or not path.exists():
         return {}
-    found: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
-    cases: Cases = found["cases"]
+    try:
+        found: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+        cases: Cases = found["cases"]
+    except (ValueError, KeyError, TypeError):
+        raise FileError(path, "cases", "holds no results of validation.as_deployed; name another file") from None
     return cases
 
 
@@ -31,11 +39,11 @@ def write_cases(path: Path, cases: Mapping[str, Record]) -> None:
     """Writes all records."""
     path.parent.mkdir(parents=True, exist_ok=True)
     document = {"schema": SCHEMA, "noise_rms_mm": NOISE_MM, "cases": cases}
-    write_text(path, json.dumps(document, indent=1, ensure_ascii=False) + "\n")
+    write_atomically(path, (json.dumps(document, indent=1, ensure_ascii=False) + "\n").encode())
 
 
 def steps_words(record: Record) -> str:
-    """Names of the steps; ?: a possible cause, ~: a description; +: others of its class."""
+    """Names of the steps; ?: a candidate cause, ~: an empirical term; +: others of its class."""
     words = (
         CLAIMS.get(step["claim"], "!") + step["added"] + "+" * (len(step["names"]) > 1) for step in record["steps"]
     )
@@ -44,8 +52,8 @@ def steps_words(record: Record) -> str:
 
 def line_of(key: str, record: Record) -> str:
     """One line of progress."""
-    if "trouble" in record:
-        return f"{key}: {record['trouble']}"
+    if "trouble" in record or key.startswith(IN_MM):
+        return f"{key}: {json.dumps(record, ensure_ascii=False)}"
     floor = f" floor {record['floor_mm'] / NOISE_MM:.2f}" if "floor_mm" in record else ""
     return (
         f"{key}: {record['before_mm'] / NOISE_MM:.2f} -> {record['after_mm'] / NOISE_MM:.2f} x noise "
@@ -55,7 +63,12 @@ def line_of(key: str, record: Record) -> str:
 
 def report(cases: Cases, beside: Cases) -> str:
     """Counts by part, then every case as Markdown; `beside`: records of other code, shown as *then*."""
-    return "\n\n".join(["## Counts", _counts(cases, beside), "## Cases", _table(cases, beside)])
+    simulated = {key: one for key, one in cases.items() if not key.startswith(IN_MM)}
+    parts = ["## Counts", _counts(simulated, beside), "## Cases", _table(simulated, beside)] if simulated else []
+    if absurd := {key: one for key, one in simulated.items() if "says" in one and "steps" in one}:
+        parts += ["## Absurd estimates", _claims(absurd)]
+    others = {key: one for key, one in cases.items() if key not in simulated}
+    return "\n\n".join([*parts, *(["## Board and real arm, mm", _table_in_mm(others, beside)] if others else [])])
 
 
 def group_of(key: str) -> str:
@@ -63,7 +76,7 @@ def group_of(key: str) -> str:
     part, rest = key.split("/", 1)
     name, poses, _ = rest.rsplit("/", 2)
     catalogue = name.partition("/")[0]
-    return part if part == "lean" else f"{part}, {catalogue}, {poses} poses"
+    return part if part in ("lean", "absurd") else f"{part}, {catalogue}, {poses} poses"
 
 
 def _counts(cases: Cases, beside: Cases) -> str:
@@ -79,7 +92,8 @@ def _counts(cases: Cases, beside: Cases) -> str:
                 rows.append((group, "now, of those then", *_count(cases, both)))
             rows.append((group, "then", *_count(beside, both)))
     head = ("worlds", "code", "number", "failed", f"> {WORSE} ×", f"> {WORSE_BEYOND} ×", f"with noise > {WORSE} ×")
-    return markdown_table((*head, "median ratio", "worst", "before × noise", "after × noise", "worst after"), rows)
+    more = ("median ratio", "worst", "before × noise", "after × noise", "worst after", f"stated off by > {OFF:.0%}")
+    return markdown_table((*head, *more), rows)
 
 
 def _count(cases: Cases, keys: list[str]) -> Iterator[str]:
@@ -94,23 +108,77 @@ def _count(cases: Cases, keys: list[str]) -> Iterator[str]:
         yield from (f"{value:.2f}" for value in figures)
     else:
         yield from "–" * 5
+    known = [off for one in ran if (off := stated_off(one)) is not None]
+    yield f"{sum(abs(off) > OFF for off in known)} of {len(known)}" if known else "–"
 
 
 def _table(cases: Cases, beside: Cases) -> str:
-    head = ("case", "hidden", "before × noise", "after × noise", "ratio", "shown × noise", "named", "verdict")
+    head = (
+        "case",
+        "hidden",
+        "before × noise",
+        "after × noise",
+        "ratio",
+        "shown × noise",
+        "stated × noise",
+        "named",
+        "verdict",
+    )
     more = ("then before", "then after", "then ratio", "then named") if beside else ()
     rows = []
     for key, record in cases.items():
         then = _then(beside.get(key)) if beside else ()
         if "trouble" in record:
-            rows.append((key, record.get("hidden", ""), *("–",) * 5, record["trouble"].replace("|", "/"), *then))
+            rows.append((key, record.get("hidden", ""), *("–",) * 6, record["trouble"].replace("|", "/"), *then))
             continue
         floor = f" (floor {record['floor_mm'] / NOISE_MM:.2f})" if "floor_mm" in record else ""
         figures = [f"{record[name] / NOISE_MM:.2f}" for name in ("before_mm", "after_mm", "shown_after_mm")]
         figures[1] += floor
-        own = (*figures[:2], f"{ratio(record):.2f}", figures[2], steps_words(record), record["verdict"])
+        stated = f"{record['stated_after_mm'] / NOISE_MM:.2f}" if "stated_after_mm" in record else "–"
+        own = (*figures[:2], f"{ratio(record):.2f}", figures[2], stated, steps_words(record), record["verdict"])
         rows.append((key, record["hidden"], *own, *then))
     return markdown_table((*head, *more), rows)
+
+
+def _claims(cases: Cases) -> str:
+    """Claim of each step, its largest estimate over its typical size, and what is printed about its size."""
+    rows = []
+    for key, record in cases.items():
+        lines = [line.strip() for line in record["says"] if IMPLAUSIBLE in line.lower()]
+        for step in record["steps"]:
+            size, name = max((abs(over), of) for of, (_, over) in step["estimates"].items())
+            value = f"{name} = {step['estimates'][name][0]:g}"
+            rows.append((key, step["added"], step["claim"], value, f"{size:.1f}", " / ".join(lines) or "nothing"))
+    return markdown_table(
+        ("case", "step", "claim", "largest estimate", "× typical", f"said of an {IMPLAUSIBLE} size"), rows
+    )
+
+
+def _table_in_mm(cases: Cases, beside: Cases) -> str:
+    """Cases whose noise is another: RMS in mm, over the floor where there is one."""
+    head = ("case", "hidden", "before", "after", "floor", "after / floor", "shown before", "shown after", "named")
+    names = ("before_mm", "after_mm", "floor_mm", "over", "shown_before_mm", "shown_after_mm")
+    rows = []
+    for key, one in cases.items():
+        over = {"over": one["after_mm"] / one["floor_mm"]} if "floor_mm" in one else {}
+        figures = [_figure(one | over, name) for name in names]
+        for column, name in enumerate(names[:2]):
+            if name in (then := beside.get(key, {})):
+                figures[column] += f" (then {_figure(then, name)})"
+        rows.append((key, one.get("hidden", ""), *figures, one.get("trouble") or _named(one)))
+    return markdown_table(head, rows)
+
+
+def _figure(record: Record, name: str) -> str:
+    return f"{record[name]:.2f}" if name in record else "–"
+
+
+def _named(record: Record) -> str:
+    """Steps of one run, or how often folds chose each name."""
+    if "chosen" not in record:
+        return steps_words(record)
+    counted = Counter(name for names in record["chosen"] for name in names)
+    return ", ".join(f"{name} ×{count}" for name, count in counted.most_common())
 
 
 def _then(record: Record | None) -> tuple[str, ...]:

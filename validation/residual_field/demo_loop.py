@@ -169,9 +169,9 @@ def goal_errors(seed: int, poses: int, goals: int) -> GoalErrors:
 
         def reached(model: str) -> Array:
             """Squared distances of all visits."""
-            return np.concatenate([_tried(partial(visit, model, number)) for number in range(VISITS)])
+            return np.concatenate([tried(partial(visit, model, number)) for number in range(VISITS)])
 
-        _tried(measure)
+        tried(measure)
         steps.fit()
         steps.name_all()
         field = reached("field") if steps.add_field() else None
@@ -188,7 +188,8 @@ def world_of(seed: int) -> Iterator[World]:
         yield world
 
 
-def _tried(piece: Callable[[], Tried]) -> Tried:
+def tried(piece: Callable[[], Tried]) -> Tried:
+    """The result of a piece of the loop, which is begun anew where it fails. Raises `LrmError` after `TRIES`."""
     for _ in range(TRIES - 1):
         try:
             return piece()

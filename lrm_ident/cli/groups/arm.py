@@ -26,6 +26,7 @@ from lrm_math.arm.arm_file import load_arm
 from lrm_math.effects import marked
 from lrm_math.errors import FileError
 from lrm_math.model.covariance import drawn_models
+from lrm_math.model.deployed_model import as_deployed, of_a_session
 from lrm_math.model.model import Model, model_of
 from lrm_math.model.model_file import load_covariance
 from lrm_math.number_list import parse_numbers
@@ -123,13 +124,14 @@ def export(
     write_for = writer_for(output, own, base, tip, places)
     variants = _variants(Path(model), the_model, draws, seed, effects_file) if draws else [the_model]
     files = [output.with_stem(f"{output.stem}-{n:03d}") for n in range(1, draws + 1)] if draws else [output]
-    made = [write_for(variant, path) for variant, path in zip(variants, files, strict=True)]
+    made = [write_for(as_deployed(variant), path) for variant, path in zip(variants, files, strict=True)]
     for file, path in zip(made, files, strict=True):
         write_text(path, file.text)
     where = f"{files[0]} … {files[-1]}" if draws else str(output)
-    missing = made[0].left_out
+    missing = [*(effect.name for effect in the_model.effects if of_a_session(effect)), *made[0].left_out]
     show(f"{made[0].what} written to {where}", *([f"Not in it: {', '.join(map(marked, missing))}"] if missing else []))
-    notice(*([made[0].advice] if made[0].advice else []))
+    state = "" if the_model.state is None else the_model.state.sentence
+    notice(*(words for words in (state, made[0].advice) if words))
 
 
 @command_of(group, "show")

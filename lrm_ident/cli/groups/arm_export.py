@@ -68,7 +68,12 @@ def _urdf(
     rigid = export.rigid_part(model, keep)
     text = export.corrected_urdf(rigid, robot, base, tip)
     off = export.exported_difference(rigid, text, base, tip)
-    lost, what = export.left_out(model), f"URDF (at most {off:.1g} m off the model's rigid part)"
+    if urdf is None:
+        text = export.mounted(text, model.constant_gravity)
+    lost, what = (
+        export.left_out(model, () if urdf else ("gravity",)),
+        f"URDF (at most {off:.1g} m off the model's rigid part)",
+    )
     sags = any(isinstance(effect, Spring) and effect.name in lost for effect in model.effects)
     return export.ExportedFile(text, what, lost, RIGID if sags else "")
 

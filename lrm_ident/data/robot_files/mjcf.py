@@ -20,7 +20,7 @@ from lrm_math.model.model import Model
 RIGID_KP = 1e4
 """N·m/rad, of joints to which the model gives no compliance: a thousand times that of a printed arm."""
 SPRINGS = ("compliance", "base_compliance", "lateral_compliance")
-HELD = (*SPRINGS, "backlash", "mass", "payload")
+HELD = (*SPRINGS, "backlash", "mass", "payload", "gravity")
 """Effects that the file holds, beside constant ones."""
 
 

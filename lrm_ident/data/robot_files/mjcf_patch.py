@@ -31,7 +31,7 @@ SPRING_DAMPING, PLAY_DAMPING = 0.1, 0.01
 PLAY_ARMATURE, QUICK_S, HARDEST = 0.01, 0.004, 0.9999
 """kg·m², s, and MuJoCo's greatest impedance: with them stops give way by less than 0.1 mrad, and dry friction creeps by
 less than a tenth in ten seconds."""
-HELD = (*SPRINGS, "backlash", "hysteresis", "mass")
+HELD = (*SPRINGS, "backlash", "hysteresis", "mass", "gravity")
 """Effects that MuJoCo has, beside constant ones, where the file has what they act on."""
 UNCHANGED = 1e-12
 LEAST_MASS, LEAST_INERTIA = 1e-6, 1e-9
@@ -57,6 +57,9 @@ def patched_mjcf(
     if f"{tip}{CALIBRATED}" in corrected.joints:
         behind = own.anchor(own.bodies[tip]) @ corrected.joints[f"{tip}{CALIBRATED}"].origin
         own.spec_body(tip).add_site(name=f"{tip}{CALIBRATED}", **_placed(behind))
+    gravity = own.robot.standing(base)[:3, :3] @ model.constant_gravity
+    if np.abs(gravity - own.spec.option.gravity).max() > UNCHANGED:
+        own.spec.option.gravity = gravity
     lost = (*_servos(model, own, path), *weigh(model, own, corrected, path), *left_out(model, HELD))
     text = _text(own, output, _add_springs(model, own, path))
     return ExportedFile(text, f"{own.path.name} with the model in it", lost)

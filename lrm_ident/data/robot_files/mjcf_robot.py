@@ -6,7 +6,7 @@ zero elsewhere (`ref`).
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -100,7 +100,9 @@ def _as_links(own: MjcfRobot) -> Urdf:
             ElementTree.SubElement(tree, "link", name=name)
             origin = inverse(own.anchor(body)) @ _pose(compiled.site_quat[site], compiled.site_pos[site])
             append_joint(tree, f"{name}_site", "fixed", own.link(body), name, origin)
-    return parse_urdf(own.path.with_suffix(".mjcf"), ElementTree.tostring(tree, encoding="unicode"))
+    robot = parse_urdf(own.path.with_suffix(".mjcf"), ElementTree.tostring(tree, encoding="unicode"))
+    x, y, z = compiled.opt.gravity.tolist()
+    return replace(robot, gravity=(x, y, z))
 
 
 def _pose(quaternion: Array, position: Array) -> Array:

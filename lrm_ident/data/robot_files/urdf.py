@@ -17,6 +17,7 @@ from lrm_math.errors import FileError, name_suggestion
 from lrm_math.text_file import read_utf8
 
 TURNING = ("revolute", "continuous")
+GRAVITY: Vector3 = (0.0, 0.0, -9.81)
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,13 +58,17 @@ class UrdfMass:
 
 @dataclass(frozen=True, eq=False)
 class Urdf:
-    """A robot: its links (None: without mass), and for each child link the joint that carries it."""
+    """A robot: its links (None: without mass), and for each child link the joint that carries it.
+
+    `gravity`: in the frame of its root link (m/s²); a URDF stands upright on that.
+    """
 
     path: Path
     name: str
     links: dict[str, UrdfMass | None]
     joints: dict[str, UrdfJoint]
     tree: ElementTree.Element
+    gravity: Vector3 = GRAVITY
 
     @property
     def root(self) -> str:
@@ -89,6 +94,11 @@ class Urdf:
             out.insert(0, self.joints[link])
             link = out[0].parent
         return out
+
+    def standing(self, link: str) -> Array:
+        """(4, 4), pose of a link in the root link, joints between at the angle nearest to zero. Raises `FileError`."""
+        path = self.chain(self.root, link)
+        return tip_pose(path, [joint.rest_angle for joint in path if joint.turns])
 
     def carried_by(self, link: str, without: str) -> Iterator[tuple[str, Array]]:
         """The link and what it carries but for the branch that begins with the link `without`, and where (4, 4).

@@ -23,7 +23,6 @@ from lrm_math.kinematics.chain import Number
 from lrm_math.kinematics.forward import frames
 from lrm_math.model.model import Model, model_of
 
-GRAVITY: Vector3 = (0.0, 0.0, -9.81)
 MOST_JOINTS = 10
 CHECKED = 200
 """Random poses at which the imported arm is compared with the URDF's own kinematics."""
@@ -101,7 +100,7 @@ def import_arm(robot: Urdf, base: str | None = None, tip: str | None = None, nam
     joints = tuple(_joint(joint, link, notices) for joint, link in zip(turning, [*links, None], strict=True))
     bodies = tuple(_bodies(robot, path, [*stands[1:], stands[-1]]))
     load = Body("load", 0.0, (0.0, 0.0, 0.0), len(joints) + 1, len(joints), carries_payload=True)
-    arm = Arm(name or robot.name, GRAVITY, placed, joints, tool, (*bodies, load))
+    arm = Arm(name or robot.name, _gravity(robot, base, notices), placed, joints, tool, (*bodies, load))
     if not bodies:
         notices.append("no link has a mass: what bends under its own weight cannot be found")
     raise_faults(robot.path, [FileError(robot.path, "", *fault) for fault in implausible(arm, "metres")])
@@ -109,6 +108,17 @@ def import_arm(robot: Urdf, base: str | None = None, tip: str | None = None, nam
     if not difference < AGREES:
         raise FileError(robot.path, "", f"the arm is {difference:.2g} m or rad off the URDF's own kinematics")
     return ImportedArm(arm, base, tip, difference, tuple(notices))
+
+
+def _gravity(robot: Urdf, base: str, notices: list[str]) -> Vector3:
+    """Gravity in the frame of the link `base` (m/s²), which the file may hold to a wall or a ceiling."""
+    x, y, z = (_clean(component) for component in (np.array(robot.gravity) @ robot.standing(base)[:3, :3]).tolist())
+    if not any(robot.gravity):
+        notices.append("the file has no gravity: nothing bends the arm")
+    if (x, y, z) != robot.gravity:
+        along = ", ".join(f"{component:.3g}" for component in (x, y, z))
+        notices.append(f"gravity is {along} m/s2 along x, y, z of '{base}', as the file mounts it")
+    return x, y, z
 
 
 def _check_serial(robot: Urdf, path: Sequence[UrdfJoint]) -> None:

@@ -20,7 +20,7 @@ from lrm_ident.data.robot_files.urdf import Urdf, UrdfJoint, append_joint, numbe
 from lrm_ident.data.robot_files.urdf_arm import axis_to_z, choose_tip, largest_difference
 from lrm_ident.data.wording import joint_labels
 from lrm_math.arm.arm import Arm
-from lrm_math.arrays import Array
+from lrm_math.arrays import Array, Vector3
 from lrm_math.effects import constant
 from lrm_math.errors import FileError
 from lrm_math.kinematics.chain import Chain, Number
@@ -29,6 +29,7 @@ from lrm_math.model.model import Model, model_of
 
 ANOTHER_ARM = 2e-3
 """m, or rad: an arm file that is off the URDF by more describes another arm, or another tip."""
+WORLD = "world"
 CALIBRATED = "_calibrated"
 """Ending of the link that is added where no fixed joint leads to the tip."""
 BALL = 0.03
@@ -107,6 +108,22 @@ def bare_urdf(arm: Arm) -> Urdf:
         before = chain[number]
     append_joint(tree, "tcp_joint", "fixed", links[-2], links[-1], inverse(before) @ chain[-1])
     return parse_urdf(Path(f"{arm.name}.urdf"), _text(tree))
+
+
+def mounted(text: str, gravity: Vector3) -> str:
+    """Text of a URDF whose root is held by a link `world`, so that gravity, in the root's frame (m/s²), points down.
+
+    Unchanged where it does already.
+    """
+    size = math.hypot(*gravity)
+    if not size or gravity == (0.0, 0.0, -size):
+        return text
+    tree = ElementTree.fromstring(text.partition("?>")[2])
+    root = parse_urdf(Path("written.urdf"), text).root
+    x, y, z = (-component / size for component in gravity)
+    ElementTree.SubElement(tree, "link", name=WORLD)
+    append_joint(tree, f"{WORLD}_joint", "fixed", WORLD, root, inverse(axis_to_z((x, y, z))))
+    return _text(tree)
 
 
 def chain_frames(model: Model) -> Array:

@@ -96,12 +96,13 @@ class ColumnSets:
     @property
     def starts(self) -> NDArray[np.int64]:
         """(S,), first column of each set, in the order of the columns."""
-        return np.concatenate([stack.start + stack.size * np.arange(len(stack.numbers)) for stack in self.stacks])
+        each = (stack.start + stack.size * np.arange(len(stack.numbers)) for stack in self.stacks)
+        return np.concatenate([np.empty(0, dtype=np.int64), *each])
 
     @property
     def numbers(self) -> NDArray[np.int64]:
         """(S,), number of each set, in the order of the columns."""
-        return np.concatenate([stack.numbers for stack in self.stacks])
+        return np.concatenate([np.empty(0, dtype=np.int64), *(stack.numbers for stack in self.stacks)])
 
     def products(self, parts: Sequence[FoldSplit], columns: Array) -> Array:
         """(parts, m, M), products of other `columns` (R N, m) with these over the training rows of each part, fitted

@@ -101,10 +101,12 @@ class LinearisedFit:
     """A fit linearised at its minimum, on which further columns are tried.
 
     Attributes:
-        residual: (R N,), residual of the fit (m), R rows of each of N poses.
-        basis: (R N, P), orthonormal basis of the fitted parameters' columns.
+        residual: (R N + K,), residual of the fit (m), R rows of each of N poses, then of the K rows of its prior, where
+            further columns are zero.
+        basis: (R N + K, P), orthonormal basis of the fitted parameters' columns.
         parts: the whole sample, then every fold.
-        order: (R N,), numbers of the rows fold by fold, the order of rows in `ColumnSets`.
+        order: (R N + K,), numbers of the rows fold by fold, the order of rows in `ColumnSets`; the prior's last.
+        measured: R N.
         sigma: noise against which the prior is weighed (m per axis).
         rows: R, rows of each pose.
         selected: columns that were selected since.
@@ -116,6 +118,7 @@ class LinearisedFit:
     order: NDArray[np.int64]
     sigma: float
     rows: int
+    measured: int
     selected: SelectedColumns
 
     @property
@@ -128,17 +131,23 @@ class LinearisedFit:
         """Ridge parameter (σ/s)² of the normal equations (m²)."""
         return (self.sigma / PRIOR_SD) ** 2
 
+    @property
+    def measured_basis(self) -> Array:
+        """(R N, P), `basis` at the measured rows."""
+        return self.basis[: self.measured]
+
     @cached_property
     def degrees_of_freedom(self) -> int:
-        """Number of measured rows less that of fitted parameters."""
-        measured = (self.residual != 0.0) | self.basis.any(axis=1)
-        return int(np.count_nonzero(measured) - self.basis.shape[1] - self.selected.columns.shape[1])
+        """Number of measured rows less the effective number of fitted parameters."""
+        basis = self.measured_basis
+        measured = (self.residual[: self.measured] != 0.0) | basis.any(axis=1)
+        return int(np.count_nonzero(measured) - round(float((basis**2).sum())) - self.selected.columns.shape[1])
 
     def pose_by_pose(self, rows: Array) -> Array:
-        """Rows (R N,) that stand fold by fold, pose by pose."""
+        """The R N measured ones, pose by pose, of rows (R N + K,) that stand fold by fold."""
         out = np.empty_like(rows)
         out[self.order] = rows
-        return out
+        return out[: self.measured]
 
     def project(self, C: Array) -> ColumnSets:
         """One set of columns C (R N, m), the fit's projected out."""
@@ -154,11 +163,11 @@ class LinearisedFit:
         return column_sets(columns, self.residual[self.order], stacks, self.parts)
 
     def residualised(self, sets: Iterable[Array], stacks: tuple[EqualSizedSets, ...]) -> Array:
-        """(R N, M), sets of columns (R N, m) side by side, fold by fold, the fitted parameters' projected out."""
-        place = columns_of(stacks)
-        columns = np.empty((len(self.residual), stacks[-1].columns.stop if stacks else 0), order="F")
+        """(R N + K, M), sets of columns (R N, m) side by side, fold by fold, the fitted parameters' projected out."""
+        place, measured = columns_of(stacks), self.measured
+        columns = np.zeros((len(self.residual), stacks[-1].columns.stop if stacks else 0), order="F")
         for number, C in enumerate(sets):
-            np.take(C.T, self.order, axis=1, out=columns.T[place[number]], mode="clip")
+            np.take(C.T, self.order[:measured], axis=1, out=columns.T[place[number], :measured], mode="clip")
         basis = np.asfortranarray(self.basis[self.order])
         for start in range(0, columns.shape[1], AT_ONCE):
             some = columns[:, start : start + AT_ONCE]
@@ -170,10 +179,14 @@ class LinearisedFit:
 
         Selected columns are projected out of the normal equations instead of the columns, which is faster.
         """
-        columns, stacks = side_by_side(sets, len(self.residual))
+        columns, stacks = side_by_side(sets, self.measured)
         selected, root = self.pose_by_pose(self.selected.columns), self.selected.inverse_root[0]
-        fitted, known, of_residual = self.basis.T @ columns, root @ (selected.T @ columns), self.selected.residual[0]
-        along = self.residual @ columns - of_residual @ known
+        fitted, known, of_residual = (
+            self.measured_basis.T @ columns,
+            root @ (selected.T @ columns),
+            self.selected.residual[0],
+        )
+        along = self.residual[: self.measured] @ columns - of_residual @ known
         shrunk = self.ridge * root @ root.T  # by how much the selected directions are short of unit length
         left = np.full(len(sets), self.baseline.in_sample)
         for stack in stacks:
@@ -223,6 +236,8 @@ class LinearisedFit:
 
     def explain_each(self, sets: ColumnSets) -> list[LinearEstimate]:
         """Linear estimate of each set alone beside the fit."""
+        if not len(sets):
+            return []
         sets = self.up_to_date(sets)
         theta, inverse = self._estimates(sets)
         left = []
@@ -252,20 +267,33 @@ class LinearisedFit:
     def _by_pose(self, left: Sequence[Array]) -> Array:
         """(S, N), squared 3-D distance of each pose, from the residuals (T, S) at the predicted rows of each fold."""
         count = 1 if left[0].ndim == 1 else left[0].shape[1]
-        held_out = np.empty((count, len(self.residual) // self.rows))
+        held_out = np.empty((count, self.measured // self.rows))
         for part, rows in zip(self.folds, left, strict=True):
-            held_out[:, part.poses] = (rows.reshape(-1, self.rows, count) ** 2).sum(axis=1).T
+            held_out[:, part.poses] = (rows.reshape(len(part.poses), self.rows, count) ** 2).sum(axis=1).T
         return held_out
 
 
-def linearise(A: Array, residual: Array, test_poses: Sequence[NDArray[np.int64]], sigma: float) -> LinearisedFit:
-    """Linearised fit from the parameters' columns A (R N, P), the residual (R N,) in m and the test poses of folds."""
+def linearise(
+    A: Array,
+    residual: Array,
+    test_poses: Sequence[NDArray[np.int64]],
+    sigma: float,
+    prior: tuple[Array, Array] | None = None,
+) -> LinearisedFit:
+    """Linearised fit from the parameters' columns A (R N, P), the residual (R N,) in m and the test poses of folds.
+
+    `prior`: columns (K, P) and residual (K,) of its prior, which all folds share.
+    """
+    measured = len(residual)
+    if prior is not None:
+        A, residual = np.concatenate([A, prior[0]]), np.concatenate([residual, prior[1]])
     basis = orthonormal_basis(A)
     residual = residual - basis @ (basis.T @ residual)
-    rows = len(residual) // sum(len(poses) for poses in test_poses)
-    order = np.concatenate([(rows * poses[:, None] + np.arange(rows)).reshape(-1) for poses in test_poses])
+    rows = measured // sum(len(poses) for poses in test_poses)
+    folds = [(rows * poses[:, None] + np.arange(rows)).reshape(-1) for poses in test_poses]
+    order = np.concatenate([*folds, np.arange(measured, len(residual))])
     by_fold, own, start, none = A[order], residual[order], 0, np.empty((len(order), 0))
-    parts = [FoldSplit(order[::rows] // rows, NO_ROWS, slice(None), none, none, own)]
+    parts = [FoldSplit(order[:measured:rows] // rows, NO_ROWS, slice(None), none, none, own)]
     for poses in test_poses:
         test = slice(start, start + rows * len(poses))
         others = np.concatenate([by_fold[:start], by_fold[test.stop :]])
@@ -274,7 +302,7 @@ def linearise(A: Array, residual: Array, test_poses: Sequence[NDArray[np.int64]]
         parts.append(FoldSplit(poses, test, test, fitted, none[test], left))
         start = test.stop
     none_selected = SelectedColumns.empty(len(order), len(parts))
-    return LinearisedFit(residual, basis, tuple(parts), order, sigma, rows, none_selected)
+    return LinearisedFit(residual, basis, tuple(parts), order, sigma, rows, measured, none_selected)
 
 
 def _inverse_root(gram: Array, ridge: float) -> Array:

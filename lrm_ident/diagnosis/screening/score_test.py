@@ -81,7 +81,7 @@ def score_candidates(
             p_value = f_test_p_value(linear.baseline.in_sample, trial.in_sample, trial.rank, linear.degrees_of_freedom)
         p_value = min(1.0, p_value * len(trial.candidate.shapes))
         if trial.rank == 0 or (moved < MIN_DETECTABLE * linear.sigma and p_value > SIGNIFICANCE):
-            each = moved / np.sqrt(len(linear.residual) / linear.rows)
+            each = moved / np.sqrt(linear.measured / linear.rows)
             size = f"a typical size moves the TCP by only {each * 1e3:.2g} mm"
             undetectable.append((trial.candidate.effect, f"{size} beyond what the fitted parameters already explain"))
         else:

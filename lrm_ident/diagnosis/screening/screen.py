@@ -5,7 +5,7 @@ Of thousands of poses a random subsample is screened, with those that the fit mi
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -75,12 +75,13 @@ class Screening:
     @cached_property
     def lack_of_fit_p_value(self) -> float:
         """p value of the lack-of-fit F test of the residual against the noise floor; NaN where that is unknown."""
-        return self.floor.p_value(self.fit.sigma, self.data.measured_rows - len(self.fit.model.free))
+        return self.floor.p_value(self.fit.sigma, self.data.measured_rows - self.fit.effective_parameters)
 
     @cached_property
     def structure(self) -> ResidualStructure:
         """Structure of the residual."""
-        return residual_structure(self.subset[1].poses.q, self.linear.residual, self.linear.basis)
+        linear = self.linear
+        return residual_structure(self.subset[1].poses.q, linear.residual[: linear.measured], linear.measured_basis)
 
     @cached_property
     def joint_jacobian(self) -> Array:
@@ -143,4 +144,17 @@ def linearised(fitted: Fit, data: Measurements, weigh: RowWeights) -> Linearised
     columns = (jacobian * typical).reshape(len(residual), len(keys))
     fold = joint_space_folds(data.poses.q, data.repeat_of)
     poses = [np.flatnonzero(fold == number) for number in range(fold.max() + 1)]
-    return linearise(weigh(columns), weigh(residual)[:, 0], poses, fitted.sigma)
+    return linearise(weigh(columns), weigh(residual)[:, 0], poses, fitted.sigma, prior_rows(fitted, keys))
+
+
+def prior_rows(fitted: Fit, keys: Sequence[str]) -> tuple[Array, Array]:
+    """(K, P) and (K,), the prior of a fit as measurements of its own parameters `keys`, of typical sizes: columns and
+    residual (m), as noisy as the measurements."""
+    known = [] if fitted.prior is None else [row for row, key in enumerate(keys) if key in fitted.prior.keys]
+    rows = np.zeros((len(known), len(keys)))
+    if fitted.prior is None or not known:
+        return rows, np.zeros(0)
+    own = [keys[row] for row in known]
+    root = fitted.sigma * np.linalg.inv(np.linalg.cholesky(fitted.prior.covariance_of(own)))
+    rows[:, known] = root * [fitted.model.parameter(key).typical for key in own]
+    return rows, root @ (fitted.prior.mean_of(own) - [fitted.model.value(key) for key in own])

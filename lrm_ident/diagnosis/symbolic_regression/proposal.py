@@ -26,6 +26,7 @@ from lrm_ident.fitting.effect_plugins import effects_in
 from lrm_ident.fitting.levenberg_marquardt import Fit, fit
 from lrm_ident.fitting.loss import SQUARED, Loss
 from lrm_ident.fitting.progress import OnProgress, silent
+from lrm_ident.fitting.typical_prior import typical_prior
 from lrm_ident.residual.better_prediction import paired_z, predicts_better
 from lrm_ident.residual.thresholds import EQUIVALENT_GAIN, MIN_GAIN, SIGNIFICANCE, Z_THRESHOLD
 from lrm_math.arrays import Array
@@ -95,7 +96,7 @@ def propose_law(
 
     Raises `LrmError`: too few poses, or the fit does not converge.
     """
-    fitted = fit(model, data, loss=loss)
+    fitted = fit(model, data, loss=loss, prior=typical_prior(model))
     on_progress("cross-validating the model as it is")
     before = error_stats(cross_validated_residual(fitted.model, data, loss=loss))
     found = _propose(fitted, data, before, None, progress, on_progress)

@@ -66,8 +66,9 @@ class LawSearch:
 
 def search_laws(linear: LinearisedFit, groups: Sequence[LawColumns], progress: OnProgress = silent) -> LawSearch:
     """Tries every law on the residual of a linearised fit."""
-    rows, folds = len(linear.residual), len(linear.folds)
-    noise = np.random.default_rng(SEED).normal(size=(rows, NULL_DRAWS)) * linear.sigma
+    rows, folds = linear.measured, len(linear.folds)
+    noise = np.zeros((len(linear.residual), NULL_DRAWS))
+    noise[:rows] = np.random.default_rng(SEED).normal(size=(rows, NULL_DRAWS)) * linear.sigma
     noise -= linear.basis @ (linear.basis.T @ noise)
     squares, fold_gain, gain, largest = [], [], [], np.full(NULL_DRAWS, -np.inf)
     both = np.concatenate([linear.residual[:, None], noise], axis=1)[linear.order]

@@ -22,7 +22,7 @@ class FitNotConverged(LrmError):
         self.steps, self.step = steps, step
         super().__init__(
             f"the fit did not converge in {steps} steps (last step {step:.2g} of the typical sizes); "
-            "hold some parameters, start from a fitted model, or try a narrower prior (--prior)"
+            "fit all parameters with their typical sizes (leave --parameters out), or start from a fitted model"
         )
 
 

@@ -16,10 +16,18 @@ from lrm_ident.fitting.least_squares.convergence import (
     is_well_determined,
     largest_change,
 )
-from lrm_ident.fitting.least_squares.objective import Iterate, NoiseScale, NoiseUpdate, Objective
+from lrm_ident.fitting.least_squares.objective import (
+    PENALTY_TOLERANCE,
+    SCALE_TOLERANCE,
+    Iterate,
+    NoiseScale,
+    NoiseUpdate,
+    Objective,
+)
 from lrm_ident.fitting.least_squares.quadratic_model import QuadraticModel
 from lrm_ident.fitting.least_squares.smoothness import MOST_UPDATES, Smoothness
 from lrm_ident.fitting.parameter_sets import Bounds
+from lrm_ident.fitting.priors import Prior
 from lrm_math.arrays import Array
 from lrm_math.model.equilibrium import Equilibrium
 
@@ -33,6 +41,7 @@ class Optimum:
     Attributes:
         columns: compressed Jacobian before the last step, which changed nothing.
         free: (P,), whether no bound holds a parameter.
+        stated: the stated prior, as it was reweighted.
     """
 
     objective: Objective
@@ -41,6 +50,7 @@ class Optimum:
     free: NDArray[np.bool_]
     noise: NoiseScale
     steps: int
+    stated: Prior | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,8 +69,13 @@ class LevenbergMarquardt:
     idle_steps: int
     near: Equilibrium | None
 
+    @property
+    def sigma_tolerance(self) -> float:
+        """Relative tolerance of σ; larger with penalties, whose weights are known to a third only."""
+        return PENALTY_TOLERANCE if self.smooth.penalties else SCALE_TOLERANCE
+
     def with_smoothness(self, smooth: Smoothness) -> LevenbergMarquardt:
-        """The problem with other penalties."""
+        """The problem with other penalties, or a prior reweighted."""
         return replace(self, smooth=smooth, objective=replace(self.objective, prior=smooth.prior))
 
     def solve(self, most_steps: int) -> Optimum:
@@ -72,7 +87,7 @@ class LevenbergMarquardt:
         iterate, problem = self._start(), self
         noise, free = self.objective.noise_scale(iterate), np.ones(len(iterate.z), dtype=np.bool_)
         if not len(free):
-            return Optimum(self.objective, iterate, np.empty((0, 0)), free, noise, 0)
+            return Optimum(self.objective, iterate, np.empty((0, 0)), free, noise, 0, self.smooth.stated)
         if self.smooth.warm_started:
             first, smooth = self._reestimated(iterate, self.objective.linearise(iterate, noise).columns, free, noise)
             noise, problem = first.estimated, self.with_smoothness(smooth)
@@ -89,10 +104,11 @@ class LevenbergMarquardt:
             if idle < self.idle_steps and not is_last(quadratic, iterate, tolerance):
                 continue
             update, smooth = problem._reestimated(iterate, quadratic.rows.columns, quadratic.free, noise)
-            if update.estimated.close_to(noise, problem.objective.sigma_tolerance) and smooth.close_to(problem.smooth):
-                return Optimum(problem.objective, iterate, quadratic.rows.columns, quadratic.free, noise, steps)
+            if update.estimated.close_to(noise, problem.sigma_tolerance) and smooth.close_to(problem.smooth):
+                columns, off = quadratic.rows.columns, quadratic.free
+                return Optimum(problem.objective, iterate, columns, off, noise, steps, problem.smooth.stated)
             problem, noise, before = problem.with_smoothness(smooth), update.accelerated(before), update
-            if smooth.penalties:
+            if smooth.adapts:
                 problem, noise = problem._performance_iteration(iterate, noise)
             damping = min(damping, FIRST_DAMPING)
         raise FitNotConverged(most_steps, change)
@@ -124,7 +140,7 @@ class LevenbergMarquardt:
             before, noise = noise, objective.noise_scale(iterate, parameters, quadratic.predicted_squares(z))
             model = objective.model.with_values_of(objective.model.free, z * objective.typical)
             smooth = replace(problem.smooth.updated(model, covariance), updates=self.smooth.updates)
-            settled = smooth.close_to(problem.smooth) and noise.close_to(before, objective.sigma_tolerance)
+            settled = smooth.close_to(problem.smooth) and noise.close_to(before, self.sigma_tolerance)
             problem = self.with_smoothness(smooth)
             if settled:
                 break

@@ -132,11 +132,6 @@ class Objective:
         known = set(self._with_prior)
         return all(j in known or key.startswith(SET_UP) for j, key in enumerate(self.model.free))
 
-    @property
-    def sigma_tolerance(self) -> float:
-        """Relative tolerance of σ; larger without a full prior, as weights of penalties are known to a third only."""
-        return SCALE_TOLERANCE if self.has_full_prior else PENALTY_TOLERANCE
-
     @cached_property
     def _prior_mean(self) -> Array:
         """(P,), scaled; zero where there is no prior."""

@@ -106,19 +106,29 @@ class Smoothness:
         """The product of the stated prior and the penalties; None without either."""
         return with_penalties(self.stated, self.penalties, self.weights)
 
+    @property
+    def adapts(self) -> bool:
+        """Whether the prior follows the estimate: by the weights of penalties, or by its heavy tails."""
+        return bool(self.penalties) or (self.stated is not None and self.stated.heavy_tailed)
+
     def updated(self, model: Model, covariance: Array) -> Smoothness:
-        """Smoothness with weights one step closer to the largest marginal likelihood; at most `MOST_UPDATES` steps.
+        """Smoothness with weights one step closer to the largest marginal likelihood, and the stated prior reweighted;
+        at most `MOST_UPDATES` steps.
 
         Arguments as of `fellner_schall_weights`.
         """
-        if not self.penalties or self.updates == MOST_UPDATES:
+        if not self.adapts or self.updates == MOST_UPDATES:
             return self
         weights = fellner_schall_weights(self.penalties, self.weights, model, covariance)
-        return replace(self, weights=weights, updates=self.updates + 1)
+        stated = None if self.stated is None else self.stated.reweighted(model)
+        return replace(self, weights=weights, stated=stated, updates=self.updates + 1)
 
     def close_to(self, other: Smoothness) -> bool:
-        """Whether no weight differs by enough to matter."""
-        return bool((np.abs(np.log(self.weights / other.weights)) < SETTLED).all())
+        """Whether no weight, nor a variance of the stated prior, differs by enough to matter."""
+        change = [np.abs(np.log(self.weights / other.weights))]
+        if self.stated is not None and other.stated is not None:
+            change.append(np.abs(np.log(np.diag(self.stated.covariance) / np.diag(other.stated.covariance))))
+        return bool((np.concatenate(change) < SETTLED).all())
 
 
 def initial_weight(penalty: Penalty, model: Model) -> float:
@@ -134,6 +144,8 @@ def fellner_schall_weights(penalties: Sequence[Penalty], weights: Array, model: 
     Args:
         model: fitted with the present `weights`. covariance: (P, P), posterior, of its free parameters (SI).
     """
+    if not penalties:
+        return weights
     keys = tuple(dict.fromkeys(key for penalty in penalties for key in penalty.keys))
     prior = np.asarray(np.linalg.inv(_precision(keys, penalties, weights)))
     out = np.empty(len(penalties))

@@ -11,6 +11,7 @@ from rich.text import Text
 from lrm_ident.data.error_stats import error_stats
 from lrm_ident.data.wording import enumerate_words, in_mm, p_words
 from lrm_ident.diagnosis.auto import AutoRun, AutoStep
+from lrm_ident.diagnosis.confirm import ConfirmedDiagnosis
 from lrm_ident.report.diagnosis.diagnosis import diagnosis_document, left_values, no_cause, took_words
 from lrm_ident.report.document import Block, Document, ResultTable, heading
 from lrm_ident.report.fit import error_blocks, parameter_table
@@ -102,6 +103,10 @@ def course_document(
             for number, step in enumerate(course.steps)
         ],
         "verdict": report.verdict,
+        "refused_as_deployed": {
+            name: {"without_mm": before * 1e3, "with_mm": after * 1e3}
+            for name, (before, after) in course.confirmed.worse_deployed.items()
+        },
         **left_values(report.left),
         "held_out_effects_fixed": held_out.error,
         "held_out": nested.error,
@@ -111,7 +116,17 @@ def course_document(
         **({} if with_prior is None else {"with_prior": with_prior}),
         **({} if with_field is None else {"with_residual_field_not_a_cause": with_field}),
     }
-    return Document([*last, *attribution_blocks(course), *diagnosis_document(report).blocks], "lrm/course/1", values)
+    told = [*last, *attribution_blocks(course), *refused_blocks(course.confirmed)]
+    return Document([*told, *diagnosis_document(report).blocks], "lrm/course/1", values)
+
+
+def refused_blocks(confirmed: ConfirmedDiagnosis) -> Iterator[Block]:
+    """The effects that predict this session better, and were not added since the arm would get a worse model."""
+    rises = [
+        f"{name} ({in_mm(before)} → {in_mm(after)} mm)" for name, (before, after) in confirmed.worse_deployed.items()
+    ]
+    if rises:
+        yield f"Not added, because the deployed model would be worse (held-out RMS): {enumerate_words(rises, SHOWN)}"
 
 
 def attribution_blocks(course: AutoRun) -> Iterator[Block]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +14,7 @@ from lrm_ident.residual.deployment.session_moments import rows_as_deployed
 from lrm_math.arrays import Array
 from lrm_math.kinematics.poses import Poses
 from lrm_math.model.model import Model
+from lrm_math.model.session_state import StateAfterSession
 
 
 @dataclass(frozen=True)
@@ -23,15 +24,18 @@ class DeployedError:
     Attributes:
         now: at the poses where the state that is deployed held (`rows_as_deployed`).
         otherwise: at the others, such as of a colder arm; None where the state held at all.
+        state: what the deployed model keeps of its session; None: nothing.
     """
 
     now: ErrorStats
     otherwise: ErrorStats | None = None
+    state: StateAfterSession | None = None
 
     @classmethod
     def of(cls, model: Model, poses: Poses, blocks: Sequence[HeldOutBlock]) -> DeployedError:
         """The error of a model that was cross-validated at these poses."""
-        return cls.of_residual(deployed_residual(blocks), rows_as_deployed(model, poses))
+        error = cls.of_residual(deployed_residual(blocks), rows_as_deployed(model, poses))
+        return replace(error, state=model.state)
 
     @classmethod
     def of_residual(cls, residual: Array, rows: NDArray[np.int64]) -> DeployedError:

@@ -11,11 +11,12 @@ from numpy.typing import NDArray
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.fitting.levenberg_marquardt import Fit, fit
 from lrm_ident.residual.better_prediction import vuong_z
+from lrm_ident.residual.data_audit import joints_of_order
 from lrm_ident.residual.thresholds import ONE_DEVIATION
 from lrm_math.arrays import Array
 from lrm_math.errors import LrmError
 from lrm_math.kinematics.poses import Poses
-from lrm_math.model.deployed_model import as_deployed, named_part
+from lrm_math.model.deployed_model import as_deployed
 from lrm_math.model.equilibrium import Equilibrium, solve_equilibrium
 from lrm_math.model.model import Model
 from lrm_math.model.session_state import Moment
@@ -33,8 +34,9 @@ def with_chosen_moments(fitted: Fit, data: Measurements) -> Fit:
     """The fit, with the moment of each session effect's state chosen: the mean, or of a law the end.
 
     The last tenth of the poses in order is predicted, as deployed, by a fit to those before. A law is deployed with its
-    end where that predicts better than its mean by more than a standard error. Free curves, poses without an order, and
-    few poses are deployed with the mean: an order that follows a joint would make an end of the joint's range of it.
+    end where that predicts better than its mean by more than a standard error. Free curves, poses without an order or
+    whose order follows a joint, and few poses are deployed with the mean: an end of the order that is the end of a
+    joint's range tells nothing of what follows.
     """
     model = fitted.model
     laws = [effect.name for effect in passing_effects(model) if not effect.variant_of]
@@ -42,20 +44,21 @@ def with_chosen_moments(fitted: Fit, data: Measurements) -> Fit:
         return fitted
     moments: dict[str, Moment] = dict.fromkeys(laws, "mean")
     cut = len(data) - round(LAST_SHARE * len(data))
-    if data.poses.number is not None and len(data) - cut >= FEWEST:
+    ordered = data.poses.number is not None and not joints_of_order(data.poses.q)
+    if ordered and len(data) - cut >= FEWEST:
         rows = np.arange(len(data))
-        moments |= _surely_last(model, data.take(rows[:cut]), data.take(rows[cut:]), moments)
+        moments |= _surely_last(fitted, data.take(rows[:cut]), data.take(rows[cut:]), moments)
     found = model.with_state(state_after_session(fitted.equilibrium, moments))
     return replace(fitted, model=found, equilibrium=replace(fitted.equilibrium, model=found))
 
 
 def _surely_last(
-    model: Model, before: Measurements, after: Measurements, means: Mapping[str, Moment]
+    fitted: Fit, before: Measurements, after: Measurements, means: Mapping[str, Moment]
 ) -> dict[str, Moment]:
     """The effects whose end predicts later measurements surely better than their mean, chosen one by one; none where
     the earlier ones cannot be fitted alone."""
     try:
-        earlier = fit(named_part(model), before).equilibrium
+        earlier = fit(fitted.model, before, loss=fitted.loss, prior=fitted.stated).equilibrium
         chosen, least = dict(means), _squares(earlier, after, means)
         for name in means:
             other: dict[str, Moment] = chosen | {name: "last"}

@@ -95,3 +95,27 @@ def test_a_column_that_is_taken_already_explains_nothing_more(seed: int) -> None
     T = linear.project(rng.normal(size=(3 * POSES, 2)) * 100.0)
     fit = linear.beside(T)
     assert fit.explain(T).rms == pytest.approx(fit.baseline.rms, rel=1e-6)
+
+
+@settings(max_examples=20, deadline=None)
+@given(taken=st.integers(0, 3), tried=st.integers(1, 4), known=st.integers(1, 5), seed=st.integers(0, 10**6))
+def test_a_prior_is_measurements_that_every_fold_has(taken: int, tried: int, known: int, seed: int) -> None:
+    """Rows of the prior are trained on in all folds, predicted in none, and no further column reaches them."""
+    rng = np.random.default_rng(seed)
+    A, r, B, s = (rng.normal(size=size) for size in ((3 * POSES, 5), 3 * POSES, (known, 5), known))
+    folds = [np.asarray(part) for part in np.array_split(rng.permutation(POSES), 5)]
+    linear = linearise(A, r, folds, SIGMA, (B, s))
+    whole, residual = np.concatenate([A, B]), linear.residual
+    inside, C = (np.concatenate([rng.normal(size=(3 * POSES, m)), np.zeros((known, m))]) for m in (taken, tried))
+    fit = linear.beside(linear.project(inside[: 3 * POSES])) if taken else linear
+    found = fit.explain(fit.project(C[: 3 * POSES]))
+    both, every = np.concatenate([inside, C], axis=1), np.arange(len(whole))
+    left = ridge(whole, both, residual, every)
+    assert found.in_sample == pytest.approx(float(left @ left), rel=1e-9)
+    assert fit.residual_squares([C[: 3 * POSES]])[0] == pytest.approx(found.in_sample, rel=1e-9)
+    squares = np.empty(POSES)
+    for poses in folds:
+        rows = np.setdiff1d(every, (3 * poses[:, None] + np.arange(3)).reshape(-1))
+        squares[poses] = (ridge(whole, both, residual, rows)[: 3 * POSES].reshape(-1, 3) ** 2).sum(axis=1)[poses]
+    near = squares <= np.maximum(squared_outlier_distance(squares), fit.baseline.held_out)
+    np.testing.assert_allclose(found.held_out[near], squares[near], rtol=1e-9)

@@ -299,16 +299,3 @@ def test_the_identifiable_part_does_better_on_held_out_real_poses(real: Measurem
     default = fit_identifiable(model, real, model.keys).fit
     before, after = (error_stats(cross_validated_residual(found.model, real)).rms for found in (option1, default))
     assert after < 0.8 * before
-
-
-def test_an_effect_that_no_pose_shows_is_refused_before_it_is_fitted(lab: Arm) -> None:
-    """A gain of a joint that stands at zero in every pose."""
-    rng = np.random.default_rng(0)
-    poses = poses_of(rng.uniform(-1.0, 1.0, (60, lab.dof)) * (np.arange(lab.dof) != 3), rng.choice([0.0, 0.07], 60))
-    model = model_of(lab, (*base_model(lab).effects, *effects_at(lab, "servo_gain@joint4")))
-    data = measured(poses, solve_equilibrium(model, poses).tcp + rng.normal(0.0, 3e-4, (60, 3)))
-    keys = [key for key, parameter in zip(model.keys, model.parameters, strict=True) if parameter.fixed is None]
-    gain = [key for key in keys if key.startswith("servo_gain")]
-    assert not {*gain} & {*fit_identifiable(model, data, keys).fit.model.free}
-    with pytest.raises(LrmError, match="servo_gain@joint4: these poses cannot tell it"):
-        fit_identifiable(model, data, keys, required=gain)

@@ -51,7 +51,7 @@ def test_a_fit_of_many_poses_creeps_on_a_part_of_them_only(monkeypatch: pytest.M
 
     monkeypatch.setattr(objective, "compress", counted)
     found = fit_model(nominal_model(load_arm("two-joint")), data, "identifiable", SQUARED).fit
-    held_out_blocks(found.model, data, prior=found.weak_prior)
+    held_out_blocks(found.model, data, prior=found.stated)
     assert sum(count > MAX_SUBSAMPLE for count in counts) <= MOST_STEPS
 
 

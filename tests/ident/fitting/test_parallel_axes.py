@@ -15,7 +15,7 @@ from lrm_ident.data.error_stats import error_stats
 from lrm_ident.data.measurement_file.load import load_measurements
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.fitting.cross_validation import cross_validated_residual
-from lrm_ident.fitting.levenberg_marquardt import fit
+from lrm_ident.fitting.identifiability import fit_identifiable
 from lrm_ident.fitting.loss import SQUARED
 from lrm_ident.fitting.model_fit import fit_model, nominal_model
 from lrm_math.arm.arm import Arm, Body, Joint, Placement
@@ -99,7 +99,7 @@ def wrist_arm(target: float) -> Arm:
 @pytest.mark.slow
 @settings(max_examples=6, deadline=None)
 @given(st.floats(0.0, 0.02), st.integers(0, 99))
-def test_a_target_near_the_last_axis_is_an_offset_of_the_tool(distance: float, seed: int) -> None:
+def test_a_target_near_the_last_axis_is_fitted_to_the_noise(distance: float, seed: int) -> None:
     drawn, rng = wrist_arm(distance), np.random.default_rng(seed)
     x, y, z = rng.normal(0, 0.003, 3).tolist()
     q = rng.uniform(-1.6, 1.6, (80, 6))
@@ -107,22 +107,18 @@ def test_a_target_near_the_last_axis_is_an_offset_of_the_tool(distance: float, s
     turned = {i: rotation(0, rng.normal(0, 0.01)) @ rotation(2, rng.normal(0, 0.01)) for i in range(5)}
     data = measured(drawn, q, independent_tcp(true, q, turned) + rng.normal(0, NOISE, (80, 3)))
     result = fit_model(nominal_model(drawn), data, "identifiable", SQUARED).fit
-    assert not result.damped
-    assert {"offsets.tool.x_mm", "offsets.tool.y_mm"} <= set(result.model.free)
-    assert "offsets.joint6.theta_rad" not in result.model.free
     assert result.sigma < 1.3 * NOISE
 
 
 @pytest.mark.slow
-def test_where_least_squares_stall_weak_priors_help_and_say_so() -> None:
+def test_where_least_squares_stall_typical_sizes_help() -> None:
     drawn, rng = wrist_arm(0.0005), np.random.default_rng(0)
     q = rng.uniform(-1.6, 1.6, (80, 6))
     true = replace(drawn, tool=Placement(x=0.003, y=-0.002, z=0.052))
     data = measured(drawn, q, independent_tcp(true, q, {}) + rng.normal(0, NOISE, (80, 3)))
     heavy = replace(drawn, bodies=tuple(Body(f"link {i}", 4.0 / i, (0.01, 0.05, 0.02), i, i) for i in range(1, 7)))
     model = nominal_model(heavy)
-    found = fit(replace(model, free=model.keys), data)  # many of them dependent
-    assert found.damped
+    found = fit_identifiable(model, data, model.keys).fit  # many of them dependent
     assert error_stats(found.residual).rms < 1.2 * math.sqrt(3) * NOISE
 
 

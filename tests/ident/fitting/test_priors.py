@@ -286,13 +286,14 @@ def test_a_wrong_prior_is_one_line(tmp_path: Path, fault: str) -> None:
 def test_the_commands_know_the_prior(tmp_path: Path) -> None:
     model, data = tmp_path / "map.toml", part_of_example(tmp_path, 90)
     said = stdout_of("fit", data, "--prior", "printed", "-o", model, "--json", tmp_path / "fit.json")
-    assert "elimination" in said
+    assert "With the prior, and with typical sizes" in said
     tables = json.loads((tmp_path / "fit.json").read_text())
     assert tables["parameters"] == len(tables["prior"]["parameters"]) == 45
     assert tables["prior"]["parameters_decided_by_data"] < 45
     covariance = load_covariance(model)
     assert covariance is not None
     assert len(covariance.keys) > 40
+    assert tables["prior"]["typical_sizes"]["parameters"] == 45
     assert 'prior = "printed"' in model.read_text()
     stdout_of("compare", model, data, "--json", tmp_path / "compare.json")
     error = json.loads((tmp_path / "compare.json").read_text())["error"]
@@ -302,12 +303,14 @@ def test_the_commands_know_the_prior(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_poses_too_few_for_elimination_are_enough_for_a_prior(tmp_path: Path) -> None:
+def test_twenty_poses_are_enough_for_typical_sizes(tmp_path: Path) -> None:
     data = part_of_example(tmp_path, 20)
-    stderr_of("fit", data, "-o", tmp_path / "none.toml")
-    said = stdout_of("fit", data, "--prior", "printed", "-o", tmp_path / "map.toml", "--json", tmp_path / "fit.json")
-    assert "there is none: 20 distinct poses" in " ".join(said.split())
-    assert "20 distinct poses" in json.loads((tmp_path / "fit.json").read_text())["prior"]["elimination"]["reason"]
+    stdout_of("fit", data, "-o", tmp_path / "map.toml", "--json", tmp_path / "fit.json")
+    tables = json.loads((tmp_path / "fit.json").read_text())
+    assert (tables["parameters"], tables["prior"]) == (45, "typical")
+    told = [one["told_by_data"] for one in tables["estimates"].values() if one["told_by_data"] is not None]
+    assert min(told) < 0.1 < 0.9 < max(told)
+    assert 'prior = "typical"' in (tmp_path / "map.toml").read_text()
     assert load_covariance(tmp_path / "map.toml") is not None
 
 

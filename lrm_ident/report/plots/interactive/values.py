@@ -124,6 +124,7 @@ def _entry(found: ModelReport, number: int) -> dict[str, Any]:
         "title": step_title(entry.step),
         "fit": entry.fit_rms_mm,
         "held": entry.held_out_rms_mm,
+        "deployed": entry.deployed_rms_mm,
         "data": data_of(entry),
         "here": of_data(entry, found.poses.sha256),
         "rms": step.error.rms * 1e3,

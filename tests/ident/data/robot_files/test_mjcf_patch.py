@@ -78,6 +78,7 @@ def at_rest(path: Path, q: Array, side: float = 0.0) -> Array:
     [
         ("offsets", "compliance", "lateral_compliance@link2", "base_compliance"),
         ("offsets", "compliance", "backlash@joint3", "mass@link4"),
+        ("compliance", "gravity"),
     ],
 )
 def test_mujoco_comes_to_rest_where_our_equilibrium_is(
@@ -171,3 +172,23 @@ def test_variants_spread_as_the_covariance_says(own: Path, tmp_path: Path) -> No
     assert 0.5 * sd < np.std(turns) + np.mean(turns) < 4.0 * sd
     assert min(gains) > 0.0
     assert "covariance" in stderr_of("arm", "export", "so101", "--draws", "2", "-o", tmp_path / "x.xml")
+
+
+def test_gravity_goes_in_and_out_in_the_frame_of_the_arms_own_base(own: Path, tmp_path: Path) -> None:
+    """A robot that hangs on a wall in its file; the arm begins at its base, whose gravity is then sideways."""
+    own.write_text(own.read_text().replace('<body name="base_link">', '<body name="base_link" euler="0 1.5708 0">'))
+    robot = read_mjcf(own).robot
+    arm = import_arm(robot, "base_link", "tcp").arm
+    np.testing.assert_allclose(arm.gravity, (9.81, 0.0, 0.0), atol=1e-4)
+    assert import_arm(robot, tip="tcp").arm.gravity == (0.0, 0.0, -9.81)
+    leaning = model_of(arm, effects_at(arm, "gravity"), {"gravity.base.y_rad": 0.1})
+    out = tmp_path / "patched.xml"
+    out.write_text(patched_mjcf(leaning, read_mjcf(own), out, "base_link", "tcp").text)
+    again = import_arm(read_mjcf(out).robot, "base_link", "tcp").arm
+    np.testing.assert_allclose(again.gravity, leaning.constant_gravity, atol=2e-5)  # MuJoCo writes six digits
+    assert abs(again.gravity[2]) > 0.9
+
+
+def test_a_file_without_gravity_is_said(own: Path) -> None:
+    own.write_text(own.read_text().replace('gravity="0.0 0.0 -9.81"', 'gravity="0 0 0"'))
+    assert any("no gravity" in notice for notice in import_arm(read_mjcf(own).robot, tip="tcp").notices)

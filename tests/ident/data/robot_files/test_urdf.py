@@ -239,3 +239,45 @@ def test_commands(so101_urdf: Path, tmp_path: Path) -> None:
     stdout_of("arm", "new", "-o", new)
     assert "6 joints" in stdout_of("arm", "show", new)
     assert "would overwrite" in stderr_of("arm", "new", "-o", new)
+
+
+def on_the_wall(seed: int) -> str:
+    """A robot whose root `world` holds the base of an arm sideways, by a bracket that turns further."""
+    arm = random_robot(seed, 4, False).removeprefix('<robot name="any">').removesuffix("</robot>")
+    rng = np.random.default_rng(seed)
+    held = _joint("wall", "fixed", "world", "bracket", rng, rng.uniform(-math.pi, math.pi, 3))
+    pan = _joint("mount", "fixed", "bracket", "base", rng, rng.uniform(-math.pi, math.pi, 3))
+    return f'<robot name="any"><link name="world"/><link name="bracket"/>{held}{pan}{arm}</robot>'
+
+
+@given(st.integers(0, 200))
+def test_gravity_follows_the_link_that_the_arm_begins_at(seed: int) -> None:
+    """Loads on the joints do not depend on which link the arm's frame is; gravity in it does, and that is said."""
+    robot = parse_urdf(Path("wall.urdf"), on_the_wall(seed))
+    whole, arm = import_arm(robot, tip="tip"), import_arm(robot, "base", "tip")
+    assert whole.arm.gravity == (0.0, 0.0, -9.81)
+    assert np.linalg.norm(arm.arm.gravity) == pytest.approx(9.81)
+    assert any("as the file mounts it" in notice for notice in arm.notices)
+    assert not any("as the file mounts it" in notice for notice in whole.notices)
+    poses = poses_of(np.random.default_rng(seed).uniform(-1.0, 1.0, (5, arm.arm.dof)))
+    in_world, in_base = (solve_equilibrium(model_of(one.arm, ()), poses) for one in (whole, arm))
+    np.testing.assert_allclose(in_base.joint_torque, in_world.joint_torque, atol=1e-9)
+    stands = robot.standing("base")
+    np.testing.assert_allclose(in_base.tcp @ stands[:3, :3].T + stands[:3, 3], in_world.tcp, atol=1e-9)
+
+
+@pytest.mark.parametrize("gravity", [(9.81, 0.0, 0.0), (0.0, 0.0, 9.81), (1.2, -3.0, -9.0)])
+def test_an_export_without_a_robot_of_its_own_is_mounted_as_the_arm_is(
+    gravity: tuple[float, float, float], tmp_path: Path
+) -> None:
+    """What is read back has the same loads on its joints; an upright arm's file needs no world."""
+    arm = replace(load_arm("so101"), gravity=gravity)
+    (tmp_path / "arm.toml").write_text(arm_text(arm, source="test"))
+    stdout_of("arm", "export", tmp_path / "arm.toml", "-o", tmp_path / "out.urdf")
+    robot = read_urdf(tmp_path / "out.urdf")
+    assert robot.root == "world"
+    again, size = import_arm(robot, "base_link").arm, np.linalg.norm(gravity)
+    np.testing.assert_allclose(np.array(again.gravity) / 9.81, np.array(gravity) / size, atol=1e-12)
+    assert import_arm(robot).arm.gravity == (0.0, 0.0, -9.81)
+    stdout_of("arm", "export", "so101", "-o", tmp_path / "upright.urdf")
+    assert read_urdf(tmp_path / "upright.urdf").root == "base_link"

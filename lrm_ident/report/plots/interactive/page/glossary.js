@@ -4,6 +4,7 @@ const lrmGlossary = (() => {
   const WORDS = {
     "held-out": "of poses that the fit has not seen: ten parts of the data, each predicted by a fit to the other nine",
     "held out": "of poses that the fit has not seen: ten parts of the data, each predicted by a fit to the other nine",
+    "as deployed": "of the model that the arm gets: without the effects of the measurement session and of the tracker, whose last state stays in the offsets",
     "RMS": "root mean square: the typical size of the error, in which large errors count more",
     "noise floor": "the error that the measurement itself makes; no model can be better",
     "Moran's I": "likeness of neighbours: 0 if the errors of neighbouring poses have nothing in common, 1 if they are the same",

@@ -19,8 +19,14 @@ function lrmSteps(page) {
     const kind = card && card.held_out ? "held-out RMS" : number ? "RMS on these data" : `RMS from nominal to fitted${held}`;
     const figure = element("span", `${words(Number(from))} → ${inMm(to)}`, "lrm-fall-figure");
     box.replaceChildren(element("span", what + ": ", "lrm-fall-what"), figure, " ",
-      element("span", [kind, floorWords()].filter(Boolean).join(", "), "lrm-soft"));
+      element("span", [kind, deployedWords(number), floorWords()].filter(Boolean).join(", "), "lrm-soft"));
     lrmGlossary(box);
+  }
+
+  // What the arm gets of a step: its held-out error without what no rover can know.
+  function deployedWords(number) {
+    const entry = state.values.history[number];
+    return entry && entry.here && entry.deployed !== null ? `as deployed ${inMm(entry.deployed)}` : "";
   }
 
   // Held-out error (mm) of a step, by default the last one, on the open data; null if it is not known.
@@ -63,6 +69,7 @@ function lrmSteps(page) {
     const here = (key) => h.map((one) => (one.here ? one[key] : null));
     const traces = [line("fit", here("fit"), "solid", "circle", colour("model")),
       line("held out", here("held"), "dash", "diamond", colour("held"))];
+    if (h.some((one) => one.here && one.deployed !== null)) traces.push(line("as deployed, held out", here("deployed"), "dot", "square", colour("ink")));
     if (other) {
       traces.push({ ...line("fitted to other data, error on these", h.map((one) => (one.here ? null : one.rms)), "solid",
         "circle-open", colour("soft")), mode: "markers" });
@@ -75,7 +82,7 @@ function lrmSteps(page) {
     const floor = v.floor !== null ? v.floor : v.bound;
     const shapes = floor === null ? [] : [{ type: "line", xref: "paper", x0: 0, x1: 1, y0: floor, y1: floor, name: floorWords(),
       showlegend: true, line: { dash: "dot", color: colour("ink") } }];
-    const most = Math.max(...h.map((one) => (one.here ? Math.max(one.fit, one.held || 0) : one.rms)));
+    const most = Math.max(...h.map((one) => (one.here ? Math.max(one.fit, one.held || 0, one.deployed || 0) : one.rms)));
     const box = place("history"), wide = Math.min(box ? box.clientWidth : PAPER_PX, PAPER_PX), fits = Math.floor(wide / 7 / h.length) - 2; // letters
     if (box) watchWidth(box, showStep);
     const short = (name) => name.length > fits ? name.slice(0, fits - 1) + "…" : name;

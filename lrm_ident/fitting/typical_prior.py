@@ -1,0 +1,81 @@
+"""The prior that every fit has by default: each parameter is about as large as the size that is declared beside it.
+
+Offsets and compliances have a Gaussian of one typical size, the position and the attitude of the base a wide one. A
+parameter of a further effect has a Cauchy distribution of three typical sizes, whose heavy tails let a large effect be
+as large as the data say, while a Gaussian would hide it (Gelman et al. 2008). It is the mode of the posterior that is
+fitted, by iterative reweighting: the Cauchy distribution is replaced by the Gaussian of equal slope at the estimate
+(Holland & Welsch 1977). The coefficients of free forms have their penalties instead (`smoothness`), the place of the
+measuring instrument has none.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from lrm_ident.fitting.priors import SET_UP, Prior, load_prior
+from lrm_math.arrays import Array
+from lrm_math.effects import CATALOGUE, Effect, split_key
+from lrm_math.model.model import Model
+from lrm_math.model.model_file import ModelFile
+
+TYPICAL = "typical"
+"""Name of the prior, as in a model file."""
+DIMENSIONS = ("offsets", "compliance")
+"""Effects that every arm has: their parameters' prior is Gaussian."""
+EFFECT_SIZES = 3.0
+"""Typical sizes, half the width at half the height of an effect's Cauchy distribution."""
+FLAT = 100.0
+"""Where an effect's parameter is zero, its prior is so many times wider at first."""
+BASE_SD = {"mm": 0.05, "rad": 0.2}
+"""m, rad: how well it is known where an arm's base stands in the tracker's frame."""
+
+
+@dataclass(frozen=True, eq=False)
+class TypicalPrior(Prior):
+    """The default prior. `tail`: (P,), half width of the Cauchy distributions, SI; zero where it is Gaussian."""
+
+    tail: Array
+
+    @property
+    def heavy_tailed(self) -> bool:
+        """Whether some parameter's prior is no Gaussian."""
+        return bool(self.tail.any())
+
+    def reweighted(self, model: Model) -> TypicalPrior:
+        """The prior with the Gaussians that have the slope of its Cauchy distributions at the values of a model."""
+        value = np.array([model.value(key) for key in self.keys])
+        variance = np.where(self.tail > 0.0, 0.5 * (self.tail**2 + value**2), np.diag(self.covariance))
+        return replace(self, covariance=np.diag(variance))
+
+
+def typical_prior(model: Model) -> TypicalPrior:
+    """The default prior of a model's free parameters, as it is at the start of a fit."""
+    forms = {key for effect in model.effects if effect.variant_of for key in effect.keys}
+    keys = tuple(
+        key
+        for key in model.free
+        if key not in forms and not key.startswith(SET_UP) and model.parameter(key).fixed is None
+    )
+    size = np.array([_size(model, key) for key in keys])
+    tailed = np.array([split_key(key)[0] not in DIMENSIONS for key in keys], dtype=np.bool_)
+    tail = np.where(tailed, EFFECT_SIZES * size, 0.0)
+    value = np.array([model.value(key) for key in keys])
+    first = np.where(value == 0.0, FLAT * tail, np.sqrt(0.5 * (tail**2 + value**2)))
+    sd = np.where(tailed, first, size)
+    return TypicalPrior(TYPICAL, keys, np.zeros(len(keys)), np.diag(sd**2), tail)
+
+
+def _size(model: Model, key: str) -> float:
+    """Typical size of a parameter (SI); wide for where the base stands."""
+    parameter = model.parameter(key)
+    return BASE_SD[parameter.unit] if key.startswith("offsets.base.") else parameter.typical
+
+
+def prior_of_file(file: ModelFile, model: Model, catalogue: tuple[type[Effect], ...] = CATALOGUE) -> Prior | None:
+    """The prior that a model file was fitted with, or None. Raises `FileError`."""
+    name = None if file.provenance is None else file.provenance.prior
+    if name is None:
+        return None
+    return typical_prior(model) if name == TYPICAL else load_prior(name, model, catalogue)

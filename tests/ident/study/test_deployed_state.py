@@ -1,0 +1,118 @@
+"""The state that a session's effects leave behind: chosen from the data, shown in errors, in every file that leaves."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from lrm_ident.data.measurements import Measurements
+from lrm_ident.data.robot_files.mjcf import mjcf
+from lrm_ident.residual.deployment.session_moments import rows_as_deployed
+from lrm_ident.study.study import Study
+from lrm_math.arm.arm_file import load_arm
+from lrm_math.effects import effects_at
+from lrm_math.kinematics.poses import poses_of
+from lrm_math.model.deployed_model import as_deployed
+from lrm_math.model.equilibrium import solve_equilibrium
+from lrm_math.model.model import Model, model_of
+from lrm_math.model.model_file import load_model
+from tests.support.commands import stdout_of
+
+ARM, COUNT, NOISE = "two-joint", 120, 1e-4
+DRIFT, SESSION = "drift@joint1", "session@joint1"
+
+
+def world(values: dict[str, float]) -> Model:
+    """The arm as it truly is."""
+    arm = load_arm(ARM)
+    names = ("offsets@joint1", "compliance@joint2", DRIFT, SESSION)
+    return model_of(arm, [effects_at(arm, name)[0] for name in names], values)
+
+
+def measured(values: dict[str, float], *, numbered: bool = True) -> Measurements:
+    """Measurements of a world in random order over five hours, the last two thirds in a second session."""
+    rng, arm = np.random.default_rng(3), load_arm(ARM)
+    plain = poses_of(rng.uniform(-1.2, 1.2, (COUNT, arm.dof)))
+    pose, time = np.arange(1, COUNT + 1), 150.0 * np.arange(COUNT)
+    session = 1.0 + (pose > COUNT // 3)
+    poses = replace(plain, number=pose, t=time, session=session, running=time)
+    tcp = solve_equilibrium(world(values), poses).tcp + rng.normal(0.0, NOISE, (COUNT, 3))
+    known = poses if numbered else replace(poses, number=None)
+    return Measurements(known, pose, tcp, None, None, pose, Path("data.csv"), "0" * 64, arm=arm, arm_name=ARM)
+
+
+def fitted(data: Measurements, *names: str) -> Study:
+    """The study of these data with effects of a session."""
+    effects = ("offsets@joint1", "compliance@joint2", *names)
+    keys = [key for name in effects for key in effects_at(load_arm(ARM), name)[0].keys if "extra_z" not in key]
+    wanted = [key for key in keys if not key.endswith(("_per_K", "T_s")) and "alpha" not in key and "step3" not in key]
+    wanted = [key for key in wanted if not key.endswith(("step4_rad", "step5_rad", "step6_rad", ".d_mm", ".a_mm"))]
+    return Study.of(data, effects).fit(wanted)
+
+
+@pytest.mark.parametrize(("name", "size"), [("drift.joint1.A_rad", 0.05), ("session.joint1.step2_rad", 0.04)])
+def test_the_deployed_arm_is_the_one_at_the_end(name: str, size: float) -> None:
+    """At new poses of the world that goes on, the deployed model is as good as the fit in its session was."""
+    effect = DRIFT if name.startswith("drift") else SESSION
+    study = fitted(measured({name: size}), effect)
+    assert study.model.state is not None
+    assert study.model.state.moments == {effect: "last"}
+    end = {"offsets.joint1.theta_rad": size * (1.0 - np.exp(-150.0 * COUNT / 1800.0)) if effect == DRIFT else size}
+    new = poses_of(np.random.default_rng(9).uniform(-1.2, 1.2, (50, 2)))
+    goes_on = solve_equilibrium(world(end), new).tcp
+    off = np.linalg.norm(solve_equilibrium(as_deployed(study.model), new).tcp - goes_on, axis=1)
+    assert off.max() < 5.0 * NOISE, "the cold arm, or the first session, would be millimetres off"
+
+
+def test_both_errors_are_shown_and_apart() -> None:
+    """Warm the deployed model is at the noise; over the poses of the cold arm it is not, and that is said."""
+    study = fitted(measured({"drift.joint1.A_rad": 0.05}), DRIFT)
+    deployed = study.held_out.deployed
+    assert deployed is not None
+    assert deployed.otherwise is not None
+    assert study.held_out.error is not None
+    assert deployed.now.rms < 3.0 * study.held_out.error.rms
+    assert deployed.otherwise.rms > 5.0 * deployed.now.rms
+    entry = study.file.history[-1]
+    assert entry.deployed_rms_mm == pytest.approx(1e3 * deployed.now.rms)
+
+
+def test_without_an_order_the_mean_is_deployed() -> None:
+    """Nobody knows which pose was the last; every pose is then one of its state."""
+    data = measured({"session.joint1.step2_rad": 0.04}, numbered=False)
+    study = fitted(data, SESSION)
+    assert study.model.state is not None
+    assert study.model.state.moments == {SESSION: "mean"}
+    assert study.model.state.offsets["offsets.joint1.theta_rad"] == pytest.approx(0.04 * 2 / 3, abs=1e-3)
+    assert len(rows_as_deployed(study.model, data.poses)) == COUNT
+
+
+def test_a_model_of_lasting_effects_has_one_error() -> None:
+    """In the session and as deployed it is the same, pose by pose."""
+    study = fitted(measured({}))
+    assert study.held_out.deployed is not None
+    assert study.held_out.error is not None
+    assert study.held_out.deployed.otherwise is None
+    assert study.held_out.deployed.now.rms == study.held_out.error.rms
+
+
+def test_the_state_is_in_every_file_that_leaves(tmp_path: Path) -> None:
+    """A prediction at other poses and an exported robot file have the zero of the warm arm."""
+    data = measured({"drift.joint1.A_rad": 0.05})
+    study = fitted(data, DRIFT)
+    model, poses, out = tmp_path / "model.toml", tmp_path / "poses.csv", tmp_path / "out.csv"
+    study.save(model)
+    deployed = as_deployed(load_model(model))
+    poses.write_text("pose,q1_deg,q2_deg\n1,10,20\n2,-30,40\n")
+    stdout_of("predict", str(model), str(poses), "-o", str(out))
+    x = np.loadtxt(out, delimiter=",", skiprows=1)
+    q = poses_of(np.radians([[10.0, 20.0], [-30.0, 40.0]]))
+    np.testing.assert_allclose(x[:, 3:6] * 1e-3, solve_equilibrium(deployed, q).tcp, atol=1e-8)
+    exported = tmp_path / "arm.xml"
+    said = stdout_of("arm", "export", str(model), "-o", str(exported))
+    assert DRIFT in said
+    assert exported.read_text() == mjcf(deployed).text
+    assert exported.read_text() != mjcf(replace(deployed, values=0.0 * deployed.values)).text

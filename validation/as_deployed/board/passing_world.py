@@ -1,0 +1,101 @@
+"""Worlds of the loop: as they are while measuring, afterwards, and with all causes known."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+
+from examples.demo.simulated_tracker import BASE_IN_ROOM, TOOL, frames
+from lrm_ident.measuring.tracker.frames import TargetPose, TrackerFrame
+from lrm_math.arrays import Array
+from validation.as_deployed.leaning import Lean
+from validation.synthetic import (
+    ArmDescription,
+    GroundTruth,
+    JointSlip,
+    WarmUp,
+    base_displacement_to_deviations,
+    load_arm,
+)
+from validation.synthetic.example import ARM_FILE
+from validation.synthetic.screws import rotation_matrix
+
+DRIFT_DEG, WARMS_S = (0.5, 1.0), 80.0
+TILT_DEG = 4
+PUSH_M, PUSH_DEG, PUSHED_AT_S = 0.003, 0.3, 240.0
+
+
+@dataclass(frozen=True)
+class PassingWorld:
+    """Arm of a seed with random errors, whose joint 2, 3 or 4 drifts, on a base that leans, seen by a tracker.
+
+    The tracker's base target is pushed while measuring. All by the board's clock (s).
+    """
+
+    seed: int
+
+    @cached_property
+    def _drawn(self) -> np.random.Generator:
+        return np.random.default_rng([self.seed, 56])
+
+    @cached_property
+    def _sizes(self) -> tuple[int, float, int, Array, Array]:
+        rng = self._drawn
+        joint, drift = int(rng.integers(2, 5)), math.radians(rng.uniform(*DRIFT_DEG)) * rng.choice([-1, 1])
+        tilt = TILT_DEG * int(rng.choice([-1, 1]))
+        turn = np.radians(rng.uniform(-PUSH_DEG, PUSH_DEG, 3))
+        return joint, float(drift), tilt, turn, rng.uniform(-PUSH_M, PUSH_M, 3)
+
+    @property
+    def hidden(self) -> str:
+        """The causes."""
+        joint, drift, tilt, *_ = self._sizes
+        return f"drift@joint{joint} {math.degrees(drift):.1f}°, pushed base target, gravity {tilt}° about {self._axis}"
+
+    def measuring(self, board: Path) -> Iterator[TrackerFrame]:
+        """Frames while it warms up and is pushed."""
+        joint, drift, *_ = self._sizes
+        effect = WarmUp(joint, drift, WARMS_S)
+        for frame in frames(board, self._leaning, self._truth(effect), self.seed):
+            yield self._pushed(frame) if frame.t >= PUSHED_AT_S else frame
+
+    def afterwards(self, board: Path) -> Iterator[TrackerFrame]:
+        """Frames of the world that goes on: warm, pushed, leaning."""
+        return map(self._pushed, frames(board, self._leaning, self._truth(self._warm), self.seed))
+
+    def known(self, board: Path) -> Iterator[TrackerFrame]:
+        """The same on a level base: nothing passes while it is measured, so that a plain fit has all causes."""
+        return map(self._pushed, frames(board, load_arm(ARM_FILE), self._truth(self._warm), self.seed))
+
+    @property
+    def _axis(self) -> str:
+        return "xy"[self.seed % 2]
+
+    @property
+    def _leaning(self) -> ArmDescription:
+        return Lean(self._axis, self._sizes[2], 0).tilted(load_arm(ARM_FILE))
+
+    @property
+    def _warm(self) -> JointSlip:
+        joint, drift, *_ = self._sizes
+        return JointSlip(joint, drift, -math.inf)
+
+    def _truth(self, effect: WarmUp | JointSlip) -> GroundTruth:
+        arm = load_arm(ARM_FILE)
+        return base_displacement_to_deviations(arm, GroundTruth.random(arm, self.seed, (effect,)))
+
+    def _pushed(self, frame: TrackerFrame) -> TrackerFrame:
+        """A frame whose tool stands elsewhere relative to the base target."""
+        if TOOL not in frame.targets:
+            return frame
+        *_, turn, shift = self._sizes
+        seen, base = frame.targets[TOOL], BASE_IN_ROOM
+        tip = base.rotation.T @ (seen.position - base.position)
+        moved = rotation_matrix(tuple(turn)) @ tip + shift
+        targets = {**frame.targets, TOOL: TargetPose(base.position + base.rotation @ moved, seen.rotation)}
+        return replace(frame, targets=targets)

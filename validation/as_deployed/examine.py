@@ -1,0 +1,32 @@
+"""The record of any case by its key."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from lrm_math.errors import LrmError
+from validation.as_deployed.absurd import said_by_auto
+from validation.as_deployed.board.loop import loop_record
+from validation.as_deployed.outcome import Record, examined
+from validation.as_deployed.real_arm import nested_record
+from validation.as_deployed.worlds import SimulatedCase, seed_of
+
+
+def examine(key: str, real: Path | None = None) -> tuple[str, Record]:
+    """The record of a case; `real`: folder of the real measurements. Never raises `LrmError`."""
+    part = key.partition("/")[0]
+    if part == "board":
+        return key, loop_record(seed_of(key))
+    if part == "real" and real is not None:
+        parameters, folding = key.split("/")[1].split(", ")
+        try:
+            return key, nested_record(real, parameters, folding)
+        except LrmError as problem:
+            return key, {"trouble": str(problem)}
+    case = SimulatedCase.of(key)
+    try:
+        run = case.record()
+    except RuntimeError as problem:  # the world itself has no equilibrium
+        return key, {"hidden": case.hidden, "trouble": f"world: {problem}"}
+    said = {"says": said_by_auto(run)} if part == "absurd" else {}
+    return key, {"hidden": case.hidden, **examined(run, floor=part == "lean"), **said}
