@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import Annotated, Literal
@@ -76,8 +76,8 @@ class Prior:
     keys: tuple[str, ...]
     mean: Array
     covariance: Array
-    noise: float | None = None
-    within: MeasuredRange | None = None
+    noise: float | None = field(default=None, kw_only=True)
+    within: MeasuredRange | None = field(default=None, kw_only=True)
 
     @property
     def heavy_tailed(self) -> bool:

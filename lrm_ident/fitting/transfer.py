@@ -57,7 +57,7 @@ class TransferredModel:
         keys, covariance = self.covariance
         wide = np.array([WEAK_SD if key in self.installed else 1.0 for key in keys])
         mean = np.array([self.model.value(key) for key in keys])
-        return Prior(NAME, keys, mean, covariance * np.outer(wide, wide), self.noise, self.model.within)
+        return Prior(NAME, keys, mean, covariance * np.outer(wide, wide), noise=self.noise, within=self.model.within)
 
     def informed(self, jacobian: Array) -> Covariance:
         """Covariance of a fit to poses with a Jacobian (N, 3, P), where the installation is as wrong as is typical.
