@@ -1,4 +1,4 @@
-"""Commands that fit, transfer, predict and compare, take a step back, and explain effects: none diagnoses."""
+"""Commands that fit, predict and compare, take a step back, and explain effects: those that diagnose nothing."""
 
 from __future__ import annotations
 
@@ -28,7 +28,6 @@ from lrm_ident.data.measurement_file.commanded_poses import perhaps_radians
 from lrm_ident.data.measurement_file.conventions import arm_for, metadata_of
 from lrm_ident.data.measurement_file.load import load_poses
 from lrm_ident.data.measurements import Measurements
-from lrm_ident.design.installation import expected_errors
 from lrm_ident.fitting.effect_plugins import Catalogue, catalogue_with
 from lrm_ident.fitting.loss import loss_named
 from lrm_ident.fitting.model_fit import DEFAULT_EFFECTS, nominal_model
@@ -38,13 +37,11 @@ from lrm_ident.report.effects import effect_blocks
 from lrm_ident.report.fit import comparison_document, fit_document
 from lrm_ident.report.plots.comparison import draw_comparison
 from lrm_ident.report.priors import PriorComparison
-from lrm_ident.report.transfer import transfer_document
 from lrm_ident.residual.error_breakdown import HeldOutResidual
 from lrm_ident.study.inputs import arm_from
 from lrm_ident.study.model_history import fit_words, undo_step, write_model
 from lrm_ident.study.other_data import model_for_data
 from lrm_ident.study.study import Study
-from lrm_ident.study.transfer import identified, read_transfer
 from lrm_math.arm.arm import Arm
 from lrm_math.effects import FIELDS, FREE_FORMS, OWN_EFFECT
 from lrm_math.errors import LrmError, UnknownName
@@ -185,53 +182,6 @@ def compare(
 
         write_bytes(mcap, scene_file(comparison, models_on_data(study)))
     publish(comparison_document(comparison), json, figure, partial(draw_comparison, comparison), show_all)
-
-
-@command
-def transfer(
-    model: arg.ModelPath,
-    few: Annotated[
-        Path | None,
-        Argument(metavar="FEW.csv", help="A few poses measured where the arm now stands; 6 of design --installation."),
-    ] = None,
-    to: Annotated[str, Option("--to", metavar="ARM", help="Where it goes: a shipped arm, or an arm file.")] = "",
-    output: Annotated[Path | None, Option("-o", "--output", metavar="MODEL", help="Where to write the model.")] = None,
-    noise_mm: Annotated[
-        float | None,
-        Option(min=0.001, help="Noise of FEW.csv per axis. Default: the error that the model left in its own data."),
-    ] = None,
-    json: arg.JsonFile = None,
-    effects_file: arg.EffectsFile = None,
-    reading: Reading = AS_NAMED,
-) -> None:
-    """Take an arm that was calibrated on a bench to where it works: to another base and tool, such as a rover's.
-
-    What is true of the arm goes along, with its standard errors: links, springs, play, gears. What was true of the
-    bench stays there: base, tool, gravity, tracker. A few poses measured at the new place tell those anew, with the
-    arm held by what is known of it. Without poses, base and tool are as the arm file says.
-
-    Prints the error of the tip that is expected with 0, 3, 6 and 12 poses.
-
-    \b
-      lrm-ident transfer lab.toml --to lrm-rover
-      lrm-ident design lrm-rover --model lab.toml --installation -o 6.csv
-      lrm-ident measure 6.csv -o few.csv
-      lrm-ident transfer lab.toml --to lrm-rover few.csv -o rover.toml
-      lrm deploy rover.toml
-    """
-    if not to:
-        raise LrmError("transfer: --to ARM is missing: the arm file of the place that the arm goes to")
-    catalogue = catalogue_with(effects_file)
-    found, notices = read_transfer(model, to, catalogue, None if noise_mm is None else noise_mm * 1e-3)
-    notice(*notices)
-    if few is not None:
-        found = identified(found, read_measurements(few, found.model.arm, to, reading))
-    with bars() as progress:
-        expected = expected_errors(found.start, progress=partial(progress, "choosing poses"))
-    if output:
-        found.save(output)
-    publish(transfer_document(found, expected), json)
-    show(f"Model written to {output}" if output else "Not saved; give -o MODEL to keep it.")
 
 
 @command
