@@ -186,7 +186,8 @@ def design(
     names = [name.strip() for name in (separate or "").split(",") if name.strip()]
     rules = ClearanceRules(apart_mm * MM, tip_mm * MM, None if floor_mm is None else floor_mm * MM)
     session = None if camera is None else read_toml(camera, CameraSession)
-    offer = _offer(the_arm, poses, levels, loads_g, rules, seed, session)
+    movable = the_arm if mounted is None else mounted.measured_arm
+    offer = _offer(movable, poses, levels, loads_g, rules, seed, session)
     kind = one_of("index", index.upper(), INDICES)
     if names and kind != "O1":
         raise LrmError("--separate raises determinants: it goes with --index O1 only")

@@ -55,5 +55,5 @@ def expected_errors(
 
 
 def _clear(start: TransferredModel) -> Poses:
-    arm = start.model.arm
+    arm = start.measured_arm
     return clear_poses(arm, parse_levels(arm, LEVELS), (0.0,), ClearanceRules(), 0).poses

@@ -59,6 +59,17 @@ class TransferredModel:
         mean = np.array([self.model.value(key) for key in keys])
         return Prior(NAME, keys, mean, covariance * np.outer(wide, wide), noise=self.noise, within=self.model.within)
 
+    @property
+    def measured_arm(self) -> Arm:
+        """The arm with the joint limits within which the model was identified: its curves are not known beyond them."""
+        arm, within = self.model.arm, self.model.within
+        if within is None:
+            return arm
+        ends = zip(arm.joints, within.angle, strict=True)
+        narrow = [replace(j, lower=max(j.lower, low), upper=min(j.upper, high)) for j, (low, high) in ends]
+        possible = all(joint.lower < joint.upper for joint in narrow)
+        return replace(arm, joints=tuple(narrow)) if possible else arm
+
     def informed(self, jacobian: Array) -> Covariance:
         """Covariance of a fit to poses with a Jacobian (N, 3, P), where the installation is as wrong as is typical.
 

@@ -125,6 +125,13 @@ def test_few_poses_find_the_installation_and_the_error_is_as_expected() -> None:
     assert 0.5 * expected[FEW] < np.sqrt(np.mean(squares)) < 2.0 * expected[FEW]
 
 
+def test_poses_are_chosen_where_the_model_is_known() -> None:
+    model, known = lab_model(2)
+    start = transferred(model, known, ROVER, NOISE)
+    assert start.model.within is not None
+    assert not start.model.within.outside(installation_poses(start, FEW).q).any()
+
+
 def test_a_fit_with_the_prior_of_an_earlier_one_keeps_its_noise_and_range() -> None:
     model, known = lab_model(3, "cable_curve@joint1+joint2")
     start = transferred(model, known, ROVER, NOISE)
