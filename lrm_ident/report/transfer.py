@@ -24,7 +24,7 @@ AXES = 3
 def transfer_document(found: Transfer, expected: Mapping[int, float]) -> Document:
     """Result of `lrm-ident transfer`, schema `lrm/transfer/1`. `expected`: RMS error of the tip (m), by poses."""
     start = found.start
-    left = math.sqrt(AXES) * start.noise
+    left = found.bench_error
     own = [effect for effect in start.model.effects if effect.part is ModelPart.ARM]
     behind = [plain_name(name) for name in start.left_behind]
     rows = [(str(count), *_both(error, left)) for count, error in expected.items()]
@@ -81,10 +81,10 @@ def _identified(found: Transfer) -> Iterator[Block]:
     yield estimate_table(
         model.with_free(start.installed), {key: se for key, se in errors if key not in found.fit.at_bound}
     )
-    residual, bench = found.fit.sigma * math.sqrt(AXES), start.noise * math.sqrt(AXES)
+    residual, usual = found.fit.sigma * math.sqrt(AXES), start.noise * math.sqrt(AXES)
     yield f"The poses are met to {error_stats(found.fit.residual).rms * 1e3:.2f} mm RMS."
-    if np.isfinite(residual) and residual > NOISIER * bench:
+    if np.isfinite(residual) and residual > NOISIER * usual:
         yield (
-            f"They differ from the model by {residual * 1e3:.2f} mm RMS, more than twice the {bench * 1e3:.2f} mm of "
+            f"They differ from the model by {residual * 1e3:.2f} mm RMS, more than twice the {usual * 1e3:.2f} mm of "
             "the bench. Is the arm the same, is its tool fixed, is this tracker noisier (--noise-mm)?"
         )

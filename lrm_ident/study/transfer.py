@@ -25,6 +25,7 @@ from lrm_math.arm.arm_file import load_arm
 from lrm_math.effects import CATALOGUE, effect_names
 from lrm_math.errors import FileError, LrmError
 from lrm_math.model.covariance import Covariance, covariance_table
+from lrm_math.model.deployed_model import FIT_STATE, unknown_state
 from lrm_math.model.model import Model
 from lrm_math.model.model_file import (
     FIT_AGAIN,
@@ -68,6 +69,11 @@ class Transfer:
         """Covariance of its parameters."""
         return self.start.covariance if self.fit is None else Covariance(self.fit.model.free, self.fit.covariance)
 
+    @property
+    def bench_error(self) -> float:
+        """RMS error (m) that the model left on the bench; that of the noise where its file has no history."""
+        return math.sqrt(AXES) * (remaining_error(self.source) if self.source.history else self.start.noise)
+
     @cached_property
     def expected_tip_error(self) -> float:
         """RMS error of the tip (m) that is expected over the arm's range, as far as the parameters go."""
@@ -106,7 +112,8 @@ def read_transfer(
 ) -> tuple[Transfer, tuple[str, ...]]:
     """The transfer of a model file to an arm (name or path of an arm file), and notices.
 
-    `noise`: standard deviation per axis (m) of what is measured there; None: the error that the model left.
+    `noise`: standard deviation per axis (m) of what is measured there; poses weigh by it, or by the error that the
+    model left on the bench if that is larger; None: by that.
 
     Raises `FileError`: no valid files, an arm that has changed since the fit, or a model without standard errors.
     `LrmError`: another arm.
@@ -121,9 +128,12 @@ def transfer_of(
     file: ModelFile, model: Model, known: Covariance | None, to: str, noise: float | None = None
 ) -> Transfer:
     """The transfer of a model with the covariance of its parameters; arguments as of `read_transfer`."""
+    if words := unknown_state(model):
+        raise LrmError(f"{words}; {FIT_STATE}")
     if known is None:
         raise LrmError("the model has no [covariance]: how sure its parameters are is not known; fit it again")
-    return Transfer(transferred(model, known, load_arm(to), noise or remaining_error(file)), to, file)
+    weigh = max(noise or 0.0, remaining_error(file)) if file.history or noise is None else noise
+    return Transfer(transferred(model, known, load_arm(to), weigh), to, file)
 
 
 def identified(transfer: Transfer, data: Measurements) -> Transfer:

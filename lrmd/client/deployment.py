@@ -14,7 +14,7 @@ from lrm_math.effects.measured_range import Interval
 from lrm_math.errors import FileError, LrmError
 from lrm_math.kinematics.poses import Poses
 from lrm_math.model.covariance import Covariance
-from lrm_math.model.deployed_model import as_deployed, of_a_session
+from lrm_math.model.deployed_model import FIT_STATE, as_deployed, unknown_state
 from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import Model
 from lrm_math.model.model_file import HistoryTable, ModelFile, arm_of, covariance_of, to_model
@@ -50,10 +50,8 @@ class Deployment:
         """
         file = read_toml(path, ModelFile)
         model = to_model(path, file, arm_of(path, file.arm))
-        session = [effect.name for effect in model.effects if of_a_session(effect)]
-        if session and model.state is None:
-            what = f"{', '.join(session)} explain a session, and the file does not say which state of it goes along"
-            raise FileError(path, "deployed", what, "fit it again with this version: lrm-ident fit DATA --start MODEL")
+        if words := unknown_state(model):
+            raise FileError(path, "deployed", words, FIT_STATE)
         known, last = covariance_of(path, file, model), file.history[-1] if file.history else None
         state = "" if model.state is None else model.state.sentence
         return cls(state, left_out_difference(model), _standard_error(model, known), last)

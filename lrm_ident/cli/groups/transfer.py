@@ -30,19 +30,22 @@ def transfer(
     output: Annotated[Path | None, Option("-o", "--output", metavar="MODEL", help="Where to write the model.")] = None,
     noise_mm: Annotated[
         float | None,
-        Option(min=0.001, help="Noise of FEW.csv per axis. Default: the error that the model left in its own data."),
+        Option(
+            min=0.001,
+            help="Noise of FEW.csv per axis, if it is larger than the error that the model left in its own data.",
+        ),
     ] = None,
     json: arg.JsonFile = None,
     effects_file: arg.EffectsFile = None,
     reading: Reading = AS_NAMED,
 ) -> None:
-    """Take an arm that was calibrated on a bench to where it works: to another base and tool, such as a rover's.
+    """Take a calibrated arm from its bench to where it works: to another base and tool, such as a rover's.
 
-    What is true of the arm goes along, with its standard errors: links, springs, play, gears. What was true of the
-    bench stays there: base, tool, gravity, tracker. A few poses measured at the new place tell those anew, with the
-    arm held by what is known of it. Without poses, base and tool are as the arm file says.
+    The arm's own errors go along, with their standard errors: links, springs, play, gears. Base, tool, gravity and
+    tracker of the bench stay behind. A few poses, measured at the new place, identify base, tool and gravity there.
+    Without poses, base and tool are as the arm file says.
 
-    Prints the error of the tip that is expected with 0, 3, 6 and 12 poses.
+    Prints the error of the tip to expect with 0, 3, 6 and 12 poses.
 
     \b
       lrm-ident transfer lab.toml --to lrm-rover

@@ -67,9 +67,12 @@ def test_what_cannot_be_transferred_is_said_in_one_line(bench: Path, tmp_path: P
     other.write_text(text.replace("d_mm = 43.25", "d_mm = 53.25").replace('"lrm-rover"', '"longer"'), "utf-8")
     assert "joint 5: d is 43.25 mm in lrm-lab, 53.25 mm in longer" in stderr_of("transfer", bench, "--to", other)
     assert "--to ARM" in stderr_of("transfer", bench)
-    head = bench.read_text("utf-8").partition("[covariance]")[0].replace('arm = "', 'arm = "')
+    head = bench.read_text("utf-8").partition("[covariance]")[0]
     bare = tmp_path / "bare.toml"
     bare.write_text(head.partition("[sigma]")[0], "utf-8")
     assert "no [covariance]" in stderr_of("transfer", bare, "--to", "lrm-rover")
+    old = tmp_path / "old.toml"
+    old.write_text(bench.read_text("utf-8").replace("effects = [", 'effects = [\n    "drift@joint2",', 1), "utf-8")
+    assert "drift@joint2 explain a session" in stderr_of("transfer", old, "--to", "lrm-rover")
     words = stderr_of("design", "lrm-rover", "--model", bench, "--installation", "--parameters", "option1")
     assert "--parameters" in words
