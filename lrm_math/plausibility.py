@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 FAR = 5.0
-"""Typical sizes of a parameter that no assembled arm exceeds."""
+"""Typical sizes of a parameter that no assembled arm exceeds, where nothing more is known of it."""
 
 
 @dataclass(frozen=True)
@@ -66,7 +66,13 @@ def _figure(value: float) -> str:
     return f"{value:.4g}" if value < 1e6 else f"{value:.15g}"
 
 
-def far_from_typical(value: float, typical: float) -> str:
-    """Says that a parameter is many times as large as on assembled arms (SI); empty if it is not."""
-    times_typical = abs(value) / typical
-    return f"{times_typical:.0f} times what is typical" if times_typical > FAR else ""
+@dataclass(frozen=True)
+class PlausibleEstimate:
+    """Sizes of a fitted parameter (SI): what is `usual` on real arms, and the `largest` that physics allows."""
+
+    usual: float
+    largest: float
+
+    def admits(self, value: float, error: float) -> bool:
+        """Whether an estimate is not surely larger, by two standard errors."""
+        return abs(value) - 2.0 * error <= self.largest

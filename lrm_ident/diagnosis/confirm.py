@@ -21,7 +21,7 @@ from lrm_ident.diagnosis.diagnose import Diagnosis, Verdict, select_without
 from lrm_ident.diagnosis.screening.score_test import ScoredCandidate
 from lrm_ident.fitting.cross_validation import blocks_of_fit
 from lrm_ident.fitting.held_out import HeldOutBlock, deployed_residual, held_out_residual, held_out_squares
-from lrm_ident.fitting.levenberg_marquardt import Fit
+from lrm_ident.fitting.levenberg_marquardt import Fit, implausible_of
 from lrm_ident.residual.better_prediction import paired_z, predicts_better, share_of_excess, takes_little
 from lrm_ident.residual.deployment.deployed_error import DeployedError
 from lrm_ident.residual.deployment.session_moments import rows_as_deployed
@@ -32,11 +32,14 @@ from lrm_ident.residual.thresholds import (
     WITHIN_TWO_DEVIATIONS,
 )
 from lrm_math.arrays import Array
-from lrm_math.effects import ModelPart
+from lrm_math.effects import ModelPart, split_key
+from lrm_math.effects.compliance import Compliance
 from lrm_math.errors import LrmError
 
 MOST_REFUSED = 8
 """Effects that are refused before the rest is left as structure: a bound on time."""
+SURE, COLLAPSED = 3.0, 0.1
+"""Standard errors at which a spring is known to be there, and part of it that no further effect can leave."""
 DEPLOYED_WORSE = "it fits this session, but the model as deployed would be worse"
 
 
@@ -184,6 +187,8 @@ def _refit_trial(diagnosis: Diagnosis, scored: ScoredCandidate, blocks: tuple[He
         fitted = add_effects(diagnosis.fit.model, data, [effect], scored.shape, loss)
         if wald_p_value(fitted, [effect.keys[row] for row in scored.candidate.rows]) > WITHIN_TWO_DEVIATIONS:
             return _Trial(None, "refitted, its own parameters lie within two standard deviations of zero")
+        if absurd := _absurd(diagnosis.fit, fitted):
+            return _Trial(None, f"refitted, {absurd}")
         refit = Refit(fitted, blocks_of_fit(fitted, data))
     except LrmError as error:
         return _Trial(None, f"it could not be refitted: {error}", fitted=False)
@@ -204,6 +209,23 @@ def _worse_as_deployed(refit: Refit, blocks: tuple[HeldOutBlock, ...]) -> tuple[
     if paired_z((before**2).sum(axis=1), (after**2).sum(axis=1)) <= ONE_DEVIATION:
         return None
     return error_stats(before).rms, error_stats(after).rms
+
+
+def _absurd(before: Fit, after: Fit) -> str:
+    """Estimate of a refit that physics or the model before it speaks against, in words; empty if there is none.
+
+    An estimate beyond its largest plausible size that was not so before, or a spring that all but vanishes.
+    """
+    known = {one.key for one in implausible_of(before)}
+    if new := [one for one in implausible_of(after) if one.key not in known]:
+        return new[0].sentence
+    for key, error in zip(before.model.free, before.standard_error, strict=True):
+        value = before.model.value(key)
+        if split_key(key)[0] == Compliance.id and value > SURE * error and key in after.model.free:
+            now = after.model.value(key)
+            if now < COLLAPSED * value:
+                return f"{key} would fall from {value:.3g} to {now:.3g} rad/Nm, less than a tenth"
+    return ""
 
 
 def _share_saved(after: Array, before: Array) -> float:

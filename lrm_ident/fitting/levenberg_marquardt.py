@@ -24,6 +24,7 @@ from lrm_ident.fitting.parameter_sets import Bounds, bounds_of, nuisance_shapes
 from lrm_ident.fitting.priors import Prior, with_range_priors
 from lrm_math.arrays import Array
 from lrm_math.errors import LrmError
+from lrm_math.model.covariance import Covariance, ImplausibleEstimate, implausible_estimates
 from lrm_math.model.deployed_model import field_of
 from lrm_math.model.equilibrium import Equilibrium, measured_range, solve_equilibrium
 from lrm_math.model.model import Model
@@ -137,6 +138,11 @@ def fit(
     found = _fit_of(search.solve(MAX_STEPS if smooth.prior is None else MAX_STEPS_WITH_PRIOR))
     check_arm(found.equilibrium, model.free)
     return found
+
+
+def implausible_of(fitted: Fit) -> tuple[ImplausibleEstimate, ...]:
+    """Estimates of a fit that are not physically plausible, surely beyond the largest size."""
+    return implausible_estimates(fitted.model, Covariance(fitted.model.free, fitted.covariance))
 
 
 def check_enough(poses: int, parameters: int, prior: Prior | None = None) -> None:

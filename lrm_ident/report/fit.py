@@ -12,7 +12,7 @@ from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.wording import change_words, decimals, in_mm, in_percent
 from lrm_ident.fitting.dependence import UnidentifiableParameter
 from lrm_ident.fitting.identifiability import lost_to_outliers
-from lrm_ident.fitting.levenberg_marquardt import Fit
+from lrm_ident.fitting.levenberg_marquardt import Fit, implausible_of
 from lrm_ident.report.document import Block, Document, ResultTable, heading, section
 from lrm_ident.report.effects import field_blocks, field_values
 from lrm_ident.report.plain_names import in_words
@@ -24,7 +24,6 @@ from lrm_math.arrays import Array
 from lrm_math.model.deployed_model import field_of, named_part
 from lrm_math.model.equilibrium import Equilibrium
 from lrm_math.model.model import Model
-from lrm_math.plausibility import far_from_typical
 
 BAR, FACTORS_SHOWN, PARTS_SHOWN, STRONG = 10, 8, 3, 0.95
 FROM_DATA = (
@@ -79,7 +78,7 @@ def fit_document(
     blocks = [
         heading(f"The RMS error {change_words(before, fitted)}{unseen}."),
         *error_blocks(errors, f"{len(data)} poses, {len(model.free)} parameters{how and '; ' + how}"),
-        *section(IMPLAUSIBLE, _implausible(model)),
+        *section(IMPLAUSIBLE, (one.sentence for one in implausible_of(fit))),
         *section(OUTLIERS, (f"pose {pose}: {in_mm(float(error) * 1e-3)} mm" for pose, error in outliers)),
         *_lost(fit, held, data),
         parameter_table(fit),
@@ -102,6 +101,7 @@ def fit_document(
         "estimates": estimates(fit, se_at_bound=None),
         "correlation": {"keys": model.free, "matrix": np.round(fit.correlation, 6)},
         "held_at_zero": [_held(model, one) for one in held],
+        "implausible": [{"parameter": one.key, "value": one.value, "unit": one.unit} for one in implausible_of(fit)],
         "outliers": [{"pose": pose, "error_mm": error} for pose, error in outliers],
     }
     return Document(blocks, "lrm/fit/1", values)
@@ -219,15 +219,6 @@ def estimate_table(model: Model, errors: Mapping[str, float], told: Mapping[str,
     field = len(model.free) - len(named)
     beside = f", and {field} numbers of a residual field, which are not causes" if field else ""
     return ResultTable(columns, rows, f"{len(named)} parameters{beside}{wording.named_joints(model.arm)}")
-
-
-def _implausible(model: Model) -> Iterator[str]:
-    """Estimates that no assembled arm has."""
-    for key in model.free:
-        parameter = model.parameter(key)
-        if found := far_from_typical(model.value(key), parameter.typical):
-            name, scale, unit = screen_unit(model, key)
-            yield f"{name} = {model.value(key) * scale:.3g} {unit}: {found}"
 
 
 def estimates(fit: Fit, se_at_bound: float | None) -> dict[str, dict[str, object]]:

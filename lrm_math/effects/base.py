@@ -24,6 +24,7 @@ from lrm_math.errors import LrmError
 from lrm_math.kinematics.chain import Number
 from lrm_math.kinematics.poses import Poses
 from lrm_math.kinematics.scalar_or_array import linear_combination
+from lrm_math.plausibility import FAR, PlausibleEstimate
 
 UNIT_IN_SI = {
     "rad": 1.0,
@@ -56,7 +57,8 @@ class Parameter:
 
     `typical`: the size expected before measuring, used to scale the fit. `fixed`: the value of a shape parameter,
     which is not fitted unless it is named; None for all others, whose value is 0 when not given. `scan`: values of a
-    shape parameter to try where none is known.
+    shape parameter to try where none is known. `usual`, `largest`: sizes that are usual on real arms, and the largest
+    that is physically plausible (SI); None: twice and `FAR` times the typical one.
     """
 
     name: str
@@ -66,6 +68,14 @@ class Parameter:
     upper: float = np.inf
     fixed: float | None = None
     scan: tuple[float, ...] = ()
+    usual: float | None = None
+    largest: float | None = None
+
+    @property
+    def plausible(self) -> PlausibleEstimate:
+        """The sizes that an estimate of it may have."""
+        usual = 2.0 * self.typical if self.usual is None else self.usual
+        return PlausibleEstimate(usual, max(usual, FAR * self.typical if self.largest is None else self.largest))
 
     @property
     def unit(self) -> str:

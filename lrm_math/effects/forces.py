@@ -89,7 +89,12 @@ class Mass(_BodyError):
         source="Conenna 2024, section 4.4",
         claim="{place} weighs {mass_g} more than the arm file says, " + CENTRE_CLAIM,
     )
-    parameters = (Parameter("mass_g", "error of the mass of the link", 0.03), *CENTRE_OF_MASS)
+
+    @cached_property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """Mass and centre of mass; a link is not lighter than nothing, nor twice as heavy as it was weighed."""
+        own = self.arm.bodies_outwards[self.bodies[0]].mass or None
+        return (Parameter("mass_g", "error of the mass of the link", 0.03, usual=own, largest=own), *CENTRE_OF_MASS)
 
     @classmethod
     def places(cls, arm: Arm) -> tuple[str, ...]:

@@ -12,6 +12,9 @@ from lrm_math.effects.base import Amounts, Description, Extrapolation, LinearEff
 from lrm_math.kinematics.chain import chain_of
 from lrm_math.kinematics.poses import Poses
 
+BASE_TURN, BASE_SHIFT = 0.5, 0.25
+"""rad and m: by so much a base may stand elsewhere in the tracker's frame, which is no error of the arm."""
+
 
 class Offsets(LinearEffect):
     """Constant errors added to the nominal dimensions of one link, the base or the tool."""
@@ -36,10 +39,11 @@ class Offsets(LinearEffect):
     def parameters(self) -> tuple[Parameter, ...]:
         """One for each dimension at this place; how well an arm stands in its place does not depend on its make."""
         sizes = TypicalSizes() if self.place == BASE else self.arm.typical_sizes
+        turn, shift = (BASE_TURN, BASE_SHIFT) if self.place == BASE else (None, None)
         return tuple(
-            Parameter(f"{slot.name}_rad", f"error of the angle {slot.key}", sizes.angle)
+            Parameter(f"{slot.name}_rad", f"error of the angle {slot.key}", sizes.angle, usual=turn)
             if slot.rotates
-            else Parameter(f"{slot.name}_mm", f"error of the length {slot.key}", sizes.length)
+            else Parameter(f"{slot.name}_mm", f"error of the length {slot.key}", sizes.length, usual=shift)
             for slot in chain_of(self.arm).slots
             if slot.place == self.place
         )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from math import radians
 
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.place_names import joint_number, place_words
@@ -96,7 +97,7 @@ class Eccentricity(AngleDependentEffect, LinearEffect):
     )
     extrapolation = Extrapolation.PERIODIC
     parameters = tuple(
-        Parameter(f"{letter}{n}_rad", f"amplitude of {wave} {n}q", 0.02)
+        Parameter(f"{letter}{n}_rad", f"amplitude of {wave} {n}q", 0.02, usual=radians(3.0), largest=radians(5.0))
         for n in (1, 2)
         for letter, wave in (("a", "sin"), ("b", "cos"))
     )

@@ -26,6 +26,11 @@ SCALES = (*(f"scale_{axis}" for axis in "xyz"), *(f"shear_{axes}" for axes in ("
 QUADRATIC = tuple(map("".join, combinations_with_replacement("xyz", 2)))
 
 
+def _distortion(name: str, meaning: str) -> Parameter:
+    """A distortion of space: trackers that are sold as such stay below 1 mm/m, a webcam below 10."""
+    return Parameter(f"{name}_mm_per_m", meaning, FRAME_TYPICAL, usual=1e-3, largest=1e-2)
+
+
 class MeasurementFrame(LinearEffect):
     """Scale and shear of the tracker's frame about the centre of what was measured; a rotation of it is the base's."""
 
@@ -40,8 +45,8 @@ class MeasurementFrame(LinearEffect):
         claim="the tracker stretches x, y, z by {scale_x_mm_per_m}, {scale_y_mm_per_m}, {scale_z_mm_per_m}",
     )
     parameters = (
-        *(Parameter(f"scale_{axis}_mm_per_m", f"stretch along {axis}", FRAME_TYPICAL) for axis in "xyz"),
-        *(Parameter(f"shear_{axes}_mm_per_m", f"shear between {axes}", FRAME_TYPICAL) for axes in ("xy", "xz", "yz")),
+        *(_distortion(f"scale_{axis}", f"stretch along {axis}") for axis in "xyz"),
+        *(_distortion(f"shear_{axes}", f"shear between {axes}") for axes in ("xy", "xz", "yz")),
     )
 
     @classmethod

@@ -1,8 +1,10 @@
-"""Covariance of a model's parameters: the table `[covariance]` of a model file."""
+"""Covariance of a model's parameters: the table `[covariance]` of a model file; estimates that are not plausible."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -13,6 +15,8 @@ from lrm_math.model.model import Model
 from lrm_math.toml_file import StrictSchema
 
 DIGITS = 9  # of a correlation in the file
+IN_DEGREES = {"rad": (math.degrees(1.0), "deg"), "rad_per_K": (math.degrees(1.0), "deg/K")}
+"""Units in which people are told an angle: what to multiply an SI value by, and the unit."""
 ROUNDING = 1e-6  # negative eigenvalues of the correlation matrix above −1e-6 are due to rounding
 
 
@@ -47,6 +51,38 @@ def drawn_models(model: Model, known: Covariance, count: int, rng: np.random.Gen
     least = np.array([model.parameters[row].lower for row in rows])
     drawn = rng.multivariate_normal(model.values[rows], known.matrix, count, method="eigh")
     return [model.with_values_of(known.keys, np.maximum(one, least)) for one in drawn]
+
+
+@dataclass(frozen=True)
+class ImplausibleEstimate:
+    """An estimate beyond what is physically plausible, in the unit of its key; `usual`: what real arms stay below."""
+
+    key: str
+    value: float
+    usual: float
+    unit: str
+
+    @property
+    def sentence(self) -> str:
+        """One line for a person."""
+        size = f"{self.value:.3g} {self.unit}"
+        return f"{self.key} = {size} is not physically plausible; usual is less than {self.usual:.2g} {self.unit}"
+
+
+def implausible_estimates(model: Model, known: Covariance | None) -> tuple[ImplausibleEstimate, ...]:
+    """The free parameters of a model whose estimates are surely beyond `Parameter.largest`, by two standard errors.
+
+    `known`: their covariance (SI); None: not known, and taken for zero.
+    """
+    errors = {} if known is None else dict(zip(known.keys, np.sqrt(np.diag(known.matrix)).tolist(), strict=True))
+    found = []
+    for key in model.free:
+        parameter, value = model.parameter(key), model.value(key)
+        sizes = parameter.plausible
+        if not sizes.admits(value, errors.get(key, 0.0)):
+            scale, unit = IN_DEGREES.get(parameter.unit, (1.0 / parameter.si, parameter.unit.replace("_per_", "/")))
+            found.append(ImplausibleEstimate(key, value * scale, sizes.usual * scale, unit))
+    return tuple(found)
 
 
 def covariance_table(keys: Sequence[str], matrix: Array) -> CovarianceTable:

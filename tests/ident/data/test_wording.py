@@ -18,7 +18,7 @@ from lrm_ident.data.wording import (
     with_error,
 )
 from lrm_math.arm.arm_file import load_arm
-from lrm_math.plausibility import far_from_typical
+from lrm_math.plausibility import PlausibleEstimate
 
 
 @given(st.floats(-1e4, 1e4), st.floats(1e-9, 1e4))
@@ -49,8 +49,8 @@ def test_quantities(value: float, error: float, shown: str) -> None:
 
 def test_times_and_implausible_sizes() -> None:
     assert [in_minutes(seconds) for seconds in (0.2, 45.0, 600.0, 7200.0)] == ["1 s", "45 s", "10 min", "2.0 h"]
-    assert far_from_typical(1.2, 0.1) == "12 times what is typical"
-    assert not far_from_typical(-0.3, 0.1)
+    assert not PlausibleEstimate(usual=0.2, largest=0.5).admits(-1.2, 0.1)
+    assert PlausibleEstimate(usual=0.2, largest=0.5).admits(1.2, 0.4), "it may be small, by two standard errors"
 
 
 @given(st.floats(0.0, 1.0))
