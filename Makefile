@@ -16,7 +16,7 @@ ONE_THREAD := OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 MKL_NUM_THREADS=1
 unexport PYTHONDONTWRITEBYTECODE  # with it every process of the daemon and of the tests compiles all sources anew
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test quick browser lint schemas docs bench soak wheels coverage camera confusion unfamiliar misreadings tutorial closed-loop as-deployed fleet transfer lerobot install uninstall clean
+.PHONY: help setup demo test quick browser lint schemas docs bench soak wheels coverage camera confusion unfamiliar misreadings tutorial closed-loop as-deployed fleet transfer lerobot doors install uninstall clean
 
 help: ## what there is to make
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 12
@@ -128,6 +128,10 @@ unfamiliar: setup ## the second catalogue, other forms, arms and awkward data th
 lerobot: ## the plug-in's tests with LeRobot itself, and its follower over the simulated bus from both sides (PYTHON= of an environment with lerobot, feetech-servo-sdk, pytest, hypothesis and both packages)
 	PYTHONPATH=. $(ONE_THREAD) $(PYTHON) -m pytest -rs -m "not slow" tests/lerobot tests/examples/so101
 	PYTHONPATH=. $(ONE_THREAD) $(PYTHON) -m validation.lerobot_robot
+
+doors: setup ## every door to a motor at 500 random instants, and 10000 random paths of LeRobot's corrected commands (half an hour)
+	$(ONE_THREAD) $(BIN)/python -m tests.soak.doors --instants 500
+	PYTHONPATH=lerobot_robot_lrm/src $(ONE_THREAD) $(BIN)/python -m validation.lerobot_robot.paths
 
 install: ## the daemon on this rover, as root (DESTDIR=, PYTHON=)
 	PYTHON=$(PYTHON) DESTDIR=$(DESTDIR) systemd/install.sh

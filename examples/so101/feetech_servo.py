@@ -13,9 +13,10 @@ from lrm_ident.measuring.servo_bus import feetech as table
 from lrm_ident.measuring.servo_bus.kind import Register
 from lrmd.sim.servo import ServoKind, remaining_travel, winding_rise
 
-STEP = 2.0 * math.pi / 4096.0
+TURN, MIDDLE = 4096, 2048
+"""Counts."""
+STEP = 2.0 * math.pi / TURN
 """rad for one count."""
-MIDDLE = 2048
 STALL_NM = 2.94
 """N·m at 12 V: 30 kg·cm by the catalogue."""
 AMBIENT_C = 25.0
@@ -58,6 +59,7 @@ class FeetechServo:
     Attributes:
         angle: rad, of its shaft from the middle of the encoder's turn. torque: N·m, of the load. rise: K over ambient.
         pending: what a REG_WRITE left for the next ACTION: address and bytes. error: of what it was told last.
+        counts_turns: whether its firmware reads beyond a turn.
     """
 
     number: int
@@ -68,6 +70,7 @@ class FeetechServo:
     saved: bytearray = field(default_factory=bytearray, repr=False)
     pending: tuple[int, bytes] | None = None
     error: int = 0
+    counts_turns: bool = False
 
     def __post_init__(self) -> None:
         self.memory = self.memory or factory_memory(self.number)
@@ -90,7 +93,7 @@ class FeetechServo:
             return self.angle
         goal = table.GOAL_POSITION.read(self.memory)
         low, high = table.MIN_POSITION.read(self.memory), table.MAX_POSITION.read(self.memory)
-        return (min(max(goal, low), high) + table.HOMING_OFFSET.read(self.memory) - MIDDLE) * STEP
+        return (min(max(goal, low), high) + self._unwound - self.count + self._zero) * STEP
 
     @property
     def moving(self) -> bool:
@@ -103,8 +106,16 @@ class FeetechServo:
 
     @property
     def count(self) -> int:
-        """Reading of its encoder, less the homing offset."""
-        return round(self.angle / STEP) + MIDDLE - table.HOMING_OFFSET.read(self.memory)
+        """Reading of its encoder, less the homing offset: within a turn, unless its firmware counts them."""
+        return self._unwound if self.counts_turns else self._unwound % TURN
+
+    @property
+    def _zero(self) -> int:
+        return table.HOMING_OFFSET.read(self.memory) - MIDDLE
+
+    @property
+    def _unwound(self) -> int:
+        return round(self.angle / STEP) - self._zero
 
     def advance(self, dt: float) -> None:
         """Moves and warms for `dt` s."""

@@ -17,6 +17,7 @@ import numpy as np
 from lrm_ident.fitting.priors import SET_UP, Prior, load_prior
 from lrm_math.arrays import Array
 from lrm_math.effects import CATALOGUE, Effect, split_key
+from lrm_math.effects.tracker_errors import MeasurementFrame
 from lrm_math.model.model import Model
 from lrm_math.model.model_file import ModelFile
 
@@ -24,6 +25,9 @@ TYPICAL = "typical"
 """Name of the prior, as in a model file."""
 DIMENSIONS = ("offsets", "compliance")
 """Effects that every arm has: their parameters' prior is Gaussian."""
+GAUSSIAN_EFFECTS = (MeasurementFrame.id,)
+"""Effects whose prior is Gaussian of three typical sizes. A tracker's scale along all axes together is an arm that is
+longer: heavy tails would put all of it on as few axes as possible, and a wrong choice is an arm of wrong lengths."""
 EFFECT_SIZES = 3.0
 """Typical sizes, half the width at half the height of an effect's Cauchy distribution."""
 FLAT = 100.0
@@ -59,11 +63,12 @@ def typical_prior(model: Model) -> TypicalPrior:
         if key not in forms and not key.startswith(SET_UP) and model.parameter(key).fixed is None
     )
     size = np.array([_size(model, key) for key in keys])
-    tailed = np.array([split_key(key)[0] not in DIMENSIONS for key in keys], dtype=np.bool_)
-    tail = np.where(tailed, EFFECT_SIZES * size, 0.0)
+    kinds = [split_key(key)[0] for key in keys]
+    tail = EFFECT_SIZES * size * [kind not in (*DIMENSIONS, *GAUSSIAN_EFFECTS) for kind in kinds]
+    tailed = tail > 0.0
     value = np.array([model.value(key) for key in keys])
     first = np.where(value == 0.0, FLAT * tail, np.sqrt(0.5 * (tail**2 + value**2)))
-    sd = np.where(tailed, first, size)
+    sd = np.where(tailed, first, size * np.where([kind in DIMENSIONS for kind in kinds], 1.0, EFFECT_SIZES))
     return TypicalPrior(TYPICAL, keys, np.zeros(len(keys)), np.diag(sd**2), tail)
 
 

@@ -10,6 +10,7 @@ import numpy as np
 from lerobot.robots.config import RobotConfig
 from lerobot.robots.robot import Robot
 
+from lerobot_robot_lrm.bounded import FARTHEST, BoundedCommand, bounded_command
 from lerobot_robot_lrm.correction import Correction
 from lerobot_robot_lrm.motion import Motion
 from lerobot_robot_lrm.units import radians_per_unit
@@ -18,6 +19,8 @@ from lrm_math.effects import marked
 from lrm_math.errors import LrmError, NoEquilibrium
 
 SUFFIX = ".pos"
+NOTABLE_M = 0.002
+"""m, that the tip stays beside its goal, from which on it is said."""
 logger = logging.getLogger(__name__)
 
 
@@ -43,6 +46,7 @@ class CalibratedRobot(Robot):
         _ = self.correction.arm, self.correction.drawn  # packed before the first command
         self._scale: Array = np.empty(0)
         self._motion: Motion | None = None
+        self._before: BoundedCommand | None = None
         self._told: set[str] = set()
         self._tell_what_is_left()
 
@@ -99,27 +103,35 @@ class CalibratedRobot(Robot):
     def send_action(self, action: Mapping[str, Any]) -> dict[str, Any]:
         """Sends the command whose tool is where the wished angles would have it on the arm as drawn.
 
-        Returns the action that was really sent, as true angles. Raises `LrmError`: a joint is missing or no number.
+        How far it may be from the wish, and from the command before: `lerobot_robot_lrm.bounded`. Returns the action
+        that was really sent, as true angles. Raises `LrmError`: a joint is missing or no number.
         """
         wish = self._angles(action, "action")
         motion = self._motion or Motion.at(self._angles(self.robot.get_observation(), "observation"))
-        command = self._command(wish, motion)
-        sent = self.robot.send_action(self._with(action, command))
+        answer = bounded_command(self.correction, wish, motion, self._before)
+        self._tell_of(wish, answer)
+        sent = self.robot.send_action(self._with(action, answer.command))
         angles = self._angles(sent, "action sent")
-        self._motion = motion.to(angles)
-        as_wished = np.allclose(angles, command, rtol=0.0, atol=1e-9) and not np.array_equal(command, motion.q)
-        return self._with(sent, wish if as_wished else self._true_angles(angles, self._motion))
+        self._motion, self._before = motion.to(angles), answer
+        as_wished = not (answer.lost or answer.bounded.any()) and np.allclose(
+            angles, answer.command, rtol=0.0, atol=1e-9
+        )
+        held = np.array_equal(answer.command, motion.q)
+        return self._with(sent, wish if as_wished and not held else self._true_angles(angles, self._motion))
 
-    def _command(self, wish: Array, motion: Motion) -> Array:
+    def _tell_of(self, wish: Array, answer: BoundedCommand) -> None:
         low, high = self.correction.limits
-        for name, beyond in zip(self.correction.names, (wish < low) | (wish > high), strict=True):
-            if beyond:
-                self._tell(f"{name} is wished beyond the limits of the arm file; it goes as far as they allow")
-        try:
-            return self.correction.command(wish, motion)
-        except NoEquilibrium as error:
-            self._tell(f"no command is found for some wishes ({error}); the arm holds where it is")
-            return motion.q
+        beyond, names = (wish < low) | (wish > high), self.correction.names
+        for name in (name for name, far in zip(names, beyond, strict=True) if far):
+            self._tell(f"{name} is wished beyond the limits of the arm file; it goes as far as they allow")
+        for name in (name for name, bit in zip(names, answer.bounded, strict=True) if bit):
+            most = f"{np.degrees(FARTHEST):.0f} deg in all, and a bounded step"
+            self._tell(f"the correction of {name} is held at its bound ({most}); the tip is less accurate there")
+        if answer.lost:
+            self._tell(f"no command is found for some wishes ({answer.lost}); they go with the correction before")
+        elif answer.left > NOTABLE_M and not beyond.any():
+            where = "near a singular pose the correction is held back, so that no joint swings out"
+            self._tell(f"{where}; there the tip stays more than {1e3 * NOTABLE_M:.0f} mm beside its goal")
 
     def _true_angles(self, encoders: Array, motion: Motion) -> Array:
         try:
@@ -129,7 +141,7 @@ class CalibratedRobot(Robot):
             return encoders
 
     def _forget(self) -> None:
-        self._motion = None
+        self._motion = self._before = None
         self._scale = radians_per_unit(self.robot, self.correction.names)
 
     def _angles(self, values: Mapping[str, Any], what: str) -> Array:

@@ -15,7 +15,6 @@ from pathlib import Path
 import numpy as np
 
 from lerobot_robot_lrm.kernel_arm import KernelArmModel
-from lerobot_robot_lrm.least_deviation import nearest_slots
 from lerobot_robot_lrm.motion import Motion
 from lrm_math.arm.arm import BASE, TOOL
 from lrm_math.arrays import Array
@@ -28,6 +27,14 @@ from lrm_math.model.model_file import load_model
 REVERSAL = 2.0 * np.pi / 4096.0
 """rad, one step of a servo's encoder: joints whose error depends on their direction are not turned back by less."""
 FEWEST_JOINTS = 3
+
+
+@dataclass(frozen=True, eq=False)
+class Corrected:
+    """A command (n,), rad, and how far from its goal the tip then stays by the model (m)."""
+
+    command: Array
+    left: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,21 +109,32 @@ class Correction:
         everywhere = bool(directed - set(self.model.arm.joint_names))
         return np.array([REVERSAL if everywhere or name in directed else 0.0 for name in self.model.arm.joint_names])
 
+    @cached_property
+    def zero_shift(self) -> Array:
+        """(n,), rad, that commands are beside the wish for the joints' constant zero offsets alone."""
+        at_zero = np.zeros(len(self.names))
+        return np.asarray(self.drawn.slots_at(at_zero)[self.drawn.joints] - self.arm.slots_at(at_zero)[self.arm.joints])
+
     def command(self, wish: Array, motion: Motion) -> Array:
-        """(n,), commands (rad) for wished angles (n,), that continue a motion.
+        """(n,), commands (rad) for wished angles (n,), that continue a motion, see `answer`. Raises `NoEquilibrium`."""
+        return self.answer(wish, motion).command
+
+    def answer(self, wish: Array, motion: Motion) -> Corrected:
+        """The command for wished angles (n,), rad, that continues a motion.
 
         A joint is sent on in the direction of its last move, or further than `slack` back, or not at all: where only a
         turn to and fro would do, it stays. Raises `NoEquilibrium`.
         """
         low, high = self.limits
-        slots = self._slots_for(np.clip(wish, low, high))
+        amounts, goal = self._drawn_at(np.clip(wish, low, high))
         side, turned = motion.side, np.zeros(len(wish), dtype=bool)
         while True:
-            q = np.clip(self.arm.command(slots, side, motion), low, high)
+            found, left = self.arm.command(amounts, goal, side, motion)
+            q = np.clip(found, low, high)
             moved = q - motion.q
             back = np.where(side == 0.0, moved != 0.0, moved * side < -self.slack) & ~turned
             if not back.any():
-                return np.where(moved * side < 0.0, motion.q, q)
+                return Corrected(np.where(moved * side < 0.0, motion.q, q), left)
             side, turned = np.where(back, np.sign(moved), side), turned | back
 
     def true_angles(self, encoders: Array, motion: Motion) -> Array:
@@ -125,18 +143,14 @@ class Correction:
         The inverse of `command` for encoders that read the command. Raises `NoEquilibrium`.
         """
         slots = self.arm.settled(encoders, motion)
-        joints = self.drawn.slots_at(np.zeros_like(encoders))
-        zero = joints[self.drawn.joints]
-        joints[self.drawn.joints] = slots[self.arm.joints]
         goal = self.arm.kernel.forward(slots[None])[0][0]
-        return nearest_slots(self.drawn.kernel, joints, goal)[self.drawn.joints] - zero
+        zero = self.drawn.slots_at(np.zeros_like(encoders))[self.drawn.joints]
+        return self.drawn.joints_near(slots[self.arm.joints], goal) - zero
 
-    def _slots_for(self, wish: Array) -> Array:
-        """(V,), slot amounts of the real arm nearest to the drawn one's tool at wished angles (n,)."""
+    def _drawn_at(self, wish: Array) -> tuple[Array, Array]:
+        """Slot amounts (n,), rad, of the drawn arm's joints at wished angles (n,), and its tool's frame (4, 4), m."""
         drawn = self.drawn.slots_at(wish)
-        goal = self.drawn.kernel.forward(drawn[None])[0][0]
-        slots = self.arm.with_joints(drawn[self.drawn.joints])
-        return nearest_slots(self.arm.kernel, slots, goal)
+        return drawn[self.drawn.joints], self.drawn.kernel.forward(drawn[None])[0][0]
 
 
 def _restricted(model: Model, effects: list[Effect]) -> Model:

@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 
+from lerobot_robot_lrm.least_deviation import HeldState, nearest_state
 from lerobot_robot_lrm.motion import Motion
 from lrm_math.arrays import Array
 from lrm_math.effects.targets import Kind
 from lrm_math.errors import NoEquilibrium
 from lrm_math.ik.calibrated_arm import CalibratedArm
-from lrm_math.ik.goal import Goal, point
 from lrm_math.ik.kernel.kernel_model import KernelModel, with_laws
 from lrm_math.ik.kernel.laws import kernel_laws, without_formula
 from lrm_math.kinematics.moving_slots import Indices
@@ -24,8 +24,6 @@ from lrm_math.model.joint_errors import JointErrorModel
 from lrm_math.model.model import Model
 from lrm_math.model.sensed import before_encoders
 
-FAR = 1e3
-"""rad: a joint that comes from so far away arrives from that side, whatever the command."""
 SETTLED, MOST_STEPS = 1e-6, 30
 """rad; iterations for effects that the kernel has no formula for."""
 TOLERANCE = 1e-9
@@ -64,37 +62,39 @@ class KernelArmModel:
         out[self.joints] += q
         return out
 
-    def with_joints(self, amounts: Array) -> Array:
-        """(V,), slot amounts with those of the joints (n,), rad, and what their loads do to the other slots."""
-        out = self.errors.constants.copy()
-        out[self.joints] = amounts
-        if len(self.errors.moving.others):
-            settled, _, _ = _held(self.kernel, self._tool(out), out, np.full(len(amounts), np.nan))
-            settled[self.joints] = amounts
-            return settled
-        return out
+    def command(self, amounts: Array, goal: Array, side: Array, motion: Motion) -> tuple[Array, float]:
+        """Commands (n,), rad, that hold the tool near a frame (4, 4), m, and how far its position stays from it (m).
 
-    def command(self, slots: Array, side: Array, motion: Motion) -> Array:
-        """(n,), commands (rad) that hold slot amounts (V,), each joint arriving from `side` (n,), after a motion.
-
-        Effects without a formula are constants for the kernel, iterated with secants (Anderson 1965). Raises
+        The joints stay near their amounts (n,), rad, see `nearest_state`. Each arrives from `side` (n,), after a
+        motion. Effects without a formula are constants for the kernel, iterated with secants (Anderson 1965). Raises
         `NoEquilibrium`.
         """
-        near = np.where(side == 0.0, np.nan, motion.q - FAR * side)
-        tool = self._tool(slots)
-        if self.complete:
-            return _held(self.kernel, tool, slots, near)[2]
-        added, before = np.zeros_like(slots), None
+        added, before = np.zeros_like(self.errors.constants), None
         for _ in range(MOST_STEPS):
-            kernel = self.kernel.with_(zero=self.errors.constants + added)
-            slots, tau, q = _held(kernel, tool, slots, near)
+            kernel = self.kernel if self.complete else self.kernel.with_(zero=self.errors.constants + added)
+            slots, tau, q = self._nearest(kernel, amounts, goal, side)
+            if self.complete:
+                return q, self._left(slots, goal)
             poses = self._poses(q, side, motion.turned(q, side))
             lacking = self._lacking(poses, tau[None], slots, added)
             if np.abs(lacking).max() < SETTLED:
-                return q
+                return q, self._left(slots, goal)
             here = FixedPointStep(added, lacking)
             before, added = here, added + here.accelerated(before)
         raise NoEquilibrium([1], "the command of these angles does not settle")
+
+    def joints_near(self, amounts: Array, goal: Array) -> Array:
+        """(n,), slot amounts (rad) of the joints with the tool near a frame (4, 4), m, from amounts (n,)."""
+        slots, _, _ = self._nearest(self.kernel, amounts, goal, np.zeros(len(amounts)))
+        return np.asarray(slots[self.joints])
+
+    def _left(self, slots: Array, goal: Array) -> float:
+        return float(np.linalg.norm(self.kernel.forward(slots[None])[0][0, :3, 3] - goal[:3, 3]))
+
+    def _nearest(self, kernel: KernelModel, amounts: Array, goal: Array, side: Array) -> HeldState:
+        slots = self.errors.constants.copy()
+        slots[self.joints] = amounts
+        return nearest_state(kernel, partial(_held, kernel, side), slots, goal)
 
     def settled(self, encoders: Array, motion: Motion) -> Array:
         """(V,), slot amounts of an arm whose encoders read angles (n,), rad, after a motion. Raises `NoEquilibrium`."""
@@ -140,14 +140,10 @@ class KernelArmModel:
     def _poses(self, q: Array, side: Array, friction: Array) -> Poses:
         return Poses(q[None], np.array([self.payload]), side[None], friction=friction[None])
 
-    def _tool(self, slots: Array) -> Goal:
-        """The tool's position at slot amounts (V,)."""
-        return point(self.kernel.forward(slots[None])[0][0, :3, 3])
 
-
-def _held(kernel: KernelModel, tool: Goal, slots: Array, near: Array) -> tuple[Array, Array, Array]:
-    """Slot amounts (V,) with the tool at its place, all settled; their loads (V,), and the command (n,)."""
-    state = kernel.newton(tool, slots, near.tolist())
-    if state is None or not state[2].count:
-        raise NoEquilibrium([1], "no command holds these angles within the limits")
-    return state[0], state[1], np.array(state[2].at[0].q[: kernel.joints])
+def _held(kernel: KernelModel, side: Array, slots: Array) -> HeldState:
+    """Slot amounts (V,) whose joints stay, all settled; their loads (V,), and the command (n,)."""
+    state = kernel.hold(slots, side)
+    if state is None:
+        raise NoEquilibrium([1], "no command holds these angles")
+    return state

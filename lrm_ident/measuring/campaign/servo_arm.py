@@ -14,6 +14,7 @@ from lrm_ident.measuring.campaign.data_file import ArmState
 from lrm_ident.measuring.campaign.plan import PlannedPose
 from lrm_ident.measuring.campaign.rover_arm import APPROACH, last_directions
 from lrm_ident.measuring.campaign.run import Clock, Unreachable
+from lrm_ident.measuring.servo_bus.torque_on import TORQUE
 from lrm_math.arm.arm import Arm
 from lrm_math.errors import LrmError
 
@@ -27,8 +28,6 @@ QUIET, LONGEST_S, GLANCE_S = math.radians(0.3), 5.0, 0.2
 """rad: an arm that moves less in a glance (s) stands; s that it may take to."""
 HOT_C, COOL_C = 55.0, 45.0
 """Servos switch off at 70 °C."""
-TORQUE = 0.6
-"""Share of a servo's greatest torque that it may use meanwhile."""
 READS = 5
 Answer = TypeVar("Answer")
 

@@ -150,10 +150,20 @@ def by_servos(text: str, arm: Arm, speed: float, release: bool, clock: Clock, lo
             held.enter_context(release_key(bare, release))
         else:
             servos = LeRobotServos.of(held.enter_context(connected_robot(text)), arm)
+        held.enter_context(torque_named(servos))
         driven = ServoArm(servos, arm, clock, loads, speed)
         session = f"{text.partition(':')[0]}-{time.time_ns()}"
         solver = partial(ModelSolver.of, arm=arm, rounded=driven.rounded)
         yield DrivenArm(driven, text, driven.seen(), session, solver, APPROACH)
+
+
+@contextmanager
+def torque_named(servos: Servos) -> Iterator[None]:
+    """Adds to an error which joints have torque when it ends a campaign: servos hold whatever becomes of the host."""
+    try:
+        yield
+    except LrmError as error:
+        raise LrmError(f"{error}; torque is on, as far as is known, at {', '.join(servos.joints)}") from error
 
 
 def drives_servos(robot: str) -> bool:

@@ -55,6 +55,10 @@ class ServoHost:
         """Value of a register. Raises `NoAnswer`."""
         return register.decoded(self._read(number, register.address, register.length))
 
+    def read_with_retries(self, number: int, register: Register) -> int:
+        """Value of a register, asked for again where no answer came. Raises `NoAnswer`."""
+        return _with_retries(partial(self.read, number, register))
+
     def memory(self, number: int) -> bytes:
         """Whole memory of a servo. Two of one number stand at different angles, and garble each other's answers.
 
@@ -83,7 +87,7 @@ class ServoHost:
 
     def write_with_retries(self, number: int, register: Register, value: int) -> None:
         """Writes a register, and again where no answer came. Raises as `write` does."""
-        _with_retries(lambda: self.write(number, register, value))
+        _with_retries(partial(self.write, number, register, value))
 
     def move(self, goals: Mapping[int, int]) -> None:
         """Gives servos their goals (counts) by number, all in one packet that nobody answers."""

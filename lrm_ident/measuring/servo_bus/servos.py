@@ -17,12 +17,10 @@ from typing import NoReturn
 from lrm_ident.data.wording import joint_labels
 from lrm_ident.measuring.servo_bus.bus import GarbledAnswer, NoAnswer, ServoHost
 from lrm_ident.measuring.servo_bus.kind import BusServoKind, Register
+from lrm_ident.measuring.servo_bus.torque_on import MIDDLE, STEP, JointServo, bound_torque, released, switch_on
 from lrm_math.arm.arm import Arm
 from lrm_math.errors import LrmError
 
-STEP = 2.0 * math.pi / 4096.0
-"""rad for one count."""
-MIDDLE = 2048
 POLL_S = 0.02
 LOOKED_FOR = range(1, 21)
 """Numbers that are asked for when a servo is missing."""
@@ -70,20 +68,18 @@ class BusServos:
 
     def bound_torque(self, share: float) -> None:
         """See `Servos`."""
-        for number in self.numbers:
-            most = self.host.read(number, self.host.kind.most)
-            self.host.write(number, self.host.kind.limit, round(share * most))
+        bound_torque(self.host, self.numbers, share)
 
     def release(self) -> None:
         """Takes the torque from all: the arm falls. Each is told, whatever the others say. Raises `NoAnswer`."""
-        silent = []
-        for number in self.numbers:
-            try:
-                self.host.write_with_retries(number, self.host.kind.torque, 0)
-            except NoAnswer as error:
-                silent.append(str(error))
-        if silent:
-            raise NoAnswer(f"torque may be on: {'; '.join(silent)}")
+        if silent := released(self.host, self.servos):
+            raise NoAnswer(f"torque may be on: no answer of {', '.join(silent)}")
+
+    @property
+    def servos(self) -> tuple[JointServo, ...]:
+        """The servo of each joint."""
+        each = zip(self.joints, self.numbers, self.limits, strict=True)
+        return tuple(JointServo(joint, number, *limits) for joint, number, limits in each)
 
     def forget_late_answers(self) -> None:
         """See `Servos`."""
@@ -148,17 +144,17 @@ def _press(*_: object) -> NoReturn:
 
 
 def held_servos(name: str, host: ServoHost, arm: Arm, numbers: Sequence[int]) -> BusServos:
-    """The servos of an arm's joints by their numbers, with torque where they stand, none unless all are fit.
+    """The servos of an arm's joints by their numbers, with bounded torque where they stand, none unless all are fit.
 
-    Raises `LrmError`: one is missing, there twice, of another kind; or the line is bad.
+    Raises `LrmError`: one is missing, there twice, of another kind, or beyond its own limits; or the line is bad.
     """
     try:
         limits = tuple(_limits(host, number) for number in numbers)
-        for number in numbers:
-            _hold(host, number)
+        servos = BusServos(name, host, joint_labels(arm), tuple(numbers), limits)
+        switch_on(host, servos.servos)
     except (NoAnswer, LrmError) as error:
         raise LrmError(f"--robot {name}: {error}") from None
-    return BusServos(name, host, joint_labels(arm), tuple(numbers), limits)
+    return servos
 
 
 def _limits(host: ServoHost, number: int) -> tuple[int, int]:
@@ -178,14 +174,6 @@ def _limits(host: ServoHost, number: int) -> tuple[int, int]:
         right = " or ".join(map(str, kind.modes))
         raise LrmError(f"servo {number} is in mode {mode}; should be {right}, which goes to angles")
     return kind.least.read(memory), kind.greatest.read(memory)
-
-
-def _hold(host: ServoHost, number: int) -> None:
-    """Gives a servo torque where it stands: that is its goal before, so that it does not move. Raises `NoAnswer`."""
-    kind = host.kind
-    if not host.read(number, kind.torque):
-        host.write(number, kind.goal, host.read(number, kind.position))
-        host.write(number, kind.torque, 1)
 
 
 def _count(angle: float) -> int:

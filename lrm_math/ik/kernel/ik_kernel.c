@@ -1120,6 +1120,27 @@ API int ik_newton(const Arm *a, const double *goal, int rows, const double *near
     COPY(tau, w.tau, a->slots);
     return 1;
 }
+/* The command (n,) that holds the joints at their amounts in s, each arriving from a side; the other slots, in place, and
+ * the loads tau as they are then. 0 if the other slots, or the laws of the command, do not settle. */
+API int ik_hold(const Arm *a, const int *side, double *s, double *tau, double *q) {
+    State w;
+    Memory memory = {.known = 0};
+    for (int it = 1; it <= 300; it++) {
+        double x[MAX_SLOTS];
+        forward(a, s, &w);
+        const double miss = lacking(a, s, side, &w);
+        if (!(miss < 1e6)) return 0;
+        if (miss <= CLOSE) {
+            COPY(tau, w.tau, a->slots);
+            return command(a, w.tau, s, side, q);
+        }
+        for (int i = 0; i < a->others; i++) x[i] = s[a->other[i]];
+        if (it <= 20) accelerate(&memory, x, w.lack, a->others);
+        else add(it > 60 ? 0.4 : 1, w.lack, a->others, x);
+        for (int i = 0; i < a->others; i++) s[a->other[i]] = x[i];
+    }
+    return 0;
+}
 /* One pose of an arm that nothing deflects: its branches q (8,6) and kind (8,): -1 none, 0 alone, else the joint from 1
  * that is free along the branch's family. Beyond the limits too unless `limited`. Where a root is nearly double or a
  * lever nearly lost, Newton's method follows, and a family is represented by its member nearest to `towards`. */

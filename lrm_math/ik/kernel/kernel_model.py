@@ -174,6 +174,15 @@ class KernelModel:
                 break
         return found
 
+    def hold(self, slots: Array, side: Array) -> tuple[Array, Array, Array] | None:
+        """All slots (V,), loads (V,) and command (n,) with the joints at their amounts in slots (V,), each from a side.
+
+        None if what the loads do to the other slots, or the command, does not settle.
+        """
+        s, sides = np.array(slots, dtype=np.float64), np.ascontiguousarray(side, dtype=np.int32)
+        tau, q = np.empty(self.slots), np.empty(self.joints)
+        return (s, tau, q) if self._call("ik_hold", sides, s, tau, q) else None
+
     def newton(
         self, goal: Goal, slots: Array, near: Sequence[float] | None = None
     ) -> tuple[Array, Array, KernelFound] | None:

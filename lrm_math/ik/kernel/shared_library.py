@@ -85,6 +85,7 @@ ARGUMENTS: dict[str, list[type]] = {
     "ik_load_derivatives": [Pointer] * 3,
     "ik_settle": [Pointer, Integer, Pointer, Pointer, Real, Pointer, Pointer, Pointer],
     "ik_newton": [Pointer, Pointer, Integer, Pointer, Pointer, Pointer, Pointer],
+    "ik_hold": [Pointer] * 5,
     "ik_nominal": [Pointer, Integer, Pointer, Pointer, Integer, Pointer, Pointer, Pointer],
     "ik_cube": [Pointer, Pointer, Pointer, Real, Integer, Pointer, Real, Pointer, Pointer],
 }

@@ -1,0 +1,18 @@
+"""Modules that write to a motor and are held to the laws by other tests: each with the folder or file that does it.
+
+A door that registers (`tests/doors/NAME_door.py`) takes its modules from here.
+"""
+
+ELSEWHERE = {
+    "lrm_ident.measuring.campaign.rover_arm": "tests/system/test_campaign.py",
+    "lrm_ros2.action": "tests/ros2",
+    "lrm_ros2.bridge": "tests/ros2",
+    "lrm_ros2.command": "tests/ros2",
+    "lrmd.api.router_process": "tests/system/test_estop_path.py",
+    "lrmd.api.zenoh_server": "tests/system/test_daemon.py",
+    "lrmd.cli.motion": "tests/daemon/cli/test_lrm_cli.py",
+    "lrmd.cli.servo_calibration": "tests/daemon/cli/test_servo_calibration.py",
+    "lrmd.client.rover": "tests/system/test_daemon.py",
+    "lrmd.demo": "tests/system/test_demo.py",
+    "lrmd.link.serial_port": "tests/daemon/ramp",
+}

@@ -1,0 +1,174 @@
+"""Torque on: where the servos stand, bounded before, for all or for none; read from registers and angles."""
+
+from __future__ import annotations
+
+import math
+from itertools import count
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from examples.so101.feetech_bus import FeetechBus
+from examples.so101.feetech_servo import MIDDLE, STEP, FeetechServo
+from lrm_ident.measuring.campaign.session import torque_named
+from lrm_ident.measuring.servo_bus import bus
+from lrm_ident.measuring.servo_bus import feetech as table
+from lrm_ident.measuring.servo_bus.bus import ServoHost
+from lrm_ident.measuring.servo_bus.feetech import FEETECH
+from lrm_ident.measuring.servo_bus.servos import BusServos, held_servos
+from lrm_ident.measuring.servo_bus.torque_on import TORQUE
+from lrm_math.arm.arm_file import load_arm
+from lrm_math.errors import LrmError
+from tests.ident.measuring.feetech.test_feetech_servos import BusLine, line_of
+
+ARM = load_arm("so101")
+NUMBERS = (1, 2, 3, 4, 5)
+ONE_DEGREE = math.radians(1.0)
+
+
+def held(line: BusLine) -> BusServos:
+    return held_servos("x", ServoHost(line, FEETECH), ARM, NUMBERS)
+
+
+def angles(line: BusLine) -> list[float]:
+    return [servo.angle for servo in line.bus.servos]
+
+
+@given(
+    st.lists(st.integers(0, 4095), min_size=5, max_size=5),
+    st.lists(st.tuples(st.integers(0, 1500), st.integers(2500, 4095)), min_size=5, max_size=5),
+    st.lists(st.integers(-2, 2), min_size=5, max_size=5),
+)
+def test_torque_on_moves_no_joint_by_more_than_a_degree_wherever_it_stands(
+    counts: list[int], limits: list[tuple[int, int]], turns: list[int]
+) -> None:
+    """Beyond its own limits and beyond a turn too, of firmware that counts turns and of others."""
+    line = line_of(*NUMBERS)
+    for k, servo in enumerate(line.bus.servos):
+        servo.angle, servo.counts_turns = (counts[k] + 4096 * turns[k] - MIDDLE) * STEP, k % 2 == 0
+        table.MIN_POSITION.write(servo.memory, limits[k][0])
+        table.MAX_POSITION.write(servo.memory, limits[k][1])
+    before = angles(line)
+    try:
+        held(line)
+    except LrmError:
+        assert not any(servo.powered for servo in line.bus.servos)
+    else:
+        assert all(servo.powered for servo in line.bus.servos)
+    line.bus.advance(line.t + 5.0)
+    assert np.abs(np.subtract(angles(line), before)).max() <= ONE_DEGREE
+
+
+@pytest.mark.parametrize(
+    ("which", "at", "counts_turns", "said"),
+    [
+        (1, 780, False, r"^--robot x: shoulder_lift stands at -111.4 deg, 10.5 deg beyond .* limits, -101 to 101 deg"),
+        (4, 4368, True, r"wrist_roll stands at 203.9 deg, 24.0 deg beyond .* limits, -180 to 180 deg"),
+    ],
+)
+def test_where_a_servo_would_turn_there_none_gets_torque(which: int, at: int, counts_turns: bool, said: str) -> None:
+    line = line_of(*NUMBERS)
+    table.MIN_POSITION.write(line.bus.servos[1].memory, 900)
+    table.MAX_POSITION.write(line.bus.servos[1].memory, 3200)
+    servo = line.bus.servos[which]
+    servo.angle, servo.counts_turns = (at - MIDDLE) * STEP, counts_turns
+    before = angles(line)
+    with pytest.raises(LrmError, match=said + r".*; move it by hand to within them; no joint has torque$"):
+        held(line)
+    line.bus.advance(line.t + 5.0)
+    assert angles(line) == before
+
+
+def test_torque_is_bounded_before_it_is_on() -> None:
+    line, wrong = line_of(*NUMBERS), []
+    feed = line.bus.feed
+
+    def watched(data: bytes, now: float) -> bytes:
+        answer = feed(data, now)
+        most = [table.TORQUE_LIMIT.read(servo.memory) for servo in line.bus.servos if servo.powered]
+        wrong.extend(limit for limit in most if limit > TORQUE * 1000)
+        return answer
+
+    line.bus.feed = watched  # type: ignore[method-assign]
+    held(line)
+    assert not wrong
+
+
+def questions() -> int:
+    """Number of packets of the host from the first to torque on all."""
+    line = Losing(FeetechBus([FeetechServo(number) for number in NUMBERS]))
+    held(line)
+    return line.asked
+
+
+class Losing(BusLine):
+    """A line that loses the answers to some questions: by their number from 0, those after it too if `gone`."""
+
+    asked, loses, gone = 0, -1, False
+
+    def write(self, data: bytes) -> int:
+        out = super().write(data)
+        if self.asked == self.loses or (self.gone and self.asked > self.loses >= 0):
+            self.waiting = b""
+        self.asked += 1
+        return out
+
+
+@pytest.fixture
+def hurried(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Nobody waits for answers that do not come: each look at the clock is 0.2 s later."""
+    looks = count()
+    monkeypatch.setattr(bus, "time", SimpleNamespace(monotonic=lambda: 0.2 * next(looks)))
+
+
+@pytest.mark.usefixtures("hurried")
+def test_a_lost_answer_is_asked_for_again() -> None:
+    for which in range(questions()):
+        line = Losing(FeetechBus([FeetechServo(number) for number in NUMBERS]))
+        line.loses = which
+        held(line)
+        assert all(servo.powered for servo in line.bus.servos), which
+
+
+@pytest.mark.parametrize("silent", [None, 3])
+@pytest.mark.usefixtures("hurried")
+def test_a_servo_that_falls_silent_leaves_no_half_powered_arm(silent: int | None) -> None:
+    """From any question on: the others are released, and whatever may have torque is named."""
+    for which in range(questions()):
+        wire = FeetechBus([FeetechServo(number) for number in NUMBERS])
+        line = Losing(wire) if silent is None else Dying(wire, which, silent)
+        line.loses, line.gone = (which, True) if silent is None else (-1, False)
+        said = ""
+        try:
+            held(line)
+        except LrmError as error:
+            said = str(error)
+        joints = zip(ARM.joints, wire.servos, strict=True)
+        powered = [str(joint.name) for joint, servo in joints if servo.powered]
+        unnamed = [name for name in powered if name not in said]
+        assert not unnamed or (silent is not None and len(powered) == len(NUMBERS) - 1 and not said), (which, said)
+
+
+class Dying(Losing):
+    """A line on which one servo answers nothing, and does nothing, from a question on."""
+
+    def __init__(self, bus: FeetechBus, when: int, number: int) -> None:
+        super().__init__(bus)
+        self.when, self.number = when, number
+
+    def write(self, data: bytes) -> int:
+        if self.asked == self.when:
+            servo = self.bus.servos[self.number - 1]
+            table.ID.write(servo.memory, 200)
+            table.TORQUE_ENABLE.write(servo.memory, 0)
+        return super().write(data)
+
+
+def test_an_error_that_ends_a_campaign_names_the_joints_that_have_torque() -> None:
+    line = line_of(*NUMBERS)
+    said = r"^pulled out; torque is on, .* at shoulder_pan, .*, wrist_roll$"
+    with pytest.raises(LrmError, match=said), torque_named(held(line)):
+        raise LrmError("pulled out")

@@ -1,0 +1,120 @@
+"""Straight paths of wishes in small steps over the whole range: how far commands step, and how accurate rests are.
+
+What LeRobot's robot does is done here without it: `bounded_command`, one wish after the other.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from lerobot_robot_lrm.bounded import BoundedCommand, bounded_command
+from lerobot_robot_lrm.correction import Correction
+from lerobot_robot_lrm.motion import Motion
+from lrm_math.arm.arm import Arm
+from lrm_math.arrays import Array
+from lrm_math.effects import effects_at
+from lrm_math.errors import LrmError
+from lrm_math.kinematics.poses import Poses
+from lrm_math.model.equilibrium import solve_equilibrium
+from lrm_math.model.model import Model, model_of
+
+LONGEST = 120
+"""Steps of a path."""
+SIZES = {
+    "theta_rad": 0.02, "d_mm": 0.0015, "a_mm": 0.0015, "x_mm": 0.0015, "y_mm": 0.0015, "z_mm": 0.0015,
+    "k_rad_per_Nm": 0.03, "k_x_rad_per_Nm": 0.01, "k_y_rad_per_Nm": 0.01, "g_plus_rad_per_rad": 0.02,
+    "g_minus_rad_per_rad": 0.02, "b_rad": 0.02, "h_rad": 0.02, "c_2deg_rad": 0.006, "c_8deg_rad": 0.006,
+    "c_30deg_rad": 0.006, "d_rad_per_Nm": 0.005,
+}  # fmt: skip
+"""Standard deviations of hidden parameters by the end of their key (SI); other angles of a placement, see `TWIST`."""
+TWIST = 0.006
+"""rad: 5 mrad and more of twist between axes are usual."""
+POSITIVE = {"k_rad_per_Nm", "k_x_rad_per_Nm", "k_y_rad_per_Nm", "b_rad"}
+WHERE = (("servo_gain", 0.7), ("backlash", 0.5), ("hysteresis", 0.5), ("friction_curve", 0.3))
+"""Effects that some joint has, with what probability."""
+
+
+@dataclass
+class PathFigures:
+    """Figures found along paths: ratios of steps, distances (rad), errors at rests (mm)."""
+
+    steps: int = 0
+    ratio: float = 0.0
+    undirected_ratio: float = 0.0
+    largest_step: float = 0.0
+    farthest: float = 0.0
+    bounded: int = 0
+    without: list[float] = field(default_factory=list)
+    left: list[float] = field(default_factory=list)
+
+
+def random_model(arm: Arm, rng: np.random.Generator) -> Model:
+    """A model with offsets, twists and springs, and on random joints gains, backlash, hysteresis and friction."""
+    names = ["offsets", "compliance", *(["base_compliance"] if rng.random() < 0.5 else [])]
+    names += [f"{name}@joint{rng.integers(1, arm.dof + 1)}" for name, share in WHERE if rng.random() < share]
+    effects = [effect for name in names for effect in effects_at(arm, name)]
+    keys = [key for effect in effects for key in effect.keys if not key.startswith(("offsets.base", "offsets.tool"))]
+    return model_of(arm, effects, {key: _value(key, rng) for key in keys if _size(key)})
+
+
+def random_path(low: Array, high: Array, rng: np.random.Generator) -> Array:
+    """(N, n), rad, wishes straight from one random pose towards another, by 0.1 to 1 degree of the fastest joint."""
+    start, way = rng.uniform(low, high), rng.uniform(low, high)
+    way = way - start
+    step, far = np.radians(rng.uniform(0.1, 1.0)), np.abs(way).max()
+    return np.asarray(start + np.outer(np.arange(min(LONGEST, int(far / step)) + 1) * step / far, way))
+
+
+def follow(made: Correction, path: Array, found: PathFigures) -> None:
+    """Adds what happens along one path (N, n), rad, and at the rest at its end."""
+    motion, before = Motion.at(path[0]), None
+    shift = made.zero_shift
+    for wish in path:
+        answer = bounded_command(made, wish, motion, before)
+        found.bounded += bool(answer.bounded.any())
+        found.farthest = max(found.farthest, float(np.abs(answer.command - answer.wish - shift).max()))
+        if before is not None:
+            _add_step(made, before, answer, found)
+        motion, before = motion.to(answer.command), answer
+        found.steps += 1
+    try:
+        drawn = tip(model_of(made.model.arm, ()), path[-1], motion)
+        found.without.append(1e3 * float(np.linalg.norm(tip(made.model, path[-1], motion) - drawn)))
+        found.left.append(1e3 * float(np.linalg.norm(tip(made.model, motion.q, motion) - drawn)))
+    except LrmError:  # a model that does not settle there
+        return
+
+
+def tip(model: Model, q: Array, motion: Motion) -> Array:
+    """(3,), m, the tip of a model at commands (n,), rad, its joints having come as a motion has them."""
+    poses = Poses(q[None], np.zeros(1), motion.side[None], friction=motion.friction[None])
+    return np.asarray(solve_equilibrium(model, poses).tcp[0])
+
+
+def figures(values: Sequence[float]) -> str:
+    """RMS, median, 90th percentile and greatest of errors (mm)."""
+    x = np.array(values)
+    return f"{np.sqrt((x**2).mean()):.2f} | {np.median(x):.3f} | {np.percentile(x, 90):.2f} | {x.max():.1f}"
+
+
+def _add_step(made: Correction, before: BoundedCommand, answer: BoundedCommand, found: PathFigures) -> None:
+    steps, wished = np.abs(answer.command - before.command), float(np.abs(answer.wish - before.wish).max())
+    if wished < 1e-6:  # beyond the limits
+        return
+    found.largest_step = max(found.largest_step, float(steps.max()))
+    found.ratio = max(found.ratio, float(steps.max()) / wished)
+    plain = steps[made.slack == 0.0]
+    found.undirected_ratio = max([found.undirected_ratio, *(plain / wished).tolist()])
+
+
+def _size(key: str) -> float:
+    end = key.rpartition(".")[2]
+    return SIZES.get(end, TWIST if key.startswith("offsets") and end.endswith("_rad") else 0.0)
+
+
+def _value(key: str, rng: np.random.Generator) -> float:
+    value = float(rng.normal(0.0, _size(key)))
+    return abs(value) if key.rpartition(".")[2] in POSITIVE else value
