@@ -164,8 +164,9 @@ class ApiProcess:
     def _use_model(self, cause: str, now: int) -> None:
         """Guard and torques of the model as it is now."""
         self._publisher.gravity = self._model.gravity
-        torques = gravity_torques(self._config.arm, self._model.gravity)
-        self._controller.adopt_model(torques, self._model.guard, cause, now)
+        self._controller.motion_check.torques = gravity_torques(self._config.arm, self._model.gravity)
+        if self._model.guard is not None:
+            self._controller.adopt_guard(self._model.guard, now, cause)
 
     def _follow_gravity(self, now: int) -> None:
         """Adopts another direction of gravity where one is due."""

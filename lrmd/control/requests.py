@@ -151,7 +151,7 @@ class Controller(ControllerState):
     observe = updates.observe
     tick = updates.tick
     others_seen = updates.others_seen
-    adopt_model = updates.adopt_model
+    adopt_guard = updates.adopt_guard
 
     def handle(self, request: Message, now: int) -> RequestResult:
         """Carries out a request. Raises an `LrmError` if it cannot; then nothing has changed but an expired lease."""

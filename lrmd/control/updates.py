@@ -13,7 +13,6 @@ from lrmd.link.protocol import VERSION as PROTOCOL
 from lrmd.messages.control import LEASE_LOST
 from lrmd.ramp.shared_memory import LinkState, RampFault, RampReport
 from lrmd.safety.collision_guard import Guard
-from lrmd.safety.thermal_model import Torques
 
 
 @dataclass(frozen=True)
@@ -147,12 +146,9 @@ def expire_lease(s: ControllerState, now: int) -> None:
         s.stop_motion(now, LEASE_LOST)
 
 
-def adopt_model(s: ControllerState, torques: Torques, guard: Guard | None, cause: str, now: int) -> None:
-    """Uses the torques and guard of another model or direction of gravity; a motion of which the guard does not allow
-    the rest is stopped. `cause`: what is new, in words."""
-    s.motion_check.torques = torques
-    if guard is None:
-        return
+def adopt_guard(s: ControllerState, guard: Guard, now: int, cause: str = "the new model") -> None:
+    """Uses another guard, that of a new model or direction of gravity (`cause`); a motion of which it does not
+    allow the rest is stopped."""
     s.motion_check.guard = guard
     if s.mode is not Mode.MOVING:
         return

@@ -102,7 +102,7 @@ def test_the_command_needs_no_lease_and_heat_follows_it(config: Config) -> None:
     upright, level = [0.0] * 6, config.arm.gravity
     x, y, z = leaning(20.0)
     tau = gravity_torques(config.arm, (x, y, z))(upright, 0.0)
-    sim.core.adopt_model(gravity_torques(config.arm, (x, y, z)), None, "the new direction of gravity", sim.now)
+    sim.core.motion_check.torques = gravity_torques(config.arm, (x, y, z))
     assert sim.core.motion_check.servo_torques(sim.core.position, 0.0)[:6] == pytest.approx(
         tuple(gravity_torques(config.arm, (x, y, z))(sim.core.angles(sim.core.position)[:6], 0.0))
     )

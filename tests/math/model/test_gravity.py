@@ -49,7 +49,7 @@ def turned(arm: Arm, R: Array) -> Arm:
     """The arm with base and gravity rotated."""
     b = arm.base
     own = Rotation.from_euler("XYZ", [b.alpha, b.beta, b.gamma]).as_matrix()
-    (x, y, z), angles = (R @ np.array([b.x, b.y, b.z])).tolist(), to_xyz_angles(R @ own).tolist()
+    (x, y, z), angles = (R @ np.array([b.x, b.y, b.z])).tolist(), to_xyz_angles(R @ own)
     return with_gravity(replace(arm, base=Placement(x, y, z, *angles)), R @ np.array(arm.gravity))
 
 
