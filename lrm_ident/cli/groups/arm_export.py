@@ -12,7 +12,7 @@ from lrm_ident.data.robot_files.mjcf import mjcf
 from lrm_ident.data.robot_files.mjcf_patch import patched_mjcf
 from lrm_ident.data.robot_files.mjcf_robot import read_mjcf
 from lrm_ident.data.robot_files.ros2_control import with_offsets
-from lrm_ident.data.robot_files.urdf import read_urdf
+from lrm_ident.data.robot_files.urdf import read_whole_urdf
 from lrm_math.effects import split_key
 from lrm_math.effects.compliance import Spring
 from lrm_math.errors import FileError, LrmError
@@ -64,7 +64,7 @@ def writer_for(output: Path, own: Mapping[str, Path], base: str | None, tip: str
 def _urdf(
     model: Model, urdf: Path | None, base: str | None, tip: str | None, keep: Sequence[str]
 ) -> export.ExportedFile:
-    robot = read_urdf(urdf) if urdf else export.bare_urdf(model.arm)
+    robot = read_whole_urdf(urdf) if urdf else export.bare_urdf(model.arm)
     rigid = export.rigid_part(model, keep)
     text = export.corrected_urdf(rigid, robot, base, tip)
     off = export.exported_difference(rigid, text, base, tip)

@@ -15,7 +15,7 @@ from xml.etree import ElementTree
 import numpy as np
 
 from lrm_ident.data.rigid_motion import homogeneous, inverse, rotation_matrix, shift, turn
-from lrm_ident.data.robot_files.urdf import Urdf, append_joint, numbers, parse_urdf
+from lrm_ident.data.robot_files.urdf import Urdf, append_joint, numbers, urdf_of
 from lrm_math.arrays import Array
 from lrm_math.errors import FileError, LrmError
 
@@ -100,7 +100,7 @@ def _as_links(own: MjcfRobot) -> Urdf:
             ElementTree.SubElement(tree, "link", name=name)
             origin = inverse(own.anchor(body)) @ _pose(compiled.site_quat[site], compiled.site_pos[site])
             append_joint(tree, f"{name}_site", "fixed", own.link(body), name, origin)
-    robot = parse_urdf(own.path.with_suffix(".mjcf"), ElementTree.tostring(tree, encoding="unicode"))
+    robot = urdf_of(own.path, tree)
     x, y, z = compiled.opt.gravity.tolist()
     return replace(robot, gravity=(x, y, z))
 

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Collection, Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -12,17 +12,22 @@ from xml.etree import ElementTree
 import numpy as np
 
 from lrm_ident.data.rigid_motion import from_xyz_rpy, shift, to_xyz_rpy, turn
+from lrm_ident.data.robot_files.xacro_file import SHAPES, expanded, to_expand
+from lrm_ident.data.robot_files.xml_text import parse_xml, read_xml_text
 from lrm_math.arrays import Array, Vector3
 from lrm_math.errors import FileError, name_suggestion
-from lrm_math.text_file import read_utf8
 
 TURNING = ("revolute", "continuous")
+COUPLED = "a coupled joint is not a joint of an arm here, which all turn by themselves; give --base or --tip"
 GRAVITY: Vector3 = (0.0, 0.0, -9.81)
 
 
 @dataclass(frozen=True, eq=False)
 class UrdfJoint:
-    """One `<joint>`: its `origin` (4, 4) in the parent link's frame (m), unit `axis` in its own; limits in rad."""
+    """One `<joint>`: its `origin` (4, 4) in the parent link's frame (m), unit `axis` in its own; limits in rad.
+
+    `fault`: what keeps it from being a joint of an arm, and what would be right; beside the arm it may stand.
+    """
 
     name: str
     kind: str
@@ -32,6 +37,7 @@ class UrdfJoint:
     axis: Vector3
     lower: float
     upper: float
+    fault: tuple[str, str] | None = None
 
     @property
     def turns(self) -> bool:
@@ -61,6 +67,7 @@ class Urdf:
     """A robot: its links (None: without mass), and for each child link the joint that carries it.
 
     `gravity`: in the frame of its root link (m/s²); a URDF stands upright on that.
+    `notices`: what was wrong with its file and is overlooked.
     """
 
     path: Path
@@ -69,6 +76,7 @@ class Urdf:
     joints: dict[str, UrdfJoint]
     tree: ElementTree.Element
     gravity: Vector3 = GRAVITY
+    notices: tuple[str, ...] = ()
 
     @property
     def root(self) -> str:
@@ -122,21 +130,34 @@ def tip_pose(chain: Sequence[UrdfJoint], q: Sequence[float]) -> Array:
 
 
 def read_urdf(path: Path) -> Urdf:
-    """Reads a URDF, or a xacro file if the package `xacrodoc` is installed. Raises `FileError`."""
-    return parse_urdf(path, _xacro(path) if path.suffix == ".xacro" else read_utf8(path))
+    """Reads the links, joints and masses of a URDF or a xacro file; what else xacro refers to need not exist.
+
+    Raises `FileError`; where there is xacro to expand, the package `xacrodoc` does it.
+    """
+    return _read(path, SHAPES)
+
+
+def read_whole_urdf(path: Path) -> Urdf:
+    """Reads a URDF or a xacro file with all that it has, to be written again. Raises `FileError`."""
+    return _read(path, ())
+
+
+def _read(path: Path, without: Collection[str]) -> Urdf:
+    file = read_xml_text(path)
+    tree = parse_xml(path, file.text)
+    robot = urdf_of(path, expanded(path, tree, without) if to_expand(tree) else tree)
+    return replace(robot, notices=file.notices)
 
 
 def parse_urdf(path: Path, text: str) -> Urdf:
     """The robot that the text of a URDF describes; errors name `path`. Raises `FileError`."""
-    try:
-        keeping = ElementTree.TreeBuilder(insert_comments=True)
-        tree = ElementTree.fromstring(text, ElementTree.XMLParser(target=keeping))
-    except ElementTree.ParseError as error:
-        raise FileError(path, "", f"not valid XML: {error}") from None
+    return urdf_of(path, parse_xml(path, text))
+
+
+def urdf_of(path: Path, tree: ElementTree.Element) -> Urdf:
+    """The robot that the tree of a URDF describes; errors name `path`. Raises `FileError`."""
     if tree.tag != "robot":
         raise FileError(path, "", f"the first element is <{tree.tag}>", "a URDF begins with <robot>")
-    if path.suffix != ".xacro" and "<xacro:" in text:
-        raise FileError(path, "", "is a xacro file", "name it .xacro, or expand it first")
     elements = tree.findall("link")
     links = {_named(path, link): _mass(path, link) for link in elements}
     if not links or len(links) < len(elements):
@@ -156,19 +177,6 @@ def parse_urdf(path: Path, text: str) -> Urdf:
     if len(roots) != 1:
         raise FileError(path, "", f"{len(roots)} links have no parent: {', '.join(roots) or 'it is a ring'}", "one has")
     return robot
-
-
-def _xacro(path: Path) -> str:
-    read_utf8(path)
-    try:
-        from xacrodoc import XacroDoc
-    except ImportError:
-        what = "a xacro file needs the package xacrodoc"
-        raise FileError(path, "", what, "pip install xacrodoc, or expand it to a .urdf first") from None
-    try:
-        return str(XacroDoc.from_file(str(path)).to_urdf_string())
-    except Exception as error:  # xacro raises errors of many kinds, all of them faults of the file
-        raise FileError(path, "", f"xacro: {str(error).splitlines()[0]}") from None
 
 
 def _named(path: Path, element: ElementTree.Element) -> str:
@@ -200,18 +208,29 @@ def _joint(path: Path, element: ElementTree.Element) -> UrdfJoint:
         raise FileError(path, where, "names no parent and child link")
     axis = np.array(_numbers(path, where, element.find("axis"), "xyz", "1 0 0", 3))
     length = float(np.linalg.norm(axis))
-    if kind in TURNING and length < 1e-9:
-        raise FileError(path, where, "its axis has no direction")
     x, y, z = (axis / (length or 1.0)).tolist()
-    limit = element.find("limit")
-    low, high = -2.0 * math.pi, 2.0 * math.pi
+    limit, low, high = element.find("limit"), -2.0 * math.pi, 2.0 * math.pi
     if kind == "revolute":
-        if limit is None:
-            raise FileError(path, where, "a revolute joint without <limit>", "or is it of type continuous?")
         (low,), (high,) = (_numbers(path, where, limit, side, "0", 1) for side in ("lower", "upper"))
-    if not low < high:
-        raise FileError(path, where, f"limits {low:g} to {high:g} rad", "lower < upper")
-    return UrdfJoint(name, kind, parent, child, _origin(path, where, element), (x, y, z), low, high)
+    joint = UrdfJoint(name, kind, parent, child, _origin(path, where, element), (x, y, z), low, high)
+    return replace(joint, fault=_fault(path, where, element, joint, length)) if joint.turns else joint
+
+
+def _fault(
+    path: Path, where: str, element: ElementTree.Element, joint: UrdfJoint, length: float
+) -> tuple[str, str] | None:
+    mimic = element.find("mimic")
+    if mimic is not None:
+        (times,), (offset,) = (
+            _numbers(path, where, mimic, key, default, 1) for key, default in (("multiplier", "1"), ("offset", "0"))
+        )
+        leader = mimic.get("joint") or "?"
+        return f"follows joint {leader} (it turns to {times:g} × {leader} {offset:+g} rad)", COUPLED
+    if joint.kind == "revolute" and element.find("limit") is None:
+        return "a revolute joint without <limit>", "or is it of type continuous?"
+    if length < 1e-9:
+        return "its axis has no direction", ""
+    return None if joint.lower < joint.upper else (f"limits {joint.lower:g} to {joint.upper:g} rad", "lower < upper")
 
 
 def _origin(path: Path, where: str, element: ElementTree.Element) -> Array:

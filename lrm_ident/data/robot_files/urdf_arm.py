@@ -89,14 +89,14 @@ def import_arm(robot: Urdf, base: str | None = None, tip: str | None = None, nam
     base = base or robot.root
     tip = tip or choose_tip(robot, base)
     path = robot.chain(base, tip)
-    _check_serial(robot, path)
+    check_serial(robot, path)
     turning = [joint for joint in path if joint.turns]
     axes = list(_axis_frames(path))
     placed = replace(placement(axes[0][:3, 3], axes[0][:3, :3]), gamma=0.0)
     links, stands = dh_links(axes, placement_motion(placed))
     T = inverse(stands[-1]) @ tip_pose(path, [0.0] * len(turning))
     tool = placement(T[:3, :3].T @ T[:3, 3], T[:3, :3])
-    notices: list[str] = []
+    notices = list(robot.notices)
     joints = tuple(_joint(joint, link, notices) for joint, link in zip(turning, [*links, None], strict=True))
     bodies = tuple(_bodies(robot, path, [*stands[1:], stands[-1]]))
     load = Body("load", 0.0, (0.0, 0.0, 0.0), len(joints) + 1, len(joints), carries_payload=True)
@@ -121,8 +121,11 @@ def _gravity(robot: Urdf, base: str, notices: list[str]) -> Vector3:
     return x, y, z
 
 
-def _check_serial(robot: Urdf, path: Sequence[UrdfJoint]) -> None:
+def check_serial(robot: Urdf, path: Sequence[UrdfJoint]) -> None:
+    """Raises `FileError` for a chain (base to tip) that is not one of 1 to 10 revolute joints, free of each other."""
     for joint in path:
+        if joint.fault:
+            raise FileError(robot.path, f"joint {joint.name}", *joint.fault)
         if not joint.turns and joint.kind != "fixed":
             what = f"is {joint.kind or 'of no type'}"
             raise FileError(robot.path, f"joint {joint.name}", what, "an arm has revolute joints; give --base or --tip")

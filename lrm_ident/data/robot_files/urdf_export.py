@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Sequence
+from copy import deepcopy
 from dataclasses import dataclass
 from pathlib import Path
 from xml.etree import ElementTree
@@ -17,7 +18,7 @@ import numpy as np
 
 from lrm_ident.data.rigid_motion import inverse, shift, turn
 from lrm_ident.data.robot_files.urdf import Urdf, UrdfJoint, append_joint, numbers, parse_urdf, set_origin
-from lrm_ident.data.robot_files.urdf_arm import axis_to_z, choose_tip, largest_difference
+from lrm_ident.data.robot_files.urdf_arm import axis_to_z, check_serial, choose_tip, largest_difference
 from lrm_ident.data.wording import joint_labels
 from lrm_math.arm.arm import Arm
 from lrm_math.arrays import Array, Vector3
@@ -70,6 +71,7 @@ def corrected_urdf(model: Model, robot: Urdf, base: str | None = None, tip: str 
     base = base or robot.root
     tip = tip or choose_tip(robot, base)
     path = robot.chain(base, tip)
+    check_serial(robot, path)
     turning = [joint for joint in path if joint.turns]
     if len(turning) != model.arm.dof:
         what = f"{len(turning)} joints between '{base}' and '{tip}', {model.arm.name} has {model.arm.dof}"
@@ -79,7 +81,7 @@ def corrected_urdf(model: Model, robot: Urdf, base: str | None = None, tip: str 
         what = f"{model.arm.name} is up to {off * 1e3:.3g} mm (or mrad) off this URDF's own kinematics"
         raise FileError(robot.path, "", what, "is this another arm, or another tip? see --base and --tip")
     origins = _origins(model, path)
-    tree = ElementTree.fromstring(ElementTree.tostring(robot.tree, encoding="unicode"))
+    tree = deepcopy(robot.tree)
     for element in tree.findall("joint"):
         name = element.get("name") or ""
         if name in origins:

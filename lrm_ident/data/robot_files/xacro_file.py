@@ -1,0 +1,103 @@
+"""Xacro: whether a robot's file has elements to expand, and its expansion by the package `xacrodoc`.
+
+A definition (`xacro:property`, `xacro:arg`, `xacro:macro`) that nothing uses is a leftover. So is xacro in shapes,
+which kinematics and masses do not need.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+from lrm_ident.data.robot_files.xml_text import parse_xml, read_xml_text
+from lrm_math.errors import FileError
+
+PREFIX = "xacro:"
+NAMESPACE = "http://www.ros.org/wiki/xacro"
+DEFINITIONS = ("xacro:property", "xacro:arg", "xacro:macro")
+EXPAND_FIRST = "expand it first: xacro IN.xacro -o OUT.urdf"
+EXPRESSIONS = ("${", "$(")
+SHAPES = ("visual", "collision", "gazebo", "transmission", "ros2_control", "sensor", "material")
+"""Elements that are not read: shapes, and what simulators and drivers add."""
+
+
+def to_expand(tree: ElementTree.Element) -> str:
+    """The first thing in a robot's tree that only xacro can read, in words; "" if there is none."""
+    return next(_live(tree), "")
+
+
+def _live(element: ElementTree.Element) -> Iterator[str]:
+    name = element.tag
+    if not isinstance(name, str) or name in (*DEFINITIONS, *SHAPES):
+        return
+    if name.startswith(PREFIX):
+        yield f"<{name}>"
+    for key, value in element.items():
+        if any(sign in value for sign in EXPRESSIONS):
+            yield f'{key}="{value}" of <{name}>'
+    for child in element:
+        yield from _live(child)
+
+
+def expanded(path: Path, tree: ElementTree.Element, without: Collection[str]) -> ElementTree.Element:
+    """The tree of a file with its xacro elements expanded; `without`: elements that are left out first, everywhere.
+
+    What they refer to (meshes of a package, say) need not exist then. Raises `FileError`.
+    """
+    try:
+        from xacrodoc import XacroDoc, packages
+    except ImportError:
+        what = f"{to_expand(tree)} is xacro, which needs the package xacrodoc"
+        raise FileError(path, "", what, f"pip install 'lrm-arm[xacro]', or {EXPAND_FIRST}") from None
+    tree.attrib.setdefault(f"xmlns:{PREFIX[:-1]}", NAMESPACE)
+    text = ElementTree.tostring(tree, encoding="unicode")
+    packages.walk_up_from(path.resolve())
+    try:
+        with _leaving_out(path, without):
+            document = XacroDoc.from_string(text, resolve_packages=False, rootdir=path.parent)
+        return parse_xml(path, str(document.to_urdf_string()))
+    except FileError:
+        raise
+    except Exception as error:  # xacro raises errors of many kinds, all of them faults of the file
+        raise FileError(path, "", f"xacro: {_first_line(error)}", _remedy(error)) from None
+
+
+def _first_line(error: Exception) -> str:
+    return next(iter(str(error).splitlines()), type(error).__name__)
+
+
+def _remedy(error: Exception) -> str:
+    said = str(error)
+    if "ackage not found" in said:
+        package = said.splitlines()[0].rpartition(" ")[2]
+        return f"put the file where it was in its package: in or below a folder with the package.xml of {package}"
+    if "substitution argument" in said:
+        return f"give it a default, or {EXPAND_FIRST} NAME:=VALUE"
+    return ""
+
+
+@contextmanager
+def _leaving_out(path: Path, names: Collection[str]) -> Iterator[None]:
+    """Xacro without some elements in the file `path` and those that it includes, found from where it lies."""
+    import xacro
+
+    parse = xacro.parse
+
+    def lean(inp: Any, filename: str | None = None) -> Any:
+        if inp is None and filename is not None and (where := Path(xacro.root_dir or "", filename)).is_file():
+            inp = read_xml_text(where).text
+        document = parse(inp, filename)
+        for name in names:
+            for element in list(document.getElementsByTagName(name)):
+                element.parentNode.removeChild(element)
+        return document
+
+    xacro.parse = lean
+    xacro.init_stacks(str(path.resolve()))
+    try:
+        yield
+    finally:
+        xacro.parse, xacro.filestack = parse, None

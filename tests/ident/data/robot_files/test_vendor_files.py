@@ -1,0 +1,145 @@
+"""Files of arms as vendors write them: encodings, leftovers of xacro, walls; MuJoCo has the same poses and torques."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from lrm_ident.data.robot_files.urdf import read_urdf, read_whole_urdf
+from lrm_ident.data.robot_files.urdf_arm import ImportedArm, import_arm
+from lrm_math.arrays import Array
+from lrm_math.kinematics.poses import poses_of
+from lrm_math.model.equilibrium import solve_equilibrium
+from lrm_math.model.model import model_of
+from tests.support.commands import stderr_of, stdout_of
+from tests.support.vendor_robots import MESH, SHAPES, XACRO, vendor_parts
+
+MUJOCO_KEEPS = '<mujoco><compiler fusestatic="false" discardvisual="true"/></mujoco>'
+
+
+def mujoco_statics(parts: str, q: Array) -> tuple[Array, Array]:
+    """Positions (N, 3) of the link `tip` in the world (m) and gravity's torques (N, n) at angles (N, n), by MuJoCo."""
+    mujoco = pytest.importorskip("mujoco", reason="mujoco is not installed")
+    model = mujoco.MjModel.from_xml_string(f'<robot name="v">{MUJOCO_KEEPS}{parts.replace(SHAPES, "")}</robot>')
+    data: Any = mujoco.MjData(model)
+    joints = [model.joint(f"j{number}").qposadr[0] for number in range(1, q.shape[1] + 1)]
+    tips, torques = [], []
+    for angles in q:
+        data.qpos[:] = 0.0
+        data.qpos[joints] = angles
+        mujoco.mj_forward(model, data)
+        tips.append(data.body("tip").xpos.copy())
+        torques.append(data.qfrc_bias[joints].copy())
+    return np.array(tips), np.array(torques)
+
+
+def assert_agrees(found: ImportedArm, parts: str, seed: int) -> None:
+    """An arm imported from the root has MuJoCo's kinematics, its torques from whichever base (1e-9 m, N·m)."""
+    q = np.random.default_rng(seed).uniform(-1.5, 1.5, (5, found.arm.dof))
+    tips, torques = mujoco_statics(parts, q)
+    ours = solve_equilibrium(model_of(found.arm, ()), poses_of(q))
+    np.testing.assert_allclose(np.abs(ours.joint_torque), np.abs(torques), atol=1e-9)
+    assert np.abs(torques).max() > 0.01
+    if found.base == "world":
+        np.testing.assert_allclose(ours.tcp, tips, atol=1e-9)
+
+
+WRITTEN: dict[str, Callable[[str], bytes]] = {
+    "plain": lambda parts: f'<robot name="v">{parts}</robot>'.encode(),
+    "blank lines first": lambda parts: f'\n \r\n<?xml version="1.0"?>\n<robot name="v">{parts}</robot>'.encode(),
+    "latin-1": lambda parts: f'<?xml version="1.0" encoding="ISO-8859-1"?><robot name="Ärmel">{parts}</robot>'.encode(
+        "latin-1"
+    ),
+    "undeclared latin-1": lambda parts: f'<robot name="v"><!-- © -->{parts}</robot>'.encode("latin-1"),
+    "utf-16": lambda parts: f'<?xml version="1.0" encoding="UTF-16"?>\n<robot name="v">{parts}</robot>'.encode(
+        "utf-16"
+    ),
+    "utf-16 without a mark": lambda parts: f'\n<?xml version="1.0"?><robot name="v">{parts}</robot>'.encode(
+        "utf-16-be"
+    ),
+    "utf-8 with a mark": lambda parts: f'<?xml version="1.0"?><robot name="v">{parts}</robot>'.encode("utf-8-sig"),
+    "says utf-16, is not": lambda parts: (
+        f'<?xml version="1.0" encoding="utf-16"?><robot name="v">{parts}</robot>'.encode()
+    ),
+    "xacro in a comment": lambda parts: f'<robot name="v"{XACRO}><!-- <xacro:gripper/> -->{parts}</robot>'.encode(),
+    "dead property": lambda parts: (
+        f'<robot name="v"{XACRO}><xacro:property name="w" value="${{2*pi}}"/>{parts}</robot>'.encode()
+    ),
+    "dead macro, no namespace": lambda parts: (
+        f'<robot name="v"><xacro:macro name="m"><xacro:insert_block name="b"/></xacro:macro>{parts}</robot>'.encode()
+    ),
+    "xacro in shapes": lambda parts: (
+        f'<robot name="v">{parts.replace(MESH, "$(find none)/${part}.stl")}</robot>'.encode()
+    ),
+}
+
+
+@pytest.mark.parametrize("suffix", [".urdf", ".xacro"])
+@pytest.mark.parametrize("written", WRITTEN)
+def test_a_vendors_file_is_read(written: str, suffix: str, tmp_path: Path) -> None:
+    """What kinematics and masses do not need keeps no arm from being read, whatever the file's ending."""
+    seed = list(WRITTEN).index(written) + 20 * (suffix == ".xacro")
+    parts = vendor_parts(seed)
+    path = tmp_path / f"arm{suffix}"
+    path.write_bytes(WRITTEN[written](parts))
+    found = import_arm(read_urdf(path), base=("base", None)[seed % 2], tip="tip")
+    assert_agrees(found, parts, seed)
+    assert any("Latin-1" in notice for notice in found.notices) == (written == "undeclared latin-1")
+
+
+@pytest.mark.parametrize("suffix", [".urdf", ".xacro"])
+def test_xacro_is_expanded_without_what_shapes_refer_to(suffix: str, tmp_path: Path) -> None:
+    """Elements decide, not the ending; packages of meshes need not exist, in included files neither."""
+    pytest.importorskip("xacrodoc", reason="xacrodoc is not installed (extra 'xacro')")
+    parts = vendor_parts(7, SHAPES.replace(MESH, "$(find some_arm)/meshes/${part}.stl"))
+    macro = f'<robot{XACRO}><xacro:macro name="arm">{parts}</xacro:macro></robot>'
+    (tmp_path / "arm_macro.xacro").write_text(f'\n<?xml version="1.0"?>{macro}')
+    path = tmp_path / f"arm{suffix}"
+    plugin = '<gazebo><plugin filename="$(find no_such_package)/x.yaml"/></gazebo>'
+    path.write_text(f'<robot name="v"{XACRO}><xacro:include filename="arm_macro.xacro"/><xacro:arm/>{plugin}</robot>')
+    assert_agrees(import_arm(read_urdf(path), tip="tip"), vendor_parts(7), 7)
+
+
+def test_an_export_of_a_xacro_keeps_its_meshes(tmp_path: Path) -> None:
+    pytest.importorskip("xacrodoc", reason="xacrodoc is not installed (extra 'xacro')")
+    path = tmp_path / "arm.xacro"
+    parts = vendor_parts(3).replace('effort="50"', 'effort="${25*2}"')
+    path.write_text(f'<robot name="v"{XACRO}>{parts}</robot>')
+    arm, out = tmp_path / "arm.toml", tmp_path / "out.urdf"
+    stdout_of("arm", "import", path, "--tip", "tip", "-o", arm)
+    stdout_of("arm", "export", arm, "--urdf", path, "--tip", "tip", "-o", out)
+    assert out.read_text().count(MESH) == parts.count(MESH) > 0
+    assert len(read_whole_urdf(out).links) == parts.count("<link")
+
+
+def test_the_remedy_for_a_package_that_is_not_found_works(tmp_path: Path) -> None:
+    pytest.importorskip("xacrodoc", reason="xacrodoc is not installed (extra 'xacro')")
+    folder = tmp_path / "own_arm" / "urdf"
+    folder.mkdir(parents=True)
+    (folder / "parts.xacro").write_text(f"<robot{XACRO}>{vendor_parts(4)}</robot>")
+    path = folder / "arm.xacro"
+    include = '<xacro:include filename="$(find own_arm)/urdf/parts.xacro"/>'
+    path.write_text(f'<robot name="v"{XACRO}>{include}</robot>')
+    assert "package.xml of own_arm" in stderr_of("arm", "import", path, "--tip", "tip", "-o", tmp_path / "arm.toml")
+    (tmp_path / "own_arm" / "package.xml").write_text("<package><name>own_arm</name></package>")
+    stdout_of("arm", "import", path, "--tip", "tip", "-o", tmp_path / "arm.toml")
+
+
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [
+        (b'<?xml version="1.0" encoding="klingon"?><robot/>', "its encoding is 'klingon', which is unknown"),
+        (b'<robot name="v"><link name="a"></robot>', "not valid XML: mismatched tag"),
+        (b"", "not valid XML"),
+        ("<robot/>".encode("utf-16")[:-1], "its encoding is not 'utf-16'"),
+        (b"<robot><link name='a'/><xacro:nothing/></robot>", "xacro"),
+    ],
+)
+def test_what_cannot_be_read_is_one_line(content: bytes, said: str, tmp_path: Path) -> None:
+    path = tmp_path / "arm.urdf"
+    path.write_bytes(content)
+    assert said in stderr_of("arm", "import", path, "-o", tmp_path / "arm.toml")
