@@ -24,6 +24,7 @@ from lrm_ident.data.robot_files.urdf import Urdf, UrdfJoint, parse_urdf
 from lrm_ident.data.robot_files.urdf_arm import choose_tip
 from lrm_ident.data.robot_files.urdf_export import CALIBRATED, ExportedFile, corrected_urdf, left_out, rigid_part
 from lrm_math.arrays import Array
+from lrm_math.errors import FileError
 from lrm_math.model.model import Model
 
 SPRING_DAMPING, PLAY_DAMPING = 0.1, 0.01
@@ -53,6 +54,11 @@ def patched_mjcf(
     corrected = parse_urdf(robot.path, corrected_urdf(rigid_part(model), robot, base, tip))
     path = corrected.chain(base, tip)
     for joint in path:
+        if joint.turns and joint.child not in own.bodies:
+            what = "turns a body that another joint turns, too"
+            raise FileError(
+                own.path, f"joint {joint.name}", what, "give each joint a body of its own, or export a URDF"
+            )
         _place(own, joint)
     if f"{tip}{CALIBRATED}" in corrected.joints:
         behind = own.anchor(own.bodies[tip]) @ corrected.joints[f"{tip}{CALIBRATED}"].origin

@@ -15,13 +15,12 @@ from xml.etree import ElementTree
 import numpy as np
 
 from lrm_ident.data.rigid_motion import homogeneous, inverse, rotation_matrix, shift, turn
-from lrm_ident.data.robot_files.urdf import Urdf, append_joint, numbers, urdf_of
+from lrm_ident.data.robot_files.urdf import POLYNOMIAL, Urdf, append_joint, numbers, urdf_of
 from lrm_math.arrays import Array
 from lrm_math.errors import FileError, LrmError
 
 KINDS = ("floating", "ball", "prismatic", "revolute")
 """Types of joints, in MuJoCo's order."""
-SEVERAL = "compound"
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,21 +53,43 @@ class MjcfRobot:
         """The body as MuJoCo's `MjSpec` has it."""
         return self._spec_bodies[self.bodies[link]]
 
-    def hinge(self, body: int) -> int | None:
-        """Number of the joint of a body, of its first one."""
-        return int(self.compiled.body_jntadr[body]) if self.compiled.body_jntnum[body] else None
+    def joints_of(self, body: int) -> range:
+        """Numbers of the joints of a body, in the order in which they turn it."""
+        first = int(self.compiled.body_jntadr[body])
+        return range(first, first + int(self.compiled.body_jntnum[body]))
 
     def anchor(self, body: int) -> Array:
-        """(4, 4), a link's frame in its body's: where its joint is, none: the body's own."""
-        joint = self.hinge(body)
-        return np.eye(4) if joint is None else shift(self.compiled.jnt_pos[joint].tolist())
+        """(4, 4), a link's frame in its body's: where its last joint is, none: the body's own."""
+        joints = self.joints_of(body)
+        return self.joint_anchor(joints[-1]) if joints else np.eye(4)
+
+    def joint_anchor(self, joint: int) -> Array:
+        """(4, 4), a joint's place in its body's frame."""
+        return shift(self.compiled.jnt_pos[joint].tolist())
 
     def zero(self, body: int) -> Array:
+        """(4, 4), turn of the last joint of a body from the angle that the file draws it at to zero."""
+        joints = self.joints_of(body)
+        return self.joint_zero(joints[-1]) if joints else np.eye(4)
+
+    def joint_zero(self, joint: int) -> Array:
         """(4, 4), turn of a joint from the angle that the file draws it at to zero."""
-        joint, own = self.hinge(body), self.compiled
-        if joint is None or KINDS[int(own.jnt_type[joint])] != "revolute":
+        own = self.compiled
+        if self.kind(joint) != "revolute":
             return np.eye(4)
-        return turn(own.jnt_axis[joint].tolist(), -float(own.qpos0[own.jnt_qposadr[joint]]))
+        return turn(own.jnt_axis[joint].tolist(), -self.drawn_at(joint))
+
+    def kind(self, joint: int) -> str:
+        """Type of a joint, by URDF's names."""
+        return KINDS[int(self.compiled.jnt_type[joint])]
+
+    def drawn_at(self, joint: int) -> float:
+        """Angle of a joint as the file draws it (rad)."""
+        return float(self.compiled.qpos0[self.compiled.jnt_qposadr[joint]])
+
+    def joint_name(self, joint: int) -> str:
+        """The joint's name, or one by its number."""
+        return str(self.compiled.joint(joint).name or f"joint{joint + 1}")
 
 
 def read_mjcf(path: Path) -> MjcfRobot:
@@ -93,7 +114,7 @@ def _as_links(own: MjcfRobot) -> Urdf:
         link = ElementTree.SubElement(tree, "link", name=own.link(body))
         if body:
             _add_mass(link, own, body)
-            _add_joint(tree, own, body)
+            _add_joints(tree, own, body)
     for site in range(compiled.nsite):
         name, body = compiled.site(site).name, int(compiled.site_bodyid[site])
         if name and name not in own.bodies:
@@ -109,23 +130,50 @@ def _pose(quaternion: Array, position: Array) -> Array:
     return homogeneous(rotation_matrix(quaternion), position)
 
 
-def _add_joint(tree: ElementTree.Element, own: MjcfRobot, body: int) -> None:
-    compiled, joint = own.compiled, own.hinge(body)
+def _add_joints(tree: ElementTree.Element, own: MjcfRobot, body: int) -> None:
+    """The joints of a body in a chain; between two of them stands a link without mass."""
+    compiled, joints = own.compiled, own.joints_of(body)
     parent = int(compiled.body_parentid[body])
-    stands = _pose(compiled.body_quat[body], compiled.body_pos[body])
-    origin = inverse(own.anchor(parent)) @ stands @ own.anchor(body) @ own.zero(body)
-    ends = (own.link(parent), own.link(body))
-    if joint is None:
-        append_joint(tree, f"{ends[1]}_fixed", "fixed", *ends, origin)
-        return
-    kind = KINDS[int(compiled.jnt_type[joint])] if int(compiled.body_jntnum[body]) == 1 else SEVERAL
+    before, name = own.link(parent), own.link(body)
+    stands = inverse(own.anchor(parent)) @ _pose(compiled.body_quat[body], compiled.body_pos[body])
+    if not joints:
+        append_joint(tree, f"{name}_fixed", "fixed", before, name, stands)
+    for joint in joints:
+        after = name if joint == joints[-1] else f"{name}_{own.joint_name(joint)}"
+        if after != name:
+            ElementTree.SubElement(tree, "link", name=after)
+        _add_joint(tree, own, joint, (before, after), stands @ own.joint_anchor(joint) @ own.joint_zero(joint))
+        before, stands = after, inverse(own.joint_anchor(joint))
+
+
+def _add_joint(tree: ElementTree.Element, own: MjcfRobot, joint: int, ends: tuple[str, str], origin: Array) -> None:
+    compiled, kind = own.compiled, own.kind(joint)
     limited = bool(compiled.jnt_limited[joint])
-    name = compiled.joint(joint).name or f"joint{joint + 1}"
-    element = append_joint(tree, name, kind if limited or kind != "revolute" else "continuous", *ends, origin)
+    kind = kind if limited or kind != "revolute" else "continuous"
+    element = append_joint(tree, own.joint_name(joint), kind, *ends, origin)
     ElementTree.SubElement(element, "axis", xyz=numbers(compiled.jnt_axis[joint]))
     if limited:
         low, high = map(repr, compiled.jnt_range[joint].tolist())
         ElementTree.SubElement(element, "limit", lower=low, upper=high)
+    _add_coupling(element, own, joint)
+
+
+def _add_coupling(element: ElementTree.Element, own: MjcfRobot, joint: int) -> None:
+    """The equality by which a joint follows another one, q - q_drawn = a + b (p - p_drawn): as a `<mimic>`."""
+    import mujoco
+
+    compiled = own.compiled
+    for number in np.flatnonzero(compiled.eq_type == mujoco.mjtEq.mjEQ_JOINT):
+        leader = int(compiled.eq_obj2id[number])
+        if int(compiled.eq_obj1id[number]) != joint or not compiled.eq_active0[number]:
+            continue
+        a, b, *more = compiled.eq_data[number][:5].tolist()
+        mimic = ElementTree.SubElement(element, "mimic", offset=repr(a + own.drawn_at(joint)))
+        if leader >= 0:
+            offset = a + own.drawn_at(joint) - b * own.drawn_at(leader)
+            mimic.attrib.update(joint=own.joint_name(leader), multiplier=repr(b), offset=repr(offset))
+        if leader >= 0 and any(more):
+            mimic.set(POLYNOMIAL, numbers([a, b, *more]))
 
 
 def _add_mass(link: ElementTree.Element, own: MjcfRobot, body: int) -> None:

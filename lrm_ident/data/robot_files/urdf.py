@@ -18,7 +18,8 @@ from lrm_math.arrays import Array, Vector3
 from lrm_math.errors import FileError, name_suggestion
 
 TURNING = ("revolute", "continuous")
-COUPLED = "a coupled joint is not a joint of an arm here, which all turn by themselves; give --base or --tip"
+POLYNOMIAL, UNTURNED = "polycoef", 1e-9
+"""Attribute of a `<mimic>` of MuJoCo's that is not linear; deg, that round-off alone makes of no offset."""
 GRAVITY: Vector3 = (0.0, 0.0, -9.81)
 
 
@@ -221,16 +222,28 @@ def _fault(
 ) -> tuple[str, str] | None:
     mimic = element.find("mimic")
     if mimic is not None:
-        (times,), (offset,) = (
-            _numbers(path, where, mimic, key, default, 1) for key, default in (("multiplier", "1"), ("offset", "0"))
-        )
-        leader = mimic.get("joint") or "?"
-        return f"follows joint {leader} (it turns to {times:g} × {leader} {offset:+g} rad)", COUPLED
+        return _coupling(
+            path, where, mimic
+        ), f"every joint of an arm turns by itself; --tip {joint.parent} ends before it"
     if joint.kind == "revolute" and element.find("limit") is None:
         return "a revolute joint without <limit>", "or is it of type continuous?"
     if length < 1e-9:
         return "its axis has no direction", ""
     return None if joint.lower < joint.upper else (f"limits {joint.lower:g} to {joint.upper:g} rad", "lower < upper")
+
+
+def _coupling(path: Path, where: str, mimic: ElementTree.Element) -> str:
+    """A `<mimic>` in words: which joint follows which, and how."""
+    (times,), (offset,) = (
+        _numbers(path, where, mimic, key, default, 1) for key, default in (("multiplier", "1"), ("offset", "0"))
+    )
+    leader, turned = mimic.get("joint"), math.degrees(offset)
+    if leader is None:
+        return f"is held at {turned:.3g} deg"
+    if POLYNOMIAL in mimic.attrib:
+        return f"follows joint {leader} by a polynomial ({mimic.get(POLYNOMIAL)})"
+    more = f" {turned:+.3g} deg" if abs(turned) > UNTURNED else ""
+    return f"follows joint {leader}: its angle is {times:g} times that one's{more}"
 
 
 def _origin(path: Path, where: str, element: ElementTree.Element) -> Array:

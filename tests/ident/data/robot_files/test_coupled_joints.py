@@ -1,0 +1,112 @@
+"""Joints that follow others, and several hinges in one body: refused or read, never free joints that are none."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from lrm_ident.data.robot_files.mjcf_robot import read_mjcf
+from lrm_ident.data.robot_files.urdf_arm import import_arm
+from lrm_math.kinematics.poses import poses_of
+from lrm_math.model.equilibrium import solve_equilibrium
+from lrm_math.model.model import model_of
+from tests.support.commands import stderr_of, stdout_of
+from tests.support.vendor_robots import vendor_parts
+
+
+def coupled_urdf(multiplier: str) -> str:
+    """A robot of five joints whose third follows its second."""
+    mimic = f'<mimic joint="j2" {multiplier}/></joint>'
+    before, name, after = vendor_parts(1).partition('<joint name="j3"')
+    return f'<robot name="v">{before}{name}{after.replace("</joint>", mimic, 1)}</robot>'
+
+
+@pytest.mark.parametrize(
+    ("multiplier", "said"),
+    [
+        ('multiplier="-1"', "joint j3: follows joint j2: its angle is -1 times that one's;"),
+        ('multiplier="0.5" offset="0.1"', "0.5 times that one's +5.73 deg"),
+        ("", "1 times"),
+    ],
+)
+def test_a_mimic_joint_of_a_urdf_is_named_and_its_remedy_works(multiplier: str, said: str, tmp_path: Path) -> None:
+    path, arm = tmp_path / "arm.urdf", tmp_path / "arm.toml"
+    path.write_text(coupled_urdf(multiplier))
+    error = stderr_of("arm", "import", path, "--tip", "tip", "-o", arm)
+    assert said in error
+    assert len(error.splitlines()) == 1
+    assert not arm.exists()
+    stdout_of("arm", "import", path, "--tip", error.partition("--tip ")[2].split()[0], "-o", arm)
+
+
+def test_a_gripper_that_follows_keeps_no_arm_from_being_read(tmp_path: Path) -> None:
+    path = tmp_path / "arm.urdf"
+    before, name, after = vendor_parts(1).partition('<joint name="jaw_joint"')
+    following = after.replace("</joint>", '<mimic joint="j1"/></joint>', 1)
+    path.write_text(f'<robot name="v">{before}{name}{following}</robot>')
+    stdout_of("arm", "import", path, "--tip", "tip", "-o", tmp_path / "arm.toml")
+
+
+BODIES = """<mujoco model="m"><compiler angle="radian"/><worldbody><body name="base" euler="0.3 0.2 0.1">
+<geom type="box" size="0.03 0.03 0.03" mass="0.3"/>
+<body name="a" pos="0 0 0.1"><joint name="j1" axis="0 0 1" range="-1.5 1.5" limited="true"/>
+<geom type="capsule" fromto="0 0 0 0.1 0 0.05" size="0.02" mass="0.3"/>
+<body name="b" pos="0.1 0.02 0.05" euler="0.1 0.4 0.2">
+<joint name="j2" axis="0 1 0" pos="0.01 0 0.02" ref="0.2" range="-1 1" limited="true"/>
+<joint name="j3" axis="0.3 0 1" pos="0 0.03 0.01" ref="-0.3" range="-1 1" limited="true"/>
+<geom type="capsule" fromto="0 0 0 0.12 0 0.05" size="0.02" mass="0.2"/>
+<body name="c" pos="0.15 0 0"><joint name="j4" axis="0 1 0" ref="0.1" range="-2 2" limited="true"/>
+<geom type="capsule" fromto="0 0 0 0.05 0 0" size="0.02" mass="0.05"/><site name="tip" pos="0.05 0.01 0"/>
+</body></body></body></body></worldbody>EQUALITY</mujoco>"""
+
+
+def test_two_hinges_in_one_body_are_two_joints(tmp_path: Path) -> None:
+    """Kinematics and gravity's torques are MuJoCo's own."""
+    mujoco = pytest.importorskip("mujoco", reason="mujoco is not installed")
+    path = tmp_path / "arm.xml"
+    path.write_text(BODIES.replace("EQUALITY", ""))
+    arm = import_arm(read_mjcf(path).robot, tip="tip").arm
+    peer = mujoco.MjModel.from_xml_path(str(path))
+    data: Any = mujoco.MjData(peer)
+    for q in np.random.default_rng(0).uniform(-1.0, 1.0, (10, 4)):
+        data.qpos[:] = q
+        mujoco.mj_forward(peer, data)
+        ours = solve_equilibrium(model_of(arm, ()), poses_of(q))
+        np.testing.assert_allclose(ours.tcp[0], data.site("tip").xpos, atol=1e-9)
+        np.testing.assert_allclose(np.abs(ours.joint_torque[0]), np.abs(data.qfrc_bias), atol=1e-9)
+
+
+def test_an_export_into_a_body_of_two_hinges_is_refused(tmp_path: Path) -> None:
+    pytest.importorskip("mujoco", reason="mujoco is not installed")
+    path, arm = tmp_path / "arm.xml", tmp_path / "arm.toml"
+    path.write_text(BODIES.replace("EQUALITY", ""))
+    stdout_of("arm", "import", path, "--tip", "tip", "-o", arm)
+    said = stderr_of("arm", "export", arm, "--mjcf", path, "--tip", "tip", "-o", tmp_path / "out.xml")
+    assert f"{path}: joint j2: turns a body that another joint turns, too" in said
+
+
+@pytest.mark.parametrize(
+    ("equality", "said"),
+    [
+        ('<joint joint1="j4" joint2="j1" polycoef="0 -1 0 0 0"/>', "joint j4: follows joint j1: its angle is -1 times"),
+        ('<joint joint1="j4" joint2="j2" polycoef="0.1 0.5 0 0 0"/>', "0.5 times that one's +5.73 deg"),
+        ('<joint joint1="j4" joint2="j2" polycoef="0 0.5 0.2 0 0"/>', "follows joint j2 by a polynomial"),
+        ('<joint joint1="j4"/>', "is held at 5.73 deg"),
+        ('<joint joint1="j4" joint2="j1" active="false"/>', ""),
+    ],
+)
+def test_an_equality_of_joints_is_named(equality: str, said: str, tmp_path: Path) -> None:
+    pytest.importorskip("mujoco", reason="mujoco is not installed")
+    path, arm = tmp_path / "arm.xml", tmp_path / "arm.toml"
+    path.write_text(BODIES.replace("EQUALITY", f"<equality>{equality}</equality>"))
+    words = ("arm", "import", path, "--tip", "tip", "-o", arm)
+    if not said:
+        stdout_of(*words)
+        return
+    error = stderr_of(*words)
+    assert said in error
+    assert str(path) in error
+    assert not arm.exists()
