@@ -91,7 +91,10 @@ class TypicalSizes:
 
 @dataclass(frozen=True)
 class Arm:
-    """A serial arm. `gravity` (m/s²) is given in the frame that TCP positions are measured in."""
+    """A serial arm. `gravity` (m/s²) is given in the frame that TCP positions are measured in.
+
+    `accepted`: rules of plausibility that a person knows this arm to break.
+    """
 
     name: str
     gravity: Vector3
@@ -102,6 +105,7 @@ class Arm:
     auxiliary_servos: tuple[tuple[str, ServoTable], ...] = ()
     shapes: Shapes = field(default_factory=Shapes)
     typical_sizes: TypicalSizes = TypicalSizes()
+    accepted: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         for fault in contradictions(self.joints, self.bodies):

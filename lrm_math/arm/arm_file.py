@@ -13,7 +13,7 @@ from pydantic import AfterValidator, Field, ValidationError
 
 from lrm_math.arm.arm import Arm, Body, Joint, Placement, TypicalSizes, contradictions
 from lrm_math.arm.collision_shapes import Box, Capsule, Shapes
-from lrm_math.arm.plausible_arm import implausible
+from lrm_math.arm.plausible_arm import ImplausibleArm, Rule, implausible
 from lrm_math.arm.servo_table import ServoTable
 from lrm_math.arrays import Vector3
 from lrm_math.errors import FileError, LrmError, name_suggestion, raise_faults
@@ -124,6 +124,7 @@ class ArmFile(StrictSchema):
     schema_: Literal["lrm/arm/1"] = Field(alias="schema")
     name: Annotated[str, Field(min_length=1)]
     source: str = ""
+    accepted: list[Rule] = []
     gravity_m_per_s2: Components
     base: PlacementTable
     joint: Annotated[list[JointTable], Field(min_length=1, max_length=10)]
@@ -181,8 +182,12 @@ def read_arm(path: Path) -> Arm:
         arm = to_arm(ArmFile.model_validate(tables))
     except LrmError as error:
         raise FileError(path, "", str(error)) from None
-    raise_faults(path, [FileError(path, "", what, right) for what, right in implausible(arm)])
+    raise_faults(path, [FileError(path, "", found.what, _right(found)) for found in implausible(arm)])
     return arm
+
+
+def _right(found: ImplausibleArm) -> str:
+    return f'{found.right}; if that is your arm, write accepted = ["{found.rule}"] below name'
 
 
 def _contradictions(tables: dict[str, Any]) -> Iterator[str]:
@@ -228,7 +233,7 @@ def to_arm(tables: ArmFile) -> Arm:
     )
     sizes = tables.typical_sizes
     own = TypicalSizes(sizes.length_mm * MM, math.radians(sizes.angle_deg), sizes.compliance)
-    return replace(arm, shapes=_shapes(tables, arm.dof), typical_sizes=own)
+    return replace(arm, shapes=_shapes(tables, arm.dof), typical_sizes=own, accepted=tuple(tables.accepted))
 
 
 def _placement(t: PlacementTable) -> Placement:

@@ -7,6 +7,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Literal, TypeAlias, get_args
 
 import numpy as np
 
@@ -26,6 +28,19 @@ RIGHT_ANGLE, CLOSE = math.pi / 2.0, 2e-3
 NO_TURN = 7.0  # deg: of limits that are all smaller, the unit is rad
 GRAVITY = PlausibleSize("gravity", "m/s2", 1.3, 30.0, times(**{"mm/s2": 1e-3, "cm/s2": 1e-2, "g": 9.81}))
 
+Rule: TypeAlias = Literal["size", "mass", "centre-of-mass", "gravity", "angles", "limits"]
+"""What is checked of an arm, by the name with which a person accepts it."""
+RULES: tuple[Rule, ...] = get_args(Rule)
+
+
+@dataclass(frozen=True)
+class ImplausibleArm:
+    """An implausible quantity of an arm: the rule by which it is, what is wrong, and what would be right."""
+
+    rule: Rule
+    what: str
+    right: str
+
 
 def reach(arm: Arm) -> float:
     """Sum of an arm's lengths from the base to the TCP (m)."""
@@ -38,29 +53,34 @@ def total_mass(arm: Arm) -> float:
     return sum(body.mass for body in arm.bodies)
 
 
-def implausible(arm: Arm, written: str = "millimetres") -> Iterator[tuple[str, str]]:
-    """Implausible quantities of an arm, and what would be right. `written`: the unit of lengths in the arm's file."""
+def implausible(arm: Arm, written: str = "millimetres") -> Iterator[ImplausibleArm]:
+    """Implausible quantities of an arm that nobody accepted. `written`: the unit of lengths in the arm's file."""
+    yield from (found for found in _found(arm, written) if found.rule not in arm.accepted)
+
+
+def _found(arm: Arm, written: str) -> Iterator[ImplausibleArm]:
     length = reach(arm)
     if length and not LEAST_REACH <= length <= MOST_REACH:
         like = [unit for unit, mm in LENGTHS.items() if LEAST_REACH <= length * mm / LENGTHS[written] <= MOST_REACH]
         seems = f": its lengths look like {' or '.join(like)}" if like else ""
-        yield f"the arm is {_length(length)} long{seems}", f"lengths are in {written}"
+        yield ImplausibleArm("size", f"the arm is {_length(length)} long{seems}", f"lengths are in {written}")
         return
     yield from _masses(arm, length, written)
     yield from _centres_of_mass(arm, length)
     gravity = implausible_value(GRAVITY, float(np.linalg.norm(arm.gravity)))
     if gravity:
-        yield gravity.what, gravity.right
+        yield ImplausibleArm("gravity", gravity.what, gravity.right)
     angles = [abs(angle) for joint in arm.joints for angle in (joint.theta, joint.alpha)]
     radians = [degrees for angle in angles if (degrees := math.degrees(angle)) and _is_right_angle_in_rad(degrees)]
     if radians:
-        yield f"an angle of {radians[0]:.4g} deg looks like radians", "angles are in degrees"
+        yield ImplausibleArm("angles", f"an angle of {radians[0]:.4g} deg looks like radians", "angles are in degrees")
     limits = [abs(math.degrees(limit)) for joint in arm.joints for limit in (joint.lower, joint.upper)]
     if max(limits) < NO_TURN:
-        yield f"no joint turns farther than {max(limits):.3g} deg: limits_deg looks like radians", "in degrees"
+        what = f"no joint turns farther than {max(limits):.3g} deg: limits_deg looks like radians"
+        yield ImplausibleArm("limits", what, "in degrees")
 
 
-def _masses(arm: Arm, length: float, written: str) -> Iterator[tuple[str, str]]:
+def _masses(arm: Arm, length: float, written: str) -> Iterator[ImplausibleArm]:
     mass, volume = total_mass(arm), length**3
     if not mass or not volume:
         return
@@ -71,17 +91,18 @@ def _masses(arm: Arm, length: float, written: str) -> Iterator[tuple[str, str]]:
     which = f"body '{heaviest.name}' weighs {_mass(heaviest.mass)}, all {_mass(mass)}"
     like = HEAVIER_LIGHTER[written][mass > high]
     size = f"an arm of {_length(length)} weighs {_mass(low)} to {_mass(high)}"
-    yield f"{which}: the masses look like {like}", size
+    yield ImplausibleArm("mass", f"{which}: the masses look like {like}", size)
 
 
-def _centres_of_mass(arm: Arm, length: float) -> Iterator[tuple[str, str]]:
+def _centres_of_mass(arm: Arm, length: float) -> Iterator[ImplausibleArm]:
     far = {body.name: float(np.linalg.norm(body.com)) for body in arm.bodies if any(body.com)}
     if not far:
         return
     name, most = max(far.items(), key=lambda item: item[1])
     if not NEAREST_COM * length <= most <= FARTHEST_COM * length:
         size = f"an arm of {_length(length)}; is its unit right?"
-        yield f"the centre of mass of body '{name}' is {_length(most)} from its frame, farther than any other", size
+        what = f"the centre of mass of body '{name}' is {_length(most)} from its frame, farther than any other"
+        yield ImplausibleArm("centre-of-mass", what, size)
 
 
 def _is_right_angle_in_rad(degrees: float) -> bool:

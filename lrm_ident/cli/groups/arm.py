@@ -23,6 +23,7 @@ from lrm_ident.fitting.effect_plugins import catalogue_with
 from lrm_ident.report.plots.arm import draw_arm
 from lrm_math.arm.arm import BASE, TOOL
 from lrm_math.arm.arm_file import load_arm
+from lrm_math.arm.plausible_arm import RULES
 from lrm_math.effects import marked
 from lrm_math.errors import FileError
 from lrm_math.model.covariance import drawn_models
@@ -56,6 +57,10 @@ ArmOutput = Annotated[Path, Option("-o", "--output", metavar="ARM", help="Where 
 Base = Annotated[str | None, Option("--base", metavar="LINK", help="Where the arm begins. Default: the root link.")]
 Tip = Annotated[str | None, Option("--tip", metavar="LINK", help="The link that is measured. Default: the only tip.")]
 
+Accept = Annotated[
+    str, Option(metavar="RULE,…", help=f"Of {', '.join(RULES)}: what looks wrong and you know to be right.")
+]
+
 
 @command_of(group, "import")
 def import_urdf(
@@ -64,13 +69,16 @@ def import_urdf(
     base: Base = None,
     tip: Tip = None,
     name: Annotated[str | None, Option(help="Name of the arm. Default: the robot's name in the URDF.")] = None,
+    accept: Accept = "",
     json: arg.JsonFile = None,
 ) -> None:
     """Make an arm file of a URDF or an MJCF, exact to round-off: joints, limits, masses and centres of mass.
 
     The arm is compared with the URDF's own kinematics at 200 random poses before it is written.
     """
-    found = import_arm(read_mjcf(urdf).robot if urdf.suffix == ".xml" else read_urdf(urdf), base, tip, name)
+    rules = [one_of("rule", word.strip(), RULES) for word in accept.split(",") if word.strip()]
+    robot = read_mjcf(urdf).robot if urdf.suffix == ".xml" else read_urdf(urdf)
+    found = import_arm(robot, base, tip, name, rules)
     text = arm_text(
         found.arm,
         source=f"{urdf.name}, links {found.base} to {found.tip}",

@@ -35,7 +35,8 @@ def arm_text(arm: Arm, source: str, comments: Sequence[str] = ()) -> str:
 def _lines(arm: Arm, source: str, comments: Sequence[str]) -> Iterator[str]:
     frames = ["base", *(f"joint{i}" for i in range(1, arm.dof + 1)), "tool"]
     yield from (f"# {comment}" for comment in (*comments, ORDER))
-    yield from _keys(schema=ARM_SCHEMA, name=arm.name, source=source, gravity_m_per_s2=arm.gravity)
+    yield from _keys(schema=ARM_SCHEMA, name=arm.name, source=source, accepted=list(arm.accepted) or None)
+    yield from _keys(gravity_m_per_s2=arm.gravity)
     yield from ("", "[base]", *_placement(arm.base))
     for joint in arm.joints:
         yield from ("", "[[joint]]", *_keys(name=joint.name or None, theta_deg=joint.theta, d_mm=joint.d, a_mm=joint.a))
@@ -52,7 +53,7 @@ def _placement(p: Placement) -> Iterator[str]:
     yield from _keys(x_mm=p.x, y_mm=p.y, z_mm=p.z, alpha_deg=p.alpha, beta_deg=p.beta, gamma_deg=p.gamma)
 
 
-def _keys(**values: str | float | tuple[float, ...] | None) -> Iterator[str]:
+def _keys(**values: str | float | tuple[float, ...] | list[str] | None) -> Iterator[str]:
     """Lines of TOML, of keys that have a value (SI), in the unit that ends their names."""
     for key, value in values.items():
         if value is not None:

@@ -18,6 +18,7 @@ from lrm_math.arrays import Array, Vector3
 from lrm_math.errors import FileError, name_suggestion
 
 TURNING = ("revolute", "continuous")
+MOMENTS = "ixx", "iyy", "izz", "ixy", "ixz", "iyz"
 POLYNOMIAL, UNTURNED = "polycoef", 1e-9
 """Attribute of a `<mimic>` of MuJoCo's that is not linear; deg, that round-off alone makes of no offset."""
 GRAVITY: Vector3 = (0.0, 0.0, -9.81)
@@ -27,6 +28,7 @@ GRAVITY: Vector3 = (0.0, 0.0, -9.81)
 class UrdfJoint:
     """One `<joint>`: its `origin` (4, 4) in the parent link's frame (m), unit `axis` in its own; limits in rad.
 
+    `effort`: the torque that it may exert (N·m); 0 where none is stated.
     `fault`: what keeps it from being a joint of an arm, and what would be right; beside the arm it may stand.
     """
 
@@ -38,6 +40,7 @@ class UrdfJoint:
     axis: Vector3
     lower: float
     upper: float
+    effort: float = 0.0
     fault: tuple[str, str] | None = None
 
     @property
@@ -57,10 +60,14 @@ class UrdfJoint:
 
 @dataclass(frozen=True)
 class UrdfMass:
-    """`<inertial>` of a link: mass (kg) and centre of mass in the link's frame (m)."""
+    """`<inertial>` of a link: mass (kg) and centre of mass in the link's frame (m).
+
+    `density`: of the box that has its moments of inertia (kg/m³); 0 where none has.
+    """
 
     mass: float
     com: Vector3
+    density: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -197,7 +204,18 @@ def _mass(path: Path, link: ElementTree.Element) -> UrdfMass | None:
     if value < 0.0:
         raise FileError(path, where, f"mass {value:g} kg", "a mass is not negative")
     x, y, z = _origin(path, where, inertial)[:3, 3].tolist()
-    return UrdfMass(value, (x, y, z)) if value > 0.0 else None
+    return UrdfMass(value, (x, y, z), _density(value, inertial.find("inertia"))) if value > 0.0 else None
+
+
+def _density(mass: float, inertia: ElementTree.Element | None) -> float:
+    """Density of the box with a link's mass and moments of inertia (kg/m³); 0: they are none of a body."""
+    try:
+        xx, yy, zz, xy, xz, yz = (float("0" if inertia is None else inertia.get(name, "0")) for name in MOMENTS)
+    except ValueError:
+        return 0.0
+    moments = np.linalg.eigvalsh([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+    squares = 6.0 / mass * (moments.sum() - 2.0 * moments)
+    return mass / math.sqrt(squares.prod()) if squares.min() > 0.0 else 0.0
 
 
 def _joint(path: Path, element: ElementTree.Element) -> UrdfJoint:
@@ -213,7 +231,8 @@ def _joint(path: Path, element: ElementTree.Element) -> UrdfJoint:
     limit, low, high = element.find("limit"), -2.0 * math.pi, 2.0 * math.pi
     if kind == "revolute":
         (low,), (high,) = (_numbers(path, where, limit, side, "0", 1) for side in ("lower", "upper"))
-    joint = UrdfJoint(name, kind, parent, child, _origin(path, where, element), (x, y, z), low, high)
+    (effort,) = _numbers(path, where, limit, "effort", "0", 1)
+    joint = UrdfJoint(name, kind, parent, child, _origin(path, where, element), (x, y, z), low, high, effort)
     return replace(joint, fault=_fault(path, where, element, joint, length)) if joint.turns else joint
 
 

@@ -8,15 +8,16 @@ rest (Hayati & Mirmirani 1985).
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from lrm_ident.data.rigid_motion import inverse, placement, placement_motion, shift, turn
+from lrm_ident.data.robot_files.heavy_masses import signs_of_heavy_masses
 from lrm_ident.data.robot_files.urdf import Urdf, UrdfJoint, UrdfMass, tip_pose
 from lrm_math.arm.arm import NEARLY_PARALLEL, Arm, Body, Joint
-from lrm_math.arm.plausible_arm import implausible
+from lrm_math.arm.plausible_arm import ImplausibleArm, implausible
 from lrm_math.arrays import Array, Vector3
 from lrm_math.errors import FileError, raise_faults
 from lrm_math.kinematics.chain import Number
@@ -24,6 +25,8 @@ from lrm_math.kinematics.forward import frames
 from lrm_math.model.model import Model, model_of
 
 MOST_JOINTS = 10
+MOST_TURN = 4.0 * math.pi
+"""rad: no joint of an arm turns farther either way, but for one that turns on and on."""
 CHECKED = 200
 """Random poses at which the imported arm is compared with the URDF's own kinematics."""
 AGREES = 1e-9
@@ -81,10 +84,18 @@ def choose_tip(robot: Urdf, base: str) -> str:
     return next(iter(moving))
 
 
-def import_arm(robot: Urdf, base: str | None = None, tip: str | None = None, name: str | None = None) -> ImportedArm:
+def import_arm(
+    robot: Urdf,
+    base: str | None = None,
+    tip: str | None = None,
+    name: str | None = None,
+    accept: Collection[str] = (),
+) -> ImportedArm:
     """The arm from the link `base` (None: the root) to the link `tip` (None: the only one).
 
-    Raises `FileError`: a chain that is not one of 1 to 10 revolute joints, or one that the import does not reproduce.
+    `accept`: rules of plausibility that a person knows it to break.
+    Raises `FileError`: an implausible arm, a chain that is not one of 1 to 10 revolute joints, or one that the import
+    does not reproduce.
     """
     base = base or robot.root
     tip = tip or choose_tip(robot, base)
@@ -103,11 +114,37 @@ def import_arm(robot: Urdf, base: str | None = None, tip: str | None = None, nam
     arm = Arm(name or robot.name, _gravity(robot, base, notices), placed, joints, tool, (*bodies, load))
     if not bodies:
         notices.append("no link has a mass: what bends under its own weight cannot be found")
-    raise_faults(robot.path, [FileError(robot.path, "", *fault) for fault in implausible(arm, "metres")])
+    broken = [*implausible(arm, "metres"), *_limits_in_degrees(turning), *_heavy(arm, robot, path, notices)]
+    faults = [found for found in broken if found.rule not in accept]
+    raise_faults(robot.path, [FileError(robot.path, "", found.what, _right(found)) for found in faults])
+    arm = replace(arm, accepted=tuple(dict.fromkeys(found.rule for found in broken)))
     difference = largest_difference(model_of(arm, ()), path)
     if not difference < AGREES:
         raise FileError(robot.path, "", f"the arm is {difference:.2g} m or rad off the URDF's own kinematics")
     return ImportedArm(arm, base, tip, difference, tuple(notices))
+
+
+def _right(found: ImplausibleArm) -> str:
+    return f"{found.right}; if that is your arm: --accept {found.rule}"
+
+
+def _limits_in_degrees(turning: Sequence[UrdfJoint]) -> Iterator[ImplausibleArm]:
+    """The first joint whose limits (rad) are no turns of an arm, but would be in degrees."""
+    for joint in turning:
+        most = max(abs(joint.lower), abs(joint.upper))
+        if MOST_TURN < most <= math.degrees(MOST_TURN):
+            what = f"joint {joint.name}: limits {joint.lower:g} to {joint.upper:g} rad look like degrees"
+            yield ImplausibleArm("limits", what, "limits are in radians")
+            return
+
+
+def _heavy(arm: Arm, robot: Urdf, path: Sequence[UrdfJoint], notices: list[str]) -> Iterator[ImplausibleArm]:
+    """Masses that are too large by two signs; a single one is a notice."""
+    signs = list(signs_of_heavy_masses(arm, robot, path))
+    if len(signs) == 1:
+        notices.append(f"are the masses right? {signs[0]}")
+    elif signs:
+        yield ImplausibleArm("mass", f"the masses look too large: {'; '.join(signs)}", "masses are in kilograms")
 
 
 def _gravity(robot: Urdf, base: str, notices: list[str]) -> Vector3:
@@ -115,7 +152,7 @@ def _gravity(robot: Urdf, base: str, notices: list[str]) -> Vector3:
     x, y, z = (_clean(component) for component in (np.array(robot.gravity) @ robot.standing(base)[:3, :3]).tolist())
     if not any(robot.gravity):
         notices.append("the file has no gravity: nothing bends the arm")
-    if (x, y, z) != robot.gravity:
+    if x or y or z > 0.0:
         along = ", ".join(f"{component:.3g}" for component in (x, y, z))
         notices.append(f"gravity is {along} m/s2 along x, y, z of '{base}', as the file mounts it")
     return x, y, z
@@ -201,7 +238,7 @@ def _joint(joint: UrdfJoint, link: DhLink | None, notices: list[str]) -> Joint:
     link = link or DhLink(0.0, 0.0, 0.0, 0.0, 0.0)
     lower, upper = max(joint.lower, -2.0 * math.pi), min(joint.upper, 2.0 * math.pi)
     if (lower, upper) != (joint.lower, joint.upper):
-        notices.append(f"{joint.name}: limits cut to one turn either way")
+        notices.append(f"{joint.name}: limits {joint.lower:g} to {joint.upper:g} rad cut to one turn either way")
     return Joint(link.theta, link.d, link.a, link.alpha, extra_z, lower, upper, beta=link.beta, name=joint.name)
 
 

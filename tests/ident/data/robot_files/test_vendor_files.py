@@ -81,7 +81,7 @@ WRITTEN: dict[str, Callable[[str], bytes]] = {
 @pytest.mark.parametrize("suffix", [".urdf", ".xacro"])
 @pytest.mark.parametrize("written", WRITTEN)
 def test_a_vendors_file_is_read(written: str, suffix: str, tmp_path: Path) -> None:
-    """What kinematics and masses do not need keeps no arm from being read, whatever the file's ending."""
+    """Parts that kinematics and masses do not need keep no arm from being read, whatever the file's ending."""
     seed = list(WRITTEN).index(written) + 20 * (suffix == ".xacro")
     parts = vendor_parts(seed)
     path = tmp_path / f"arm{suffix}"
