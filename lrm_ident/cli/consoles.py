@@ -3,13 +3,25 @@
 from __future__ import annotations
 
 import os
+import sys
 from shutil import get_terminal_size
 
 from rich.console import Console
 
 COLUMNS = get_terminal_size((0, 0)).columns
 """Columns of the terminal, or as the environment's COLUMNS says; 0 where nothing says it, as in a pipe."""
-out = Console(width=COLUMNS or 100, soft_wrap=not COLUMNS)
+
+
+class ResultConsole(Console):
+    """A console whose reader may leave, as `head` does: the command goes on and writes its files."""
+
+    def on_broken_pipe(self) -> None:
+        """Sends what is still printed nowhere."""
+        self.quiet = True
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+
+
+out = ResultConsole(width=COLUMNS or 100, soft_wrap=not COLUMNS)
 log = Console(stderr=True)
 
 

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import os
 import re
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
 
+from tests.support.broken_output import closed_pipe
 from tests.support.commands import run_command, stderr_of, stdout_of
 
 LENGTH, WIDTH, DENSITY = 0.2, 0.05, 500.0
@@ -101,3 +105,14 @@ def test_an_unknown_rule_is_named(tmp_path: Path) -> None:
     (tmp_path / "arm.urdf").write_text(robot())
     said = stderr_of("arm", "import", tmp_path / "arm.urdf", "--accept", "weight", "-o", tmp_path / "arm.toml")
     assert "centre-of-mass" in said
+
+
+def test_a_reader_that_leaves_takes_no_file_along(tmp_path: Path) -> None:
+    """`arm import … | head` writes the arm file."""
+    path, arm, pipe = tmp_path / "arm.urdf", tmp_path / "arm.toml", closed_pipe()
+    path.write_text(robot())
+    words = ["arm", "import", str(path), "-o", str(arm)]
+    done = subprocess.run([sys.executable, "-m", "lrm_ident", *words], stdout=pipe, stderr=subprocess.PIPE, check=False)
+    os.close(pipe)
+    assert (done.returncode, done.stderr) == (0, b"")
+    assert arm.exists()
