@@ -16,8 +16,7 @@ from lrm_ident.cli.groups.arm_export import writer_for
 from lrm_ident.cli.groups.arm_report import arm_document
 from lrm_ident.data.atomic_write import write_text
 from lrm_ident.data.robot_files.arm_text import arm_text, template
-from lrm_ident.data.robot_files.mjcf_robot import read_mjcf
-from lrm_ident.data.robot_files.urdf import read_urdf
+from lrm_ident.data.robot_files.mjcf_robot import read_robot
 from lrm_ident.data.robot_files.urdf_arm import import_arm
 from lrm_ident.fitting.effect_plugins import catalogue_with
 from lrm_ident.report.plots.arm import draw_arm
@@ -77,8 +76,7 @@ def import_urdf(
     The arm is compared with the URDF's own kinematics at 200 random poses before it is written.
     """
     rules = [one_of("rule", word.strip(), RULES) for word in accept.split(",") if word.strip()]
-    robot = read_mjcf(urdf).robot if urdf.suffix == ".xml" else read_urdf(urdf)
-    found = import_arm(robot, base, tip, name, rules)
+    found = import_arm(read_robot(urdf), base, tip, name, rules)
     text = arm_text(
         found.arm,
         source=f"{urdf.name}, links {found.base} to {found.tip}",

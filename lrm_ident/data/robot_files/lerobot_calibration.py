@@ -81,6 +81,11 @@ def read_calibration(path: Path) -> dict[str, MotorCalibration]:
     tables = read_json(path, "lerobot-calibrate writes it")
     if not isinstance(tables, dict) or not tables:
         raise FileError(path, "", "is no calibration of LeRobot", '{"shoulder_pan": {"id": 1, …}, …}')
+    if "motor_names" in tables:
+        what = "a calibration of an older LeRobot, a list of each quantity by motor_names"
+        raise FileError(
+            path, "", what, "calibrate with LeRobot 0.3 or newer: lerobot-calibrate writes one table a motor"
+        )
     return {name: _motor(path, name, table) for name, table in tables.items()}
 
 

@@ -6,6 +6,7 @@ zero elsewhere (`ref`).
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -15,12 +16,14 @@ from xml.etree import ElementTree
 import numpy as np
 
 from lrm_ident.data.rigid_motion import homogeneous, inverse, rotation_matrix, shift, turn
-from lrm_ident.data.robot_files.urdf import POLYNOMIAL, Urdf, append_joint, numbers, urdf_of
+from lrm_ident.data.robot_files.urdf import POLYNOMIAL, Urdf, append_joint, numbers, read_urdf, urdf_of
+from lrm_ident.data.robot_files.xml_text import parse_xml, read_xml_text
 from lrm_math.arrays import Array
 from lrm_math.errors import FileError, LrmError
 
 KINDS = ("floating", "ball", "prismatic", "revolute")
 """Types of joints, in MuJoCo's order."""
+MUJOCO_READS = ".xml", ".urdf"
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,20 +95,52 @@ class MjcfRobot:
         return str(self.compiled.joint(joint).name or f"joint{joint + 1}")
 
 
+def read_robot(path: Path) -> Urdf:
+    """Links, joints and masses of a URDF, a xacro file or an MJCF, whatever its ending. Raises as their readers do."""
+    if parse_xml(path, read_xml_text(path).text).tag == "mujoco":
+        return _read(path, _forget_meshes).robot
+    return read_urdf(path)
+
+
 def read_mjcf(path: Path) -> MjcfRobot:
     """Reads an MJCF with its meshes. Raises `FileError`, or `LrmError` where MuJoCo is not installed."""
+    return _read(path, _as_it_is)
+
+
+def _read(path: Path, prepare: Callable[[Any], None]) -> MjcfRobot:
     try:
         import mujoco
     except ImportError:
         raise LrmError("an MJCF is read with MuJoCo; pip install 'lrm-arm[mujoco]'") from None
     if not path.is_file():
         raise FileError(path, "", "no such file")
+    if path.suffix not in MUJOCO_READS:
+        raise FileError(path, "", f"MuJoCo reads no {path.suffix or 'nameless'} file", "name it .xml")
     try:
         spec = mujoco.MjSpec.from_file(str(path))
+        prepare(spec)
         compiled = spec.compile()
     except (ValueError, mujoco.FatalError) as error:
         raise FileError(path, "", f"MuJoCo: {' '.join(str(error).split())}") from None
     return MjcfRobot(path, spec, compiled)
+
+
+def _as_it_is(_: Any) -> None:
+    """Changes nothing."""
+
+
+def _forget_meshes(spec: Any) -> None:
+    """Leaves out the meshes of bodies whose mass is written: their files need not exist."""
+    import mujoco
+
+    if spec.compiler.inertiafromgeom == mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_TRUE:
+        return
+    meshes = [geom for geom in spec.geoms if geom.type == mujoco.mjtGeom.mjGEOM_MESH]
+    needed = {geom.meshname for geom in meshes if not geom.parent.explicitinertial}
+    for element in [geom for geom in meshes if geom.parent.explicitinertial]:
+        spec.delete(element)
+    for mesh in [mesh for mesh in spec.meshes if mesh.name not in needed]:
+        spec.delete(mesh)
 
 
 def _as_links(own: MjcfRobot) -> Urdf:

@@ -110,3 +110,27 @@ def test_an_equality_of_joints_is_named(equality: str, said: str, tmp_path: Path
     assert said in error
     assert str(path) in error
     assert not arm.exists()
+
+
+@pytest.mark.parametrize("name", ["arm.xml", "arm.urdf"])
+def test_meshes_need_not_exist_where_masses_are_written(name: str, tmp_path: Path) -> None:
+    """Content decides what kind of file it is; where a mass is that of a mesh, its file is named."""
+    pytest.importorskip("mujoco", reason="mujoco is not installed")
+    path, arm = tmp_path / name, tmp_path / "arm.toml"
+    mesh = '<asset><mesh name="part" file="none.stl"/></asset><worldbody>'
+    text = BODIES.replace("EQUALITY", "").replace("<worldbody>", mesh, 1)
+    part = '<geom type="mesh" mesh="part"/><body name="c"'
+    written = '<inertial pos="0.05 0 0.02" mass="0.2" diaginertia="1e-4 1e-4 1e-4"/>'
+    path.write_text(text.replace('<body name="c"', written + part))
+    stdout_of("arm", "import", path, "--tip", "tip", "-o", arm)
+    path.write_text(text.replace('<body name="c"', part))
+    said = stderr_of("arm", "import", path, "--tip", "tip", "-o", tmp_path / "other.toml")
+    assert str(path) in said
+    assert "none.stl" in said
+
+
+def test_an_mjcf_that_mujoco_does_not_open_by_its_name_is_named(tmp_path: Path) -> None:
+    pytest.importorskip("mujoco", reason="mujoco is not installed")
+    (tmp_path / "arm.mjcf").write_text(BODIES.replace("EQUALITY", ""))
+    said = stderr_of("arm", "import", tmp_path / "arm.mjcf", "--tip", "tip", "-o", tmp_path / "arm.toml")
+    assert "name it .xml" in said

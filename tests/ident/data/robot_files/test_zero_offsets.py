@@ -177,3 +177,12 @@ def test_a_description_without_offsets_is_one_line(tmp_path: Path, plugin: str, 
     assert said in stderr_of("arm", "export", "so101", "--ros2-control", path, "-o", out)
     path.write_text("<robot name='x'/>")
     assert "no <ros2_control> in it" in stderr_of("arm", "export", "so101", "--ros2-control", path, "-o", out)
+
+
+def test_a_calibration_of_an_older_lerobot_is_named(tmp_path: Path) -> None:
+    path = tmp_path / "main_follower.json"
+    path.write_text(
+        '{"homing_offset": [2048, -1024], "drive_mode": [0, 1], "motor_names": ["shoulder_pan", "gripper"]}'
+    )
+    said = stderr_of("arm", "export", "so101", "--calibration", path, "-o", tmp_path / "out.json")
+    assert "a calibration of an older LeRobot" in said
