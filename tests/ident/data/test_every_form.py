@@ -86,7 +86,7 @@ def written(path: Path, columns: tuple[str, ...], beside: str, in_part: tuple[st
     every = cells(load_arm(arm), poses)
     table = np.array([[str(cell) for cell in every[name]] for name in columns], dtype=object)
     for k, group in enumerate(in_part):
-        table[np.ix_([columns.index(name) for name in group.split()], np.arange(k, poses, 4))] = ""
+        table[np.ix_(np.array([columns.index(name) for name in group.split()]), np.arange(k, poses, 4))] = ""
     header = ",".join("t_s" if name == "dates" else name for name in columns)
     path.write_text("\n".join([header, *(",".join(row) for row in table.T)]) + "\n")
     path.with_suffix(".toml").write_text(f'schema = "lrm/measurements/1"\narm = "{arm}"\n{beside}\n')
