@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from lrm_ident.data.measurement_file.column_names import BEFORE_JOINTS, SIDES
 from lrm_ident.data.measurement_file.conventions import ANGLE_UNITS
 from lrm_ident.data.measurement_file.write import StatedQuantity, csv_text, quantity_columns
 from lrm_ident.data.registration.hypotheses import COUNTS, MOST_DEG
@@ -33,9 +34,6 @@ FEATURES = (COMMAND, FEEDBACK)
 COLUMNS = (*FEATURES, "timestamp", "episode_index")
 GRIPPER = "gripper"
 """LeRobot's own name of the jaw, which it records in percent of its range, whatever the unit of the joints."""
-BEFORE = ("", "main_", "arm_", "follower_")
-"""What stands before the names of the joints of one arm."""
-SIDES = ("left_", "right_", "left_arm_", "right_arm_")
 LEAST_RAD = 1.0
 """Of a whole recording: the least that its largest angle is, in rad."""
 VERSIONS = ("v2.", "v3.")
@@ -214,7 +212,7 @@ def _columns_of(folder: Path, info: Mapping[str, Any], feature: str, arm: Arm, p
     if not isinstance(names, list):
         raise FileError(path, feature, "no names of its columns", "shoulder_pan.pos, …")
     plain, wanted = [str(name).removesuffix(".pos") for name in names], joint_labels(arm)
-    tried = (*BEFORE, *SIDES) if prefix is None else (prefix,)
+    tried = ("", *BEFORE_JOINTS, *SIDES) if prefix is None else (prefix,)
     there = [before for before in tried if {before + name for name in wanted} <= {*plain}]
     if not there:
         missing = next(name for name in wanted if (prefix or "") + name not in plain)
