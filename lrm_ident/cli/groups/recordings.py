@@ -57,9 +57,9 @@ def import_(
 ) -> None:
     """Turn a tracker's recording into measurements: one row for each pose, its mean over the end of the rest.
 
-    Rests are found where the tip stands still for twice --dwell, or taken at regular times (--every, --first). A rest in
-    which a body is hidden, frozen or jumps is left out, and said: a gap as long as a rest counts as one, where the poses
-    are as many.
+    Rests are found where the tip stands still for twice --dwell, or taken at regular times (--every, --first). A rest
+    in which a body is hidden, frozen or jumps is left out, and said: a gap as long as a rest counts as one, where the
+    poses are as many.
 
     POSES has a row for each rest. Or it is a log, many rows with their times by any clock: the joints' rests are those
     of the tip then, in order. An .mcap (extra: mcap) has bodies as topics of poses, or frames of tf; as POSES, its

@@ -30,7 +30,7 @@ def hidden(path: Path, begin: int, end: int) -> Path:
 
 
 def numbers(data: Path) -> list[float]:
-    return numbers_of(read_csv(data, ["pose"]), "pose").tolist()
+    return [float(number) for number in numbers_of(read_csv(data, ["pose"]), "pose")]
 
 
 @pytest.mark.parametrize(("begin", "end"), [(380, 720), (480, 700), (560, 700)], ids=["whole", "most", "the end"])
@@ -72,7 +72,9 @@ def as_semicolons(path: Path) -> Path:
 
 
 def as_workbook(path: Path) -> Path:
-    rows = [[float(cell) if re.fullmatch(r"-?[\d.]+", cell) else cell for cell in row] for row in cells_of(path)]
+    rows: list[list[object]] = [
+        [float(cell) if re.fullmatch(r"-?[\d.]+", cell) else cell for cell in row] for row in cells_of(path)
+    ]
     return workbook(path.with_suffix(".xlsx"), rows)
 
 
