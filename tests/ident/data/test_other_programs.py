@@ -23,7 +23,7 @@ def arm() -> Arm:
     return load_arm("two-joint")
 
 
-def read(folder: Path, arm: Arm, more: dict[str, list[str]]) -> Measurements:
+    """Measurements of a file with more columns."""
     """What is read of a file with columns more."""
     path = folder / "data.csv"
     rows = [[*map(str, row), *(cells[k] for cells in more.values())] for k, row in enumerate(NUMBERS.tolist())]
