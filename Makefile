@@ -16,7 +16,7 @@ ONE_THREAD := OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 MKL_NUM_THREADS=1
 unexport PYTHONDONTWRITEBYTECODE  # with it every process of the daemon and of the tests compiles all sources anew
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test quick browser lint schemas docs bench soak wheels coverage camera confusion unfamiliar misreadings tutorial closed-loop as-deployed fleet lerobot doors install uninstall clean
+.PHONY: help setup demo test quick browser lint schemas docs bench soak wheels coverage camera confusion unfamiliar misreadings tutorial closed-loop as-deployed fleet transfer lerobot doors install uninstall clean
 
 help: ## what there is to make
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 12
@@ -86,6 +86,9 @@ soak: setup ## all laws with fifteen times the examples, the daemon's controller
 	$(ONE_THREAD) $(BIN)/python -m tests.soak.hostile.process_memory
 	$(ONE_THREAD) $(BIN)/python -m tests.soak.hostile.steady_memory $(MINUTES)
 	$(ONE_THREAD) $(BIN)/python -m tests.soak.killed_campaign --kills 50
+
+transfer: setup ## 20 simulated arms, calibrated on the rig, identified on the rover from 0, 3, 6 and 12 poses (five minutes)
+	$(ONE_THREAD) $(BIN)/python -m validation.transfer --seeds 20
 
 wheels: setup ## wheels for x86-64 and aarch64 Linux, macOS and Windows, in dist/ (minutes)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt hatchling ziglang

@@ -32,6 +32,7 @@ if TYPE_CHECKING:
         predict,
         read_study,
         save,
+        transfer,
     )
 
 __all__ = [
@@ -51,6 +52,7 @@ __all__ = [
     "predict",
     "read_study",
     "save",
+    "transfer",
 ]
 
 

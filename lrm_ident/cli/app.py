@@ -46,6 +46,7 @@ SECTIONS = {
         ListedCommand("add", "diagnosis", "Add an effect and refit everything."),
         ListedCommand("undo", "fit", "Take the last step of a model back, exactly."),
         ListedCommand("auto", "diagnosis", "Add effects as diagnose advises, until none is missing."),
+        ListedCommand("transfer", "groups.transfer", "Take a calibrated arm to another base and tool."),
         ListedCommand("propose", "diagnosis", "Propose a law where no known effect fits."),
         ListedCommand("checkup", "groups.recordings", "Name what a LeRobot recording tells of an arm."),
         ListedCommand("fleet", "groups.fleet", "Identify many arms of one kind, see them together."),

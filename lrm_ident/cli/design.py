@@ -22,6 +22,7 @@ from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.registration.anchor import with_anchor
 from lrm_ident.data.weights.whitening import PLAIN, Whitening, measured_alike
 from lrm_ident.design.candidate_poses import DEFAULT_LEVELS, ClearanceRules, clear_poses, parse_levels
+from lrm_ident.design.installation import FEW
 from lrm_ident.design.observability import INDICES, UNITS
 from lrm_ident.design.parameter_elimination import PUBLISHED_THRESHOLD, eliminate
 from lrm_ident.design.pose_design import CandidateSet, DesignProblem
@@ -31,6 +32,7 @@ from lrm_ident.fitting.effect_plugins import catalogue_with
 from lrm_ident.fitting.executors import executor_for, in_this_process
 from lrm_ident.fitting.identifiability import fit_identifiable
 from lrm_ident.fitting.parameter_sets import TABLE_4_5, fittable, select_parameters
+from lrm_ident.fitting.transfer import TransferredModel, transferred
 from lrm_ident.measuring.camera.session import CameraSession, expected_weights, visible
 from lrm_ident.report.design import choice_document, design_document, elimination_document, pose_table
 from lrm_ident.report.plots.design import draw_choice, draw_design, draw_elimination
@@ -42,9 +44,12 @@ from lrm_math.errors import LrmError
 from lrm_math.kinematics.poses import Poses, poses_of
 from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import Model
+from lrm_math.model.model_file import load_covariance, load_model
 from lrm_math.model.reading import AS_NAMED, Reading
 from lrm_math.number_list import parse_numbers
 from lrm_math.toml_file import read_toml
+
+MANY, REPEATS = 50, 5
 
 
 @command
@@ -101,7 +106,18 @@ def design(
         Path | None,
         Option("--poses", metavar="CSV", help="Candidates; else all combinations of --levels that keep clear."),
     ] = None,
-    count: arg.Count = 50,
+    count: Annotated[
+        int | None,
+        Option("-n", "--count", min=1, help="How many poses to choose. Default: 50, with --installation 6."),
+    ] = None,
+    installation: Annotated[
+        bool,
+        Option(
+            "--installation",
+            help="Only how the arm is mounted: base, tool, gravity. The arm itself is known, from --model of a bench "
+            "with its standard errors (lrm-ident transfer).",
+        ),
+    ] = False,
     separate: Annotated[
         str | None, Option(help="Effects to tell apart, by commas: backlash@joint2,nonlinear_stiffness@joint2.")
     ] = None,
@@ -134,7 +150,10 @@ def design(
         str, Option(help="Levels of the joints: a count, or deg, for instance '5; joint2=-50,0,50; joint6=3'.")
     ] = str(DEFAULT_LEVELS),
     loads_g: Annotated[str, Option(help="Loads at the tool, by commas; each is offered with every pose.")] = "0",
-    repeats: Annotated[int, Option(min=0, help="How many of the poses to measure twice, for the noise.")] = 5,
+    repeats: Annotated[
+        int | None,
+        Option(min=0, help="How many of the poses to measure twice, for the noise. Default: 5, with --installation 0."),
+    ] = None,
     noise_mm: arg.NoiseMm = 0.3,
     apart_mm: Annotated[float, Option(min=0, help="Bodies stay this far from each other.")] = 30.0,
     tip_mm: Annotated[float, Option(min=0, help="The TCP stays this far from the inner arm and boxes.")] = 160.0,
@@ -152,7 +171,10 @@ def design(
     they will determine, beside as many poses drawn blindly.
     """
     the_arm = load_arm(arm)
-    start = start_model(the_arm, model)
+    mounted = _mounted(the_arm, model, noise_mm * MM) if installation else None
+    start = start_model(the_arm, model) if mounted is None else mounted.model
+    if installation and parameters != "identifiable":
+        raise LrmError("--installation says which parameters: leave out --parameters")
     if camera is not None and like is not None:
         raise LrmError("--camera says how poses will be measured: leave out --like")
     known = None if have is None else _measured(have, the_arm, arm)
@@ -164,23 +186,25 @@ def design(
     names = [name.strip() for name in (separate or "").split(",") if name.strip()]
     rules = ClearanceRules(apart_mm * MM, tip_mm * MM, None if floor_mm is None else floor_mm * MM)
     session = None if camera is None else read_toml(camera, CameraSession)
-    offer = _offer(the_arm, poses, levels, loads_g, rules, seed, session)
+    movable = the_arm if mounted is None else mounted.measured_arm
+    offer = _offer(movable, poses, levels, loads_g, rules, seed, session)
     kind = one_of("index", index.upper(), INDICES)
     if names and kind != "O1":
         raise LrmError("--separate raises determinants: it goes with --index O1 only")
     task = DesignProblem(
         model=start,
-        keys=None if parameters == "identifiable" else select_parameters(start, parameters),
+        keys=_keys(start, parameters) if mounted is None else mounted.covariance.keys,
         rivals=tuple(effect for name in names for effect in effects_at(the_arm, name, catalogue)),
-        count=count,
+        count=count or (FEW if installation else MANY),
         index=kind,
         noise=noise_mm * MM,
         measured=measured,
-        repeats=repeats,
+        repeats=(0 if installation else REPEATS) if repeats is None else repeats,
         first_number=_next_number(measured, known),
         seed=seed,
         weights=_weights(session, alike, the_arm),
         measured_weights=None if known is None else known.whitening,
+        prior=None if mounted is None else mounted.covariance,
     )
     with executor_for(cluster, effects_file) if cluster else in_this_process() as pool, progress("exchanging") as tick:
         found = run_design(task, offer.poses, tick, pool)
@@ -232,6 +256,18 @@ def _parameters_of(model: Model, parameters: str, data: Measurements) -> tuple[s
     if parameters != "identifiable":
         return select_parameters(model, parameters)
     return fit_identifiable(model, data, fittable(model)).fit.model.free
+
+
+def _keys(model: Model, parameters: str) -> tuple[str, ...] | None:
+    """The parameters to choose poses for; None: all that the candidates can tell. Raises `UnknownName`."""
+    return None if parameters == "identifiable" else select_parameters(model, parameters)
+
+
+def _mounted(arm: Arm, bench: Path | None, noise: float) -> TransferredModel:
+    """The arm where it stands now: known from a bench, or as drawn. Raises `FileError`, `LrmError`: another arm."""
+    if bench is None:
+        return transferred(start_model(arm, None), None, arm, noise)
+    return transferred(load_model(bench), load_covariance(bench), arm, noise)
 
 
 def _measured(path: Path, arm: Arm, arm_name: str) -> Measurements | None:

@@ -27,6 +27,7 @@ from lrm_math.arrays import Array
 from lrm_math.effects import Effect
 from lrm_math.errors import LrmError
 from lrm_math.kinematics.poses import Poses
+from lrm_math.model.covariance import Covariance
 from lrm_math.model.equilibrium import Equilibrium, solve_equilibrium
 from lrm_math.model.model import Model
 
@@ -95,6 +96,7 @@ class DesignProblem:
         repeats: how many of the poses to measure twice. first_number: of the first new pose.
         weights: with which poses will be measured; without a stated standard deviation: `noise`, the same for all.
         measured_weights: with which those that are measured already were; None: as the others will be.
+        prior: covariance of the fitted parameters as they are known beforehand, in their order; None: unknown.
     """
 
     model: Model
@@ -109,6 +111,7 @@ class DesignProblem:
     seed: int
     weights: Callable[[Poses], Whitening] = lambda _: PLAIN
     measured_weights: Whitening | None = None
+    prior: Covariance | None = None
 
 
 Columns = list[Array]
@@ -140,6 +143,9 @@ def design(
         measured = _weighted(problem, own, solve_equilibrium(problem.model, problem.measured), keys)
     weighted = _weighted(problem, whitening, settled, keys)
     width, already = sum(part.shape[2] for part in weighted), 0 if problem.measured is None else len(problem.measured)
+    if problem.prior is not None:
+        measured = _with_prior(problem, problem.prior, weighted, measured)
+        already += len(keys)
     check_count(problem.count, len(sided), width, already, int(np.max(whitening.measured)))
     criterion = _criterion(problem, weighted, measured)
     chosen = maximise_criterion(criterion, problem.count, STARTS, problem.seed, progress, executor).rows
@@ -196,6 +202,15 @@ def _weighted(problem: DesignProblem, whitening: Whitening, settled: Equilibrium
     rivals = rival_columns(problem.model, settled.poses, problem.rivals, keys, whitening.sensed)
     fitted = identification_jacobian(settled, keys, whitening=whitening)
     return [scale * fitted, *(scale * whitening.unit * whitening(part) for part in rivals)]
+
+
+def _with_prior(problem: DesignProblem, known: Covariance, columns: Columns, measured: Columns | None) -> Columns:
+    """Columns of the poses measured already, and of a prior as if it were measurements: one number a parameter."""
+    typical = np.array([problem.model.parameter(key).typical for key in known.keys])
+    root = np.linalg.inv(np.linalg.cholesky(known.matrix / np.outer(typical, typical)))
+    own = [problem.noise * MM_PER_M * root, *(np.zeros((len(root), part.shape[2])) for part in columns[1:])]
+    every = [part[None] for part in own]
+    return every if measured is None else _stack(every, np.arange(1), measured)
 
 
 def _stack(columns: Columns, rows: Rows, measured: Columns | None) -> Columns:

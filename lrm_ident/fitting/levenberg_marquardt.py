@@ -126,7 +126,8 @@ def fit(
     if field_of(model) is not None:
         raise LrmError("a residual field is fitted last, on what the causes leave; take it out first (undo)")
     start = solve_equilibrium(model, data.poses, near)
-    model = replace(model, within=measured_range(start), fitted_to=data.sha256)
+    known = None if prior is None else prior.within
+    model = replace(model, within=known or measured_range(start), fitted_to=data.sha256)
     if model.binding.distorting:  # about the centre of these poses, not of those that the start was fitted to
         start = solve_equilibrium(model, data.poses, start)
     limits = bounds or bounds_of(model, model.free)
@@ -147,8 +148,10 @@ def implausible_of(fitted: Fit) -> tuple[ImplausibleEstimate, ...]:
 def check_enough(poses: int, parameters: int, prior: Prior | None = None) -> None:
     """Raises `LrmError` for fewer poses than parameters; with a prior, for no more coordinates than parameters.
 
-    The noise could not be estimated from so few.
+    The noise could not be estimated from so few; where the prior knows it, one pose is enough.
     """
+    if prior is not None and prior.noise is not None:
+        return
     least = parameters if prior is None else parameters // 3 + 1
     if poses < least:
         raise LrmError(
@@ -158,10 +161,13 @@ def check_enough(poses: int, parameters: int, prior: Prior | None = None) -> Non
 
 
 def _fit_of(optimum: Optimum) -> Fit:
-    """The fit at an optimum: parameters, covariance, residual and its statistics."""
+    """The fit at an optimum: parameters, covariance, residual and its statistics.
+
+    What nuisance shapes add to the covariance is in a prior of an earlier fit already.
+    """
     objective, iterate, free = optimum.objective, optimum.iterate, optimum.free
     data, distance = objective.data, iterate.distance
-    model = objective.model.with_values(iterate.equilibrium.model.values)
+    model, prior = objective.model.with_values(iterate.equilibrium.model.values), objective.prior
     covariance, parameters, sigma = np.zeros((len(free), len(free))), 0.0, objective.residual_sd(iterate)
     if free.any():
         noise = NoiseScale(objective.noise_scale(iterate).scale, optimum.noise.sigma)
@@ -169,7 +175,7 @@ def _fit_of(optimum: Optimum) -> Fit:
         parameters = objective.effective_parameters(inverse, noise, free)
         sigma = objective.residual_sd(iterate, parameters)
         noise = replace(noise, sigma=noise.sigma or sigma)
-        if shapes := nuisance_shapes(model):
+        if (prior is None or prior.noise is None) and (shapes := nuisance_shapes(model)):
             inverse = _marginal_inverse(optimum, shapes, noise)
         covariance[np.ix_(free, free)] = noise.sigma**2 * inverse
     model = model.with_state(state_after_session(replace(iterate.equilibrium, model=model)))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import Annotated, Literal
@@ -14,6 +14,7 @@ from pydantic import Field
 from lrm_math.arm.arm import Arm
 from lrm_math.arrays import Array
 from lrm_math.effects import CATALOGUE, FREE_FORMS, Effect, Parameter
+from lrm_math.effects.measured_range import MeasuredRange
 from lrm_math.effects.tracker_errors import Anchor
 from lrm_math.errors import FileError, LrmError, UnknownName, name_suggestion
 from lrm_math.model.covariance import CovarianceTable, correlation_matrix
@@ -65,12 +66,18 @@ class PriorFile(StrictSchema):
 
 @dataclass(frozen=True, eq=False)
 class Prior:
-    """Multivariate normal distribution of the parameters `keys`: `mean` (P,) and `covariance` (P, P), SI."""
+    """Multivariate normal distribution of the parameters `keys`: `mean` (P,) and `covariance` (P, P), SI.
+
+    Of an earlier fit it also has the error that this left, standard deviation per axis `noise` (m), and the range
+    `within` that its poses had: a few new poses cannot tell either. None: not known, and estimated from the new poses.
+    """
 
     name: str
     keys: tuple[str, ...]
     mean: Array
     covariance: Array
+    noise: float | None = field(default=None, kw_only=True)
+    within: MeasuredRange | None = field(default=None, kw_only=True)
 
     @property
     def heavy_tailed(self) -> bool:

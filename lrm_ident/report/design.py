@@ -77,13 +77,15 @@ def design_document(task: DesignProblem, offer: CandidateSet, found: PoseDesign)
     blocks: list[Block] = [
         f"Candidates: {offer.description}.",
         *(f"  refused: {count} with {rule}" for rule, count in offer.rejected.items() if count),
-        _index_table(title, found.observability, found.random_baseline),
+        heading(f"{title}, known beforehand as far as the arm goes")
+        if task.prior is not None
+        else _index_table(title, found.observability, found.random_baseline),
         _error_table(found),
         *map(in_words, gains),
         f"To measure: {len(found.poses)} poses, {repeats} of them again (repeat_of), in random order; come to each "
         "from the sides in the columns approach1, approach2 …: +1 from smaller angles, -1 from larger ones, a joint "
         "at its limit from within.",
-        *([TOO_FEW.format(together, len(found.keys))] if together < len(found.keys) else []),
+        *([TOO_FEW.format(together, len(found.keys))] if together < len(found.keys) and task.prior is None else []),
     ]
     values = {
         "candidates": len(offer.poses),

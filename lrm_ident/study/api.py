@@ -47,6 +47,7 @@ from lrm_ident.study.arguments import (
 from lrm_ident.study.other_data import model_for_data
 from lrm_ident.study.step import StudyStep
 from lrm_ident.study.study import Study
+from lrm_ident.study.transfer import Transfer, identified, read_transfer
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_file import load_arm
 from lrm_math.arrays import Array
@@ -72,6 +73,7 @@ __all__ = [
     "predict",
     "read_study",
     "save",
+    "transfer",
 ]
 
 read_study = options_in_python(inputs.read_study)
@@ -161,6 +163,24 @@ def auto(
 ) -> AutoRun:
     """Diagnoses and adds effects until nothing is supported; `model` is the result."""
     return _study(model, data, loss).auto(max_effects)[0]
+
+
+def transfer(model: Study | str | Path, to: str | Path, data: Measurements | None = None) -> Transfer:
+    """The arm's part of a calibrated model in another installation of the arm, such as from a bench to a rover.
+
+    Args:
+        model: a study, or the path of a model file.
+        to: name of a shipped arm or path of an arm file; only its base, tool, gravity and limits may differ.
+        data: a few poses measured there, loaded with that arm; None: it is mounted as its arm file says.
+
+    Raises `LrmError`: another arm, with the value that differs; or a model without standard errors.
+    """
+    if isinstance(model, Study):
+        return model.transfer(to, data)
+    found, notices = read_transfer(path_of(model), arm_named(to))
+    for words in notices:
+        warnings.warn(words, stacklevel=2)
+    return found if data is None else identified(found, measurements_of(data))
 
 
 def predict(model: Model | Fit | Study, poses: Poses) -> Array:

@@ -23,7 +23,7 @@ from lrm_ident.fitting.typical_prior import TYPICAL
 from lrm_ident.residual.deployment.session_moments import with_chosen_moments
 from lrm_ident.residual.error_breakdown import HeldOutResidual, ModelComparison, NestedResidual
 from lrm_ident.residual.thresholds import MAX_EFFECTS
-from lrm_ident.study.arguments import effect_named, measurements_of, names_of
+from lrm_ident.study.arguments import arm_named, effect_named, measurements_of, names_of
 from lrm_ident.study.model_history import add_step_name, as_written, model_file, undo_step, write_model
 from lrm_ident.study.model_on_data import ModelOnData
 from lrm_ident.study.other_data import model_for_data
@@ -40,6 +40,7 @@ if TYPE_CHECKING:  # loaded by the steps that need them: a fit does without
     from lrm_ident.diagnosis.diagnose import Diagnosis
     from lrm_ident.diagnosis.diagnosis_report import DiagnosisReport, RankedCandidate
     from lrm_ident.diagnosis.symbolic_regression.proposal import LawProposal
+    from lrm_ident.study.transfer import Transfer
 
 
 @dataclass(frozen=True, eq=False)
@@ -206,6 +207,20 @@ class Study(ModelOnData, ShownInNotebook):
         name = f"with the prior {known.name}"
         step = StudyStep(name, result, start=start, stated_prior=known, prior_name=prior_name_for(prior))
         return self._after(step, self)
+
+    def transfer(self, to: str | Path, data: Measurements | None = None) -> Transfer:
+        """Takes the arm's part of the model to another installation of the arm, identified from a few poses there.
+
+        Args:
+            to: name of a shipped arm or path of an arm file; only its base, tool, gravity and limits may differ.
+            data: the few poses; None: the installation is the arm file's nominal one.
+
+        Raises `LrmError`: another arm, or nothing is fitted yet.
+        """
+        from lrm_ident.study.transfer import identified, transfer_of
+
+        found = transfer_of(self.file, self.model, self.covariance, arm_named(to))
+        return found if data is None else identified(found, measurements_of(data))
 
     def propose(self) -> LawProposal:
         """Proposes a law where no known effect fits, by symbolic regression at every joint."""

@@ -11,7 +11,7 @@ from typing import ClassVar, NamedTuple, TypeAlias
 from lrm_math.arm.arm import Violation
 from lrm_math.arm.pulse_rounding import RoundedCommand
 from lrm_math.arrays import Array, Vector3
-from lrm_math.ik.goal import CHAR_LENGTH, Goal, Rotation, rotation_rows
+from lrm_math.ik.goal import CHAR_LENGTH, Friction, Goal, Rotation, rotation_rows
 from lrm_math.model.uncertainty import PositionUncertainty
 
 
@@ -27,6 +27,7 @@ class Branch(NamedTuple):
         direction: of a calibrated arm, the side that each joint arrives from (see `Poses`), zeros where not known.
         detours: joints from 1 that a move straight from `near` would bring from the other side.
         slots: amounts of the moving slots in equilibrium (rad, m).
+        friction: of a calibrated arm with effects that the kernel has no formula for, its states on arrival.
     """
 
     q: tuple[float, ...]
@@ -36,6 +37,7 @@ class Branch(NamedTuple):
     direction: tuple[int, ...] = ()
     detours: tuple[int, ...] = ()
     slots: tuple[float, ...] = ()
+    friction: Friction = ()
 
     @property
     def label(self) -> str:

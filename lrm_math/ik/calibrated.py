@@ -17,10 +17,12 @@ from lrm_math.arm.servo_table import PwmClock
 from lrm_math.arrays import Vector3
 from lrm_math.errors import LrmError, NoEquilibrium
 from lrm_math.ik.answer import Branch, CalibratedReply, NoAllowedBranch, NotConverged, Solved, Unsolved, apart, distinct
-from lrm_math.ik.calibrated_arm import CalibratedArm, IkSolutions, Method, nearest
+from lrm_math.ik.calibrated_arm import CalibratedArm, IkSolutions, Method, friction_of, nearest
 from lrm_math.ik.goal import Goal, IkQuery, Rotation, rotation_rows
 from lrm_math.ik.methods import DEFAULT
-from lrm_math.kinematics.poses import poses_of
+from lrm_math.kinematics.known import Known
+from lrm_math.kinematics.motion import Motion
+from lrm_math.kinematics.poses import Poses, poses_of
 from lrm_math.model.covariance import Covariance
 from lrm_math.model.deployed_model import clock_of, deployed_part
 from lrm_math.model.equilibrium import solve_equilibrium
@@ -107,6 +109,7 @@ class CalibratedSolver:
         method: Method = DEFAULT,
         rounding: Rounding = Rounding.EACH,
         allowed: CommandFilter | None = None,
+        motion: Motion | None = None,
     ) -> CalibratedReply:
         """Commands for one goal.
 
@@ -117,11 +120,13 @@ class CalibratedSolver:
             method: see `methods`.
             rounding: to counts, where the board's clock is known.
             allowed: which commands may be answered, for instance collision-free ones; None: all.
+            motion: record of the moves that led to `near`, from which follows the friction on arrival; None: as if the
+                move to the goal were a long one.
 
         Raises `LrmError`: a negative or infinite payload, or `near` that is not n finite angles.
         """
         started = time.perf_counter()
-        query = IkQuery(goal, _checked_load(payload), self._angles("near", near))
+        query = IkQuery(goal, _checked_load(payload), self._angles("near", near), motion)
         reply = self._answer(query, method, rounding, allowed)
         return replace(reply, left_out=self.left_out, elapsed=time.perf_counter() - started)
 
@@ -141,7 +146,7 @@ class CalibratedSolver:
                 return NoAllowedBranch(branches=tuple(order), **asked)
             order = [branch for branch, may in zip(order, free, strict=True) if may]
         for k, branch in enumerate(order):
-            tool = self.arm.tool_at(query.payload, branch.q, branch.direction, branch.slots)
+            tool = self.arm.tool_at(query.payload, branch.q, branch, branch.slots)
             if tool is not None:
                 best_first = (branch, *order[:k], *order[k + 1 :])
                 how: dict[str, Any] = {"branches": best_first, "steps": found.steps, "cube_error": found.error}
@@ -156,10 +161,13 @@ class CalibratedSolver:
 
         Raises `NoEquilibrium` if the arm does not settle there, `LrmError` unless q and near are n finite angles.
         """
-        command, here = self._angles("q", q), self._angles("near", near)
-        angles = np.array([command])
-        side = None if here is None else np.sign(angles - here)
-        settled = solve_equilibrium(self.arm.model, poses_of(angles, _checked_load(payload), side))
+        command, here = checked_angles("q", q, self.arm.packed.joints), self._angles("near", near)
+        arrival = Motion.at(command) if here is None else Motion.between(here, command)
+        return self.predicted(Known().poses(arrival, _checked_load(payload)))
+
+    def predicted(self, pose: Poses) -> ForwardResult:
+        """The tool at one pose, with what is known of its circumstances. Raises `NoEquilibrium`."""
+        settled = solve_equilibrium(self.arm.model, pose)
         rotation = rotation_rows(tool_rotation(settled)[0])
         x, y, z = settled.true_tcp[0].tolist()
         uncertainty = position_uncertainty(settled, self.covariance, self.joint_sd)
@@ -187,7 +195,8 @@ class CalibratedSolver:
     def _uncertainty_of(self, query: IkQuery, branch: Branch) -> PositionUncertainty | None:
         if self.covariance is None and self.joint_sd is None:
             return None
-        poses = poses_of(branch.q, query.payload, np.array([branch.direction], dtype=np.float64))
+        side = np.array([branch.direction], dtype=np.float64)
+        poses = poses_of(branch.q, query.payload, side, friction_of([branch]))
         settled = solve_equilibrium(self.arm.model, poses, self.arm.chain_amounts(np.array([branch.slots])))
         return position_uncertainty(settled, self.covariance, self.joint_sd)
 
@@ -197,7 +206,7 @@ class CalibratedSolver:
 
         def position(angles: tuple[float, ...]) -> list[float]:
             """m, of the tool in equilibrium. Raises `NoEquilibrium`."""
-            tool = self.arm.tool_at(query.payload, angles, branch.direction, branch.slots)
+            tool = self.arm.tool_at(query.payload, angles, branch, branch.slots)
             if tool is None:
                 raise NoEquilibrium([1], "the arm does not settle at the rounded command")
             return tool[9:]

@@ -148,7 +148,8 @@ class CalibratedArm(PackedArm):
                 break
         if not np.isfinite(q).all():
             return []
-        return [self.branch(q, slots, tuple(side.astype(int).tolist()), tuple((np.flatnonzero(detour) + 1).tolist()))]
+        found = self.branch(q, slots, tuple(side.astype(int).tolist()), tuple((np.flatnonzero(detour) + 1).tolist()))
+        return [found._replace(friction=query.friction(q, side))]
 
     def branch(self, q: Array, slots: Array, direction: tuple[int, ...], detours: tuple[int, ...] = ()) -> Branch:
         """A command (n,) with its slot amounts (V,)."""
@@ -164,7 +165,7 @@ class CalibratedArm(PackedArm):
 
         def command(side: Array) -> Array:
             poses = poses_of(unloaded, query.payload, side[None])
-            return np.asarray(errors.command(poses, tau[None], slots[None])[0])
+            return np.asarray(errors.command(poses, tau[None], slots[None], query.motion)[0])
 
         side = np.zeros(len(unloaded))
         q, wrong = command(side), side
@@ -181,27 +182,39 @@ class CalibratedArm(PackedArm):
 
     def equilibria(
         self, payload: float, q: Array, direction: Array | None = None, start: Array | None = None,
-        tolerance: float = 1e-9,
+        tolerance: float = 1e-9, friction: Array | None = None,
     ) -> EquilibriumBatch:  # fmt: skip
         """Equilibria of commands (K, n) from sides (K, n) with a payload (kg), those that there are.
 
-        `start`: (K, V), slot amounts to begin with; None: those without loads. `tolerance`: m.
+        `start`: (K, V), slot amounts to begin with; None: those without loads. `tolerance`: m. `friction`: its states
+        (K, n, E) on arrival; None: as after a long move.
         """
-        return self._settled(self.kernel(payload), q, payload, direction, start, tolerance)
+        return self._settled(self.kernel(payload), q, payload, direction, start, tolerance, friction)
 
     def tool_at(
-        self, payload: float, q: tuple[float, ...], direction: tuple[int, ...], start: tuple[float, ...] | None = None
+        self, payload: float, q: tuple[float, ...], arrival: Branch, start: tuple[float, ...] | None = None
     ) -> list[float] | None:
-        """Tool frame by columns, twelve numbers, of a command's equilibrium; None if it has none. `start`: slots."""
+        """Tool frame by columns, twelve numbers, of a command's equilibrium; None if it has none. `start`: slots.
+
+        `arrival`: a command that is reached alike, from the same sides.
+        """
         begin = self.unloaded_slots(np.array([q]))[0].tolist() if start is None else start
+        direction, friction = arrival.direction, friction_of([arrival])
         if not self.complete:
-            settled = self.equilibria(payload, np.array([q]), np.array([direction]), np.array([begin]))
+            settled = self.equilibria(
+                payload, np.array([q]), np.array([direction]), np.array([begin]), friction=friction
+            )
             return settled.tcp[0].tolist() if len(settled.rows) else None
         n, arm, iterations = len(q), self.kernel(payload), ctypes.c_int()
         slots, tcp = (ctypes.c_double * arm.slots)(*begin), (ctypes.c_double * 12)()
         angles, side = (ctypes.c_double * n)(*q), (ctypes.c_int * n)(*direction)
         kernel().ik_settle(arm.address, 1, angles, side, 1e-9, slots, tcp, ctypes.addressof(iterations))
         return tcp[:] if iterations.value > 0 else None
+
+
+def friction_of(branches: Sequence[Branch]) -> Array | None:
+    """(K, n, E), states of friction of K commands; None: as after a long move."""
+    return np.array([b.friction for b in branches]) if branches and branches[0].friction else None
 
 
 def commands(arm: CalibratedArm, query: IkQuery) -> IkSolutions | None:

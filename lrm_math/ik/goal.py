@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 from lrm_math.arrays import Array, Vector3
 from lrm_math.errors import LrmError
 from lrm_math.kinematics.chain import rotation_about
+from lrm_math.kinematics.motion import Motion
 
 Rotation: TypeAlias = tuple[Vector3, Vector3, Vector3]
 
@@ -88,13 +89,23 @@ class Goal:
         return f"TCP at ({x:.1f}, {y:.1f}, {z:.1f}) mm, {free} is free"
 
 
+Friction: TypeAlias = tuple[tuple[float, ...], ...]
+"""(n, K), states of the elements of friction of each joint; empty: all turned over, as after a long move."""
+
+
 @dataclass(frozen=True, slots=True)
 class IkQuery:
-    """The goal, the payload (kg), and the present joint angles (rad), if known."""
+    """The goal, the payload (kg), the present joint angles (rad) and the moves that led to them, where known."""
 
     goal: Goal
     payload: float = 0.0
     near: tuple[float, ...] | None = None
+    motion: Motion | None = None
+
+    def friction(self, q: Array, side: Array) -> Friction:
+        """(n, K), states of friction after the move to a command q (n,), rad, that counts as one towards `side` (n,);
+        empty, as after a long move, where the moves before are not known."""
+        return () if self.motion is None else tuple(map(tuple, self.motion.turned(q, side).tolist()))
 
 
 def pose(position: ArrayLike, rotation: ArrayLike) -> Goal:

@@ -123,8 +123,9 @@ class PackedArm:
         return lru_cache(maxsize=CACHED_PAYLOADS)(loaded)
 
     def _settled(
-        self, arm: KernelModel, q: Array, payload: float, direction: Array | None, start: Array | None, tolerance: float
-    ) -> EquilibriumBatch:
+        self, arm: KernelModel, q: Array, payload: float, direction: Array | None, start: Array | None,
+        tolerance: float, friction: Array | None = None,
+    ) -> EquilibriumBatch:  # fmt: skip
         """Equilibria of those of K commands (K, n) that settle, the arm packed with the payload; see `equilibria`."""
         if self.complete:
             begin = self.unloaded_slots(q) if start is None else start
@@ -132,7 +133,7 @@ class PackedArm:
             slots, tcp, iterations = arm.settle(q, side, begin, tolerance)
             rows = np.flatnonzero(iterations > 0)
             return EquilibriumBatch(rows, slots[rows], tcp[rows])
-        poses = poses_of(q, payload, direction)
+        poses = poses_of(q, payload, direction, friction)
         first = None if start is None else self.chain_amounts(start)
         settled, rows = batch_equilibrium(self.model, poses, first, tolerance)
         slots = np.stack([np.broadcast_to(settled.slots[k], len(rows)) for k in self.errors.moving.slots], axis=1)

@@ -28,7 +28,7 @@ class Poses:
         temperature: (N,), °C, or None.
         number: (N,), number of each pose in error messages, or None: 1 … N.
         friction: (N, n, K), states (−1 … 1) of elements of dry friction that the moves so far have turned over, see
-            `lrm_math.effects.friction`, or None if the moves are unknown.
+            `lrm_math.kinematics.motion`, or None if the moves are unknown.
         running: (N,), time since the first pose of the session (s), or None.
         warmed: (N,), K, temperature less that of the first pose. power_cycle: (N,), number of the session from 0, in
             the order of their numbers. Both follow from all the poses first given, and stay with each of them.
@@ -127,10 +127,14 @@ def _number(column: Array) -> Number:
     return column  # a dual number (`lrm_math.kinematics.dual`)
 
 
-def poses_of(q: ArrayLike, payload: ArrayLike = 0.0, direction: Array | None = None) -> Poses:
-    """Poses from angles (N, n) or (n,) in rad and payload in kg, one number or (N,); `direction` (N, n) of arrival."""
+def poses_of(
+    q: ArrayLike, payload: ArrayLike = 0.0, direction: Array | None = None, friction: Array | None = None
+) -> Poses:
+    """Poses from angles (N, n) or (n,) in rad and payload in kg, one number or (N,); `direction` (N, n) of arrival, and
+    states of friction (N, n, K)."""
     angles = np.atleast_2d(np.asarray(q, dtype=np.float64))
-    return Poses(angles, np.broadcast_to(np.asarray(payload, dtype=np.float64), (len(angles),)).copy(), direction)
+    carried = np.broadcast_to(np.asarray(payload, dtype=np.float64), (len(angles),)).copy()
+    return Poses(angles, carried, direction, friction=friction)
 
 
 def roberts_sequence(count: int, n: int) -> Array:

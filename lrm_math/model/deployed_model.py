@@ -37,6 +37,17 @@ def as_deployed(model: Model) -> Model:
     return with_offsets(replace(lasting, state=None), model.state.offsets)
 
 
+FIT_STATE = "fit it again with this version: lrm-ident fit DATA --start MODEL"
+
+
+def unknown_state(model: Model) -> str:
+    """Words for effects of a session whose state is not known, as of a file of an older version; empty without any."""
+    names = [effect.name for effect in model.effects if of_a_session(effect)]
+    if not names or model.state is not None:
+        return ""
+    return f"{', '.join(names)} explain a session, and the model does not say which state of it goes along"
+
+
 def with_offsets(model: Model, added: Mapping[str, float]) -> Model:
     """The model with amounts (rad, m) added to constant offsets, by their keys; places that have none get them."""
     places = dict.fromkeys(key.split(".")[1] for key in added if key not in model.structure.positions)

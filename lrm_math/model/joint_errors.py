@@ -18,6 +18,7 @@ from lrm_math.arrays import Array
 from lrm_math.effects.backlash import AxialPlay
 from lrm_math.effects.compliance import Spring
 from lrm_math.kinematics.chain import Number
+from lrm_math.kinematics.motion import Motion
 from lrm_math.kinematics.moving_slots import MovingSlots, moving_slots_of
 from lrm_math.kinematics.poses import Poses, poses_of
 from lrm_math.model.deployed_model import named_part
@@ -93,16 +94,20 @@ class JointErrorModel:
                 due[k] = due[k] + amount
         return np.stack([np.broadcast_to(due[k], count) for k in self.row], axis=1)
 
-    def command(self, poses: Poses, tau: Array, slots: Array) -> Array:
+    def command(self, poses: Poses, tau: Array, slots: Array, motion: Motion | None = None) -> Array:
         """(K, n), commands that hold slot amounts (K, V) under gravity loads (K, V); not finite where none does.
 
-        `poses`: payload and direction, and angles to begin with. Fixed-point iteration with secants (Anderson 1965).
+        `poses`: payload and direction, and angles to begin with. `motion`: record of the moves before, from which
+        follows the friction of a command; for one pose. Fixed-point iteration with secants (Anderson 1965).
         """
         joints, q = self.moving.joints, poses.q
         before: FixedPointStep | None = None
         step = np.full_like(q, np.inf)
         for _ in range(MOST_STEPS):
-            step = (slots - self.slots_at(replace(poses, q=q), tau))[:, joints]
+            at = replace(poses, q=q)
+            if motion is not None and poses.direction is not None:
+                at = replace(at, friction=motion.turned(q[0], poses.direction[0])[None])
+            step = (slots - self.slots_at(at, tau))[:, joints]
             if not (np.abs(step) > SETTLED).any():
                 return np.asarray(q + step)
             here = FixedPointStep(q.T, step.T)

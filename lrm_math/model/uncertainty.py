@@ -15,12 +15,13 @@ from lrm_math.kinematics.poses import poses_of
 from lrm_math.model.covariance import Covariance
 from lrm_math.model.deployed_model import field_of
 from lrm_math.model.derivatives import joint_jacobian, parameter_jacobian
-from lrm_math.model.equilibrium import Equilibrium
+from lrm_math.model.equilibrium import Equilibrium, solve_equilibrium
 from lrm_math.model.model import Model
 
 UNSURE = 0.5
 """Part of its variance beyond the data from which on a residual field is not said to speak."""
 POSES_ASKED = 2000
+POSES_EXPECTED = 200
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,6 +58,20 @@ def position_covariance(
         J = joint_jacobian(settled) * np.asarray(joint_sd, dtype=np.float64)
         parts.append(J @ J.transpose(0, 2, 1))
     return np.asarray(sum(parts)) if parts else None
+
+
+def expected_tip_error(model: Model, covariance: Covariance) -> float:
+    """RMS distance (m) of the TCP from where it is predicted, over the arm's range, as far as the parameters go.
+
+    Linear, at angles drawn evenly within the joint limits, and within the range of the fit where that is known.
+    """
+    lower, upper = (np.array([getattr(joint, end) for joint in model.arm.joints]) for end in ("lower", "upper"))
+    if model.within is not None:
+        measured = np.array(model.within.angle).T
+        lower, upper = np.clip(measured[0], lower, upper), np.clip(measured[1], lower, upper)
+    q = np.random.default_rng(0).uniform(lower, upper, (POSES_EXPECTED, model.arm.dof))
+    spread = position_covariance(solve_equilibrium(model, poses_of(q)), covariance)
+    return 0.0 if spread is None else math.sqrt(float(np.einsum("nii->n", spread).mean()))
 
 
 @dataclass(frozen=True)

@@ -31,6 +31,7 @@ from lrmd.messages.codec import Message, error_reply, pack
 from lrmd.messages.control import DeployRequest, HoldRequest, JogRequest, MoveRequest, ReloadRequest, UndeployRequest
 from lrmd.messages.zenoh_session import own_client
 from lrmd.persistence.state_file import BackgroundWriter, SaveSchedule, restored_state
+from lrmd.ramp.shared_memory import ArmKnowledge
 from lrmd.safety.thermal_model import gravity_torques
 
 PERIOD, STANDBY_PERIOD = SECOND // 50, 4 * SECOND // 50
@@ -73,6 +74,7 @@ class ApiProcess:
         self._presence: Presence | None = None
         self._tick_seen, self._ticked_at = 0, now
         self._saving = SaveSchedule(config.save)
+        self._knowledge: ArmKnowledge | None = None
 
     def run(self) -> int:
         """Runs until SIGTERM or SIGINT. Returns the exit code: 0, or 1 if a process cannot be kept alive."""
@@ -212,8 +214,14 @@ class ApiProcess:
         report = self._shared.read_report()
         if report is not None:
             self._controller.observe(report, now)
+            self._share_knowledge()
             if report.tick != self._tick_seen:
                 self._tick_seen, self._ticked_at = report.tick, now
+
+    def _share_knowledge(self) -> None:
+        if (knowledge := self._controller.motion_record.knowledge) != self._knowledge:
+            self._knowledge = knowledge
+            self._shared.write_knowledge(knowledge)
 
     def _supervise(self, now: int) -> None:
         silent = now - max(self._ticked_at, self._ramp.started_at)

@@ -148,7 +148,8 @@ def _fk(c: argparse.ArgumentParser) -> None:
 def _deploy(c: argparse.ArgumentParser) -> None:
     c.add_argument("model", nargs="?", type=Path, metavar="MODEL", help="a model file of lrm-ident")
     c.add_argument("--undo", action="store_true", help="back to the model before the last one deployed")
-    c.add_argument("--accept", action="store_true", help="also if the tip moves by more than a fifth of the reach")
+    accept = "though the tip moves by more than a fifth of the reach, or what the daemon leaves out of it matters"
+    c.add_argument("--accept", action="store_true", help=accept)
 
 
 def _level1(c: argparse.ArgumentParser) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import sys
 import threading
+from pathlib import Path
 
 from lrm_math.errors import LrmError
 from lrmd.cli import text
@@ -54,7 +55,7 @@ def deploy(o: argparse.Namespace) -> int:
     """`lrm deploy`: gives the daemon a model file, or takes the last one back."""
     if (o.model is None) == (not o.undo):
         raise LrmError("deploy: give a model file, or --undo")
-    text_of_file = None if o.model is None else text_to_deploy(o.model)
+    text_of_file, said = (None, []) if o.model is None else (text_to_deploy(o.model), _checked(o.model, o.accept))
     with open_rover(o) as rover:
         before = rover.info().model_sha256
         reply = rover.undeploy() if text_of_file is None else rover.deploy(text_of_file, o.accept)
@@ -63,11 +64,23 @@ def deploy(o: argparse.Namespace) -> int:
         if reply.tip_moves_m is not None and reply.tip_moves_rms_m is not None:
             most, rms = reply.tip_moves_m * 1e3, reply.tip_moves_rms_m * 1e3
             print(f"at the same commands the tip moves by {rms:.1f} mm RMS, {most:.1f} mm at most")
+        for line in said:
+            print(line)
         if reply.left_out:
             print(f"not compensated (only explain a measurement): {', '.join(reply.left_out)}")
         if reply.field is not None:
             print(text.field_text(reply.field))
     return 0
+
+
+def _checked(model: Path, accepted: bool) -> list[str]:
+    """Lines on what the daemon leaves out of a model, and on the tip. Raises `LrmError` if that matters."""
+    from lrmd.client.deployment import Deployment  # takes a while
+
+    checked = Deployment.of_file(model)
+    if not accepted:
+        checked.check()
+    return list(checked.lines())
 
 
 def reload(o: argparse.Namespace) -> int:

@@ -71,6 +71,8 @@ def _arm(s: ControllerState, request: ArmRequest, now: int) -> RequestResult:
     first_pulses = arming_pulses(request, s.config, s.report, s.stored, s.fallen.names(s.fallen.bits))
     thermal_protection.check_arming(s, sorted(first_pulses))
     s.transition(Trigger.ARM, "arm", now)
+    if request.where == "given":
+        s.motion_record.forget(first_pulses)
     pose = tuple(first_pulses.get(i, pulse) for i, pulse in enumerate(s.position))
     adopted = s.report.board_outputs & sum(1 << i for i in first_pulses) if request.where == "board" else 0
     one_by_one = [] if adopted else sorted(first_pulses)

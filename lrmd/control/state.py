@@ -15,6 +15,7 @@ from lrmd.control.fallen_servos import FallenServos
 from lrmd.control.gravity import KnownGravity
 from lrmd.control.lease import Lease
 from lrmd.control.motion_check import MotionCheck
+from lrmd.control.motion_record import MotionRecord
 from lrmd.control.ramp_orders import Departure, OrderScheduler, Pulses, angles, overlaid
 from lrmd.control.state_machine import Mode, Trigger, next_mode
 from lrmd.errors import RequestError
@@ -56,11 +57,11 @@ class ControllerState:
     """Everything that the controller knows.
 
     Attributes: `mode`, `why`, `since` (monotonic ns), `faults` by code, the lease as `leasehold`, `orders` for the
-    ramp, its `report`, `thermal` monitor, `motion_check`, `payload` (kg), the known `gravity`, unpublished `events`,
-    and the state file as `stored`. `fallen`: servos without pulses whose position is not known. `stops`: number of
-    holds, emergency stops, disarmings and faults so far. Of the thermal protection: `held_at`, `rest_tried_at`
-    (monotonic ns) of the last hold and attempt to go to rest, `rest_goal` (pulses, ns) of the last motion to rest, and
-    `rest_blocked` while its path is not free.
+    ramp, its `report`, `thermal` monitor, `motion_check`, `motion_record`, `payload` (kg), the known `gravity`,
+    unpublished `events`, and the state file as `stored`. `fallen`: servos without pulses whose position is not known.
+    `stops`: number of holds, emergency stops, disarmings and faults so far. Of the thermal protection: `held_at`,
+    `rest_tried_at` (monotonic ns) of the last hold and attempt to go to rest, `rest_goal` (pulses, ns) of the last
+    motion to rest, and `rest_blocked` while its path is not free.
     """
 
     def __init__(
@@ -86,6 +87,7 @@ class ControllerState:
         self._stored_at_rest = stored is None or stored.still
         self.boots = (stored.boots if stored else 0) + 1
         self.thermal = ThermalMonitor(config, stored, now, wall)
+        self.motion_record = MotionRecord(config, stored, now, wall)
         self.motion_check = MotionCheck(config, torques, guard, self.thermal)
         self.fallen = FallenServos(config, self.motion_check, stored)
         self.orders = OrderScheduler(config, now)
@@ -176,11 +178,12 @@ class ControllerState:
         known = {n: p for n, p in zip(self.config.names, self.position, strict=True) if p}
         still = not self.report.moving and (self._stored_at_rest or before.keys() <= known.keys())
         heat = {n: min(T, HOTTEST) for n, T in zip(self.config.names, self.thermal.temperature, strict=True)}
-        return StoredState(
+        state = StoredState(
             saved_wall_ns=wall, boots=self.boots, arm=self.config.arm.name, identity=self._identity, mode=self.mode,
             still=still, pulse_ns=before | known, payload_kg=self.payload, temperature_c=heat,
             fallen=self.fallen.names_if_all_ended(self.report, self.payload),
         )  # fmt: skip
+        return self.motion_record.added_to(state)
 
     def transition(self, trigger: Trigger, why: str, now: int) -> None:
         """Changes the mode by the transition table. Raises `InvalidTransition`; then nothing has changed."""

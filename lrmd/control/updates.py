@@ -56,6 +56,7 @@ def observe(s: ControllerState, report: RampReport, now: int) -> None:
     """Processes a report of the ramp."""
     before, s.report = s.report, report
     s.fallen.follow(before, report, s.payload)
+    s.motion_record.follow(report, max(s.thermal.temperature), now)
     if report.link is not before.link:
         _link_changed(s, before.link, report.link)
     if report.port_error not in (0, before.port_error):

@@ -18,6 +18,7 @@ from zenoh.handlers import Callback
 from lrm_math.errors import FileError, LrmError
 from lrmd import log
 from lrmd.config import MS, Config
+from lrmd.control.motion_record import known_of
 from lrmd.errors import RequestError
 from lrmd.heap import return_freed_memory
 from lrmd.ik.deployed_model import deploy, digest_of
@@ -222,17 +223,18 @@ class IkProcess:
         started, request, service = time.perf_counter(), queued.request, self._service
         if service is None:
             raise RequestError("no_model", "the model's file changed since the daemon loaded it; rpc/reload takes it")
+        known = known_of(self._shared.read_knowledge(), time.monotonic_ns())
         kind: type[KinematicsReply]
         content: dict[str, Any] = {"left_out": list(service.deployed.left_out)}
         match request:
             case IkRequest():
                 kind, content["answers"] = IkReply, []
-                for answer in service.inverse(request):
+                for answer in service.inverse(request, known):
                     content["answers"].append(answer)
                     yield
             case FkRequest():
                 kind, content["places"] = FkReply, []
-                for place in service.forward(request):
+                for place in service.forward(request, known):
                     content["places"].append(place)
                     yield
             case PlanRequest():

@@ -6,7 +6,7 @@ import math
 import time
 from collections.abc import Callable, Iterator, Sequence
 from copy import copy
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -16,11 +16,13 @@ from lrm_math.arm.pulse_rounding import Rounding
 from lrm_math.arrays import Array, Vector3
 from lrm_math.collision.scene import Clearance, ClosestPair, Scene, clearance_of
 from lrm_math.errors import LrmError
-from lrm_math.ik.answer import Branch, CalibratedReply, NoAllowedBranch, Solved, Unsolved
+from lrm_math.ik.answer import SAME, Branch, CalibratedReply, NoAllowedBranch, Solved, Unsolved, apart
 from lrm_math.ik.calibrated import CalibratedSolver
-from lrm_math.ik.calibrated_arm import CalibratedArm, Method
+from lrm_math.ik.calibrated_arm import CalibratedArm, Method, friction_of
 from lrm_math.ik.goal import Goal, IkQuery, point, point_along, pose_rpy
 from lrm_math.ik.methods import QUICKEST, method_named
+from lrm_math.kinematics.known import Known
+from lrm_math.kinematics.motion import Motion
 from lrm_math.model.deployed_model import under_gravity
 from lrmd.config import Config
 from lrmd.errors import RequestError
@@ -35,6 +37,7 @@ UNIT = 1e-3
 NO_EQUILIBRIUM = "the model has no elastic equilibrium there, or more than one: the load may be too heavy for the arm"
 UNIQUE_TOLERANCE = 1e-6
 """rad, m: slots of one equilibrium differ by less."""
+UNKNOWN = Known()
 CancellationCheck = Callable[[], None]
 """Called before every move that a plan checks; raises an `LrmError` once the plan is not wanted any more."""
 
@@ -87,7 +90,7 @@ class FeasibilityCheck:
         """
         feasible = np.zeros(len(branches), dtype=bool)
         q, side, slots = (np.array(part) for part in zip(*((b.q, b.direction, b.slots) for b in branches), strict=True))
-        settled = self.arm.equilibria(query.payload, q, side)
+        settled = self.arm.equilibria(query.payload, q, side, friction=friction_of(branches))
         same = (np.abs(settled.slots - slots[settled.rows]) < UNIQUE_TOLERANCE).all(axis=1)
         rows = settled.rows[same]
         feasible[rows] = True
@@ -100,7 +103,7 @@ class FeasibilityCheck:
         """Whether the equilibrium at the rounded counts has the error that the reply states."""
         if reply.rounded is None:
             return True
-        tool = self.arm.tool_at(payload, reply.rounded.q, reply.direction)
+        tool = self.arm.tool_at(payload, reply.rounded.q, reply.branches[0])
         if tool is None:
             return False
         return abs(math.dist(tool[9:], reply.goal.position) - reply.rounded.error) < UNIQUE_TOLERANCE
@@ -148,21 +151,23 @@ class IkService:
         other._solver.warm_up()
         return other
 
-    def inverse(self, request: IkRequest) -> Iterator[IkAnswer]:
+    def inverse(self, request: IkRequest, known: Known = UNKNOWN) -> Iterator[IkAnswer]:
         """One answer per goal, each computed when it is taken. Raises `LrmError` for invalid goals."""
         self._check_angles("near_rad", request.near_rad)
         goals = [self._goal(number, entry) for number, entry in enumerate(request.goals)]
         method = method_named(request.method, side=request.cube_side_m, points=request.cube_points)
+        near, motion = _start(request.near_rad, known)
         for goal in goals:
-            yield self._answer(goal, request.payload_kg or 0.0, request.near_rad, method, Rounding(request.round))
+            yield self._answer(goal, request.payload_kg or 0.0, near, method, Rounding(request.round), motion)
 
     def _answer(
-        self, goal: Goal, payload: float, near: Sequence[float] | None, method: Method, rounding: Rounding
-    ) -> IkAnswer:
+        self, goal: Goal, payload: float, near: Sequence[float] | None, method: Method, rounding: Rounding,
+        motion: Motion | None = None,
+    ) -> IkAnswer:  # fmt: skip
         """The answer to one goal, with the time that it took."""
         started = time.perf_counter()
         try:
-            reply = self._solver.solve(goal, payload, near, method, rounding, self._feasibility.feasible)
+            reply = self._solver.solve(goal, payload, near, method, rounding, self._feasibility.feasible, motion)
             content = self._content(reply, payload)
         except LrmError as error:
             content = {"verdict": "not_converged", "text": str(error)}
@@ -181,17 +186,31 @@ class IkService:
         if q is not None and len(q) != self._dof:
             raise MessageError(f"{name}: {len(q)} angles; {self._config.arm.name} has {self._dof} joints")
 
-    def forward(self, request: FkRequest) -> Iterator[FkAnswer]:
+    def forward(self, request: FkRequest, known: Known = UNKNOWN) -> Iterator[FkAnswer]:
         """One answer per row of angles, each computed when it is taken from the iterator. Raises `LrmError`."""
         self._check_angles("near_rad", request.near_rad)
         for number, q in enumerate(request.q_rad):
             self._check_angles(f"q_rad.{number}", q)
-        for q in request.q_rad:
-            f = self._solver.forward(q, request.payload_kg or 0.0, request.near_rad)
+        for number, direction in enumerate(request.direction):
+            self._check_angles(f"direction.{number}", direction)
+        for number, q in enumerate(request.q_rad):
+            arrival = self._arrival(request, number, known)
+            f = self._solver.predicted(known.poses(arrival, request.payload_kg or 0.0))
             yield FkAnswer(
                 tcp_m=list(f.tcp), rotation=[list(row) for row in f.rotation], tau_nm=list(f.joint_torque),
                 sd_m=None if f.uncertainty is None else f.uncertainty.sd, outside_range=self._outside(q),
+                direction=arrival.side.astype(int).tolist(),
             )  # fmt: skip
+
+    def _arrival(self, request: FkRequest, number: int, known: Known) -> Motion:
+        """The record of an arm at a row of a request. A joint moves if it gets another pulse, of whole ns."""
+        q = np.array(request.q_rad[number])
+        if request.direction:
+            return Motion.towards(q, request.direction[number])
+        if request.near_rad is not None:
+            return Motion.between(request.near_rad, q)
+        servos = zip(self._config.servos[: self._dof], q.tolist(), strict=True)
+        return replace(known.arrived(np.array([s.angle(s.pulse_ns(angle)) for s, angle in servos])), q=q)
 
     def _outside(self, q: Sequence[float]) -> list[int]:
         """Joints, from 1, that a command (rad) puts outside the range that the model was fitted on."""
@@ -235,6 +254,14 @@ class IkService:
                     "nearest_rad": list(reply.nearest.q), "nearest_distance_m": reply.nearest.distance,
                 }  # fmt: skip
         return {"verdict": "not_converged", "text": NO_EQUILIBRIUM if isinstance(reply, Solved) else str(reply)}
+
+
+def _start(near: Sequence[float] | None, known: Known) -> tuple[Sequence[float] | None, Motion | None]:
+    """Pose that the arm comes from (rad), and its record: where it stands, unless the request says another."""
+    here = known.motion
+    if here is None or (near is not None and apart(near, here.q.tolist()) > SAME):
+        return near, None
+    return here.q.tolist(), here
 
 
 def _solved(reply: Solved) -> dict[str, Any]:

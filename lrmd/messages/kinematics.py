@@ -13,6 +13,7 @@ Coordinate = Annotated[float, Field(ge=-100, le=100)]
 Position = Annotated[list[Coordinate], Field(min_length=3, max_length=3)]
 JointAngle = Annotated[float, Field(ge=-20, le=20)]
 JointAngles = Annotated[list[JointAngle], Field(min_length=1, max_length=16)]
+Directions = Annotated[list[Annotated[int, Field(ge=-1, le=1)]], Field(min_length=1, max_length=16)]
 Payload = Annotated[float, Field(ge=0, le=2)]
 Deadline = Annotated[float, Field(gt=0, le=60_000)]
 
@@ -64,10 +65,24 @@ class IkRequest(KinematicsRequest):
 
 
 class FkRequest(KinematicsRequest):
-    """`rpc/fk`: forward kinematics of the sagging arm for commanded angles, coming from `near_rad`."""
+    """`rpc/fk`: forward kinematics of the sagging arm for commanded angles.
+
+    Each row is taken to be reached straight from where the arm stands, after the moves that the daemon has recorded.
+    `near_rad`: from there instead, by a long move. `direction`: of each row, the sign of the last move of every joint,
+    a long one; 0: not known.
+    """
 
     q_rad: Annotated[list[JointAngles], FailFast(), Field(min_length=1, max_length=1000)]
     near_rad: JointAngles | None = None
+    direction: Annotated[list[Directions], FailFast(), Field(max_length=1000)] = []
+
+    @model_validator(mode="after")
+    def _one_origin(self) -> FkRequest:
+        if self.direction and self.near_rad is not None:
+            raise ValueError("near_rad and direction are both given; give one of them, or none")
+        if self.direction and len(self.direction) != len(self.q_rad):
+            raise ValueError(f"direction has {len(self.direction)} rows, q_rad {len(self.q_rad)}; give one for each")
+        return self
 
 
 class PlanRequest(KinematicsRequest):
@@ -157,7 +172,8 @@ class PlanReply(KinematicsReply):
 class FkAnswer(Part):
     """Tool pose: position, rows of its rotation matrix; gravity torque on every joint; standard deviation.
 
-    `outside_range`: joints, from 1, outside the range that the model was fitted on.
+    `outside_range`: joints, from 1, outside the range that the model was fitted on. `direction`: the sign of each
+    joint's last move that the answer is for, 0 where it is not known.
     """
 
     tcp_m: list[float]
@@ -165,6 +181,7 @@ class FkAnswer(Part):
     tau_nm: list[float]
     sd_m: float | None
     outside_range: list[int] = []
+    direction: list[int] = []
 
 
 class FkReply(KinematicsReply):

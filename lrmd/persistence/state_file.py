@@ -31,6 +31,13 @@ Emit = Callable[[str, Literal["error"], str], object]
 """Called with an event's code, level and text."""
 
 
+class StoredArrival(StrictSchema):
+    """How a joint came to where it is: sign of its last move, and states (−1 … 1) of its friction; 0: unknown."""
+
+    direction: Annotated[int, Field(ge=-1, le=1)] = 0
+    friction: Annotated[list[Annotated[float, Field(ge=-1, le=1)]], Field(min_length=3, max_length=3)] = [0.0] * 3
+
+
 class StoredState(StrictSchema):
     """The state file, schema `lrm/state/1`: last commanded pulse (ns) and modelled temperature of each servo.
 
@@ -38,6 +45,8 @@ class StoredState(StrictSchema):
     name and `arm_identity` of the arm that they are of, empty in files of older releases. `payload_kg`: its load.
     `fallen`: servos that are not at their pulse any more, or would not be without pulses; None in files of older
     releases: all may be.
+    `arrival`: of joints whose last move is known. `powered_s`: time for which the joints have had pulses, 0 without,
+    and `powered_at_c`, degC, of the hottest servo at its beginning.
     """
 
     schema_: Literal["lrm/state/1"] = Field(default="lrm/state/1", alias="schema")
@@ -51,6 +60,9 @@ class StoredState(StrictSchema):
     payload_kg: Annotated[float, Field(ge=0, le=2)] = 0.0
     temperature_c: dict[str, Annotated[float, Field(ge=-50, le=HOTTEST)]]
     fallen: list[str] | None = None
+    arrival: dict[str, StoredArrival] = {}
+    powered_s: Annotated[float, Field(ge=0)] = 0.0
+    powered_at_c: float = 0.0
 
 
 def save(folder: Path, state: StoredState) -> None:

@@ -31,7 +31,7 @@ from lrmd.ramp.stepping import Way, move
 REPORTED = (
     "order", "order_accepted", "fault_count", "fault", "sent", "acknowledged", "bad_frames", "board_errors",
     "reconnects", "remaining", "outputs", "board_outputs", "boot", "other_version", "link", "moving", "position",
-    "register",
+    "register", "turned_at",
 )  # fmt: skip
 """Fields of the report that are attributes of the core."""
 API_TIMEOUT = 500_000_000
@@ -51,6 +51,7 @@ class RampCore:
         self.outputs, self.board_outputs = earlier.outputs, 0
         self.position: tuple[int, ...] = earlier.position[:n]
         self.register: tuple[int, ...] = earlier.register[:n]
+        self.turned_at, self._ways = self.position, (0,) * n
         self.boot, self.order, self.order_accepted = earlier.boot, earlier.order, earlier.order_accepted
         self.fault_count, self.fault = earlier.fault_count, earlier.fault
         self.sent, self.acknowledged = earlier.sent, earlier.acknowledged
@@ -272,12 +273,20 @@ class RampCore:
 
     def _pulse_frame(self) -> Frame:
         if self._pulses_confirmed and self.moving:
-            self.position, self._pulses_changed = self._way.at(self.remaining - 1), True
+            before, self.position, self._pulses_changed = self.position, self._way.at(self.remaining - 1), True
+            self._note_turns(before)
             self._way = self._way.step()
         if self._pulses_changed:
             self._pulses_changed, self._pulses_confirmed, self._first = False, False, self.sent
         counts = self._board.counts(self.outputs, self.position)
         return Frame(FrameType.ARM, self._seq, self._mask, tuple(counts[i] for i in self._by_channel))
+
+    def _note_turns(self, before: tuple[int, ...]) -> None:
+        """Notes which servos now move the other way than before their last step, from pulses `before` (ns)."""
+        ways = tuple((now > then) - (now < then) for now, then in zip(self.position, before, strict=True))
+        turned = tuple(way not in (0, old) for way, old in zip(ways, self._ways, strict=True))
+        self.turned_at = tuple(b if t else at for b, t, at in zip(before, turned, self.turned_at, strict=True))
+        self._ways = tuple(way or old for way, old in zip(ways, self._ways, strict=True))
 
     def report(
         self, tick: int, time: int, skipped: int, max_late_ns: int, starts: int, realtime: bool, port_error: int = 0

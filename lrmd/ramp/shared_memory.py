@@ -19,6 +19,8 @@ from lrmd.ramp.stepping import Pace
 
 SERVOS = 16
 NONE = (0,) * SERVOS
+FRICTION_ELEMENTS = 3
+"""Elements of friction of each joint, as many as `lrm_math.kinematics.motion` has."""
 HOLD_PULSE = -(2**31)
 """Target that keeps the present pulse."""
 AT_ONCE = 2**32 - 1
@@ -83,6 +85,7 @@ Bits: TypeAlias = Annotated[int, ctypes.c_uint16]
 Flag: TypeAlias = Annotated[bool, ctypes.c_bool]
 Time: TypeAlias = Annotated[int, ctypes.c_int64]
 Pulses: TypeAlias = Annotated[tuple[int, ...], ctypes.c_int32 * SERVOS]
+Numbers: TypeAlias = Annotated[tuple[float, ...], ctypes.c_double * SERVOS]
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,8 +116,9 @@ class RampReport(Record):
 
     `tick` counts deadlines kept, `time` is monotonic ns, `order` the number of the last order read and
     `order_accepted` whether it was executed (dropped if a fault came first). `outputs`: servos that the ramp pulses;
-    `position`: their pulses (ns), the last known ones of the others. `board_outputs`, `register`: outputs and pulses
-    (ns) last read from the chip. `port_error`: errno of the last attempt to open the port, 0 if it succeeded.
+    `position`: their pulses (ns), the last known ones of the others. `turned_at`: the pulse (ns) at which each servo
+    last turned round, or began to move. `board_outputs`, `register`: outputs and pulses (ns) last read from the chip.
+    `port_error`: errno of the last attempt to open the port, 0 if it succeeded.
     `other_version`: the protocol of a board that speaks another one than ours, else 0.
     """
 
@@ -143,6 +147,25 @@ class RampReport(Record):
     realtime: Flag = False
     position: Pulses = NONE
     register: Pulses = NONE
+    turned_at: Pulses = NONE
+
+
+@dataclass(frozen=True, slots=True)
+class ArmKnowledge(Record):
+    """Knowledge of the API process about the arm, for the ik process; see `lrm_math.kinematics.known`.
+
+    `joints`: number of joints whose moves are known, all or 0. `q`: their commands (rad). `side`, `friction`: of
+    `Motion`, the latter joint by joint. `powered`: monotonic ns since when the joints have pulses, 0 without.
+    `temperature` (degC), `warmed` (K).
+    """
+
+    joints: Bits = 0
+    q: Numbers = ()
+    side: Numbers = ()
+    friction: Annotated[tuple[float, ...], ctypes.c_double * (SERVOS * FRICTION_ELEMENTS)] = ()
+    powered: Time = 0
+    temperature: Annotated[float, ctypes.c_double] = 0.0
+    warmed: Annotated[float, ctypes.c_double] = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -185,6 +208,7 @@ class SharedValues(ctypes.Structure):
     ik_model: bytes
     _fields_ = (
         ("order", _mailbox(RampOrder.layout())), ("report", _mailbox(RampReport.layout())),
+        ("knowledge", _mailbox(ArmKnowledge.layout())),
         ("estop_reason", _mailbox(ctypes.c_char * ESTOP_REASON_BYTES)), ("lateness", ctypes.c_uint64 * BUCKETS),
         ("ik", ctypes.c_uint64 * 3), ("router", ctypes.c_uint64 * 2), ("duty", ctypes.c_double),
         ("payload", ctypes.c_double), ("gravity", _mailbox(GravityRecord.layout())),
@@ -193,8 +217,9 @@ class SharedValues(ctypes.Structure):
 
 
 class SharedRecords:
-    """Shared memory of the processes, behind one descriptor: order, report, reason of the last emergency stop, and
-    `values` without a check of their own, `lateness`, `ik` and `router` among them (see `SharedValues`)."""
+    """Shared memory of the processes, behind one descriptor: order, report, knowledge of the arm, reason of the last
+    emergency stop, and `values` without a check of their own, `lateness`, `ik` and `router` among them (see
+    `SharedValues`)."""
 
     def __init__(self, descriptor: int) -> None:
         self.descriptor = descriptor
@@ -246,6 +271,15 @@ class SharedRecords:
         """The newest report, None before the first."""
         data = self._read("report")
         return None if data is None else RampReport.unpack(data)
+
+    def write_knowledge(self, knowledge: ArmKnowledge) -> None:
+        """Publishes what is known of the arm (API process)."""
+        self._write("knowledge", knowledge.pack())
+
+    def read_knowledge(self) -> ArmKnowledge:
+        """The newest knowledge of the arm; none before the first (ik process)."""
+        data = self._read("knowledge")
+        return ArmKnowledge() if data is None else ArmKnowledge.unpack(data)
 
     def write_gravity(self, gravity: GravityRecord) -> None:
         """Publishes the direction of gravity in use (API process)."""

@@ -13,11 +13,11 @@ from hypothesis import strategies as st
 from lerobot_robot_lrm import bounded
 from lerobot_robot_lrm.bounded import CREEP, FARTHEST, RATE, REVERSAL, bounded_command
 from lerobot_robot_lrm.correction import Corrected, Correction
-from lerobot_robot_lrm.motion import Motion
 from lrm_math.arm.arm_file import load_arm
 from lrm_math.arrays import Array
 from lrm_math.effects import effects_at
 from lrm_math.errors import NoEquilibrium
+from lrm_math.kinematics.motion import Motion
 from lrm_math.model.model import model_of
 from validation.lerobot_robot.continuity import PathFigures, follow, random_model, random_path
 

@@ -10,12 +10,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from lerobot_robot_lrm.correction import REVERSAL, Correction
-from lerobot_robot_lrm.motion import Motion
 from lrm_math.arm.arm_file import load_arm
 from lrm_math.arrays import Array
 from lrm_math.effects import effects_at
-from lrm_math.effects.friction import friction_states
 from lrm_math.errors import LrmError
+from lrm_math.kinematics.motion import Motion, recorded
 from lrm_math.kinematics.poses import Poses, poses_of
 from lrm_math.model.deployed_model import named_part
 from lrm_math.model.equilibrium import solve_equilibrium
@@ -110,16 +109,14 @@ def test_a_wish_that_stays_is_not_commanded_anew(wish: list[float], times: int) 
 
 @given(path=WISHES)
 def test_the_memory_of_friction_is_that_of_the_model(path: list[list[float]]) -> None:
-    """States after any path equal those of `friction_states`, from a first move that has turned all over."""
+    """States after any path equal those of a file's poses, from a first move that has turned all over."""
     q = np.array(path)
     motion = Motion.at(q[0] - 100.0).to(q[0])
-    sides = [motion.side]
     states = [motion.friction]
     for row in q[1:]:
         motion = motion.to(row)
-        sides.append(motion.side)
         states.append(motion.friction)
-    np.testing.assert_allclose(states, friction_states(q, np.array(sides), None), atol=1e-9)
+    np.testing.assert_allclose(states, recorded(q, q[0] - 100.0)[1], atol=1e-9)
 
 
 def test_from_the_other_side_another_command_brings_the_tip_to_the_same_place() -> None:

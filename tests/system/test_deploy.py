@@ -25,7 +25,8 @@ OTHER = MODEL + "\n# another file of the same model\n"
 FIELD = MODEL.replace('"compliance"]', '"compliance", "residual_field"]').replace(
     "[parameters]\n", '[parameters]\n"residual_field.tool.u000001_mm" = 0.4\n'
 )
-DRIFTING = MODEL.replace('"compliance"]', '"compliance", "drift@joint2"]')
+STATE = '\n[deployed]\nmoments = { "drift@joint2" = "last" }\n'
+DRIFTING = MODEL.replace('"compliance"]', '"compliance", "drift@joint2"]') + STATE
 
 
 def sha256(text: str) -> str:
@@ -90,6 +91,8 @@ def test_effects_that_cannot_be_compensated_are_named(
     said = capsys.readouterr().out
     assert sha256(DRIFTING)[:12] in said
     assert "drift" in said.splitlines()[-1]
+    assert "The deployed model keeps the last state of drift@joint2." in said.splitlines()
+    assert any(line.startswith("expected at the tip: ") for line in said.splitlines())
     assert app.main(["--connect", setup.endpoint, "deploy", "--undo"]) == 0
     assert app.main(["--connect", setup.endpoint, "deploy"]) == 2
     assert app.main(["--connect", setup.endpoint, "deploy", str(tmp_path / "missing.toml")]) == 2

@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from lerobot_robot_lrm.correction import Correction
-from lerobot_robot_lrm.motion import Motion
 from lrm_math.arm.arm_file import load_arm
 from lrm_math.arrays import Array
 from lrm_math.effects import effects_at
+from lrm_math.kinematics.motion import Motion
 from lrm_math.model.model import model_of
 
 FIVE = {

@@ -12,11 +12,11 @@ import numpy as np
 
 from lerobot_robot_lrm.bounded import BoundedCommand, bounded_command
 from lerobot_robot_lrm.correction import Correction
-from lerobot_robot_lrm.motion import Motion
 from lrm_math.arm.arm import Arm
 from lrm_math.arrays import Array
 from lrm_math.effects import effects_at
 from lrm_math.errors import LrmError
+from lrm_math.kinematics.motion import Motion
 from lrm_math.kinematics.poses import Poses
 from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import Model, model_of

@@ -7,7 +7,7 @@ mathematics alone: `Correction`.
 from importlib.util import find_spec
 
 from lerobot_robot_lrm.correction import Correction
-from lerobot_robot_lrm.motion import Motion
+from lrm_math.kinematics.motion import Motion
 
 __all__ = ["Correction", "Motion"]
 

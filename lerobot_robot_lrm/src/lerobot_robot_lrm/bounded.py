@@ -15,9 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lerobot_robot_lrm.correction import Correction
-from lerobot_robot_lrm.motion import Motion
 from lrm_math.arrays import Array
 from lrm_math.errors import NoEquilibrium
+from lrm_math.kinematics.motion import Motion
 
 FARTHEST = math.radians(15.0)
 RATE = 2.0

@@ -12,11 +12,11 @@ from lerobot.robots.robot import Robot
 
 from lerobot_robot_lrm.bounded import FARTHEST, BoundedCommand, bounded_command
 from lerobot_robot_lrm.correction import Correction
-from lerobot_robot_lrm.motion import Motion
 from lerobot_robot_lrm.units import radians_per_unit
 from lrm_math.arrays import Array
 from lrm_math.effects import marked
 from lrm_math.errors import LrmError, NoEquilibrium
+from lrm_math.kinematics.motion import Motion
 
 SUFFIX = ".pos"
 NOTABLE_M = 0.002

@@ -15,11 +15,11 @@ from pathlib import Path
 import numpy as np
 
 from lerobot_robot_lrm.kernel_arm import KernelArmModel
-from lerobot_robot_lrm.motion import Motion
 from lrm_math.arm.arm import BASE, TOOL
 from lrm_math.arrays import Array
 from lrm_math.effects import Effect, constant
 from lrm_math.errors import LrmError
+from lrm_math.kinematics.motion import Motion
 from lrm_math.model.deployed_model import deployed_part, of_a_session
 from lrm_math.model.model import Model, model_of
 from lrm_math.model.model_file import load_model

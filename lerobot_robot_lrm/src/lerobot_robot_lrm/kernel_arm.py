@@ -8,13 +8,13 @@ from functools import cached_property, partial
 import numpy as np
 
 from lerobot_robot_lrm.least_deviation import HeldState, nearest_state
-from lerobot_robot_lrm.motion import Motion
 from lrm_math.arrays import Array
 from lrm_math.effects.targets import Kind
 from lrm_math.errors import NoEquilibrium
 from lrm_math.ik.calibrated_arm import CalibratedArm
 from lrm_math.ik.kernel.kernel_model import KernelModel, with_laws
 from lrm_math.ik.kernel.laws import kernel_laws, without_formula
+from lrm_math.kinematics.motion import Motion
 from lrm_math.kinematics.moving_slots import Indices
 from lrm_math.kinematics.poses import Poses
 from lrm_math.model.effect_binding import BoundEffect

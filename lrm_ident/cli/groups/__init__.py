@@ -1,1 +1,1 @@
-"""Groups of commands: `lrm-ident GROUP COMMAND`."""
+"""Groups of commands, `lrm-ident GROUP COMMAND`, and `transfer`."""

@@ -2,21 +2,19 @@
 
 from __future__ import annotations
 
-from itertools import pairwise
-
 import numpy as np
 from numpy.typing import NDArray
 
 from lrm_math.arm.arm import Arm
 from lrm_math.arrays import Array
-from lrm_math.effects.friction import TRAVELS_DEG, turned_over
+from lrm_math.kinematics.motion import TRAVELS_DEG, Motion
 
 STILL = np.radians(0.1)
 """rad: a joint that is sent no farther stays: a step of an encoder of 12 bits is 0.088°."""
 
 
 def states_from_beside(q: Array, sides: Array, arm: Arm, distance: float, begins: NDArray[np.bool_]) -> Array:
-    """(N, n, K), friction states as `friction_states` has them, of an arm that is sent straight to beside each pose and
+    """(N, n, K), friction states as `Motion` has them, of an arm that is sent straight to beside each pose and
     from there to it; each joint by `distance` (rad), from the side of its last move, as far as its limits let.
 
     Args:
@@ -28,9 +26,9 @@ def states_from_beside(q: Array, sides: Array, arm: Arm, distance: float, begins
     states = np.repeat(sides[:, :, None], len(TRAVELS_DEG), axis=2)
     for row in range(1, len(q)):
         for beside in () if begins[row] else _besides(q[row], sides[row], arm, distance):
-            then, last = _after([q[row - 1], beside, q[row]], states[row - 1], sides[row - 1])
-            if np.array_equal(last, sides[row]):
-                states[row] = then
+            then = Motion(q[row - 1], sides[row - 1], states[row - 1]).to(beside, STILL).to(q[row], STILL)
+            if np.array_equal(then.side, sides[row]):
+                states[row] = then.friction
                 break
     return states
 
@@ -39,13 +37,3 @@ def _besides(q: Array, sides: Array, arm: Arm, distance: float) -> tuple[Array, 
     """(n,) each, where the arm may have been sent before a pose (n,): beside it by its sides (n,), nowhere else."""
     low, high = np.array([(joint.lower, joint.upper) for joint in arm.joints]).T
     return np.clip(q - sides * distance, low, high), q
-
-
-def _after(way: list[Array], states: Array, side: Array) -> tuple[Array, Array]:
-    """States (n, K) and sign of the last move (n,) after straight moves from point to point (n,)."""
-    for here, there in pairwise(way):
-        move = there - here
-        moved = np.abs(move) > STILL
-        side = np.where(moved, np.sign(move), side)
-        states = turned_over(states, np.where(moved, np.abs(move), 0.0), side)
-    return states, side

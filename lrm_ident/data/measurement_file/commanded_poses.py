@@ -14,9 +14,9 @@ from lrm_ident.data.measurement_file.number_table import NumberTable, cell_error
 from lrm_ident.data.wording import enumerate_words
 from lrm_math.arm.arm import Arm, feasible_approach
 from lrm_math.arrays import Array
-from lrm_math.effects.friction import friction_states
 from lrm_math.errors import FileError
 from lrm_math.kinematics.chain import INVERSE, Vector, X, Y, rotate, trig_of
+from lrm_math.kinematics.motion import recorded
 from lrm_math.kinematics.poses import Poses
 from lrm_math.model.reading import Reading
 
@@ -36,7 +36,7 @@ def read_poses(
     Raises `FileError`: gravity is stated twice, or points up.
     """
     q, number, none = table["angles"], table.integers("pose"), np.zeros(len(table))
-    moves = directions(q, start, after_gap(number))
+    moves, states = recorded(q, start, after_gap(number))
     sides = moves
     if "sides" in table:
         sides = table["sides"]
@@ -44,7 +44,7 @@ def read_poses(
         sides = feasible_approach(arm, q, table["approach"] * (how.joint_sign or np.ones(q.shape[1])))
     straight = bool(np.all((sides == moves) | (moves == 0.0))) and "approach" not in table
     t, session, payload = table.column("t"), table.column("session"), table.column("payload")
-    friction = friction_states(q, moves, start) if straight else None
+    friction = states if straight else None
     if not straight and beside is not None and "sides" in table:
         begins = after_gap(number) | (False if session is None else np.diff(session, prepend=session[:1]) != 0.0)
         friction = states_from_beside(q, sides, arm, beside, begins)
@@ -146,9 +146,4 @@ def after_gap(number: NDArray[np.int64]) -> NDArray[np.bool_]:
 
 def directions(q: Array, start: Array | None, gap: NDArray[np.bool_] | None = None) -> Array:
     """(N, n), sign of the last move of each joint before each pose; 0 before its first move, and after a `gap` (N,)."""
-    before = q[:1] if start is None else np.asarray(start)[None, :]
-    moves = np.sign(np.diff(np.concatenate([before, q]), axis=0))
-    for row in range(1, len(moves)):
-        unknown = gap is not None and gap[row]
-        moves[row] = 0.0 if unknown else np.where(moves[row] == 0.0, moves[row - 1], moves[row])
-    return moves
+    return recorded(q, start, gap)[0]

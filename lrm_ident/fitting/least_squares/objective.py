@@ -241,11 +241,13 @@ class Objective:
         return float(np.sqrt(squares / freedom)) if freedom > 0 else np.nan
 
     def noise_scale(self, iterate: Iterate, parameters: float = 0.0, squares: float | None = None) -> NoiseScale:
-        """Noise scale estimated from the residual; arguments as of `residual_sd`."""
+        """Noise scale estimated from the residual, or as the prior knows it; arguments as of `residual_sd`."""
         scale = self._scale(iterate)
         if self.prior is None:
             return NoiseScale(scale, 0.0)
         sd = self.data.whitening.sd
+        if self.prior.noise is not None:
+            return NoiseScale(scale, max(self.prior.noise / self.data.whitening.unit, 0.0 if sd is None else 1.0))
         least = MIN_SIGMA / (1.0 if sd is None else float(sd.mean()))
         return NoiseScale(scale, max(self.residual_sd(iterate, parameters, squares), least))
 

@@ -94,8 +94,11 @@ class Smoothness:
 
     @staticmethod
     def of(model: Model, stated: Prior | None) -> Smoothness:
-        """Penalties with weights of one, or as the coefficients of an earlier fit suggest (`initial_weight`)."""
-        found = penalties_of(model)
+        """Penalties with weights of one, or as the coefficients of an earlier fit suggest (`initial_weight`).
+
+        None where the stated prior is of an earlier fit, which holds them already.
+        """
+        found = () if stated is not None and stated.noise is not None else penalties_of(model)
         return Smoothness(found, np.array([initial_weight(penalty, model) for penalty in found]), stated)
 
     @property

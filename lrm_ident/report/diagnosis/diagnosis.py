@@ -231,7 +231,7 @@ def _may_hide(report: DiagnosisReport) -> Iterator[str]:
 
 
 def _holds(report: DiagnosisReport) -> str:
-    """Where a verdict holds that nothing is missing; empty where the poses cover the arm's range."""
+    """Levels and ranges at which the verdict holds that nothing is missing; empty where poses cover the arm's range."""
     limits = JointLimits.of(report.diagnosis.fit.model.arm)
     return where_it_holds(report.diagnosis.data.poses.q, np.array(limits.lower), np.array(limits.upper))
 

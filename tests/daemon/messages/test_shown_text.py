@@ -1,4 +1,4 @@
-"""What a peer writes reaches a terminal without its escapes and marks of direction."""
+"""Text of a peer reaches a terminal without its escapes and marks of direction."""
 
 from __future__ import annotations
 

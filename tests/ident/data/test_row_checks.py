@@ -26,8 +26,8 @@ from lrm_ident.fitting.model_fit import fit_model, nominal_model
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_file import MM, load_arm
 from lrm_math.effects import effects_at
-from lrm_math.effects.friction import friction_states
 from lrm_math.errors import FileError
+from lrm_math.kinematics.motion import recorded
 from lrm_math.kinematics.poses import poses_of
 from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import model_of
@@ -107,7 +107,7 @@ def test_after_a_split_directions_are_right_or_unknown(kept: list[bool], seed: i
     if np.gcd.reduce(np.diff(rows)) == 1:
         known = part != 0.0
         np.testing.assert_array_equal(part[known], whole[rows][known])
-    states = friction_states(q[rows], part, None)
+    _, states = recorded(q[rows], None, gap)
     assert (states[part == 0.0] == 0.0).all()
 
 

@@ -10,10 +10,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
-from lrm_ident.data.measurement_file.commanded_poses import directions
 from lrm_math.arm.arm import Arm
 from lrm_math.effects import effects_at
-from lrm_math.effects.friction import TRAVELS_DEG, friction_states
+from lrm_math.kinematics.motion import TRAVELS_DEG, recorded
 from lrm_math.kinematics.poses import Poses
 
 
@@ -24,8 +23,7 @@ def history(seed: int, count: int = 30) -> np.ndarray:
 @given(st.integers(0, 2**32 - 1))
 def test_states_lie_between_the_directions(seed: int) -> None:
     q = history(seed)
-    moves = directions(q, None)
-    states = friction_states(q, moves, None)
+    moves, states = recorded(q, None)
     assert np.abs(states).max() <= 1.0
     np.testing.assert_array_equal(np.sign(states - np.roll(states, 1, axis=0))[2:] * moves[2:, :, None] >= 0.0, True)
 
@@ -33,7 +31,7 @@ def test_states_lie_between_the_directions(seed: int) -> None:
 def test_states_solve_dahls_equation() -> None:
     """Oracle: the equation integrated over the path of each joint."""
     q, start = history(1, 12), np.zeros(2)
-    states = friction_states(q, directions(q, start), start)
+    _, states = recorded(q, start)
     for k, travel in enumerate(np.radians(TRAVELS_DEG)):
         s = float(np.sign(q[0, 0]))
         for row in range(1, len(q)):

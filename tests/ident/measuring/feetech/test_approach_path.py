@@ -16,7 +16,7 @@ from lrm_ident.measuring.campaign.rover_arm import APPROACH
 from lrm_ident.measuring.campaign.servo_arm import ServoArm
 from lrm_math.arm.arm import feasible_approach
 from lrm_math.arrays import Array
-from lrm_math.effects.friction import TRAVELS_DEG
+from lrm_math.kinematics.motion import TRAVELS_DEG
 from tests.ident.measuring.feetech.test_feetech_servos import ARM, WITHIN, BusLine, held, line_of, pose
 
 JOINTS = ARM.dof

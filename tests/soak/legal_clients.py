@@ -1,4 +1,4 @@
-"""Legal clients on two busy cores, with the shipped link times: `python -m tests.soak.hostile.legal_clients [MINUTES]`.
+"""Legal clients on two busy cores, with the shipped link times: `python -m tests.soak.legal_clients [MINUTES]`.
 
 Three clients ask a thousand goals at a time, a fourth deploys models, and only the one that moves the arm has a lease.
 Prints faults, gaps between the board's frames while the arm moves, and resident memory of each process in the second
@@ -48,7 +48,7 @@ def work(endpoint: str, kind: str) -> None:
 def clients(endpoint: str) -> Iterator[None]:
     """All of them, as processes."""
     kinds = [*(f"ask {k}" for k in range(ASKERS)), "deploy"]
-    command = [sys.executable, "-m", "tests.soak.hostile.legal_clients", endpoint]
+    command = [sys.executable, "-m", "tests.soak.legal_clients", endpoint]
     running = [subprocess.Popen([*command, kind], cwd=ROOT, stderr=subprocess.DEVNULL) for kind in kinds]
     try:
         yield

@@ -1,0 +1,90 @@
+"""Report of `lrm-ident transfer`: what goes along with the arm, its installation, the tip's expected error."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+
+import numpy as np
+
+from lrm_ident.data.error_stats import error_stats
+from lrm_ident.data.wording import enumerate_words
+from lrm_ident.report.document import Block, Document, ResultTable, heading
+from lrm_ident.report.fit import estimate_table
+from lrm_ident.report.plain_names import plain_name
+from lrm_ident.study.transfer import Transfer
+from lrm_math.effects import Effect, ModelPart
+
+NOISIER = 2.0
+"""Residual of the poses over the bench's error, from which on something else is different."""
+AXES = 3
+
+
+def transfer_document(found: Transfer, expected: Mapping[int, float]) -> Document:
+    """Result of `lrm-ident transfer`, schema `lrm/transfer/1`. `expected`: RMS error of the tip (m), by poses."""
+    start = found.start
+    left = found.bench_error
+    own = [effect for effect in start.model.effects if effect.part is ModelPart.ARM]
+    behind = [plain_name(name) for name in start.left_behind]
+    rows = [(str(count), *_both(error, left)) for count, error in expected.items()]
+    if found.data is not None:
+        rows.append((f"{len(found.data)}, as given", *_both(found.expected_tip_error, left)))
+    columns = ("poses measured here", "of the parameters, mm|.2f", "with the error left on the bench, mm|.2f")
+    known = len(start.covariance.keys) - len(start.installed)
+    blocks: list[Block] = [
+        heading(f"{start.bench} -> {start.model.arm.name}: {known} parameters of the arm go along"),
+        f"Of the arm, with standard errors: {', '.join(_grouped(own))}.",
+        f"Stays behind, as of the bench: {enumerate_words(behind, len(behind))}.",
+        *([start.state] if start.state else []),
+        ResultTable(columns, rows, "Expected error of the tip over the arm's range, RMS"),
+        *_identified(found),
+    ]
+    values = {
+        "from": start.bench,
+        "to": start.model.arm.name,
+        "effects": [effect.name for effect in own],
+        "left_behind": start.left_behind,
+        "state": start.state,
+        "bench_rms_mm": left * 1e3,
+        "expected_rms_mm": {str(count): error * 1e3 for count, error in expected.items()},
+        "poses": None if found.data is None else len(found.data),
+        "identified_rms_mm": None if found.data is None else found.expected_tip_error * 1e3,
+        "residual_rms_mm": None if found.fit is None else error_stats(found.fit.residual).rms * 1e3,
+        "parameters": found.file.parameters,
+        "sigma": found.file.sigma,
+    }
+    return Document(blocks, "lrm/transfer/1", values)
+
+
+def _grouped(effects: Sequence[Effect]) -> Iterator[str]:
+    """Names of effects, those at several places once."""
+    places = Counter(effect.id for effect in effects)
+    for name in dict.fromkeys(effect.id if places[effect.id] > 1 else effect.name for effect in effects):
+        yield f"{name} at {places[name]} places" if name in places else name
+
+
+def _both(error: float, left: float) -> tuple[float, float]:
+    return error * 1e3, math.hypot(error, left) * 1e3
+
+
+def _identified(found: Transfer) -> Iterator[Block]:
+    """The installation as identified, and whether the poses agree with the arm."""
+    start = found.start
+    if found.fit is None:
+        yield (
+            "No poses were given: base and tool are as the arm file says. To measure the installation: "
+            f"lrm-ident design {found.arm} --model MODEL --installation -o few-poses.csv"
+        )
+        return
+    model, errors = found.fit.model, zip(found.fit.model.free, found.fit.standard_error.tolist(), strict=True)
+    yield estimate_table(
+        model.with_free(start.installed), {key: se for key, se in errors if key not in found.fit.at_bound}
+    )
+    residual, usual = found.fit.sigma * math.sqrt(AXES), start.noise * math.sqrt(AXES)
+    yield f"The poses are met to {error_stats(found.fit.residual).rms * 1e3:.2f} mm RMS."
+    if np.isfinite(residual) and residual > NOISIER * usual:
+        yield (
+            f"They differ from the model by {residual * 1e3:.2f} mm RMS, more than twice the {usual * 1e3:.2f} mm of "
+            "the bench. Is the arm the same, is its tool fixed, is this tracker noisier (--noise-mm)?"
+        )

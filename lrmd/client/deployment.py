@@ -1,0 +1,121 @@
+"""Check of a model file before it goes to the daemon: what is left out of it there, and the error to expect."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from lrm_math.arrays import Array
+from lrm_math.effects.measured_range import Interval
+from lrm_math.errors import FileError, LrmError
+from lrm_math.kinematics.poses import Poses
+from lrm_math.model.covariance import Covariance, implausible_estimates
+from lrm_math.model.deployed_model import FIT_STATE, as_deployed, unknown_state
+from lrm_math.model.equilibrium import solve_equilibrium
+from lrm_math.model.model import Model
+from lrm_math.model.model_file import HistoryTable, ModelFile, arm_of, covariance_of, to_model
+from lrm_math.model.uncertainty import expected_tip_error
+from lrm_math.toml_file import read_toml
+
+POSES = 200
+STEP = re.compile(r"step(\d+)")
+"""Parameters of the second and later sessions."""
+
+
+@dataclass(frozen=True, eq=False)
+class Deployment:
+    """A model as its file has it and as the daemon will use it.
+
+    Attributes:
+        state: sentence on the state of session effects that is deployed; empty where there is none.
+        difference: RMS distance (m) between the predictions of both over the measured range and session.
+        standard_error: of the predicted tip over that range (m); None: the file has no covariance.
+        last: the last step of its history, with the errors that it had; None: the file has no history.
+        implausible: sentences on estimates that no real arm has.
+    """
+
+    state: str
+    difference: float
+    standard_error: float | None
+    last: HistoryTable | None
+    implausible: tuple[str, ...] = ()
+
+    @classmethod
+    def of_file(cls, path: Path) -> Deployment:
+        """The deployment of a model file.
+
+        Raises `FileError`: no valid model; or effects of a session whose state the file does not say.
+        """
+        file = read_toml(path, ModelFile)
+        model = to_model(path, file, arm_of(path, file.arm))
+        if words := unknown_state(model):
+            raise FileError(path, "deployed", words, FIT_STATE)
+        known, last = covariance_of(path, file, model), file.history[-1] if file.history else None
+        state = "" if model.state is None else model.state.sentence
+        absurd = tuple(one.sentence for one in implausible_estimates(model, known))
+        return cls(state, left_out_difference(model), _standard_error(model, known), last, absurd)
+
+    def check(self) -> None:
+        """Raises `LrmError` for an estimate that is not physically plausible, or if what is left out matters: more than
+        the prediction's standard error."""
+        if self.implausible:
+            raise LrmError(f"{self.implausible[0]}; deploy it all the same with --accept")
+        if self.difference > (self.standard_error or 0.0):
+            known = "which is not known" if self.standard_error is None else f"of {self.standard_error * 1e3:.2f} mm"
+            raise LrmError(
+                f"without its session's effects the model predicts otherwise by {self.difference * 1e3:.2f} mm RMS, "
+                f"more than its standard error {known}; deploy it all the same with --accept"
+            )
+
+    def lines(self) -> Iterator[str]:
+        """Lines for a person: the state that is deployed, and the error of the tip to expect."""
+        yield from self.implausible
+        if self.state:
+            yield self.state
+        if self.difference:
+            yield f"left out of the model: {self.difference * 1e3:.2f} mm RMS over its session"
+        said = []
+        if self.last is not None:
+            shown = {"as deployed, held out": self.last.deployed_rms_mm, "held out": self.last.held_out_rms_mm}
+            said = [f"{rms:.2f} mm RMS {how}" for how, rms in shown.items() if rms is not None][:1]
+        if self.standard_error is not None:
+            said.append(f"{self.standard_error * 1e3:.2f} mm RMS by uncertain parameters alone")
+        yield f"expected at the tip: {', '.join(said) or 'not known (the file has neither history nor covariance)'}"
+
+
+def left_out_difference(model: Model) -> float:
+    """RMS distance (m) from a model's predictions to those as it is deployed, over its measured range and session."""
+    deployed = as_deployed(model)
+    if deployed is model:
+        return 0.0
+    poses = _session_poses(model)
+    apart = solve_equilibrium(model, poses).tcp - solve_equilibrium(deployed, poses).tcp
+    return float(np.sqrt((apart**2).sum(axis=1).mean()))
+
+
+def _standard_error(model: Model, known: Covariance | None) -> float | None:
+    """Standard error (m) of the tip that the deployed model predicts."""
+    if known is None:
+        return None
+    deployed = as_deployed(model)
+    return expected_tip_error(deployed, known.marginal(model, deployed))
+
+
+def _session_poses(model: Model) -> Poses:
+    """Poses over the measured range, or the joint limits, in the order and at the times of a session like its own."""
+    rng, within = np.random.default_rng(0), model.within
+    ends = [(joint.lower, joint.upper) for joint in model.arm.joints] if within is None else within.angle
+    lower, upper = np.array(ends).T
+    t, running = (None, None) if within is None else (_evenly(within.t), _evenly(within.running))
+    steps = [int(found[1]) for key in model.keys if model.value(key) and (found := STEP.match(key.split(".", 2)[2]))]
+    session = np.ceil(np.linspace(0.0, max(steps), POSES + 1)[1:]) if steps else None
+    q = rng.uniform(lower, upper, (POSES, model.arm.dof))
+    return Poses(q, np.zeros(POSES), t=t, session=session, number=np.arange(1, POSES + 1), running=running)
+
+
+def _evenly(span: Interval | None) -> Array | None:
+    return None if span is None else np.linspace(*span, POSES)

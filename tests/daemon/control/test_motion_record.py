@@ -1,0 +1,206 @@
+"""Record of the arm's moves: `rpc/fk` and `lrm-ident predict` agree, over whatever it went through."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from lrm_ident.data.measurement_file.load import load_poses
+from lrm_ident.study.api import predict
+from lrm_math.arrays import Array
+from lrm_math.effects import effects_at
+from lrm_math.kinematics.known import Known
+from lrm_math.kinematics.motion import TRAVELS_DEG, Motion, recorded
+from lrm_math.model.equilibrium import solve_equilibrium
+from lrm_math.model.model import Model, model_of
+from lrmd.config import Config, load_config
+from lrmd.control.state_machine import Mode
+from lrmd.ik.deployed_model import DeployedModel
+from lrmd.ik.service import IkService
+from lrmd.messages.kinematics import FkRequest, GoalEntry, IkRequest
+from lrmd.ramp.shared_memory import FRICTION_ELEMENTS
+from tests.support.daemon.armed_daemon import ArmedDaemon
+from tests.support.daemon.in_memory_daemon import CONFIG
+
+AGREE = 1e-9
+"""m."""
+ANGLES = st.one_of(st.sampled_from([0.0, 0.02, -0.05]), st.floats(-0.12, 0.12))
+ORDERS = st.lists(st.lists(ANGLES, min_size=6, max_size=6), min_size=2, max_size=4)
+
+
+@lru_cache
+def config() -> Config:
+    return replace(load_config(CONFIG), stagger=20_000_000, step=20_000)
+
+
+def model(seed: int) -> Model:
+    """A random model with friction and play in several joints, compliance, and an error of some joint's angle."""
+    rng, arm = np.random.default_rng(seed), config().arm
+    joints = [f"joint{j}" for j in range(1, arm.dof + 1)]
+    chosen = {f"friction_curve@{j}" for j in rng.choice(joints, 3)} | {f"hysteresis@{j}" for j in rng.choice(joints, 3)}
+    chosen |= {f"{rng.choice(['backlash', 'eccentricity', 'servo_gain', 'torque_curve'])}@{rng.choice(joints)}"}
+    effects = [e for name in ("offsets", "compliance", *sorted(chosen)) for e in effects_at(arm, name)]
+    sizes = {k: 0.5 * rng.normal() * p.typical for e in effects for k, p in zip(e.keys, e.parameters, strict=True)}
+    bounded = {k: abs(v) for k, v in sizes.items() if k.startswith(("compliance", "backlash"))}
+    return model_of(arm, effects, sizes | bounded)
+
+
+def service(of: Model) -> IkService:
+    return IkService(config(), DeployedModel(of, None, "", "", ()))
+
+
+def tip(of: IkService, q: list[float], known: Known, **more: object) -> list[float]:
+    (place,) = of.forward(FkRequest(q_rad=[q], **more), known)  # type: ignore[arg-type]
+    return place.tcp_m
+
+
+def in_order(of: Model, q: Array, folder: Path) -> Array:
+    """(N, 3), TCP (m) of `lrm-ident predict` for a file of poses in order."""
+    path, n = folder / "order.csv", q.shape[1]
+    rows = [",".join([str(k), *(f"{angle:.17g}" for angle in np.degrees(row))]) for k, row in enumerate(q, start=1)]
+    path.write_text("\n".join([",".join(["pose", *(f"q{j}_deg" for j in range(1, n + 1))]), *rows]) + "\n")
+    return predict(of, load_poses(path, of.arm))
+
+
+@given(seed=st.integers(0, 2**31), orders=ORDERS)
+@settings(max_examples=12, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+def test_rpc_fk_and_predict_agree_wherever_the_arm_went(seed: int, orders: list[list[float]], tmp_path: Path) -> None:
+    of, arm = model(seed), ArmedDaemon(config())
+    arm.arm("given", orders[0])
+    ik, q, tips = service(of), [arm.q], [tip(service(of), arm.q, arm.known)]
+    for goal in orders[1:]:
+        asked = tip(ik, goal, arm.known)  # before the move, for what will be
+        arm.go(goal)
+        q.append(arm.q)
+        tips.append(tip(ik, arm.q, arm.known))
+        np.testing.assert_allclose(asked, tips[-1], rtol=0.0, atol=2e-6)  # a pulse has whole ns
+    np.testing.assert_allclose(tips, in_order(of, np.array(q), tmp_path), rtol=0.0, atol=AGREE)
+
+
+@given(seed=st.integers(0, 2**31), orders=ORDERS)
+@settings(max_examples=20, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+def test_a_stated_direction_and_a_stated_start_are_those_of_a_file(
+    seed: int, orders: list[list[float]], tmp_path: Path
+) -> None:
+    of, n = model(seed), 6
+    q, side = np.array(orders), np.sign(np.random.default_rng(seed).uniform(-1, 1, (len(orders), n)))
+    names = [*(f"q{j}_deg" for j in range(1, n + 1)), *(f"approach{j}" for j in range(1, n + 1))]
+    rows = [",".join(f"{x:.17g}" for x in [*np.degrees(a), *s]) for a, s in zip(q, side, strict=True)]
+    (tmp_path / "sides.csv").write_text("\n".join([",".join(names), *rows]) + "\n")
+    poses = load_poses(tmp_path / "sides.csv", of.arm)
+    request = FkRequest(q_rad=q.tolist(), direction=side.astype(int).tolist())
+    tips = [place.tcp_m for place in service(of).forward(request)]
+    np.testing.assert_allclose(tips, predict(of, replace(poses, friction=None)), rtol=0.0, atol=AGREE)
+
+
+@given(seed=st.integers(0, 2**31), ends=st.lists(st.lists(ANGLES, min_size=6, max_size=6), min_size=3, max_size=3))
+@settings(max_examples=12, deadline=None)
+def test_rpc_ik_comes_from_where_the_arm_stands(seed: int, ends: list[list[float]]) -> None:
+    """Its commands reach the goal with the friction that the move there leaves: as `rpc/fk` has it."""
+    ik, start = service(model(seed)), Motion.at(ends[0]).to(np.array(ends[1]))
+    known = Known(start)
+    goal = tip(ik, [angle + 0.05 for angle in ends[2]], known)
+    (answer,) = ik.inverse(IkRequest(goals=[GoalEntry(position_m=goal)]), known)
+    if answer.q_rad is None:  # on the way it would turn: the goal lies in a gap between both sides
+        assert answer.verdict in ("not_converged", "collision")
+        return
+    (place,) = ik.forward(FkRequest(q_rad=[answer.q_rad]), known)
+    if not answer.detours:
+        np.testing.assert_allclose(place.tcp_m, goal, rtol=0.0, atol=1e-6)
+        assert place.direction == answer.direction
+
+
+def test_a_turn_on_the_way_counts(tmp_path: Path) -> None:
+    """The arm is sent back before it arrives: friction has turned over from where it turned round."""
+    of, arm = model(3), ArmedDaemon(config())
+    arm.arm("given", [0.0] * 6)
+    arm.start([0.8] * 6)
+    arm.keep(5)
+    arm.start([-0.05] * 6)
+    corner = list(arm.q)
+    for _ in range(4000):
+        arm.keep(1)
+        corner = [max(a, b) for a, b in zip(corner, arm.core.angles(arm.report.position)[:6], strict=True)]
+        if arm.core.mode is Mode.ARMED:
+            break
+    assert 0.1 < corner[1] < 0.79
+    went = np.array([[0.0] * 6, corner, arm.q])
+    here = tip(service(of), arm.q, arm.known)
+    np.testing.assert_allclose(here, in_order(of, went, tmp_path)[-1], rtol=0.0, atol=AGREE)
+
+
+@pytest.mark.parametrize("silence", [False, True])
+def test_what_is_known_survives_a_kill(silence: bool) -> None:
+    arm = ArmedDaemon(config())
+    arm.arm("given", [0.0] * 6)
+    arm.go([0.1, -0.1, 0.05, 0.0, 0.1, 0.1], [0.06, -0.1, 0.08, 0.0, 0.05, 0.1])
+    before = arm.known
+    assert before.motion is not None
+    assert before.running is not None
+    assert before.motion.side.tolist() == [-1, -1, 1, 0, -1, 1]
+    after = arm.killed(silence)
+    assert after.known.motion is None, "not before it has pulses: somebody may move it"
+    after.arm("stored" if silence else "board")
+    known = after.known
+    assert known.motion is not None
+    assert known.running is not None
+    np.testing.assert_array_equal(known.motion.side, before.motion.side)
+    np.testing.assert_allclose(known.motion.friction, before.motion.friction, atol=1e-12)
+    began_anew = known.running < before.running
+    assert began_anew is silence, "the time with pulses goes on where they do"
+
+
+def test_of_a_pose_that_is_given_nothing_is_known() -> None:
+    """The arm is where somebody says, as after a fall, and came there from nobody knows where."""
+    arm = ArmedDaemon(config())
+    arm.arm("given", [0.0] * 6)
+    arm.go([0.1] * 6)
+    arm.disarm()
+    assert arm.known.motion is None
+    arm.arm("given", arm.q)
+    motion = arm.known.motion
+    assert motion is not None
+    assert not motion.side.any()
+    assert not motion.friction.any()
+    (place,) = service(model(1)).forward(FkRequest(q_rad=[arm.q]), arm.known)
+    assert place.direction == [0] * 6
+    arm.go([0.12, *arm.q[1:]])
+    assert arm.known.motion is not None
+    assert arm.known.motion.side.tolist() == [1, 0, 0, 0, 0, 0]
+
+
+@given(st.lists(st.floats(-1.0, 1.0), min_size=2, max_size=8), st.integers(0, 2**31))
+def test_a_move_in_parts_leaves_the_traces_of_the_whole(ends: list[float], seed: int) -> None:
+    """Property of Dahl's elements: so it does not matter how often the daemon looks at a move."""
+    rng = np.random.default_rng(seed)
+    whole = parts = Motion.at([0.0])
+    for end in ends:
+        cuts = np.sort(rng.uniform(0.0, 1.0, 3))
+        for cut in [*cuts, 1.0]:
+            parts = parts.to(whole.q + cut * (np.array([end]) - whole.q))
+        whole = whole.to(np.array([end]))
+        np.testing.assert_allclose(parts.friction, whole.friction, atol=1e-12)
+        np.testing.assert_array_equal(parts.side, whole.side)
+
+
+def test_drift_is_evaluated_at_the_time_with_pulses() -> None:
+    """Time and warmth that the daemon knows are those that an effect `drift` takes from a file."""
+    effects = [e for name in ("offsets", "drift@joint4") for e in effects_at(config().arm, name)]
+    drifting = model_of(config().arm, effects, {"drift.joint4.A_rad": 0.05, "drift.joint4.c_rad_per_K": 0.001})
+    turned = 0.05 * (1.0 - np.exp(-1.0)) + 0.001 * 10.0
+    same = drifting.with_values_of(["offsets.joint4.theta_rad"], [turned])
+    for known, of in ((Known(None, 1800.0, 35.0, 10.0), same), (Known(), model_of(config().arm, effects[:6]))):
+        at = Motion.at([0.1] * 6)
+        here, there = solve_equilibrium(drifting, known.poses(at)), solve_equilibrium(of, Known().poses(at))
+        np.testing.assert_allclose(here.tcp, there.tcp, atol=1e-12)
+
+
+def test_the_shared_memory_has_room_for_every_element_of_friction() -> None:
+    assert len(TRAVELS_DEG) == FRICTION_ELEMENTS
+    assert recorded(np.zeros((0, 6)), None)[1].shape == (0, 6, FRICTION_ELEMENTS)

@@ -1,0 +1,88 @@
+"""A simulated daemon whose arm a client holds, moves, and lets go."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from lrm_math.kinematics.known import Known
+from lrmd.config import SECOND, Config
+from lrmd.control.motion_record import known_of
+from lrmd.control.state_machine import Mode
+from lrmd.messages.control import ArmRequest, DisarmRequest, LeaseRequest, MoveRequest
+from lrmd.persistence.state_file import StoredState
+from lrmd.sim.board import SimulatedBoard
+from tests.support.daemon.in_memory_daemon import WALL, SimulatedDaemon
+
+
+class ArmedDaemon(SimulatedDaemon):
+    """Not armed at first; without a guard."""
+
+    def __init__(
+        self, config: Config, stored: StoredState | None = None, board: SimulatedBoard | None = None, now: int = SECOND
+    ) -> None:
+        super().__init__(config, stored=stored, now=now)
+        self.token = ""
+        if board is not None:
+            self.board = board
+            self.outputs = self._pulses()
+        self.keep(30)
+
+    def keep(self, ticks: int) -> None:
+        """Lets time pass, and keeps the lease."""
+        for _ in range(ticks):
+            if self.token and self.ticks % 15 == 0:
+                self.core.handle(LeaseRequest(action="renew", lease=self.token), self.now)
+            self.tick()
+
+    def arm(self, where: str, q: Sequence[float] | None = None) -> None:
+        """Switches the joints on; `q`: rad, where it is given."""
+        lease = self.core.handle(LeaseRequest(action="acquire", holder="test", take=True), self.now).lease
+        assert lease is not None
+        self.token = lease.token
+        angles = {} if q is None else dict(zip(self.config.names, q, strict=False))
+        names = list(self.config.names[: self.config.dof]) if where == "stored" else None
+        self.core.stored = self.core.saved(WALL)
+        self.core.handle(ArmRequest(lease=self.token, where=where, q_rad=angles, servos=names), self.now)  # type: ignore[arg-type]
+        self.until(Mode.ARMED)
+
+    def disarm(self) -> None:
+        """Ends the pulses."""
+        self.core.handle(DisarmRequest(lease=self.token), self.now)
+        self.keep(30)
+
+    def start(self, *waypoints: Sequence[float]) -> None:
+        """Begins to move through angles (rad) of the joints."""
+        self.settle()
+        ways = [dict(zip(self.config.names, q, strict=False)) for q in waypoints]
+        self.core.handle(MoveRequest(lease=self.token, waypoints=ways), self.now)
+
+    def go(self, *waypoints: Sequence[float]) -> None:
+        """Moves there, and waits."""
+        self.start(*waypoints)
+        self.until(Mode.ARMED)
+
+    def until(self, mode: Mode) -> None:
+        """Lets time pass until the arm is in a mode."""
+        for _ in range(4000):
+            self.keep(3)
+            if self.core.mode is mode:
+                return
+        raise AssertionError(f"still {self.core.mode}: {self.core.why}")
+
+    @property
+    def q(self) -> list[float]:
+        """Commanded angles of the joints (rad)."""
+        return self.core.angles(self.core.position)[: self.config.dof]
+
+    @property
+    def known(self) -> Known:
+        """Knowledge that the ik process gets."""
+        self.core.observe(self.report, self.now)
+        return known_of(self.core.motion_record.knowledge, self.now)
+
+    def killed(self, silence: bool) -> ArmedDaemon:
+        """The next daemon after a kill -9, on the same board; after a `silence` in which it has stopped its pulses."""
+        text = self.core.saved(WALL).model_dump_json(by_alias=True)
+        if silence:
+            self.stop_ramp(3 * SECOND)
+        return ArmedDaemon(self.config, StoredState.model_validate_json(text), self.board, self.now)

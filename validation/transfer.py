@@ -1,0 +1,157 @@
+"""`python -m validation.transfer`: a model of the laboratory's arm goes to the rover, where it is mounted anew.
+
+Arms of the independent generator with random errors are measured on the rig, 300 poses, and fitted. The same arm, links
+and springs alike, then stands on a rover: another base, another tool, another base compliance, and gravity leans by up
+to 8 degrees against the tracker's frame. `lrm-ident transfer` takes the arm's part along and identifies the
+installation from the poses that `design --installation` chooses. Beside it: a full calibration with 300 poses on the
+rover. In every other world a gear ripple is hidden that neither model has. Errors of the tip are those at 200 fresh
+poses, without the tracker's noise, and with it, as a held-out error counts it.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from lrm_ident.data.error_stats import error_stats
+from lrm_ident.data.measurements import Measurements
+from lrm_ident.design.installation import COUNTS, expected_errors, installation_poses
+from lrm_ident.fitting.model_fit import DEFAULT_EFFECTS
+from lrm_ident.fitting.transfer import INSTALLED
+from lrm_ident.study.study import Study
+from lrm_ident.study.transfer import identified, transfer_of
+from lrm_math.arm import arm_file
+from lrm_math.arrays import Array
+from lrm_math.kinematics.poses import Poses
+from lrm_math.model.equilibrium import solve_equilibrium
+from lrm_math.model.model import Model
+from validation import synthetic
+from validation.synthetic.generate import directions
+from validation.synthetic.screws import rotation_matrix
+
+RIG, ROVER = "lrm-lab", "lrm-rover"
+SEEDS, FULL, FRESH, NOISE, FLOOR = 20, 300, 200, 3e-4, 0.1
+MOST_LEAN = math.radians(8.0)
+ANGLE, LENGTH = 0.04, 0.006
+"""rad, m: how far another base and another tool stand off their drawing (standard deviations)."""
+RIPPLE_RAD = (0.004, 0.008)
+
+
+@dataclass(frozen=True)
+class TransferOutcome:
+    """One arm: RMS error of the tip (m) at fresh poses by the number of poses on the rover; of `FULL` a new fit.
+
+    `expected`: as the tool expects it. `rippled`: whether a gear ripple is hidden.
+    """
+
+    seed: int
+    rippled: bool
+    rms: dict[int, float]
+    expected: dict[int, float]
+
+    def ratio(self, poses: int, noise: float = 0.0) -> float:
+        """Error over that of the full calibration, both with noise (m per axis) on what they are compared with."""
+        one, full = (math.hypot(self.rms[count], math.sqrt(3.0) * noise) for count in (poses, FULL))
+        return one / full
+
+
+def examine(seed: int) -> TransferOutcome:
+    """Measures and fits an arm on the rig, and takes it to the rover."""
+    rippled = bool(seed % 2)
+    rng = np.random.default_rng([seed, 57])
+    ripple = synthetic.GearRipple(2 + seed % 3, int(rng.integers(3, 6)), rng.uniform(*RIPPLE_RAD), rng.uniform(0, 6))
+    rig, rover = (synthetic.load_arm(arm_file.shipped_arms()[name]) for name in (RIG, ROVER))
+    random = synthetic.GroundTruth.random(rig, seed, (ripple,) if rippled else ())
+    truth, leaning = synthetic.base_displacement_to_deviations(rig, random), leant(rover, rng)
+    there = synthetic.base_displacement_to_deviations(rover, remounted(random, rng))
+    bench = _fitted(DEFAULT_EFFECTS, _measured(RIG, rig, truth, _poses(rig, FULL, seed), seed))
+    fresh = _measured(ROVER, leaning, there, _poses(rover, FRESH, seed + 1000), None)
+    begun = transfer_of(bench.file, bench.model, bench.covariance, ROVER)
+    rms = {0: _error(begun.model, fresh)}
+    for count in COUNTS:
+        few = _measured(ROVER, leaning, there, installation_poses(begun.start, count).q, seed + count)
+        rms[count] = _error(identified(begun, few).model, fresh)
+    full = _measured(ROVER, leaning, there, _poses(rover, FULL, seed + 2000), seed + 1)
+    rms[FULL] = _error(_fitted(list(dict.fromkeys([*DEFAULT_EFFECTS, *INSTALLED])), full).model, fresh)
+    return TransferOutcome(seed, rippled, rms, dict(expected_errors(begun.start)))
+
+
+def remounted(truth: synthetic.GroundTruth, rng: np.random.Generator) -> synthetic.GroundTruth:
+    """The same arm with another base, base compliance and tool; its displaced links turn with the base."""
+    spread = np.array([*[ANGLE] * 3, *[LENGTH] * 3])
+    base, tool = (rng.normal(size=6) * spread for _ in range(2))
+    turn = rotation_matrix(base[:3]) @ rotation_matrix(np.array(truth.displacements[0][:3])).T
+    links = [(np.reshape(link, (2, 3)) @ turn.T).reshape(-1) for link in truth.displacements[1:-1]]
+    displacements = tuple(tuple(row.tolist()) for row in (base, *links, tool))
+    return replace(truth, displacements=displacements, base_compliance_rad_per_nm=float(rng.uniform(0.0, 0.04)))
+
+
+def leant(arm: synthetic.ArmDescription, rng: np.random.Generator) -> synthetic.ArmDescription:
+    """The arm under gravity that leans to a random side of the frame of measurement."""
+    angle, side = rng.uniform(0.0, MOST_LEAN), rng.uniform(0.0, 2.0 * math.pi)
+    turn = angle * np.array([math.cos(side), math.sin(side), 0.0])
+    x, y, z = (rotation_matrix(turn) @ np.array(arm.gravity_m_per_s2)).tolist()
+    return replace(arm, gravity_m_per_s2=(x, y, z))
+
+
+def _poses(arm: synthetic.ArmDescription, count: int, seed: int) -> Array:
+    return synthetic.random_poses(arm, count, seed, floor_m=FLOOR)
+
+
+def _measured(
+    name: str, arm: synthetic.ArmDescription, truth: synthetic.GroundTruth, q: Array, seed: int | None
+) -> Measurements:
+    """Measurements at commands q (rad); without noise if there is no seed."""
+    tcp = synthetic.measure(arm, truth, q, 0.0, 0.0 if seed is None else NOISE, seed or 0)
+    number, described = np.arange(1, len(q) + 1), arm_file.load_arm(name)
+    poses = Poses(q, np.zeros(len(q)), directions(q, np.zeros(q.shape[1])))
+    return Measurements(poses, number, tcp, None, NOISE, number, Path(f"{name}.csv"), "", arm=described, arm_name=name)
+
+
+def _fitted(effects: Sequence[str], data: Measurements) -> Study:
+    return Study.of(data, effects).fit()
+
+
+def _error(model: Model, fresh: Measurements) -> float:
+    return error_stats(fresh.tcp - solve_equilibrium(model, fresh.poses).tcp).rms
+
+
+def table(outcomes: Sequence[TransferOutcome]) -> str:
+    """Medians and worst of the errors, as a table in Markdown."""
+    lines = [
+        "| poses on the rover | error of the tip, median (worst) | expected | over a full calibration | with noise |",
+        "|---|---|---|---|---|",
+    ]
+    for poses in (0, *COUNTS, FULL):
+        rms = [1e3 * one.rms[poses] for one in outcomes]
+        expected = [1e3 * one.expected[poses] for one in outcomes if poses in one.expected]
+        ratios = [[one.ratio(poses, noise) for one in outcomes] for noise in (0.0, NOISE)]
+        said = f"{np.median(expected):.2f} mm" if expected else "–"
+        over = " | ".join(f"{np.median(ratio):.2f} ({max(ratio):.2f})" for ratio in ratios)
+        lines.append(f"| {poses} | {np.median(rms):.2f} ({max(rms):.2f}) mm | {said} | {over} |")
+    return "\n".join(lines)
+
+
+def main() -> None:
+    """Prints the tables."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--seeds", type=int, default=SEEDS)
+    parser.add_argument("--first", type=int, default=0)
+    options = parser.parse_args()
+    outcomes = []
+    for seed in range(options.first, options.first + options.seeds):
+        outcomes.append(examine(seed))
+        print(seed, {count: f"{1e3 * rms:.2f}" for count, rms in outcomes[-1].rms.items()}, flush=True)
+    for rippled, words in ((False, "everything is in the model"), (True, "a gear ripple is hidden")):
+        chosen = [one for one in outcomes if one.rippled is rippled]
+        if chosen:
+            print(f"\n{len(chosen)} arms, {words}:\n\n{table(chosen)}")
+
+
+if __name__ == "__main__":
+    main()
