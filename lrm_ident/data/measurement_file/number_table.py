@@ -107,6 +107,9 @@ def _parsed(cells: CsvTable, name: str, may_be_empty: bool) -> tuple[Array, dict
     An empty cell is wrong unless it may be empty.
     """
     words, factor = _column(cells, name)
+    if name == "t_s":
+        wrong = [row for row, word in enumerate(words) if seconds_of([word]) is None]
+        return np.zeros(len(words)), {row: f"'{words[row]}' is no time" for row in wrong}
     values = np.array([float(word) if is_number(word) else math.nan for word in words], dtype=np.float64)
     faults = {}
     for row in np.flatnonzero(~np.isfinite(values)).tolist():
@@ -140,12 +143,12 @@ def read_numbers(cells: CsvTable, known: Sequence[PoseQuantity], skip: bool | No
         name: _parsed(cells, name, each.may_be_empty or each.unless in header)
         for each in known
         for name in each.columns
-        if name in header and name != "t_s"
+        if name in header
     }
     faults = sorted((row, name, what) for name, (_, found) in parsed.items() for row, what in found.items())
     kept = np.setdiff1d(np.arange(len(cells.rows)), [row for row, _, _ in faults])
     good = _without_faults(cells, faults, kept, skip) if faults else cells
-    columns = {name: values[kept] for name, (values, _) in parsed.items()}
+    columns = {name: values[kept] for name, (values, _) in parsed.items() if name != "t_s"}
     there = [each for each in known if not header.isdisjoint(each.columns)]
     table = NumberTable(good, {each.name: _together(good, each, columns) for each in there})
     angles = next((each for each in there if each.limits), None)
@@ -231,8 +234,7 @@ def _seconds(cells: CsvTable) -> Array:
     words, _ = _column(cells, "t_s")
     seconds = seconds_of(words)
     if seconds is None:
-        row = next((row for row, word in enumerate(words) if seconds_of([word]) is None), 0)
-        raise cell_error(cells, row, "t_s", f"'{words[row]}' is no time beside the others", DATES)
+        raise cell_error(cells, 0, "t_s", f"'{words[0]}' and the others are not times of one meaning", DATES)
     return seconds
 
 

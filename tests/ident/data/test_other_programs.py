@@ -23,8 +23,8 @@ def arm() -> Arm:
     return load_arm("two-joint")
 
 
-    """Measurements of a file with more columns."""
-    """What is read of a file with columns more."""
+def read(folder: Path, arm: Arm, more: dict[str, list[str]]) -> Measurements:
+    """Measurements of a file with columns more."""
     path = folder / "data.csv"
     rows = [[*map(str, row), *(cells[k] for cells in more.values())] for k, row in enumerate(NUMBERS.tolist())]
     path.write_text("\n".join(",".join(row) for row in [[*HEADER, *more], *rows]) + "\n")
@@ -80,6 +80,14 @@ def test_an_optional_column_that_cannot_be_read_is_left_out_and_said(
 def test_one_bad_cell_of_a_readable_column_is_named(arm: Arm, tmp_path: Path, name: str) -> None:
     with pytest.raises(FileError, match=f"line 5, column {name}: 'late' is n"):
         read(tmp_path, arm, {name: ["1", "2", "3", "late", "5", "6", "7", "8", "9"]})
+
+
+@pytest.mark.parametrize("cell", ["", "late"])
+def test_rows_without_a_time_are_left_out_where_that_is_asked_for(arm: Arm, tmp_path: Path, cell: str) -> None:
+    (tmp_path / "data.toml").write_text('schema = "lrm/measurements/1"\nbad_rows = "skip"\n')
+    data = read(tmp_path, arm, {"t_s": ["1", "2", cell, "4", "5", "6", "7", "8", "9"]})
+    assert len(data) == 8
+    assert any("1 row with cells that are no numbers left out: line 4" in words for words in data.notices)
 
 
 @pytest.mark.parametrize("names", [("Q0", "Q1", "Q2", "Q3"), ("q0", "q1", "q2", "q3")])

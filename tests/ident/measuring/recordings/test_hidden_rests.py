@@ -62,8 +62,8 @@ def cells_of(path: Path) -> list[list[str]]:
     return list(csv.reader(path.read_text().splitlines()))
 
 
+def as_semicolons(path: Path) -> Path:
     """The file saved by Excel where commas are decimal."""
-    """As Excel saves it where commas are decimal."""
     rows = cells_of(path)
     wide = max(map(len, rows))
     lines = [";".join([*(cell.replace(".", ",") for cell in row), *[""] * (wide - len(row))]) for row in rows[1:]]
