@@ -108,7 +108,7 @@ def fit_document(
 
 
 def _without_outliers(fit: Fit, data: Measurements) -> list[Block]:
-    """What to type to fit without the outliers, where these are few."""
+    """Options that fit without the outliers, where these are few."""
     if not 0 < len(fit.outliers) < FEW_OUTLIERS * len(data):
         return []
     numbers = ",".join(str(data.pose[row]) for row in fit.outliers)
