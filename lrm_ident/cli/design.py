@@ -30,7 +30,7 @@ from lrm_ident.design.pose_design import design as run_design
 from lrm_ident.design.pose_selection import select_poses
 from lrm_ident.fitting.effect_plugins import catalogue_with
 from lrm_ident.fitting.executors import executor_for, in_this_process
-from lrm_ident.fitting.identifiability import fit_identifiable
+from lrm_ident.fitting.identifiability import fit_identifiable, select_identifiable
 from lrm_ident.fitting.parameter_sets import TABLE_4_5, fittable, select_parameters
 from lrm_ident.fitting.transfer import TransferredModel, transferred
 from lrm_ident.measuring.camera.session import CameraSession, expected_weights, visible
@@ -255,7 +255,8 @@ def _parameters_of(model: Model, parameters: str, data: Measurements) -> tuple[s
         parameters = "option1" if set(TABLE_4_5) <= set(model.keys) else "identifiable"
     if parameters != "identifiable":
         return select_parameters(model, parameters)
-    return fit_identifiable(model, data, fittable(model)).fit.model.free
+    found = fit_identifiable(model, data, fittable(model)).fit
+    return select_identifiable(found.equilibrium, found.model.free, found.sigma, data.whitening).kept
 
 
 def _keys(model: Model, parameters: str) -> tuple[str, ...] | None:

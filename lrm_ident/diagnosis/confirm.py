@@ -32,14 +32,11 @@ from lrm_ident.residual.thresholds import (
     WITHIN_TWO_DEVIATIONS,
 )
 from lrm_math.arrays import Array
-from lrm_math.effects import ModelPart, split_key
-from lrm_math.effects.compliance import Compliance
+from lrm_math.effects import ModelPart
 from lrm_math.errors import LrmError
 
 MOST_REFUSED = 8
 """Effects that are refused before the rest is left as structure: a bound on time."""
-SURE, COLLAPSED = 3.0, 0.1
-"""Standard errors at which a spring is known to be there, and part of it that no further effect can leave."""
 DEPLOYED_WORSE = "it fits this session, but the model as deployed would be worse"
 
 
@@ -212,20 +209,10 @@ def _worse_as_deployed(refit: Refit, blocks: tuple[HeldOutBlock, ...]) -> tuple[
 
 
 def _absurd(before: Fit, after: Fit) -> str:
-    """Estimate of a refit that physics or the model before it speaks against, in words; empty if there is none.
-
-    An estimate beyond its largest plausible size that was not so before, or a spring that all but vanishes.
-    """
+    """Estimate of a refit beyond its largest plausible size that was not so before, in words; empty without one."""
     known = {one.key for one in implausible_of(before)}
-    if new := [one for one in implausible_of(after) if one.key not in known]:
-        return new[0].sentence
-    for key, error in zip(before.model.free, before.standard_error, strict=True):
-        value = before.model.value(key)
-        if split_key(key)[0] == Compliance.id and value > SURE * error and key in after.model.free:
-            now = after.model.value(key)
-            if now < COLLAPSED * value:
-                return f"{key} would fall from {value:.3g} to {now:.3g} rad/Nm, less than a tenth"
-    return ""
+    new = [one.sentence for one in implausible_of(after) if one.key not in known]
+    return new[0] if new else ""
 
 
 def _share_saved(after: Array, before: Array) -> float:

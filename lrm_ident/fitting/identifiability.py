@@ -190,16 +190,6 @@ class IdentifiedFit:
         return () if self.selected is None else self.selected.held
 
 
-def lost_to_outliers(found: Fit, held: Sequence[UnidentifiableParameter], data: Measurements) -> tuple[str, ...]:
-    """Keys of parameters held at zero that the data would determine without the fit's outliers, if these are few."""
-    rows = np.setdiff1d(np.arange(len(data)), found.outliers)
-    if not held or not 0 < len(found.outliers) < FEW_OUTLIERS * len(data):
-        return ()
-    part, equilibrium, keys = data.take(rows), found.equilibrium.take(rows), [parameter.key for parameter in held]
-    noise = expected_noise(equilibrium, [*found.model.free, *keys], part)
-    return identifiable_beside(equilibrium, found.model.free, keys, noise, part.whitening)
-
-
 def fit_identifiable(
     model: Model,
     data: Measurements,

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
+import numpy as np
+
 from lrm_ident.data.error_stats import error_stats
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.registration.anchor import with_anchor
@@ -21,6 +23,8 @@ from lrm_math.effects import CATALOGUE, Effect, effects_at
 from lrm_math.errors import LrmError
 from lrm_math.model.model import Model, model_of
 
+TOLD_NOTHING = 0.05
+"""Share of a prior's variance below which data that remove no more from any parameter say nothing of the arm."""
 MODEL_ERROR_GROWTH = 1.1  # of the estimated model error, from which the fit is repeated with it
 LISTED = 8  # poses in a message
 DEFAULT_EFFECTS = ("offsets", "compliance")
@@ -55,7 +59,9 @@ def fit_model(
     weighed = with_model_error(data, result.fit.equilibrium, len(result.fit.model.free))
     if weighed.model_sd > MODEL_ERROR_GROWTH * data.model_sd:
         return fit_model(model, weighed, parameters, loss, unbounded, prior)
-    if not result.fit.model.free:
+    off_bounds = np.array([key not in result.fit.at_bound for key in result.fit.model.free], dtype=np.bool_)
+    told = result.fit.told[off_bounds & np.isfinite(result.fit.told)]
+    if len(told) and told.max() < TOLD_NOTHING:
         raise LrmError(f"nothing can be fitted: no parameter helps, and {_left(result.fit, data)}")
     return result
 

@@ -13,6 +13,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lrm_ident.fitting.priors import SET_UP, Prior, load_prior
 from lrm_math.arrays import Array
@@ -25,9 +26,10 @@ TYPICAL = "typical"
 """Name of the prior, as in a model file."""
 DIMENSIONS = ("offsets", "compliance")
 """Effects that every arm has: their parameters' prior is Gaussian."""
-GAUSSIAN_EFFECTS = (MeasurementFrame.id,)
-"""Effects whose prior is Gaussian of three typical sizes. A tracker's scale along all axes together is an arm that is
-longer: heavy tails would put all of it on as few axes as possible, and a wrong choice is an arm of wrong lengths."""
+TOGETHER = (MeasurementFrame.id,)
+"""Effects whose parameters are of one cause and have one multivariate distribution. A tracker's scale along all axes
+together is an arm that is longer: tails of each axis alone would put all of it on as few axes as possible, and a wrong
+choice is an arm of wrong lengths."""
 EFFECT_SIZES = 3.0
 """Typical sizes, half the width at half the height of an effect's Cauchy distribution."""
 FLAT = 100.0
@@ -38,9 +40,14 @@ BASE_SD = {"mm": 0.05, "rad": 0.2}
 
 @dataclass(frozen=True, eq=False)
 class TypicalPrior(Prior):
-    """The default prior. `tail`: (P,), half width of the Cauchy distributions, SI; zero where it is Gaussian."""
+    """The default prior.
+
+    `tail`: (P,), half width of the Cauchy distributions, SI; zero where it is Gaussian. `block`: (P,), number of the
+    distribution of each parameter; those of one number have a multivariate Cauchy distribution together.
+    """
 
     tail: Array
+    block: NDArray[np.int64]
 
     @property
     def heavy_tailed(self) -> bool:
@@ -50,8 +57,18 @@ class TypicalPrior(Prior):
     def reweighted(self, model: Model) -> TypicalPrior:
         """The prior with the Gaussians that have the slope of its Cauchy distributions at the values of a model."""
         value = np.array([model.value(key) for key in self.keys])
-        variance = np.where(self.tail > 0.0, 0.5 * (self.tail**2 + value**2), np.diag(self.covariance))
+        variance = np.where(self.tail > 0.0, _equal_slope(value, self.tail, self.block), np.diag(self.covariance))
         return replace(self, covariance=np.diag(variance))
+
+
+def _equal_slope(value: Array, tail: Array, block: NDArray[np.int64]) -> Array:
+    """(P,), variances of the Gaussians that have the slope of multivariate Cauchy distributions at some values.
+
+    The density of d parameters is that of Student's t with one degree of freedom, (1 + Σ v²/tail²)^(−(d + 1)/2).
+    """
+    scaled = np.divide(value, tail, out=np.zeros_like(value), where=tail > 0.0)
+    together, count = np.bincount(block, scaled**2)[block], np.bincount(block)[block]
+    return np.asarray(tail**2 * (1.0 + together) / (count + 1.0))
 
 
 def typical_prior(model: Model) -> TypicalPrior:
@@ -64,12 +81,15 @@ def typical_prior(model: Model) -> TypicalPrior:
     )
     size = np.array([_size(model, key) for key in keys])
     kinds = [split_key(key)[0] for key in keys]
-    tail = EFFECT_SIZES * size * [kind not in (*DIMENSIONS, *GAUSSIAN_EFFECTS) for kind in kinds]
-    tailed = tail > 0.0
+    tail = EFFECT_SIZES * size * [kind not in DIMENSIONS for kind in kinds]
+    own = [kinds.index(kind) if kind in TOGETHER else row for row, kind in enumerate(kinds)]
+    block = np.array(own, dtype=np.int64)
     value = np.array([model.value(key) for key in keys])
-    first = np.where(value == 0.0, FLAT * tail, np.sqrt(0.5 * (tail**2 + value**2)))
-    sd = np.where(tailed, first, size * np.where([kind in DIMENSIONS for kind in kinds], 1.0, EFFECT_SIZES))
-    return TypicalPrior(TYPICAL, keys, np.zeros(len(keys)), np.diag(sd**2), tail)
+    still = np.bincount(block, value**2)[block] == 0.0
+    begun = np.where(still, (FLAT * tail) ** 2, _equal_slope(value, tail, block))
+    return TypicalPrior(
+        TYPICAL, keys, np.zeros(len(keys)), np.diag(np.where(tail > 0.0, begun, size**2)), tail, block
+    )
 
 
 def _size(model: Model, key: str) -> float:

@@ -11,7 +11,7 @@ from lrm_ident.data.error_stats import ErrorStats, error_stats
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.wording import change_words, decimals, in_mm, in_percent
 from lrm_ident.fitting.dependence import UnidentifiableParameter
-from lrm_ident.fitting.identifiability import lost_to_outliers
+from lrm_ident.fitting.identifiability import FEW_OUTLIERS
 from lrm_ident.fitting.levenberg_marquardt import Fit, implausible_of
 from lrm_ident.report.document import Block, Document, ResultTable, heading, section
 from lrm_ident.report.effects import field_blocks, field_values
@@ -80,7 +80,7 @@ def fit_document(
         *error_blocks(errors, f"{len(data)} poses, {len(model.free)} parameters{how and '; ' + how}"),
         *section(IMPLAUSIBLE, (one.sentence for one in implausible_of(fit))),
         *section(OUTLIERS, (f"pose {pose}: {in_mm(float(error) * 1e-3)} mm" for pose, error in outliers)),
-        *_lost(fit, held, data),
+        *_without_outliers(fit, data),
         parameter_table(fit),
         *([] if fit.stated is None else [FROM_DATA]),
         *section(
@@ -107,13 +107,12 @@ def fit_document(
     return Document(blocks, "lrm/fit/1", values)
 
 
-def _lost(fit: Fit, held: Sequence[UnidentifiableParameter], data: Measurements) -> list[Block]:
-    """Parameters that a fit cannot tell because of a few poses, and how to leave them out."""
-    lost = lost_to_outliers(fit, held, data)
-    if not lost:
+def _without_outliers(fit: Fit, data: Measurements) -> list[Block]:
+    """Options that fit without the outliers, where these are few."""
+    if not 0 < len(fit.outliers) < FEW_OUTLIERS * len(data):
         return []
-    without = f"--leave-out {','.join(str(data.pose[row]) for row in fit.outliers)}"
-    return [f"Without these poses {len(lost)} more parameters could be told, {lost[0]} among them: {without}"]
+    numbers = ",".join(str(data.pose[row]) for row in fit.outliers)
+    return [f"Fit without them: --leave-out {numbers}; or give them less weight: --loss huber"]
 
 
 def _held(model: Model, held: UnidentifiableParameter) -> dict[str, object]:

@@ -97,7 +97,7 @@ class Eccentricity(AngleDependentEffect, LinearEffect):
     )
     extrapolation = Extrapolation.PERIODIC
     parameters = tuple(
-        Parameter(f"{letter}{n}_rad", f"amplitude of {wave} {n}q", 0.02, usual=radians(3.0), largest=radians(5.0))
+        Parameter(f"{letter}{n}_rad", f"amplitude of {wave} {n}q", 0.02, usual=radians(3.0), largest=radians(10.0))
         for n in (1, 2)
         for letter, wave in (("a", "sin"), ("b", "cos"))
     )

@@ -72,11 +72,13 @@ class ImplausibleEstimate:
 def implausible_estimates(model: Model, known: Covariance | None) -> tuple[ImplausibleEstimate, ...]:
     """The free parameters of a model whose estimates are surely beyond `Parameter.largest`, by two standard errors.
 
-    `known`: their covariance (SI); None: not known, and taken for zero.
+    Free forms and fields are exempt: their coefficients are no physical sizes, and are never called a cause.
+    `known`: the covariance (SI); None: not known, and taken for zero.
     """
     errors = {} if known is None else dict(zip(known.keys, np.sqrt(np.diag(known.matrix)).tolist(), strict=True))
     found = []
-    for key in model.free:
+    exempt = {key for effect in model.effects if effect.variant_of or not effect.names_a_cause for key in effect.keys}
+    for key in (key for key in model.free if key not in exempt):
         parameter, value = model.parameter(key), model.value(key)
         sizes = parameter.plausible
         if not sizes.admits(value, errors.get(key, 0.0)):

@@ -63,6 +63,7 @@ def largest(schema: Mapping[str, Any], defs: Mapping[str, Any], number: int = 0)
 ONE_OF: dict[str, list[dict[str, Any]]] = {
     "ArmRequest": [{"where": "given", "servos": None}, {"where": "stored", "q_rad": {}}],
     "IkRequest": [{}],
+    "FkRequest": [{"near_rad": None}, {"direction": []}],
     "PlanRequest": [{"goal": None}, {"to_rad": None}],
 }
 """Fields that exclude each other."""

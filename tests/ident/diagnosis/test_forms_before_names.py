@@ -118,7 +118,7 @@ def base_fit(arm: Arm, data: Measurements) -> Model:
 @pytest.mark.slow
 def test_a_link_that_bends_at_its_near_end_is_named_then_refined(lab: Arm, described: ArmDescription) -> None:
     """Before: two masses and the load were named to patch the difference."""
-    data = hidden(described, 2, RootHinge(2, 0.1035, 0.03))
+    data = hidden(described, 2, RootHinge(2, 0.1035, 0.045))
     found = diagnose(base_fit(lab, data), data)
     first = found.selected[0]
     assert "lateral_compliance@link2" in (first.name, *variants(first.candidate.effect))

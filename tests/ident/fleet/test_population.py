@@ -19,6 +19,7 @@ from lrm_ident.fleet import fleet_findings
 from lrm_ident.fleet.effect_rates import EffectRate, effect_rates, exact_interval
 from lrm_ident.fleet.population import ArmEvidence, fit_population
 from lrm_math.arrays import Array
+from lrm_math.effects import ModelPart
 
 
 def drawn(rng: np.random.Generator, mean: Array, spread: Array, arms: int, error: float) -> list[ArmEvidence]:
@@ -147,7 +148,10 @@ def test_an_effect_that_is_expected_is_selected_before_one_that_predicts_as_well
             projected=linear.project(column),
             alone=linear.explain(linear.project(column)),
             candidate=SimpleNamespace(
-                shapes=((),), priority=2, effect=SimpleNamespace(place="joint1", variant_of=()), name=name
+                shapes=((),),
+                priority=2,
+                effect=SimpleNamespace(place="joint1", variant_of=(), part=ModelPart.ARM),
+                name=name,
             ),
         )
         for name in ("rare@joint1", "usual@joint1")

@@ -127,7 +127,7 @@ def test_what_explains_as_well_is_told_apart_and_every_card_says_what_was_found(
     stdout_of("report", bare, EXAMPLE, "-o", page)
     alone = _values_of(page)
     assert alone["history"] == []
-    assert alone["fitted"] == 34
+    assert alone["fitted"] == 45
     assert {one["name"]: one["standing"] for one in alone["ranking"]} == {k: v["standing"] for k, v in ranking.items()}
     stdout_of("report", second, EXAMPLE, "-o", page)
     found = _values_of(page)
