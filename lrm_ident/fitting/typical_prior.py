@@ -87,9 +87,7 @@ def typical_prior(model: Model) -> TypicalPrior:
     value = np.array([model.value(key) for key in keys])
     still = np.bincount(block, value**2)[block] == 0.0
     begun = np.where(still, (FLAT * tail) ** 2, _equal_slope(value, tail, block))
-    return TypicalPrior(
-        TYPICAL, keys, np.zeros(len(keys)), np.diag(np.where(tail > 0.0, begun, size**2)), tail, block
-    )
+    return TypicalPrior(TYPICAL, keys, np.zeros(len(keys)), np.diag(np.where(tail > 0.0, begun, size**2)), tail, block)
 
 
 def _size(model: Model, key: str) -> float:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Annotated
@@ -56,6 +57,14 @@ ArmOutput = Annotated[Path, Option("-o", "--output", metavar="ARM", help="Where 
 Base = Annotated[str | None, Option("--base", metavar="LINK", help="Where the arm begins. Default: the root link.")]
 Tip = Annotated[str | None, Option("--tip", metavar="LINK", help="The link that is measured. Default: the only tip.")]
 
+RootGravity = Annotated[
+    str | None,
+    Option(
+        "--gravity",
+        metavar="X,Y,Z",
+        help="Gravity in the root link's frame, m/s2. Default for a URDF: the root is level, 0,0,-9.81.",
+    ),
+]
 Accept = Annotated[
     str, Option(metavar="RULE,…", help=f"Of {', '.join(RULES)}: what looks wrong and you know to be right.")
 ]
@@ -68,6 +77,7 @@ def import_urdf(
     base: Base = None,
     tip: Tip = None,
     name: Annotated[str | None, Option(help="Name of the arm. Default: the robot's name in the URDF.")] = None,
+    gravity: RootGravity = None,
     accept: Accept = "",
     json: arg.JsonFile = None,
 ) -> None:
@@ -76,7 +86,11 @@ def import_urdf(
     The arm is compared with the URDF's own kinematics at 200 random poses before it is written.
     """
     rules = [one_of("rule", word.strip(), RULES) for word in accept.split(",") if word.strip()]
-    found = import_arm(read_robot(urdf), base, tip, name, rules)
+    robot = read_robot(urdf)
+    if gravity is not None:
+        x, y, z = parse_numbers("--gravity", gravity, "three components in m/s2 by commas", 3)
+        robot = replace(robot, gravity=(x, y, z))
+    found = import_arm(robot, base, tip, name, rules)
     text = arm_text(
         found.arm,
         source=f"{urdf.name}, links {found.base} to {found.tip}",

@@ -116,3 +116,13 @@ def test_a_reader_that_leaves_takes_no_file_along(tmp_path: Path) -> None:
     os.close(pipe)
     assert (done.returncode, done.stderr) == (0, b"")
     assert arm.exists()
+
+
+@pytest.mark.parametrize(("said", "rule"), [("9.81,0,0", ""), ("0,0,-9810", "gravity"), ("1,2", "--gravity")])
+def test_an_arm_on_a_wall_is_told_where_down_is(said: str, rule: str, tmp_path: Path) -> None:
+    code, stderr, arm = imported(robot(), tmp_path, "--gravity", said)
+    assert code == (2 if rule else 0)
+    assert rule in stderr
+    if not rule:
+        assert "gravity_m_per_s2 = [9.81, 0.0, 0.0]" in arm.read_text()
+        assert "gravity is 9.81, 0, 0 m/s2 along x, y, z of 'base'" in stderr
