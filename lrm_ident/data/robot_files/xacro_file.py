@@ -6,6 +6,7 @@ which kinematics and masses do not need.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -19,6 +20,7 @@ PREFIX = "xacro:"
 NAMESPACE = "http://www.ros.org/wiki/xacro"
 DEFINITIONS = ("xacro:property", "xacro:arg", "xacro:macro")
 EXPAND_FIRST = "expand it first: xacro IN.xacro -o OUT.urdf"
+MISSING_PACKAGE = re.compile(r"ackage not found: (\S+)")
 EXPRESSIONS = ("${", "$(")
 SHAPES = ("visual", "collision", "gazebo", "transmission", "ros2_control", "sensor", "material")
 """Elements that are not read: shapes, and what simulators and drivers add."""
@@ -62,21 +64,20 @@ def expanded(path: Path, tree: ElementTree.Element, without: Collection[str]) ->
     except FileError:
         raise
     except Exception as error:  # xacro raises errors of many kinds, all of them faults of the file
-        raise FileError(path, "", f"xacro: {_first_line(error)}", _remedy(error)) from None
+        raise _fault(path, error) from None
 
 
-def _first_line(error: Exception) -> str:
-    return next(iter(str(error).splitlines()), type(error).__name__)
-
-
-def _remedy(error: Exception) -> str:
-    said = str(error)
-    if "ackage not found" in said:
-        package = said.splitlines()[0].rpartition(" ")[2]
-        return f"put the file where it was in its package: in or below a folder with the package.xml of {package}"
-    if "substitution argument" in said:
-        return f"give it a default, or {EXPAND_FIRST} NAME:=VALUE"
-    return ""
+def _fault(path: Path, error: Exception) -> FileError:
+    """An error of xacro in one line, with what helps."""
+    said = next(iter(str(error).splitlines()), type(error).__name__)
+    missing = MISSING_PACKAGE.search(said)
+    if missing:
+        right = f"put the file where it was in its package: in or below a folder with the package.xml of {missing[1]}"
+        return FileError(path, "", f"xacro: package not found: {missing[1]}", right)
+    undefined = "substitution argument" in said or "missing attribute 'default'" in said
+    return FileError(
+        path, "", f"xacro: {said}", f"give it a default, or {EXPAND_FIRST} NAME:=VALUE" if undefined else ""
+    )
 
 
 @contextmanager

@@ -137,6 +137,7 @@ def test_the_remedy_for_a_package_that_is_not_found_works(tmp_path: Path) -> Non
         (b"", "not valid XML"),
         ("<robot/>".encode("utf-16")[:-1], "its encoding is not 'utf-16'"),
         (b"<robot><link name='a'/><xacro:nothing/></robot>", "xacro"),
+        (b"<robot><xacro:arg name='x'/><link name='$(arg x)'/></robot>", "give it a default"),
     ],
 )
 def test_what_cannot_be_read_is_one_line(content: bytes, said: str, tmp_path: Path) -> None:
