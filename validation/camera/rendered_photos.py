@@ -11,7 +11,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from lrm_ident.measuring.camera.board import PIXELS, CharucoBoard
+from lrm_ident.measuring.camera.board import CharucoBoard
 from lrm_ident.measuring.camera.lens import Lens
 from lrm_ident.measuring.camera.opencv import opencv
 from lrm_math.arrays import Array
@@ -73,7 +73,7 @@ class PhotoScene:
         with np.errstate(divide="ignore", invalid="ignore"):
             at = (eye + rays * (-eye[2] / rays[:, 2])[:, None])[:, :2] / (board.square_mm * 1e-3 * self.scale)
         texture = board.picture[:, ::-1] if self.mirrored else board.picture
-        cells = np.floor(at * PIXELS).astype(int)
+        cells = np.floor(at * (texture.shape[1] / board.columns)).astype(int)
         inside = ((cells >= 0) & (cells < np.array(texture.shape[::-1]))).all(axis=1)
         paper = (at > -0.35) & (at < np.array([board.columns, board.rows]) + 0.35)
         part = behind[low[1] : high[1], low[0] : high[0]]

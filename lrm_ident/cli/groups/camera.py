@@ -15,11 +15,12 @@ from lrm_ident.cli import arguments as arg
 from lrm_ident.cli.arm_access import ArmAccess
 from lrm_ident.cli.campaign import photo_poses
 from lrm_ident.cli.command import command_group, command_of
-from lrm_ident.cli.common import notice, progress, show
+from lrm_ident.cli.common import notice, one_of, progress, show
 from lrm_ident.data.atomic_write import write_bytes, write_text
 from lrm_ident.data.measurement_file.load import load_poses, read_pose_feedback
 from lrm_ident.data.measurement_file.write import measurements_csv, write_with_metadata
 from lrm_ident.measuring.camera.board import (
+    DICTIONARIES,
     CharucoBoard,
     RejectedPhoto,
     board_pdf,
@@ -28,6 +29,7 @@ from lrm_ident.measuring.camera.board import (
 )
 from lrm_ident.measuring.camera.capture import is_camera, keep_photo, open_camera, photograph_by_hand, photos_in
 from lrm_ident.measuring.camera.lens import Lens, calibrate_lens
+from lrm_ident.measuring.camera.other_boards import other_board
 from lrm_ident.measuring.camera.session import ENOUGH_TO_LEVEL, CameraMeasurements, measure, read_photos
 from lrm_ident.report.document import ListSection
 from lrm_math.arm.arm_file import MM, arm_name_for, load_arm
@@ -39,6 +41,8 @@ camera_command = command_of(command_group("camera", "Measure with a webcam and a
 Columns = Annotated[int, Option(help="Squares along the board.")]
 Rows = Annotated[int, Option(help="Squares down the board.")]
 SquareMm = Annotated[float, Option("--square-mm", help="Edge of a square, as printed: measure the line of 100 mm.")]
+DictionaryName = Annotated[str, Option("--dictionary", help="Markers of the board, by OpenCV's name: 5X5_100.")]
+Legacy = Annotated[bool, Option("--legacy/--no-legacy", help="The pattern of OpenCV before 4.6: first square white.")]
 PhotosFolder = Annotated[str, Argument(metavar="PHOTOS", help="A folder of photos, taken in order of their names.")]
 SHOWN = 15  # refused photos
 
@@ -49,10 +53,12 @@ def board(
     columns: Columns = 6,
     rows: Rows = 5,
     square_mm: SquareMm = 15.0,
+    dictionary: DictionaryName = "4X4_50",
+    legacy: Legacy = False,
     paper: Annotated[str, Option(help="a4 or letter.")] = "a4",
 ) -> None:
     """Write a ChArUco board as a PDF at true scale, with a ruler to check the print."""
-    the_board = _board(columns, rows, square_mm)
+    the_board = _board(columns, rows, square_mm, dictionary, legacy)
     write_bytes(output, board_pdf(the_board, paper))
     show(
         f"Board of {the_board} written to {output}.",
@@ -67,9 +73,11 @@ def calibrate(
     columns: Columns = 6,
     rows: Rows = 5,
     square_mm: SquareMm = 15.0,
+    dictionary: DictionaryName = "4X4_50",
+    legacy: Legacy = False,
 ) -> None:
     """Calibrate a camera's lens from photos of the board: 15 or more, near and far, leaning, out to the edges."""
-    the_board, files = _board(columns, rows, square_mm), photos_in(Path(photos))
+    the_board, files = _board(columns, rows, square_mm, dictionary, legacy), photos_in(Path(photos))
     found, refused, sizes = [], [], set()
     with progress("looking for the board") as tick:
         for number, file in enumerate(files, start=1):
@@ -85,7 +93,8 @@ def calibrate(
         raise LrmError(f"{photos}: photos of {len(sizes)} sizes; a lens is calibrated for one")
     show_refused(refused)
     if not found:
-        raise LrmError(f"{photos}: the board is in none of the {len(files)} photos; {refused[0].partition(': ')[2]}")
+        why = other_board(map(read_picture, files), the_board) or refused[0].partition(": ")[2]
+        raise LrmError(f"{photos}: {the_board} are in none of the {len(files)} photos; {why}")
     lens = calibrate_lens(found, the_board, next(iter(sizes)))
     write_text(output, _toml(lens))
     show(
@@ -153,6 +162,8 @@ def read(
         raise FileError(photos, "", f"{len(files)} photos for {len(commanded)} poses of {poses.name}", "one for each")
     seen = read_photos(files, file)
     show_refused([f"{name}: {reason}" for name, reason in seen.refused])
+    if not seen.rows and (why := other_board(map(read_picture, files), file.board)):
+        raise LrmError(f"{photos}: {why} to camera calibrate, with photos of this board")
     found = measure(the_arm, arm_name_for(arm, output.parent), commanded, seen, file, output)
     feedback, feedback_sd = read_pose_feedback(poses, the_arm)
     chosen = None if feedback is None else feedback[list(found.photos.rows)]
@@ -178,7 +189,7 @@ def _show(found: CameraMeasurements, photos: int, output: Path) -> None:
     )
 
 
-def _board(columns: int, rows: int, square_mm: float) -> CharucoBoard:
+def _board(columns: int, rows: int, square_mm: float, dictionary: str, legacy: bool) -> CharucoBoard:
     for name, value, low, high in (
         ("columns", columns, 3, 20),
         ("rows", rows, 3, 20),
@@ -186,7 +197,8 @@ def _board(columns: int, rows: int, square_mm: float) -> CharucoBoard:
     ):
         if not low <= value <= high:
             raise LrmError(f"--{name} {value:g}: should be {low} to {high}")
-    return CharucoBoard(columns=columns, rows=rows, square_mm=float(square_mm))
+    name = one_of("dictionary", dictionary, DICTIONARIES)
+    return CharucoBoard(columns=columns, rows=rows, square_mm=float(square_mm), dictionary=name, legacy=legacy)
 
 
 def show_refused(lines: list[str]) -> None:

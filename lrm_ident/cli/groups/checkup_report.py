@@ -11,6 +11,7 @@ import numpy as np
 
 from lrm_ident.data.wording import in_mm, joint_labels
 from lrm_ident.measuring.recordings.encoder_checkup import MATTERS, Cause, EncoderCheckup, EncoderFinding
+from lrm_ident.measuring.recordings.misread_joints import Misreading
 from lrm_ident.report.document import Block, Document, ListSection, ResultTable, section
 from lrm_math.arm.arm import Arm
 
@@ -32,6 +33,15 @@ WORDS: dict[Cause, str] = {
     "offset": "stands {size} {side} its command everywhere: leader and follower have other zeros; calibrate both again",
     "drift": "drifts by {size} while it works: it warms up; look at its load, or record when it is warm",
     "slip": "jumps by {size} before rest {rest} (episode {episode}) and stays: a horn slipped, or it was recalibrated",
+    "gain": "turns {gain} of what is commanded, off by up to {size}: two scales; calibrate command and encoder",
+    "full turn": "reads a full turn beside {turned}: the seam of its encoder; calibrate it in the middle",
+    "reversed": "turns the other way round than its command: set drive_mode of its motor, or calibrate both again",
+    "swapped": "follows the command of {other}: are the ids or the plugs of the two motors swapped?",
+    "frozen": "stands still while it is commanded to move, up to {size} off: does its motor answer, is its torque on?",
+    "unit": "is off by up to {size}: {what}; record with use_degrees=true",
+    "limits": "rests up to {size} beyond its limits at {rests}: is this its arm file, and its zero?",
+    "not read": "has no number in {frames}, which are left out: a loose cable, or a motor that does not answer",
+    "unexplained": "is off its command by {size} RMS for no cause that is known here: look at it",
 }
 SHOWN = 5
 
@@ -43,7 +53,7 @@ def checkup_document(found: EncoderCheckup, arm: Arm, name: str) -> Document:
     rows = list(zip(names, before.tolist(), after.tolist(), strict=True))
     title = f"{name}: action − state at {found.rests} rests"
     table = ResultTable(("joint", "rms_deg|.2f", "unexplained_deg|.2f"), rows, title)
-    lines = [_words(one, names[one.joint], found) for one in found.findings]
+    lines = [_words(one, names, found) for one in found.findings]
     if not lines:
         lines = [
             f"Nothing: no joint is off its command by {np.degrees(MATTERS):.1f} deg for any cause that encoders show."
@@ -54,7 +64,8 @@ def checkup_document(found: EncoderCheckup, arm: Arm, name: str) -> Document:
         {
             "joint": names[one.joint], "cause": one.cause, "size_deg": np.degrees(one.size), "sign": one.sign,
             "slope_deg_per_Nm": np.degrees(one.slope) if one.cause == "droop" else None,
-            "first_rest": one.rest, "p_value": one.p_value,
+            "first_rest": one.rest, "p_value": one.p_value, "gain": one.slope if one.cause == "gain" else None,
+            "other_joint": other_joint(one.misread, names), "frames": list(one.frames) or None,
         }
         for one in found.findings
     ]  # fmt: skip
@@ -62,12 +73,30 @@ def checkup_document(found: EncoderCheckup, arm: Arm, name: str) -> Document:
     return Document(blocks, "lrm/checkup/1", values)
 
 
-def _words(one: EncoderFinding, name: str, found: EncoderCheckup) -> str:
-    rest = one.rest or 0
-    return f"{name} " + WORDS[one.cause].format(
+def _words(one: EncoderFinding, names: Sequence[str], found: EncoderCheckup) -> str:
+    if one.misread is not None:
+        return misread_words(one.misread, names)
+    rest, count = one.rest or 0, len(one.frames)
+    frames = f"{count} frames ({one.frames[0]} to {one.frames[-1]})" if one.frames else ""
+    return f"{names[one.joint]} " + WORDS[one.cause].format(
         size=f"{np.degrees(one.size):.1f} deg", slope=f"{np.degrees(one.slope):.1f} deg per N·m",
         side="above" if one.sign > 0 else "below", rest=rest + 1, episode=int(found.episode[rest]),
+        gain=f"{one.slope:.3g}", frames=frames,
     )  # fmt: skip
+
+
+def misread_words(one: Misreading, names: Sequence[str]) -> str:
+    """The mistake at a joint in words, and what a person does about it."""
+    rests = f"{one.rests} rest{'s' if one.rests > 1 else ''}"
+    turned = f"its limits at {rests}, {one.what}" if one.what else f"its command at {rests}"
+    return f"{names[one.joint]} " + WORDS[one.mistake].format(
+        size=f"{np.degrees(one.size):.1f} deg", turned=turned, other=other_joint(one, names), what=one.what, rests=rests
+    )
+
+
+def other_joint(one: Misreading | None, names: Sequence[str]) -> str | None:
+    """The joint that one is swapped with; None of all other mistakes."""
+    return None if one is None or one.other is None else names[one.other]
 
 
 def studied(data: Measurements) -> tuple[Sequence[tuple[str, Study]], DiagnosisReport]:

@@ -13,11 +13,16 @@ from lrm_ident.cli.arm_access import SO101
 from lrm_ident.cli.command import command, stated_reading
 from lrm_ident.cli.common import notice, one_of, progress, publish, read_measurements, show
 from lrm_ident.data.measurement_file.write import write_with_metadata
+from lrm_ident.data.wording import joint_labels
 from lrm_math.arm.arm_file import load_arm
 from lrm_math.errors import LrmError
+from lrm_math.model.reading import AngleUnit
 from lrm_math.toml_file import read_toml
 
 LEROBOT = "lerobot"
+Prefix = Annotated[
+    str | None, Option(metavar="WORD", help="Of a LeRobot dataset of two arms: before the joints' names, left_.")
+]
 
 
 @command
@@ -48,11 +53,13 @@ def import_(
     angle_unit: Annotated[
         str | None, Option(help="Unit of the joint angles: deg or rad. Default: as the names say.")
     ] = None,
+    prefix: Prefix = None,
 ) -> None:
     """Turn a tracker's recording into measurements: one row for each pose, its mean over the end of the rest.
 
-    Rests are found where the tip stands still, or taken at regular times (--every, --first). A rest in which a body is
-    hidden, frozen or jumps is left out, and said.
+    Rests are found where the tip stands still for twice --dwell, or taken at regular times (--every, --first). A rest
+    in which a body is hidden, frozen or jumps is left out, and said: a gap as long as a rest counts as one, where the
+    poses are as many.
 
     POSES has a row for each rest. Or it is a log, many rows with their times by any clock: the joints' rests are those
     of the tip then, in order. An .mcap (extra: mcap) has bodies as topics of poses, or frames of tf; as POSES, its
@@ -62,7 +69,8 @@ def import_(
     commanded angles of every rest and what the encoders read, for `camera read` or a tracker's recording.
     """
     if recording == Path(LEROBOT):
-        _import_lerobot(poses, output, arm, dwell)
+        unit = stated_reading({"angle_unit": angle_unit}).angle_unit
+        _import_lerobot(poses, output, arm, dwell, unit, prefix)
         return
     from lrm_ident.data.measurement_file.conventions import arm_for
     from lrm_ident.measuring.recordings.imported import RecordingOrder, RestTimes, import_recording
@@ -83,20 +91,31 @@ def import_(
     show(f"{len(found.tip)} of {len(found.tip) + len(found.left_out)} poses are in {output}")
 
 
-def _import_lerobot(dataset: Path, output: Path, arm: str | None, dwell: float) -> None:
+def _import_lerobot(
+    dataset: Path, output: Path, arm: str | None, dwell: float, unit: AngleUnit | None, prefix: str | None
+) -> None:
     """Writes the rests of a dataset as poses, and a .toml file beside them. Raises `LrmError`."""
-    from lrm_ident.measuring.recordings.lerobot import read_lerobot, rests_csv
+    from lrm_ident.cli.groups.checkup_report import misread_words
+    from lrm_ident.measuring.recordings.lerobot import read_frames, read_lerobot, rests_csv
 
     name = arm or SO101
-    rests = read_lerobot(dataset, load_arm(name), dwell)
+    the_arm = load_arm(name)
+    frames, labels = read_frames(dataset, the_arm, unit, prefix), joint_labels(the_arm)
+    rests = read_lerobot(dataset, the_arm, frames, dwell)
+    gone = np.flatnonzero(frames.missing.any(axis=1))
+    lost = [labels[joint] for joint in np.flatnonzero(frames.missing.any(axis=0)).tolist()]
+    left_out = (
+        [f"{len(gone)} frames without a number of {', '.join(lost)} left out: {gone[0]} to {gone[-1]}"] if lost else []
+    )
+    notice(*frames.notices, *left_out, *(misread_words(one, labels) for one in rests.misread))
     sd, source = round(float(np.degrees(rests.feedback_sd)), 5), f"LeRobot dataset {dataset.name}"
     write_with_metadata(output, rests_csv(rests), name, source, feedback_sd_deg=sd)
     off = np.degrees(rests.feedback - rests.command)
     worst = int(np.abs(off).mean(axis=0).argmax())
     show(
         f"{len(rests.t)} rests of {len(np.unique(rests.episode))} episodes written to {output}.",
-        "The angles are taken for degrees (LeRobot's use_degrees=true).",
-        f"Joint {worst + 1}'s servo is off its command most: by {np.abs(off[:, worst]).mean():.2f} deg on average.",
+        *(["The angles are taken for degrees (LeRobot's use_degrees=true)."] if unit is None else []),
+        f"The servo of {labels[worst]} is off its command most: by {np.abs(off[:, worst]).mean():.2f} deg on average.",
     )
 
 
@@ -120,9 +139,13 @@ def checkup(
         Option("-o", "--output", metavar="DATA", help="Where to write the measurements of the video (.csv)."),
         arg.CompanionFiles({".toml": "metadata"}),
     ] = None,
+    angle_unit: Annotated[str | None, Option(help="Unit of the dataset's angles: deg (default) or rad.")] = None,
+    prefix: Prefix = None,
     json: arg.JsonFile = None,
 ) -> None:
     """Name what a recording of teleoperation tells of an arm: sag, dead band, leader offset, drift, a slip.
+
+    Also a joint that is reversed, swapped with another, frozen, or past its encoder's seam, and what stays unexplained.
 
     It looks at rests, where command (action) and encoder (observation.state) should agree, and finds what their
     difference follows. Two minutes with a stop now and then are enough. The dataset is not changed.
@@ -139,7 +162,8 @@ def checkup(
     if video is not None and (lens is None or output is None):
         raise LrmError(f"--video {video}: give --lens (camera calibrate) and -o, where its measurements go")
     the_arm = load_arm(arm)
-    frames = read_frames(dataset, the_arm)
+    frames = read_frames(dataset, the_arm, stated_reading({"angle_unit": angle_unit}).angle_unit, prefix)
+    notice(*frames.notices)
     document = checkup_document(check(frames, the_arm, dwell), the_arm, dataset.name)
     if video is None or lens is None or output is None:
         publish(document, json)

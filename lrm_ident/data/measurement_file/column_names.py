@@ -5,10 +5,12 @@ Capitals, usual aliases, units in the names or in a row of their own, joints cou
 
 from __future__ import annotations
 
+import math
 import re
 from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
+from itertools import product
 from types import MappingProxyType
 
 from lrm_ident.data.measurement_file.conventions import ANGLE_UNITS, LENGTH_UNITS
@@ -18,9 +20,10 @@ from lrm_ident.data.measurement_file.known_columns import (
     DISTANCE,
     FEEDBACK,
     POSITION,
+    QUATERNION,
     PoseQuantity,
 )
-from lrm_ident.data.table_text.csv_file import Column, CsvTable
+from lrm_ident.data.table_text.csv_file import Column, CsvTable, is_number
 from lrm_math.arm.arm import Arm
 from lrm_math.errors import FileError
 from lrm_math.model.reading import AS_NAMED, Reading
@@ -30,6 +33,8 @@ NO_UNIT = ("-", "1", "#")
 ANGLES, MEASURED_ANGLES = re.compile(r"q(\d+)_deg"), re.compile(r"q\d+_meas_deg")
 OF_A_ROBOT = {"": ANGLE, "action": ANGLE, "observationstate": FEEDBACK, "observation": FEEDBACK}
 """Our columns by what stands before the joints' own names: LeRobot's commands, and what its encoders read."""
+BEFORE_JOINTS, SIDES = ("main_", "arm_", "follower_"), ("left_", "right_", "left_arm_", "right_arm_")
+"""What stands before the names of the joints of one arm, and of one of two."""
 UNIT_WORDS = {
     "mm": "mm", "millimeter": "mm", "millimeters": "mm", "millimetre": "mm", "millimetres": "mm",
     "cm": "cm", "centimeter": "cm", "centimeters": "cm",
@@ -119,8 +124,13 @@ def _our_names(table: CsvTable, joints: Sequence[str]) -> list[Column]:
     Raises `FileError`: two columns that are the same by name.
     """
     named = _names_of_joints(table, joints)
+    turned = _leica_quaternion(table)
     found = [
-        Column(name, name) if _is_measured(name) or name == "pose" else column_name(name, named)
+        Column(turned[name], name)
+        if name in turned
+        else Column(name, name)
+        if _is_measured(name) or name == "pose"
+        else column_name(name, named)
         for name in table.header
     ]
     exact = {known.name for known in found if known and known.name == known.stated}
@@ -144,15 +154,29 @@ def _names_of_joints(table: CsvTable, joints: Sequence[str]) -> dict[str, str]:
     """Our columns by the joints' own names, squeezed, as LeRobot writes them; of each kind that has all joints."""
     words = {words for name in table.header for words, _ in _readings(name)}
     named: dict[str, str] = {}
-    for before, ours in OF_A_ROBOT.items():
+    for (before, ours), side in product(OF_A_ROBOT.items(), ("", *map(_squeezed, (*BEFORE_JOINTS, *SIDES)))):
         names = {
-            before + _squeezed(name.lower()) + end: ours.format(number)
+            before + side + _squeezed(name.lower()) + end: ours.format(number)
             for number, name in enumerate(joints, start=1)
             for end in ("", "pos")
         }
         if all(joints) and {*names.values()} <= {names.get(word) for word in words}:
             named |= names
     return named
+
+
+def _leica_quaternion(table: CsvTable) -> dict[str, str]:
+    """Columns Q0 … Q3 that are an orientation, as Leica's trackers write it: no Q4, and of length one in every row."""
+    theirs = {name: name.strip().lower() for name in table.header}
+    there = {word: name for name, word in theirs.items() if re.fullmatch(r"q\d+", word)}
+    if [*there] != ["q0", "q1", "q2", "q3"] or not table.rows:
+        return {}
+    columns = [table.header.index(name) for name in there.values()]
+    for row in table.rows:
+        numbers = [float(row[j]) for j in columns if is_number(row[j])]
+        if len(numbers) not in (0, 4) or (numbers and abs(math.hypot(*numbers) - 1.0) > 0.01):
+            return {}
+    return dict(zip(there.values(), QUATERNION, strict=True))
 
 
 def _as_said(column: Column, how: Reading, first: int) -> Column:

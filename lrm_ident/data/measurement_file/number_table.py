@@ -9,13 +9,13 @@ import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from datetime import datetime
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lrm_ident.data.measurement_file.known_columns import DATES, DISTANCE, PoseQuantity
+from lrm_ident.data.measurement_file.times import seconds_of
 from lrm_ident.data.table_text.csv_file import CsvTable, is_number, read_table
 from lrm_ident.data.wording import enumerate_words
 from lrm_math.arrays import Array
@@ -107,6 +107,9 @@ def _parsed(cells: CsvTable, name: str, may_be_empty: bool) -> tuple[Array, dict
     An empty cell is wrong unless it may be empty.
     """
     words, factor = _column(cells, name)
+    if name == "t_s":
+        wrong = [row for row, word in enumerate(words) if seconds_of([word]) is None]
+        return np.zeros(len(words)), {row: f"'{words[row]}' is no time" for row in wrong}
     values = np.array([float(word) if is_number(word) else math.nan for word in words], dtype=np.float64)
     faults = {}
     for row in np.flatnonzero(~np.isfinite(values)).tolist():
@@ -132,6 +135,7 @@ def read_numbers(cells: CsvTable, known: Sequence[PoseQuantity], skip: bool | No
 
     Raises `FileError`: a required column is missing, what is no number or cannot be one, or is stated in part.
     """
+    cells = _without_unreadable(cells, known)
     header = {*cells.header}
     wanted = (each for each in known if each.required and (each.unless not in header or {*each.columns} & header))
     cells = _require(cells, [name for each in wanted for name in each.columns])
@@ -139,16 +143,44 @@ def read_numbers(cells: CsvTable, known: Sequence[PoseQuantity], skip: bool | No
         name: _parsed(cells, name, each.may_be_empty or each.unless in header)
         for each in known
         for name in each.columns
-        if name in header and name != "t_s"
+        if name in header
     }
     faults = sorted((row, name, what) for name, (_, found) in parsed.items() for row, what in found.items())
     kept = np.setdiff1d(np.arange(len(cells.rows)), [row for row, _, _ in faults])
     good = _without_faults(cells, faults, kept, skip) if faults else cells
-    columns = {name: values[kept] for name, (values, _) in parsed.items()}
+    columns = {name: values[kept] for name, (values, _) in parsed.items() if name != "t_s"}
     there = [each for each in known if not header.isdisjoint(each.columns)]
     table = NumberTable(good, {each.name: _together(good, each, columns) for each in there})
     angles = next((each for each in there if each.limits), None)
     return table if angles is None else _within_limits(table, angles)
+
+
+def _without_unreadable(cells: CsvTable, known: Sequence[PoseQuantity]) -> CsvTable:
+    """The table without optional quantities of which a column has no number at all, with a notice of each."""
+    notices = list(cells.notices)
+    columns = cells.columns
+    for each in known if cells.rows else ():
+        if each.required or each.name == "pose":
+            continue
+        for name in each.columns:
+            if name not in cells.header or not _unreadable(cells, name, each.may_be_empty):
+                continue
+            stated, words = next((c.stated for c in cells.columns if c.name == name), name), _column(cells, name)[0]
+            why = f"no cell is a {'time' if name == 't_s' else 'number'}, the first is '{words[0]}'"
+            notices.append(f"column {stated} left out: {why}")
+            columns = tuple(replace(one, name="") if one.name in each.columns else one for one in columns)
+            break
+    return replace(cells, columns=columns, notices=tuple(notices))
+
+
+def _unreadable(cells: CsvTable, name: str, may_be_empty: bool) -> bool:
+    """Whether no cell of a column is a finite number, or a time; an empty column whose cells may be empty is not."""
+    words, _ = _column(cells, name)
+    if name == "t_s":
+        return all(seconds_of([word]) is None for word in words)
+    return not any(is_number(word) and math.isfinite(float(word)) for word in words) and (
+        not may_be_empty or any(word.strip() for word in words)
+    )
 
 
 def _without_faults(
@@ -198,15 +230,12 @@ def _together(cells: CsvTable, quantity: PoseQuantity, columns: Mapping[str, Arr
 
 
 def _seconds(cells: CsvTable) -> Array:
-    """(N,), times as numbers, or as dates (ISO 8601) since the first. Raises `FileError`."""
+    """(N,), times as numbers, or since the first. Raises `FileError`."""
     words, _ = _column(cells, "t_s")
-    if any("-" not in word[1:] or "e-" in word.lower() for word in words):
-        return numbers_of(cells, "t_s")
-    try:
-        dates = [datetime.fromisoformat(word) for word in words]
-        return np.array([(date - dates[0]).total_seconds() for date in dates])
-    except (ValueError, TypeError):
-        raise cell_error(cells, 0, "t_s", f"'{words[0]}' is no time", DATES) from None
+    seconds = seconds_of(words)
+    if seconds is None:
+        raise cell_error(cells, 0, "t_s", f"'{words[0]}' and the others are not times of one meaning", DATES)
+    return seconds
 
 
 def _within_limits(table: NumberTable, angles: PoseQuantity) -> NumberTable:

@@ -18,6 +18,7 @@ from lrm_ident.data.measurement_file.known_columns import QUATERNION
 from lrm_ident.data.measurement_file.load import read_measured
 from lrm_ident.data.measurement_file.measured_columns import without_frozen
 from lrm_ident.data.measurements import Measurements
+from lrm_ident.data.registration.distance_check import misread_distances
 from lrm_ident.data.registration.hypotheses import Hypothesis
 from lrm_ident.data.registration.reading_check import (
     DOUBTFUL,
@@ -87,6 +88,7 @@ def _check(arm: Arm, data: Measurements) -> tuple[str, ...]:
     """Doubts about the reading, in words. Raises `Misread`."""
     check = check_reading(arm, data)
     if check is None:
+        _check_distances(arm, data)
         return ()
     if not check.right:
         raise Misread(data.path, check, arm, data.stated)
@@ -100,6 +102,16 @@ def _check(arm: Arm, data: Measurements) -> tuple[str, ...]:
         return (f"{doubt}: {WHAT_ELSE}",) if check.read.share > DOUBTFUL else ()
     words = f"perhaps {' and '.join(better.hypothesis.words)} ({remedy(better.hypothesis, data.stated)})"
     return (f"{words}: that comes within {_millimetres(better)}, as read within {_millimetres(check.read)}",)
+
+
+def _check_distances(arm: Arm, data: Measurements) -> None:
+    """Raises `FileError`: the arm cannot have been so far from the point, as the distances were read."""
+    if misread := misread_distances(arm, data):
+        missed, found = misread
+        what = f"as read, {arm.name} misses the distances by {missed / MM:.3g} mm"
+        if found is None:
+            raise FileError(data.path, "", what, "are their unit, their fixed point and the joints right, and the arm?")
+        raise FileError(data.path, "", f"{' and '.join(found.words)} ({what})", f"if so: {remedy(found, data.stated)}")
 
 
 def in_arm_frame(arm: Arm, data: Measurements) -> Measurements:

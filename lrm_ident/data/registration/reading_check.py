@@ -137,9 +137,11 @@ class PointSet:
 def check_reading(arm: Arm, data: Measurements) -> ReadingCheck | None:
     """Compares measurements with the nominal arm; None if there are too few poses, or all are one."""
     rows = compared_rows(data)
+    if len(rows) < LEAST_POSES:
+        return None
     points = PointSet(arm, data.poses.take(rows), data.tcp[rows], data.stated)
-    one_pose = np.ptp(points.poses.q, axis=0).max(initial=0.0) < SAME_POSE
-    if len(rows) < LEAST_POSES or one_pose or _spread(nominal_tcp(arm, points.poses)) == 0.0:
+    one_pose = np.ptp(points.poses.q, axis=0).max() < SAME_POSE
+    if one_pose or _spread(nominal_tcp(arm, points.poses)) == 0.0:
         return None
     read = points.scored(points.as_read)
     if read.share <= FLOOR:

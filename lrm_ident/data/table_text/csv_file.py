@@ -108,6 +108,9 @@ def read_table(path: Path) -> CsvTable:
         raise FileError(path, "", what, "lrm-ident import RECORDING POSES -o DATA makes measurements of it")
     lines = file.text.splitlines()
     kept = [(number, line) for number, line in enumerate(lines, start=1) if _tells(line)]
+    if _by_spaces([line for _, line in kept]):
+        lines = ["\t".join(line.split()) for line in lines]
+        kept = [(number, lines[number - 1]) for number, _ in kept]
     delimiter = _stated_delimiter(lines) or next((mark for mark in DELIMITERS if kept and mark in kept[0][1]), ",")
     if kept and all(is_number(cell.replace(",", ".")) for cell in kept[0][1].split(delimiter)):
         kept.insert(0, _header_in_comment(path, lines, *kept[0], delimiter))
@@ -148,6 +151,12 @@ def _stated_delimiter(lines: list[str]) -> str | None:
     return first[4:5] if first.lower().startswith("sep=") and len(first) == 5 else None
 
 
+def _by_spaces(kept: Sequence[str]) -> bool:
+    """Whether spaces divide the cells, as numpy writes them: the last row is several numbers, the first has no mark."""
+    cells = kept[-1].split() if kept else []
+    return len(cells) > 1 and all(map(is_number, cells)) and not any(mark in kept[0] for mark in DELIMITERS)
+
+
 def _tells(line: str) -> bool:
     bare = line.strip().strip('"')
     return bool(bare) and not bare.startswith(COMMENT) and not bare.lower().startswith("sep=")
@@ -156,7 +165,7 @@ def _tells(line: str) -> bool:
 def _header_in_comment(path: Path, lines: list[str], first: int, row: str, delimiter: str) -> tuple[int, str]:
     """The comment line just above the first row, if it names as many columns. Raises `FileError`."""
     above = lines[first - 2].strip() if first > 1 else ""
-    names = above.lstrip("#%/ ")
+    names = above.lstrip("#%/ \t")
     if above.startswith(COMMENT) and names.count(delimiter) == row.count(delimiter):
         return first - 1, names
     raise FileError(

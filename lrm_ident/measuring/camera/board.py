@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,8 +23,9 @@ from lrm_math.errors import LrmError
 from lrm_math.toml_file import StrictSchema
 
 PIXELS = 16
-"""Pixels of one square in a picture: a marker is 12 of them, two for each of its six modules."""
+"""Pixels of one square in a picture: a marker is 12 of them, two for each of six modules."""
 MARKER = 12 / 16
+"""Edge of a marker over that of its square."""
 POINTS_PER_MM = 72.0 / 25.4
 PAPERS = {"a4": (210.0, 297.0), "letter": (215.9, 279.4)}
 MARGIN = 12.0  # mm of the page
@@ -35,16 +36,27 @@ SATURATED = 0.98  # share of the board's pixels at the end of the scale
 CORNERS_OF_REGION = 2.0  # px around the outermost corners
 
 
-class CharucoBoard(StrictSchema):
-    """A board of `columns` × `rows` squares with edges of `square_mm`; markers of 3/4 of that, dictionary 4X4_50.
+Dictionary = Literal[
+    "4X4_50", "4X4_100", "4X4_250", "4X4_1000", "5X5_50", "5X5_100", "5X5_250", "5X5_1000", "6X6_50", "6X6_100",
+    "6X6_250", "6X6_1000", "7X7_50", "7X7_100", "7X7_250", "7X7_1000", "ARUCO_ORIGINAL", "APRILTAG_16h5",
+    "APRILTAG_25h9", "APRILTAG_36h10", "APRILTAG_36h11",
+]  # fmt: skip
+"""Dictionaries of markers, by OpenCV's names, the smallest of a family first."""
+DICTIONARIES: tuple[Dictionary, ...] = get_args(Dictionary)
 
+
+class CharucoBoard(StrictSchema):
+    """A board of `columns` × `rows` squares with edges of `square_mm`; markers of 3/4 of that of a `dictionary`.
+
+    `legacy`: laid out as by OpenCV before 4.6, where the first square of a board with even rows is white.
     Its frame stands in its first corner, x along its columns, y down its rows, z into the paper (m).
     """
 
     columns: Annotated[int, Field(ge=3, le=20)] = 6
     rows: Annotated[int, Field(ge=3, le=20)] = 5
     square_mm: Annotated[float, Field(gt=1.0, le=200.0)] = 15.0
-    dictionary: Literal["4X4_50"] = "4X4_50"
+    dictionary: Dictionary = "4X4_50"
+    legacy: bool = False
 
     def __str__(self) -> str:
         return f"{self.columns} × {self.rows} squares of {self.square_mm:g} mm"
@@ -53,10 +65,18 @@ class CharucoBoard(StrictSchema):
     def charuco(self) -> Any:
         """OpenCV's board. Raises `LrmError` if it has more markers than the dictionary."""
         cv2, (columns, rows), square = opencv(), (self.columns, self.rows), self.square_mm * MM
-        if columns * rows // 2 > 50:
-            raise LrmError(f"{columns} × {rows} squares need {columns * rows // 2} markers; there are 50")
-        markers = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_4X4_50)
-        return cv2.aruco.CharucoBoard((columns, rows), square, MARKER * square, markers)
+        markers = _markers(self.dictionary)
+        if not self.fits:
+            what = f"{columns} × {rows} squares need {columns * rows // 2} markers"
+            raise LrmError(f"{what}; {self.dictionary} has {len(markers.bytesList)}: --dictionary 4X4_250")
+        charuco = cv2.aruco.CharucoBoard((columns, rows), square, MARKER * square, markers)
+        charuco.setLegacyPattern(self.legacy)
+        return charuco
+
+    @property
+    def fits(self) -> bool:
+        """Whether the dictionary has as many markers."""
+        return self.columns * self.rows // 2 <= len(_markers(self.dictionary).bytesList)
 
     @property
     def corners(self) -> Array:
@@ -70,9 +90,22 @@ class CharucoBoard(StrictSchema):
 
     @property
     def picture(self) -> NDArray[np.uint8]:
-        """(16 rows, 16 columns), black 0 and white 255."""
-        size = (PIXELS * self.columns, PIXELS * self.rows)
+        """(P rows, P columns), black 0 and white 255; P pixels of a square are whole ones of a marker's modules."""
+        pixels = pixels_of_square(self)
+        size = (pixels * self.columns, pixels * self.rows)
         return np.asarray(self.charuco.generateImage(size, marginSize=0, borderBits=1), dtype=np.uint8)
+
+
+def _markers(dictionary: str) -> Any:
+    """OpenCV's dictionary of a name."""
+    cv2 = opencv()
+    return cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, f"DICT_{dictionary}"))
+
+
+def pixels_of_square(board: CharucoBoard) -> int:
+    """Pixels of one square in a picture: two for each of six modules of a marker, six of any other number."""
+    modules = int(_markers(board.dictionary).markerSize) + 2
+    return PIXELS if modules == 6 else 8 * modules
 
 
 def board_pdf(board: CharucoBoard, paper: str) -> bytes:
@@ -116,7 +149,7 @@ def _drawing(board: CharucoBoard, width: float, height: float) -> Iterator[str]:
     yield f"{POINTS_PER_MM:.6f} 0 0 {POINTS_PER_MM:.6f} 0 0 cm"
     yield f"q {board_width:.4f} 0 0 {board_height:.4f} {left:.4f} {bottom:.4f} cm /Board Do Q"
     size, marker = f"{board.columns} x {board.rows}", MARKER * board.square_mm
-    words = f"ChArUco {size}, squares {board.square_mm:g} mm, markers {marker:g} mm, 4X4_50"
+    words = f"ChArUco {size}, squares {board.square_mm:g} mm, markers {marker:g} mm, {board.dictionary}"
     yield _words(left, bottom - 6.0, words)
     ruler, start = bottom - 22.0, (width - RULER) / 2.0
     yield "0.2 w"
@@ -169,9 +202,9 @@ class RejectedPhoto:
 
 def find_corners(picture: NDArray[np.uint8], board: CharucoBoard) -> Corners | RejectedPhoto:
     """The corners in a grey picture (H, W)."""
-    found = _detect(picture, board)
+    found = detected(picture, board)
     if len(found.numbers) < FEWEST:
-        mirrored = _detect(np.ascontiguousarray(picture[:, ::-1]), board)
+        mirrored = detected(np.ascontiguousarray(picture[:, ::-1]), board)
         if len(mirrored.numbers) >= FEWEST:
             return RejectedPhoto("the board is mirrored: print it unmirrored, or turn off the camera's mirror image")
         return RejectedPhoto(f"{len(found.numbers)} of {len(board.corners)} corners seen, {FEWEST} are needed")
@@ -180,7 +213,8 @@ def find_corners(picture: NDArray[np.uint8], board: CharucoBoard) -> Corners | R
     return _quality(picture, found) or found
 
 
-def _detect(picture: NDArray[np.uint8], board: CharucoBoard) -> Corners:
+def detected(picture: NDArray[np.uint8], board: CharucoBoard) -> Corners:
+    """All corners of a board that OpenCV sees in a grey picture (H, W)."""
     cv2 = opencv()
     parameters = cv2.aruco.DetectorParameters()
     parameters.cornerRefinementMethod = cv2.aruco.CORNER_REFINE_SUBPIX
@@ -189,6 +223,12 @@ def _detect(picture: NDArray[np.uint8], board: CharucoBoard) -> Corners:
     if numbers is None:
         return Corners(np.zeros(0, dtype=np.int64), np.zeros((0, 2)))
     return Corners(np.asarray(numbers, dtype=np.int64).ravel(), np.asarray(pixels, dtype=np.float64).reshape(-1, 2))
+
+
+def marker_numbers(picture: NDArray[np.uint8], dictionary: str) -> list[int]:
+    """Numbers of the markers of a dictionary in a grey picture (H, W), each once."""
+    _, numbers, _ = opencv().aruco.ArucoDetector(_markers(dictionary)).detectMarkers(picture)
+    return [] if numbers is None else sorted({*np.asarray(numbers).ravel().tolist()})
 
 
 def _quality(picture: NDArray[np.uint8], corners: Corners) -> RejectedPhoto | None:

@@ -2,8 +2,9 @@
 
 Command and encoder of a sound servo agree at rest to a few of its counts. Where they do not, the difference follows
 what causes it: gravity's torque (the servo yields), the side that the joint came from (a dead band), nothing (leader
-and follower, or command and encoder, have other zeros), time (they warm up), or it changes once and for all (a slip).
-Terms enter a linear regression one at a time, the best first, while they are significant among all that were tried.
+and follower, or command and encoder, have other zeros), time (they warm up), the command (a gain), or it changes once
+and for all (a slip). Terms enter a linear regression one at a time, the best first, while they are significant among
+all that were tried. What was misread is tried before (`misread_joints`); what no term explains is a finding, too.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ from typing import Literal, get_args
 import numpy as np
 
 from lrm_ident.measuring.recordings.lerobot import Integers, LeRobotFrames
+from lrm_ident.measuring.recordings.misread_joints import Misreading, Mistake, read_alike, within_limits
 from lrm_ident.residual.significance import f_test_p_value
 from lrm_math.arm.arm import Arm
 from lrm_math.arrays import Array
@@ -23,8 +25,9 @@ from lrm_math.kinematics.poses import poses_of
 from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import model_of
 
-Cause = Literal["droop", "dead band", "offset", "drift", "slip"]
-CAUSES: tuple[Cause, ...] = get_args(Cause)
+Term = Literal["droop", "dead band", "offset", "drift", "slip", "gain"]
+TERMS: tuple[Term, ...] = get_args(Term)
+Cause = Term | Mistake | Literal["unexplained", "not read"]
 MATTERS = float(np.radians(0.5))
 """rad: with 0.4 m of reach, 3.5 mm at the tip. What is smaller is not named."""
 SIGNIFICANT = 1e-3
@@ -43,9 +46,12 @@ class EncoderFinding:
     """One cause at one joint.
 
     Attributes:
-        joint: from 0. size: rad, by which command and encoder differ by it at most, of a dead band from side to side.
-        slope: rad/N·m of a droop, else 0. sign: of `state − action` where the term is positive.
+        joint: from 0. size: rad, by which command and encoder differ by it at most, of a dead band from side to side,
+            of what is unexplained its RMS; 0 where an angle was not read.
+        slope: rad/N·m of a droop; of a gain, how far it turns of what is commanded; else 0.
+        sign: of `state − action` where the term is positive.
         rest: of a slip, the first rest after it, from 0; else None. p_value: times the number of terms tried.
+        misread: what was mistaken. frames: in which an angle was not read, from 0.
     """
 
     joint: int
@@ -55,6 +61,8 @@ class EncoderFinding:
     sign: int
     rest: int | None
     p_value: float
+    misread: Misreading | None = None
+    frames: tuple[int, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,7 +85,7 @@ class EncoderCheckup:
 class _Term:
     """A column (R,) of a regression. `tried`: how many like it compete. `rest`: the first after a slip."""
 
-    cause: Cause
+    cause: Term
     column: Array
     tried: int
     rest: int | None = None
@@ -91,26 +99,41 @@ def checkup(frames: LeRobotFrames, arm: Arm, dwell: float) -> EncoderCheckup:
         raise LrmError(f"{what}: stop for a moment now and then while you teleoperate")
     last = np.array([rows[-1] for rows in rests])
     command, state = (np.array([v[rows].mean(axis=0) for rows in rests]) for v in (frames.command, frames.feedback))
+    before = np.sqrt(np.mean((state - command) ** 2, axis=0))
+    command, state, mistakes = read_alike(command, state)
+    command, state, beyond = within_limits(arm, command, state)
     torque = solve_equilibrium(model_of(arm, ()), poses_of(state)).joint_torque
     side, time = last_sides(frames)[last], elapsed(frames)[last]
-    error = state - command
-    found: list[EncoderFinding] = []
+    found = [EncoderFinding(one.joint, one.mistake, one.size, 0.0, 1, None, 0.0, one) for one in (*mistakes, *beyond)]
+    found += list(_not_read(frames))
     after = np.empty(arm.dof)
     for joint in range(arm.dof):
-        terms = list(_terms(torque[:, joint], side[:, joint], time, frames.t[last]))
-        named, left = _select(error[:, joint], terms, arm.dof * sum(1 for _ in terms))
-        found += [one for cause in CAUSES if (one := _finding(joint, cause, named)) and one.size >= MATTERS]
+        terms = list(_terms(command[:, joint], torque[:, joint], side[:, joint], time, frames.t[last]))
+        named, left = _select((state - command)[:, joint], terms, arm.dof * sum(1 for _ in terms))
+        found += [one for term in TERMS if (one := _finding(joint, term, named)) and one.size >= MATTERS]
         after[joint] = np.sqrt(np.mean(left**2))
+        if after[joint] >= MATTERS:
+            found.append(EncoderFinding(joint, "unexplained", float(after[joint]), 0.0, 1, None, 0.0))
     found.sort(key=lambda one: -one.size)
-    return EncoderCheckup(tuple(found), len(rests), np.sqrt(np.mean(error**2, axis=0)), after, frames.episode[last])
+    return EncoderCheckup(tuple(found), len(rests), before, after, frames.episode[last])
 
 
-def _terms(torque: Array, side: Array, time: Array, in_episode: Array) -> Iterator[_Term]:
+def _not_read(frames: LeRobotFrames) -> Iterator[EncoderFinding]:
+    """Joints without a number in some frames, which are left out."""
+    for joint, missing in enumerate(frames.missing.T):
+        if missing.any():
+            rows = tuple(np.flatnonzero(missing).tolist())
+            yield EncoderFinding(joint, "not read", 0.0, 0.0, 1, None, 0.0, frames=rows)
+
+
+def _terms(command: Array, torque: Array, side: Array, time: Array, in_episode: Array) -> Iterator[_Term]:
     """A covariate of the difference at one joint, over R rests."""
     count = len(time)
     yield _Term("offset", np.ones(count), 1)
     yield _Term("droop", torque, 1)
     yield _Term("dead band", side, 1)
+    if np.ptp(command) > 2.0 * TURN:  # else no other than an offset
+        yield _Term("gain", command, 1)
     shapes = [1.0 - np.exp(-t / T) for T in WARMING_S for t in (time, in_episode)]
     shapes.append(time / max(time[-1], 1.0))
     for shape in shapes:
@@ -147,15 +170,15 @@ def _fit(columns: Array, error: Array) -> tuple[Array, Array]:
     return coefficients, error - columns @ coefficients
 
 
-def _finding(joint: int, cause: Cause, named: list[tuple[_Term, float, float]]) -> EncoderFinding | None:
+def _finding(joint: int, cause: Term, named: list[tuple[_Term, float, float]]) -> EncoderFinding | None:
     """A cause by all of its terms at a joint; None without any. Several exponentials are one drift."""
     own = [(term, c, p) for term, c, p in named if term.cause == cause]
     if not own:
         return None
     first, c, p = own[0]
     made = sum((c * term.column for term, c, _ in own), np.zeros(len(first.column)))
-    size = np.abs(made).max() if cause in ("offset", "droop") else np.ptp(made)
-    slope = abs(c) if cause == "droop" else 0.0
+    size = np.abs(made).max() if cause in ("offset", "droop", "gain") else np.ptp(made)
+    slope = {"droop": abs(c), "gain": 1.0 + c}.get(cause, 0.0)
     return EncoderFinding(joint, cause, float(size), slope, 1 if c > 0.0 else -1, first.rest, min(p, 1.0))
 
 
@@ -166,6 +189,7 @@ def last_sides(frames: LeRobotFrames) -> Array:
     for row, command in enumerate(frames.command):
         if row and frames.episode[row] != frames.episode[row - 1]:
             extreme, now = command.copy(), np.zeros_like(now)
+        extreme = np.where(np.isnan(extreme), command, extreme)
         extreme = np.where((command - extreme) * now > 0.0, command, extreme)  # it goes on
         turned = np.abs(command - extreme) > TURN
         now = np.where(turned, np.sign(command - extreme), now)

@@ -36,6 +36,8 @@ STILL_RAD = np.radians(0.3)
 """rad: the same of the joints together, by their encoders."""
 END_S = 0.1
 """s before a rest ends that are not used: the next move may have begun."""
+SHORTER = (1.25, 1.5, 2.0, 3.0, 4.0)
+"""Parts of --dwell that are tried where the rests are not as many as the poses, to name the one that fits."""
 
 
 @dataclass(frozen=True)
@@ -190,7 +192,8 @@ def _rests(
     if order.times is not None:
         fit = int((t[-1] - order.times.first) // order.times.every) + 1
         return regular_rests(t, max(1, fit) if count is None else count, order.times, order.dwell), driven
-    found = still_rests(t, take.pair(order.tool, order.base).tip, order.dwell)
+    tip = take.pair(order.tool, order.base).tip
+    found = still_rests(t, tip, order.dwell)
     left = found[order.skip :]
     if count is None and not left:
         raise FileError(take.path, "", f"the tip rests nowhere for {2.0 * order.dwell:g} s")
@@ -202,12 +205,40 @@ def _rests(
         said = f"the tip rests {len(left)} times, there are {count} poses: {len(rows)} go together by their times"
         kept = driven.at_rests(rests) if len(rests) == count else driven.take(rows)
         return [left[k] for k in rests], replace(kept, notices=(*driven.notices, said))
+    if seen := _with_hidden(t, tip, order.dwell, order.skip, len(driven.q)):
+        return seen, driven
     skipped = f", {order.skip} of them skipped" if order.skip else ""
-    raise LrmError(
-        f"the tip rests {len(found)} times{skipped}, there are {count} poses; give --skip for rests before the first "
-        "pose, --every and --first for rests at regular times, or their times to the poses (t_s)"
-        + "".join(f" ({doubt})" for doubt in driven.notices)
+    shorter = (order.dwell / part for part in SHORTER)
+    fits = next(
+        (
+            f"--dwell {d:.3g} finds as many; else "
+            for d in shorter
+            if _with_hidden(t, tip, d, order.skip, len(driven.q))
+        ),
+        "",
     )
+    raise LrmError(
+        f"the tip rests {len(found)} times{skipped}, there are {count} poses; {fits}give --skip for rests before the "
+        "first pose, --every and --first for rests at regular times, or their times to the poses (t_s); a rest lasts "
+        f"{2.0 * order.dwell:g} s (twice --dwell) or more" + "".join(f" ({doubt})" for doubt in driven.notices)
+    )
+
+
+def _with_hidden(t: Array, tip: Array, dwell: float, skip: int, count: int) -> list[Rows] | None:
+    """Frames of `count` rests, some of them hidden: stretches of a rest's length in which the tip is not seen.
+
+    None if there are more or fewer of both together.
+    """
+    seen = still_rests(t, tip, dwell)[skip:]
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], np.isnan(tip).any(axis=1), [False]]).astype(np.int64)))
+    gaps = [np.arange(begin, end) for begin, end in zip(edges[0::2], edges[1::2], strict=True)]
+    first = seen[0][0] if skip and seen else 0
+    between = [rows for rows in gaps if rows[0] > first and not any(r[0] < rows[0] and rows[-1] < r[-1] for r in seen)]
+    for least in (2.0 * dwell - END_S, dwell):  # a rest may be seen for its first part
+        hidden = [rows for rows in between if t[rows[-1]] - t[rows[0]] >= least]
+        if hidden and len(seen) + len(hidden) == count:
+            return sorted([*seen, *hidden], key=lambda rows: int(rows[0]))
+    return seen if len(seen) == count else None
 
 
 def _averaged(take: RecordedTake, rests: Sequence[Rows], driven: DrivenPoses, order: RecordingOrder) -> ImportedRows:

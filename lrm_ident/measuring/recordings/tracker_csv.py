@@ -24,7 +24,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from lrm_ident.data.measurement_file.conventions import LENGTH_UNITS
-from lrm_ident.data.table_text.csv_file import read_text
+from lrm_ident.data.table_text.csv_file import DECIMAL_COMMA, read_text
 from lrm_ident.measuring.recordings.take import BodyTrack, RecordedTake, matrices
 from lrm_math.arrays import Array
 from lrm_math.errors import FileError
@@ -59,14 +59,21 @@ def read_export(path: Path, rotation: str | None) -> RecordedTake:
 
 
 def _cells(path: Path) -> Cells:
-    """All lines, empty ones as one empty cell, without spaces around; semicolons or commas. Raises `FileError`."""
-    text = read_text(path).text
-    delimiter = ";" if text.count(";") > text.count(",") else ","
+    """All lines, empty ones as one empty cell, without spaces around; semicolons, tabs or commas.
+
+    As Excel saves an export: with a line `sep=;`, and decimal commas where commas do not divide cells.
+    Raises `FileError`.
+    """
+    text = re.sub(r'\A"?sep=."?\s*\n', "", read_text(path).text, flags=re.IGNORECASE)
+    delimiter = max(";\t,", key=text.count)
     try:
         rows = list(csv.reader(text.splitlines(), delimiter=delimiter))
     except csv.Error as error:
         raise FileError(path, "", f"is no table ({error})") from None
-    return [[cell.strip() for cell in row] or [""] for row in rows]
+    cells = [[cell.strip() for cell in row] or [""] for row in rows]
+    if delimiter == ",":
+        return cells
+    return [[cell.replace(",", ".") if DECIMAL_COMMA.fullmatch(cell) else cell for cell in row] for row in cells]
 
 
 def _numbers(path: Path, rows: Cells, first: int, columns: Sequence[int]) -> Array:

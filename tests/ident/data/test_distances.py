@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,6 +13,8 @@ from lrm_ident.data.measurement_file.load import load_measurements
 from lrm_ident.data.measurement_file.write import measurements_csv
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.registration.anchor import trilaterate, with_anchor
+from lrm_ident.data.registration.checked import load_checked
+from lrm_ident.data.registration.distance_check import misread_distances
 from lrm_ident.data.registration.similarity import robust_similarity
 from lrm_ident.diagnosis.diagnose import diagnose
 from lrm_ident.diagnosis.screening.candidates import split_testable, unfitted_effects
@@ -25,6 +28,7 @@ from lrm_ident.report.priors import PriorComparison
 from lrm_ident.residual.error_breakdown import HeldOutResidual
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_file import load_arm
+from lrm_math.arrays import Array
 from lrm_math.effects import effects_at
 from lrm_math.errors import FileError
 from lrm_math.kinematics.poses import poses_of
@@ -32,6 +36,7 @@ from lrm_math.model.deployed_model import deployed_part
 from lrm_math.model.derivatives import parameter_jacobian
 from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import Model, model_of
+from lrm_math.model.reading import Reading
 from lrm_math.model.sensed import Sensed, from_anchor
 from tests.support.random_arms import random_arm
 
@@ -244,3 +249,36 @@ def test_another_unit_is_noticed(lab: Arm) -> None:
         with_anchor(nominal_model(lab), replace(data, distance=data.distance * 1e-3))
     with pytest.raises(FileError, match="3 distances"):
         with_anchor(nominal_model(lab), data.take(np.arange(3)))
+
+
+@pytest.mark.parametrize("point", [True, False], ids=["a known point", "an unknown point"])
+@pytest.mark.parametrize(
+    ("change", "options"),
+    [
+        ({"q": np.radians}, {"angle_unit": "rad"}),
+        ({"q": lambda q: q * [1, 1, -1, 1, 1, 1]}, {"joint_sign": [1, 1, -1, 1, 1, 1]}),
+        ({"q": lambda q: q[:, [0, 2, 1, 3, 4, 5]]}, {"joint_order": [1, 3, 2, 4, 5, 6]}),
+        ({"distance": lambda d: 1e-3 * d}, {"unit": "m"}),
+    ],
+)
+def test_misread_distances_are_named_and_the_remedy_reads_them(
+    lab: Arm, tmp_path: Path, point: bool, change: dict[str, Callable[[Array], Array]], options: dict[str, object]
+) -> None:
+    data, path = measured(true_model(lab), 60, 1), tmp_path / "string.csv"
+    q, distance = np.degrees(data.poses.q), data.distance
+    assert distance is not None
+    q, distance = change.get("q", np.array)(q), change.get("distance", np.array)(1e3 * distance)
+    header = ",".join([*(f"q{j}" for j in range(1, 7)), "distance"])
+    np.savetxt(path, np.column_stack([q, distance]), delimiter=",", header=header, comments="")
+    beside = f"distance_from_mm = {(1e3 * POINT).tolist()}" if point else ""
+    path.with_suffix(".toml").write_text(f'schema = "lrm/measurements/1"\ndistance_sd_mm = 0.2\n{beside}\n')
+    name = next(iter(options)).replace("_", "-")
+    with pytest.raises(FileError, match=f"look.*if so: --{name}"):
+        load_checked(path, lab)
+    assert len(load_checked(path, lab, Reading.model_validate(options))) == 60
+
+
+def test_distances_of_a_real_arm_are_taken_as_read(lab: Arm) -> None:
+    for seed in range(3):
+        for point in (True, False):
+            assert misread_distances(lab, measured(true_model(lab), 40, seed, point=point)) is None

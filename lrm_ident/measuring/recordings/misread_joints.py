@@ -1,0 +1,126 @@
+"""Joints whose command and encoder are no numbers of the same angle: tried before any cause of a difference.
+
+A full turn between them (the encoder's seam), a reversed sign, another unit, an encoder that stands still, joints that
+are swapped, rests beyond the limits of the arm's file. What fits is named, and the angles are read so from there on.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Literal, get_args
+
+import numpy as np
+
+from lrm_math.arm.arm import Arm
+from lrm_math.arrays import Array
+
+Mistake = Literal["full turn", "reversed", "unit", "frozen", "swapped", "limits"]
+MISTAKES: tuple[Mistake, ...] = get_args(Mistake)
+MISSED = float(np.radians(1.0))
+"""rad RMS between command and encoder below which nothing was misread."""
+PART = 0.2
+"""What another reading leaves of that at most: a servo that yields follows its command, a misread one does not."""
+STILL, MOVING = float(np.radians(1.0)), float(np.radians(3.0))
+"""rad, standard deviations over the rests: of an encoder that stands still, while it is commanded to move."""
+BEYOND = float(np.radians(2.0))
+"""rad beyond a limit: play and a calibration by hand stay below."""
+FULL_TURN = 2.0 * np.pi
+COUNT = FULL_TURN / 4096
+DEG = float(np.radians(1.0))
+UNITS = {"radians": 1.0 / DEG, "counts of an encoder": COUNT / DEG}
+"""By how much numbers that were taken for degrees are larger."""
+
+
+@dataclass(frozen=True)
+class Misreading:
+    """A mistake at one joint.
+
+    Attributes:
+        joint: from 0. size: rad, by which command and encoder differed at most; of limits, how far beyond.
+        rests: at how many. other: the joint whose angles its encoder reads, of swapped ones. what: of a unit, in words.
+    """
+
+    joint: int
+    mistake: Mistake
+    size: float
+    rests: int
+    other: int | None = None
+    what: str = ""
+
+
+def read_alike(command: Array, state: Array) -> tuple[Array, Array, tuple[Misreading, ...]]:
+    """Command and state (R, n), rad, at R rests as they agree best, and what was mistaken where they did not."""
+    command, state, found = command.copy(), state.copy(), list[Misreading]()
+    for joint in range(command.shape[1]):
+        one = _alone(joint, command[:, joint], state[:, joint])
+        if one is not None:
+            mistake, command[:, joint], state[:, joint] = one
+            found.append(mistake)
+    exchanged = list(_exchanged(command, state))
+    columns = [one.joint for one in exchanged]
+    state[:, columns] = state[:, [one.other for one in exchanged if one.other is not None]]
+    return command, state, (*found, *exchanged)
+
+
+def _alone(joint: int, command: Array, state: Array) -> tuple[Misreading, Array, Array] | None:
+    """The mistake that explains most of one joint's difference, and its angles (R,) without it."""
+    error = state - command
+    largest, count = float(np.abs(error).max()), len(error)
+    turns = np.round(error / FULL_TURN)
+    if turns.any() and _rms(error - FULL_TURN * turns) < PART * _rms(error):
+        found = Misreading(joint, "full turn", largest, int(np.count_nonzero(turns)))
+        return found, command, state - FULL_TURN * turns
+    missed = float(error.std())
+    if missed < MISSED:
+        return None
+    if np.std(state + command) < PART * missed:
+        return Misreading(joint, "reversed", largest, count), -command, state
+    for unit, factor in UNITS.items():
+        zero = -0.5 * FULL_TURN if unit.startswith("counts") else 0.0
+        if min(np.std(state), np.std(factor * state - command)) > 0.0:
+            if np.std(factor * state - command) < PART * missed:
+                found = Misreading(joint, "unit", largest, count, what=f"its encoder's angles look like {unit}")
+                return found, command, factor * state + zero
+            if np.std(state - factor * command) < PART * missed:
+                found = Misreading(joint, "unit", largest, count, what=f"its commands look like {unit}")
+                return found, factor * command + zero, state
+    if np.std(state) < STILL and np.std(command) > MOVING:
+        return Misreading(joint, "frozen", largest, count), command, command
+    return None
+
+
+def _exchanged(command: Array, state: Array) -> Iterator[Misreading]:
+    """Joints whose encoder reads another one's angle, all of them in a circle."""
+    error = state - command
+    apart = [joint for joint in range(error.shape[1]) if error[:, joint].std() >= MISSED]
+    fits = {
+        joint: [other for other in apart if np.std(state[:, other] - command[:, joint]) < PART * error[:, joint].std()]
+        for joint in apart
+    }
+    reads = {joint: others[0] for joint, others in fits.items() if len(others) == 1}
+    if {*reads} == {*reads.values()}:
+        for joint, other in reads.items():
+            yield Misreading(joint, "swapped", float(np.abs(error[:, joint]).max()), len(error), other)
+
+
+def within_limits(arm: Arm, command: Array, state: Array) -> tuple[Array, Array, tuple[Misreading, ...]]:
+    """Angles (R, n) with those a full turn beyond the limits turned back, and the joints that stand beyond theirs."""
+    low, high = np.array([(joint.lower, joint.upper) for joint in arm.joints]).T
+    turn = np.sign(state) * FULL_TURN
+    outside = (state < low - BEYOND) | (state > high + BEYOND)
+    turned = outside & (state - turn >= low - BEYOND) & (state - turn <= high + BEYOND)
+    found = []
+    for joint in range(arm.dof):
+        back, gone = turned[:, joint], (outside & ~turned)[:, joint]
+        if back.any():
+            found.append(Misreading(joint, "full turn", FULL_TURN, int(back.sum()), what="command and encoder both"))
+        if gone.any():
+            past = np.maximum(low[joint] - state[:, joint], state[:, joint] - high[joint])
+            found.append(Misreading(joint, "limits", float(past[gone].max()), int(gone.sum())))
+    back = np.where(turned, turn, 0.0)
+    return command - back, state - back, tuple(found)
+
+
+def _rms(values: Array) -> float:
+    return float(np.sqrt(np.mean(values**2)))
