@@ -109,7 +109,9 @@ def _parsed(cells: CsvTable, name: str, may_be_empty: bool) -> tuple[Array, dict
     words, factor = _column(cells, name)
     if name == "t_s":
         wrong = [row for row, word in enumerate(words) if seconds_of([word]) is None]
-        return np.zeros(len(words)), {row: f"'{words[row]}' is no time" for row in wrong}
+        times = _times(words, factor)
+        unread = np.full(len(words), math.nan)
+        return unread if times is None else times, {row: f"'{words[row]}' is no time" for row in wrong}
     values = np.array([float(word) if is_number(word) else math.nan for word in words], dtype=np.float64)
     faults = {}
     for row in np.flatnonzero(~np.isfinite(values)).tolist():
@@ -118,6 +120,13 @@ def _parsed(cells: CsvTable, name: str, may_be_empty: bool) -> tuple[Array, dict
         elif not may_be_empty:
             faults[row] = "the cell is empty"
     return values * factor, faults
+
+
+def _times(words: Sequence[str], factor: float) -> Array | None:
+    """(N,), times in s: numbers in the column's unit, or dates and times of day; None if they are of no one meaning."""
+    seconds = seconds_of(words)
+    stated_in_unit = all(is_number(word.strip().lstrip("'")) for word in words)
+    return seconds * factor if seconds is not None and stated_in_unit else seconds
 
 
 def _column(cells: CsvTable, name: str) -> tuple[list[str], float]:
@@ -231,8 +240,8 @@ def _together(cells: CsvTable, quantity: PoseQuantity, columns: Mapping[str, Arr
 
 def _seconds(cells: CsvTable) -> Array:
     """(N,), times as numbers, or since the first. Raises `FileError`."""
-    words, _ = _column(cells, "t_s")
-    seconds = seconds_of(words)
+    words, factor = _column(cells, "t_s")
+    seconds = _times(words, factor)
     if seconds is None:
         raise cell_error(cells, 0, "t_s", f"'{words[0]}' and the others are not times of one meaning", DATES)
     return seconds
