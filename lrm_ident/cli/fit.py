@@ -107,7 +107,7 @@ def fit(
         fitted = begun.fit(parameters, loss_named(loss), prior, unbounded)
         notice(*fitted.notices)
         step = fitted.taken
-        document = fit_document(step.fit, step.held, fitted.errors, measured)
+        document = fit_document(step.fit, fitted.errors, measured)
         if step.stated_prior:
             beside = _beside_default(begun, fitted, step.stated_prior, parameters, unbounded)
             blocks, values = [*document.blocks, *beside.blocks()], {**document.values, "prior": beside}

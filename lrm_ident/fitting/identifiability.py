@@ -173,21 +173,10 @@ def _sorted_columns(equilibrium: Equilibrium, keys: tuple[str, ...], whitening: 
 
 @dataclass(frozen=True, eq=False)
 class IdentifiedFit:
-    """Fit of identifiable or stated parameters.
-
-    Attributes:
-        data: as they were weighed.
-        selected: the selection of the parameters; None if they were stated.
-    """
+    """Fit of parameters; `data`: the measurements as they were weighed."""
 
     fit: Fit
     data: Measurements
-    selected: IdentifiableSet | None = None
-
-    @property
-    def held(self) -> tuple[UnidentifiableParameter, ...]:
-        """Parameters held at zero."""
-        return () if self.selected is None else self.selected.held
 
 
 def fit_identifiable(

@@ -10,7 +10,6 @@ from lrm_ident.data import wording
 from lrm_ident.data.error_stats import ErrorStats, error_stats
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.wording import change_words, decimals, in_mm, in_percent
-from lrm_ident.fitting.dependence import UnidentifiableParameter
 from lrm_ident.fitting.identifiability import FEW_OUTLIERS
 from lrm_ident.fitting.levenberg_marquardt import Fit, implausible_of
 from lrm_ident.report.document import Block, Document, ResultTable, heading, section
@@ -22,10 +21,9 @@ from lrm_ident.study.model_history import fit_words
 from lrm_ident.study.model_on_data import ErrorSummary
 from lrm_math.arrays import Array
 from lrm_math.model.deployed_model import field_of, named_part
-from lrm_math.model.equilibrium import Equilibrium
 from lrm_math.model.model import Model
 
-BAR, FACTORS_SHOWN, PARTS_SHOWN, STRONG = 10, 8, 3, 0.95
+BAR, FACTORS_SHOWN, STRONG = 10, 8, 0.95
 FROM_DATA = (
     "from data: share of the prior variance of a parameter that the poses removed. At 0 % it is only its typical size: "
     "these poses cannot distinguish it from others, or do not show it."
@@ -66,9 +64,7 @@ def deployed_rows(deployed: DeployedError | None) -> list[tuple[str, ErrorStats]
     return [("as deployed, held out", deployed.now), ("as deployed, earlier in the session", deployed.otherwise)]
 
 
-def fit_document(
-    fit: Fit, held: Sequence[UnidentifiableParameter], errors: ErrorSummary, data: Measurements
-) -> Document:
+def fit_document(fit: Fit, errors: ErrorSummary, data: Measurements) -> Document:
     """Result of `lrm-ident fit`, schema `lrm/fit/1`."""
     model = fit.model
     fitted, before, held_out = errors.fitted.rms, errors.nominal.rms, errors.held_out.error
@@ -83,10 +79,6 @@ def fit_document(
         *_without_outliers(fit, data),
         parameter_table(fit),
         *([] if fit.stated is None else [FROM_DATA]),
-        *section(
-            "Held at zero, because these poses cannot tell them:",
-            (f"{p.key}: {_why(fit.equilibrium, p)}" for p in held),
-        ),
         *section(f"Correlated above {STRONG}:", _correlated(fit)),
     ]
     values = {
@@ -100,7 +92,6 @@ def fit_document(
         "steps": fit.steps,
         "estimates": estimates(fit, se_at_bound=None),
         "correlation": {"keys": model.free, "matrix": np.round(fit.correlation, 6)},
-        "held_at_zero": [_held(model, one) for one in held],
         "implausible": [{"parameter": one.key, "value": one.value, "unit": one.unit} for one in implausible_of(fit)],
         "outliers": [{"pose": pose, "error_mm": error} for pose, error in outliers],
     }
@@ -113,15 +104,6 @@ def _without_outliers(fit: Fit, data: Measurements) -> list[Block]:
         return []
     numbers = ",".join(str(data.pose[row]) for row in fit.outliers)
     return [f"Fit without them: --leave-out {numbers}; or give them less weight: --loss huber"]
-
-
-def _held(model: Model, held: UnidentifiableParameter) -> dict[str, object]:
-    return {
-        "parameter": held.key,
-        "survival": held.survival,
-        "se_if_fitted": held.standard_error / model.parameter(held.key).si,
-        "moves_the_tcp_like": dict(held.combination),
-    }
 
 
 def comparison_document(found: ModelComparison) -> Document:
@@ -246,23 +228,6 @@ def screen_unit(model: Model, key: str) -> tuple[str, float, str]:
 def stats_in_mm(error: ErrorStats) -> tuple[float, float, float, float]:
     """Mean, RMS, maximum and SD (mm)."""
     return error.mean * 1e3, error.rms * 1e3, error.max * 1e3, error.sd * 1e3
-
-
-def _why(equilibrium: Equilibrium, held: UnidentifiableParameter) -> str:
-    model = equilibrium.model
-    if held.survival == 0.0 and not held.combination:
-        massless = equilibrium.weightless and held.key.startswith("compliance.")
-        return "does not move the TCP" + (": the arm's file gives no masses" if massless else " at any of these poses")
-    if not held.combination or held.survival > 0.2:
-        _, scale, unit = screen_unit(model, held.key)
-        known = wording.with_error(0.0, held.standard_error * scale)[1]
-        return "hardly moves the TCP" + ("" if known == "unknown" else f" (it would be known to ± {known} {unit})")
-    units = {key: model.parameter(key).unit for key in (held.key, *dict(held.combination))}
-    parts = " and ".join(f"{amount:+.4g} {units[key]} of {key}" for key, amount in held.combination[:PARTS_SHOWN])
-    less = " and less of others" if len(held.combination) > PARTS_SHOWN else ""
-    like = "exactly" if held.survival < 1e-6 else "nearly"
-    shows = "shows" if any(key.startswith("anchor.") for key, _ in held.combination) else "moves the TCP"
-    return f"1 {units[held.key]} of it {shows} {like} like {parts}{less}"
 
 
 def _correlated(fit: Fit) -> Iterator[str]:

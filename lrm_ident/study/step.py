@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from lrm_ident.fitting.dependence import UnidentifiableParameter
 from lrm_ident.fitting.levenberg_marquardt import Fit
 from lrm_ident.fitting.parameter_sets import Bounds
 from lrm_ident.fitting.priors import Prior
@@ -19,7 +18,7 @@ class StudyStep:
 
     Attributes:
         name: as in the history of the model file, for instance `add backlash@joint2`; "" for a step without an entry.
-        fit: of the model after it. held: parameters held at zero, since the data cannot identify them.
+        fit: of the model after it.
         start: the model before it; None for a first fit.
         bounds: of the fit and its cross-validation; None: those that the effects state.
         stated_prior: prior of the fit, if one was stated. prior_name: its name, as in a model file; None: that of the
@@ -30,7 +29,6 @@ class StudyStep:
 
     name: str
     fit: Fit
-    held: tuple[UnidentifiableParameter, ...] = ()
     start: Model | None = None
     bounds: Bounds | None = None
     stated_prior: Prior | None = None

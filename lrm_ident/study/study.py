@@ -94,7 +94,7 @@ class Study(ModelOnData, ShownInNotebook):
         name = None if prior is None else prior_name_for(prior)
         bounds = fit_bounds(result.fit.model, unbounded)
         deployable = with_chosen_moments(result.fit, result.data)
-        step = StudyStep("fit", deployable, result.held, bounds=bounds, stated_prior=known, prior_name=name)
+        step = StudyStep("fit", deployable, bounds=bounds, stated_prior=known, prior_name=name)
         begun = replace(self, data=result.data, loss=loss, source=None)
         return replace(begun, notices=(*self.notices, *model_error_words(result.data)))._after(step, None)
 

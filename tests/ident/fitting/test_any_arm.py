@@ -67,7 +67,7 @@ def test_every_arm_is_fitted_and_diagnosed(seed: int, joints: int, geometry: str
     found = diagnose(result.fit.model, data)
     after = error_stats(result.fit.residual)
     assert after.rms <= before.rms
-    assert fit_document(result.fit, result.held, ErrorSummary(before, after, HeldOutResidual(None, "")), data).json()
+    assert fit_document(result.fit, ErrorSummary(before, after, HeldOutResidual(None, "")), data).json()
     assert found.verdict
     if masses == "none":
         reasons = {effect.id: reason for effect, reason in found.not_testable}
