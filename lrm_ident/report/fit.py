@@ -99,11 +99,15 @@ def fit_document(fit: Fit, errors: ErrorSummary, data: Measurements) -> Document
 
 
 def _without_outliers(fit: Fit, data: Measurements) -> list[Block]:
-    """Options that fit without the outliers, where these are few."""
-    if not 0 < len(fit.outliers) < FEW_OUTLIERS * len(data):
+    """Options that fit without the outliers, where these are few and more than half of the squared error is theirs.
+
+    Others may be the poses at which a missing effect shows most, and are better kept.
+    """
+    squares = (fit.residual**2).sum(axis=1)
+    if not len(fit.outliers) < FEW_OUTLIERS * len(data) or squares[[*fit.outliers]].sum() <= 0.5 * squares.sum():
         return []
     numbers = ",".join(str(data.pose[row]) for row in fit.outliers)
-    return [f"Fit without them: --leave-out {numbers}; or give them less weight: --loss huber"]
+    return [f"If these measurements are wrong: --leave-out {numbers}; or give them less weight: --loss huber"]
 
 
 def comparison_document(found: ModelComparison) -> Document:

@@ -84,7 +84,7 @@ def near_its_axis(correction: Correction, q: Array) -> Array:
 JUMPS = st.lists(st.lists(st.floats(-4.0, 4.0), min_size=5, max_size=5), min_size=1, max_size=5)
 
 
-class Mad(Correction):
+class RunawayCorrection(Correction):
     """A correction that answers anything, or nothing."""
 
     answers: list[list[float]]
@@ -99,7 +99,7 @@ class Mad(Correction):
 @given(wishes=JUMPS, answers=JUMPS)
 def test_bounds_hold_whatever_the_model_answers(wishes: list[list[float]], answers: list[list[float]]) -> None:
     sane = made("so101", 0)
-    mad = Mad(sane.model, sane.payload, sane.left_out, sane.keep)
+    mad = RunawayCorrection(sane.model, sane.payload, sane.left_out, sane.keep)
     object.__setattr__(mad, "answers", list(answers))
     (low, high), before = mad.limits, None
     for wish in map(np.array, wishes):
@@ -118,7 +118,7 @@ def test_where_no_command_is_found_the_correction_stays_as_it_was() -> None:
     sane = made("so101", 0)
     wish = np.array([0.1, 0.2, -0.3, 0.1, 0.2])
     first = bounded_command(sane, wish, Motion.at(wish), None)
-    lost = Mad(sane.model, sane.payload, sane.left_out, sane.keep)
+    lost = RunawayCorrection(sane.model, sane.payload, sane.left_out, sane.keep)
     object.__setattr__(lost, "answers", [[4.0] * 5])
     found = bounded_command(lost, wish + 0.01, Motion.at(first.command), first)
     assert found.lost

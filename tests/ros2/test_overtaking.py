@@ -30,7 +30,7 @@ DOOR = "lrm bridge: trajectory"
 
 
 @dataclass
-class Bridged:
+class BridgeUnderTest:
     """A bridge between a daemon whose arm is armed at home, and ROS 2's side of it."""
 
     rover: Rover
@@ -76,7 +76,7 @@ class Bridged:
 
 
 @pytest.fixture(scope="module")
-def bridge(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Bridged]:
+def bridge(tmp_path_factory: pytest.TempPathFactory) -> Iterator[BridgeUnderTest]:
     folder: Path = tmp_path_factory.mktemp("bridge")
     setup, port = DaemonSetup.make(folder, {**SLOW_BOARD}), free_port()
     with ExitStack() as stack:
@@ -90,14 +90,16 @@ def bridge(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Bridged]:
         token = peer.client_of(f"{ACTION}/send_goal")
         stack.callback(token.undeclare)
         time.sleep(0.3)
-        yield Bridged(rover, peer, process, port)
+        yield BridgeUnderTest(rover, peer, process, port)
 
 
 WAYS = [("topic", "empty"), ("topic", "hold"), ("action", "hold"), ("action", "cancel all")]
 
 
 @pytest.mark.parametrize(("order", "stop"), WAYS)
-def test_no_trajectory_moves_the_arm_after_a_stop_that_followed_it(bridge: Bridged, order: str, stop: str) -> None:
+def test_no_trajectory_moves_the_arm_after_a_stop_that_followed_it(
+    bridge: BridgeUnderTest, order: str, stop: str
+) -> None:
     for gap in GAPS_MS:
         bridge.ready()
         bridge.send(order)
@@ -112,7 +114,7 @@ def test_no_trajectory_moves_the_arm_after_a_stop_that_followed_it(bridge: Bridg
 
 
 @pytest.mark.parametrize(("order", "stop"), [("topic", "empty"), ("topic", "hold")])
-def test_nor_when_both_waited_in_a_stalled_bridge(bridge: Bridged, order: str, stop: str) -> None:
+def test_nor_when_both_waited_in_a_stalled_bridge(bridge: BridgeUnderTest, order: str, stop: str) -> None:
     for _ in range(3):
         bridge.ready()
         bridge.process.send_signal(signal.SIGSTOP)
@@ -126,7 +128,7 @@ def test_nor_when_both_waited_in_a_stalled_bridge(bridge: Bridged, order: str, s
         bridge.stands()
 
 
-def test_an_order_after_a_stop_is_followed(bridge: Bridged) -> None:
+def test_an_order_after_a_stop_is_followed(bridge: BridgeUnderTest) -> None:
     """Also where it comes before the stop is answered."""
     bridge.ready()
     bridge.stop("empty")
@@ -136,7 +138,7 @@ def test_an_order_after_a_stop_is_followed(bridge: Bridged) -> None:
     wait_for(lambda: abs(bridge.rover.joints().q_rad[0] - here - 0.05) < 2e-3, "it is followed")
 
 
-def test_a_stop_by_another_door_is_not_overtaken_either(bridge: Bridged) -> None:
+def test_a_stop_by_another_door_is_not_overtaken_either(bridge: BridgeUnderTest) -> None:
     """The bridge looks, is stalled, somebody holds at the daemon, and the bridge goes on."""
     bridge.ready()
     seen = bridge.rover.mode().stops
@@ -149,14 +151,14 @@ def test_a_stop_by_another_door_is_not_overtaken_either(bridge: Bridged) -> None
         assert _moves(lambda: bridge.rover.move({"joint1": 0.0}, wait=False), bridge)
 
 
-def _moves(ask: Callable[[], object], bridge: Bridged) -> bool:
+def _moves(ask: Callable[[], object], bridge: BridgeUnderTest) -> bool:
     ask()
     wait_for(lambda: bridge.rover.mode().mode in ("moving", "armed"), "it moves")
     return True
 
 
 @pytest.fixture
-def client(bridge: Bridged) -> Iterator[subprocess.Popen[bytes]]:
+def client(bridge: BridgeUnderTest) -> Iterator[subprocess.Popen[bytes]]:
     """Another client of the action, a process of its own."""
     token = str(bridge.peer.token_of(f"{ACTION}/send_goal")).replace(str(bridge.peer.session.info.zid()), "ZID")
     command = [sys.executable, "-m", "tests.ros2.frozen_client", f"tcp/127.0.0.1:{bridge.port}", token]
@@ -174,7 +176,7 @@ CLIENT_S = 1.0
 
 @pytest.mark.parametrize("how", [signal.SIGSTOP, signal.SIGKILL])
 def test_a_goal_ends_soon_after_its_client_is_frozen_or_killed(
-    bridge: Bridged, client: subprocess.Popen[bytes], how: signal.Signals
+    bridge: BridgeUnderTest, client: subprocess.Popen[bytes], how: signal.Signals
 ) -> None:
     bridge.ready()
     bridge.send("action")

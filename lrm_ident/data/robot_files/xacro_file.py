@@ -87,7 +87,8 @@ def _leaving_out(path: Path, names: Collection[str]) -> Iterator[None]:
 
     parse = xacro.parse
 
-    def lean(inp: Any, filename: str | None = None) -> Any:
+    def parse_without(inp: Any, filename: str | None = None) -> Any:
+        """The document without these elements; arguments as of `xacro.parse`."""
         if inp is None and filename is not None and (where := Path(xacro.root_dir or "", filename)).is_file():
             inp = read_xml_text(where).text
         document = parse(inp, filename)
@@ -96,7 +97,7 @@ def _leaving_out(path: Path, names: Collection[str]) -> Iterator[None]:
                 element.parentNode.removeChild(element)
         return document
 
-    xacro.parse = lean
+    xacro.parse = parse_without
     xacro.init_stacks(str(path.resolve()))
     try:
         yield

@@ -99,12 +99,12 @@ def test_torque_is_bounded_before_it_is_on() -> None:
 
 def questions() -> int:
     """Number of packets of the host from the first to torque on all."""
-    line = Losing(FeetechBus([FeetechServo(number) for number in NUMBERS]))
+    line = LossyLine(FeetechBus([FeetechServo(number) for number in NUMBERS]))
     held(line)
     return line.asked
 
 
-class Losing(BusLine):
+class LossyLine(BusLine):
     """A line that loses the answers to some questions: by their number from 0, those after it too if `gone`."""
 
     asked, loses, gone = 0, -1, False
@@ -127,7 +127,7 @@ def hurried(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.usefixtures("hurried")
 def test_a_lost_answer_is_asked_for_again() -> None:
     for which in range(questions()):
-        line = Losing(FeetechBus([FeetechServo(number) for number in NUMBERS]))
+        line = LossyLine(FeetechBus([FeetechServo(number) for number in NUMBERS]))
         line.loses = which
         held(line)
         assert all(servo.powered for servo in line.bus.servos), which
@@ -139,7 +139,7 @@ def test_a_servo_that_falls_silent_leaves_no_half_powered_arm(silent: int | None
     """From any question on: the others are released, and whatever may have torque is named."""
     for which in range(questions()):
         wire = FeetechBus([FeetechServo(number) for number in NUMBERS])
-        line = Losing(wire) if silent is None else Dying(wire, which, silent)
+        line = LossyLine(wire) if silent is None else DyingLine(wire, which, silent)
         line.loses, line.gone = (which, True) if silent is None else (-1, False)
         said = ""
         try:
@@ -152,7 +152,7 @@ def test_a_servo_that_falls_silent_leaves_no_half_powered_arm(silent: int | None
         assert not unnamed or (silent is not None and len(powered) == len(NUMBERS) - 1 and not said), (which, said)
 
 
-class Dying(Losing):
+class DyingLine(LossyLine):
     """A line on which one servo answers nothing, and does nothing, from a question on."""
 
     def __init__(self, bus: FeetechBus, when: int, number: int) -> None:
