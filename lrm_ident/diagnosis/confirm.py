@@ -23,8 +23,8 @@ from lrm_ident.fitting.cross_validation import blocks_of_fit
 from lrm_ident.fitting.held_out import HeldOutBlock, deployed_residual, held_out_residual, held_out_squares
 from lrm_ident.fitting.levenberg_marquardt import Fit, implausible_of
 from lrm_ident.residual.better_prediction import paired_z, predicts_better, share_of_excess, takes_little
+from lrm_ident.residual.deployment.carried_states import rows_as_deployed
 from lrm_ident.residual.deployment.deployed_error import DeployedError
-from lrm_ident.residual.deployment.session_moments import rows_as_deployed
 from lrm_ident.residual.thresholds import (
     EQUIVALENT_GAIN,
     MIN_GAIN,

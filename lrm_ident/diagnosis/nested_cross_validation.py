@@ -17,8 +17,8 @@ from lrm_ident.fitting.executors import in_order
 from lrm_ident.fitting.loss import SQUARED, Loss
 from lrm_ident.fitting.priors import EffectRates
 from lrm_ident.fitting.progress import OnProgress, silent
+from lrm_ident.residual.deployment.carried_states import rows_as_deployed
 from lrm_ident.residual.deployment.deployed_error import DeployedError
-from lrm_ident.residual.deployment.session_moments import rows_as_deployed
 from lrm_ident.residual.error_breakdown import NestedResidual
 from lrm_ident.residual.thresholds import MAX_EFFECTS
 from lrm_math.arrays import Array

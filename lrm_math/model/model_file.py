@@ -22,7 +22,7 @@ from lrm_math.errors import FileError, LrmError, UnknownName
 from lrm_math.model.covariance import Covariance, CovarianceTable, to_covariance
 from lrm_math.model.model import Model, model_of
 from lrm_math.model.reading import Reading
-from lrm_math.model.session_state import Moment, StateAfterSession
+from lrm_math.model.session_state import CarriedState, StateAfterSession
 from lrm_math.toml_file import StrictSchema, read_toml
 
 MOST_EFFECTS = 1000
@@ -72,11 +72,11 @@ class RangeTable(StrictSchema):
 class DeployedTable(StrictSchema):
     """Table `[deployed]`: state that effects of a session leave behind, for where the model is used later.
 
-    `moments`: of each effect `id@place`, whether its last or its mean state. `offsets`: what is added to constant
+    `carried`: of each effect `id@place`, whether its last or its mean state. `offsets`: what is added to constant
     offsets, by their keys, in the keys' units.
     """
 
-    moments: dict[str, Moment] = {}
+    carried: dict[str, CarriedState] = {}
     offsets: dict[str, float] = {}
 
 
@@ -206,7 +206,7 @@ def _state_of(path: Path, table: DeployedTable | None, model: Model) -> StateAft
         return None
     names, every = [effect.name for effect in model.effects], _offsets(model.arm)
     try:
-        for name in table.moments:
+        for name in table.carried:
             if name not in names:
                 raise UnknownName("effect of this model", name, names)
         for key in table.offsets:
@@ -214,7 +214,7 @@ def _state_of(path: Path, table: DeployedTable | None, model: Model) -> StateAft
                 raise UnknownName("offset", key, every)
     except UnknownName as error:
         raise FileError(path, "deployed", str(error)) from None
-    return StateAfterSession(table.moments, {key: value * every[key].si for key, value in table.offsets.items()})
+    return StateAfterSession(table.carried, {key: value * every[key].si for key, value in table.offsets.items()})
 
 
 def deployed_table(model: Model) -> DeployedTable | None:
@@ -223,7 +223,7 @@ def deployed_table(model: Model) -> DeployedTable | None:
         return None
     units = {key: parameter.si for key, parameter in _offsets(model.arm).items()}
     offsets = {key: value / units[key] for key, value in model.state.offsets.items()}
-    return DeployedTable(moments=dict(model.state.moments), offsets=offsets)
+    return DeployedTable(carried=dict(model.state.carried), offsets=offsets)
 
 
 def parts_table(model: Model) -> PartsTable:

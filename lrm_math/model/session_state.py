@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
-Moment: TypeAlias = Literal["last", "mean"]
-"""Moment of a session whose state stands for what follows it: its end, or the mean of all measured poses."""
+CarriedState: TypeAlias = Literal["last", "mean"]
+"""State of a session that is carried forward: that of its last pose (last observation carried forward), or the mean."""
 
 
 @dataclass(frozen=True)
@@ -15,18 +15,16 @@ class StateAfterSession:
     """State that goes along where effects of a session are left out.
 
     Attributes:
-        moments: of each effect (`id@place`), the moment whose state it is.
+        carried: of each effect (`id@place`), which state is carried forward.
         offsets: what is added to constant offsets, by their keys (rad, m).
     """
 
-    moments: Mapping[str, Moment]
+    carried: Mapping[str, CarriedState]
     offsets: Mapping[str, float]
 
     @property
     def sentence(self) -> str:
         """The state that is deployed in words; empty where there is none."""
-        by_moment = {
-            moment: [name for name, one in self.moments.items() if one == moment] for moment in ("last", "mean")
-        }
-        parts = [f"the {moment} state of {', '.join(names)}" for moment, names in by_moment.items() if names]
+        by_state = {state: [name for name, one in self.carried.items() if one == state] for state in ("last", "mean")}
+        parts = [f"the {state} state of {', '.join(names)}" for state, names in by_state.items() if names]
         return f"The deployed model keeps {' and '.join(parts)}." if parts else ""

@@ -20,7 +20,7 @@ from lrm_math.model.deployed_model import as_deployed, of_a_session, with_offset
 from lrm_math.model.derivatives import parameter_jacobian
 from lrm_math.model.equilibrium import Equilibrium, solve_equilibrium
 from lrm_math.model.model import Model
-from lrm_math.model.session_state import Moment, StateAfterSession
+from lrm_math.model.session_state import CarriedState, StateAfterSession
 
 NO_RANK = 1e-9
 """Singular values below it times the largest are none: of motions of the base that the measured points do not show."""
@@ -28,8 +28,8 @@ CLOSE = 1e-7
 """m: tolerance of the equilibrium at which the rigid motion is linearised."""
 
 
-def usual_moment(effect: Effect) -> Moment:
-    """Moment of the session that stands for what follows, where nothing more is known.
+def usually_carried(effect: Effect) -> CarriedState:
+    """State that is carried forward where nothing more is known.
 
     The end of a law; the mean of a free curve, which follows whatever the order of the poses follows.
     """
@@ -41,18 +41,20 @@ def passing_effects(model: Model) -> tuple[Effect, ...]:
     return tuple(effect for effect in model.effects if of_a_session(effect) and kind_of(effect) is Kind.MOTION)
 
 
-def state_after_session(settled: Equilibrium, moments: Mapping[str, Moment] | None = None) -> StateAfterSession | None:
+def state_after_session(
+    settled: Equilibrium, carried: Mapping[str, CarriedState] | None = None
+) -> StateAfterSession | None:
     """State that a fitted model's session effects leave behind; None for a model without such effects.
 
     Args:
         settled: its equilibrium at the measured poses, in their order.
-        moments: by effect's name; of others those of the model's present state, then `usual_moment`.
+        carried: by effect's name; of others those of the model's present state, then `usually_carried`.
     """
     model = settled.model
     if not any(of_a_session(effect) for effect in model.effects):
         return None
-    known = {**({} if model.state is None else model.state.moments), **(moments or {})}
-    chosen = {effect.name: known.get(effect.name, usual_moment(effect)) for effect in passing_effects(model)}
+    known = {**({} if model.state is None else model.state.carried), **(carried or {})}
+    chosen = {effect.name: known.get(effect.name, usually_carried(effect)) for effect in passing_effects(model)}
     left = _left_by_motions(settled, chosen)
     if not model.binding.distorting:
         return StateAfterSession(chosen, left)
@@ -61,7 +63,7 @@ def state_after_session(settled: Equilibrium, moments: Mapping[str, Moment] | No
     return StateAfterSession(chosen, left | {key: left.get(key, 0.0) + shift for key, shift in base.items()})
 
 
-def _left_by_motions(settled: Equilibrium, chosen: Mapping[str, Moment]) -> dict[str, float]:
+def _left_by_motions(settled: Equilibrium, chosen: Mapping[str, CarriedState]) -> dict[str, float]:
     """State of the effects that move slots, by key of the constant offset of the same slot (rad, m)."""
     model, offsets = settled.model, dict[str, float]()
     for bound in model.binding.bound:

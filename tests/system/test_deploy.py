@@ -25,7 +25,7 @@ OTHER = MODEL + "\n# another file of the same model\n"
 FIELD = MODEL.replace('"compliance"]', '"compliance", "residual_field"]').replace(
     "[parameters]\n", '[parameters]\n"residual_field.tool.u000001_mm" = 0.4\n'
 )
-STATE = '\n[deployed]\nmoments = { "drift@joint2" = "last" }\n'
+STATE = '\n[deployed]\ncarried = { "drift@joint2" = "last" }\n'
 DRIFTING = MODEL.replace('"compliance"]', '"compliance", "drift@joint2"]') + STATE
 
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from lrm_ident.data.error_stats import ErrorStats, error_stats
 from lrm_ident.fitting.held_out import HeldOutBlock, deployed_residual
-from lrm_ident.residual.deployment.session_moments import rows_as_deployed
+from lrm_ident.residual.deployment.carried_states import rows_as_deployed
 from lrm_math.arrays import Array
 from lrm_math.kinematics.poses import Poses
 from lrm_math.model.model import Model

@@ -53,7 +53,7 @@ date = "2026-01-01"
 DRIFTING = MODEL.replace('"compliance"]', '"compliance", "drift@joint2"]').replace(
     "[parameters]\n", '[parameters]\n"drift.joint2.A_rad" = {drift}\n'
 )
-STATE = '\n[deployed]\nmoments = { "drift@joint2" = "last" }\noffsets = { "offsets.joint2.theta_rad" = 0.01 }\n'
+STATE = '\n[deployed]\ncarried = { "drift@joint2" = "last" }\noffsets = { "offsets.joint2.theta_rad" = 0.01 }\n'
 
 
 def written(folder: Path, text: str) -> Path:

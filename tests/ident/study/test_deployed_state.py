@@ -10,7 +10,7 @@ import pytest
 
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.robot_files.mjcf import mjcf
-from lrm_ident.residual.deployment.session_moments import rows_as_deployed
+from lrm_ident.residual.deployment.carried_states import rows_as_deployed
 from lrm_ident.study.study import Study
 from lrm_math.arm.arm_file import load_arm
 from lrm_math.effects import effects_at
@@ -59,7 +59,7 @@ def test_the_deployed_arm_is_the_one_at_the_end(name: str, size: float) -> None:
     effect = DRIFT if name.startswith("drift") else SESSION
     study = fitted(measured({name: size}), effect)
     assert study.model.state is not None
-    assert study.model.state.moments == {effect: "last"}
+    assert study.model.state.carried == {effect: "last"}
     end = {"offsets.joint1.theta_rad": size * (1.0 - np.exp(-150.0 * COUNT / 1800.0)) if effect == DRIFT else size}
     new = poses_of(np.random.default_rng(9).uniform(-1.2, 1.2, (50, 2)))
     goes_on = solve_equilibrium(world(end), new).tcp
@@ -85,7 +85,7 @@ def test_without_an_order_the_mean_is_deployed() -> None:
     data = measured({"session.joint1.step2_rad": 0.04}, numbered=False)
     study = fitted(data, SESSION)
     assert study.model.state is not None
-    assert study.model.state.moments == {SESSION: "mean"}
+    assert study.model.state.carried == {SESSION: "mean"}
     assert study.model.state.offsets["offsets.joint1.theta_rad"] == pytest.approx(0.04 * 2 / 3, abs=1e-3)
     assert len(rows_as_deployed(study.model, data.poses)) == COUNT
 

@@ -96,7 +96,7 @@ def test_the_state_is_in_the_model_file() -> None:
     free = replace(model, free=("drift.joint3.A_rad",))
     read = as_written(free, "lrm-lab")
     assert read.state is not None
-    assert read.state.moments == {"drift@joint3": "last"}
+    assert read.state.carried == {"drift@joint3": "last"}
     poses = session_poses(LAB, 3)
     np.testing.assert_allclose(
         solve_equilibrium(as_deployed(read), poses).tcp, solve_equilibrium(as_deployed(model), poses).tcp, atol=1e-12
@@ -106,7 +106,7 @@ def test_the_state_is_in_the_model_file() -> None:
 @pytest.mark.parametrize(
     ("table", "said"),
     [
-        (DeployedTable(moments={"drift@joint9": "last"}), "drift@joint9"),
+        (DeployedTable(carried={"drift@joint9": "last"}), "drift@joint9"),
         (DeployedTable(offsets={"offsets.joint9.theta_rad": 0.1}), "offsets.joint9.theta_rad"),
     ],
 )

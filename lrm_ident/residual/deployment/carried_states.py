@@ -1,4 +1,4 @@
-"""Moment of a session whose state stands for what follows: chosen by predicting the last poses from those before."""
+"""State of a session that is carried forward: chosen by predicting the last poses from those before."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from lrm_math.kinematics.poses import Poses
 from lrm_math.model.deployed_model import as_deployed
 from lrm_math.model.equilibrium import Equilibrium, solve_equilibrium
 from lrm_math.model.model import Model
-from lrm_math.model.session_state import Moment
+from lrm_math.model.session_state import CarriedState
 from lrm_math.model.state_after_session import passing_effects, state_after_session
 
 LAST_SHARE = 0.1
@@ -30,8 +30,8 @@ FEWEST = 10
 """Poses of either part below which nothing is chosen."""
 
 
-def with_chosen_moments(fitted: Fit, data: Measurements) -> Fit:
-    """The fit, with the moment of each session effect's state chosen: the mean, or of a law the end.
+def with_carried_states(fitted: Fit, data: Measurements) -> Fit:
+    """The fit, with the state that each session effect carries forward chosen: the mean, or of a law the end.
 
     The last tenth of the poses in order is predicted, as deployed, by a fit to those before. A law is deployed with its
     end where that predicts better than its mean by more than a standard error. Free curves, poses without an order or
@@ -42,26 +42,26 @@ def with_chosen_moments(fitted: Fit, data: Measurements) -> Fit:
     laws = [effect.name for effect in passing_effects(model) if not effect.variant_of]
     if not laws:
         return fitted
-    moments: dict[str, Moment] = dict.fromkeys(laws, "mean")
+    carried: dict[str, CarriedState] = dict.fromkeys(laws, "mean")
     cut = len(data) - round(LAST_SHARE * len(data))
     ordered = data.poses.number is not None and not joints_of_order(data.poses.q)
     if ordered and len(data) - cut >= FEWEST:
         rows = np.arange(len(data))
-        moments |= _surely_last(fitted, data.take(rows[:cut]), data.take(rows[cut:]), moments)
-    found = model.with_state(state_after_session(fitted.equilibrium, moments))
+        carried |= _surely_last(fitted, data.take(rows[:cut]), data.take(rows[cut:]), carried)
+    found = model.with_state(state_after_session(fitted.equilibrium, carried))
     return replace(fitted, model=found, equilibrium=replace(fitted.equilibrium, model=found))
 
 
 def _surely_last(
-    fitted: Fit, before: Measurements, after: Measurements, means: Mapping[str, Moment]
-) -> dict[str, Moment]:
+    fitted: Fit, before: Measurements, after: Measurements, means: Mapping[str, CarriedState]
+) -> dict[str, CarriedState]:
     """The effects whose end predicts later measurements surely better than their mean, chosen one by one; none where
     the earlier ones cannot be fitted alone."""
     try:
         earlier = fit(fitted.model, before, loss=fitted.loss, prior=fitted.stated).equilibrium
         chosen, least = dict(means), _squares(earlier, after, means)
         for name in means:
-            other: dict[str, Moment] = chosen | {name: "last"}
+            other: dict[str, CarriedState] = chosen | {name: "last"}
             squares = _squares(earlier, after, other)
             if vuong_z(least - squares) > ONE_DEVIATION:
                 chosen, least = other, squares
@@ -70,9 +70,9 @@ def _surely_last(
     return chosen
 
 
-def _squares(earlier: Equilibrium, after: Measurements, moments: Mapping[str, Moment]) -> Array:
-    """(n,), squared errors (m²) at later poses of a fit as deployed with the state of some moments."""
-    deployed = as_deployed(earlier.model.with_state(state_after_session(earlier, moments)))
+def _squares(earlier: Equilibrium, after: Measurements, carried: Mapping[str, CarriedState]) -> Array:
+    """(n,), squared errors (m²) at later poses of a fit as deployed with these states carried forward."""
+    deployed = as_deployed(earlier.model.with_state(state_after_session(earlier, carried)))
     return np.asarray((after.position_error(solve_equilibrium(deployed, after.poses)) ** 2).sum(axis=1))
 
 
@@ -83,9 +83,9 @@ def rows_as_deployed(model: Model, poses: Poses) -> NDArray[np.int64]:
     last session, in a warm arm. The other poses were measured with another zero, or a colder arm.
     """
     held = np.ones(len(poses), dtype=np.bool_)
-    moments = {} if model.state is None else model.state.moments
+    carried = {} if model.state is None else model.state.carried
     for bound in model.binding.bound:
-        if moments.get(bound.effect.name) == "last":
+        if carried.get(bound.effect.name) == "last":
             for amount in bound.at(poses, (0.0,) * len(bound.loads)):
                 course = np.broadcast_to(np.asarray(amount, dtype=np.float64), len(poses))
                 held &= np.abs(course - course[-1]) <= SETTLED_SHARE * np.ptp(course)
