@@ -32,7 +32,7 @@ ArmName = Annotated[
         "Default: the arm that the .toml file beside DATA names.",
     ),
 ]
-ShowAll = Annotated[bool, Option("--all", help="Print long lists in full.")]
+ShowAll = Annotated[bool, Option("--all", help="Print the details, too, and long lists in full.")]
 NewModel = Annotated[Path, Option("-o", "--output", metavar="MODEL2", help="Where to write the new model.")]
 JsonFile = Annotated[Path | None, Option("--json", metavar="FILE", help="Also write the result for machines.")]
 FigureFile = Annotated[

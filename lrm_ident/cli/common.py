@@ -42,10 +42,10 @@ def publish(
     draw: Callable[[Path], None] | None = None,
     in_full: bool = True,
 ) -> None:
-    """Writes a result's JSON file, prints it (lists cut, or `in_full`), draws its figure with the numbers behind."""
+    """Writes a result's JSON file, prints its conclusion or, `in_full`, all of it, and draws its figure."""
     if json:
         write_text(json, result.json())
-    write(out, result.blocks, None if in_full else LISTED)
+    write(out, result.printed(in_full), None if in_full else LISTED)
     if figure and draw:
         publish_figure(figure, draw, result.behind)
 

@@ -23,6 +23,7 @@ from lrm_ident.diagnosis.auto import AutoStep
 from lrm_ident.fitting.cross_validation import FOLDS
 from lrm_ident.fitting.executors import executor_for, rounds_of
 from lrm_ident.fitting.priors import load_rates
+from lrm_ident.report.diagnosis.conclusion import CommandNames
 from lrm_ident.report.diagnosis.course import course_document, proposal_document, step_blocks, step_document
 from lrm_ident.report.diagnosis.diagnosis import diagnosis_document
 from lrm_ident.report.diagnosis.selftest import selftest_document
@@ -58,7 +59,8 @@ def diagnose(
     rates = None if prior is None else load_rates(prior)
     with opened(model, data, effects_file, reading) as study:
         report = identifiable(study).diagnose(rates)
-    publish(diagnosis_document(report), json, figure, partial(draw_report, report), show_all)
+        document = diagnosis_document(report, names_of(study, model, data))
+    publish(document, json, figure, partial(draw_report, report), show_all)
 
 
 @command
@@ -149,15 +151,20 @@ def auto(
     if nested is None and expected > UNASKED_S:
         whole = NestedResidual(None, f"it would take about {in_minutes(expected)}; ask for it with --nested")
     elif nested is not False:
-        notice(f"choosing the effects anew in every fold: about {in_minutes(expected)}; Ctrl-C ends it")
+        notice(f"cross-validating the choice of effects ({FOLDS} folds, about {in_minutes(expected)}; Ctrl-C skips it)")
         with kept_when_interrupted(output, taken), executor_for(cluster, effects_file, FOLDS) as pool, bars() as shown:
             whole = replace(study, progress=shown).nested_held_out(pool, max_effects, rates)
     with_field = None if field_of(final.model) is None else final.errors
     publish(
-        course_document(course, after.held_out, whole, with_prior, with_field),
+        course_document(course, after.held_out, whole, with_prior, with_field, names_of(study, output, data)),
         json,
         in_full=show_all,
     )
+
+
+def names_of(study: Study, model: Path, data: Path) -> CommandNames:
+    """Names of the files for the commands that a result advises."""
+    return CommandNames(str(model), str(data), study.file.arm)
 
 
 def _with_field(study: Study) -> Study:

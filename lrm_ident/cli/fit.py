@@ -115,7 +115,9 @@ def fit(
     if output:
         fitted.save(output)
     publish(document, json, in_full=show_all)
-    show(f"Model written to {output}" if output else "Not saved; give -o MODEL to keep it.")
+    show("Not saved; give -o MODEL to keep it." if output is None else f"Model written to {output}")
+    if output is not None:
+        show(f"\nNext: lrm-ident diagnose {output} {data}")
 
 
 @command

@@ -68,3 +68,13 @@ def unexplained_ratio(report: DiagnosisReport) -> float | None:
         return None
     left, before = report.first.held_out_rms**2, report.held_out.rms**2
     return max(left - floor**2, 0.0) / (before - left)
+
+
+def attribution_of(report: DiagnosisReport) -> Attribution | None:
+    """Attribution of the effect that a diagnosis would add; None where it would add none."""
+    if report.first is None or report.verdict not in ("effect_missing", "effect_describes"):
+        return None
+    if report.verdict == "effect_describes":
+        return "description"
+    ratio = unexplained_ratio(report)
+    return "possible_cause" if ratio is not None and ratio > MAX_UNEXPLAINED_RATIO else "finding"

@@ -39,15 +39,13 @@ DISPLAY_UNITS = {
 MOST_ESTIMATES = 4  # in a sentence, the most significant; all are in the JSON file
 TOO_MANY = 12  # estimates from which none is listed: coefficients of a curve
 NEXT_STEP: Mapping[str, str] = {
-    "effect_describes": "Add it: unseen poses are predicted better, though it shows no new cause. Diagnose again with "
-    "it; of what is left then look at the anatomy, and try lrm-ident propose.",
-    "unexplained_structure": "Look for a law with this anatomy (lrm-ident propose), or write an effect if you know its "
-    "cause (docs/effects.md); more poses in random order, under two loads, show more of it.",
-    "unpredictable": "Measure some of these poses again, in another order: what repeats belongs to the arm, what does "
-    "not is loose, creeps or is noise.",
-    "nothing_missing": "Deploy the model, and verify it at new poses.",
-    "noise_unknown": "Measure five poses twice or more (column repeat_of), or state the instrument's noise "
-    "(noise_sd_mm), and ask again.",
+    "unexplained_structure": "Search for a formula that explains it, or write an effect of your own if you know the "
+    "cause (docs/effects.md). More poses in random order, with two loads, show more of it.",
+    "unpredictable": "Measure some of these poses again in another order. An error that repeats belongs to the arm; "
+    "one that does not is a loose part, creep or noise.",
+    "nothing_missing": "Deploy the model, then verify it at new poses (lrm-ident verify).",
+    "noise_unknown": "Measure five poses twice or more (column repeat_of), or state the noise of the instrument "
+    "(noise_sd_mm), and diagnose again.",
 }
 """Advice after a verdict that names no cause."""
 
@@ -66,8 +64,9 @@ class RankedCandidate:
 
     Attributes:
         held_out_rms: held-out RMS with it (m), by the linear screening unless `exact`.
-        fit: with it, where it was refitted and cross-validated; else None.
-        equivalent: names of effects that the data cannot distinguish from it. why: one sentence.
+        fit: with it, where it was refitted and cross-validated; else None. deployed: its held-out error as deployed.
+        equivalent: names of effects that the data cannot distinguish from it.
+        claim: the effect with its estimates, in words. why: one sentence on the verdict.
     """
 
     scored: ScoredCandidate
@@ -76,7 +75,9 @@ class RankedCandidate:
     fit: Fit | None
     estimates: tuple[Estimate, ...]
     equivalent: tuple[str, ...]
+    claim: str
     why: str
+    deployed: DeployedError | None = None
 
     def __repr__(self) -> str:
         return f"<{self.name}, {self.verdict}: {self.why}>"
@@ -178,7 +179,7 @@ def report_of(confirmed: ConfirmedDiagnosis, predictable: PredictableError | Non
         ranking=tuple(_rank(one, confirmed, before) for one in _order(diagnosis, supported)),
         share=confirmed.share,
         limitations=audit(diagnosis.data, diagnosis.fit.equilibrium.joint_torque),
-        hint=NEXT_STEP[verdict] if verdict in NEXT_STEP else _hint(diagnosis, supported),
+        hint=NEXT_STEP[verdict] if verdict in NEXT_STEP else _hint(diagnosis, supported[:1]),
         left=left,
         hints=parameter_hints(diagnosis.fit),
     )
@@ -201,23 +202,25 @@ def _rank(scored: ScoredCandidate, confirmed: ConfirmedDiagnosis, before: ErrorS
     leaders = tuple(one.name for one in supported[:1] if scored.name in diagnosis.equivalent[one.name])
     equivalent = leaders or (diagnosis.equivalent[scored.name] if scored in supported else ())
     verdict: Literal["supported", "indistinguishable", "no_evidence"] = "no_evidence"
-    none = "no refit confirmed what was selected" if confirmed.refused else "not by more than chance"
-    other = "with the effects above there is no need of it" if supported else none
+    none = "no refit confirmed the effects that were selected" if confirmed.refused else "that may be chance"
+    other = "the effects above explain the same" if supported else none
     why = f"alone it would leave {in_mm(rms)} mm, but {confirmed.refused.get(scored.name, other)}"
+    claim = _describe_effect(scored, estimates, fitted)
     if equivalent or scored in supported:
         verdict = "indistinguishable" if equivalent else "supported"
         better = f"the held-out error falls {fall(before.rms, rms)} mm"
-        rivals = f"{', '.join(equivalent[:4])}; several may be there"
-        unsure = f"; these data cannot tell it from {rivals}" if equivalent else ""
+        rivals = f"{', '.join(equivalent[:4])}; several may be present"
+        unsure = f"; these poses cannot distinguish it from {rivals}" if equivalent else ""
         if_this = f"if it is {scored.name}, " if equivalent else ""
-        why = f"{if_this}{_describe_effect(scored, estimates, fitted)}: {better}{unsure}"
+        why = f"{if_this}{claim}: {better}{unsure}"
     elif scored.implausible:
         why = scored.implausible
     elif scored.alone.rms > (1.0 - MIN_GAIN) * before.rms:
-        why = f"it would leave {in_mm(rms)} mm held out of {in_mm(before.rms)}: hardly less"
+        why = f"it would leave {in_mm(rms)} of {in_mm(before.rms)} mm held out"
     if scored.name in diagnosis.unexplained.spurious:
         why = f"it only resembles {diagnosis.unexplained.spurious[scored.name]}, which explains far more"
-    return RankedCandidate(scored, verdict, rms, fitted, estimates, equivalent, why)
+    deployed = None if refit is None else DeployedError.of(refit.fit.model, diagnosis.data.poses, refit.blocks)
+    return RankedCandidate(scored, verdict, rms, fitted, estimates, equivalent, claim, why, deployed)
 
 
 def _estimates(scored: ScoredCandidate) -> tuple[Estimate, ...]:
@@ -287,17 +290,15 @@ def with_unit(value: float, error: float | None, unit: str) -> str:
     return f"{f'{shown:.0f}' if abs(shown) >= 100 else f'{shown:.3g}'}{symbol}"
 
 
-def _hint(diagnosis: Diagnosis, supported: Sequence[ScoredCandidate]) -> str:
-    """One sentence on which poses would be informative."""
+def _hint(diagnosis: Diagnosis, first: Sequence[ScoredCandidate]) -> str:
+    """One sentence on which poses would distinguish the first supported effect, if any, from its equivalents."""
     kinds = {scored.name: scored.candidate.effect for scored in diagnosis.scored}
-    names = [name for one in supported[:1] for name in (one.name, *diagnosis.equivalent[one.name])]
-    if len(names) > 1:
-        needs = dict.fromkeys(kinds[name].about.needs for name in names if kinds[name].about.needs)
-        what = "; ".join(needs) or "poses with several loads, at joint angles that vary independently, in random order"
-        return f"To tell {names[0]} from {names[1]}: {what}."
-    if names:
-        return f"Nothing else that we know looks like {names[0]} here: add it, and see what is left."
-    for effect, reason in diagnosis.not_testable:
-        if effect.about.needs and "typical size" not in reason:
-            return f"To test {effect.name} ({reason}): {effect.about.needs}."
-    return "Repeat a few poses to know the noise, and measure in random order with two loads."
+    names = [name for one in first for name in (one.name, *diagnosis.equivalent[one.name])]
+    if not names:
+        return "Repeat a few poses to know the noise, and measure in random order with two loads."
+    plain = [name for name in names if name in kinds]
+    needs = dict.fromkeys(kinds[name].about.needs for name in plain if kinds[name].about.needs)
+    what = "; ".join(needs) or "several loads, joint angles that vary independently, a random order"
+    if len(names) > 1 or kinds[names[0]].variant_of:
+        return f"Measure poses that distinguish the possible causes: {what}."
+    return f"Add {names[0]}, refit everything, and diagnose again."

@@ -7,7 +7,7 @@ import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, is_dataclass
 from html import escape
-from textwrap import fill
+from textwrap import fill, wrap
 from typing import Any
 
 import numpy as np
@@ -21,6 +21,7 @@ OPEN = 6
 SENTENCE = 40
 """Letters of a cell from which a last column holds sentences, which stand below their row on a narrow screen."""
 BAR = "█"
+WHOLE_WORDS: Mapping[str, Any] = {"break_long_words": False, "break_on_hyphens": False}
 MOST_ROWS = 40  # of a table that is not folded
 
 
@@ -110,7 +111,22 @@ class FoldedSection(ListSection):
         return super().shown(most) if most is None else iter((f"  {self.summary}",))
 
 
-Block = str | Text | ResultTable | ListSection
+@dataclass(frozen=True)
+class Facts:
+    """Labelled facts below a conclusion, one to a line; a long one goes on below its beginning, not below its label."""
+
+    rows: tuple[tuple[str, str], ...]
+
+    def shown(self, width: int) -> Iterator[str]:
+        """Lines of at most so many columns; each fact on one line where the reader wraps (0)."""
+        label = max((len(name) for name, _ in self.rows), default=0) + 2
+        for name, words in self.rows:
+            first, further = f"  {name:{label}}", " " * (label + 2)
+            lines = [words] if not width else wrap(words, max(width - len(further), 20), **WHOLE_WORDS)
+            yield from (f"{further if row else first}{line}" for row, line in enumerate(lines))
+
+
+Block = str | Text | ResultTable | ListSection | Facts
 
 
 @dataclass(frozen=True)
@@ -118,15 +134,30 @@ class Document:
     """The result of a command.
 
     Attributes:
-        blocks: for the terminal, in order.
+        blocks: the conclusion, in order: what a terminal shows.
         schema, values: for `--json`; anything that `plain` takes.
         behind: the numbers behind the figure, written beside it as CSV.
+        details: what a terminal shows with `--all`; page and report have them always.
+        about: what the details are, in a few words.
     """
 
     blocks: Sequence[Block]
     schema: str
     values: Mapping[str, object]
     behind: ResultTable | None = None
+    details: Sequence[Block] = ()
+    about: str = ""
+
+    @property
+    def whole(self) -> list[Block]:
+        """The conclusion and the details."""
+        return [*self.blocks, *self.details]
+
+    def printed(self, in_full: bool) -> list[Block]:
+        """What a terminal shows: everything, or the conclusion and what `--all` would add to it."""
+        if in_full or not self.details:
+            return self.whole
+        return [*self.blocks, f"Details with --all: {self.about}"]
 
     def json(self) -> str:
         """JSON text of schema and values, without NaN."""
@@ -163,6 +194,10 @@ def write(console: Console, blocks: Iterable[Block], most: int | None = None) ->
             else:
                 write(console, [block.stacked()])
             continue
+        if isinstance(block, Facts):
+            for line in block.shown(0 if console.soft_wrap else console.width):
+                console.print(line, highlight=False, markup=False)
+            continue
         texts: list[str | Text] = (
             [block] if isinstance(block, str | Text) else [heading(block.title), *block.shown(most)]
         )
@@ -185,7 +220,7 @@ def _wrapped(text: str | Text, width: int) -> Text:
 def _hanging(line: str, width: int) -> str:
     indent = len(line) - len(line.lstrip(" "))
     further = " " * (indent + 2) if indent else ""
-    return fill(line, width, subsequent_indent=further, break_long_words=False, break_on_hyphens=False)
+    return fill(line, width, subsequent_indent=further, **WHOLE_WORDS)
 
 
 def heading(text: str) -> Text:
@@ -229,6 +264,9 @@ def _block(block: Block) -> str:
         return folded if rows > MOST_ROWS else table_html(block)
     if isinstance(block, ListSection):
         return _list(block)
+    if isinstance(block, Facts):
+        facts = "".join(f"<dt>{escape(name)}</dt><dd>{escape(words)}</dd>" for name, words in block.rows)
+        return f'<dl class="facts">{facts}</dl>'
     tag = "h3" if isinstance(block, Text) and "bold" in str(block.style) else "p"
     return f"<{tag}>{escape(str(block).strip())}</{tag}>"
 

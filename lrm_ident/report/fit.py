@@ -23,23 +23,23 @@ from lrm_math.arrays import Array
 from lrm_math.model.deployed_model import field_of, named_part
 from lrm_math.model.model import Model
 
-BAR, FACTORS_SHOWN, STRONG = 10, 8, 0.95
+BAR, FACTORS_SHOWN, STRONG, LITTLE = 10, 4, 0.95, 0.02
 FROM_DATA = (
-    "from data: share of the prior variance of a parameter that the poses removed. At 0 % it is only its typical size: "
-    "these poses cannot distinguish it from others, or do not show it."
+    "from data: share of a parameter's prior variance that the poses removed. At 0 % the estimate is only its typical "
+    "size: these poses cannot distinguish it from others, or do not show it."
 )
 IMPLAUSIBLE = "Implausible: something is missing in the model, or wrong in the data or in the arm file"
-OUTLIERS = "Outliers (beyond 5 robust standard deviations): wrong measurements, or where the model fails most:"
+MOSTLY_TOLD, OUTLIERS_SHOWN = 0.5, 6
 
 
 def error_blocks(errors: ErrorSummary, title: str) -> list[Block]:
     """A table of a model's errors, or the reason why there is no held-out error."""
     stats = [("nominal arm", errors.nominal), ("model", errors.fitted)]
     if errors.held_out.error is not None:
-        stats.append(("held out (10 joint-space blocks)", errors.held_out.error))
+        stats.append(("held out (10 blocks of poses)", errors.held_out.error))
     stats += deployed_rows(errors.held_out.deployed)
     if errors.nameless is not None:
-        stats.append(("held out, with a nameless model on top", errors.nameless.error))
+        stats.append(("held out, with a black-box model", errors.nameless.error))
     spec = f".{decimals(*(error.rms * 1e3 for _, error in stats))}f"
     columns = ["TCP error, mm", *(f"{name}|{spec}" for name in ("mean", "RMS", "max", "SD"))]
     turns = [None if error.turn_rms is None else float(np.degrees(error.turn_rms)) for _, error in stats]
@@ -61,25 +61,29 @@ def deployed_rows(deployed: DeployedError | None) -> list[tuple[str, ErrorStats]
         return []
     if deployed.otherwise is None:
         return [("as deployed, held out", deployed.now)]
-    return [("as deployed, held out", deployed.now), ("as deployed, earlier in the session", deployed.otherwise)]
+    return [("as deployed, held out", deployed.now), ("as deployed, earlier poses", deployed.otherwise)]
 
 
 def fit_document(fit: Fit, errors: ErrorSummary, data: Measurements) -> Document:
     """Result of `lrm-ident fit`, schema `lrm/fit/1`."""
     model = fit.model
     fitted, before, held_out = errors.fitted.rms, errors.nominal.rms, errors.held_out.error
-    outliers = [(data.pose[row], np.linalg.norm(fit.residual[row]) * 1e3) for row in fit.outliers]
+    outliers = [(data.pose[row], float(np.linalg.norm(fit.residual[row]) * 1e3)) for row in fit.outliers]
     how = fit_words(fit.loss.name, data.left_out)
-    unseen = "" if held_out is None else f"; on poses that it never saw it is {in_mm(held_out.rms)} mm"
+    unseen = "" if held_out is None else f"; at poses that it did not see it is {in_mm(held_out.rms)} mm"
     blocks = [
         heading(f"The RMS error {change_words(before, fitted)}{unseen}."),
         *error_blocks(errors, f"{len(data)} poses, {len(model.free)} parameters{how and '; ' + how}"),
         *section(IMPLAUSIBLE, (one.sentence for one in implausible_of(fit))),
-        *section(OUTLIERS, (f"pose {pose}: {in_mm(float(error) * 1e-3)} mm" for pose, error in outliers)),
+        *_outlier_words(outliers),
         *_without_outliers(fit, data),
+        *_told_words(fit),
+    ]
+    details = [
         parameter_table(fit),
         *([] if fit.stated is None else [FROM_DATA]),
         *section(f"Correlated above {STRONG}:", _correlated(fit)),
+        *section("Outliers:", (f"pose {pose}: {in_mm(error * 1e-3)} mm" for pose, error in outliers)),
     ]
     values = {
         "poses": len(data),
@@ -95,7 +99,23 @@ def fit_document(fit: Fit, errors: ErrorSummary, data: Measurements) -> Document
         "implausible": [{"parameter": one.key, "value": one.value, "unit": one.unit} for one in implausible_of(fit)],
         "outliers": [{"pose": pose, "error_mm": error} for pose, error in outliers],
     }
-    return Document(blocks, "lrm/fit/1", values)
+    return Document(blocks, "lrm/fit/1", values, details=details, about="every parameter with its standard error")
+
+
+def _outlier_words(outliers: Sequence[tuple[int, float]]) -> Iterator[str]:
+    """The outliers in one line."""
+    if outliers:
+        far = sorted(outliers, key=lambda one: -one[1])
+        shown = wording.enumerate_words([f"{pose} ({in_mm(error * 1e-3)} mm)" for pose, error in far], OUTLIERS_SHOWN)
+        yield f"Outliers (beyond 5 robust standard deviations): poses {shown}: wrong, or where the model fails most."
+
+
+def _told_words(fit: Fit) -> Iterator[str]:
+    """How many parameters the poses determine, where a prior holds the others."""
+    if fit.stated is not None:
+        few = int((fit.told < MOSTLY_TOLD).sum())
+        count = len(fit.told)
+        yield f"These poses determine {count - few} of {count} parameters; the others stay near their typical sizes."
 
 
 def _without_outliers(fit: Fit, data: Measurements) -> list[Block]:
@@ -116,13 +136,18 @@ def comparison_document(found: ModelComparison) -> Document:
     free = len(found.equilibrium.model.free)
     errors = ErrorSummary(found.nominal, found.error, found.held_out, found.predictable)
     field = field_of(found.equilibrium.model)
+    black_box = [] if found.predictable is None else [f"Black-box model: {in_words(found.predictable.sentence)}"]
     blocks = [
+        heading(_fails_where(found)),
         *error_blocks(errors, f"{len(data)} poses, {free} parameters"),
         *(() if field is None else field_blocks(found, field)),
         *([said] if (said := _outside(found)) else []),
-        *([] if found.predictable is None else [in_words(found.predictable.sentence)]),
+        *black_box,
         _factor_table(found.factors[:FACTORS_SHOWN]),
+    ]
+    details = [
         *(_group_table(factor) for factor in found.factors[:2]),
+        _factor_table(found.factors),
         _worst_table(found),
     ]
     values = {
@@ -146,7 +171,17 @@ def comparison_document(found: ModelComparison) -> Document:
             for row in found.worst
         ],
     }
-    return Document(blocks, "lrm/comparison/1", values)
+    about = "groups of poses, all factors, the worst poses"
+    return Document(blocks, "lrm/comparison/1", values, details=details, about=about)
+
+
+def _fails_where(found: ModelComparison) -> str:
+    """How large the error is, and what it depends on most."""
+    held_out = found.held_out.error
+    unseen = "" if held_out is None else f", held out {in_mm(held_out.rms)} mm"
+    most = found.factors[0] if found.factors else None
+    depends = "" if most is None or most.share < LITTLE else f"; it depends most on the {most.name}"
+    return f"The RMS error is {in_mm(found.error.rms)} mm{unseen}{depends}."
 
 
 def _rows_outside(found: ModelComparison) -> list[int]:
@@ -244,12 +279,12 @@ def _correlated(fit: Fit) -> Iterator[str]:
 
 def _factor_table(factors: Sequence[Factor]) -> ResultTable:
     spec = f".{decimals(*(factor.worst.error.rms * 1e3 for factor in factors))}f"
-    columns = ("split by", "explains|", "", "worst group", f"RMS mm|{spec}", "poses|")
+    columns = ("grouped by", "explains|", "", "worst group", f"RMS mm|{spec}", "poses|")
     rows = [
         (f.name, _share(f.share), "█" * round(BAR * f.share), w.label, w.error.rms * 1e3, w.count)
         for f, w in ((factor, factor.worst) for factor in factors)
     ]
-    return ResultTable(columns, rows, "Where it fails: what the residual follows")
+    return ResultTable(columns, rows, "Where the model fails: what the error depends on")
 
 
 def _share(share: float) -> str:

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.wording import decimals, enumerate_words
 from lrm_ident.diagnosis.diagnosis_report import DiagnosisReport
+from lrm_ident.report.diagnosis.conclusion import Conclusion
 from lrm_ident.report.diagnosis.diagnosis import diagnosis_document
 from lrm_ident.report.document import Document, ResultTable
 from lrm_ident.report.fit import comparison_document, estimate_table
@@ -70,6 +71,7 @@ def history_values(file: ModelFile) -> list[dict[str, object]]:
     return [
         {
             "step": entry.step,
+            "indistinguishable_from": entry.indistinguishable,
             "fit_rms_mm": entry.fit_rms_mm,
             "held_out_rms_mm": entry.held_out_rms_mm,
             "deployed_rms_mm": entry.deployed_rms_mm,
@@ -141,7 +143,17 @@ class ModelReport:
     @property
     def verdict(self) -> str:
         """The diagnosis's verdict in words; nothing as long as there is none."""
-        return "" if self.diagnosis is None else str(self.diagnosis.blocks[0])
+        return "" if self.conclusion is None else self.conclusion.headline
+
+    @property
+    def conclusion(self) -> Conclusion | None:
+        """The diagnosis's conclusion, where there is one."""
+        return None if self.diagnosis is None else cast(Conclusion, self.diagnosis.values["conclusion"])
+
+    @property
+    def facts(self) -> tuple[tuple[str, str], ...]:
+        """Labelled facts of the conclusion."""
+        return () if self.conclusion is None else self.conclusion.facts
 
     @property
     def floor_mm(self) -> float | None:
@@ -157,7 +169,7 @@ class ModelReport:
     def document(self) -> Document:
         """Result of `lrm-ident report`, schema `lrm/report/1`: those of `compare` and `diagnose`, and the history."""
         parts = [part for part in (self.diagnosis, self.comparison) if part is not None]
-        blocks = [*(block for part in parts for block in part.blocks), self.history, self.parameters, self.provenance]
+        blocks = [*(block for part in parts for block in part.whole), self.history, self.parameters, self.provenance]
         values = {
             "comparison": None if self.comparison is None else self.comparison.values,
             "diagnosis": None if self.diagnosis is None else self.diagnosis.values,

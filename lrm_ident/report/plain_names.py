@@ -1,4 +1,4 @@
-"""Names for people who have not read the catalogue: `backlash@joint2` is play in joint 2, `offsets.joint1.d_mm` δd1."""
+"""Names for people who have not read the catalogue: backlash in joint 2, δd1 for `offsets.joint1.d_mm`."""
 
 from __future__ import annotations
 
@@ -9,41 +9,41 @@ from lrm_math.effects import marked, split_key, split_name
 from lrm_math.effects.session_errors import session_words
 
 PLAIN = {
-    "offsets": "wrong geometry of {place}",
-    "compliance": "softness of {place}",
-    "servo_droop": "yielding servo of {place}",
-    "base_compliance": "rocking of the base",
-    "lateral_compliance": "sideways bending of {place}",
+    "offsets": "geometry error of {place}",
+    "compliance": "compliance of {place}",
+    "servo_droop": "servo droop of {place}",
+    "base_compliance": "base compliance",
+    "lateral_compliance": "lateral compliance of {place}",
     "bending_ends": "bending at the ends of {place}",
-    "nonlinear_stiffness": "uneven spring of {place}",
-    "backlash": "play in {place}",
-    "axial_play": "play along the axis of {place}",
+    "nonlinear_stiffness": "nonlinear stiffness of {place}",
+    "backlash": "backlash in {place}",
+    "axial_play": "axial play of {place}",
     "hysteresis": "hysteresis of {place}",
-    "servo_gain": "wrong servo scale of {place}",
-    "common_gain": "wrong scale of all servos",
-    "eccentricity": "off-centre gear of {place}",
-    "quantisation": "coarse counts of the servo of {place}",
-    "cable_spring": "cable that pulls {place}",
+    "servo_gain": "servo gain error of {place}",
+    "common_gain": "gain error of all servos",
+    "eccentricity": "gear eccentricity of {place}",
+    "quantisation": "quantisation of the servo of {place}",
+    "cable_spring": "cable pull on {place}",
     "coupling": "coupling of {place}",
-    "payload": "wrong mass of the load",
-    "mass": "wrong mass of {place}",
-    "gravity": "base that is not level",
+    "payload": "mass error of the load",
+    "mass": "mass error of {place}",
+    "gravity": "tilt of the base (direction of gravity)",
     "drift": "warm-up drift of {place}",
-    "change_point": "sudden displacement of {place}",
-    "second_change_point": "second displacement of {place}",
-    "session": "new zero of {place} in each session",
-    "measurement_frame": "wrong scale of the tracker",
-    "frame_curve": "distortion of the tracker (free curve)",
-    "anchor": "start of the distances",
-    "angle_curve": "uneven turning of {place} (free curve)",
-    "coupling_curve": "coupling of {place} (free curve)",
-    "cable_curve": "cable over {place} (free curve)",
-    "drift_curve": "drift of {place} (free curve)",
-    "torque_curve": "yielding of {place} (free curve)",
-    "bearing_curve": "loose bearing of {place} (free curve)",
-    "base_curve": "yielding of the base (free curve)",
-    "friction_curve": "friction of {place} (free curve)",
-    "residual_field": "what no name explains",
+    "change_point": "sudden shift of {place}",
+    "second_change_point": "second sudden shift of {place}",
+    "session": "session offset of {place}",
+    "measurement_frame": "tracker scale error",
+    "frame_curve": "tracker distortion (spline)",
+    "anchor": "offset of the point that distances start from",
+    "angle_curve": "angle error of {place} (spline)",
+    "coupling_curve": "coupling of {place} (spline)",
+    "cable_curve": "cable pull over {place} (spline)",
+    "drift_curve": "drift of {place} (spline)",
+    "torque_curve": "compliance of {place} (spline)",
+    "bearing_curve": "bearing clearance of {place} (spline)",
+    "base_curve": "base compliance (spline)",
+    "friction_curve": "friction of {place} (spline)",
+    "residual_field": "remaining error without a name",
 }
 OF_A_SESSION = ("drift", "drift_curve", "change_point", "second_change_point", "session")
 """Effects that may move everything alike."""
@@ -64,7 +64,7 @@ def plain_name(name: str) -> str:
 
 
 def in_words(sentence: str) -> str:
-    """A sentence with its names in words: `play in joint 2`, `joint 4`, `the angle of joint 4`."""
+    """A sentence with its names in words: `backlash in joint 2`, `joint 4`, `the angle of joint 4`."""
     return CODE_NAME.sub(_words_of, sentence)
 
 
@@ -77,8 +77,7 @@ def _words_of(found: re.Match[str]) -> str:
 
 def step_title(step: str) -> str:
     """A step of a model's history in plain words: `fit`, or the plain name of the effect that was added."""
-    added = step.removeprefix("add ").split(",")[0]
-    return plain_name(added) if step.startswith("add ") else step
+    return plain_name(step.removeprefix("add ")) if step.startswith("add ") else step
 
 
 def symbol(key: str) -> str:

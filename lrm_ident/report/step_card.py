@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
+from typing import cast
 
 import numpy as np
 
 from lrm_ident.data.error_stats import error_stats
 from lrm_ident.data.wording import in_mm
 from lrm_ident.diagnosis.diagnosis_report import with_unit
+from lrm_ident.report.diagnosis.conclusion import Conclusion
 from lrm_ident.report.document import Document
 from lrm_ident.report.plain_names import step_title
 from lrm_ident.report.plots.interactive.group_means import explained_by_means, joints_of, shown_most
@@ -90,7 +92,7 @@ def judgement(diagnosis: Document) -> EarlierDiagnosis:
     """Record of a diagnosis once an effect has been added."""
     ranking: Sequence[Mapping[str, str]] = diagnosis.values["ranking"]  # type: ignore[assignment]
     why = {f"{one['effect']}@{one['place']}": str(one["why"]) for one in ranking}
-    return EarlierDiagnosis(str(diagnosis.blocks[0]), why)
+    return EarlierDiagnosis(cast(Conclusion, diagnosis.values["conclusion"]).headline, why)
 
 
 def rivals(card: StepCard, judged: EarlierDiagnosis | None) -> tuple[tuple[str, str], ...]:
@@ -101,12 +103,12 @@ def rivals(card: StepCard, judged: EarlierDiagnosis | None) -> tuple[tuple[str, 
     why = _alone(card.rivals_mm or {}) if judged is None else judged.why
     names = dict.fromkeys((*card.equivalent, *why))
     others = [name for name in names if name != card.name][:RIVALS_KEPT]
-    return tuple((name, why.get(name, "these data cannot tell")) for name in others)
+    return tuple((name, why.get(name, "these poses cannot distinguish it")) for name in others)
 
 
 def _alone(rivals_mm: Mapping[str, float]) -> dict[str, str]:
     free = {kind.id for kind in FREE_FORMS}
-    curve = {name: "; a free curve, of more parameters" if name.split("@")[0] in free else "" for name in rivals_mm}
+    curve = {name: "; a spline, with more parameters" if name.split("@")[0] in free else "" for name in rivals_mm}
     return {name: f"alone it would have left {in_mm(left * 1e-3)} mm{curve[name]}" for name, left in rivals_mm.items()}
 
 
@@ -149,20 +151,19 @@ def _card(
 ) -> StepCard:
     before, after = ({effect.name: effect for effect in model.effects} for model in models)
     added = [effect for name, effect in after.items() if name not in before]
-    first, _, rest = entry.step.removeprefix("add ").partition(", or ")
     numbers = {name: words for effect in added for name, words in _estimates(effect, entry).items()}
     free = sum(key in entry.sigma for effect in added for key in effect.keys)
     joint, driver = _shown(added[0].place if added else "", field, number, known)
     return StepCard(
         number=number,
-        name=first,
+        name=entry.step.removeprefix("add "),
         title=_capital(step_title(entry.step)),
         claim=_claim(added, numbers),
         estimate=next(iter(numbers.values())) if free == 1 else "",
         estimates=tuple(f"{name} = {words}" for name, words in numbers.items()),
         joint=joint,
         driver=driver,
-        equivalent=tuple(rest.split(":")[0].split(", ")) if rest else (),
+        equivalent=tuple(entry.indistinguishable),
         rivals_mm=entry.rivals_mm,
         is_form=any(effect.variant_of for effect in added),
         of_present=any(name in present for effect in added for name in variants(effect)),

@@ -28,16 +28,16 @@ def _levels(excitation: Excitation) -> Iterator[str]:
         least, most = min(few.values()), max(few.values())
         levels = f"{least}" if least == most else f"{least} to {most}"
         yield (
-            f"few levels: {_joints(few)} stand at {levels} angles only, so servo "
-            "gain, eccentricity and a cable's pull on them look alike; measure five or more"
+            f"few angles: {_joints(few)} measured at {levels} angles only, so servo gain, eccentricity and cable pull "
+            "look alike there; measure at five or more"
         )
 
 
 def _order(excitation: Excitation) -> Iterator[str]:
     for joint, correlation in joints_of_order(excitation.poses.q).items():
         yield (
-            f"order: the poses run with joint {joint + 1} (correlation {correlation:.2f}), so a drift and an error "
-            "of that joint look alike; measure in random order"
+            f"order: the measurement order follows joint {joint + 1} (correlation {correlation:.2f}), so drift and an "
+            "error of that joint look alike; measure in random order"
         )
 
 
@@ -54,7 +54,7 @@ def where_it_holds(q: Array, lower: Array, upper: Array) -> str:
             parts.append(f"joint {joint + 1} at {', '.join(f'{level:g}' for level in levels)} deg only")
         elif share < MOST_OF_RANGE:
             parts.append(f"joint {joint + 1} from {angle.min():.0f} to {angle.max():.0f} deg")
-    return f"This holds where it was measured: {'; '.join(parts)}. Elsewhere nothing was tested." if parts else ""
+    return f"only where it was measured: {'; '.join(parts)}" if parts else ""
 
 
 def joints_of_order(q: Array) -> dict[int, float]:
@@ -67,18 +67,18 @@ def joints_of_order(q: Array) -> dict[int, float]:
 def _reversals(excitation: Excitation) -> Iterator[str]:
     never = [i + 1 for i in range(excitation.torque.shape[1]) if excitation.reversals(i) < FEW_REVERSALS]
     if never and excitation.poses.direction is not None:
-        yield f"no reversal: {_joints(never)} (nearly) never turned round, so hysteresis there cannot show"
+        yield f"no reversal: {_joints(never)} (almost) never reversed, so hysteresis there cannot show"
 
 
 def _signs(excitation: Excitation) -> Iterator[str]:
     same = [i + 1 for i, tau in enumerate(excitation.torque.T) if not excitation.both_signs(tau)]
     if same:
-        yield f"one-sided torque: gravity pulls {_joints(same)} to one side only; their play cannot show"
+        yield f"one-sided torque: gravity loads {_joints(same)} to one side only, so backlash there cannot show"
 
 
 def _loads(excitation: Excitation) -> Iterator[str]:
     if len(np.unique(excitation.poses.payload)) == 1:
-        yield "one load only: a spring that stiffens, play, and wrong masses are hard to tell apart; measure with two"
+        yield "one load: nonlinear stiffness, backlash and mass errors are hard to distinguish; measure with two loads"
 
 
 def _joints(numbers: Iterable[int]) -> str:

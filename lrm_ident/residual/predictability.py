@@ -85,10 +85,10 @@ class PredictableError:
         """Prediction of the residual in words, and the inputs that it follows."""
         before, after = in_mm(error_stats(self.before).rms), in_mm(self.error.rms)
         if not self.more_to_find:
-            return f"A model without names (a Gaussian process on the residual) predicts no better: {after} mm."
+            return f"a Gaussian process on the residuals predicts no better ({after} mm)"
         return (
-            f"A model without names (a Gaussian process on the residual) brings the held-out error from {before} "
-            f"to {after} mm; it follows {', '.join(self.follows)}. So much at least is left to find."
+            f"a Gaussian process on the residuals reaches {after} mm (now {before} mm), so at least that much of the "
+            f"error is systematic. It depends on {', '.join(self.follows)}."
         )
 
     def as_json(self) -> dict[str, object]:

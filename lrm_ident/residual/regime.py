@@ -30,12 +30,12 @@ UNITS = {"angle": "°", "load": " g", "order": ""}
 RankedRows = tuple[NDArray[np.bool_], NDArray[np.int64]]
 """Subset of the poses (N,), and the ranks of their residuals."""
 HINTS = {
-    ("angle", "end"): "a stop, a cable that tightens, parts that touch?",
-    ("angle", "middle"): "a gear tooth, a cable that catches?",
-    ("load", "end"): "the load's mass or centre, a spring that is not linear?",
-    ("load", "middle"): "a load that was not what it was said to be?",
-    ("order", "end"): "warming up at the start, something that came loose or moved at the end?",
-    ("order", "middle"): "something that moved or was touched meanwhile?",
+    ("angle", "end"): "Does a stop, a tight cable or another part touch there?",
+    ("angle", "middle"): "Does a gear tooth or a cable catch there?",
+    ("load", "end"): "Is the load's mass or centre wrong, or a spring not linear?",
+    ("load", "middle"): "Was another load mounted than stated?",
+    ("order", "end"): "Did the arm warm up, or something come loose or move?",
+    ("order", "middle"): "Did something move, or did somebody touch the arm?",
 }
 
 
@@ -85,8 +85,8 @@ class Regime:
         """Sentence on the concentration of the error in the interval, and on possible causes."""
         hint = HINTS[self.quantity.kind, "middle" if self.low is not None and self.high is not None else "end"]
         return (
-            f"{in_percent(self.share)} % of the squared error lies where {self.where} ({self.poses} poses): RMS "
-            f"{in_mm(self.inside)} mm there, {in_mm(self.outside)} mm elsewhere; {hint}"
+            f"{in_percent(self.share)} % of the squared error lies in {self.poses} poses ({self.where}): RMS "
+            f"{in_mm(self.inside)} mm there, {in_mm(self.outside)} mm elsewhere. {hint}"
         )
 
     def as_json(self) -> dict[str, object]:

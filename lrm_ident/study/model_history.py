@@ -36,7 +36,7 @@ from lrm_math.model.model_file import (
     to_model,
 )
 
-LEFT_OUT_SHOWN, RIVALS_NAMED = 12, 30
+LEFT_OUT_SHOWN = 12
 
 
 def model_file(
@@ -49,6 +49,7 @@ def model_file(
     before: Sequence[HistoryTable] = (),
     prior: str | None = None,
     rivals: Mapping[str, float] | None = None,
+    equivalent: Sequence[str] = (),
 ) -> ModelFile:
     """The model file of a fit: one entry appended to the history `before`.
 
@@ -57,11 +58,13 @@ def model_file(
         step: short description of the step.
         prior: name of the prior of the fit, if any.
         rivals: held-out RMS (m) of other effects that were tried at this step, each alone.
+        equivalent: effects that these poses cannot distinguish from the one that was added.
     """
     model, date = fit.model, datetime.now(UTC).isoformat(timespec="seconds")
     own = file_of(model.effects)
     entry = HistoryTable(
         step=step,
+        indistinguishable=list(equivalent),
         fit_rms_mm=error_stats(fit.residual).rms * 1e3,
         held_out_rms_mm=None if held_out.error is None else held_out.error.rms * 1e3,
         deployed_rms_mm=None if held_out.deployed is None else held_out.deployed.now.rms * 1e3,
@@ -147,12 +150,6 @@ def fit_words(loss: str, left_out: Sequence[int]) -> str:
     if left_out:
         how.append(f"{len(left_out)} poses left out: {enumerate_words(list(map(str, left_out)), LEFT_OUT_SHOWN)}")
     return "; ".join(how)
-
-
-def add_step_name(effect: str, equivalent: Sequence[str]) -> str:
-    """Name of a step in the history of a model file: the effect added, and the others of its equivalence class."""
-    rivals = f", or {enumerate_words(equivalent, RIVALS_NAMED)}: these data cannot tell" if equivalent else ""
-    return f"add {effect}{rivals}"
 
 
 def as_written(model: Model, arm: str) -> Model:

@@ -25,6 +25,7 @@ class StudyStep:
             fit's own prior.
         held_out: held-out residual, where it is known already.
         rivals: held-out RMS (m) of other effects that were tried, each alone, the least first; None where none was.
+        equivalent: effects that these poses cannot distinguish from the one that was added.
     """
 
     name: str
@@ -35,6 +36,7 @@ class StudyStep:
     prior_name: str | None = None
     held_out: HeldOutResidual | None = None
     rivals: Mapping[str, float] | None = None
+    equivalent: tuple[str, ...] = ()
 
     @property
     def prior(self) -> Prior | None:

@@ -24,7 +24,7 @@ from lrm_ident.residual.deployment.carried_states import with_carried_states
 from lrm_ident.residual.error_breakdown import HeldOutResidual, ModelComparison, NestedResidual
 from lrm_ident.residual.thresholds import MAX_EFFECTS
 from lrm_ident.study.arguments import arm_named, effect_named, measurements_of, names_of
-from lrm_ident.study.model_history import add_step_name, as_written, model_file, undo_step, write_model
+from lrm_ident.study.model_history import as_written, model_file, undo_step, write_model
 from lrm_ident.study.model_on_data import ModelOnData
 from lrm_ident.study.other_data import model_for_data
 from lrm_ident.study.step import StudyStep
@@ -145,8 +145,8 @@ class Study(ModelOnData, ShownInNotebook):
         then = replace(own, data=found.data, notices=notices)
         equivalent = found.equivalent.get(added[0].name, ()) if len(added) == 1 else ()
         rivals = found.rivals([*(one.name for one in added), *equivalent])
-        name = add_step_name(effect, equivalent)
-        return then._after(StudyStep(name, fitted, start=own.model, rivals=rivals), self)
+        step = StudyStep(f"add {effect}", fitted, start=own.model, rivals=rivals, equivalent=equivalent)
+        return then._after(step, self)
 
     def add_field(self) -> Study:
         """Adds a residual field, or fits the present one anew: a function of the joint angles that names no cause.
@@ -179,10 +179,11 @@ class Study(ModelOnData, ShownInNotebook):
         def taken(step: AutoStep) -> None:
             """Follows the run with a study."""
             nonlocal now
-            name = add_step_name(step.added, step.equivalent) if step.added else ""
+            name = f"add {step.added}" if step.added else ""
             held_out = HeldOutResidual(step.held_out, deployed=step.deployed)
             rivals = step.rivals if step.added else None
-            one = StudyStep(name, step.fit, start=now.model, held_out=held_out, rivals=rivals)
+            beside = step.equivalent
+            one = StudyStep(name, step.fit, now.model, held_out=held_out, rivals=rivals, equivalent=beside)
             now = replace(own, data=step.data)._after(one, now)
             on_step(step, now)
 
@@ -278,6 +279,7 @@ class Study(ModelOnData, ShownInNotebook):
             history,
             step.file_prior,
             step.rivals,
+            step.equivalent,
         )
 
     def view(self) -> NotebookPage:

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from lrm_ident.data.error_stats import error_stats
 from lrm_ident.data.wording import in_mm
-from lrm_ident.report.document import Document, blocks_html, table_html
+from lrm_ident.report.document import Document, Facts, blocks_html, table_html
 from lrm_ident.report.model_report import ModelReport
 from lrm_ident.report.plain_names import step_title
 from lrm_ident.report.plots.interactive.assets import LIBRARY, SCRIPTS, STYLE, THEME
@@ -76,6 +76,7 @@ BODY = """<header>
 <h1>{title}</h1>
 <p id="lrm-fall" class="lrm-fall"></p>
 <p class="verdict" id="lrm-verdict">{verdict}</p>
+<div id="lrm-facts">{facts}</div>
 <p id="lrm-next"></p>
 <p class="lrm-soft">{summary}</p>
 <div class="lrm-controls screen-only"><button type="button" id="lrm-theme">Light or dark</button></div>
@@ -179,10 +180,11 @@ def html_report(found: ModelReport) -> str:
     body = BODY.format(
         title=escape(title),
         verdict=escape(found.verdict),
+        facts=blocks_html([Facts(found.facts)] if found.facts else ()),
         summary=escape(f"{found.field.poses} poses of {found.poses.path.name}{made}"),
         ladder=escape(_ladder(found)),
-        comparison=blocks_html(found.comparison.blocks if found.comparison else ()),
-        diagnosis=blocks_html(found.diagnosis.blocks if found.diagnosis else ()),
+        comparison=blocks_html(found.comparison.whole if found.comparison else ()),
+        diagnosis=blocks_html(found.diagnosis.whole if found.diagnosis else ()),
         history=table_html(found.history),
         parameters=table_html(found.parameters),
         provenance=table_html(found.provenance),

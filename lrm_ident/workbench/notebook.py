@@ -45,9 +45,9 @@ def html_of(result: object) -> str:
     """HTML of a result. Raises `LrmError` for what is none."""
     match result:
         case ModelComparison():
-            return _tables(comparison_document(result).blocks) + _picture(result)
+            return _tables(comparison_document(result).whole) + _picture(result)
         case DiagnosisReport():
-            return _tables(diagnosis_document(result).blocks) + _picture(result)
+            return _tables(diagnosis_document(result).whole) + _picture(result)
         case AutoRun(steps=taken):
             steps: list[Block] = [block for k, step in enumerate(taken) for block in step_blocks(k, step, taken[0])]
             return _tables([*steps, *attribution_blocks(result)]) + html_of(result.report)

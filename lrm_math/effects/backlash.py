@@ -38,7 +38,7 @@ class Backlash(_Play):
         cause="Gears have play; gravity pushes the joint to one end of it or, when the torque changes sign, the other.",
         formula="δq = ½ b tanh(τ/τ0)",
         source="form after Slamani, Nubiola & Bonev 2012, smoothed at the change of sign",
-        claim="{place} has {b_rad} of play",
+        claim="{place} has {b_rad} of backlash, end to end",
         needs="torque of both signs at the joint",
     )
     parameters = (
@@ -94,7 +94,7 @@ class Hysteresis(JointEffect, LinearEffect):
         ),
         formula="δq = ½ h · direction of the joint's last move",
         source="Slamani, Nubiola & Bonev 2012",
-        claim="{place} stops {h_rad} apart when it comes from one side or the other",
+        claim="{place} stops {h_rad} apart when approached from either side",
         needs="measured order, and each joint approached from both sides",
     )
     depends_on = ("direction",)

@@ -103,7 +103,7 @@ class AngleCurve(_AngleSpline, JointEffect):
         formula="δq = cubic spline of q",
         source="cubic B-splines, de Boor 1978",
         claim="{place} errs by a curve over its own angle",
-        needs="six or more levels of the joint",
+        needs="seven or more angles of the joint",
     )
     spacing = radians(10.0)
 
@@ -123,7 +123,7 @@ class CouplingCurve(CoupledJoints, _AngleSpline):
         formula="δq_N = cubic spline of q_M",
         source="cubic B-splines, de Boor 1978",
         claim="{place} by a curve",
-        needs="six or more levels of the other joint",
+        needs="seven or more angles of the other joint",
     )
     spacing = radians(25.0)
 
@@ -144,7 +144,7 @@ class CableCurve(LinearEffect):
         formula="torque −f(q_A + q_B) on both joints, or −g(q_A − q_B) on A and +g on B; cubic splines",
         source="cubic B-splines, de Boor 1978",
         claim="a cable over {place} pulls on both",
-        needs="both joints at several levels",
+        needs="both joints at several angles",
     )
 
     @classmethod

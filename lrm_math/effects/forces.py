@@ -39,7 +39,7 @@ class CableSpring(AngleDependentEffect, LinearEffect):
         formula="torque −c (q − q0) through the joint's compliance",
         source="linear spring",
         claim="a cable pulls {place} back with {c_Nm_per_rad}",
-        needs="several levels of the joint",
+        needs="several angles of the joint",
     )
     extrapolation = Extrapolation.PROPORTIONAL
     parameters = (Parameter("c_Nm_per_rad", "stiffness of the cable", 0.2, lower=0.0),)

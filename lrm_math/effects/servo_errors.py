@@ -31,7 +31,7 @@ class ServoGain(AngleDependentEffect, LinearEffect):
         formula="δq = g+ q for q > 0, g− q for q < 0",
         source="piecewise linear table of Conenna 2024, section 3.4",
         claim="the gain of {place} is off by {g_plus_rad_per_rad} above zero and by {g_minus_rad_per_rad} below",
-        needs="five or more levels of the joint, to tell it from eccentricity",
+        needs="seven or more angles of the joint",
     )
     extrapolation = Extrapolation.PROPORTIONAL
     parameters = (
@@ -93,7 +93,7 @@ class Eccentricity(AngleDependentEffect, LinearEffect):
         formula="δq = Σ a_n sin nq + b_n (cos nq − 1), n = 1, 2",
         source="Fourier series of a periodic error of the joint",
         claim="{place} turns unevenly: {a1_rad} and {b1_rad} once a turn, {a2_rad} and {b2_rad} twice",
-        needs="five or more levels of the joint, to tell it from gain",
+        needs="seven or more angles of the joint",
     )
     extrapolation = Extrapolation.PERIODIC
     parameters = tuple(

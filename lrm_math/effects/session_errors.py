@@ -86,7 +86,7 @@ class Drift(_SessionError):
         formula="A (1 − exp(−t/T)), and c (temperature − first temperature) where measured",
         source="first-order warm-up; 15 °C in ten minutes seen on RC servos",
         claim="{place} drifts as it warms up",
-        needs="times (t_s), or poses numbered as they were measured; an order that does not run with one joint",
+        needs="times (t_s), or poses numbered as they were measured; in an order that follows no joint",
     )
 
     @classmethod
@@ -229,7 +229,7 @@ class ChangePoint(_SessionError):
         formula="a constant up to one pose, nothing after it",
         source="change point in the mean (Page 1955; Hinkley 1970), its moment searched by least squares",
         claim="{place} stood elsewhere up to {last_pose}",
-        needs="numbered poses on both sides of the moment, in an order that does not run with one joint",
+        needs="numbered poses on both sides of the moment, in an order that follows no joint",
     )
 
     @property

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
+import re
 from collections import Counter
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeAlias
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_digest import WHAT_COUNTS, arm_sha256
@@ -80,14 +81,19 @@ class DeployedTable(StrictSchema):
     offsets: dict[str, float] = {}
 
 
+SENTENCE = re.compile(r"(add \S+), or (.+): these data cannot tell")
+
+
 class HistoryTable(StrictSchema):
     """One `[[history]]` entry: a step, its errors, and the whole model after it.
 
     `deployed_rms_mm`: held-out error of the model as it is deployed, without what no rover can know.
+    `indistinguishable`: effects (`id@place`) that these poses could not distinguish from the one that was added.
     `rivals_mm`: the held-out RMS that other effects alone would have left (linear), the least first; None: not known.
     """
 
     step: str
+    indistinguishable: list[str] = []
     fit_rms_mm: float
     held_out_rms_mm: float | None = None
     deployed_rms_mm: float | None = None
@@ -100,6 +106,16 @@ class HistoryTable(StrictSchema):
     deployed: DeployedTable | None = None
     parts: PartsTable = {}
     provenance: ProvenanceTable | None = None
+
+    @model_validator(mode="before")
+    @classmethod
+    def _from_sentence(cls, table: object) -> object:
+        """Files until November 2026 had the indistinguishable effects in the step's name."""
+        written = SENTENCE.fullmatch(str(table.get("step"))) if isinstance(table, dict) else None
+        if written is None or not isinstance(table, dict):
+            return table
+        names = [name.split(" and ")[0] for name in written[2].split(", ")]
+        return {**table, "step": written[1], "indistinguishable": names}
 
 
 class ModelFile(StrictSchema):

@@ -9,12 +9,15 @@ import numpy as np
 from rich.text import Text
 
 from lrm_ident.data.error_stats import error_stats
-from lrm_ident.data.wording import enumerate_words, in_mm, p_words
+from lrm_ident.data.wording import change_words, enumerate_words, in_mm, p_words
+from lrm_ident.diagnosis.attribution import Attribution
 from lrm_ident.diagnosis.auto import AutoRun, AutoStep
 from lrm_ident.diagnosis.confirm import ConfirmedDiagnosis
-from lrm_ident.report.diagnosis.diagnosis import diagnosis_document, left_values, no_cause, took_words
+from lrm_ident.report.diagnosis.conclusion import UNKNOWN_FILES, CommandNames, conclude
+from lrm_ident.report.diagnosis.diagnosis import diagnosis_document, explains_words, left_values, no_cause
 from lrm_ident.report.document import Block, Document, ResultTable, heading
 from lrm_ident.report.fit import error_blocks, parameter_table
+from lrm_ident.report.plain_names import plain_name
 from lrm_ident.residual.error_breakdown import HeldOutResidual, NestedResidual
 from lrm_ident.residual.residual_structure import noise_floor
 from lrm_ident.residual.thresholds import MAX_UNEXPLAINED_RATIO
@@ -26,28 +29,28 @@ from lrm_math.model.deployed_model import field_of
 if TYPE_CHECKING:
     from lrm_ident.diagnosis.symbolic_regression.proposal import LawProposal
 
-RIVALS_SHOWN, BAR = 4, 20
+RIVALS_SHOWN, BAR = 4, 12
 SHOWN = 8
 
 
 def step_blocks(number: int, step: AutoStep, start: AutoStep) -> Iterator[Block]:
     """One step of `auto`: errors, rival effects, and what was freed; its bar is relative to that of the `start`."""
-    held_out, before = (error_stats(one.held_out).rms * 1e3 for one in (step, start))
-    bar = "█" * int(np.clip(round(BAR * held_out / max(before, 1e-9)), 1, 2 * BAR))
-    deployed = f"as deployed {in_mm(step.deployed.now.rms):>5s} mm"
-    fitted = f"fit {in_mm(error_stats(step.fit.residual).rms):>5s}"
-    errors = f"{fitted}  held out {in_mm(held_out * 1e-3):>5s}  {deployed} {bar}"
-    yield f"{number:3d}  {step.added or 'start':27s} {len(step.fit.model.free):3d} parameters  {errors}"
+    held_out, before = (error_stats(one.held_out).rms for one in (step, start))
+    bar = "█" * int(np.clip(round(BAR * held_out / max(before, 1e-12)), 1, BAR))
+    if not number:
+        yield heading("step  effect added                      mm RMS held out  as deployed")
+    figures = f"{in_mm(held_out):>9s}    {in_mm(step.deployed.now.rms):>9s}  {bar}"
+    yield f"{number:4d}  {step.added or 'start':40s} {figures}"
     if step.equivalent:
         rivals = enumerate_words(step.equivalent, RIVALS_SHOWN)
-        yield Text(f"       or {rivals}, or several of them: these data cannot tell", style="dim")
+        yield Text(f"      or {rivals}: these poses cannot distinguish them", style="dim")
     if step.added:
         known = noise_floor(step.data, step.fit.equilibrium).rms is not None
         present = [effect.name for effect in step.fit.model.effects]
-        reason = f"; description: {no_cause(step.refines, present, known)}" if step.describes else ""
-        yield Text(f"       {took_words(step.share, known)}{reason}", style="dim")
+        reason = f"; {no_cause(step.refines, present)}" if step.describes else ""
+        yield Text(f"      {explains_words(step.share, known)}{reason}", style="dim")
     if step.freed:
-        yield Text(f"       can be determined now: {enumerate_words(step.freed, RIVALS_SHOWN)}", style="dim")
+        yield Text(f"      now identifiable: {enumerate_words(step.freed, RIVALS_SHOWN)}", style="dim")
 
 
 def step_document(effect: str, step: StudyStep, before: ErrorSummary, after: ErrorSummary) -> Document:
@@ -58,8 +61,17 @@ def step_document(effect: str, step: StudyStep, before: ErrorSummary, after: Err
         *error_blocks(after, f"with {_said(step, effect)}: {now}"),
     ]
     errors = {"before": before, "after": after}
-    values = {name: {"fit": error.fitted, "held_out": error.held_out.error} for name, error in errors.items()}
-    return Document([*tables, parameter_table(step.fit)], "lrm/step/1", {"added": effect, "parameters": now, **values})
+    stats = {name: {"fit": error.fitted, "held_out": error.held_out.error} for name, error in errors.items()}
+    values: dict[str, object] = {"added": effect, "parameters": now, **stats}
+    blocks = [*_step_headline(effect, before, after), *tables]
+    return Document(blocks, "lrm/step/1", values, details=[parameter_table(step.fit)], about="every parameter")
+
+
+def _step_headline(effect: str, before: ErrorSummary, after: ErrorSummary) -> Iterator[Block]:
+    """How far the held-out error fell, where both are known."""
+    if before.held_out.error is not None and after.held_out.error is not None:
+        change = change_words(before.held_out.error.rms, after.held_out.error.rms)
+        yield heading(f"With {plain_name(effect)} the held-out RMS error {change}.")
 
 
 def _said(step: StudyStep, effect: str) -> str:
@@ -73,19 +85,19 @@ def course_document(
     nested: NestedResidual,
     with_prior: ErrorSummary | None,
     with_field: ErrorSummary | None = None,
+    names: CommandNames = UNKNOWN_FILES,
 ) -> Document:
     """Result of `lrm-ident auto`, schema `lrm/course/1`: the nested held-out error and the last diagnosis.
 
     with_prior: errors of the last fit, together with a prior, if there was one. with_field: with a residual field, if
-    one was added.
+    one was added. names: of the files in the commands to copy.
     """
     report, attributed = course.report, course.attributions
-    what = "Held out, effects chosen anew in every fold (nested):"
-    last: list[Block] = [f"{what} none, because {nested.reason}"]
+    last: list[Block] = [f"Cross-validated choice of effects (nested): none, because {nested.reason}"]
     if nested.error is not None:
-        deployed = "" if nested.deployed is None else f"; as deployed RMS {in_mm(nested.deployed.now.rms)} mm"
-        shown = f"{what} mean {in_mm(nested.error.mean)}, RMS {in_mm(nested.error.rms)} mm{deployed}"
-        last = [heading(shown), _chosen(nested)]
+        deployed = "" if nested.deployed is None else f", as deployed {in_mm(nested.deployed.now.rms)} mm RMS"
+        shown = f"mean {in_mm(nested.error.mean)}, RMS {in_mm(nested.error.rms)} mm held out{deployed}"
+        last = [heading(f"Cross-validated choice of effects (nested): {shown}"), _chosen(nested)]
     values = {
         "steps": [
             {
@@ -116,8 +128,10 @@ def course_document(
         **({} if with_prior is None else {"with_prior": with_prior}),
         **({} if with_field is None else {"with_residual_field_not_a_cause": with_field}),
     }
-    told = [*last, *attribution_blocks(course), *refused_blocks(course.confirmed)]
-    return Document([*told, *diagnosis_document(report).blocks], "lrm/course/1", values)
+    told = [*last, *attribution_blocks(course), *refused_blocks(course.confirmed), ""]
+    rest = diagnosis_document(report, names)
+    blocks = [*told, *conclude(report, names).blocks()]
+    return Document(blocks, "lrm/course/1", values, details=rest.details, about=rest.about)
 
 
 def refused_blocks(confirmed: ConfirmedDiagnosis) -> Iterator[Block]:
@@ -126,22 +140,32 @@ def refused_blocks(confirmed: ConfirmedDiagnosis) -> Iterator[Block]:
         f"{name} ({in_mm(before)} → {in_mm(after)} mm)" for name, (before, after) in confirmed.worse_deployed.items()
     ]
     if rises:
-        yield f"Not added, because the deployed model would be worse (held-out RMS): {enumerate_words(rises, SHOWN)}"
+        yield f"Not added, because they make the deployed model worse (held-out RMS): {enumerate_words(rises, SHOWN)}"
 
 
 def attribution_blocks(course: AutoRun) -> Iterator[Block]:
-    """The causes that are shown, and those that may stand for another one, with what is left of it."""
+    """The identified causes, the candidate causes, and the empirical terms."""
     steps = list(zip([step.added for step in course.steps[1:]], course.attributions, course.explained, strict=True))
-    if found := [name for name, one, _ in steps if one.kind == "finding"]:
-        yield heading(f"Shown to be a cause, or one of its class: {enumerate_words(found, len(found))}")
-    possible = [(name, one.unexplained, explained) for name, one, explained in steps if one.kind == "possible_cause"]
-    ratios = [f"{name} ({left / explained if explained > 0.0 else np.inf:.1f})" for name, left, explained in possible]
+
+    def named(kind: Attribution) -> list[str]:
+        return [name for name, one, _ in steps if one.kind == kind]
+
+    if found := named("finding"):
+        yield heading(f"Identified causes: {enumerate_words(found, len(found))}")
+    ratios = [
+        f"{name} ({one.unexplained / explained if explained > 0.0 else np.inf:.1f})"
+        for name, one, explained in steps
+        if one.kind == "possible_cause"
+    ]
     if ratios:
         yield (
-            f"Possible causes: {enumerate_words(ratios, len(ratios))}. In brackets: the mean square without a cause, "
-            "left at the end or taken by later steps that show none, over what the step took; above "
-            f"{MAX_UNEXPLAINED_RATIO:.2f} another cause may stand behind it."
+            f"Candidate causes: {enumerate_words(ratios, len(ratios))}. In brackets: the squared error that stays "
+            f"unexplained, divided by what the effect explains; above {MAX_UNEXPLAINED_RATIO:.2f} another cause may "
+            "stand behind it."
         )
+    if terms := named("description"):
+        listed = enumerate_words(terms, len(terms))
+        yield f"Empirical terms, which improve the prediction without an identified cause: {listed}"
 
 
 def _chosen(nested: NestedResidual) -> str:
@@ -149,7 +173,7 @@ def _chosen(nested: NestedResidual) -> str:
     often = [f"{name} {count}" for name, count in nested.frequency.items() if count > 1]
     once = sum(count == 1 for count in nested.frequency.values())
     words = [*often, *([f"{once} more once each" if often else f"{once} once each"] if once else [])]
-    return f"In how many of the {len(nested.chosen)} folds each was chosen: {', '.join(words) or 'none in any'}"
+    return f"Chosen in so many of the {len(nested.chosen)} folds: {', '.join(words) or 'none in any'}"
 
 
 def proposal_document(found: LawProposal) -> Document:
@@ -183,7 +207,7 @@ def proposal_document(found: LawProposal) -> Document:
     ]
     if found.equivalent:
         rows = [(law.formula, rms * 1e3) for law, rms in found.equivalent[:SHOWN]]
-        blocks.append(ResultTable(("law", "held out ≈ mm|.2f"), rows, "These data cannot tell it from"))
+        blocks.append(ResultTable(("law", "held out ≈ mm|.2f"), rows, "Indistinguishable with these poses"))
     if found.next_poses is not None and len(found.next_poses):
         columns = ("pose|", *(f"q{i + 1}|.0f" for i in range(found.next_poses.shape[1])))
         lines = [(number, *row) for number, row in enumerate(np.degrees(found.next_poses).tolist(), start=1)]

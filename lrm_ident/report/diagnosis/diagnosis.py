@@ -3,48 +3,40 @@
 from __future__ import annotations
 
 import re
-from collections import Counter, defaultdict
-from collections.abc import Collection, Iterator, Sequence
+from collections import defaultdict
+from collections.abc import Collection, Iterator, Mapping, Sequence
 
-import numpy as np
-
-from lrm_ident.data.wording import enumerate_words, in_mm, in_percent, named_joints, p_words, poses_words
-from lrm_ident.diagnosis.attribution import unexplained_mean_square, unexplained_ratio
+from lrm_ident.data.wording import in_mm, in_percent, named_joints, p_words, poses_words
+from lrm_ident.diagnosis.attribution import Attribution, attribution_of, unexplained_mean_square, unexplained_ratio
 from lrm_ident.diagnosis.diagnose import Diagnosis
 from lrm_ident.diagnosis.diagnosis_report import DiagnosisReport, RankedCandidate
-from lrm_ident.report.document import Block, Document, FoldedSection, ResultTable, heading, section
+from lrm_ident.report.diagnosis.conclusion import UNKNOWN_FILES, CommandNames, Conclusion, conclude, valid_where
+from lrm_ident.report.document import Block, Document, Facts, ResultTable, section
 from lrm_ident.report.plain_names import in_words, plain_name
-from lrm_ident.residual.data_audit import where_it_holds
 from lrm_ident.residual.residual_patterns import ResidualPatterns
-from lrm_ident.residual.thresholds import MAX_UNEXPLAINED_RATIO, MIN_GAIN
-from lrm_math.arm.arm import JointLimits
-from lrm_math.effects import Effect, compensable, variants
+from lrm_ident.residual.thresholds import MIN_GAIN
+from lrm_math.effects import Effect, compensable
 
-SHOWN, REFUSED_SHOWN, RANKED = 8, 4, 30
-VERDICTS = {
-    "effect_missing": "An effect is missing.",
-    "effect_describes": "An effect predicts better, but only describes: it shows no new cause.",
-    "nothing_missing": "Nothing is missing: what is left looks like the noise of the measurement.",
-    "unexplained_structure": "There is structure left that no known effect explains.",
-    "unpredictable": "Something is missing that follows no pose, load or order we know",
-    "noise_unknown": "Nothing that we know predicts what is left. Whether something is missing cannot be known",
-}
-MARKS = {
-    "supported": "● supported",
-    "indistinguishable": "◐ one of a class",
-    "no_evidence": "○ no evidence, or no need beside those above",
-}
+SHOWN, REFUSED_SHOWN, RANKED = 6, 3, 30
+STATUS = {"supported": "also missing", "indistinguishable": "indistinguishable", "no_evidence": "no evidence"}
+ATTRIBUTED: Mapping[Attribution | None, str] = {"finding": "identified", "possible_cause": "candidate cause"}
+BAR = 16
+MORAN = "spatial autocorrelation (Moran's I)"
+ABOUT = "reasons for every candidate, tests of the residuals, what these poses cannot show"
 
 
-def diagnosis_document(report: DiagnosisReport) -> Document:
-    """Result of `lrm-ident diagnose`, schema `lrm/diagnosis/1`."""
-    return Document(_blocks(report), "lrm/diagnosis/1", _values(report))
+def diagnosis_document(report: DiagnosisReport, names: CommandNames = UNKNOWN_FILES) -> Document:
+    """Result of `lrm-ident diagnose`, schema `lrm/diagnosis/1`. `names`: of the files in the commands to copy."""
+    concluded = conclude(report, names)
+    blocks = [*concluded.blocks(), *_candidates(report)]
+    return Document(blocks, "lrm/diagnosis/1", _values(report, concluded), details=_details(report), about=ABOUT)
 
 
-def _values(report: DiagnosisReport) -> dict[str, object]:
+def _values(report: DiagnosisReport, concluded: Conclusion) -> dict[str, object]:
     """Values for machines."""
     found = report.diagnosis
     return {
+        "conclusion": concluded,
         "poses": len(found.data),
         "parameters": len(found.fit.model.free),
         "error": {"fit": report.fit, "held_out": report.held_out, "as_deployed": report.deployed},
@@ -75,29 +67,59 @@ def _values(report: DiagnosisReport) -> dict[str, object]:
         "shifted": [one.sentence for one in found.shifted],
         "far_poses": [int(found.data.pose[row]) for row in report.far_rows],
         "audit": report.limitations,
-        "holds": _holds(report),
+        "holds": valid_where(report),
         "hints": report.hints,
         "not_testable": [_refusal(effect, reason) for effect, reason in found.not_testable],
         "next_poses_hint": in_words(report.hint),
     }
 
 
-def _blocks(report: DiagnosisReport) -> list[Block]:
-    """Blocks for a person."""
+def _candidates(report: DiagnosisReport) -> Iterator[Block]:
+    """The supported candidates and the best causes among the others, with what each would leave if added."""
+    before = report.held_out.rms
+    counted = [one for one in report.ranking if one.verdict != "no_evidence"][:SHOWN]
+    causes = [
+        one for one in report.ranking if one.verdict == "no_evidence" and not one.scored.candidate.effect.variant_of
+    ]
+    rows = []
+    for number, advice in enumerate([*counted, *causes[:REFUSED_SHOWN]]):
+        rms, approximate = advice.held_out_rms, "" if advice.exact else "≈ "
+        bar = "█" * max(1, min(round(BAR * rms / before), BAR))
+        rows.append((advice.name, f"{approximate}{in_mm(rms)}", bar, _status(report, number, advice)))
+    if counted or report.verdict == "unexplained_structure":
+        yield ""
+        yield ResultTable(("candidate", "mm RMS|", "", "status"), rows, "Held-out error with each candidate added")
+
+
+def _status(report: DiagnosisReport, number: int, advice: RankedCandidate) -> str:
+    """What a candidate is, in a few words."""
+    effect = advice.scored.candidate.effect
+    if advice.verdict != "no_evidence":
+        attribution = attribution_of(report) if number == 0 else None
+        if attribution == "description" or (effect.variant_of and number):
+            return "empirical term"
+        return STATUS[advice.verdict] if number or advice.equivalent else ATTRIBUTED.get(attribution, "candidate")
+    if advice.scored.implausible:
+        return "implausible size"
+    return "no evidence" if advice.scored.alone.rms > (1.0 - MIN_GAIN) * report.held_out.rms else "explains part of it"
+
+
+def _details(report: DiagnosisReport) -> list[Block]:
+    """What the conclusion rests on, for a person."""
     found = report.diagnosis
     noise = noise_words(_floor_mm(report), found.floor.source, report.left)
     blocks: list[Block] = [
-        heading(_verdict(report)),
-        f"{len(found.data)} poses, {len(found.fit.model.free)} parameters: RMS {in_mm(report.fit.rms)} mm in the "
-        f"fit, {in_mm(report.held_out.rms)} mm held out, {in_mm(report.deployed.now.rms)} mm as deployed; "
-        f"noise floor {noise}; "
-        f"likeness of neighbours (Moran's I) {found.structure.moran_i:.2f}, p {p_words(found.structure.p_value)}"
-        f"{named_joints(found.fit.model.arm)}",
-        *_far_poses(report),
-        *_may_hide(report),
-        in_words(report.left.predictable.sentence),
+        f"\n{len(found.data)} poses, {len(found.fit.model.free)} parameters{named_joints(found.fit.model.arm)}",
+        Facts(
+            (
+                ("fit error", f"{in_mm(report.fit.rms)} mm RMS"),
+                ("noise", noise),
+                ("residuals", f"{MORAN} {found.structure.moran_i:.2f}, p {p_words(found.structure.p_value)}"),
+                ("black-box model", in_words(report.left.predictable.sentence)),
+            )
+        ),
         *section(_concentrated(found), (in_words(one.sentence) for one in report.left.regimes)),
-        _ranking_table(report),
+        *section("\nCandidates, one by one", _reasons(report)),
     ]
     if found.data.several_kinds:
         blocks.append(
@@ -107,29 +129,25 @@ def _blocks(report: DiagnosisReport) -> list[Block]:
     if report.verdict == "unexplained_structure":
         ranking = found.unexplained.ranking
         lines = (f"{in_words(function.name)} would leave {in_mm(rms)} mm held out" for function, rms in ranking)
-        blocks += section("\nIts anatomy: what it acts like, and what that follows", lines)
+        blocks += section("\nStructure of the residuals: what it acts like, and what that depends on", lines)
     if found.outliers:
         blocks.append(f"\nOutliers, left out: {poses_words(found.outliers)}")
     blocks += [f"{one.sentence[0].upper()}{one.sentence[1:]}." for one in found.shifted]
-    blocks += section("\nHints that are no effects", map(in_words, report.hints))
-    blocks += section("\nWhat these data cannot show", report.limitations)
-    if refused := tuple(untestable(found.not_testable)):
-        names = ", ".join(_untestable_names(found))
-        blocks.append(FoldedSection("\nNot testable", refused, f"{names}; --all says where and why"))
-    return [*blocks, f"\nNext: {in_words(report.hint)}"]
+    blocks += section("\nPatterns in the estimates, which are no effects", map(in_words, report.hints))
+    blocks += section("\nWhat these poses cannot show", report.limitations)
+    return [*blocks, *section("\nNot testable with these poses", untestable(found.not_testable))]
+
+
+def _reasons(report: DiagnosisReport) -> Iterator[str]:
+    """One line on every candidate that is ranked."""
+    for advice in report.ranking[:RANKED]:
+        name = "" if advice.verdict != "no_evidence" else f"{plain_name(advice.name)}: "
+        yield f"{name}{in_words(advice.why)}"
 
 
 def _concentrated(found: Diagnosis) -> str:
     """Heading of the regimes."""
-    return f"\nWhere what is left is concentrated{', outliers included' if found.outlier_distances else ''}"
-
-
-def _untestable_names(found: Diagnosis) -> Iterator[str]:
-    """Effects that are not testable, and at how many of their places, where they are at others."""
-    refused = Counter(effect.id for effect, _ in found.not_testable)
-    tested = Counter(scored.candidate.effect.id for scored in found.scored)
-    for name, count in refused.items():
-        yield f"{name} at {count} of {count + tested[name]} places" if tested[name] else name
+    return f"\nWhere the error is concentrated{', outliers included' if found.outlier_distances else ''}"
 
 
 def _floor_mm(report: DiagnosisReport) -> float | None:
@@ -140,110 +158,6 @@ def _floor_mm(report: DiagnosisReport) -> float | None:
 def _refusal(effect: Effect, reason: str) -> dict[str, str]:
     needs = effect.about.needs or "poses where it moves the TCP more"
     return {"effect": effect.id, "place": effect.place, "reason": reason, "would_need": needs}
-
-
-def _verdict(report: DiagnosisReport) -> str:
-    """The verdict in words; nothing found above the noise floor is not the same as nothing missing."""
-    floor, sigma = report.diagnosis.floor.sd, report.diagnosis.fit.sigma
-    if report.verdict == "unpredictable" and floor is not None:
-        return (
-            f"{VERDICTS[report.verdict]}: the error is {sigma / floor:.2f} times the noise. It may be creep, something "
-            "loose, a target that moved, or noise larger than said; with more poses it may show what it follows."
-        )
-    if report.verdict == "noise_unknown":
-        bound = report.left.predictable.noise_bound
-        return f"{VERDICTS[report.verdict]}: the noise is not known, and at most {in_mm(bound)} mm."
-    if report.verdict == "unexplained_structure":
-        return f"{VERDICTS[report.verdict]}{_looks_like(report)}"
-    if report.first is not None:
-        why = in_words(report.first.why)
-        reason = _describes_because(report) if report.verdict == "effect_describes" else _possible_because(report)
-        return f"{VERDICTS[report.verdict]} {why[0].upper()}{why[1:]}.{reason}"
-    return VERDICTS[report.verdict]
-
-
-def _describes_because(report: DiagnosisReport) -> str:
-    """Sentence on why the first effect names no cause."""
-    found = report.diagnosis
-    refines = () if report.first is None else variants(report.first.scored.candidate.effect)
-    present, known = {effect.name for effect in found.fit.model.effects}, found.floor.rms is not None
-    return f" It {took_words(report.share, known)}: {no_cause(refines, present, known)}."
-
-
-def _possible_because(report: DiagnosisReport) -> str:
-    """Sentence on what the first effect would leave, if another cause may stand behind it."""
-    left = unexplained_ratio(report)
-    if left is None or left <= MAX_UNEXPLAINED_RATIO:
-        return ""
-    return (
-        f" It would leave {left:.1f} times as much of the mean square above the noise as it takes: a possible cause, "
-        "until it is known what else is there (auto goes on)."
-    )
-
-
-def _looks_like(report: DiagnosisReport) -> str:
-    """The free function that explains most of unexplained structure, if one saves enough to be worth a word."""
-    found, held_out = report.diagnosis.unexplained, report.held_out.rms
-    named = {function.name: rms for function, rms in found.ranking}
-    best = found.functions[0].name if found.functions else next(iter(named), "")
-    if best not in named or named[best] > (1.0 - MIN_GAIN) * held_out:
-        return ""
-    left = f"{in_mm(named[best])} of {in_mm(held_out)} mm held out"
-    return f" It looks most like {in_words(best)}, which would leave {left}."
-
-
-def _far_poses(report: DiagnosisReport) -> Iterator[str]:
-    """The few poses that hold what is left, if others show much less."""
-    rows = report.far_rows
-    if not rows:
-        return
-    fit, data, floor = report.diagnosis.fit, report.diagnosis.data, report.diagnosis.floor.sd
-    distance = np.linalg.norm(fit.residual, axis=1)
-    poses = enumerate_words([f"{data.pose[row]} ({in_mm(distance[row])} mm)" for row in rows], SHOWN)
-    others = np.delete(distance, rows)
-    sigma = fit.sigma * np.sqrt((others @ others) / (distance @ distance))
-    noise = "" if floor is None else f", {sigma / floor:.2f} times the noise"
-    which, they = ("pose", "it") if len(rows) == 1 else ("poses", "they")
-    yield (
-        f"Far off: {which} {poses}; the RMS of the others is {in_mm(float(np.sqrt(np.mean(others**2))))} mm{noise}. "
-        f"Measure there again, and near there: either {they} went wrong, or what is missing shows only there."
-    )
-    side = data.poses.direction
-    directed = any("direction" in effect.depends_on for effect in fit.model.effects)
-    if directed and side is not None and (blind := [str(data.pose[row]) for row in rows if not side[row].any()]):
-        yield (
-            f"From which side the joints came to pose {enumerate_words(blind, SHOWN)} is not known, and the model asks "
-            "for it: state start_q_deg in the file beside the data, or approach."
-        )
-
-
-def _may_hide(report: DiagnosisReport) -> Iterator[str]:
-    """How much a known cause may move the TCP without being shown, where none is."""
-    bounds = report.diagnosis.motion_bounds
-    if bounds and report.verdict in ("nothing_missing", "noise_unknown") and not report.diagnosis.data.several_kinds:
-        name = next(iter(bounds))
-        yield (
-            f"A known cause that these poses do not show moves the TCP by at most {in_mm(bounds[name])} mm RMS there "
-            f"(95 %; {plain_name(name)} the most), beyond what the fit takes up."
-        )
-    if report.verdict in ("nothing_missing", "noise_unknown") and (words := _holds(report)):
-        yield words
-
-
-def _holds(report: DiagnosisReport) -> str:
-    """Levels and ranges at which the verdict holds that nothing is missing; empty where poses cover the arm's range."""
-    limits = JointLimits.of(report.diagnosis.fit.model.arm)
-    return where_it_holds(report.diagnosis.data.poses.q, np.array(limits.lower), np.array(limits.upper))
-
-
-def _ranking_table(report: DiagnosisReport) -> ResultTable:
-    supported = sum(advice.verdict != "no_evidence" for advice in report.ranking)
-    rows = []
-    for rank, advice in enumerate(report.ranking[: min(supported, SHOWN) + REFUSED_SHOWN], start=1):
-        rms = ("" if advice.exact else "≈ ") + in_mm(advice.held_out_rms)
-        name, mark, why = advice.scored.name, MARKS[advice.verdict].split()[0], in_words(advice.why)
-        rows.append((rank, mark, name, rms, why if advice.verdict != "no_evidence" else f"{plain_name(name)}: {why}"))
-    return ResultTable(("|", "", "effect", "held out mm|", "why"), rows, "   ".join(MARKS.values()))
 
 
 def _advice(rank: int, advice: RankedCandidate, report: DiagnosisReport) -> dict[str, object]:
@@ -260,6 +174,7 @@ def _advice(rank: int, advice: RankedCandidate, report: DiagnosisReport) -> dict
         "parameters": {name: {"value": value, "se": error} for name, value, error in advice.estimates},
         "indistinguishable_from": advice.equivalent,
         "online": compensable(effect),
+        "is_form": bool(effect.variant_of),
         "why": in_words(advice.why),
     }
 
@@ -277,22 +192,22 @@ def untestable(refused: Sequence[tuple[Effect, str]]) -> Iterator[str]:
         yield in_words(f"{name} at {', '.join(places)}: {reason}")
 
 
-def took_words(share: float, floor_known: bool) -> str:
-    """Share of the error that an effect took away."""
-    return f"took {in_percent(share)} % of the mean square{' above the noise' if floor_known else ''}"
+def explains_words(share: float, floor_known: bool) -> str:
+    """Share of the squared error that an effect explains."""
+    return f"explains {in_percent(share)} % of the squared error{' above the noise' if floor_known else ''}"
 
 
-def no_cause(refines: Sequence[str], present: Collection[str], floor_known: bool) -> str:
-    """Reason why an effect that predicts better shows no new cause.
+def no_cause(refines: Sequence[str], present: Collection[str]) -> str:
+    """Reason why an effect that predicts better identifies no new cause.
 
     Args:
         refines: the effects, `effect@place`, of which it is another form. present: those of the model.
     """
     if there := [name for name in refines if name in present]:
-        return f"another form of {in_words(' and '.join(there))}, no new cause"
+        return f"another formula for {in_words(' and '.join(there))}, no new cause"
     if refines:
-        return f"a free curve that stands for {in_words(' or '.join(refines))}, no cause that was shown"
-    return f"too little to name a cause while {'so much' if floor_known else 'more'} stays"
+        return f"an empirical term that may stand for {in_words(' or '.join(refines))}"
+    return "an empirical term: it explains too little to be called a cause"
 
 
 def left_values(left: ResidualPatterns) -> dict[str, object]:
@@ -308,5 +223,9 @@ def noise_words(floor_mm: float | None, source: str, left: ResidualPatterns) -> 
     """The noise floor, or its upper bound where it is not known."""
     if floor_mm is None:
         most = f"at most {in_mm(left.predictable.noise_bound)} mm"
-        return f"unknown ({most}: the rest can be predicted)" if left.predictable.more_to_find else f"unknown ({most})"
+        return (
+            f"not known ({most}: a black-box model predicts the rest)"
+            if left.predictable.more_to_find
+            else f"not known ({most})"
+        )
     return f"{in_mm(floor_mm * 1e-3)} mm ({source})"

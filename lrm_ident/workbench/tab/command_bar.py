@@ -43,16 +43,18 @@ class CommandBar:
                 self.name = ui.label().classes("lrm-name-of-effect")
             self.undo = button("Undo", session.undo, "take the last step back (U)")
             self.redo = button("Redo", session.redo, "take it again (R)")
-            self.propose = button("Propose a law", session.propose, "where no known effect fits (P)")
-            self.poses = button("Next poses", session.next_poses, "what to measure next, to tell the rivals apart")
-            self.auto = button("Auto", session.auto, "follow the advice until it says stop")
-            self.field = button(ADD_FIELD, session.add_field, "predict what no name explains, where that surely helps")
-            self.diagnose = button("Diagnose", session.diagnose, "find out what is missing")
+            self.propose = button("Propose a formula", session.propose, "where no known effect explains the error (P)")
+            self.poses = button("Next poses", session.next_poses, "what to measure next, to distinguish the candidates")
+            self.auto = button("Auto", session.auto, "add effects as advised until none is left")
+            self.field = button(
+                ADD_FIELD, session.add_field, "predict the remaining error without a name, where that surely helps"
+            )
+            self.diagnose = button("Diagnose", session.diagnose, "find out which effect is missing")
             ui.html('<span id="lrm-asked" role="status" hidden></span>', sanitize=False)
         with ui.element("div").classes("lrm-head lrm-told"):
             ui.html(
                 '<p id="lrm-fall" class="lrm-fall"></p><p id="lrm-verdict" class="lrm-verdict" aria-live="polite"></p>'
-                '<p id="lrm-next" class="lrm-small"></p>',
+                '<div id="lrm-facts" class="lrm-small"></div><p id="lrm-next" class="lrm-small"></p>',
                 sanitize=False,
             )
             ui.element("div").classes("lrm-grow")

@@ -232,9 +232,9 @@ def step_shown(found: ModelReport) -> tasks.StepView:
 def _numbers(found: ModelReport) -> str:
     sections = {
         "What is missing, and what these data cannot show": blocks_html(
-            found.diagnosis.blocks if found.diagnosis else ()
+            found.diagnosis.whole if found.diagnosis else ()
         ),
-        "Where it fails": blocks_html(found.comparison.blocks if found.comparison else ()),
+        "Where it fails": blocks_html(found.comparison.whole if found.comparison else ()),
         "Steps": table_html(found.history),
         "Parameters": table_html(found.parameters),
         "Provenance": table_html(found.provenance),

@@ -10,7 +10,6 @@ import pytest
 import lrm_ident as lrm
 from lrm_ident.data.measurement_file.write import measurements_csv
 from lrm_ident.study.inputs import arm_from
-from lrm_ident.study.model_history import add_step_name
 from lrm_math.arm.arm_file import load_arm
 from lrm_math.effects import effects_at
 from lrm_math.errors import LrmError
@@ -133,8 +132,7 @@ def test_an_added_effect_tells_the_rest_of_its_class(folder: Path) -> None:
     assert name == "servo_gain@joint1"
     assert rest
     step = study.add(name, screened).file.history[-1]
-    assert step.step == add_step_name(name, rest)
-    assert all(one in step.step for one in rest)
+    assert (step.step, step.indistinguishable) == (f"add {name}", list(rest))
     assert step.rivals_mm is not None
     assert not {name, *rest} & step.rivals_mm.keys()
 

@@ -11,8 +11,7 @@ import numpy as np
 from lrm_ident.data.error_stats import error_stats
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.wording import in_mm, p_words, quantity
-from lrm_ident.diagnosis.attribution import ExplainedStep, attribute_steps
-from lrm_ident.report.diagnosis.diagnosis import MARKS
+from lrm_ident.diagnosis.attribution import Attribution, ExplainedStep, StepAttribution, attribute_steps
 from lrm_ident.report.document import plain
 from lrm_ident.report.model_report import ModelReport, data_of
 from lrm_ident.report.plain_names import plain_name, step_title
@@ -23,18 +22,24 @@ from lrm_ident.residual.better_prediction import takes_little
 from lrm_ident.residual.picture.error_field import COLOURS, ErrorField
 from lrm_ident.residual.thresholds import MIN_GAIN
 
-SUPPORTED, BESIDE = "supported", "beside"
+SUPPORTED, BESIDE, EMPIRICAL = "supported", "beside", "empirical"
 STANDINGS = {
-    SUPPORTED: MARKS[SUPPORTED],
-    "indistinguishable": MARKS["indistinguishable"],
+    SUPPORTED: "● supported",
+    EMPIRICAL: "◇ empirical term, no identified cause",
+    "indistinguishable": "◐ indistinguishable with these poses",
     BESIDE: "● supported beside the first",
-    "explains_too": "◌ explains it too, the simpler one suffices",
+    "explains_too": "◌ explains it too, with more parameters",
     "as_well": "◌ explains it too, no better than the first",
     "partly": "◔ explains part of it",
     "no_evidence": "○ no evidence",
     "refused": "✕ cannot be the cause",
 }
 """What is to be made of a candidate, in the order of the list."""
+LABELS: Mapping[Attribution, str] = {
+    "finding": "identified cause",
+    "possible_cause": "candidate cause",
+    "description": "empirical term, no identified cause",
+}
 
 
 def figure_values(found: ModelReport) -> dict[str, Any]:
@@ -47,6 +52,7 @@ def figure_values(found: ModelReport) -> dict[str, Any]:
             {"name": one.name, "label": one.label, "values": rounded(one.shown, 4)} for one in found.covariates
         ],
         "verdict": found.verdict,
+        "facts": [[label, words] for label, words in found.facts],
         "steps": [_step(found, number) for number in range(len(found.field.steps))],
         "fitted": len((found.file.history[0] if found.file.history else found.file).parameters),
         "history": [_entry(found, number) for number in range(len(found.file.history))],
@@ -132,9 +138,9 @@ def _entry(found: ModelReport, number: int) -> dict[str, Any]:
 
 
 def _cards(found: ModelReport) -> list[dict[str, Any]]:
-    """The cards with the errors of their steps, and for possible causes what is unexplained over what the step took."""
+    """The cards with the errors of their steps, and what each step shows: an identified cause, a candidate, or none."""
     falls = [error_fall(found.file, found.field, card.number, found.poses.sha256) for card in found.cards]
-    ratios: list[float | None] = [None] * len(falls)
+    shown = [_shown(card.is_form, None) for card in found.cards]
     if found.unexplained_mean_square_mm2 is not None and all(fall.held_out for fall in falls):
         floor, pairs = found.floor_mm or 0.0, zip(found.cards, falls, strict=True)
         steps = [
@@ -142,25 +148,31 @@ def _cards(found: ModelReport) -> list[dict[str, Any]]:
             for card, fall in pairs
         ]
         attributed = zip(attribute_steps(steps, found.unexplained_mean_square_mm2), steps, strict=True)
-        ratios = [
-            one.unexplained / step.explained if one.kind == "possible_cause" and step.explained > 0.0 else None
+        shown = [
+            {**_shown(step.describes, one), "ratio": one.unexplained / step.explained if step.explained > 0.0 else None}
             for one, step in attributed
         ]
-    return [_card(found, *each) for each in zip(found.cards, falls, ratios, strict=True)]
+    return [_card(found, *each) for each in zip(found.cards, falls, shown, strict=True)]
 
 
-def _card(found: ModelReport, card: StepCard, fall: ErrorFall, left: float | None) -> dict[str, Any]:
+def _shown(describes: bool, one: StepAttribution | None) -> dict[str, Any]:
+    """What a step shows, and its label; without an attribution, as of errors that are not held out, what is sure."""
+    kind: Attribution | None = one.kind if one is not None else "description" if describes else None
+    return {"shows": kind, "label": "" if kind is None else LABELS[kind], "ratio": None}
+
+
+def _card(found: ModelReport, card: StepCard, fall: ErrorFall, shown: Mapping[str, Any]) -> dict[str, Any]:
     floor = found.floor_mm
     judged = (found.judged or {}).get(card.number - 1)
     return {
         **plain(card),
         **plain(fall),
         "share": fall.share_of_excess(floor),
-        "left": left,
+        **shown,
         "rivals": [{"name": name, "title": plain_name(name), "why": why} for name, why in rivals(card, judged)],
         "equivalent": [plain_name(name) for name in card.equivalent],
         "asked": judged is not None or card.rivals_mm is not None,
-        "unrivalled": fall.held_out and card.unrivalled(fall.after),
+        "unrivalled": shown["shows"] == "finding" and fall.held_out and card.unrivalled(fall.after),
     }
 
 
@@ -192,7 +204,7 @@ def _ranking(found: ModelReport, ranking: Any) -> list[dict[str, Any]]:
     first = known[0][1] if known else None
     weighted, order = found.poses.several_kinds, list(STANDINGS)
     out = [
-        _candidate(view, advice, _standing(view["refused"], advice, first, weighted), weighted)
+        _candidate(view, advice, _standing(view["refused"], advice["is_form"], advice, first, weighted), weighted)
         for view, advice in known
     ]
     top = 0 if first is None or first["verdict"] == "no_evidence" else 1
@@ -200,9 +212,13 @@ def _ranking(found: ModelReport, ranking: Any) -> list[dict[str, Any]]:
     return out[:top] + sorted(out[top:], key=lambda one: (order.index(one["standing"]), left[one["name"]]))
 
 
-def _standing(refused: str, advice: Mapping[str, Any], first: Mapping[str, Any] | None, weighted: bool) -> str:
+def _standing(
+    refused: str, is_form: bool, advice: Mapping[str, Any], first: Mapping[str, Any] | None, weighted: bool
+) -> str:
     """One of `STANDINGS`: the verdict, but of those without evidence what would help is told apart."""
     if advice["verdict"] != "no_evidence":
+        if advice["verdict"] == SUPPORTED and is_form:
+            return EMPIRICAL
         return BESIDE if advice is not first and advice["verdict"] == SUPPORTED else str(advice["verdict"])
     if refused:
         return "refused"

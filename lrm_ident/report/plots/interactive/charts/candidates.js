@@ -84,7 +84,7 @@ function lrmCandidates(page) {
     const lines = [element("p", one.why)], numbers = element("details", "", "lrm-soft");
     lines.push(element("p", one.online ? "The rover can compensate it." : "Explains a measurement session; never deployed silently.",
       "lrm-soft"));
-    if (one.rivals.length) lines.push(element("p", "These data cannot tell it from " + one.rivals.join(", ") + ".", "lrm-soft"));
+    if (one.rivals.length) lines.push(element("p", "These poses cannot distinguish it from " + one.rivals.join(", ") + ".", "lrm-soft"));
     numbers.append(element("summary", `${one.estimates.length} coefficient${one.estimates.length > 1 ? "s" : ""}, p ${one.p}`), element("p", one.estimates.join(", ")));
     return [...lines, explained(one.about), numbers];
   }

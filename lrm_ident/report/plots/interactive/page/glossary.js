@@ -7,8 +7,11 @@ const lrmGlossary = (() => {
     "as deployed": "of the model that the arm gets: without the effects of the measurement session and of the tracker, whose last state stays in the offsets",
     "RMS": "root mean square: the typical size of the error, in which large errors count more",
     "noise floor": "the error that the measurement itself makes; no model can be better",
-    "Moran's I": "likeness of neighbours: 0 if the errors of neighbouring poses have nothing in common, 1 if they are the same",
-    "nameless": "a model that predicts errors from the pose without knowing any cause: what it gains could still be explained",
+    "Moran's I": "spatial autocorrelation of the residuals: 0 if the errors of neighbouring poses have nothing in common, 1 if they are the same",
+    "black-box model": "a Gaussian process that predicts the residuals from the pose without a physical cause: what it explains is systematic",
+    "empirical term": "it improves the prediction; these poses do not identify its cause",
+    "identified cause": "its own parameters are significant, it predicts unseen poses better, and little else stays unexplained",
+    "candidate cause": "it predicts unseen poses better, but so much stays unexplained that another cause may stand behind it",
     "turn of joint": "the error as the angle by which this joint alone would have to turn to make it",
   };
   const ANY = new RegExp(`(${Object.keys(WORDS).sort((a, b) => b.length - a.length).join("|")})`);

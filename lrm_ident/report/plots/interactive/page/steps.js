@@ -14,13 +14,24 @@ function lrmSteps(page) {
     const box = place("fall"), v = state.values, number = state.step, card = v.cards.find((one) => one.number === number);
     if (!box) return;
     const what = card ? named(card) : number ? v.steps[number].title : `${v.fitted} parameters fitted`;
+    const whole = number && number === v.steps.length - 1 && number > 1 ? storyOf(number) : "";
     const [from, to] = card ? [card.before, card.after] : [number ? v.steps[number - 1].rms : v.nominalRms, v.steps[number].rms];
     const held = number || heldOut(0) === null ? "" : `; ${inMm(heldOut(0))} held out`;
     const kind = card && card.held_out ? "held-out RMS" : number ? "RMS on these data" : `RMS from nominal to fitted${held}`;
     const figure = element("span", `${words(Number(from))} → ${inMm(to)}`, "lrm-fall-figure");
-    box.replaceChildren(element("span", what + ": ", "lrm-fall-what"), figure, " ",
+    if (whole) {
+      box.replaceChildren(element("span", whole, "lrm-fall-figure"), " ",
+        element("span", ["held-out RMS", deployedWords(number), floorWords()].filter(Boolean).join(", "), "lrm-soft"));
+    } else box.replaceChildren(element("span", what + ": ", "lrm-fall-what"), figure, " ",
       element("span", [kind, deployedWords(number), floorWords()].filter(Boolean).join(", "), "lrm-soft"));
     lrmGlossary(box);
+  }
+
+  // The whole course: nominal, after the fit, after the last step; nothing where held-out errors are not known.
+  function storyOf(last) {
+    if (heldOut(0) === null || heldOut(last) === null) return "";
+    const steps = `${last} effect${last > 1 ? "s" : ""}`;
+    return `nominal ${words(Number(state.values.nominalRms))} → fit ${words(heldOut(0))} → ${steps} ${inMm(heldOut(last))}`;
   }
 
   // What the arm gets of a step: its held-out error without what no rover can know.
@@ -38,7 +49,7 @@ function lrmSteps(page) {
   // What a step found; what the data cannot tell it from is named with it.
   function named(card) {
     const others = card.equivalent, more = others.length > 2 ? `, or one of ${others.length - 1} more` : "";
-    const rivals = others.length ? ` (or ${others.slice(0, others.length > 2 ? 1 : 2).join(", or ")}${more}: these data cannot tell)` : "";
+    const rivals = others.length ? ` (or ${others.slice(0, others.length > 2 ? 1 : 2).join(", or ")}${more}: these poses cannot distinguish them)` : "";
     return [card.title, card.estimate].filter(Boolean).join(", ") + rivals;
   }
 
@@ -47,9 +58,18 @@ function lrmSteps(page) {
     const box = place("verdict"), v = state.values, last = v.steps.length - 1, next = place("next");
     if (next) next.textContent = state.step === last && v.next ? `Next: ${v.next}` : "";
     if (!box) return;
+    drawFacts(place("facts"), state.step === last ? v.facts : []);
     const own = state.step === last ? v.verdict : v.steps[state.step].verdict;
     const earlier = own ? `At step ${state.step}, before what came next: ${own}` : `Step ${state.step} of ${last} is shown; its diagnosis is not kept.`;
     box.textContent = state.step === last ? own : earlier;
+  }
+
+  // Labelled facts of the verdict that is shown.
+  function drawFacts(box, facts) {
+    if (!box) return;
+    const list = element("dl", "", "facts");
+    list.append(...facts.flatMap(([label, said]) => [element("dt", label), element("dd", said)]));
+    box.replaceChildren(...(facts.length ? [list] : []));
   }
 
   // Titles of steps stand at their ticks where they fit, which is known once the figure is on the screen.
@@ -117,24 +137,25 @@ function lrmSteps(page) {
 
   // What is known of other effects where none is listed; else how to learn it.
   function others(card) {
-    if (card.asked) return "No other effect was near.";
+    if (card.asked) return "No other effect came close.";
     const steps = state.values.steps.length - card.number, times = steps > 1 ? ` ${steps} times` : "";
-    return `What else it could have been is not in the model file: take ${steps > 1 ? "these steps" : "this step"} back` +
+    return `What else it could have been is not in the model file: undo ${steps > 1 ? "these steps" : "this step"}` +
       ` (lrm-ident undo${times}) and diagnose the model before it (lrm-ident diagnose).`;
   }
 
   function article(card) {
     const out = element("article", "", "lrm-card-of-step"), fall = `${words(card.before)}\u00a0→\u00a0${inMm(card.after)}`;
     const heading = element("h3", `${card.number}. ${named(card)}: ${fall}`);
-    const share = card.share === null ? "" : `; ${Math.round(100 * card.share)} % of the mean square above the noise`;
-    const left = card.left === null ? "" : ` ${words(card.left)} times as much is without a cause, at the end or in later steps: a possible cause.`;
+    const share = card.share === null ? "" : `; explains ${Math.round(100 * card.share)} % of the squared error above the noise`;
+    const left = card.shows !== "possible_cause" || card.ratio === null ? "" : ` ${words(card.ratio)} times as much squared error stays unexplained, so another cause may stand behind it.`;
     const says = element("div", "", "lrm-card-says");
+    if (card.label) heading.append(" ", element("span", card.label, "lrm-label lrm-shows-" + card.shows));
     says.append(element("p", `${card.claim ? (card.equivalent.length ? "If it is this one: " : "") + card.claim + ". " : ""}${card.held_out ? "Held-out RMS" : "RMS on these data"}: ${fall}${share}.${left}`));
     if (card.unrivalled) says.append(element("p", "No other effect explained it as well."));
     if (card.rivals.length) {
       const list = element("ul");
       list.append(...card.rivals.map((one) => element("li", `${one.title} (${one.name}): ${one.why}`)));
-      says.append(element("h4", card.equivalent.length ? "What else it could be" : "What else it could have been, and why not"), list);
+      says.append(element("h4", card.equivalent.length ? "What else it could be" : "The other candidates, and why they were not taken"), list);
     } else if (!card.unrivalled) says.append(element("p", others(card), "lrm-soft"));
     const figure = element("div", "", "lrm-figure lrm-card-figure"), more = element("details", "", "lrm-soft");
     figure.id = "lrm-card-" + card.number;

@@ -1,0 +1,299 @@
+"""Conclusion of a diagnosis: what is missing, its figures, how certain that is, and what to do next.
+
+The one source of a verdict in words: terminal, page, report and notebook show these lines.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from lrm_ident.data.wording import enumerate_words, in_mm, in_percent
+from lrm_ident.diagnosis.attribution import Attribution, attribution_of, unexplained_ratio
+from lrm_ident.diagnosis.diagnosis_report import DiagnosisReport, RankedCandidate
+from lrm_ident.report.document import Block, Facts, heading, section
+from lrm_ident.report.plain_names import in_words, plain_name
+from lrm_ident.residual.data_audit import where_it_holds
+from lrm_ident.residual.thresholds import MAX_UNEXPLAINED_RATIO, MIN_GAIN
+from lrm_math.arm.arm import JointLimits
+from lrm_math.effects import variants
+
+LISTED, REASONS, POSES_TO_MEASURE = 4, 4, 40
+HEADLINES = {
+    "effect_describes": "No cause identified. The error is systematic, but these poses do not determine its cause.",
+    "nothing_missing": "No missing effect found: the remaining error is as large as the noise of the measurement.",
+    "unexplained_structure": "No cause identified. The error is systematic, but no known effect explains it.",
+    "unpredictable": "No cause identified. The error exceeds the noise, but nothing that was measured predicts it.",
+    "noise_unknown": "No missing effect found, but the measurement noise is not known, so one may be hidden in it.",
+}
+"""First lines of the verdicts that name no effect to add as a cause."""
+
+
+@dataclass(frozen=True)
+class CommandNames:
+    """Names of the files that commands to copy stand for; in capitals where they are not known."""
+
+    model: str = "MODEL"
+    data: str = "DATA"
+    arm: str = "ARM"
+
+
+UNKNOWN_FILES = CommandNames()
+
+
+@dataclass(frozen=True)
+class NextStep:
+    """What to do next: an imperative, and the command for it where there is one."""
+
+    words: str
+    command: str = ""
+
+
+@dataclass(frozen=True)
+class Conclusion:
+    """A verdict for people.
+
+    Attributes:
+        headline: one sentence. facts: labelled figures, among them how certain the headline is.
+        reasons: why these poses determine no more, where that matters. next: what to do, the best first.
+    """
+
+    headline: str
+    facts: tuple[tuple[str, str], ...]
+    reasons: tuple[str, ...]
+    next: tuple[NextStep, ...]
+
+    def blocks(self) -> list[Block]:
+        """The conclusion on a terminal."""
+        steps: list[Block] = [""]
+        for number, step in enumerate(self.next):
+            lead = "Next: " if number == 0 else "  or: "
+            steps += [f"{lead}{step.command or step.words}", *([f"      {step.words}"] if step.command else [])]
+        why = section("Why these poses determine no more", self.reasons)
+        return [heading(self.headline), Facts(self.facts), *why, *(steps if self.next else ())]
+
+    def as_json(self) -> dict[str, object]:
+        """The table `conclusion`."""
+        return {
+            "headline": self.headline,
+            "facts": dict(self.facts),
+            "reasons": self.reasons,
+            "next": [{"do": step.words, "command": step.command or None} for step in self.next],
+        }
+
+
+def conclude(report: DiagnosisReport, names: CommandNames = UNKNOWN_FILES) -> Conclusion:
+    """The conclusion of a diagnosis. `names`: of the files in its commands."""
+    attribution, rivals = attribution_of(report), report.first.equivalent if report.first else ()
+    tells_why = attribution != "finding" or rivals or report.verdict == "unexplained_structure"
+    quiet = report.verdict in ("nothing_missing", "noise_unknown")
+    return Conclusion(
+        headline=_headline(report, attribution),
+        facts=tuple((label, words) for label, words in _facts(report, attribution) if words),
+        reasons=report.limitations[:REASONS] if tells_why and not quiet else (),
+        next=tuple(_next_steps(report, attribution, names)),
+    )
+
+
+def _headline(report: DiagnosisReport, attribution: Attribution | None) -> str:
+    first = report.first
+    if first is None or attribution is None:
+        return HEADLINES[report.verdict]
+    if attribution == "description":
+        return _empirical_headline(report, first)
+    what = _titled(first.name)
+    if attribution == "possible_cause":
+        return f"An effect is missing. The best candidate: {what}"
+    if first.equivalent:
+        return f"Missing effect: {what}, or another that these poses cannot distinguish from it"
+    return f"Missing effect: {what}"
+
+
+def _empirical_headline(report: DiagnosisReport, first: RankedCandidate) -> str:
+    refined = set(variants(first.scored.candidate.effect)) & {one.name for one in report.diagnosis.fit.model.effects}
+    if refined:
+        return f"No new cause: the formula of {enumerate_words(sorted(map(plain_name, refined)), LISTED)} is not exact."
+    if first.scored.candidate.effect.variant_of:
+        return HEADLINES["effect_describes"]
+    return "No cause identified: the best effect explains too little of the error to be called its cause."
+
+
+def _facts(report: DiagnosisReport, attribution: Attribution | None) -> Iterator[tuple[str, str]]:
+    """Labelled facts; those without words are left out."""
+    first = report.first
+    if first is not None and attribution != "description":
+        yield "estimate", in_words(first.claim)
+    yield "held-out error", _held_out(report)
+    if first is None or first.deployed is None:
+        yield "as deployed", _deployed(report)
+    else:
+        yield "as deployed", _fall(report.deployed.now.rms, first.deployed.now.rms)
+    if first is not None and attribution is not None:
+        label = "empirical term" if attribution == "description" else "certainty"
+        yield label, _certainty(report, first, attribution)
+    if first is None or attribution != "finding":
+        yield "black-box model", in_words(report.left.predictable.sentence)
+    if report.verdict == "unexplained_structure":
+        yield "acts most like", _looks_like(report)
+    yield "where", in_words(report.left.regimes[0].sentence) if report.left.regimes else ""
+    yield "far off", " ".join(_far_poses(report))
+    if report.verdict in ("nothing_missing", "noise_unknown"):
+        yield "may hide", _may_hide(report)
+        yield "valid", valid_where(report)
+
+
+def valid_where(report: DiagnosisReport) -> str:
+    """Angles and ranges at which the verdict holds; empty where the poses cover the arm's range."""
+    limits = JointLimits.of(report.diagnosis.fit.model.arm)
+    return where_it_holds(report.diagnosis.data.poses.q, np.array(limits.lower), np.array(limits.upper))
+
+
+def _titled(name: str) -> str:
+    """An effect in plain words, with its code name."""
+    return f"{plain_name(name)} ({name})"
+
+
+def _fall(before: float, after: float) -> str:
+    return f"{in_mm(before)} → {in_mm(after)} mm RMS"
+
+
+def _held_out(report: DiagnosisReport) -> str:
+    floor, sd = report.diagnosis.floor.rms, report.diagnosis.floor.sd
+    bound = f"measurement noise not known, at most {in_mm(report.left.predictable.noise_bound)} mm"
+    noise = bound if floor is None else f"measurement noise {in_mm(floor)} mm"
+    if report.verdict == "unpredictable" and sd is not None:
+        noise += f": the error is {report.diagnosis.fit.sigma / sd:.2f} times as large"
+    error, first = report.held_out.rms, report.first
+    return f"{f'{in_mm(error)} mm RMS' if first is None else _fall(error, first.held_out_rms)} ({noise})"
+
+
+def _deployed(report: DiagnosisReport) -> str:
+    """The error as deployed, where it is another than in the session."""
+    deployed, shown = report.deployed, report.held_out.rms
+    if in_mm(deployed.now.rms) == in_mm(shown) and deployed.otherwise is None:
+        return ""
+    earlier = "" if deployed.otherwise is None else f"; {in_mm(deployed.otherwise.rms)} mm earlier in the session"
+    return f"{in_mm(deployed.now.rms)} mm RMS{earlier}"
+
+
+def _certainty(report: DiagnosisReport, first: RankedCandidate, attribution: Attribution) -> str:
+    if attribution == "description":
+        return _explains(report, first)
+    beside = enumerate_words([plain_name(name) for name in first.equivalent], LISTED)
+    if attribution == "possible_cause":
+        ratio = unexplained_ratio(report) or 0.0
+        rivals = f" These poses cannot distinguish it from {beside}." if beside else ""
+        return (
+            f"candidate cause: {ratio:.1f} times as much squared error stays unexplained as it explains (limit "
+            f"{MAX_UNEXPLAINED_RATIO:.2f}), so another cause may stand behind it.{rivals}"
+        )
+    if beside:
+        return f"identified as one of {len(first.equivalent) + 1}: indistinguishable from {beside} with these poses"
+    unsure = "" if report.diagnosis.floor.rms is not None else "; how much stays unexplained is not known"
+    return f"identified{_runner_up(report, first)}{unsure}"
+
+
+def _runner_up(report: DiagnosisReport, first: RankedCandidate) -> str:
+    """The next best effect that could be the cause, and what it would leave; splines of several causes are none."""
+    own = {first.name, *variants(first.scored.candidate.effect)}
+    others = [
+        one
+        for one in report.ranking
+        if one is not first
+        and one.scored.candidate.effect.names_a_cause
+        and not one.scored.candidate.effect.variant_of
+        and one.name not in own
+        and not one.scored.implausible
+    ]
+    if not others:
+        return ""
+    least = min(others, key=lambda one: one.scored.alone.rms)
+    return f": the next best effect, {plain_name(least.name)}, would leave {in_mm(least.scored.alone.rms)} mm"
+
+
+def _explains(report: DiagnosisReport, first: RankedCandidate) -> str:
+    """What an empirical term explains, and the causes that it may stand for."""
+    above = " above the noise" if report.diagnosis.floor.rms is not None else ""
+    share = f"{_titled(first.name)} explains {in_percent(report.share)} % of the squared error{above}"
+    present = {effect.name for effect in report.diagnosis.fit.model.effects}
+    causes = [plain_name(name) for name in variants(first.scored.candidate.effect) if name not in present]
+    return f"{share}. It may stand for {enumerate_words(causes, LISTED)}." if causes else f"{share}."
+
+
+def _looks_like(report: DiagnosisReport) -> str:
+    """The free function that explains most of an unexplained error, if it explains enough to be worth a word."""
+    found, held_out = report.diagnosis.unexplained, report.held_out.rms
+    named = {function.name: rms for function, rms in found.ranking}
+    best = found.functions[0].name if found.functions else next(iter(named), "")
+    if best not in named or named[best] > (1.0 - MIN_GAIN) * held_out:
+        return ""
+    return f"{in_words(best)}: it would leave {in_mm(named[best])} of {in_mm(held_out)} mm"
+
+
+def _far_poses(report: DiagnosisReport) -> Iterator[str]:
+    """The few poses that hold most of the error, if the others show much less."""
+    rows = report.far_rows
+    if not rows:
+        return
+    fit, data, floor = report.diagnosis.fit, report.diagnosis.data, report.diagnosis.floor.sd
+    distance = np.linalg.norm(fit.residual, axis=1)
+    poses = enumerate_words([f"{data.pose[row]} ({in_mm(distance[row])} mm)" for row in rows], 2 * LISTED)
+    others = np.delete(distance, rows)
+    sigma = fit.sigma * np.sqrt((others @ others) / (distance @ distance))
+    noise = "" if floor is None else f", {sigma / floor:.2f} times the noise"
+    which = "pose" if len(rows) == 1 else "poses"
+    yield (
+        f"{which} {poses}; the others have {in_mm(float(np.sqrt(np.mean(others**2))))} mm RMS{noise}. Measure there "
+        "again and nearby: either these measurements are wrong, or the missing effect shows only there."
+    )
+    side = data.poses.direction
+    directed = any("direction" in effect.depends_on for effect in fit.model.effects)
+    if directed and side is not None and (blind := [str(data.pose[row]) for row in rows if not side[row].any()]):
+        yield (
+            f"The direction of approach of pose {enumerate_words(blind, 2 * LISTED)} is not known, and the model needs "
+            "it: state start_q_deg in the file beside the data, or the columns approach."
+        )
+
+
+def _may_hide(report: DiagnosisReport) -> str:
+    """How far a known effect may move the TCP without being shown."""
+    bounds = report.diagnosis.motion_bounds
+    if not bounds or report.diagnosis.data.several_kinds:
+        return ""
+    name = next(iter(bounds))
+    return f"a known effect of at most {in_mm(bounds[name])} mm RMS at these poses (95 %; {plain_name(name)})"
+
+
+def _next_steps(report: DiagnosisReport, attribution: Attribution | None, names: CommandNames) -> Iterator[NextStep]:
+    first = report.first
+    if first is None or attribution is None:
+        yield _without_effect(report, names)
+        return
+    add = f"lrm-ident add {names.model} {names.data} {first.name} -o better.toml"
+    causes = _causes(report, first, attribution)
+    if len(causes) > 1:
+        separate = f"--separate {','.join(causes[:LISTED])} --have {names.data} -n {POSES_TO_MEASURE} -o next.csv"
+        yield NextStep(report.hint, f"lrm-ident design {names.arm} --model {names.model} {separate}")
+    if attribution == "description":
+        now = f"Use this empirical term now ({_fall(report.held_out.rms, first.held_out_rms)} held out)."
+        yield NextStep(now, add)
+    else:
+        yield NextStep("Add it, refit everything, and diagnose again (auto repeats both until nothing is left).", add)
+
+
+def _causes(report: DiagnosisReport, first: RankedCandidate, attribution: Attribution) -> Sequence[str]:
+    """Effects that poses to be measured could distinguish."""
+    known: Collection[str] = {one.name for one in report.ranking}
+    stands_for = variants(first.scored.candidate.effect) if attribution == "description" else (first.name,)
+    return [name for name in dict.fromkeys((*stands_for, *first.equivalent)) if name in known]
+
+
+def _without_effect(report: DiagnosisReport, names: CommandNames) -> NextStep:
+    """The next step after a verdict without an effect to add."""
+    command = {
+        "nothing_missing": f"lrm deploy {names.model}",
+        "unexplained_structure": f"lrm-ident propose {names.model} {names.data} -o law.py",
+    }
+    return NextStep(report.hint, command.get(report.verdict, ""))
