@@ -214,7 +214,7 @@ def _runner_up(report: DiagnosisReport, first: RankedCandidate) -> str:
 
 
 def _explains(report: DiagnosisReport, first: RankedCandidate) -> str:
-    """What an empirical term explains, and the causes that it may stand for."""
+    """Share of the squared error that an empirical term explains, and the causes that it may stand for."""
     above = " above the noise" if report.diagnosis.floor.rms is not None else ""
     share = f"{_titled(first.name)} explains {in_percent(report.share)} % of the squared error{above}"
     present = {effect.name for effect in report.diagnosis.fit.model.effects}

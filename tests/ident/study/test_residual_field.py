@@ -140,7 +140,7 @@ def test_the_real_arm_is_predicted_better(real: Measurements, tmp_path: Path) ->
 def test_the_command_adds_it_and_says_that_it_is_no_cause(real: Measurements, tmp_path: Path) -> None:
     Study.of(replace(real, arm_name="lrm-lab")).fit("option1").save(tmp_path / "plain.toml")
     words = ("add", tmp_path / "plain.toml", real.path, "residual_field", "-o", tmp_path / "field.toml")
-    out = " ".join(stdout_of(*words).split())
+    out = " ".join(stdout_of(*words, "--all").split())
     assert WHAT_IT_IS in out
     assert "numbers of a residual field, which are not causes" in out
     assert "residual_field.tool" not in out, "no coefficient means anything alone"
