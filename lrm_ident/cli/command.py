@@ -13,6 +13,7 @@ from typer import Option, Typer
 
 from lrm_ident.cli.app import app
 from lrm_ident.cli.arguments import CompanionFiles
+from lrm_ident.cli.examples import examples_of
 from lrm_ident.data.atomic_write import check_outputs, is_something_else
 from lrm_ident.report.plots.style import check_format
 from lrm_math.errors import LrmError
@@ -47,7 +48,7 @@ def command_of(group: Typer, name: str | None = None) -> Callable[[Callable[...,
         """Adds the function to the group under its own name."""
         own = name or function.__name__.rstrip("_").replace("_", "-")  # `import_` is the command `import`
         in_short = " ".join((inspect.getdoc(function) or "").partition("\n\n")[0].split())
-        group.command(own, short_help=in_short)(_checked(function))
+        group.command(own, short_help=in_short, epilog=examples_of(own))(_checked(function))
         return function
 
     return register

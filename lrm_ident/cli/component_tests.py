@@ -34,7 +34,7 @@ def stiffness(
     json: arg.JsonFile = None,
     figure: arg.FigureFile = None,
 ) -> None:
-    """Test one servo under load: slope, linearity, and the loop between loading and unloading."""
+    """Measure the stiffness of one servo under load: slope, linearity, hysteresis between loading and unloading."""
     found = run_stiffness(load_servo_test(data))
     publish(stiffness_document(found), json)
     if figure:
@@ -57,7 +57,7 @@ def align(
     ] = None,
     json: arg.JsonFile = None,
 ) -> None:
-    """Find how far the tracker's targets read from where they are, and take it off raw measurements."""
+    """Measure the offset between the tracker's targets and the tip, and subtract it from raw measurements."""
     if (raw is None) != (output is None):
         raise LrmError("--raw and -o go together: raw readings in, measurements out")
     readings = load_tracked(fixture)

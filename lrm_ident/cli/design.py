@@ -77,7 +77,7 @@ def choose_poses(
     figure: arg.FigureAndNumbers = None,
     reading: Reading = AS_NAMED,
 ) -> None:
-    """Choose, among measured poses, those that identify parameters best (thesis section 6.2), and identify on them.
+    """Choose the best poses among measured ones: those that identify parameters best (thesis section 6.2).
 
     Prints the five indices beside those of blind choices and, for O1, the value that no choice can exceed; then the
     error on all poses and on those not chosen, fitted without bounds and with bounds.
@@ -165,7 +165,7 @@ def design(
     effects_file: arg.EffectsFile = None,
     cluster: arg.Cluster = None,
 ) -> None:
-    """Choose the poses to measure next: those that determine parameters, and distinguish rival effects.
+    """Choose the poses to measure next: those that determine parameters and distinguish candidate effects.
 
     Writes a pose file in the order to measure: from which side to approach each pose, a few of them twice. Prints what
     they will determine, beside as many poses drawn blindly.
@@ -236,7 +236,7 @@ def identify_parameters(
     json: arg.JsonFile = None,
     figure: arg.FigureAndNumbers = None,
 ) -> None:
-    """Find out which parameters poses can tell, before measuring: singular values, and what moves the tip alike.
+    """List the parameters that a set of poses determines, before measuring: singular values, and collinear parameters.
 
     Builds the identification Jacobian at POSES, takes parameters out one by one until every singular value reaches the
     threshold (thesis section 4.5), and says of each what it cannot be told from.

@@ -55,7 +55,7 @@ def diagnose(
     prior: arg.FleetPrior = None,
     reading: Reading = AS_NAMED,
 ) -> None:
-    """Find out which physical effect a model misses, that none is missing, or that no known one explains it."""
+    """Find the physical effect that a model is missing, or report that none is, or that none explains the error."""
     rates = None if prior is None else load_rates(prior)
     with opened(model, data, effects_file, reading) as study:
         report = identifiable(study).diagnose(rates)
@@ -93,18 +93,21 @@ def auto(
     model: arg.ModelPath,
     data: arg.DataFile,
     output: arg.NewModel,
-    max_effects: Annotated[int, Option(min=0, help="Stop after this many.")] = MAX_EFFECTS,
+    max_effects: Annotated[int, Option(min=0, help="Add at most this many effects.")] = MAX_EFFECTS,
     nested: Annotated[
         bool | None,
         Option(
             "--nested/--no-nested",
-            help="Also choose the effects anew in every fold: honest, but some ten times longer. Default: where that "
+            help="Also cross-validate the choice of effects (nested): about ten times longer. Default: where that "
             "takes no more than two minutes.",
         ),
     ] = None,
     field: Annotated[
         bool,
-        Option("--field", help="At the end add a residual field, which is no cause, if the model predicts better so."),
+        Option(
+            "--field",
+            help="At the end, add a black-box term for the remaining error if the model predicts better with it.",
+        ),
     ] = False,
     json: arg.JsonFile = None,
     show_all: arg.ShowAll = False,
@@ -113,12 +116,12 @@ def auto(
     prior: arg.FleetPrior = None,
     reading: Reading = AS_NAMED,
 ) -> None:
-    """Follow the tool's own advice, effect by effect, until it says stop.
+    """Add missing effects one by one, each confirmed by cross-validation, until none is found.
 
-    At the end it says which effects are shown to be a cause, and which may stand for one that it does not know.
+    Reports which effects are identified causes, which are candidates, and which are empirical terms.
 
-    With --prior: effects that arms of this kind often have need less evidence, and at the end all parameters are fitted
-    together with the prior. With --field: what no name explains is predicted too, beside the names.
+    With --prior, effects that arms of this kind often have need less evidence, and at the end all parameters are fitted
+    together with the prior. With --field, a black-box term also predicts the remaining error.
     """
     read = read_study(model, data, effects_file, reading)  # without bars, which steps would be printed into
     notice(*read.notices)
@@ -197,9 +200,9 @@ def propose(
     effects_file: arg.EffectsFile = None,
     reading: Reading = AS_NAMED,
 ) -> None:
-    """Propose a law where no known effect fits: a small grammar searched at every joint, judged by held-out error.
+    """Search for a formula where no known effect fits: a small grammar at every joint, judged by held-out error.
 
-    Writes the best as an effect of your own (docs/effects.md): read it, then add it with --effects-file.
+    Writes the best formula as an effect of your own (docs/effects.md): read it, then add it with --effects-file.
     """
     from lrm_ident.diagnosis.symbolic_regression.law_file import law_id
 
@@ -231,9 +234,9 @@ def selftest(
     effects_file: arg.EffectsFile = None,
     cluster: arg.Cluster = None,
 ) -> None:
-    """Tell before measuring whether a plan of poses can find what you look for.
+    """Predict which effects a set of poses can detect, before measuring.
 
-    Injects each effect at its typical size into an arm with random errors, at your poses; prints what would be named.
+    Injects each effect at its typical size into a simulated arm with random errors, and prints what would be named.
     """
     from lrm_ident.diagnosis.inject_recover import InjectionPlan, detectable_effects, run_trials
 

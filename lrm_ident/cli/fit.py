@@ -96,8 +96,8 @@ def fit(
 ) -> None:
     """Fit the model of an arm to measurements: DATA -> MODEL.
 
-    Prints every parameter with its standard error and how much of it the data tell, and the error before, after, and on
-    poses that the fit did not see.
+    Prints the error before and after, at poses that the fit did not see, and as deployed. With --all also every
+    parameter with its standard error, and how much of it the poses determine.
     """
     arm_name, the_arm = arm_for(data, arm)
     measured = leave_out_poses(read_measurements(data, the_arm, arm_name, reading), leave_out)
@@ -167,10 +167,10 @@ def compare(
     effects_file: arg.EffectsFile = None,
     reading: Reading = AS_NAMED,
 ) -> None:
-    """Show where a model fails on measurements: by joint angle, torque, load, order, region; the worst poses.
+    """Show where a model fails on measurements: by joint angle, torque, load, order or region.
 
-    The held-out error comes from refitting the model's parameters in ten folds of neighbouring poses; on poses that the
-    fit did not see, the model's own error is one.
+    The held-out error comes from ten folds of neighbouring poses, each predicted by a fit to the others. With --all
+    also groups of poses and the worst poses.
     """
     part = Measurements.only if left_out else Measurements.without
     with opened(model, data, effects_file, reading, part) as study:
@@ -188,12 +188,12 @@ def compare(
 
 @command
 def undo(model: arg.ModelPath, output: arg.NewModel) -> None:
-    """Take the last step of a model's history back, exactly."""
+    """Undo the last step of a model: the model file before it, with the same numbers."""
     restored = undo_step(read_toml(model, ModelFile))
     write_model(output, restored, arm_from(model, restored.arm))
     known = restored.provenance
     how = "" if known is None else fit_words(known.loss, known.left_out)
-    show(f"Back before the last step{how and f' ({how})'}; model written to {output}")
+    show(f"Undone: the last step{how and f' ({how})'}; model written to {output}")
 
 
 @command
@@ -201,7 +201,7 @@ def effects(
     name: Annotated[str | None, Argument(metavar="ID", help="One effect; all of them if not given.")] = None,
     effects_file: arg.EffectsFile = None,
 ) -> None:
-    """Explain the effects that the tool knows: cause, formula, parameters, what data it takes to see them."""
+    """Explain the effects of the catalogue: cause, formula, parameters, and the measurements that show them."""
     catalogue = (*catalogue_with(effects_file), *FREE_FORMS, *FIELDS)
     chosen = [kind for kind in catalogue if name in (None, kind.id)]
     if not chosen:

@@ -28,7 +28,7 @@ def report(
     effects_file: arg.EffectsFile = None,
     reading: Reading = AS_NAMED,
 ) -> None:
-    """Write one HTML file with everything: the error field, where the model fails, what is missing, the history.
+    """Write all results as one HTML page: the error field, where the model fails, what is missing, the history.
 
     It holds the results of compare and diagnose, opens without a network, and prints well.
     """

@@ -63,7 +63,7 @@ def reach(
     json: arg.JsonFile = None,
     figure: arg.FigureAndNumbers = None,
 ) -> None:
-    """Map what an arm can reach: place by place, the share of all orientations its tool can take; compare variants.
+    """Map the workspace of an arm: for each place the share of orientations that its tool can take; compare variants.
 
     Every orientation in every cell of a grid goes through the inverse kinematics of the nominal arm.
     """

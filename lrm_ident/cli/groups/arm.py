@@ -161,7 +161,7 @@ def show_arm(
     json: arg.JsonFile = None,
     figure: arg.FigureAndNumbers = None,
 ) -> None:
-    """Look at an arm: its dimensions, masses, reach, gravity's torques, and (--figure) a picture."""
+    """Show an arm: its dimensions, masses, reach, gravity's torques, and (--figure) a picture."""
     the_arm = load_arm(arm)
     right = f"{the_arm.dof} angles in deg by commas, one for each joint of {the_arm.name}"
     angles = np.zeros(the_arm.dof) if q is None else np.radians(parse_numbers("--q", q, right, the_arm.dof))

@@ -31,7 +31,7 @@ def fleet(
     json: arg.JsonFile = None,
     show_all: arg.ShowAll = False,
 ) -> None:
-    """Identify many arms of one kind: each fitted and brought to its end as by auto, then all seen together.
+    """Identify many arms of one kind, each as by auto, and compare them.
 
     Writes a model per arm, one table (CSV, and Parquet where pyarrow is installed), a page, and a prior file for the
     next arm. Started again it goes on where it was; a broken data set is a row with its reason.

@@ -55,7 +55,7 @@ def import_(
     ] = None,
     prefix: Prefix = None,
 ) -> None:
-    """Turn a tracker's recording into measurements: one row for each pose, its mean over the end of the rest.
+    """Convert a tracker's or robot's recording to measurements: one row per pose, the mean over the end of its stop.
 
     Rests are found where the tip stands still for twice --dwell, or taken at regular times (--every, --first). A rest
     in which a body is hidden, frozen or jumps is left out, and said: a gap as long as a rest counts as one, where the
@@ -143,7 +143,7 @@ def checkup(
     prefix: Prefix = None,
     json: arg.JsonFile = None,
 ) -> None:
-    """Name what a recording of teleoperation tells of an arm: sag, dead band, leader offset, drift, a slip.
+    """Check a LeRobot recording for faults of the arm: sag, dead band, leader offset, drift, a slipped horn.
 
     Also a joint that is reversed, swapped with another, frozen, or past its encoder's seam, and what stays unexplained.
 

@@ -39,7 +39,7 @@ def transfer(
     effects_file: arg.EffectsFile = None,
     reading: Reading = AS_NAMED,
 ) -> None:
-    """Take a calibrated arm from its bench to where it works: to another base and tool, such as a rover's.
+    """Move a calibrated model from its bench to another base and tool, such as a rover's.
 
     The arm's own errors go along, with their standard errors: links, springs, play, gears. Base, tool, gravity and
     tracker of the bench stay behind. A few poses, measured at the new place, identify base, tool and gravity there.

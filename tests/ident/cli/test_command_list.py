@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 import subprocess
 import sys
 
@@ -11,6 +12,7 @@ from typer.main import get_command
 from typer.testing import CliRunner
 
 from lrm_ident.cli.app import COMMANDS, SECTIONS, app, run
+from lrm_ident.cli.examples import EXAMPLES
 
 
 def loaded_by(code: str) -> set[str]:
@@ -91,3 +93,13 @@ def test_a_fault_of_the_code_keeps_its_traceback() -> None:
 
     with pytest.raises(AttributeError):
         run(fails)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_examples_in_the_help_use_options_that_exist(name: str) -> None:
+    command = get_command(app).get_command(None, name)  # type: ignore[attr-defined]
+    options = {option for parameter in getattr(command, "params", ()) for option in parameter.opts}
+    for example in EXAMPLES.get(name, ()):
+        words = shlex.split(example)
+        assert words[:2] == ["lrm-ident", name]
+        assert {word for word in words if word.startswith("-")} <= options

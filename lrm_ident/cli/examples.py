@@ -1,0 +1,66 @@
+"""Examples of every command, for the end of its help."""
+
+from __future__ import annotations
+
+EXAMPLES: dict[str, tuple[str, ...]] = {
+    "fit": (
+        "lrm-ident fit DATA.csv --arm lrm-lab -o model.toml",
+        "lrm-ident fit DATA.csv --arm my-arm.toml --loss huber -o model.toml",
+    ),
+    "diagnose": (
+        "lrm-ident diagnose model.toml DATA.csv",
+        "lrm-ident diagnose model.toml DATA.csv --all --figure why.png",
+    ),
+    "add": (
+        "lrm-ident add model.toml DATA.csv backlash@joint2 -o better.toml",
+        "lrm-ident add model.toml DATA.csv residual_field -o better.toml",
+    ),
+    "undo": ("lrm-ident undo better.toml -o model.toml",),
+    "auto": (
+        "lrm-ident auto model.toml DATA.csv -o best.toml",
+        "lrm-ident auto model.toml DATA.csv -o best.toml --nested",
+    ),
+    "propose": (
+        "lrm-ident propose model.toml DATA.csv -o law.py",
+        "lrm-ident propose model.toml DATA.csv --json found.json",
+    ),
+    "selftest": (
+        "lrm-ident selftest lrm-lab poses.csv",
+        "lrm-ident selftest lrm-lab poses.csv --only 'backlash@*' --noise-mm 0.5",
+    ),
+    "compare": (
+        "lrm-ident compare model.toml DATA.csv --figure where.png",
+        "lrm-ident compare model.toml OTHER.csv --all",
+    ),
+    "predict": ("lrm-ident predict model.toml poses.csv -o predicted.csv",),
+    "effects": ("lrm-ident effects", "lrm-ident effects backlash"),
+    "report": ("lrm-ident report model.toml DATA.csv -o report.html",),
+    "workbench": ("lrm-ident workbench model.toml DATA.csv", "lrm-ident workbench DATA.csv"),
+    "design": (
+        "lrm-ident design lrm-lab -n 50 -o poses.csv",
+        "lrm-ident design lrm-lab --separate backlash@joint2,nonlinear_stiffness@joint2 -o next.csv",
+    ),
+    "choose-poses": ("lrm-ident choose-poses DATA.csv -n 50 -o best-50.csv",),
+    "identify-parameters": ("lrm-ident identify-parameters lrm-lab poses.csv",),
+    "reach": ("lrm-ident reach lrm-rover", "lrm-ident reach lrm-rover --figure reach.png"),
+    "measure": (
+        "lrm-ident measure poses.csv --tracker dtrack:5000 -o DATA.csv",
+        "lrm-ident measure poses.csv --robot feetech:/dev/ttyACM0,ids=1-5 --tracker zenoh:tip -o DATA.csv",
+    ),
+    "verify": ("lrm-ident verify --tracker dtrack:5000 --goals 50",),
+    "align": ("lrm-ident align fixture.csv --known-mm 245,0,40",),
+    "stiffness": ("lrm-ident stiffness servo.csv --figure servo.png",),
+    "transfer": (
+        "lrm-ident transfer lab.toml --to lrm-rover -o rover.toml",
+        "lrm-ident transfer lab.toml few.csv --to lrm-rover -o rover.toml",
+    ),
+    "checkup": ("lrm-ident checkup DATASET", "lrm-ident checkup DATASET --arm so101 --json checkup.json"),
+    "fleet": ("lrm-ident fleet arms.csv -o fleet",),
+}
+"""By name of the command."""
+
+
+def examples_of(name: str) -> str | None:
+    """The examples as an epilogue of the help, which stays as it is broken (`\\b`); None where there are none."""
+    lines = EXAMPLES.get(name)
+    return None if lines is None else "\n".join(("\b", "Examples:", *(f"  {line}" for line in lines)))

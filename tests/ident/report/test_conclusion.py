@@ -1,0 +1,78 @@
+"""Conclusions of diagnoses: the same first lines at every door, with a next command that runs."""
+
+from __future__ import annotations
+
+import shlex
+from pathlib import Path
+from typing import get_args
+
+import pytest
+
+import lrm_ident as lrm
+from lrm_ident.data.measurements import Measurements
+from lrm_ident.diagnosis.diagnose import Verdict
+from lrm_ident.diagnosis.diagnosis_report import NEXT_STEP
+from lrm_ident.report.diagnosis.conclusion import HEADLINES, CommandNames, conclude
+from lrm_ident.report.diagnosis.diagnosis import diagnosis_document
+from lrm_ident.report.document import blocks_html
+from lrm_ident.study.study import Study
+from tests.conftest import EXAMPLE
+from tests.support.commands import stdout_of
+
+
+@pytest.fixture(scope="module")
+def fitted() -> Study:
+    """The shipped example, fitted."""
+    return lrm.Study.of(lrm.load(EXAMPLE)).fit()
+
+
+def test_an_identified_cause_is_named_with_its_figures(fitted: Study) -> None:
+    found = conclude(fitted.diagnose())
+    facts = dict(found.facts)
+    assert found.headline == "Missing effect: backlash in joint 2 (backlash@joint2)"
+    assert facts["certainty"].startswith("identified: the next best effect, ")
+    assert "3.03 → 0.58 mm RMS" in facts["held-out error"]
+    assert "3.03 → 0.58 mm RMS" in facts["as deployed"]
+    assert not found.reasons
+
+
+def test_without_a_missing_effect_the_noise_is_the_reason(fitted: Study) -> None:
+    found = conclude(fitted.add("backlash@joint2").diagnose())
+    assert found.headline == HEADLINES["nothing_missing"]
+    assert [step.command for step in found.next] == ["lrm deploy MODEL"]
+
+
+def test_what_cannot_be_distinguished_is_no_cause(real: Measurements) -> None:
+    """The real arm: a spline over two joints, which three angles a joint do not resolve."""
+    found = conclude(lrm.Study.of(real).fit().diagnose(), CommandNames("model.toml", "DATA.csv", "lrm-lab"))
+    assert found.headline == HEADLINES["effect_describes"]
+    assert "certainty" not in dict(found.facts)
+    assert any(reason.startswith("few angles") for reason in found.reasons)
+    design, add = (shlex.split(step.command) for step in found.next)
+    assert design[:3] == ["lrm-ident", "design", "lrm-lab"]
+    assert add[:5] == ["lrm-ident", "add", "model.toml", "DATA.csv", "cable_curve@joint1+joint2"]
+
+
+def test_every_verdict_has_a_headline_and_a_next_step() -> None:
+    assert {*HEADLINES, "effect_missing"} == {*get_args(Verdict)}
+    assert {*NEXT_STEP, "effect_missing", "effect_describes"} == {*get_args(Verdict)}
+
+
+def test_the_advised_command_runs_as_it_is_printed(
+    fitted: Study, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    fitted.save(tmp_path / "model.toml")
+    said = stdout_of("diagnose", tmp_path / "model.toml", EXAMPLE)
+    (advised,) = (line for line in said.splitlines() if line.startswith("Next: "))
+    stdout_of(*shlex.split(advised.removeprefix("Next: lrm-ident ")))
+    assert (tmp_path / "better.toml").exists()
+
+
+def test_terminal_and_page_show_the_same_lines(fitted: Study) -> None:
+    document = diagnosis_document(fitted.diagnose())
+    html = blocks_html(document.whole)
+    concluded = document.values["conclusion"]
+    assert concluded.headline in html  # type: ignore[attr-defined]
+    assert document.json().count('"headline"') == 1
+    assert len(document.printed(in_full=False)) < len(document.printed(in_full=True))
