@@ -154,7 +154,7 @@ class Document:
         return [*self.blocks, *self.details]
 
     def printed(self, in_full: bool) -> list[Block]:
-        """What a terminal shows: everything, or the conclusion and what `--all` would add to it."""
+        """Blocks for a terminal: everything, or the conclusion and what `--all` would add to it."""
         if in_full or not self.details:
             return self.whole
         return [*self.blocks, f"Details with --all: {self.about}"]

@@ -45,7 +45,7 @@ UNKNOWN_FILES = CommandNames()
 
 @dataclass(frozen=True)
 class NextStep:
-    """What to do next: an imperative, and the command for it where there is one."""
+    """Next thing to do: an imperative, and the command for it where there is one."""
 
     words: str
     command: str = ""

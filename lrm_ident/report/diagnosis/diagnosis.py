@@ -92,7 +92,7 @@ def _candidates(report: DiagnosisReport) -> Iterator[Block]:
 
 
 def _status(report: DiagnosisReport, number: int, advice: RankedCandidate) -> str:
-    """What a candidate is, in a few words."""
+    """Status of a candidate, in a few words."""
     effect = advice.scored.candidate.effect
     if advice.verdict != "no_evidence":
         attribution = attribution_of(report) if number == 0 else None
@@ -105,7 +105,7 @@ def _status(report: DiagnosisReport, number: int, advice: RankedCandidate) -> st
 
 
 def _details(report: DiagnosisReport) -> list[Block]:
-    """What the conclusion rests on, for a person."""
+    """Evidence behind the conclusion, for a person."""
     found = report.diagnosis
     noise = noise_words(_floor_mm(report), found.floor.source, report.left)
     blocks: list[Block] = [

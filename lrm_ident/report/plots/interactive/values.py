@@ -156,7 +156,7 @@ def _cards(found: ModelReport) -> list[dict[str, Any]]:
 
 
 def _shown(describes: bool, one: StepAttribution | None) -> dict[str, Any]:
-    """What a step shows, and its label; without an attribution, as of errors that are not held out, what is sure."""
+    """Attribution of a step and its label; without an attribution, as of errors that are not held out, what is sure."""
     kind: Attribution | None = one.kind if one is not None else "description" if describes else None
     return {"shows": kind, "label": "" if kind is None else LABELS[kind], "ratio": None}
 
