@@ -37,7 +37,7 @@ else
 	$(BIN)/lrm-ident fit $(DATA) $(if $(ARM),--arm $(ARM)) -o $(OUT)/model.toml --json $(OUT)/fit.json
 	$(BIN)/lrm-ident compare $(OUT)/model.toml $(DATA) --json $(OUT)/comparison.json --figure $(OUT)/comparison.png
 	$(BIN)/lrm-ident diagnose $(OUT)/model.toml $(DATA) --json $(OUT)/diagnosis.json --figure $(OUT)/diagnosis.png
-	$(BIN)/lrm-ident auto $(OUT)/model.toml $(DATA) -o $(OUT)/better.toml --json $(OUT)/course.json
+	$(BIN)/lrm-ident auto $(OUT)/model.toml $(DATA) -o $(OUT)/better.toml --json $(OUT)/course.json --force
 	$(BIN)/python -m lrmd.demo
 endif
 

@@ -33,6 +33,7 @@ ArmName = Annotated[
     ),
 ]
 ShowAll = Annotated[bool, Option("--all", help="Print the details, too, and long lists in full.")]
+Force = Annotated[bool, Option("--force", help="Replace a model file that has more steps than the new one.")]
 NewModel = Annotated[Path, Option("-o", "--output", metavar="MODEL2", help="Where to write the new model.")]
 JsonFile = Annotated[Path | None, Option("--json", metavar="FILE", help="Also write the result for machines.")]
 FigureFile = Annotated[

@@ -33,6 +33,7 @@ from lrm_ident.residual.error_breakdown import NestedResidual
 from lrm_ident.residual.thresholds import MAX_EFFECTS
 from lrm_ident.study.field_step import WHAT_IT_IS, NoBetterPrediction
 from lrm_ident.study.inputs import read_study
+from lrm_ident.study.model_history import check_replaces
 from lrm_ident.study.model_on_data import ErrorSummary
 from lrm_ident.study.study import Study
 from lrm_math.arm.arm_file import MM, load_arm
@@ -71,6 +72,7 @@ def add(
     output: arg.NewModel,
     json: arg.JsonFile = None,
     show_all: arg.ShowAll = False,
+    force: arg.Force = False,
     effects_file: arg.EffectsFile = None,
     reading: Reading = AS_NAMED,
 ) -> None:
@@ -83,6 +85,8 @@ def add(
         after = study.add(effect)
         notice(*after.notices[len(study.notices) :])
         before, errors = after.errors_before, after.errors
+    if not force:
+        check_replaces(output, len(after.file.history))
     after.save(output)
     publish(step_document(effect, after.taken, before, errors), json, in_full=show_all)
     show(f"Model written to {output}")
@@ -111,6 +115,7 @@ def auto(
     ] = False,
     json: arg.JsonFile = None,
     show_all: arg.ShowAll = False,
+    force: arg.Force = False,
     effects_file: arg.EffectsFile = None,
     cluster: arg.Cluster = None,
     prior: arg.FleetPrior = None,
@@ -125,6 +130,8 @@ def auto(
     """
     read = read_study(model, data, effects_file, reading)  # without bars, which steps would be printed into
     notice(*read.notices)
+    if not force:
+        check_replaces(output, len(read.file.history))
     study = identifiable(read)
     numbers, begun, taken = count(), monotonic(), list[AutoStep]()
     rates = None if prior is None else load_rates(prior)

@@ -39,7 +39,7 @@ from lrm_ident.report.plots.comparison import draw_comparison
 from lrm_ident.report.priors import PriorComparison
 from lrm_ident.residual.error_breakdown import HeldOutResidual
 from lrm_ident.study.inputs import arm_from
-from lrm_ident.study.model_history import fit_words, undo_step, write_model
+from lrm_ident.study.model_history import check_replaces, fit_words, undo_step, write_model
 from lrm_ident.study.other_data import model_for_data
 from lrm_ident.study.study import Study
 from lrm_math.arm.arm import Arm
@@ -91,6 +91,7 @@ def fit(
     output: Annotated[Path | None, Option("-o", "--output", metavar="MODEL", help="Where to write the model.")] = None,
     json: arg.JsonFile = None,
     show_all: arg.ShowAll = False,
+    force: arg.Force = False,
     effects_file: arg.EffectsFile = None,
     reading: Reading = AS_NAMED,
 ) -> None:
@@ -99,6 +100,8 @@ def fit(
     Prints the error before and after, at poses that the fit did not see, and as deployed. With --all also every
     parameter with its standard error, and how much of it the poses determine.
     """
+    if output is not None and not force:
+        check_replaces(output, 1)
     arm_name, the_arm = arm_for(data, arm)
     measured = leave_out_poses(read_measurements(data, the_arm, arm_name, reading), leave_out)
     model = _start_model(measured, the_arm, effects, start, catalogue := catalogue_with(effects_file))

@@ -21,7 +21,7 @@ from lrm_ident.study.tool_version import tool_version
 from lrm_math.arm.arm_digest import arm_sha256
 from lrm_math.arm.arm_file import arm_name_for
 from lrm_math.effects import effect_names, marked
-from lrm_math.errors import LrmError
+from lrm_math.errors import FileError, LrmError
 from lrm_math.model.covariance import CovarianceTable, covariance_table
 from lrm_math.model.model import Model
 from lrm_math.model.model_file import (
@@ -35,6 +35,7 @@ from lrm_math.model.model_file import (
     range_table,
     to_model,
 )
+from lrm_math.toml_file import read_toml
 
 LEFT_OUT_SHOWN = 12
 
@@ -165,6 +166,17 @@ def as_written(model: Model, arm: str) -> Model:
     )
     read = to_model(Path(arm), file, model.arm, tuple({type(effect) for effect in model.effects}))
     return replace(read, fitted_to=model.fitted_to)
+
+
+def check_replaces(path: Path, steps: int) -> None:
+    """Raises `FileError` if a model of more steps than `steps` stands at a path where one is to be written."""
+    try:
+        standing = len(read_toml(path, ModelFile).history) if path.exists() else 0
+    except FileError:
+        return  # no model: whether it may be replaced is not asked here
+    if standing > steps:
+        words = f"holds a model of {standing} steps, which one of {steps} would replace"
+        raise FileError(path, "", words, "write to another file, or add --force")
 
 
 def model_text(file: ModelFile) -> str:

@@ -47,10 +47,16 @@ def save_dialog(session: WorkbenchSession, do: Do) -> None:
     if session.step is None:
         raise LrmError("no model is open yet")
     with _dialog("lrm-save", "save the model") as dialog:
-        path = ui.input("Write the model to", value=str(Path.cwd() / "model.toml")).classes("lrm-full")
+        proposed = Path.cwd() / f"{session.step.files.data.stem}-best.toml"
+        path = ui.input("Write the model to", value=str(proposed)).classes("lrm-full")
+        replaces = ui.checkbox("Replace the file that is there").props('id="lrm-replace"')
+        replaces.bind_visibility_from(path, "value", backward=lambda name: Path(name).expanduser().is_file())
 
         def save() -> None:
-            session.save(Path(path.value).expanduser())
+            to = Path(path.value).expanduser()
+            if to.is_file() and not replaces.value:
+                raise LrmError(f"{to} is there already: mark *Replace the file that is there*, or give another name")
+            session.save(to)
             dialog.close()
             ui.notify(f"Model written to {path.value}", type="positive")
 
