@@ -6,13 +6,8 @@ The public functions are those of `lrm_ident.study.api`, and `plot`. They are lo
 
 from __future__ import annotations
 
-import os
 from importlib import import_module
 from typing import TYPE_CHECKING
-
-# Matrices are small here: threads of the linear algebra library cost more than they bring (set before numpy loads).
-for _variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
-    os.environ.setdefault(_variable, "1")
 
 if TYPE_CHECKING:
     from lrm_ident.report.plots.plot import plot

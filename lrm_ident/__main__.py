@@ -2,7 +2,12 @@
 
 from __future__ import annotations
 
+import os
 import sys
+
+# Matrices are small here: threads of the linear algebra library cost more than they bring (set before numpy loads).
+for _variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
+    os.environ.setdefault(_variable, "1")
 
 OFFLINE = {"matplotlib", "rich", "scipy", "tomli_w", "typer"}
 """Import names of the packages of the extra `ident`, which a rover does not need."""

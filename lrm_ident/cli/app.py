@@ -32,6 +32,10 @@ class ListedCommand:
 
 
 SECTIONS = {
+    "Try": (
+        ListedCommand("demo", "example", "Run the whole story on the shipped example."),
+        ListedCommand("example", "example", "Write the shipped example as a file of your own."),
+    ),
     "Measure": (
         ListedCommand("arm", "groups.arm", "Import, describe, show or export an arm."),
         ListedCommand("measure", "campaign", "Move an arm through poses and measure its tip."),
@@ -55,6 +59,7 @@ SECTIONS = {
         ListedCommand("compare", "fit", "Show where a model fails on measurements."),
         ListedCommand("report", "report", "Write all results as one HTML page."),
         ListedCommand("workbench", "workbench", "Open everything in the browser (extra: page)."),
+        ListedCommand("show", "fit", "Show a model: its steps, errors and parameters."),
         ListedCommand("predict", "fit", "Predict tip position and joint torques at poses."),
         ListedCommand("effects", "fit", "Explain the effects of the catalogue."),
     ),
@@ -129,7 +134,8 @@ app = typer.Typer(
     rich_markup_mode=None,
     context_settings={"max_content_width": 110},
     help="Identify the model of a robot arm from measured TCP positions, see where it fails, find what is missing.\n\n"
-    "Start with:\n\n\b\n  lrm-ident fit DATA.csv --arm lrm-lab -o model.toml\n  lrm-ident diagnose model.toml DATA.csv",
+    "Start with:\n\n\b\n  lrm-ident demo\n  lrm-ident fit DATA.csv --arm lrm-lab -o model.toml\n"
+    "  lrm-ident diagnose model.toml DATA.csv",
 )
 
 

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 EXAMPLES: dict[str, tuple[str, ...]] = {
+    "demo": ("lrm-ident demo", "lrm-ident demo -o my-folder"),
+    "example": ("lrm-ident example -o data.csv",),
+    "show": ("lrm-ident show best.toml", "lrm-ident show best.toml --all"),
     "fit": (
         "lrm-ident fit DATA.csv --arm lrm-lab -o model.toml",
         "lrm-ident fit DATA.csv --arm my-arm.toml --loss huber -o model.toml",

@@ -7,8 +7,9 @@ import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, is_dataclass
 from html import escape
+from io import StringIO
 from textwrap import fill, wrap
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from rich.box import SIMPLE_HEAD
@@ -158,6 +159,12 @@ class Document:
         if in_full or not self.details:
             return self.whole
         return [*self.blocks, f"Details with --all: {self.about}"]
+
+    def text(self, width: int = 100) -> str:
+        """The conclusion as plain text of so many columns."""
+        console = Console(width=width, file=StringIO(), color_system=None)
+        write(console, self.blocks)
+        return cast(StringIO, console.file).getvalue()
 
     def json(self) -> str:
         """JSON text of schema and values, without NaN."""

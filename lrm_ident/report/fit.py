@@ -19,6 +19,7 @@ from lrm_ident.residual.deployment.deployed_error import DeployedError
 from lrm_ident.residual.error_breakdown import Factor, ModelComparison, PoseGroup
 from lrm_ident.study.model_history import fit_words
 from lrm_ident.study.model_on_data import ErrorSummary
+from lrm_ident.study.parameter_estimates import parameter_estimates
 from lrm_math.arrays import Array
 from lrm_math.model.deployed_model import field_of, named_part
 from lrm_math.model.model import Model
@@ -243,16 +244,15 @@ def estimate_table(model: Model, errors: Mapping[str, float], told: Mapping[str,
 
 def estimates(fit: Fit, se_at_bound: float | None) -> dict[str, dict[str, object]]:
     """Value and standard error of each free parameter for JSON, in the units of the keys."""
-    out: dict[str, dict[str, object]] = {}
-    for key, error, part in zip(fit.model.free, fit.standard_error, fit.told.tolist(), strict=True):
-        unit, bound = fit.model.parameter(key).si, key in fit.at_bound
-        out[key] = {
-            "value": fit.model.value(key) / unit,
-            "se": se_at_bound if bound else error / unit,
-            "at_bound": bound,
-            "told_by_data": None if bound or np.isnan(part) else max(0.0, part),
+    return {
+        key: {
+            "value": one.value,
+            "se": se_at_bound if one.standard_error is None else one.standard_error,
+            "at_bound": one.standard_error is None,
+            "told_by_data": one.from_data,
         }
-    return out
+        for key, one in parameter_estimates(fit).items()
+    }
 
 
 def screen_unit(model: Model, key: str) -> tuple[str, float, str]:

@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -27,6 +28,7 @@ from lrm_ident.study.arguments import arm_named, effect_named, measurements_of, 
 from lrm_ident.study.model_history import as_written, model_file, undo_step, write_model
 from lrm_ident.study.model_on_data import ModelOnData
 from lrm_ident.study.other_data import model_for_data
+from lrm_ident.study.parameter_estimates import ParameterEstimate, parameter_estimates
 from lrm_ident.study.step import StudyStep
 from lrm_math.effects import CATALOGUE, effects_at
 from lrm_math.errors import LrmError
@@ -41,6 +43,10 @@ if TYPE_CHECKING:  # loaded by the steps that need them: a fit does without
     from lrm_ident.diagnosis.diagnosis_report import DiagnosisReport, RankedCandidate
     from lrm_ident.diagnosis.symbolic_regression.proposal import LawProposal
     from lrm_ident.study.transfer import Transfer
+
+
+SUMMARY = "lrm_ident.report.summary"
+"""The module above that writes a summary; it is looked up when a person asks, and not before."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -281,6 +287,15 @@ class Study(ModelOnData, ShownInNotebook):
             step.rivals,
             step.equivalent,
         )
+
+    def summary(self) -> str:
+        """Summary of the model in some ten lines: how the error fell, its steps and parts."""
+        return str(import_module(SUMMARY).summary_text(self.file, self.model))
+
+    @property
+    def parameters(self) -> dict[str, ParameterEstimate]:
+        """Estimates of the last fit by key, in the units of the keys. Raises `LrmError` if nothing is fitted."""
+        return parameter_estimates(self.taken.fit)
 
     def view(self) -> NotebookPage:
         """The page of `lrm-ident report` in a notebook: error field, diagnosis, cards of the steps."""

@@ -23,7 +23,7 @@ def loaded_by(code: str) -> set[str]:
 
 def test_the_help_lists_every_command_by_what_it_is_for() -> None:
     shown = CliRunner().invoke(app, ["--help"]).stdout
-    assert list(SECTIONS) == ["Measure", "Identify", "Look", "Design", "Drive"]
+    assert list(SECTIONS) == ["Try", "Measure", "Identify", "Look", "Design", "Drive"]
     places = [shown.index(f"\n{title}:") for title in SECTIONS]
     assert places == sorted(places)
     for command in COMMANDS.values():
@@ -41,7 +41,7 @@ def test_every_registered_command_is_listed() -> None:
     group = get_command(app)
     for name in COMMANDS:
         assert group.get_command(None, name) is not None  # type: ignore[attr-defined]
-    registered = {command.callback.__name__.rstrip("_") for command in app.registered_commands if command.callback}
+    registered = {command.name for command in app.registered_commands if command.callback}
     registered |= {str(each.name) for each in app.registered_groups}
     assert {name.replace("_", "-") for name in registered} | {"import"} == set(COMMANDS)
 

@@ -1,0 +1,97 @@
+"""Summary of a model file: how the error fell, what the model consists of, what the arm gets; without any data."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator, Sequence
+
+from lrm_ident.data.wording import in_mm, in_percent
+from lrm_ident.report.document import Block, Document, Facts, ResultTable, heading
+from lrm_ident.report.fit import estimate_table
+from lrm_ident.report.model_report import history_table, history_values, provenance_table
+from lrm_ident.report.plain_names import in_words, plain_name, step_title
+from lrm_math.effects import split_name
+from lrm_math.model.model import Model
+from lrm_math.model.model_file import HistoryTable, ModelFile
+
+MM = 1e-3
+PARTS = (
+    "The arm's part holds wherever the arm goes, the installation's while it stays mounted there; the measurement's is "
+    "not deployed."
+)
+
+
+def summary_document(file: ModelFile, model: Model) -> Document:
+    """Result of `lrm-ident show`, schema `lrm/summary/1`."""
+    blocks: list[Block] = [heading(_headline(file)), Facts(tuple(_facts(file))), "", *_effects(file)]
+    errors = {key: sd * model.parameter(key).si for key, sd in file.sigma.items()}
+    details: list[Block] = [history_table(file), estimate_table(model, errors), provenance_table(file)]
+    values = {
+        "arm": file.arm,
+        "effects": file.effects,
+        "parts": file.parts,
+        "history": history_values(file),
+        "parameters": file.parameters,
+        "sigma": file.sigma,
+    }
+    about = "every step, every parameter with its standard error, where the model comes from"
+    return Document(blocks, "lrm/summary/1", values, details=details, about=about)
+
+
+def summary_text(file: ModelFile, model: Model) -> str:
+    """The summary as plain text."""
+    return summary_document(file, model).text()
+
+
+def _headline(file: ModelFile) -> str:
+    steps = len(file.history) - 1
+    added = f", {steps} effect{'s' if steps != 1 else ''} added" if steps > 0 else ""
+    return f"Model of {file.arm}: {len(file.parameters)} parameters{added}"
+
+
+def _facts(file: ModelFile) -> Iterator[tuple[str, str]]:
+    known = file.provenance
+    if known is not None:
+        yield "fitted to", f"{known.poses} poses of {known.data}, {known.date[:10]}"
+    if not file.history:
+        return
+    first, last = file.history[0], file.history[-1]
+    if (fell := _fell(first.held_out_rms_mm, last.held_out_rms_mm)) is not None:
+        yield "held-out error", fell
+    if (fell := _fell(first.deployed_rms_mm, last.deployed_rms_mm)) is not None:
+        yield "as deployed", fell
+    if file.deployed is not None and file.deployed.carried:
+        kept = ", ".join(f"{plain_name(name)}: {which}" for name, which in file.deployed.carried.items())
+        yield "carried forward", kept
+
+
+def _fell(before: float | None, after: float | None) -> str | None:
+    """A fall of an error (mm) in words."""
+    if after is None:
+        return None
+    if before is None or before == after:
+        return f"{in_mm(after * MM)} mm RMS"
+    return f"{in_mm(before * MM)} → {in_mm(after * MM)} mm RMS ({in_percent(1.0 - after / before)} % less)"
+
+
+def _effects(file: ModelFile) -> Iterator[Block]:
+    """The steps after the fit with what each left, and the parts that the model's effects belong to."""
+    rows = [_row(number, entry) for number, entry in enumerate(file.history)]
+    if len(rows) > 1:
+        columns = ("|", "step", "held-out RMS, mm|", "as deployed, mm|")
+        yield ResultTable(columns, rows, "How the error fell")
+    yield Facts(tuple((part, _counted(names)) for part, names in file.parts.items() if names))
+    yield PARTS
+
+
+def _counted(names: Sequence[str]) -> str:
+    """Effects by their kind: plain names of those at one place, numbers of the others."""
+    places = Counter(split_name(name)[0] for name in names)
+    several = [f"{kind} at {count} places" for kind, count in places.items() if count > 1]
+    return ", ".join([*several, *(plain_name(name) for name in names if places[split_name(name)[0]] == 1)])
+
+
+def _row(number: int, entry: HistoryTable) -> tuple[object, ...]:
+    rivals = f" (or {', '.join(entry.indistinguishable[:2])})" if entry.indistinguishable else ""
+    errors = [None if rms is None else in_mm(rms * MM) for rms in (entry.held_out_rms_mm, entry.deployed_rms_mm)]
+    return (str(number), f"{step_title(entry.step)}{in_words(rivals)}", *errors)

@@ -1,0 +1,51 @@
+"""What there is to try without measurements: the shipped example, its story, and the summary of a model."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import lrm_ident as lrm
+from tests.conftest import EXAMPLE
+from tests.support.commands import stdout_of
+
+
+@pytest.mark.slow
+def test_the_demo_tells_the_story_twice_in_one_folder(tmp_path: Path) -> None:
+    for _ in range(2):
+        said = stdout_of("demo", "-o", tmp_path / "story")
+    assert "Missing effect: backlash in joint 2" in said
+    assert {path.name for path in (tmp_path / "story").iterdir()} == {
+        "data.csv", "data.toml", "model.toml", "best.toml", "report.html",
+    }  # fmt: skip
+
+
+def test_the_example_can_be_fitted_where_it_is_written(tmp_path: Path) -> None:
+    stdout_of("example", "-o", tmp_path / "mine.csv")
+    assert "RMS error fell" in stdout_of("fit", tmp_path / "mine.csv", "-o", tmp_path / "model.toml")
+
+
+def test_a_model_is_summed_up_without_its_data(tmp_path: Path) -> None:
+    study = lrm.Study.of(lrm.load(EXAMPLE)).fit().add("backlash@joint2")
+    study.save(tmp_path / "best.toml")
+    said = stdout_of("show", tmp_path / "best.toml", "--json", tmp_path / "best.json")
+    assert said.startswith(study.summary().splitlines()[0])
+    assert [step["step"] for step in json.loads((tmp_path / "best.json").read_text())["history"]] == [
+        "fit", "add backlash@joint2",
+    ]  # fmt: skip
+    play = study.parameters["backlash.joint2.b_rad"]
+    assert play.standard_error is not None
+    assert play.value == pytest.approx(0.03876, abs=1e-3)
+    assert play.unit == "rad"
+
+
+def test_an_import_leaves_the_threads_of_a_program_alone() -> None:
+    code = "import os; import lrm_ident; lrm_ident.Study; print(os.environ.get('OMP_NUM_THREADS'))"
+    own = {name: value for name, value in os.environ.items() if not name.endswith("_NUM_THREADS")}
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, env=own)
+    assert done.stdout.strip() == "None"
