@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from textwrap import fill
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -14,8 +15,9 @@ from lrm_ident.data.wording import in_mm
 from lrm_ident.diagnosis.diagnose import Diagnosis
 from lrm_ident.diagnosis.diagnosis_report import DiagnosisReport, RankedCandidate
 from lrm_ident.fitting.levenberg_marquardt import Fit
+from lrm_ident.report.diagnosis.conclusion import conclude
 from lrm_ident.report.plain_names import in_words, plain_name
-from lrm_ident.report.plots.style import GREEN, HELD_OUT, MODEL, NOMINAL, figure_file, finish
+from lrm_ident.report.plots.style import GREEN, HELD_OUT, MODEL, NOMINAL, TITLE_LINE, figure_file, finish
 from lrm_ident.residual.covariates import SYMBOLS, covariates
 from lrm_ident.residual.free_functions import FreeFunction
 from lrm_math.arrays import Array
@@ -65,13 +67,12 @@ def _draw_ranking(axes: Axes, report: DiagnosisReport) -> None:
     axes.tick_params(axis="y", labelsize=8)
     axes.bar_label(bars, [f"{'' if a.exact else '≈ '}{in_mm(a.held_out_rms)}" for a in shown], padding=8)
     now, floor = report.held_out.rms * 1e3, report.diagnosis.floor.rms
-    axes.axvline(now, color="black", linestyle="-", linewidth=1)
-    noise = ""
+    axes.axvline(now, color="black", linestyle="-", linewidth=1, label=f"now {now:.2f} mm")
     if floor is not None:
-        axes.axvline(floor * 1e3, color="black", linestyle=":", linewidth=1.5)
-        noise = f", dots: noise {floor * 1e3:.2f}"
-    axes.set(xlabel="held-out RMS that it would leave, mm", xlim=(0, 1.2 * now))
-    axes.set_title(f"{report.verdict.replace('_', ' ')} (line: now {now:.2f}{noise} mm)", fontsize=10)
+        axes.axvline(floor * 1e3, color="black", linestyle=":", linewidth=1.5, label=f"noise {floor * 1e3:.2f} mm")
+    axes.set(xlabel="held-out RMS error with the effect added, mm", xlim=(0, 1.2 * now))
+    axes.legend(loc="lower right", fontsize=8)
+    axes.set_title(fill(conclude(report).headline, TITLE_LINE), fontsize=10)
 
 
 def _draw_evidence(axes: Axes, found: Diagnosis, first: RankedCandidate) -> None:
@@ -87,20 +88,20 @@ def _draw_evidence(axes: Axes, found: Diagnosis, first: RankedCandidate) -> None
         label = f"along {'xyz'[axis]}"
         axes.scatter(motion[:, axis], residual[:, axis], s=12, color=colour, marker=marker, label=label)
     most = float(np.abs(motion).max())
-    axes.plot([-most, most], [-most, most], color="black", linestyle="--", linewidth=1, label="as the effect says")
+    axes.plot([-most, most], [-most, most], color="black", linestyle="--", linewidth=1, label="all explained")
     name = plain_name(scored.name)
-    finish(axes, f"what {name} would add beyond the fit, mm", "what the fit leaves, mm", f"The evidence: {name}")
+    finish(axes, f"motion that {name} would add, mm", "residual of the fit, mm", f"Added-variable plot: {name}")
 
 
 def _draw_form(axes: Axes, curve: DriverCurve) -> None:
     """The turn of the joint against what drives it: the fitted form with its band, and what the poses show."""
-    label = "each pose: the form and what the fit leaves"
+    label = "poses: the effect and the residual"
     axes.scatter(curve.measured_at, curve.measured, s=10, color=NOMINAL, label=label)
     axes.plot(curve.at, curve.turn, color=MODEL, linewidth=2, label=" + ".join(map(plain_name, curve.effects)))
     low, high = curve.turn - 2.0 * curve.error, curve.turn + 2.0 * curve.error
     axes.fill_between(curve.at, low, high, color=MODEL, alpha=0.3, linewidth=0, label="two standard errors")
     driver, joint = in_words(curve.driver), in_words(curve.joint)
-    title = f"The form: {plain_name(curve.effects[-1])}"
+    title = f"The effect beside the data: {plain_name(curve.effects[-1])}"
     finish(axes, f"{driver}, {curve.unit}", f"turn of {joint}, °", title)
 
 
@@ -124,7 +125,7 @@ def _draw_anatomy(axes: Axes, found: Diagnosis, function: FreeFunction) -> None:
             axes.scatter(values[band], amount[band], s=14, color=colour, marker=marker, label=label)
     limit = float(np.quantile(np.abs(amount), 0.98))
     axes.set_ylim(-1.3 * limit, 1.3 * limit)
-    title = f"Anatomy: {in_words(function.name)}"
+    title = f"Structure of the residuals: {in_words(function.name)}"
     finish(axes, name, f"acts like a {acts_like}", title, legend=len(function.covariates) > 1)
 
 
