@@ -71,7 +71,7 @@ def _draw_ranking(axes: Axes, report: DiagnosisReport) -> None:
     if floor is not None:
         axes.axvline(floor * 1e3, color="black", linestyle=":", linewidth=1.5, label=f"noise {floor * 1e3:.2f} mm")
     axes.set(xlabel="held-out RMS error with the effect added, mm", xlim=(0, 1.2 * now))
-    axes.legend(loc="lower right", fontsize=8)
+    axes.legend(loc="upper right", fontsize=8)
     axes.set_title(fill(conclude(report).headline, TITLE_LINE), fontsize=10)
 
 
