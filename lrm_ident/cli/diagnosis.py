@@ -238,6 +238,7 @@ def selftest(
     noise_mm: arg.NoiseMm = 0.3,
     seed: Annotated[int, Option(help="Of the arm's errors and the noise.")] = 0,
     json: arg.JsonFile = None,
+    show_all: arg.ShowAll = False,
     effects_file: arg.EffectsFile = None,
     cluster: arg.Cluster = None,
 ) -> None:
@@ -253,4 +254,4 @@ def selftest(
         raise LrmError(f"no effect that these poses can show matches '{only}'")
     with executor_for(cluster, effects_file, len(names)) as pool, progress(f"injecting {len(names)} effects") as tick:
         trials = sorted(run_trials(plan, names, pool, tick), key=lambda trial: names.index(trial.truth))
-    publish(selftest_document(len(plan.poses), trials, refused), json)
+    publish(selftest_document(len(plan.poses), trials, refused), json, in_full=show_all)
