@@ -35,7 +35,7 @@ def selftest_document(poses: int, trials: Sequence[InjectionTrial], refused: Seq
     ]
     values = {"poses": poses, "trials": records}
     return Document(
-        blocks, "lrm/selftest/1", values, details=details, about="every effect; those not testable, and why"
+        blocks, "lrm/selftest/1", values, details=details, about="every effect, and those not testable"
     )
 
 
