@@ -161,6 +161,7 @@ def design(
     seed: arg.Seed = 0,
     output: arg.PosesOutput = None,
     json: arg.JsonFile = None,
+    show_all: arg.ShowAll = False,
     figure: arg.FigureAndNumbers = None,
     effects_file: arg.EffectsFile = None,
     cluster: arg.Cluster = None,
@@ -168,7 +169,7 @@ def design(
     """Choose the poses to measure next: those that determine parameters and distinguish candidate effects.
 
     Writes a pose file in the order to measure: from which side to approach each pose, a few of them twice. Prints what
-    they will determine, beside as many poses drawn blindly.
+    they will determine, beside as many random poses.
     """
     the_arm = load_arm(arm)
     mounted = _mounted(the_arm, model, noise_mm * MM) if installation else None
@@ -208,7 +209,7 @@ def design(
     )
     with executor_for(cluster, effects_file) if cluster else in_this_process() as pool, progress("exchanging") as tick:
         found = run_design(task, offer.poses, tick, pool)
-    publish(design_document(task, offer, found), json, figure, partial(draw_design, task, offer, found))
+    publish(design_document(task, offer, found), json, figure, partial(draw_design, task, offer, found), show_all)
     if output:
         write_text(output, pose_table(found).csv())
         show(f"{len(found.poses)} poses written to {output}, in the order to measure them")
@@ -234,6 +235,7 @@ def identify_parameters(
     ] = PUBLISHED_THRESHOLD,
     noise_mm: arg.NoiseMm = 0.3,
     json: arg.JsonFile = None,
+    show_all: arg.ShowAll = False,
     figure: arg.FigureAndNumbers = None,
 ) -> None:
     """List the parameters that a set of poses determines, before measuring: singular values, and collinear parameters.
@@ -246,7 +248,7 @@ def identify_parameters(
     keys = fittable(start) if parameters == "all" else select_parameters(start, parameters)
     settled = solve_equilibrium(start, load_poses(poses, the_arm))
     found = eliminate(settled, keys, one_of("units", units, UNITS), threshold, noise_mm * MM)
-    publish(elimination_document(start, found), json, figure, partial(draw_elimination, found))
+    publish(elimination_document(start, found), json, figure, partial(draw_elimination, found), show_all)
 
 
 def _parameters_of(model: Model, parameters: str, data: Measurements) -> tuple[str, ...]:

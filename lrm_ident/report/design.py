@@ -75,17 +75,18 @@ def design_document(task: DesignProblem, offer: CandidateSet, found: PoseDesign)
     together = len(found.rows) + (0 if task.measured is None else len(task.measured))
     title = f"{len(found.rows)} poses, {len(found.keys)} parameters"
     blocks: list[Block] = [
-        f"Candidates: {offer.description}.",
-        *(f"  refused: {count} with {rule}" for rule, count in offer.rejected.items() if count),
-        heading(f"{title}, known beforehand as far as the arm goes")
-        if task.prior is not None
-        else _index_table(title, found.observability, found.random_baseline),
-        _error_table(found),
+        heading(f"{title}, the arm known beforehand" if task.prior is not None else title),
         *map(in_words, gains),
         f"To measure: {len(found.poses)} poses, {repeats} of them again (repeat_of), in random order; come to each "
         "from the sides in the columns approach1, approach2 …: +1 from smaller angles, -1 from larger ones, a joint "
         "at its limit from within.",
         *([TOO_FEW.format(together, len(found.keys))] if together < len(found.keys) and task.prior is None else []),
+    ]
+    details = [
+        f"Candidates: {offer.description}.",
+        *(f"  refused: {count} with {rule}" for rule, count in offer.rejected.items() if count),
+        *([] if task.prior is not None else [_index_table(title, found.observability, found.random_baseline)]),
+        _error_table(found),
     ]
     values = {
         "candidates": len(offer.poses),
@@ -102,7 +103,8 @@ def design_document(task: DesignProblem, offer: CandidateSet, found: PoseDesign)
         "with_blind_ones": _knowledge(found, found.random_after),
         "in_words": gains,
     }
-    return Document(blocks, "lrm/design/1", values, _knowledge_table(found))
+    about = "candidates, observability indices, the least known parameters"
+    return Document(blocks, "lrm/design/1", values, _knowledge_table(found), details, about)
 
 
 def pose_table(found: PoseDesign) -> ResultTable:
@@ -118,13 +120,13 @@ def pose_table(found: PoseDesign) -> ResultTable:
 
 def _index_table(title: str, chosen: Observability, random: Observability) -> ResultTable:
     columns = ("columns: mm per typical size", *(f"{name}|.4g" for name in INDICES))
-    named = (("chosen", chosen), ("drawn blindly (median)", random))
+    named = (("chosen", chosen), ("random (median)", random))
     return ResultTable(columns, [(name, *vars(indices).values()) for name, indices in named], title)
 
 
 def _known(found: PoseDesign) -> dict[str, ExpectedAccuracy]:
     """Accuracy expected of each set of poses that there is."""
-    sets = {"now": found.before, "with these": found.after, "with blind ones": found.random_after}
+    sets = {"now": found.before, "with these": found.after, "with random poses": found.random_after}
     return {name: knowledge for name, knowledge in sets.items() if knowledge is not None}
 
 
@@ -155,9 +157,8 @@ def _gains(task: DesignProblem, found: PoseDesign) -> Iterator[str]:
     """Expectation of what the poses identify and separate, one sentence each."""
     now = "" if found.before is None else f"{found.before.tcp:.3g} mm now, "
     yield (
-        f"The TCP would be predicted to {found.after.tcp:.3g} mm RMS anywhere among the candidates ({now}"
-        f"{found.random_after.tcp:.3g} mm with poses drawn blindly), as far as the parameters go, with noise of "
-        f"{task.noise * 1e3:g} mm per axis."
+        f"Expected error of the tip from the parameters alone: {found.after.tcp:.3g} mm RMS over the candidates ({now}"
+        f"{found.random_after.tcp:.3g} mm with random poses; noise {task.noise * 1e3:g} mm per axis)."
     )
     was = None if found.before is None else found.before.discrimination
     apart, random = found.after.discrimination, found.random_after.discrimination
@@ -166,14 +167,14 @@ def _gains(task: DesignProblem, found: PoseDesign) -> Iterator[str]:
     if len(apart.rivals) > 1:
         earlier = "" if was is None else f"{was.cosine:.2f} now, "
         yield (
-            f"{apart.rivals[0].name} and {apart.rivals[1].name} would look alike to a cosine of {apart.cosine:.2f} "
-            f"({earlier}{random.cosine:.2f} with blind ones; 1: the same)."
+            f"Cosine between the motions of {apart.rivals[0].name} and {apart.rivals[1].name}: {apart.cosine:.2f} "
+            f"({earlier}{random.cosine:.2f} with random poses; at 1 they are indistinguishable)."
         )
     for k, effect in enumerate(task.rivals):
         earlier = "" if was is None else f"; now {_least(effect, was, k)}"
         yield (
-            f"{apart.rivals[k].name} would be told from everything else in {in_percent(TARGET_POWER)} % of cases "
-            f"{_least(effect, apart, k)} (with blind ones {_least(effect, random, k)}{earlier}); "
+            f"{apart.rivals[k].name} is distinguished from everything else in {in_percent(TARGET_POWER)} % of cases "
+            f"{_least(effect, apart, k)} (with random poses {_least(effect, random, k)}{earlier}); "
             f"{_errors(apart.rivals[k])}."
         )
 
@@ -220,12 +221,13 @@ def elimination_document(model: Model, found: ParameterElimination) -> Document:
             f"{found.threshold:g} ({UNIT_WORDS[found.units]})"
         )
     ]
+    details: list[Block] = []
     for units in UNITS:
-        blocks += section(f"\nSingular values, {UNIT_WORDS[units]}:", _singular_values(found, units))
+        details += section(f"\nSingular values, {UNIT_WORDS[units]}:", _singular_values(found, units))
     symbols = ("  ".join(map(symbol, found.kept[k : k + PER_LINE])) for k in range(0, kept, PER_LINE))
-    blocks += section("\nKept:", [*symbols, *_against_table_4_5(found)])
+    blocks += section("\nDetermined:", [*symbols, *_against_table_4_5(found)])
     why = (f"{removal.key}: {_dependence(model, held)}" for removal, held in removed)
-    blocks += section("\nTaken out, in this order, and why:", why)
+    blocks += section("\nNot determined, in this order, and why:", why)
     values = {
         "poses": found.poses,
         "units": found.units,
@@ -251,7 +253,9 @@ def elimination_document(model: Model, found: ParameterElimination) -> Document:
         for number, value in enumerate(singular_values, start=1)
     ]
     behind = ResultTable(("units", "set", "number", "singular_value_mm|.9g"), rows)
-    return Document(blocks, "lrm/identifiability/1", values, behind)
+    return Document(
+        blocks, "lrm/identifiability/1", values, behind, details, "singular values and observability indices"
+    )
 
 
 def _singular_values(found: ParameterElimination, units: Units) -> Iterator[str]:

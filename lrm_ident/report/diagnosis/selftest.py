@@ -34,9 +34,7 @@ def selftest_document(poses: int, trials: Sequence[InjectionTrial], refused: Seq
         {"truth": t.truth, "moved_rms_mm": t.moved * 1e3, "outcome": t.outcome, "named": t.named} for t in trials
     ]
     values = {"poses": poses, "trials": records}
-    return Document(
-        blocks, "lrm/selftest/1", values, details=details, about="every effect, and those not testable"
-    )
+    return Document(blocks, "lrm/selftest/1", values, details=details, about="every effect, and those not testable")
 
 
 def _table(trials: Sequence[InjectionTrial], title: str) -> ResultTable:

@@ -60,7 +60,7 @@ def draw_design(task: DesignProblem, offer: CandidateSet, found: PoseDesign, pat
         PlottedSet(known, *style)
         for known, *style in (
             (found.before, "now", NOMINAL, "s", ".."),
-            (found.random_after, "with poses drawn blindly", HELD_OUT, "x", "//"),
+            (found.random_after, "with random poses", HELD_OUT, "x", "//"),
             (found.after, "with these", MODEL, "o", ""),
         )
         if known is not None
