@@ -59,17 +59,26 @@ class Deployment:
         absurd = tuple(one.sentence for one in implausible_estimates(model, known))
         return cls(state, left_out_difference(model), _standard_error(model, known), last, absurd)
 
-    def check(self) -> None:
-        """Raises `LrmError` for an estimate that is not physically plausible, or if what is left out matters: more than
-        the prediction's standard error."""
+    @property
+    def refusal(self) -> str:
+        """Why a person must accept this model before it is deployed; empty where nothing speaks against it.
+
+        An estimate that is not physically plausible, or what is left out is more than the prediction's standard error.
+        """
         if self.implausible:
-            raise LrmError(f"{self.implausible[0]}; deploy it all the same with --accept")
-        if self.difference > (self.standard_error or 0.0):
-            known = "which is not known" if self.standard_error is None else f"of {self.standard_error * 1e3:.2f} mm"
-            raise LrmError(
-                f"without its session's effects the model predicts otherwise by {self.difference * 1e3:.2f} mm RMS, "
-                f"more than its standard error {known}; deploy it all the same with --accept"
-            )
+            return self.implausible[0]
+        if self.difference <= (self.standard_error or 0.0):
+            return ""
+        known = "which is not known" if self.standard_error is None else f"of {self.standard_error * 1e3:.2f} mm"
+        return (
+            f"without its session's effects the model predicts otherwise by {self.difference * 1e3:.2f} mm RMS, "
+            f"more than its standard error {known}"
+        )
+
+    def check(self) -> None:
+        """Raises `LrmError` where there is a `refusal`."""
+        if self.refusal:
+            raise LrmError(f"{self.refusal}; deploy it all the same with --accept")
 
     def lines(self) -> Iterator[str]:
         """Lines for a person: the state that is deployed, and the error of the tip to expect."""
