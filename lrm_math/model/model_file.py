@@ -16,6 +16,7 @@ from lrm_math.arm.arm_file import load_arm, shipped_arms
 from lrm_math.effects import CATALOGUE, Effect, ModelPart, Parameter, effects_at
 from lrm_math.effects.measured_range import MeasuredRange
 from lrm_math.effects.offsets import Offsets
+from lrm_math.effects.session_errors import warms_with_the_arm
 from lrm_math.effects.targets import FRAME_PLACE
 from lrm_math.effects.tracker_errors import MeasurementFrame
 from lrm_math.errors import FileError, LrmError, UnknownName
@@ -73,11 +74,13 @@ class DeployedTable(StrictSchema):
     """Table `[deployed]`: state that effects of a session leave behind, for where the model is used later.
 
     `carried`: of each effect `id@place`, whether its last or its mean state. `offsets`: what is added to constant
-    offsets, by their keys, in the keys' units.
+    offsets, by their keys, in the keys' units. `warming_rad`: drifts of joints that follow the time since power-on
+    where it is known, each with the part of its joint's offset that it replaces then.
     """
 
     carried: dict[str, CarriedState] = {}
     offsets: dict[str, float] = {}
+    warming_rad: dict[str, float] | None = None
 
 
 class HistoryTable(StrictSchema):
@@ -201,20 +204,28 @@ def to_model(path: Path, tables: ModelFile, arm: Arm, catalogue: tuple[type[Effe
 
 
 def _state_of(path: Path, table: DeployedTable | None, model: Model) -> StateAfterSession | None:
-    """The state of a file's session effects (SI). Raises `FileError`: an effect or an offset that is not there."""
+    """The state of a file's session effects (SI).
+
+    Raises `FileError`: an effect or an offset that is not there, or an effect that does not follow the time.
+    """
     if table is None:
         return None
     names, every = [effect.name for effect in model.effects], _offsets(model.arm)
+    laws = [effect.name for effect in model.effects if warms_with_the_arm(effect)]
     try:
         for name in table.carried:
             if name not in names:
                 raise UnknownName("effect of this model", name, names)
+        for name in table.warming_rad or {}:
+            if name not in laws:
+                raise UnknownName("joint's drift of this model", name, laws)
         for key in table.offsets:
             if key not in every:
                 raise UnknownName("offset", key, every)
     except UnknownName as error:
         raise FileError(path, "deployed", str(error)) from None
-    return StateAfterSession(table.carried, {key: value * every[key].si for key, value in table.offsets.items()})
+    offsets = {key: value * every[key].si for key, value in table.offsets.items()}
+    return StateAfterSession(table.carried, offsets, table.warming_rad or {})
 
 
 def deployed_table(model: Model) -> DeployedTable | None:
@@ -223,7 +234,8 @@ def deployed_table(model: Model) -> DeployedTable | None:
         return None
     units = {key: parameter.si for key, parameter in _offsets(model.arm).items()}
     offsets = {key: value / units[key] for key, value in model.state.offsets.items()}
-    return DeployedTable(carried=dict(model.state.carried), offsets=offsets)
+    warming = dict(model.state.warming) or None
+    return DeployedTable(carried=dict(model.state.carried), offsets=offsets, warming_rad=warming)
 
 
 def parts_table(model: Model) -> PartsTable:

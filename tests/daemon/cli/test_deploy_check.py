@@ -13,7 +13,7 @@ import pytest
 from lrm_math.errors import FileError, LrmError
 from lrm_math.model.model_file import load_model
 from lrmd.cli.status import deploy
-from lrmd.client.deployment import Deployment, left_out_difference
+from lrmd.client.deployment import Deployment, left_out_differences
 from lrmd.client.model_text import text_to_deploy
 from tests.conftest import ROOT
 
@@ -113,8 +113,8 @@ def test_an_old_file_with_effects_of_a_session_says_how_it_is_made_right(tmp_pat
 
 def test_a_state_that_is_the_whole_session_leaves_nothing_out(tmp_path: Path) -> None:
     """A drift of nothing, and no effect of a session at all, differ from their deployment by nothing."""
-    assert left_out_difference(load_model(written(tmp_path, MODEL))) == 0.0
-    assert left_out_difference(load_model(written(tmp_path, DRIFTING.format(drift=0.0)))) == 0.0
+    assert left_out_differences(load_model(written(tmp_path, MODEL))) == (0.0, 0.0)
+    assert left_out_differences(load_model(written(tmp_path, DRIFTING.format(drift=0.0)))) == (0.0, 0.0)
 
 
 def test_a_size_that_no_real_arm_has_is_refused(tmp_path: Path) -> None:

@@ -15,7 +15,7 @@ from lrm_ident.study.study import Study
 from lrm_math.arm.arm_file import load_arm
 from lrm_math.effects import effects_at
 from lrm_math.kinematics.poses import poses_of
-from lrm_math.model.deployed_model import as_deployed
+from lrm_math.model.deployed_model import as_deployed, as_deployed_at
 from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import Model, model_of
 from lrm_math.model.model_file import load_model
@@ -78,6 +78,44 @@ def test_both_errors_are_shown_and_apart() -> None:
     assert deployed.otherwise.rms > 5.0 * deployed.now.rms
     entry = study.file.history[-1]
     assert entry.deployed_rms_mm == pytest.approx(1e3 * deployed.now.rms)
+
+
+def test_a_joint_that_warms_up_in_one_session_follows_the_time_since_power_on(tmp_path: Path) -> None:
+    """Cold and warm poses count alike, as the daemon predicts them; where the time is not known is said beside it."""
+    data = measured({"drift.joint1.A_rad": 0.05})
+    alone = replace(data.poses, session=None, power_cycle=None)
+    study = fitted(replace(data, poses=alone), DRIFT)
+    assert study.model.state is not None
+    assert set(study.model.state.warming) == {DRIFT}
+    assert len(rows_as_deployed(study.model, alone)) == COUNT
+    deployed, shown = study.held_out.deployed, study.held_out.error
+    assert deployed is not None
+    assert deployed.time_unknown is not None
+    assert shown is not None
+    assert deployed.now.rms == pytest.approx(shown.rms, rel=0.01)
+    assert deployed.otherwise is None
+    assert deployed.time_unknown.rms > 3.0 * deployed.now.rms
+    path = tmp_path / "model.toml"
+    study.save(path)
+    read = load_model(path)
+    assert read.state is not None
+    assert read.state.warming == pytest.approx(study.model.state.warming)
+    new = poses_of(np.random.default_rng(9).uniform(-1.2, 1.2, (50, 2)))
+    for running in (0.0, 600.0, 1e5):
+        now = replace(new, t=np.full(50, running))
+        goes_on = solve_equilibrium(world({"drift.joint1.A_rad": 0.05}), now).tcp
+        off = np.linalg.norm(solve_equilibrium(as_deployed_at(read, now), now).tcp - goes_on, axis=1)
+        assert off.max() < 8.0 * NOISE, "the cold arm and the warm one"
+
+
+def test_several_sessions_or_a_thermometer_follow_no_time() -> None:
+    """Times since the first power-on are none since the last; and no rover has the thermometer of the bench."""
+    data = measured({"drift.joint1.A_rad": 0.05})
+    warmed = replace(data.poses, session=None, power_cycle=None, temperature=np.linspace(20.0, 30.0, COUNT))
+    for poses in (data.poses, warmed):
+        state = fitted(replace(data, poses=poses), DRIFT).model.state
+        assert state is not None
+        assert not state.warming
 
 
 def test_without_an_order_the_mean_is_deployed() -> None:
