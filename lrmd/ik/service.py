@@ -153,7 +153,7 @@ class IkService:
 
     def warmed(self, known: Known) -> IkService:
         """The service where the time since power-on is known, which the drift of a joint may follow."""
-        added = {} if known.running is None else warming_offsets(self.deployed.model, known.running)
+        added = warming_offsets(self.deployed.model, known.poses(Motion.at([0.0] * self._dof)))
         if not added:
             return self
         other = copy(self)

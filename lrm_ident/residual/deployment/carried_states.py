@@ -56,14 +56,11 @@ def with_carried_states(fitted: Fit, data: Measurements) -> Fit:
 
 
 def _following(model: Model, poses: Poses) -> list[str]:
-    """The effects that follow the time since power-on later: drifts of joints whose law is in that time alone.
+    """The effects that follow the time since power-on later: drifts of joints, where times were measured in one session.
 
-    Times were measured, in one session, which began with the power: a numbered order is no time. Temperatures were not
-    measured: the thermometer of a bench is none that a rover has.
+    That session began with the power. A numbered order is no time.
     """
-    if poses.temperature is not None or not since_power_on(poses):
-        return []
-    return [effect.name for effect in model.effects if warms_with_the_arm(effect)]
+    return [effect.name for effect in model.effects if since_power_on(poses) and warms_with_the_arm(effect)]
 
 
 def _surely_last(

@@ -129,7 +129,7 @@ def test_rpc_fk_and_predict_agree_at_a_known_time_since_power_on(
     )
     poses = replace(load_poses(tmp_path / "warm.csv", of.arm), direction=np.ones((1, 6)), friction=None)
     (told,) = predict(replace(of, fitted_to="another file"), poses)
-    known = Known(running=running)
+    known = Known(running=running, warmed=0.0)
     np.testing.assert_allclose(tip(ik, goal, known, direction=[[1] * 6]), told, rtol=0.0, atol=AGREE)
     (answer,) = ik.inverse(IkRequest(goals=[GoalEntry(position_m=told.tolist())]), known)
     if answer.q_rad is not None and not answer.detours:

@@ -15,10 +15,11 @@ from lrm_ident.study.study import Study
 from lrm_math.arm.arm_file import load_arm
 from lrm_math.effects import effects_at
 from lrm_math.kinematics.poses import poses_of
-from lrm_math.model.deployed_model import as_deployed, as_deployed_at
+from lrm_math.model.deployed_model import as_deployed, as_deployed_at, of_a_session, warming_offsets
 from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import Model, model_of
 from lrm_math.model.model_file import load_model
+from lrm_math.model.session_state import StateAfterSession
 from tests.support.commands import stdout_of
 
 ARM, COUNT, NOISE = "two-joint", 120, 1e-4
@@ -108,14 +109,23 @@ def test_a_joint_that_warms_up_in_one_session_follows_the_time_since_power_on(tm
         assert off.max() < 8.0 * NOISE, "the cold arm and the warm one"
 
 
-def test_several_sessions_or_a_thermometer_follow_no_time() -> None:
-    """Times since the first power-on are none since the last; and no rover has the thermometer of the bench."""
-    data = measured({"drift.joint1.A_rad": 0.05})
-    warmed = replace(data.poses, session=None, power_cycle=None, temperature=np.linspace(20.0, 30.0, COUNT))
-    for poses in (data.poses, warmed):
-        state = fitted(replace(data, poses=poses), DRIFT).model.state
-        assert state is not None
-        assert not state.warming
+def test_several_sessions_follow_no_time() -> None:
+    """Times since the first power-on are none since the last."""
+    state = fitted(measured({"drift.joint1.A_rad": 0.05}), DRIFT).model.state
+    assert state is not None
+    assert not state.warming
+
+
+def test_a_drift_with_temperature_follows_it_only_where_it_is_known() -> None:
+    """The daemon's thermal model has it; a file of poses without `temp_c` has not, and the kept state counts."""
+    law = {"drift.joint1.A_rad": 0.05, "drift.joint1.c_rad_per_K": 1e-3}
+    model = world(law).with_state(StateAfterSession({DRIFT: "last"}, {"offsets.joint1.theta_rad": 0.07}, {DRIFT: 0.07}))
+    pose, t = poses_of([0.1, 0.2]), np.array([600.0])
+    warm = replace(pose, t=t, temperature=np.array([30.0]), warmed=np.array([10.0]))
+    assert warming_offsets(model, replace(pose, t=t)) == {}
+    expected = 0.05 * (1.0 - np.exp(-600.0 / 1800.0)) + 0.01 - 0.07
+    assert warming_offsets(model, warm) == pytest.approx({"offsets.joint1.theta_rad": expected})
+    assert not any(of_a_session(effect) for effect in as_deployed_at(model, replace(pose, t=t)).effects)
 
 
 def test_without_an_order_the_mean_is_deployed() -> None:
