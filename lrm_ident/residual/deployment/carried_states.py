@@ -56,7 +56,7 @@ def with_carried_states(fitted: Fit, data: Measurements) -> Fit:
 
 
 def _following(model: Model, poses: Poses) -> list[str]:
-    """The effects that follow the time since power-on later: drifts of joints, where times were measured in one session.
+    """The effects that follow the time since power-on later: drifts of joints, with times measured in one session.
 
     That session began with the power. A numbered order is no time.
     """
