@@ -43,8 +43,9 @@ def step_blocks(number: int, step: AutoStep, start: AutoStep) -> Iterator[Block]
         yield Text(f"       or {rivals}, or several of them: these data cannot tell", style="dim")
     if step.added:
         known = noise_floor(step.data, step.fit.equilibrium).rms is not None
-        present = [effect.name for effect in step.fit.model.effects]
-        reason = f"; description: {no_cause(step.refines, present, known)}" if step.describes else ""
+        present = {effect.name: effect for effect in step.fit.model.effects}
+        why_none = no_cause(present[step.added], step.data.poses.q, present, known) if step.describes else ""
+        reason = f"; description: {why_none}" if why_none else ""
         yield Text(f"       {took_words(step.share, known)}{reason}", style="dim")
     if step.freed:
         yield Text(f"       can be determined now: {enumerate_words(step.freed, RIVALS_SHOWN)}", style="dim")

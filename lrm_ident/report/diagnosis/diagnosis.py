@@ -10,6 +10,7 @@ import numpy as np
 
 from lrm_ident.data.wording import enumerate_words, in_mm, in_percent, named_joints, p_words, poses_words
 from lrm_ident.diagnosis.attribution import unexplained_mean_square, unexplained_ratio
+from lrm_ident.diagnosis.contradiction import can_be_contradicted
 from lrm_ident.diagnosis.diagnose import Diagnosis
 from lrm_ident.diagnosis.diagnosis_report import DiagnosisReport, RankedCandidate
 from lrm_ident.report.document import Block, Document, FoldedSection, ResultTable, heading, section
@@ -18,6 +19,7 @@ from lrm_ident.residual.data_audit import where_it_holds
 from lrm_ident.residual.residual_patterns import ResidualPatterns
 from lrm_ident.residual.thresholds import MAX_UNEXPLAINED_RATIO, MIN_GAIN
 from lrm_math.arm.arm import JointLimits
+from lrm_math.arrays import Array
 from lrm_math.effects import Effect, compensable, variants
 
 SHOWN, REFUSED_SHOWN, RANKED = 8, 4, 30
@@ -165,9 +167,11 @@ def _verdict(report: DiagnosisReport) -> str:
 def _describes_because(report: DiagnosisReport) -> str:
     """Sentence on why the first effect names no cause."""
     found = report.diagnosis
-    refines = () if report.first is None else variants(report.first.scored.candidate.effect)
+    if report.first is None:
+        return ""
     present, known = {effect.name for effect in found.fit.model.effects}, found.floor.rms is not None
-    return f" It {took_words(report.share, known)}: {no_cause(refines, present, known)}."
+    reason = no_cause(report.first.scored.candidate.effect, found.data.poses.q, present, known)
+    return f" It {took_words(report.share, known)}: {reason}."
 
 
 def _possible_because(report: DiagnosisReport) -> str:
@@ -282,16 +286,21 @@ def took_words(share: float, floor_known: bool) -> str:
     return f"took {in_percent(share)} % of the mean square{' above the noise' if floor_known else ''}"
 
 
-def no_cause(refines: Sequence[str], present: Collection[str], floor_known: bool) -> str:
+def no_cause(effect: Effect, q: Array, present: Collection[str], floor_known: bool) -> str:
     """Reason why an effect that predicts better shows no new cause.
 
     Args:
-        refines: the effects, `effect@place`, of which it is another form. present: those of the model.
+        q: (N, n), measured commands (rad). present: effects (`effect@place`) of the model.
     """
+    refines = variants(effect)
     if there := [name for name in refines if name in present]:
         return f"another form of {in_words(' and '.join(there))}, no new cause"
     if refines:
         return f"a free curve that stands for {in_words(' or '.join(refines))}, no cause that was shown"
+    if not can_be_contradicted(effect, q):
+        return (
+            "any function of that angle fits as well: measure the joint at more angles, each with several of the others"
+        )
     return f"too little to name a cause while {'so much' if floor_known else 'more'} stays"
 
 
