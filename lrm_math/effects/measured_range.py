@@ -60,7 +60,7 @@ def _excess(x: Number, lower: float | Array, upper: float | Array) -> tuple[Numb
 
 @dataclass(frozen=True)
 class UnmeasuredAngles:
-    """What the measured angles leave open of each joint's own error, whatever formulas a model has for it.
+    """Errors that the measured angles leave open of each joint's own error, whatever formulas a model has for it.
 
     That error is a Gaussian process of the joint's angle (Matérn, 3/2; Rasmussen & Williams 2006, Eq 4.17), which the
     poses determine at the angles where the joint was measured, and at no other.

@@ -54,7 +54,7 @@ def since_power_on(poses: Poses) -> bool:
 
 
 def warming_offsets(model: Model, now: Poses) -> dict[str, float]:
-    """What its joints' constant offsets (rad) differ by from `as_deployed` at the time of one pose, by their keys.
+    """Differences of its joints' constant offsets (rad) from `as_deployed` at the time of one pose, by their keys.
 
     Empty where nothing of the model follows the time since power-on, or that is not known.
     """

@@ -1,4 +1,4 @@
-"""What measured angles leave open of each joint: how large an error of its angle may be where it was not measured."""
+"""Errors that measured angles leave open of each joint: how large an error of its angle may be where it was not measured."""
 
 from __future__ import annotations
 

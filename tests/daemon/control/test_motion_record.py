@@ -138,7 +138,7 @@ def test_rpc_fk_and_predict_agree_at_a_known_time_since_power_on(
 
 
 def test_without_a_known_time_the_state_that_is_kept_counts() -> None:
-    """As before it was powered, or where poses have no times."""
+    """Before the joints have pulses, and where poses have no times."""
     of, goal = warming(5), [0.05] * 6
     ik = IkService(config(), DeployedModel(of, None, "", "", ("drift",)))
     (kept,) = solve_equilibrium(as_deployed(of), poses_of([goal], direction=np.ones((1, 6)))).tcp

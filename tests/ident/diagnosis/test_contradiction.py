@@ -35,7 +35,7 @@ def test_a_formula_needs_two_levels_more_than_it_has_parameters(levels: int) -> 
 
 @given(st.integers(0, 2**31), st.floats(-2.0, 2.0), st.integers(2, 6))
 def test_joints_that_move_together_show_no_cause(seed: int, slope: float, other: int) -> None:
-    """What follows the one follows the other; where both move freely, each can be told."""
+    """Functions of the one are functions of the other; where both move freely, each can be told."""
     q = np.random.default_rng(seed).uniform(-1.0, 1.0, (100, LAB.dof))
     joint = other % LAB.dof
     if joint == 1:
