@@ -60,9 +60,9 @@ def _excess(x: Number, lower: float | Array, upper: float | Array) -> tuple[Numb
 
 @dataclass(frozen=True)
 class UnmeasuredAngles:
-    """Errors that the measured angles leave open of each joint's own error, whatever formulas a model has for it.
+    """Error of each joint's angle, as far as the measured angles leave it open, whatever formulas a model has.
 
-    That error is a Gaussian process of the joint's angle (Matérn, 3/2; Rasmussen & Williams 2006, Eq 4.17), which the
+    It is a Gaussian process of the joint's angle (Matérn, 3/2; Rasmussen & Williams 2006, Eq 4.17), which the
     poses determine at the angles where the joint was measured, and at no other.
 
     Attributes:

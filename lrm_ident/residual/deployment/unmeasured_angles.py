@@ -1,4 +1,4 @@
-"""Errors that measured angles leave open of each joint: how large an error of its angle may be where it was not measured."""
+"""Error of each joint that the measured angles leave open: how large it may be where the joint was not measured."""
 
 from __future__ import annotations
 
