@@ -141,6 +141,7 @@ def test_without_a_known_time_the_state_that_is_kept_counts() -> None:
     """Before the joints have pulses, and where poses have no times."""
     of, goal = warming(5), [0.05] * 6
     ik = IkService(config(), DeployedModel(of, None, "", "", ("drift",)))
+    assert ik.deployed.uncompensated == (), "both drifts follow the time"
     (kept,) = solve_equilibrium(as_deployed(of), poses_of([goal], direction=np.ones((1, 6)))).tcp
     np.testing.assert_allclose(tip(ik, goal, Known(), direction=[[1] * 6]), kept, rtol=0.0, atol=AGREE)
     assert np.linalg.norm(np.subtract(tip(ik, goal, Known(running=0.0), direction=[[1] * 6]), kept)) > 1e-5
