@@ -15,6 +15,7 @@ from lrm_ident.cli.common import show
 from lrm_ident.report.document import heading
 from lrm_math.errors import LrmError
 from lrmd.cli import app as lrm
+from lrmd.client.deployment import Deployment
 
 SETTLE_S, DWELL_S = 0.05, 0.2
 """Of the computer's clock; the simulated arm's runs faster."""
@@ -117,8 +118,12 @@ class DemoSteps:
         self._ident("add", *files)
 
     def deploy(self, name: str, *daemon: str) -> None:
-        """Gives a model to a daemon, named by words of `lrm`."""
-        self._run("lrm", [*daemon, "deploy", self.file(name)])
+        """Gives a model to a daemon, named by words of `lrm`; a refusal is shown, and then accepted."""
+        words, refusal = [*daemon, "deploy", self.file(name)], Deployment.of_file(self.folder / name).refusal
+        if refusal:
+            show("", f"`lrm deploy` refuses this model: {refusal}. The demo accepts it, to show how well it does.")
+            words.append("--accept")
+        self._run("lrm", words)
 
     def report(self, name: str) -> None:
         """The page of a model."""

@@ -144,7 +144,7 @@ def predict(
         )
     asked = load_poses(poses, the_model.arm, how)
     notice(*perhaps_radians(asked.q, how))
-    here, left_out = model_for_data(the_model, poses, asked.sha256 or "")
+    here, left_out = model_for_data(the_model, poses, asked.sha256 or "", asked)
     notice(*left_out)
     settled = solve_equilibrium(here, asked)
     table = _predictions(settled)

@@ -41,7 +41,7 @@ class AutoStep:
         rivals: held-out RMS (m) that the next best effects outside its class would have left alone.
         freed: keys of base parameters that became identifiable with it.
         share: of the held-out mean square above the noise (of all, where that is unknown) that it took away.
-        describes: whether it only describes: it is a form of an effect, or took a small share while much stays.
+        describes: whether it only describes (`ConfirmedDiagnosis.describes`).
     """
 
     added: str

@@ -17,6 +17,7 @@ from scipy.special import chdtrc
 from lrm_ident.data.error_stats import ErrorStats, error_stats
 from lrm_ident.data.wording import in_mm
 from lrm_ident.diagnosis.add_effect import add_effects
+from lrm_ident.diagnosis.contradiction import can_be_contradicted
 from lrm_ident.diagnosis.diagnose import Diagnosis, Verdict, select_without
 from lrm_ident.diagnosis.screening.score_test import ScoredCandidate
 from lrm_ident.fitting.cross_validation import blocks_of_fit
@@ -108,12 +109,14 @@ class ConfirmedDiagnosis:
 
     @property
     def describes(self) -> bool:
-        """Whether the refitted effect only describes: a form of an effect, or one of small share while much stays."""
+        """Whether the refitted effect only describes: a form of an effect, one of small share while much stays, or one
+        whose formula these angles could not contradict."""
         if self.first is None or self.refit is None:
             return False
         after, before = self.refit.error.rms, error_stats(self.held_out).rms
         little = takes_little(after, before, self.diagnosis.floor.rms or 0.0)
-        return little or bool(self.first.candidate.effect.variant_of)
+        effect, q = self.first.candidate.effect, self.diagnosis.data.poses.q
+        return little or bool(effect.variant_of) or not can_be_contradicted(effect, q)
 
     @property
     def verdict(self) -> Verdict:

@@ -29,7 +29,7 @@ from lrm_ident.fitting.typical_prior import typical_prior
 from lrm_math.arrays import Array
 from lrm_math.errors import LrmError, NoEquilibrium
 from lrm_math.kinematics.poses import Poses
-from lrm_math.model.deployed_model import as_deployed, field_of, named_part
+from lrm_math.model.deployed_model import as_deployed, as_deployed_at, field_of, named_part
 from lrm_math.model.equilibrium import Equilibrium, solve_equilibrium
 from lrm_math.model.fixed_point import NewtonPreconditioner
 from lrm_math.model.model import Model
@@ -185,21 +185,26 @@ def _blocks(
         if whitening.root is not None:
             weighted = whitening.unit * whitening.take(test)(part.residual(unseen))
         left = _at_rows(data, rows).position_error(equilibrium)
-        turn, deployed = part.turn_error(unseen), _deployed_residual(part, equilibrium)
-        blocks.append(HeldOutBlock(rows[~held], test, left[~held], left[held], weighted, turn, deployed))
+        turn, deployed = part.turn_error(unseen), _deployed_residuals(part, equilibrium)
+        blocks.append(HeldOutBlock(rows[~held], test, left[~held], left[held], weighted, turn, *deployed))
         progress(number + 1, len(splits))
     return tuple(blocks)
 
 
-def _deployed_residual(part: Measurements, equilibrium: Equilibrium) -> Array | None:
+def _deployed_residuals(part: Measurements, equilibrium: Equilibrium) -> tuple[Array | None, Array | None]:
     """(n, 3), residual of a fold's fit as it is deployed, with the state that its session effects leave behind (m).
 
-    None for a model without such effects. `equilibrium`: at poses from the first measured to the last.
+    The second: where no time since power-on is known. None: for a model without such effects; as the first.
+    `equilibrium`: at poses from the first measured to the last.
     """
     state = state_after_session(equilibrium)
     if state is None:
-        return None
-    return part.position_error(solve_equilibrium(as_deployed(equilibrium.model.with_state(state)), part.poses))
+        return None, None
+    model, poses = equilibrium.model.with_state(state), part.poses
+    deployed = part.position_error(solve_equilibrium(as_deployed_at(model, poses), poses))
+    if not state.warming:
+        return deployed, None
+    return deployed, part.position_error(solve_equilibrium(as_deployed(model), poses))
 
 
 def _refitted(

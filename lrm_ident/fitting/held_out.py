@@ -21,7 +21,9 @@ class HeldOutBlock:
         weighted: (n, R), whitened test residual of all that was measured, times the whitening's unit (m); None where
             no correlations are stated.
         test_turn: (n, 3), test residual of the orientation as rotation vectors (rad), NaN where not measured.
-        deployed_residual: (n, 3), of the TCP (m) where the fit is used `as_deployed`; None: as `test_residual`.
+        deployed_residual: (n, 3), of the TCP (m) where the fit is used `as_deployed_at` these poses; None: as
+            `test_residual`.
+        time_unknown_residual: (n, 3), the same where no time since power-on is known; None: that changes nothing.
     """
 
     train: NDArray[np.int64]
@@ -31,6 +33,7 @@ class HeldOutBlock:
     weighted: Array | None = None
     test_turn: Array | None = None
     deployed_residual: Array | None = None
+    time_unknown_residual: Array | None = None
 
     @property
     def deployed(self) -> Array:
@@ -53,6 +56,11 @@ def deployed_residual(blocks: Sequence[HeldOutBlock]) -> Array:
     """(N, 3), held-out residual of every pose where each fold's fit is used as it is deployed (m)."""
     rows = _in_order(blocks, [block.deployed for block in blocks])
     return np.empty((0, 3)) if rows is None else rows
+
+
+def time_unknown_residual(blocks: Sequence[HeldOutBlock]) -> Array | None:
+    """(N, 3), `deployed_residual` where no time since power-on is known (m); None where that changes nothing."""
+    return _in_order(blocks, [block.time_unknown_residual for block in blocks])
 
 
 def held_out_squares(blocks: Sequence[HeldOutBlock]) -> Array:

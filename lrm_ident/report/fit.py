@@ -60,9 +60,12 @@ def deployed_rows(deployed: DeployedError | None) -> list[tuple[str, ErrorStats]
     """Rows of a table of errors for a model as it is deployed."""
     if deployed is None:
         return []
-    if deployed.otherwise is None:
-        return [("as deployed, held out", deployed.now)]
-    return [("as deployed, held out", deployed.now), ("as deployed, earlier poses", deployed.otherwise)]
+    rows = {
+        "as deployed, held out": deployed.now,
+        "as deployed, earlier poses": deployed.otherwise,
+        "as deployed, power-on time unknown": deployed.time_unknown,
+    }
+    return [(name, error) for name, error in rows.items() if error is not None]
 
 
 def fit_document(fit: Fit, errors: ErrorSummary, data: Measurements) -> Document:

@@ -207,7 +207,7 @@ def quick_report(study: Study) -> ModelReport:
         field=arrows,
         covariates=drawn,
         parameters=estimate_table(models[-1][1], errors),
-        cards=step_cards(file, [one for _, one in models], arrows, drawn),
+        cards=step_cards(file, [one for _, one in models], arrows, drawn, data.poses.q),
     )
 
 

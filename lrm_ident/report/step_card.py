@@ -10,6 +10,7 @@ import numpy as np
 
 from lrm_ident.data.error_stats import error_stats
 from lrm_ident.data.wording import in_mm
+from lrm_ident.diagnosis.contradiction import can_be_contradicted
 from lrm_ident.diagnosis.diagnosis_report import with_unit
 from lrm_ident.report.diagnosis.conclusion import Conclusion
 from lrm_ident.report.document import Document
@@ -18,6 +19,7 @@ from lrm_ident.report.plots.interactive.group_means import explained_by_means, j
 from lrm_ident.residual.better_prediction import share_of_excess
 from lrm_ident.residual.covariates import Covariate
 from lrm_ident.residual.picture.error_field import ErrorField
+from lrm_math.arrays import Array
 from lrm_math.effects import FREE_FORMS, Effect, variants
 from lrm_math.model.model import Model
 from lrm_math.model.model_file import HistoryTable, ModelFile
@@ -65,7 +67,8 @@ class StepCard:
         estimates: all of them. joint: from 0, driver: name of the covariate, that its motion follows.
         equivalent: what the data could not tell it from.
         rivals_mm: held-out RMS (mm) that others alone would have left; None where that is not known.
-        is_form: whether it is a form of other effects, which shows no cause. of_present: of one in the model.
+        no_cause: whether it shows none: it is a form of other effects, or these angles could not contradict its
+            formula. of_present: whether it is a form of an effect in the model.
     """
 
     number: int
@@ -78,7 +81,7 @@ class StepCard:
     driver: str
     equivalent: tuple[str, ...]
     rivals_mm: Mapping[str, float] | None = None
-    is_form: bool = False
+    no_cause: bool = False
     of_present: bool = False
 
     def unrivalled(self, after: float) -> bool:
@@ -131,12 +134,12 @@ def of_data(entry: HistoryTable, sha256: str) -> bool:
 
 
 def step_cards(
-    file: ModelFile, models: Sequence[Model], field: ErrorField, known: Sequence[Covariate]
+    file: ModelFile, models: Sequence[Model], field: ErrorField, known: Sequence[Covariate], q: Array
 ) -> tuple[StepCard, ...]:
-    """A card for every step after the first. `known`: covariates at the drawn poses."""
+    """A card for every step after the first. `known`: covariates at the drawn poses. `q`: (N, n), commands (rad)."""
     present = {effect.name for effect in models[-1].effects}
     return tuple(
-        _card(number, file.history[number], models[number - 1 : number + 1], field, known, present)
+        _card(number, file.history[number], models[number - 1 : number + 1], field, known, present, q)
         for number in range(1, len(file.history))
     )
 
@@ -148,6 +151,7 @@ def _card(
     field: ErrorField,
     known: Sequence[Covariate],
     present: Collection[str],
+    q: Array,
 ) -> StepCard:
     before, after = ({effect.name: effect for effect in model.effects} for model in models)
     added = [effect for name, effect in after.items() if name not in before]
@@ -165,7 +169,7 @@ def _card(
         driver=driver,
         equivalent=tuple(entry.indistinguishable),
         rivals_mm=entry.rivals_mm,
-        is_form=any(effect.variant_of for effect in added),
+        no_cause=any(effect.variant_of or not can_be_contradicted(effect, q) for effect in added),
         of_present=any(name in present for effect in added for name in variants(effect)),
     )
 

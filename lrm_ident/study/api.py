@@ -187,11 +187,11 @@ def predict(model: Model | Fit | Study, poses: Poses) -> Array:
     """(N, 3) TCP positions (m) at elastic equilibrium. Raises `NotSettled` if there is none.
 
     At poses from another file than that of the fit, effects of a session are left out, and a warning names them; poses
-    without a file keep them.
+    without a file keep them. A joint's drift follows the times of a file (`t_s`) where the model says so.
     """
     own = model_of_fit(model)
     check_poses(own, poses)
-    return solve_equilibrium(own if poses.sha256 is None else _here(own, None, poses.sha256), poses).tcp
+    return solve_equilibrium(own if poses.sha256 is None else _here(own, None, poses.sha256, poses), poses).tcp
 
 
 def save(fit: Fit, data: Measurements, path: str | Path) -> None:
@@ -217,9 +217,9 @@ def _study(model: Model | Fit | Study, data: Measurements, loss: str | None) -> 
     return Study(with_anchor(here, data), data, data.arm_name or the_model.arm.name, loss=how, apart=apart)
 
 
-def _here(model: Model, data: Path | None, sha256: str) -> Model:
+def _here(model: Model, data: Path | None, sha256: str, poses: Poses | None = None) -> Model:
     """The model for the poses of a file; a warning names the effects that are left out."""
-    here, left_out = model_for_data(model, data, sha256)
+    here, left_out = model_for_data(model, data, sha256, poses)
     for words in left_out:
         warnings.warn(words, stacklevel=4)
     return here

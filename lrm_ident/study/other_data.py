@@ -6,13 +6,16 @@ import hashlib
 from pathlib import Path
 
 from lrm_ident.data.wording import enumerate_words
-from lrm_math.model.deployed_model import as_deployed
+from lrm_math.kinematics.poses import Poses
+from lrm_math.model.deployed_model import as_deployed, as_deployed_at, of_a_session
 from lrm_math.model.model import Model
 
 NAMED = 12  # effects in a message
 
 
-def model_for_data(model: Model, data: Path | None, sha256: str) -> tuple[Model, tuple[str, ...]]:
+def model_for_data(
+    model: Model, data: Path | None, sha256: str, poses: Poses | None = None
+) -> tuple[Model, tuple[str, ...]]:
     """The model for the poses of a file, and one line that names the effects that it leaves out, if any.
 
     On the data of its fit, on a part of them, and on the same file with rows added it is the whole model. On others
@@ -20,14 +23,17 @@ def model_for_data(model: Model, data: Path | None, sha256: str) -> tuple[Model,
 
     Args:
         data: the file; None if only its SHA-256 is known. sha256: of the file.
+        poses: whose times are since the arm's power-on, which a joint's drift then follows; None: no such times.
     """
-    deployed = as_deployed(model)
-    if deployed is model or model.fitted_to in (None, sha256):
+    deployed = as_deployed(model) if poses is None else as_deployed_at(model, poses)
+    if not any(map(of_a_session, model.effects)) or model.fitted_to in (None, sha256):
         return model, ()
     if data is not None and _grown_from(data, model.fitted_to):
         return model, ()
     kept = {effect.name for effect in deployed.effects}
     gone = [effect.name for effect in model.effects if effect.name not in kept]
+    if not gone:
+        return deployed, ()
     here = "the file of these poses" if data is None else data.name
     words = f"{here} is not what the model was fitted to; left out, as of that session alone: "
     return deployed, (words + enumerate_words(gone, NAMED),)

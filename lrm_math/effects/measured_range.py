@@ -11,6 +11,7 @@ wind up.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -29,6 +30,9 @@ Interval: TypeAlias = tuple[float, float]
 FADE = 0.05
 """Width of the way to the held value, as a part of the range's width."""
 NARROWEST = 1e-9
+CORRELATED = math.radians(25.0)
+"""rad: angles of a joint that are so far apart have errors that tell something of each other, by half (a convention:
+a quarter of a wave of what gears, teeth and poles do to the angle, three to five times a turn)."""
 SLACK = 1e-6
 """Part of a range's width that round-off of a file may lie beyond it."""
 
@@ -55,6 +59,41 @@ def _excess(x: Number, lower: float | Array, upper: float | Array) -> tuple[Numb
 
 
 @dataclass(frozen=True)
+class UnmeasuredAngles:
+    """Error of each joint's angle, as far as the measured angles leave it open, whatever formulas a model has.
+
+    It is a Gaussian process of the joint's angle (Matérn, 3/2; Rasmussen & Williams 2006, Eq 4.17), which the
+    poses determine at the angles where the joint was measured, and at no other.
+
+    Attributes:
+        measured: angles at which each joint was measured (rad), ascending.
+        sd: standard deviation of each joint's error far from these (rad).
+    """
+
+    measured: tuple[tuple[float, ...], ...]
+    sd: tuple[float, ...]
+
+    def spread(self, q: Array) -> Array:
+        """(N, n), standard deviations of the joints' errors at commands q (N, n) (rad): zero where they were measured,
+        larger between, `sd` far beyond."""
+        columns = zip(q.T, self.measured, self.sd, strict=True)
+        spread = [sd * np.sqrt(_left_open(angle, np.array(known))) for angle, known, sd in columns]
+        return np.asarray(np.stack(spread, axis=1))
+
+
+def _left_open(angle: Array, known: Array) -> Array:
+    """(N,), share of the process's variance that is left at angles (rad) when it is known at others."""
+    between = _correlation(angle[:, None] - known)
+    told = np.linalg.solve(_correlation(known[:, None] - known), between.T).T
+    return np.asarray(np.clip(1.0 - (between * told).sum(axis=1), 0.0, 1.0))
+
+
+def _correlation(apart: Array) -> Array:
+    scaled = math.sqrt(3.0) * np.abs(apart) / CORRELATED
+    return np.asarray((1.0 + scaled) * np.exp(-scaled))
+
+
+@dataclass(frozen=True)
 class MeasuredRange:
     """Lowest and highest value of what the poses of a fit had.
 
@@ -64,6 +103,7 @@ class MeasuredRange:
         t, running: s since the start, and since the session began; None where no time was known.
         tcp: of the TCP's x, y and z (m); None where it is not known.
         centre: mean position of the TCP (m), about which a tracker's frame distorts; None: about the base's origin.
+        unmeasured: what is left open between the measured angles and beyond them; None where it is not known.
     """
 
     angle: tuple[Interval, ...]
@@ -73,6 +113,7 @@ class MeasuredRange:
     running: Interval | None = None
     tcp: tuple[Interval, ...] | None = None
     centre: tuple[float, ...] | None = None
+    unmeasured: UnmeasuredAngles | None = None
 
     def outside(self, q: Array) -> NDArray[np.bool_]:
         """(N, n), joints that stand outside their range at commands q (N, n) (rad)."""

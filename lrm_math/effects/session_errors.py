@@ -121,6 +121,11 @@ class Drift(_SessionError):
         return None
 
 
+def warms_with_the_arm(effect: Effect) -> bool:
+    """Whether it follows the time since the arm's power-on: a joint's drift, not that of the stands or the tracker."""
+    return isinstance(effect, Drift) and effect.place not in (BASE, FRAME_PLACE)
+
+
 class DriftCurve(_SessionError, LinearEffect):
     """Smooth function of the time since the session began and of the time since the start."""
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, TypeAlias
 
@@ -96,6 +96,10 @@ class CalibratedSolver:
     def under_gravity(self, down: Vector3) -> CalibratedSolver:
         """The solver where gravity's direction is known: a unit vector in the arm's frame."""
         return replace(self, arm=self.arm.under_gravity(down))
+
+    def with_offsets(self, added: Mapping[str, float]) -> CalibratedSolver:
+        """The solver where small amounts (rad, m) are added to constant offsets, by their keys."""
+        return replace(self, arm=self.arm.with_offsets(added))
 
     def warm_up(self) -> None:
         """Fills the caches, so that the first goals need not wait."""

@@ -4,7 +4,7 @@ answers unpacked; all commands that reach a goal, the nearest to one, and nomina
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
@@ -24,7 +24,7 @@ from lrm_math.ik.packed_arm import EquilibriumBatch, PackedArm
 from lrm_math.kinematics.pieper import PieperForm, pieper_form
 from lrm_math.kinematics.poses import poses_of
 from lrm_math.kinematics.screw_axes import screw_axes_of
-from lrm_math.model.deployed_model import under_gravity
+from lrm_math.model.deployed_model import under_gravity, with_offsets
 from lrm_math.model.model import Model
 
 SLACK = 0.4
@@ -91,7 +91,14 @@ class CalibratedArm(PackedArm):
 
     def under_gravity(self, down: Vector3) -> CalibratedArm:
         """The arm where gravity's direction is known (a unit vector), by the seeds of this one: ready at once."""
-        other = CalibratedArm(under_gravity(self.model, down))
+        return self._alike(under_gravity(self.model, down))
+
+    def with_offsets(self, added: Mapping[str, float]) -> CalibratedArm:
+        """The arm with small amounts (rad, m) added to constant offsets, by the seeds of this one: ready at once."""
+        return self._alike(with_offsets(self.model, added))
+
+    def _alike(self, model: Model) -> CalibratedArm:
+        other = CalibratedArm(model)
         vars(other).update({name: getattr(self, name) for name in ("form", "nominal_solver", "library")})
         return other
 

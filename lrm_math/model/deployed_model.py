@@ -16,6 +16,7 @@ from lrm_math.effects.forces import Gravity
 from lrm_math.effects.offsets import Offsets
 from lrm_math.effects.servo_errors import Quantisation
 from lrm_math.errors import LrmError
+from lrm_math.kinematics.poses import Poses
 from lrm_math.model.model import Model
 
 COMPENSATED = {"angle", "direction"}
@@ -35,6 +36,54 @@ def as_deployed(model: Model) -> Model:
     if lasting is model or model.state is None:
         return lasting
     return with_offsets(replace(lasting, state=None), model.state.offsets)
+
+
+def as_deployed_at(model: Model, poses: Poses) -> Model:
+    """The model that a rover uses at poses: `as_deployed`, with the laws that follow the time since power-on
+    (`StateAfterSession.warming`) where that is known."""
+    if model.state is None or not _followed(model, poses):
+        return as_deployed(model)
+    state, warming = model.state, model.state.warming
+    followed = _part(model, [effect for effect in model.effects if effect.name in warming or not of_a_session(effect)])
+    return with_offsets(with_offsets(replace(followed, state=None), state.offsets), _taken_out(warming))
+
+
+def since_power_on(poses: Poses) -> bool:
+    """Whether the times of poses are taken as since the arm's power-on: in one session."""
+    return poses.t is not None and (poses.power_cycle is None or not poses.power_cycle.any())
+
+
+def warming_offsets(model: Model, now: Poses) -> dict[str, float]:
+    """Differences of its joints' constant offsets (rad) from `as_deployed` at the time of one pose, by their keys.
+
+    Empty where nothing of the model follows the time since power-on, or that is not known.
+    """
+    if model.state is None or not _followed(model, now):
+        return {}
+    found = _taken_out(model.state.warming)
+    for bound in model.binding.bound:
+        if bound.effect.name in model.state.warming:
+            (amount,) = bound.at(now)
+            found[_angle_key(bound.effect.name)] += float(np.asarray(amount).reshape(-1)[0])
+    return found
+
+
+def _followed(model: Model, poses: Poses) -> bool:
+    """Whether what follows the time since power-on can: its times are known, and what it warmed by if that counts."""
+    if model.state is None or not model.state.warming or not since_power_on(poses):
+        return False
+    warming = model.state.warming
+    by_heat = [key for effect in model.effects if effect.name in warming for key in effect.keys if "_per_K" in key]
+    return poses.warmed is not None or not any(map(model.value, by_heat))
+
+
+def _taken_out(warming: Mapping[str, float]) -> dict[str, float]:
+    return {_angle_key(name): -part for name, part in warming.items()}
+
+
+def _angle_key(name: str) -> str:
+    """Key of the constant offset of the angle of the joint that an effect `id@place` warms."""
+    return f"{Offsets.id}.{name.partition('@')[2]}.theta_rad"
 
 
 FIT_STATE = "fit it again with this version: lrm-ident fit DATA --start MODEL"

@@ -129,10 +129,10 @@ def measured_range(settled: Equilibrium) -> MeasuredRange:
     loads = {chain.slots[k].key: ends_of(column) for k, column in zip(slots, settled.loads_on(slots).T, strict=True)}
     for k, load in zip(settled.model.load_slots, settled.tau, strict=True):
         loads[chain.slots[k].key] = ends_of(load)
-    times = {name: None if of is None else ends_of(of) for name, of in (("t", poses.t), ("running", poses.running))}
+    t, running = (None if of is None else ends_of(of) for of in (poses.t, poses.running))
     tcp = tuple(map(ends_of, settled.true_tcp.T))
     centre = tuple(settled.true_tcp.mean(axis=0).tolist())
-    return MeasuredRange(tuple(map(ends_of, poses.q.T)), ends_of(poses.payload), loads, **times, tcp=tcp, centre=centre)
+    return MeasuredRange(tuple(map(ends_of, poses.q.T)), ends_of(poses.payload), loads, t, running, tcp, centre)
 
 
 def _columns(components: Sequence[Number], count: int) -> Array:

@@ -6,6 +6,7 @@ import math
 import re
 from collections import Counter
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeAlias
 
@@ -15,8 +16,9 @@ from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_digest import WHAT_COUNTS, arm_sha256
 from lrm_math.arm.arm_file import load_arm, shipped_arms
 from lrm_math.effects import CATALOGUE, Effect, ModelPart, Parameter, effects_at
-from lrm_math.effects.measured_range import MeasuredRange
+from lrm_math.effects.measured_range import MeasuredRange, UnmeasuredAngles
 from lrm_math.effects.offsets import Offsets
+from lrm_math.effects.session_errors import warms_with_the_arm
 from lrm_math.effects.targets import FRAME_PLACE
 from lrm_math.effects.tracker_errors import MeasurementFrame
 from lrm_math.errors import FileError, LrmError, UnknownName
@@ -27,6 +29,7 @@ from lrm_math.model.session_state import CarriedState, StateAfterSession
 from lrm_math.toml_file import StrictSchema, read_toml
 
 MOST_EFFECTS = 1000
+MOST_ANGLES = 1000
 FIT_AGAIN = "take the arm file of the fit, or fit again (lrm-ident fit --start)"
 PartsTable: TypeAlias = dict[Literal["arm", "installation", "measurement"], list[str]]
 TURNED = f"{MeasurementFrame.id}.{FRAME_PLACE}.turn_"
@@ -58,7 +61,8 @@ class RangeTable(StrictSchema):
     """Table `[range]`, lowest and highest value of what was fitted: joints' commands, loads on slots by key and unit
     (`joint2.theta_Nm`, `joint3.d_N`), times, the TCP's x, y and z. Beyond it curves stay as at its edge; without it
     they go on by formula. `centre_mm`: mean of the TCP's positions, about which a tracker's frame distorts; without it,
-    in older files, that is about the base's origin.
+    in older files, that is about the base's origin. `measured_deg`: angles at which each joint was measured;
+    `open_deg`: standard deviation of each joint's error far from these (`UnmeasuredAngles`).
     """
 
     joints_deg: list[Ends]
@@ -67,6 +71,8 @@ class RangeTable(StrictSchema):
     running_s: Ends | None = None
     tcp_mm: Annotated[list[Ends], Field(min_length=3, max_length=3)] | None = None
     centre_mm: Annotated[list[float], Field(min_length=3, max_length=3)] | None = None
+    measured_deg: list[Annotated[list[float], Field(min_length=1, max_length=MOST_ANGLES)]] | None = None
+    open_deg: list[Annotated[float, Field(ge=0.0)]] | None = None
     loads: dict[str, Ends] = {}
 
 
@@ -74,11 +80,13 @@ class DeployedTable(StrictSchema):
     """Table `[deployed]`: state that effects of a session leave behind, for where the model is used later.
 
     `carried`: of each effect `id@place`, whether its last or its mean state. `offsets`: what is added to constant
-    offsets, by their keys, in the keys' units.
+    offsets, by their keys, in the keys' units. `warming_rad`: drifts of joints that follow the time since power-on
+    where it is known, each with the part of its joint's offset that it replaces then.
     """
 
     carried: dict[str, CarriedState] = {}
     offsets: dict[str, float] = {}
+    warming_rad: dict[str, float] | None = None
 
 
 SENTENCE = re.compile(r"(add \S+), or (.+): these data cannot tell")
@@ -217,20 +225,28 @@ def to_model(path: Path, tables: ModelFile, arm: Arm, catalogue: tuple[type[Effe
 
 
 def _state_of(path: Path, table: DeployedTable | None, model: Model) -> StateAfterSession | None:
-    """The state of a file's session effects (SI). Raises `FileError`: an effect or an offset that is not there."""
+    """The state of a file's session effects (SI).
+
+    Raises `FileError`: an effect or an offset that is not there, or an effect that does not follow the time.
+    """
     if table is None:
         return None
     names, every = [effect.name for effect in model.effects], _offsets(model.arm)
+    laws = [effect.name for effect in model.effects if warms_with_the_arm(effect)]
     try:
         for name in table.carried:
             if name not in names:
                 raise UnknownName("effect of this model", name, names)
+        for name in table.warming_rad or {}:
+            if name not in laws:
+                raise UnknownName("joint's drift of this model", name, laws)
         for key in table.offsets:
             if key not in every:
                 raise UnknownName("offset", key, every)
     except UnknownName as error:
         raise FileError(path, "deployed", str(error)) from None
-    return StateAfterSession(table.carried, {key: value * every[key].si for key, value in table.offsets.items()})
+    offsets = {key: value * every[key].si for key, value in table.offsets.items()}
+    return StateAfterSession(table.carried, offsets, table.warming_rad or {})
 
 
 def deployed_table(model: Model) -> DeployedTable | None:
@@ -239,7 +255,8 @@ def deployed_table(model: Model) -> DeployedTable | None:
         return None
     units = {key: parameter.si for key, parameter in _offsets(model.arm).items()}
     offsets = {key: value / units[key] for key, value in model.state.offsets.items()}
-    return DeployedTable(carried=dict(model.state.carried), offsets=offsets)
+    warming = dict(model.state.warming) or None
+    return DeployedTable(carried=dict(model.state.carried), offsets=offsets, warming_rad=warming)
 
 
 def parts_table(model: Model) -> PartsTable:
@@ -268,12 +285,20 @@ def _range_of(path: Path, table: RangeTable | None, model: Model) -> MeasuredRan
     slots = {key.rpartition("_")[0]: (lower, upper) for key, (lower, upper) in table.loads.items()}
     if unknown := next((key for key in slots if key not in model.chain.index), None):
         raise FileError(path, "range.loads", str(UnknownName("slot", unknown, model.chain.index)))
+    measured, unknown_deg = table.measured_deg or [], table.open_deg or []
+    if {len(measured), len(unknown_deg)} not in ({0}, {model.arm.dof}):
+        words = f"measured_deg has {len(measured)} rows and open_deg {len(unknown_deg)} values"
+        raise FileError(path, "range", f"{words}; both should have {model.arm.dof}, one for each joint")
+    if any(a >= b for row in measured for a, b in pairwise(row)):
+        raise FileError(path, "range.measured_deg", "a row that does not ascend; should have each angle once, in order")
+    rows = tuple(tuple(map(math.radians, row)) for row in measured)
+    unmeasured = UnmeasuredAngles(rows, tuple(map(math.radians, unknown_deg))) if rows else None
     angle = tuple((math.radians(lower), math.radians(upper)) for lower, upper in table.joints_deg)
     lightest, heaviest = table.payload_g
     t, running = (None if ends is None else (ends[0], ends[1]) for ends in (table.t_s, table.running_s))
     tcp = None if table.tcp_mm is None else tuple((1e-3 * lower, 1e-3 * upper) for lower, upper in table.tcp_mm)
     centre = None if table.centre_mm is None else tuple(1e-3 * value for value in table.centre_mm)
-    return MeasuredRange(angle, (1e-3 * lightest, 1e-3 * heaviest), slots, t, running, tcp, centre)
+    return MeasuredRange(angle, (1e-3 * lightest, 1e-3 * heaviest), slots, t, running, tcp, centre, unmeasured)
 
 
 def range_table(model: Model) -> RangeTable | None:
@@ -281,6 +306,7 @@ def range_table(model: Model) -> RangeTable | None:
     known = model.within
     if known is None:
         return None
+    far = known.unmeasured
     unit = {slot.key: "Nm" if slot.rotates else "N" for slot in model.chain.slots}
     return RangeTable(
         joints_deg=[[math.degrees(lower), math.degrees(upper)] for lower, upper in known.angle],
@@ -289,6 +315,10 @@ def range_table(model: Model) -> RangeTable | None:
         running_s=None if known.running is None else [*known.running],
         tcp_mm=None if known.tcp is None else [[1e3 * lower, 1e3 * upper] for lower, upper in known.tcp],
         centre_mm=None if known.centre is None else [1e3 * value for value in known.centre],
+        measured_deg=None
+        if far is None
+        else [[round(math.degrees(angle), 4) for angle in row] for row in far.measured],
+        open_deg=None if far is None else [math.degrees(sd) for sd in far.sd],
         loads={f"{key}_{unit[key]}": [*ends] for key, ends in known.load.items()},
     )
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal, TypeAlias
 
 CarriedState: TypeAlias = Literal["last", "mean"]
@@ -17,14 +17,20 @@ class StateAfterSession:
     Attributes:
         carried: of each effect (`id@place`), which state is carried forward.
         offsets: what is added to constant offsets, by their keys (rad, m).
+        warming: effects whose law is followed where the time since power-on is known, each with its part of the offset
+            of its joint (rad), which its law replaces then.
     """
 
     carried: Mapping[str, CarriedState]
     offsets: Mapping[str, float]
+    warming: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def sentence(self) -> str:
         """The state that is deployed in words; empty where there is none."""
         by_state = {state: [name for name, one in self.carried.items() if one == state] for state in ("last", "mean")}
         parts = [f"the {state} state of {', '.join(names)}" for state, names in by_state.items() if names]
-        return f"The deployed model keeps {' and '.join(parts)}." if parts else ""
+        kept = f"The deployed model keeps {' and '.join(parts)}" if parts else ""
+        if not self.warming:
+            return f"{kept}." if kept else ""
+        return f"{kept}. Where the time since power-on is known, {', '.join(self.warming)} follows it."

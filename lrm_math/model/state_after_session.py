@@ -7,7 +7,9 @@ added to the constant offset of the same slot, and the rigid motion to the base.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections import Counter
+from collections.abc import Collection, Mapping
+from dataclasses import replace
 
 import numpy as np
 
@@ -42,13 +44,15 @@ def passing_effects(model: Model) -> tuple[Effect, ...]:
 
 
 def state_after_session(
-    settled: Equilibrium, carried: Mapping[str, CarriedState] | None = None
+    settled: Equilibrium, carried: Mapping[str, CarriedState] | None = None, warming: Collection[str] | None = None
 ) -> StateAfterSession | None:
     """State that a fitted model's session effects leave behind; None for a model without such effects.
 
     Args:
         settled: its equilibrium at the measured poses, in their order.
         carried: by effect's name; of others those of the model's present state, then `usually_carried`.
+        warming: names of effects that follow the time since power-on where it is known; None: those of the model's
+            present state.
     """
     model = settled.model
     if not any(of_a_session(effect) for effect in model.effects):
@@ -56,25 +60,31 @@ def state_after_session(
     known = {**({} if model.state is None else model.state.carried), **(carried or {})}
     chosen = {effect.name: known.get(effect.name, usually_carried(effect)) for effect in passing_effects(model)}
     left = _left_by_motions(settled, chosen)
+    sums = Counter[str]()
+    for amounts in left.values():
+        sums.update(amounts)
+    follow = model.state.warming if warming is None and model.state is not None else warming or ()
+    parts = {name: sum(left[name].values()) for name in follow if name in left}
+    state = StateAfterSession(chosen, {key: amount for key, amount in sums.items() if amount}, parts)
     if not model.binding.distorting:
-        return StateAfterSession(chosen, left)
-    moved = as_deployed(model.with_state(StateAfterSession(chosen, left)))
+        return state
+    moved = as_deployed(model.with_state(state))
     base = _rigid_motion(settled, with_offsets(moved, dict.fromkeys(Offsets(model.arm, BASE).keys, 0.0)))
-    return StateAfterSession(chosen, left | {key: left.get(key, 0.0) + shift for key, shift in base.items()})
+    added = {key: state.offsets.get(key, 0.0) + shift for key, shift in base.items()}
+    return replace(state, offsets={**state.offsets, **added})
 
 
-def _left_by_motions(settled: Equilibrium, chosen: Mapping[str, CarriedState]) -> dict[str, float]:
-    """State of the effects that move slots, by key of the constant offset of the same slot (rad, m)."""
-    model, offsets = settled.model, dict[str, float]()
-    for bound in model.binding.bound:
-        if bound.effect.name in chosen:
-            amounts = bound.at(settled.poses, bound.own_loads(settled.tau))
-            for k, amount in zip(bound.slots, amounts, strict=True):
-                if key := _offset_key(model, model.chain.slots[k]):
-                    course = np.broadcast_to(np.asarray(amount, dtype=np.float64), len(settled.poses))
-                    left = course[-1] if chosen[bound.effect.name] == "last" else course.mean()
-                    offsets[key] = offsets.get(key, 0.0) + float(left)
-    return {key: left for key, left in offsets.items() if left}
+def _left_by_motions(settled: Equilibrium, chosen: Mapping[str, CarriedState]) -> dict[str, dict[str, float]]:
+    """State of each effect that moves slots, by key of the constant offset of the same slot (rad, m)."""
+    model, found = settled.model, dict[str, dict[str, float]]()
+    for bound in (one for one in model.binding.bound if one.effect.name in chosen):
+        own = found[bound.effect.name] = {}
+        amounts = bound.at(settled.poses, bound.own_loads(settled.tau))
+        for k, amount in zip(bound.slots, amounts, strict=True):
+            if key := _offset_key(model, model.chain.slots[k]):
+                course = np.broadcast_to(np.asarray(amount, dtype=np.float64), len(settled.poses))
+                own[key] = float(course[-1] if chosen[bound.effect.name] == "last" else course.mean())
+    return found
 
 
 def _offset_key(model: Model, slot: Slot) -> str:

@@ -38,9 +38,12 @@ class PositionUncertainty:
 def position_uncertainty(
     settled: Equilibrium, covariance: Covariance | None, joint_sd: Sequence[float] | None = None
 ) -> PositionUncertainty | None:
-    """Standard deviation at the first pose; see `position_covariance`."""
+    """Standard deviation at the first pose: see `position_covariance`, and what the measured angles leave open."""
     every = position_covariance(settled, covariance, joint_sd)
-    return None if every is None else PositionUncertainty(every[0], math.sqrt(float(np.trace(every[0]))))
+    if every is None:
+        return None
+    whole = every[0] + open_covariance(settled)[0]
+    return PositionUncertainty(whole, math.sqrt(float(np.trace(whole))))
 
 
 def position_covariance(
@@ -58,6 +61,15 @@ def position_covariance(
         J = joint_jacobian(settled) * np.asarray(joint_sd, dtype=np.float64)
         parts.append(J @ J.transpose(0, 2, 1))
     return np.asarray(sum(parts)) if parts else None
+
+
+def open_covariance(settled: Equilibrium) -> Array:
+    """(N, 3, 3), m², of what the measured angles leave open (`UnmeasuredAngles`); zero where that is not known."""
+    unmeasured = None if settled.model.within is None else settled.model.within.unmeasured
+    if unmeasured is None:
+        return np.zeros((len(settled.poses), 3, 3))
+    J = joint_jacobian(settled) * unmeasured.spread(settled.poses.q)[:, None, :]
+    return np.asarray(J @ J.transpose(0, 2, 1))
 
 
 def expected_tip_error(model: Model, covariance: Covariance) -> float:

@@ -145,7 +145,8 @@ class StatePublisher:
         if known is not None:
             field = FieldPart(effect=marked(known.effect), speaks_share=known.speaks, outside_share=known.outside)
         return ReloadReply(
-            **self._header(tail), model=deployed.path, model_sha256=deployed.sha256, left_out=list(deployed.left_out),
+            **self._header(tail), model=deployed.path, model_sha256=deployed.sha256,
+            left_out=list(deployed.uncompensated),
             field=field, tip_moves_m=None if deployed.moved is None else deployed.moved.largest,
             tip_moves_rms_m=None if deployed.moved is None else deployed.moved.rms,
         )  # fmt: skip

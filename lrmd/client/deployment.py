@@ -14,7 +14,7 @@ from lrm_math.effects.measured_range import Interval
 from lrm_math.errors import FileError, LrmError
 from lrm_math.kinematics.poses import Poses
 from lrm_math.model.covariance import Covariance, implausible_estimates
-from lrm_math.model.deployed_model import FIT_STATE, as_deployed, unknown_state
+from lrm_math.model.deployed_model import FIT_STATE, as_deployed, as_deployed_at, unknown_state
 from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import Model
 from lrm_math.model.model_file import HistoryTable, ModelFile, arm_of, covariance_of, to_model
@@ -22,6 +22,8 @@ from lrm_math.model.uncertainty import expected_tip_error
 from lrm_math.toml_file import read_toml
 
 POSES = 200
+NOTHING = 5e-6
+"""m: less is printed as 0.00 mm."""
 STEP = re.compile(r"step(\d+)")
 """Parameters of the second and later sessions."""
 
@@ -33,6 +35,7 @@ class Deployment:
     Attributes:
         state: sentence on the state of session effects that is deployed; empty where there is none.
         difference: RMS distance (m) between the predictions of both over the measured range and session.
+        time_unknown: the same where no time since power-on is known, as after pulses without a daemon.
         standard_error: of the predicted tip over that range (m); None: the file has no covariance.
         last: the last step of its history, with the errors that it had; None: the file has no history.
         implausible: sentences on estimates that no real arm has.
@@ -40,6 +43,7 @@ class Deployment:
 
     state: str
     difference: float
+    time_unknown: float
     standard_error: float | None
     last: HistoryTable | None
     implausible: tuple[str, ...] = ()
@@ -57,27 +61,38 @@ class Deployment:
         known, last = covariance_of(path, file, model), file.history[-1] if file.history else None
         state = "" if model.state is None else model.state.sentence
         absurd = tuple(one.sentence for one in implausible_estimates(model, known))
-        return cls(state, left_out_difference(model), _standard_error(model, known), last, absurd)
+        return cls(state, *left_out_differences(model), _standard_error(model, known), last, absurd)
+
+    @property
+    def refusal(self) -> str:
+        """Why a person must accept this model before it is deployed; empty where nothing speaks against it.
+
+        An estimate that is not physically plausible, or what is left out is more than the prediction's standard error.
+        """
+        if self.implausible:
+            return self.implausible[0]
+        if self.difference <= (self.standard_error or 0.0):
+            return ""
+        known = "which is not known" if self.standard_error is None else f"of {self.standard_error * 1e3:.2f} mm"
+        return (
+            f"without its session's effects the model predicts otherwise by {self.difference * 1e3:.2f} mm RMS, "
+            f"more than its standard error {known}"
+        )
 
     def check(self) -> None:
-        """Raises `LrmError` for an estimate that is not physically plausible, or if what is left out matters: more than
-        the prediction's standard error."""
-        if self.implausible:
-            raise LrmError(f"{self.implausible[0]}; deploy it all the same with --accept")
-        if self.difference > (self.standard_error or 0.0):
-            known = "which is not known" if self.standard_error is None else f"of {self.standard_error * 1e3:.2f} mm"
-            raise LrmError(
-                f"without its session's effects the model predicts otherwise by {self.difference * 1e3:.2f} mm RMS, "
-                f"more than its standard error {known}; deploy it all the same with --accept"
-            )
+        """Raises `LrmError` where there is a `refusal`."""
+        if self.refusal:
+            raise LrmError(f"{self.refusal}; deploy it all the same with --accept")
 
     def lines(self) -> Iterator[str]:
         """Lines for a person: the state that is deployed, and the error of the tip to expect."""
         yield from self.implausible
         if self.state:
             yield self.state
-        if self.difference:
+        if self.difference > NOTHING:
             yield f"left out of the model: {self.difference * 1e3:.2f} mm RMS over its session"
+        if self.time_unknown - self.difference > NOTHING:
+            yield f"where no time since power-on is known: {self.time_unknown * 1e3:.2f} mm RMS over its session"
         said = []
         if self.last is not None:
             shown = {"as deployed, held out": self.last.deployed_rms_mm, "held out": self.last.held_out_rms_mm}
@@ -87,14 +102,20 @@ class Deployment:
         yield f"expected at the tip: {', '.join(said) or 'not known (the file has neither history nor covariance)'}"
 
 
-def left_out_difference(model: Model) -> float:
-    """RMS distance (m) from a model's predictions to those as it is deployed, over its measured range and session."""
-    deployed = as_deployed(model)
-    if deployed is model:
-        return 0.0
+def left_out_differences(model: Model) -> tuple[float, float]:
+    """RMS distances (m) from a model's predictions to those as it is deployed, over its measured range and session.
+
+    Where the time since power-on is known, so that what follows it is not left out; and where it is not.
+    """
     poses = _session_poses(model)
-    apart = solve_equilibrium(model, poses).tcp - solve_equilibrium(deployed, poses).tcp
-    return float(np.sqrt((apart**2).sum(axis=1).mean()))
+    whole = solve_equilibrium(model, poses).tcp
+
+    def difference(deployed: Model) -> float:
+        """m; zero where nothing is left out."""
+        apart = 0.0 if deployed is model else whole - solve_equilibrium(deployed, poses).tcp
+        return float(np.sqrt(3.0 * np.mean(np.square(apart))))
+
+    return difference(as_deployed_at(model, poses)), difference(as_deployed(model))
 
 
 def _standard_error(model: Model, known: Covariance | None) -> float | None:

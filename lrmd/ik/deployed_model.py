@@ -43,6 +43,13 @@ class DeployedModel:
         """SHA-256 that the processes compare, or `shared_memory.NOMINAL`."""
         return self.sha256.encode() or NOMINAL
 
+    @property
+    def uncompensated(self) -> tuple[str, ...]:
+        """Those of `left_out` of which something never counts, not even where the time since power-on is known."""
+        warming = {} if self.model.state is None else self.model.state.warming
+        never = {effect.id for effect in self.model.effects if effect.name not in warming}
+        return tuple(name for name in self.left_out if name in never)
+
     @cached_property
     def field(self) -> FieldCoverage | None:
         """Coverage of the reach by its residual field; None without one."""

@@ -225,7 +225,7 @@ class IkProcess:
             raise RequestError("no_model", "the model's file changed since the daemon loaded it; rpc/reload takes it")
         known = known_of(self._shared.read_knowledge(), time.monotonic_ns())
         kind: type[KinematicsReply]
-        content: dict[str, Any] = {"left_out": list(service.deployed.left_out)}
+        content: dict[str, Any] = {"left_out": list(service.deployed.uncompensated)}
         match request:
             case IkRequest():
                 kind, content["answers"] = IkReply, []

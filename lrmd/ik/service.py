@@ -23,7 +23,7 @@ from lrm_math.ik.goal import Goal, IkQuery, point, point_along, pose_rpy
 from lrm_math.ik.methods import QUICKEST, method_named
 from lrm_math.kinematics.known import Known
 from lrm_math.kinematics.motion import Motion
-from lrm_math.model.deployed_model import under_gravity
+from lrm_math.model.deployed_model import under_gravity, warming_offsets
 from lrmd.config import Config
 from lrmd.errors import RequestError
 from lrmd.ik.deployed_model import DeployedModel
@@ -151,14 +151,25 @@ class IkService:
         other._solver.warm_up()
         return other
 
+    def warmed(self, known: Known) -> IkService:
+        """The service where the time since power-on is known, which the drift of a joint may follow."""
+        added = warming_offsets(self.deployed.model, known.poses(Motion.at([0.0] * self._dof)))
+        if not added:
+            return self
+        other = copy(self)
+        other._solver = self._solver.with_offsets(added)
+        other._feasibility = FeasibilityCheck(self._scene, other._solver.arm)
+        return other
+
     def inverse(self, request: IkRequest, known: Known = UNKNOWN) -> Iterator[IkAnswer]:
         """One answer per goal, each computed when it is taken. Raises `LrmError` for invalid goals."""
         self._check_angles("near_rad", request.near_rad)
         goals = [self._goal(number, entry) for number, entry in enumerate(request.goals)]
         method = method_named(request.method, side=request.cube_side_m, points=request.cube_points)
         near, motion = _start(request.near_rad, known)
+        warm = self.warmed(known)
         for goal in goals:
-            yield self._answer(goal, request.payload_kg or 0.0, near, method, Rounding(request.round), motion)
+            yield warm._answer(goal, request.payload_kg or 0.0, near, method, Rounding(request.round), motion)
 
     def _answer(
         self, goal: Goal, payload: float, near: Sequence[float] | None, method: Method, rounding: Rounding,
@@ -193,9 +204,10 @@ class IkService:
             self._check_angles(f"q_rad.{number}", q)
         for number, direction in enumerate(request.direction):
             self._check_angles(f"direction.{number}", direction)
+        solver = self.warmed(known)._solver
         for number, q in enumerate(request.q_rad):
             arrival = self._arrival(request, number, known)
-            f = self._solver.predicted(known.poses(arrival, request.payload_kg or 0.0))
+            f = solver.predicted(known.poses(arrival, request.payload_kg or 0.0))
             yield FkAnswer(
                 tcp_m=list(f.tcp), rotation=[list(row) for row in f.rotation], tau_nm=list(f.joint_torque),
                 sd_m=None if f.uncertainty is None else f.uncertainty.sd, outside_range=self._outside(q),

@@ -68,10 +68,12 @@ def _with_field(field: ResidualField, poses: Poses, block: HeldOutBlock) -> Held
     known, unseen, left = poses.take(block.train), poses.take(block.test), block.train_residual
     own = field.over(range_of(known))
     values = field_posterior(own, known, left).values.tolist()
-    known_apart = block.deployed_residual
+    apart = block.deployed_residual, block.time_unknown_residual
+    deployed, unknown = (None if one is None else _less_field(one, own, unseen, values) for one in apart)
     return replace(
         block,
-        deployed_residual=None if known_apart is None else _less_field(known_apart, own, unseen, values),
+        deployed_residual=deployed,
+        time_unknown_residual=unknown,
         train_residual=_less_field(left, own, known, values),
         test_residual=_less_field(block.test_residual, own, unseen, values),
         weighted=None,

@@ -12,6 +12,7 @@ import numpy as np
 
 from lrm_ident.data.wording import enumerate_words, in_mm, in_percent
 from lrm_ident.diagnosis.attribution import Attribution, attribution_of, unexplained_ratio
+from lrm_ident.diagnosis.contradiction import can_be_contradicted
 from lrm_ident.diagnosis.diagnosis_report import DiagnosisReport, RankedCandidate
 from lrm_ident.report.document import Block, Facts, heading, section
 from lrm_ident.report.plain_names import in_words, plain_name
@@ -117,6 +118,8 @@ def _empirical_headline(report: DiagnosisReport, first: RankedCandidate) -> str:
         return f"No new cause: the formula of {enumerate_words(sorted(map(plain_name, refined)), LISTED)} is not exact."
     if first.scored.candidate.effect.variant_of:
         return HEADLINES["effect_describes"]
+    if not can_be_contradicted(first.scored.candidate.effect, report.diagnosis.data.poses.q):
+        return "No cause identified: with so few angles of its joint, any function of the angle fits as well."
     return "No cause identified: the best effect explains too little of the error to be called its cause."
 
 

@@ -46,9 +46,9 @@ def step_blocks(number: int, step: AutoStep, start: AutoStep) -> Iterator[Block]
         yield Text(f"      or {rivals}: these poses cannot distinguish them", style="dim")
     if step.added:
         known = noise_floor(step.data, step.fit.equilibrium).rms is not None
-        present = [effect.name for effect in step.fit.model.effects]
-        reason = f"; {no_cause(step.refines, present)}" if step.describes else ""
-        yield Text(f"      {explains_words(step.share, known)}{reason}", style="dim")
+        present = {effect.name: effect for effect in step.fit.model.effects}
+        why_none = no_cause(present[step.added], step.data.poses.q, present) if step.describes else ""
+        yield Text(f"      {explains_words(step.share, known)}{why_none and '; '}{why_none}", style="dim")
     if step.freed:
         yield Text(f"      now identifiable: {enumerate_words(step.freed, RIVALS_SHOWN)}", style="dim")
 

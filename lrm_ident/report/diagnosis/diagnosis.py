@@ -8,6 +8,7 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 
 from lrm_ident.data.wording import in_mm, in_percent, named_joints, p_words, poses_words
 from lrm_ident.diagnosis.attribution import Attribution, attribution_of, unexplained_mean_square, unexplained_ratio
+from lrm_ident.diagnosis.contradiction import can_be_contradicted
 from lrm_ident.diagnosis.diagnose import Diagnosis
 from lrm_ident.diagnosis.diagnosis_report import DiagnosisReport, RankedCandidate
 from lrm_ident.report.diagnosis.conclusion import UNKNOWN_FILES, CommandNames, Conclusion, conclude, valid_where
@@ -15,7 +16,8 @@ from lrm_ident.report.document import Block, Document, Facts, ResultTable, secti
 from lrm_ident.report.plain_names import in_words, plain_name
 from lrm_ident.residual.residual_patterns import ResidualPatterns
 from lrm_ident.residual.thresholds import MIN_GAIN
-from lrm_math.effects import Effect, compensable
+from lrm_math.arrays import Array
+from lrm_math.effects import Effect, compensable, variants
 
 SHOWN, REFUSED_SHOWN, RANKED = 6, 3, 30
 STATUS = {"supported": "also missing", "indistinguishable": "indistinguishable", "no_evidence": "no evidence"}
@@ -197,16 +199,19 @@ def explains_words(share: float, floor_known: bool) -> str:
     return f"explains {in_percent(share)} % of the squared error{' above the noise' if floor_known else ''}"
 
 
-def no_cause(refines: Sequence[str], present: Collection[str]) -> str:
+def no_cause(effect: Effect, q: Array, present: Collection[str]) -> str:
     """Reason why an effect that predicts better identifies no new cause.
 
     Args:
-        refines: the effects, `effect@place`, of which it is another form. present: those of the model.
+        q: (N, n), measured commands (rad). present: effects (`effect@place`) of the model.
     """
+    refines = variants(effect)
     if there := [name for name in refines if name in present]:
         return f"another formula for {in_words(' and '.join(there))}, no new cause"
     if refines:
         return f"an empirical term that may stand for {in_words(' or '.join(refines))}"
+    if not can_be_contradicted(effect, q):
+        return "an empirical term: with so few angles any function of that joint's angle fits as well"
     return "an empirical term: it explains too little to be called a cause"
 
 

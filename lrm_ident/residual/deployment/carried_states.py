@@ -14,9 +14,10 @@ from lrm_ident.residual.better_prediction import vuong_z
 from lrm_ident.residual.data_audit import joints_of_order
 from lrm_ident.residual.thresholds import ONE_DEVIATION
 from lrm_math.arrays import Array
+from lrm_math.effects.session_errors import warms_with_the_arm
 from lrm_math.errors import LrmError
 from lrm_math.kinematics.poses import Poses
-from lrm_math.model.deployed_model import as_deployed
+from lrm_math.model.deployed_model import as_deployed, since_power_on
 from lrm_math.model.equilibrium import Equilibrium, solve_equilibrium
 from lrm_math.model.model import Model
 from lrm_math.model.session_state import CarriedState
@@ -36,7 +37,8 @@ def with_carried_states(fitted: Fit, data: Measurements) -> Fit:
     The last tenth of the poses in order is predicted, as deployed, by a fit to those before. A law is deployed with its
     end where that predicts better than its mean by more than a standard error. Free curves, poses without an order or
     whose order follows a joint, and few poses are deployed with the mean: an end of the order that is the end of a
-    joint's range tells nothing of what follows.
+    joint's range tells nothing of what follows. The drift of a joint follows the time since power-on, where that is
+    known later: see `_following`.
     """
     model = fitted.model
     laws = [effect.name for effect in passing_effects(model) if not effect.variant_of]
@@ -48,8 +50,17 @@ def with_carried_states(fitted: Fit, data: Measurements) -> Fit:
     if ordered and len(data) - cut >= FEWEST:
         rows = np.arange(len(data))
         carried |= _surely_last(fitted, data.take(rows[:cut]), data.take(rows[cut:]), carried)
-    found = model.with_state(state_after_session(fitted.equilibrium, carried))
+    warming = _following(model, data.poses) if ordered else ()
+    found = model.with_state(state_after_session(fitted.equilibrium, carried, warming))
     return replace(fitted, model=found, equilibrium=replace(fitted.equilibrium, model=found))
+
+
+def _following(model: Model, poses: Poses) -> list[str]:
+    """The effects that follow the time since power-on later: drifts of joints, with times measured in one session.
+
+    That session began with the power. A numbered order is no time.
+    """
+    return [effect.name for effect in model.effects if since_power_on(poses) and warms_with_the_arm(effect)]
 
 
 def _surely_last(
@@ -80,10 +91,12 @@ def rows_as_deployed(model: Model, poses: Poses) -> NDArray[np.int64]:
     """Rows of measured poses at which the state that is deployed held: all where it is a mean, or there is none.
 
     A last state held where each of its effects was within a tenth of its range from its end: after a change, in the
-    last session, in a warm arm. The other poses were measured with another zero, or a colder arm.
+    last session, in a warm arm. The other poses were measured with another zero, or a colder arm. What follows the time
+    since power-on holds at all times.
     """
     held = np.ones(len(poses), dtype=np.bool_)
-    carried = {} if model.state is None else model.state.carried
+    known = model.state
+    carried = {} if known is None else {name: one for name, one in known.carried.items() if name not in known.warming}
     for bound in model.binding.bound:
         if carried.get(bound.effect.name) == "last":
             for amount in bound.at(poses, (0.0,) * len(bound.loads)):

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lrm_ident.data.error_stats import ErrorStats, error_stats
-from lrm_ident.fitting.held_out import HeldOutBlock, deployed_residual
+from lrm_ident.fitting.held_out import HeldOutBlock, deployed_residual, time_unknown_residual
 from lrm_ident.residual.deployment.carried_states import rows_as_deployed
 from lrm_math.arrays import Array
 from lrm_math.kinematics.poses import Poses
@@ -24,18 +24,21 @@ class DeployedError:
     Attributes:
         now: at the poses where the state that is deployed held (`rows_as_deployed`).
         otherwise: at the others, such as of a colder arm; None where the state held at all.
+        time_unknown: where no time since power-on is known; None: nothing of the model follows that time.
         state: what the deployed model keeps of its session; None: nothing.
     """
 
     now: ErrorStats
     otherwise: ErrorStats | None = None
+    time_unknown: ErrorStats | None = None
     state: StateAfterSession | None = None
 
     @classmethod
     def of(cls, model: Model, poses: Poses, blocks: Sequence[HeldOutBlock]) -> DeployedError:
         """The error of a model that was cross-validated at these poses."""
         error = cls.of_residual(deployed_residual(blocks), rows_as_deployed(model, poses))
-        return replace(error, state=model.state)
+        unknown = time_unknown_residual(blocks)
+        return replace(error, state=model.state, time_unknown=None if unknown is None else error_stats(unknown))
 
     @classmethod
     def of_residual(cls, residual: Array, rows: NDArray[np.int64]) -> DeployedError:
@@ -45,4 +48,5 @@ class DeployedError:
 
     def as_json(self) -> dict[str, object]:
         """The table `as_deployed`."""
-        return {**self.now.as_json(), **({} if self.otherwise is None else {"otherwise": self.otherwise.as_json()})}
+        more = {"otherwise": self.otherwise, "time_unknown": self.time_unknown}
+        return {**self.now.as_json(), **{name: one.as_json() for name, one in more.items() if one is not None}}

@@ -13,7 +13,7 @@ import pytest
 from lrm_math.errors import FileError, LrmError
 from lrm_math.model.model_file import load_model
 from lrmd.cli.status import deploy
-from lrmd.client.deployment import Deployment, left_out_difference
+from lrmd.client.deployment import Deployment, left_out_differences
 from lrmd.client.model_text import text_to_deploy
 from tests.conftest import ROOT
 
@@ -98,6 +98,25 @@ def test_what_is_left_out_is_weighed_by_the_standard_error(tmp_path: Path) -> No
         unknown.check()
 
 
+def test_a_drift_that_follows_the_time_is_not_left_out(tmp_path: Path) -> None:
+    """Its size where that time is not known is printed, and refuses nothing."""
+    span = "\n[range]\njoints_deg = [[-60, 60], [-60, 60], [-60, 60], [-60, 60], [-60, 60], [-60, 60]]\n"
+    known = span + "payload_g = [0, 60]\nt_s = [0, 7200]\nrunning_s = [0, 7200]\n"
+    state = STATE.replace("0.01 }", '0.03 }\nwarming_rad = { "drift@joint2" = 0.03 }')
+    checked = Deployment.of_file(written(tmp_path, DRIFTING.format(drift=0.05) + COVARIANCE + state + known))
+    checked.check()
+    lines = "\n".join(checked.lines())
+    assert "left out of the model" not in lines
+    assert re.search(r"where no time since power-on is known: \d+\.\d\d mm RMS over its session", lines)
+    assert "Where the time since power-on is known, drift@joint2 follows it." in lines
+
+
+def test_a_file_whose_drift_is_not_there_follows_nothing(tmp_path: Path) -> None:
+    state = STATE.replace("0.01 }", '0.01 }\nwarming_rad = { "drift@base" = 0.01 }')
+    with pytest.raises(FileError, match=r"joint's drift.*drift@base"):
+        Deployment.of_file(written(tmp_path, DRIFTING.format(drift=0.05) + COVARIANCE + state))
+
+
 def test_the_command_asks_before_it_connects(tmp_path: Path) -> None:
     path = written(tmp_path, DRIFTING.format(drift=0.05) + COVARIANCE + STATE)
     options = argparse.Namespace(model=path, undo=False, accept=False, robot="nobody", connect=None, zenoh_config=None)
@@ -113,8 +132,8 @@ def test_an_old_file_with_effects_of_a_session_says_how_it_is_made_right(tmp_pat
 
 def test_a_state_that_is_the_whole_session_leaves_nothing_out(tmp_path: Path) -> None:
     """A drift of nothing, and no effect of a session at all, differ from their deployment by nothing."""
-    assert left_out_difference(load_model(written(tmp_path, MODEL))) == 0.0
-    assert left_out_difference(load_model(written(tmp_path, DRIFTING.format(drift=0.0)))) == 0.0
+    assert left_out_differences(load_model(written(tmp_path, MODEL))) == (0.0, 0.0)
+    assert left_out_differences(load_model(written(tmp_path, DRIFTING.format(drift=0.0)))) == (0.0, 0.0)
 
 
 def test_a_size_that_no_real_arm_has_is_refused(tmp_path: Path) -> None:

@@ -17,8 +17,11 @@ from lrm_math.arrays import Array
 from lrm_math.effects import effects_at
 from lrm_math.kinematics.known import Known
 from lrm_math.kinematics.motion import TRAVELS_DEG, Motion, recorded
+from lrm_math.kinematics.poses import poses_of
+from lrm_math.model.deployed_model import as_deployed
 from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import Model, model_of
+from lrm_math.model.session_state import StateAfterSession
 from lrmd.config import Config, load_config
 from lrmd.control.state_machine import Mode
 from lrmd.ik.deployed_model import DeployedModel
@@ -97,6 +100,51 @@ def test_a_stated_direction_and_a_stated_start_are_those_of_a_file(
     request = FkRequest(q_rad=q.tolist(), direction=side.astype(int).tolist())
     tips = [place.tcp_m for place in service(of).forward(request)]
     np.testing.assert_allclose(tips, predict(of, replace(poses, friction=None)), rtol=0.0, atol=AGREE)
+
+
+def warming(seed: int) -> Model:
+    """A random model one or two of whose joints warm up by a law that the daemon follows."""
+    of, rng = model(seed), np.random.default_rng(seed)
+    joints = rng.choice([f"joint{j}" for j in range(1, of.arm.dof + 1)], 2, replace=False)
+    sizes = {f"drift.{joint}.A_rad": 0.05 * rng.normal() for joint in joints}
+    effects = [*of.effects, *(e for joint in joints for e in effects_at(of.arm, f"drift@{joint}"))]
+    parts = {f"drift@{joint}": 0.01 * rng.normal() for joint in joints[: 1 + seed % 2]}
+    kept = {f"offsets.{name.partition('@')[2]}.theta_rad": part + 0.002 for name, part in parts.items()}
+    whole = model_of(of.arm, effects, dict(zip(of.keys, of.values, strict=True)) | sizes)
+    return whole.with_state(StateAfterSession(dict.fromkeys((f"drift@{j}" for j in joints), "last"), kept, parts))
+
+
+@pytest.mark.filterwarnings("ignore:the file of these poses")
+@given(seed=st.integers(0, 2**31), running=st.floats(0.0, 2e4), goal=st.lists(ANGLES, min_size=6, max_size=6))
+@settings(max_examples=12, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+def test_rpc_fk_and_predict_agree_at_a_known_time_since_power_on(
+    seed: int, running: float, goal: list[float], tmp_path: Path
+) -> None:
+    """A file whose poses have that time, and the daemon that kept it; and `rpc/ik` reaches what `rpc/fk` predicts."""
+    of = warming(seed)
+    ik = IkService(config(), DeployedModel(of, None, "", "", ("drift",)))
+    rows = [",".join(f"{x:.17g}" for x in [running, *np.degrees(goal)])]
+    (tmp_path / "warm.csv").write_text(
+        "\n".join([",".join(["t_s", *(f"q{j}_deg" for j in range(1, 7))]), *rows]) + "\n"
+    )
+    poses = replace(load_poses(tmp_path / "warm.csv", of.arm), direction=np.ones((1, 6)), friction=None)
+    (told,) = predict(replace(of, fitted_to="another file"), poses)
+    known = Known(running=running, warmed=0.0)
+    np.testing.assert_allclose(tip(ik, goal, known, direction=[[1] * 6]), told, rtol=0.0, atol=AGREE)
+    (answer,) = ik.inverse(IkRequest(goals=[GoalEntry(position_m=told.tolist())]), known)
+    if answer.q_rad is not None and not answer.detours:
+        (place,) = ik.forward(FkRequest(q_rad=[answer.q_rad], direction=[answer.direction]), known)
+        np.testing.assert_allclose(place.tcp_m, told, rtol=0.0, atol=1e-6)
+
+
+def test_without_a_known_time_the_state_that_is_kept_counts() -> None:
+    """Before the joints have pulses, and where poses have no times."""
+    of, goal = warming(5), [0.05] * 6
+    ik = IkService(config(), DeployedModel(of, None, "", "", ("drift",)))
+    assert ik.deployed.uncompensated == (), "both drifts follow the time"
+    (kept,) = solve_equilibrium(as_deployed(of), poses_of([goal], direction=np.ones((1, 6)))).tcp
+    np.testing.assert_allclose(tip(ik, goal, Known(), direction=[[1] * 6]), kept, rtol=0.0, atol=AGREE)
+    assert np.linalg.norm(np.subtract(tip(ik, goal, Known(running=0.0), direction=[[1] * 6]), kept)) > 1e-5
 
 
 @given(seed=st.integers(0, 2**31), ends=st.lists(st.lists(ANGLES, min_size=6, max_size=6), min_size=3, max_size=3))

@@ -15,10 +15,11 @@ from lrm_ident.study.study import Study
 from lrm_math.arm.arm_file import load_arm
 from lrm_math.effects import effects_at
 from lrm_math.kinematics.poses import poses_of
-from lrm_math.model.deployed_model import as_deployed
+from lrm_math.model.deployed_model import as_deployed, as_deployed_at, of_a_session, warming_offsets
 from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import Model, model_of
 from lrm_math.model.model_file import load_model
+from lrm_math.model.session_state import StateAfterSession
 from tests.support.commands import stdout_of
 
 ARM, COUNT, NOISE = "two-joint", 120, 1e-4
@@ -78,6 +79,53 @@ def test_both_errors_are_shown_and_apart() -> None:
     assert deployed.otherwise.rms > 5.0 * deployed.now.rms
     entry = study.file.history[-1]
     assert entry.deployed_rms_mm == pytest.approx(1e3 * deployed.now.rms)
+
+
+def test_a_joint_that_warms_up_in_one_session_follows_the_time_since_power_on(tmp_path: Path) -> None:
+    """Cold and warm poses count alike, as the daemon predicts them; where the time is not known is said beside it."""
+    data = measured({"drift.joint1.A_rad": 0.05})
+    alone = replace(data.poses, session=None, power_cycle=None)
+    study = fitted(replace(data, poses=alone), DRIFT)
+    assert study.model.state is not None
+    assert set(study.model.state.warming) == {DRIFT}
+    assert len(rows_as_deployed(study.model, alone)) == COUNT
+    deployed, shown = study.held_out.deployed, study.held_out.error
+    assert deployed is not None
+    assert deployed.time_unknown is not None
+    assert shown is not None
+    assert deployed.now.rms == pytest.approx(shown.rms, rel=0.01)
+    assert deployed.otherwise is None
+    assert deployed.time_unknown.rms > 3.0 * deployed.now.rms
+    path = tmp_path / "model.toml"
+    study.save(path)
+    read = load_model(path)
+    assert read.state is not None
+    assert read.state.warming == pytest.approx(study.model.state.warming)
+    new = poses_of(np.random.default_rng(9).uniform(-1.2, 1.2, (50, 2)))
+    for running in (0.0, 600.0, 1e5):
+        now = replace(new, t=np.full(50, running))
+        goes_on = solve_equilibrium(world({"drift.joint1.A_rad": 0.05}), now).tcp
+        off = np.linalg.norm(solve_equilibrium(as_deployed_at(read, now), now).tcp - goes_on, axis=1)
+        assert off.max() < 8.0 * NOISE, "the cold arm and the warm one"
+
+
+def test_several_sessions_follow_no_time() -> None:
+    """Times since the first power-on are none since the last."""
+    state = fitted(measured({"drift.joint1.A_rad": 0.05}), DRIFT).model.state
+    assert state is not None
+    assert not state.warming
+
+
+def test_a_drift_with_temperature_follows_it_only_where_it_is_known() -> None:
+    """The daemon's thermal model has it; a file of poses without `temp_c` has not, and the kept state counts."""
+    law = {"drift.joint1.A_rad": 0.05, "drift.joint1.c_rad_per_K": 1e-3}
+    model = world(law).with_state(StateAfterSession({DRIFT: "last"}, {"offsets.joint1.theta_rad": 0.07}, {DRIFT: 0.07}))
+    pose, t = poses_of([0.1, 0.2]), np.array([600.0])
+    warm = replace(pose, t=t, temperature=np.array([30.0]), warmed=np.array([10.0]))
+    assert warming_offsets(model, replace(pose, t=t)) == {}
+    expected = 0.05 * (1.0 - np.exp(-600.0 / 1800.0)) + 0.01 - 0.07
+    assert warming_offsets(model, warm) == pytest.approx({"offsets.joint1.theta_rad": expected})
+    assert not any(of_a_session(effect) for effect in as_deployed_at(model, replace(pose, t=t)).effects)
 
 
 def test_without_an_order_the_mean_is_deployed() -> None:

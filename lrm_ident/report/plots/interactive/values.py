@@ -144,7 +144,9 @@ def _cards(found: ModelReport) -> list[dict[str, Any]]:
     if found.unexplained_mean_square_mm2 is not None and all(fall.held_out for fall in falls):
         floor, pairs = found.floor_mm or 0.0, zip(found.cards, falls, strict=True)
         steps = [
-            ExplainedStep(fall.explained, card.is_form or takes_little(fall.after, fall.before, floor), card.of_present)
+            ExplainedStep(
+                fall.explained, card.no_cause or takes_little(fall.after, fall.before, floor), card.of_present
+            )
             for card, fall in pairs
         ]
         attributed = zip(attribute_steps(steps, found.unexplained_mean_square_mm2), steps, strict=True)

@@ -1,0 +1,36 @@
+"""The demo deploys what `lrm deploy` refuses only after it has printed the reason and the size."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import pytest
+
+from examples.demo.steps import DemoSteps
+from tests.daemon.cli.test_deploy_check import COVARIANCE, DRIFTING, STATE, written
+
+
+@dataclass(frozen=True)
+class RecordedSteps(DemoSteps):
+    """Steps whose commands are kept in place of being run."""
+
+    ran: list[list[str]] = field(default_factory=list)
+
+    def _run(self, program: str, words: Sequence[str]) -> None:
+        self.ran.append([program, *words])
+
+
+@pytest.mark.parametrize(("drift", "offset", "accepted"), [(1e-6, "1e-6", False), (0.05, "0.03", True)])
+def test_what_is_left_out_is_shown_with_its_size(
+    drift: float, offset: str, accepted: bool, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = written(tmp_path, DRIFTING.format(drift=drift) + COVARIANCE + STATE.replace("0.01", offset))
+    steps = RecordedSteps(tmp_path, (), 0, "1")
+    steps.deploy("model.toml", "--robot", "demo")
+    command = ["lrm", "--robot", "demo", "deploy", str(path)]
+    assert steps.ran == [[*command, "--accept"] if accepted else command]
+    shown = " ".join(capsys.readouterr().out.split())
+    assert ("refuses this model" in shown) == accepted
+    assert ("mm RMS, more than its standard error" in shown) == accepted
