@@ -19,8 +19,8 @@ from tests.support.daemon.pulse_invariants import read_frames
 TRUE_HZ = 27e6
 SHIPPED = {"pwm_hz = 50.0": "pwm_hz = 50.0"}
 """The shipped frequency in place of that of the tests: its counts are the longest."""
-COUNT_DEG = 0.55
-"""deg that a count of 4.88 us turns a servo."""
+COUNT_DEG, FULL_PULSE_DEG = 0.55, 175.0
+"""deg that a count of 4.88 us, and a pulse as long as that of 0 deg, turn a servo: the latter is off by the clock."""
 
 
 class Operator:
@@ -115,5 +115,5 @@ def test_the_clock_is_measured_before_arming_and_joints_stand_at_zero(
         time.sleep(1.2)  # `silence_ms`: the board stops its pulses
         with connected(setup) as (_, rover), rover.control("operator"):
             rover.arm("given", HOME)
-            allowed = COUNT_DEG / 2 + 150.0 * abs(hz / TRUE_HZ - 1)
+            allowed = COUNT_DEG + FULL_PULSE_DEG * abs(hz / TRUE_HZ - 1)
             assert {n: q for n, q in shafts(board).items() if n in HOME and abs(q) > allowed} == {}
