@@ -129,7 +129,7 @@ lerobot: ## the plug-in's tests with LeRobot itself, and its follower over the s
 	PYTHONPATH=. $(ONE_THREAD) $(PYTHON) -m pytest -rs -m "not slow" tests/lerobot tests/examples/so101
 	PYTHONPATH=. $(ONE_THREAD) $(PYTHON) -m validation.lerobot_robot
 
-doors: setup ## every door to a motor at 500 random instants, and 10000 random paths of LeRobot's corrected commands (half an hour)
+doors: setup ## every door to a motor at 500 random instants, and 10000 random paths of LeRobot's corrected commands over 200 fitted models (an hour)
 	$(ONE_THREAD) $(BIN)/python -m tests.soak.doors --instants 500
 	PYTHONPATH=lerobot_robot_lrm/src $(ONE_THREAD) $(BIN)/python -m validation.lerobot_robot.paths
 
