@@ -146,7 +146,7 @@ def by_angles(servo: ClockedServo, pulses_s: tuple[float, float], turn: float, e
 
 
 def result_text(servo: ClockedServo, found: Oscillator) -> str:
-    """What was measured, what it means, and what to do."""
+    """Lines that say the oscillator, what it means, and what to do."""
     zero = math.degrees(servo.angle_at(float(servo.table.pulse_of(0.0)), found.hz))
     off = servo.configured_hz / found.hz - 1
     lines = [f"oscillator: {found.hz / 1e6:.3f} +- {found.uncertainty_hz / 1e6:.3f} MHz, configured "

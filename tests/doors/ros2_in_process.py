@@ -64,7 +64,7 @@ class LiveDaemon(InMemoryDaemon):
 
 
 class Gate:
-    """What lies between the bridge and everybody else: shut, nothing passes in either direction."""
+    """Passage between the bridge and everybody else: shut, nothing passes in either direction."""
 
     def __init__(self) -> None:
         self._open, self._for_good = threading.Event(), False

@@ -1,4 +1,4 @@
-"""What a deployment refuses, and the way back from a damaged one without a daemon."""
+"""Bounds of a deployment, and the way back from a damaged one without a daemon."""
 
 from __future__ import annotations
 
