@@ -52,10 +52,14 @@ class Oscillator:
 
 @dataclass(frozen=True)
 class ClockedServo:
-    """A servo behind a clock that is configured to `configured_hz`, and lets a count last `count_s` then."""
+    """A servo behind a clock that is configured to `configured_hz`, and lets a count last `count_s` then.
+
+    `limits`: rad, of commands.
+    """
 
     name: str
     table: ServoTable
+    limits: tuple[float, float]
     configured_hz: float
     count_s: float
 
@@ -67,7 +71,8 @@ class ClockedServo:
             raise LrmError(f"unknown servo '{name}'; valid: {', '.join(info.names)}")
         i = info.names.index(name)
         table = ServoTable(tuple(info.tables_rad[i]), tuple(p * 1e-6 for p in info.tables_us[i]))
-        return cls(name, table, info.oscillator_hz, info.count_us * 1e-6)
+        low, high = info.limits_rad[i]
+        return cls(name, table, (low, high), info.oscillator_hz, info.count_us * 1e-6)
 
     def put_out(self, pulse_s: float) -> float:
         """Pulse (s) that would come out of an oscillator as configured: whole counts."""
@@ -77,9 +82,11 @@ class ClockedServo:
         """Angle (rad) of the shaft when a pulse of the configured clock is counted by an oscillator of `hz`."""
         return float(self.table.angle_of(pulse_s * self.configured_hz / hz))
 
-    def farthest(self, pulse_s: float) -> float:
-        """Turn (rad) by which the shaft may be off at a pulse with an oscillator that real chips have."""
-        return max(abs(self.angle_at(pulse_s, hz) - float(self.table.angle_of(pulse_s))) for hz in TYPICAL_HZ)
+    def reached(self, angle: float) -> tuple[float, float]:
+        """Least and greatest angle (rad) where the shaft may stand when it is told one (rad), with real chips."""
+        pulse = float(self.table.pulse_of(angle))
+        ends = sorted(self.angle_at(pulse, hz) for hz in TYPICAL_HZ)
+        return min(angle, ends[0]), max(angle, ends[1])
 
 
 def calibrate_clock(rover: Rover, servo: str, prompt: Prompt = input, show: Show = print) -> Oscillator:
@@ -164,9 +171,8 @@ def result_text(servo: ClockedServo, found: Oscillator) -> str:
 
 def _switch_on(rover: Rover, servo: ClockedServo, prompt: Prompt, show: Show) -> None:
     """Gives a servo its first pulse, if it has none, where the operator says that it stands, and after a warning."""
-    joints, limits = rover.joints(), rover.info().limits_rad
-    i = joints.names.index(servo.name)
-    if joints.on[i]:
+    joints, (low, high) = rover.joints(), servo.limits
+    if joints.on[joints.names.index(servo.name)]:
         return
     while True:
         word = _answer(prompt, f"{servo.name} has no pulses. Angle where it stands, in deg (q stops) > ")
@@ -175,10 +181,10 @@ def _switch_on(rover: Rover, servo: ClockedServo, prompt: Prompt, show: Show) ->
         except LrmError as error:
             show(str(error))
             continue
-        if limits[i][0] <= angle <= limits[i][1]:
+        if low <= angle <= high:
             break
-        show(f"{servo.name}: should be {math.degrees(limits[i][0]):.0f} to {math.degrees(limits[i][1]):.0f} deg")
-    far = math.degrees(servo.farthest(float(servo.table.pulse_of(angle))))
+        show(f"{servo.name}: should be {math.degrees(low):.0f} to {math.degrees(high):.0f} deg")
+    far = math.degrees(max(abs(end - angle) for end in servo.reached(angle)))
     warning = f"{servo.name} may jump by up to {far:.0f} deg at full speed, since the clock is not known yet"
     show(f"{servo.name} gets its first pulse now, no other servo does. If the servos' power is on, {warning}.")
     _agreed(prompt, "ENTER: switch it on; q: stop > ")
@@ -197,6 +203,11 @@ def _by_protractor(rover: Rover, servo: ClockedServo, prompt: Prompt) -> Oscilla
 def _turned(rover: Rover, servo: ClockedServo, prompt: Prompt, which: str) -> tuple[float, float, float]:
     """Pulse (s, configured), angle that was read off (rad), and its uncertainty (rad)."""
     wanted = parse_angle(_answer(prompt, f"{which} of two angles to turn {servo.name} to, in deg (q stops) > "))
+    least, most = servo.reached(wanted)
+    if not (servo.limits[0] <= least and most <= servo.limits[1]):
+        low, high = (math.degrees(end) for end in servo.limits)
+        turn = f"{math.degrees(least):.0f} to {math.degrees(most):.0f} deg"
+        raise LrmError(f"an oscillator that is off may turn it to {turn}; its limits are {low:.0f} to {high:.0f} deg")
     rover.move({servo.name: wanted})
     word, _, error = _answer(prompt, "the protractor shows (deg, or 31 +- 0.5) > ").partition("+-")
     uncertainty = parse_angle(error) if error else READING
