@@ -74,7 +74,7 @@ bench: setup ## our figures beside the peers', as ratios; calibrated IK and the 
 fleet: setup ## 12 simulated arms of one kind: the fleet's prior on arms that it has not seen (ARMS=, ten minutes)
 	$(ONE_THREAD) $(BIN)/python -m validation.fleet --arms $(or $(ARMS),12)
 
-soak: setup ## all laws with fifteen times the examples, the daemon's controller, ramp and board for HOURS=24 of simulated time, 10000 random sequences of requests to the collision guard, a million broken messages, a million IK queries under sanitizers, attacks for MINUTES=10, a campaign killed 50 times
+soak: setup ## all laws with fifteen times the examples, the daemon's controller, ramp and board for HOURS=24 of simulated time, 10000 random sequences of requests to the collision guard, a million broken messages, a million IK queries under sanitizers, attacks and legal clients for MINUTES=10, a campaign killed 50 times
 	$(ONE_THREAD) $(BIN)/python -m pytest $(SIDE_BY_SIDE) $(UNITS) --hypothesis-profile=thorough
 	$(ONE_THREAD) $(BIN)/python -m tests.soak.endurance --hours $(HOURS)
 	$(ONE_THREAD) $(BIN)/python -m tests.soak.guard_sequences
@@ -85,6 +85,7 @@ soak: setup ## all laws with fifteen times the examples, the daemon's controller
 	$(ONE_THREAD) $(BIN)/python -m tests.soak.hostile.forger
 	$(ONE_THREAD) $(BIN)/python -m tests.soak.hostile.process_memory
 	$(ONE_THREAD) $(BIN)/python -m tests.soak.hostile.steady_memory $(MINUTES)
+	$(ONE_THREAD) $(BIN)/python -m tests.soak.legal_clients $(MINUTES)
 	$(ONE_THREAD) $(BIN)/python -m tests.soak.killed_campaign --kills 50
 
 transfer: setup ## 20 simulated arms, calibrated on the rig, identified on the rover from 0, 3, 6 and 12 poses (five minutes)
@@ -129,7 +130,7 @@ lerobot: ## the plug-in's tests with LeRobot itself, and its follower over the s
 	PYTHONPATH=. $(ONE_THREAD) $(PYTHON) -m pytest -rs -m "not slow" tests/lerobot tests/examples/so101
 	PYTHONPATH=. $(ONE_THREAD) $(PYTHON) -m validation.lerobot_robot
 
-doors: setup ## every door to a motor at 500 random instants, and 10000 random paths of LeRobot's corrected commands (half an hour)
+doors: setup ## every door to a motor at 500 random instants, and 10000 random paths of LeRobot's corrected commands over 200 fitted models (an hour)
 	$(ONE_THREAD) $(BIN)/python -m tests.soak.doors --instants 500
 	PYTHONPATH=lerobot_robot_lrm/src $(ONE_THREAD) $(BIN)/python -m validation.lerobot_robot.paths
 

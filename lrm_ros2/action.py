@@ -112,7 +112,7 @@ class FollowAction:
         self._lock = threading.RLock()
         self._clients: set[str] = set()
         self._active: JointGoal | None = None
-        self._offered: JointGoal | None = None
+        self._offered: set[JointGoal] = set()
         self._goals: OrderedDict[bytes, JointGoal] = OrderedDict()
         self._last, self._held = 0.0, 0.0
 
@@ -125,7 +125,7 @@ class FollowAction:
                 print(f"action: a goal is refused: {shown(why)}", flush=True)
                 new.refused(why)
                 return
-            self._offered = new
+            self._offered.add(new)
         self.door.offer(new)
 
     def _unfit(self, goal: Any, new: JointGoal) -> str:
@@ -139,14 +139,14 @@ class FollowAction:
         return "" if new.clients else "its client has no liveliness token: nobody would notice that it is lost"
 
     def cancel_goal(self, request: Any, answer: ServiceAnswer, number: int) -> None:
-        """Service `cancel_goal`: an id of zeros is any goal that came before."""
+        """Service `cancel_goal`: an id of zeros is any goal that came before, and whatever the door follows."""
         id_ = bytes(request.goal_info.goal_id.uuid)
         if not any(id_):
             self.door.arrivals.stopped(number)
+            self.door.stop_own()
         with self._lock:
             known = self._goals.get(id_)
-            wanted = (goal for goal in (self._active, self._offered) if goal is not None)
-            goals = [goal for goal in wanted if not any(id_) or id_ == goal.id]
+            goals = [goal for goal in self._wanted() if not any(id_) or id_ == goal.id]
             if not goals:
                 code = CancelCode.UNKNOWN_GOAL_ID if known is None and any(id_) else CancelCode.GOAL_TERMINATED
                 answer(return_code=int(code), goals_canceling=[])
@@ -174,12 +174,16 @@ class FollowAction:
         """A client of the action has come, or gone."""
         with self._lock:
             (self._clients.add if there else self._clients.discard)(token)
-            for goal in (self._offered, self._active):
-                if goal is None or there or token not in goal.clients:
+            for goal in self._wanted():
+                if there or token not in goal.clients:
                     continue
                 goal.unwanted = "its client is gone: the arm holds"
                 if goal is self._active:
                     self._stop(goal, goal.unwanted)
+
+    def _wanted(self) -> list[JointGoal]:
+        """The goal that is followed, and those that were offered to the door and are not refused yet."""
+        return [*self._offered, *([] if self._active is None else [self._active])]
 
     def _silent(self, goal: JointGoal) -> None:
         """A client of a goal is frozen, or out of reach."""
@@ -202,14 +206,13 @@ class FollowAction:
     def forget(self, goal: JointGoal) -> None:
         """A goal was refused."""
         with self._lock:
-            if self._offered is goal:
-                self._offered = None
+            self._offered.discard(goal)
 
     def begin(self, goal: JointGoal) -> None:
         """A goal is followed from now on."""
         with self._lock:
             self._goals[goal.id] = self._active = goal
-            self._offered = None
+            self._offered.discard(goal)
             while len(self._goals) > KEPT:
                 self._goals.popitem(last=False)
             goal.state = GoalState.EXECUTING

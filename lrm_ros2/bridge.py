@@ -84,6 +84,11 @@ class TrajectoryDoor:
         thread.start()
         self._holds = [*(one for one in self._holds if one.is_alive()), thread]
 
+    def stop_own(self) -> None:
+        """Holds, if an order is followed or comes next."""
+        if self._busy.locked():
+            self.hold()
+
     def follow_next(self, patience: float) -> None:
         """Follows the next trajectory to its end, if one comes within a time (s)."""
         try:

@@ -222,7 +222,7 @@ class StatePublisher:
             tables_rad=[list(s.table.angle) for s in config.servos],
             tables_us=[[p * 1e6 for p in s.table.pulse] for s in config.servos],
             tick_ms=config.tick / 1e6, step_us=config.step / 1e3, count_us=config.clock.count_s * 1e6,
-            pwm_hz=1.0 / (COUNTS_PER_PERIOD * config.clock.count_s),
+            pwm_hz=1.0 / (COUNTS_PER_PERIOD * config.clock.count_s), oscillator_hz=config.clock.oscillator_hz,
             lease_ms=config.lease / 1e6, command_ms=config.command / 1e6,
             model=self.model if self._model_sha256 else None, model_sha256=self._model_sha256,
             stored_rad=stored_angles(config, stored), stored_still=still,

@@ -102,7 +102,7 @@ def parser() -> argparse.ArgumentParser:
     estop.add_argument("--why", default="", help="for the log")
     logs = command("logs", status.logs, "the last events")
     logs.add_argument("--follow", action="store_true", help="and those to come, until Ctrl-C")
-    text = "calibrate one servo with a protractor and write its table into an arm file"
+    text = "calibrate one servo with a protractor and write its table into an arm file; or measure the board's clock"
     command("level1", motion.level1, text, _level1)
     return p
 
@@ -154,8 +154,10 @@ def _deploy(c: argparse.ArgumentParser) -> None:
 
 def _level1(c: argparse.ArgumentParser) -> None:
     c.add_argument("servo", metavar="SERVO", help="joint1 ... or another servo")
-    c.add_argument("--arm", required=True, metavar="ARM", help="the arm file to start from, or a shipped arm")
-    c.add_argument("-o", "--output", required=True, type=Path, metavar="FILE", help="the new arm file")
+    clock = "measure the board's oscillator with this servo, before the first arming: a logic probe, or two angles"
+    c.add_argument("--clock", action="store_true", help=clock)
+    c.add_argument("--arm", metavar="ARM", help="the arm file to start from, or a shipped arm")
+    c.add_argument("-o", "--output", type=Path, metavar="FILE", help="the new arm file")
     text = "where to measure (default: %(default)s)"
     c.add_argument("--angles", default="-100,0,100", metavar="A1,A2,...", help=text)
 

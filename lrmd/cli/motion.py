@@ -122,9 +122,18 @@ def estop(o: argparse.Namespace) -> int:
 
 
 def level1(o: argparse.Namespace) -> int:
-    """`lrm level1`: servo calibration with a protractor."""
+    """`lrm level1`: servo calibration with a protractor, or the board's clock."""
+    from lrmd.cli.clock_calibration import calibrate_clock
     from lrmd.cli.servo_calibration import calibrate_servo
 
+    if o.clock == bool(o.arm or o.output):
+        raise LrmError("level1: give --arm ARM and -o FILE, or --clock alone")
+    if o.clock:
+        with open_rover(o) as rover, rover.control(lease_holder(), o.take):
+            calibrate_clock(rover, o.servo)
+        return 0
+    if not (o.arm and o.output):
+        raise LrmError(f"level1: {'-o FILE' if o.arm else '--arm ARM'} is missing")
     with open_rover(o) as rover, rover.control(lease_holder(), o.take):
         calibrate_servo(rover, o.servo, o.arm, o.output, parse_angles(o.angles))
     return 0

@@ -268,7 +268,8 @@ class MetricsState(Header):
 class InfoState(Header):
     """`info`: configuration of the arm. `model_sha256`: of the loaded model file, empty for the nominal arm.
 
-    `step_us`: largest change of a commanded pulse in one tick. The board rounds it to `count_us` at `pwm_hz`.
+    `step_us`: largest change of a commanded pulse in one tick. The board rounds it to `count_us` at `pwm_hz`,
+    if its oscillator has `oscillator_hz` as configured.
     """
 
     robot: str
@@ -284,6 +285,7 @@ class InfoState(Header):
     step_us: float
     count_us: float
     pwm_hz: float
+    oscillator_hz: float
     lease_ms: float
     command_ms: float
     model: str | None

@@ -22,7 +22,7 @@ from pydantic import Field, ValidationError
 from lrm_math.atomic_file import write_atomically
 from lrm_math.errors import FileError
 from lrm_math.toml_file import StrictSchema
-from lrmd.config import Config
+from lrmd.config import Config, LinkTable
 
 HOTTEST = 300.0
 """degC: higher modelled temperatures are stored as this one."""
@@ -93,10 +93,13 @@ def set_aside(folder: Path, suffix: str = ".damaged") -> Path:
 
 
 def arm_identity(config: Config) -> str:
-    """SHA-256 of what a pulse means: name and geometry of the arm; name, channel and table of every servo."""
+    """SHA-256 of what a pulse means: name and geometry of the arm; name, channel and table of every servo; the clock,
+    if it is not the nominal one."""
     joints = [(j.theta, j.d, j.a, j.alpha, j.extra_z, *((j.beta,) if j.beta else ())) for j in config.arm.joints]
     servos = [(s.name, s.channel, s.table.angle, s.table.pulse) for s in config.servos]
-    return hashlib.sha256(json.dumps([config.arm.name, joints, servos]).encode()).hexdigest()
+    nominal = LinkTable.model_fields["oscillator_hz"].default
+    clock = [config.link.oscillator_hz] if config.link.oscillator_hz != nominal else []
+    return hashlib.sha256(json.dumps([config.arm.name, joints, servos, *clock]).encode()).hexdigest()
 
 
 def of_this_arm(stored: StoredState, config: Config) -> tuple[StoredState, str]:
@@ -111,7 +114,7 @@ def of_this_arm(stored: StoredState, config: Config) -> tuple[StoredState, str]:
     if not stored.identity:
         return without_pose, "it does not say which arm its pose is of (an older release wrote it)"
     if stored.arm == name:
-        return without_pose, f"the geometry or the servo tables of {name} were changed since its pose was stored"
+        return without_pose, f"the geometry, clock or servo tables of {name} were changed since its pose was stored"
     without_heat = without_pose.model_copy(update={"temperature_c": {}, "payload_kg": 0.0})
     return without_heat, f"it is the state of {stored.arm}, and this daemon drives {name}"
 

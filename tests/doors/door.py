@@ -65,7 +65,8 @@ class DoorKind:
         stop_s: after a confirmed stop nothing is commanded any more after so long (s), the bound of law (d).
         contact_s: likewise after contact is lost, the bound of law (e).
         reach: rad, that random wishes are within.
-        slow: whether processes are behind it, of which a test affords few.
+        slow: whether it takes real time, of which a test affords little.
+        abreast: how many of them a long run may drive side by side.
     """
 
     name: str
@@ -75,3 +76,4 @@ class DoorKind:
     contact_s: float
     reach: float = 0.8
     slow: bool = False
+    abreast: int = 1

@@ -18,6 +18,7 @@ from examples.so101.feetech_servo import MIDDLE, STEP, FeetechServo
 from lrm_ident.measuring.campaign.lerobot_robot import LeRobotServos
 from lrm_ident.measuring.campaign.plan import PlannedPose
 from lrm_ident.measuring.campaign.servo_arm import ServoArm, Servos
+from lrm_ident.measuring.campaign.session import torque_named
 from lrm_ident.measuring.servo_bus import bus as servo_bus
 from lrm_ident.measuring.servo_bus import feetech as table
 from lrm_ident.measuring.servo_bus.bus import ServoHost
@@ -110,8 +111,10 @@ class CampaignDoor(ServosDoor):
         self.arm: ServoArm | None = None
 
     def torque_on(self) -> None:
-        """See `MotionDoor`."""
-        self.arm = ServoArm(self.connect(), ARM, self.time, lambda _: None)
+        """See `MotionDoor`: as `by_servos` does it, with errors that name the joints that have torque."""
+        servos = self.connect()
+        with torque_named(servos):
+            self.arm = ServoArm(servos, ARM, self.time, lambda _: None)
 
     def ask(self, wish: Sequence[float]) -> None:
         """See `MotionDoor`: one pose after the other, so what is on its way is interrupted first."""

@@ -20,6 +20,7 @@ from lrm_math.errors import NoEquilibrium
 from lrm_math.kinematics.motion import Motion
 from lrm_math.model.model import model_of
 from validation.lerobot_robot.continuity import PathFigures, follow, random_model, random_path
+from validation.lerobot_robot.fitted_arms import fitted_arms
 
 SEVEN = str(Path(__file__).parents[2] / "validation" / "hidden_effects" / "arms" / "seven-joint.toml")
 ARMS = ("so101", "lrm-rover", SEVEN)
@@ -39,6 +40,19 @@ def test_commands_follow_small_steps_by_small_steps(arm: str, model: int, seed: 
     assert found.farthest <= FARTHEST + 1e-9
     assert found.largest_step <= (1.0 + RATE) * np.radians(1.0) + REVERSAL + 1e-9
     assert found.undirected_ratio <= 1.0 + RATE + CREEP / np.radians(0.1) + 1e-9
+
+
+def test_so_do_those_of_a_fitted_model_and_the_hidden_arm_is_nearer_to_its_goals() -> None:
+    (fitted,) = fitted_arms("so101", 1)
+    rng, found = np.random.default_rng(57), PathFigures()
+    for _ in range(4):
+        path = random_path(*fitted.correction.limits, rng)
+        commands = follow(fitted.correction, path, found)
+        found.without.append(fitted.missed_mm(path[-1], path))
+        found.left.append(fitted.missed_mm(path[-1], commands))
+    assert found.farthest <= FARTHEST + 1e-9
+    assert found.undirected_ratio <= 1.0 + RATE + CREEP / np.radians(0.1) + 1e-9
+    assert np.median(found.left) < 0.5 < 5.0 < np.median(found.without)
 
 
 @given(arm=st.sampled_from(ARMS), model=st.integers(0, 9), seed=st.integers(0, 10_000))

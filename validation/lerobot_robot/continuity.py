@@ -17,8 +17,6 @@ from lrm_math.arrays import Array
 from lrm_math.effects import effects_at
 from lrm_math.errors import LrmError
 from lrm_math.kinematics.motion import Motion
-from lrm_math.kinematics.poses import Poses
-from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import Model, model_of
 
 LONGEST = 120
@@ -39,7 +37,10 @@ WHERE = (("servo_gain", 0.7), ("backlash", 0.5), ("hysteresis", 0.5), ("friction
 
 @dataclass
 class PathFigures:
-    """Figures found along paths: ratios of steps, distances (rad), errors at rests (mm)."""
+    """Figures found along paths: ratios of steps, distances (rad), errors at rests (mm).
+
+    `without`, `unbounded`, `left`: with the wish itself sent, with the correction without bounds, with the bounded one.
+    """
 
     steps: int = 0
     ratio: float = 0.0
@@ -47,6 +48,7 @@ class PathFigures:
     largest_step: float = 0.0
     farthest: float = 0.0
     bounded: int = 0
+    unbounded: list[float] = field(default_factory=list)
     without: list[float] = field(default_factory=list)
     left: list[float] = field(default_factory=list)
 
@@ -68,30 +70,31 @@ def random_path(low: Array, high: Array, rng: np.random.Generator) -> Array:
     return np.asarray(start + np.outer(np.arange(min(LONGEST, int(far / step)) + 1) * step / far, way))
 
 
-def follow(made: Correction, path: Array, found: PathFigures) -> None:
-    """Adds what happens along one path (N, n), rad, and at the rest at its end."""
-    motion, before = Motion.at(path[0]), None
-    shift = made.zero_shift
+def follow(made: Correction, path: Array, found: PathFigures) -> Array:
+    """(N, n), commands (rad) along one path (N, n), rad; adds what happens there."""
+    motion, before, sent = Motion.at(path[0]), None, []
     for wish in path:
         answer = bounded_command(made, wish, motion, before)
         found.bounded += bool(answer.bounded.any())
-        found.farthest = max(found.farthest, float(np.abs(answer.command - answer.wish - shift).max()))
+        found.farthest = max(found.farthest, float(np.abs(answer.command - answer.wish - made.zero_shift).max()))
         if before is not None:
             _add_step(made, before, answer, found)
         motion, before = motion.to(answer.command), answer
-        found.steps += 1
+        sent.append(answer.command)
+    found.steps += len(path)
+    return np.array(sent)
+
+
+def followed_without_bounds(made: Correction, path: Array) -> Array | None:
+    """(N, n), the same of the correction alone; None where it has no answer."""
+    motion, sent = Motion.at(path[0]), []
     try:
-        drawn = tip(model_of(made.model.arm, ()), path[-1], motion)
-        found.without.append(1e3 * float(np.linalg.norm(tip(made.model, path[-1], motion) - drawn)))
-        found.left.append(1e3 * float(np.linalg.norm(tip(made.model, motion.q, motion) - drawn)))
-    except LrmError:  # a model that does not settle there
-        return
-
-
-def tip(model: Model, q: Array, motion: Motion) -> Array:
-    """(3,), m, the tip of a model at commands (n,), rad, its joints having come as a motion has them."""
-    poses = Poses(q[None], np.zeros(1), motion.side[None], friction=motion.friction[None])
-    return np.asarray(solve_equilibrium(model, poses).tcp[0])
+        for wish in path:
+            sent.append(made.command(wish, motion))
+            motion = motion.to(sent[-1])
+    except LrmError:
+        return None
+    return np.array(sent)
 
 
 def figures(values: Sequence[float]) -> str:

@@ -19,6 +19,7 @@ from lrmd.cli import text as cli_text
 from lrmd.cli.parsing import parse_angle, parse_angles
 from lrmd.client import MotionInterrupted, Rover
 from lrmd.config import load_config
+from lrmd.control.state import ControllerEvent
 from lrmd.control.state_machine import Mode
 from lrmd.messages.codec import MessageError
 from lrmd.messages.control import Event, FaultEntry, FaultsState, ThermalState
@@ -265,6 +266,8 @@ def test_somebody_else_has_the_lease(refuses, does) -> None:
         (["move", "--speed", "fast", "--joint", "1", "2"], "invalid float value: 'fast'"),
         (["arm", "--q", ZERO, "--stored"], "not allowed with"),
         (["level1", "joint1"], "--arm"),
+        (["level1", "joint1", "--arm", "lrm-rover"], "-o FILE is missing"),
+        (["level1", "joint1", "--clock", "-o", "x.toml"], "or --clock alone"),
         (["--robot", "ro/ver", "state"], "letters, digits"),
         (["--robot", "*", "state"], "letters, digits"),
         (["--robot", "", "state"], "letters, digits"),
@@ -306,6 +309,7 @@ def test_words_that_are_wrong_without_a_daemon(refuses: Callable[..., str], word
         (["plan", "--q", ZERO, "--seed", "-1"], "seed"),
         (["fk", "--payload-g", "1e9"], "payload_kg"),
         (["level1", "wing", "--arm", "lrm-rover", "-o", "x.toml"], "unknown servo 'wing'"),
+        (["level1", "wing", "--clock"], "unknown servo 'wing'"),
         (["level1", "joint1", "--arm", "no-arm", "-o", "x.toml"], "no-arm"),
         (["level1", "joint1", "--arm", "lrm-rover", "-o", "none/x.toml"], "no such folder"),
         (["level1", "joint1", "--arm", "lrm-rover", "-o", "x.toml", "--angles", "a"], "should be like 30deg"),
@@ -450,3 +454,14 @@ def test_a_reader_that_has_gone_is_no_fault(
         monkeypatch.setattr(sys, "stdout", nobody)
         assert app.main([command]) == 1
     assert capsys.readouterr().err == ""
+
+
+def test_texts_of_a_hostile_peer_are_printed_without_escapes_and_marks_of_direction(
+    daemon: InMemoryDaemon, does: Callable[..., str]
+) -> None:
+    hostile = "held\x1b]0;own\x07\x1b[2J\u202eevil\u2066\r\nlrm: armed"
+    daemon.sim.core.events.append(ControllerEvent("refused", "warning", hostile, {"why": hostile}))
+    daemon._flush()
+    said = does("logs")
+    assert "held" in said
+    assert not set("\x1b\x07\u202e\u2066\r") & set(said)

@@ -56,10 +56,10 @@ class FakeRover:
         table = [list(self.table.angle)], [[p * 1e6 for p in self.table.pulse]]
         return InfoState(
             **HEADER, robot="r", arm="a", version="1", names=["joint1", self.name], joints=2,
-            limits_rad=[[-1.0, 1.0]] * 2, rate_rad_per_s=[1.0, 1.0], tables_rad=table[0] * 2, tables_us=table[1] * 2,
-            tick_ms=6.5, step_us=1.0, count_us=4.88, pwm_hz=50.0, lease_ms=400.0, command_ms=500.0, model=None,
-            model_sha256="",
-            stored_rad={}, stored_still=False,
+            limits_rad=[[-self.limit, self.limit]] * 2, rate_rad_per_s=[1.0, 1.0], tables_rad=table[0] * 2,
+            tables_us=table[1] * 2,
+            tick_ms=6.5, step_us=1.0, count_us=4.88, pwm_hz=50.0, oscillator_hz=25e6, lease_ms=400.0,
+            command_ms=500.0, model=None, model_sha256="", stored_rad={}, stored_still=False,
         )  # fmt: skip
 
 

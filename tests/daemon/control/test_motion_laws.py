@@ -7,11 +7,12 @@ import math
 from contextlib import suppress
 
 import pytest
-from hypothesis import HealthCheck, settings
+from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, precondition, rule
 
 from lrm_math.errors import LrmError
+from lrmd.config import load_config
 from lrmd.control.state_machine import LIVE, TABLE, Mode, Trigger, next_mode
 from lrmd.messages.control import (
     LEASE_LOST,
@@ -25,7 +26,7 @@ from lrmd.messages.control import (
     ResetRequest,
 )
 from lrmd.ramp.shared_memory import LinkState
-from tests.support.daemon.in_memory_daemon import SimulatedDaemon, config_at
+from tests.support.daemon.in_memory_daemon import CONFIG, SimulatedDaemon, config_at
 
 SECOND = 1_000_000_000
 TICK = 6_500_000
@@ -235,6 +236,20 @@ def test_a_stall_lengthens_a_move_and_the_arm_still_arrives(sim: SimulatedDaemon
     keep(sim, token, int(seconds * SECOND / TICK) + 30)
     assert commanded(sim, 1) == pytest.approx(0.4, abs=1e-6)
     assert sim.core.mode is Mode.ARMED
+
+
+@given(stall=st.integers(1, 70))
+def test_with_the_shipped_link_times_a_stall_below_490_ms_ends_no_motion(stall: int) -> None:
+    """70 ticks are 455 ms; the frame before and the answer after take two more. No pulse jumps afterwards."""
+    sim = SimulatedDaemon(load_config(CONFIG))
+    sim.run(30)
+    token = armed(sim)
+    seconds = sim.core.handle(MoveRequest(lease=token, waypoints=[{"joint1": 0.2}]), sim.now).seconds
+    keep(sim, token, 20)
+    sim.stall = stall
+    keep(sim, token, int(seconds * SECOND / TICK) + stall + 30)
+    assert (sim.core.mode, dict(sim.core.faults)) == (Mode.ARMED, {})
+    assert commanded(sim, 1) == pytest.approx(0.2, abs=1e-6)
 
 
 def test_a_reconnected_board_stays_without_motion_until_a_reset(sim: SimulatedDaemon) -> None:

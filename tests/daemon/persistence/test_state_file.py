@@ -204,6 +204,7 @@ def test_tokens_are_not_guessed() -> None:
 
 CONFIGURED = load_config(CONFIG)
 OTHER_TABLE = replace(CONFIGURED, servos=(replace(CONFIGURED.servos[0], channel=15), *CONFIGURED.servos[1:]))
+OTHER_CLOCK = replace(CONFIGURED, link=CONFIGURED.link.model_copy(update={"oscillator_hz": 27e6}))
 OTHER_ARM = replace(CONFIGURED, arm=replace(CONFIGURED.arm, name="lrm-lab"))
 
 
@@ -230,6 +231,7 @@ def test_the_state_of_the_same_arm_is_used_as_it_is() -> None:
     [
         (saved_by(OTHER_ARM), "the state of lrm-lab, and this daemon drives lrm-rover", {}),
         (saved_by(OTHER_TABLE), "servo tables of lrm-rover were changed", {"joint2": 90.0}),
+        (saved_by(OTHER_CLOCK), "clock or servo tables of lrm-rover were changed", {"joint2": 90.0}),
         (saved(), "an older release wrote it", {"joint1": 40.0}),
     ],
 )

@@ -1,0 +1,240 @@
+"""The bridge to ROS 2 without processes: its own door, action, services and order of arrivals, in real time, between a
+simulated daemon and a stand-in for ROS 2's network.
+
+A stalled bridge is one that hears and says nothing for a while: what was sent to it comes in order when it goes on.
+Its own threads run on, which a frozen process does not allow: what they do between is one more thing to be right in.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from types import SimpleNamespace
+from typing import Any
+
+from lrm_math.errors import LrmError
+from lrm_ros2.action import FollowAction
+from lrm_ros2.arrivals import Arrivals
+from lrm_ros2.bridge import TrajectoryDoor, stop_service
+from lrmd.client import Rover
+from lrmd.messages.codec import Message
+from lrmd.messages.control import HoldRequest
+from tests.support.daemon.in_memory_daemon import SimulatedDaemon
+from tests.support.daemon.in_memory_zenoh import FakeZenohSession, InMemoryDaemon
+
+PATIENCE_S, STATE_S = 20.0, 0.02
+CLIENT = "@ros2_lv/0/c11e47/1/2/SC/tester"
+"""Token of the client of the action."""
+
+
+class LiveDaemon(InMemoryDaemon):
+    """A daemon whose time is real: a thread lets its ticks pass, and no look at its state does."""
+
+    def handle(self, tail: str, request: Message) -> Message:
+        """A hold is answered when the ramp has read it, as by the api process."""
+        answer = super().handle(tail, request)
+        if isinstance(request, HoldRequest):
+            self.sim.settle()
+        return answer
+
+    def state(self, tail: str) -> Message:
+        return self._publisher.states[tail]()
+
+    @contextmanager
+    def ticking(self) -> Iterator[None]:
+        """While the block runs. A busy machine makes its time slower, never faster."""
+        ended, tick = threading.Event(), self.sim.config.tick / 1e9
+
+        def run() -> None:
+            due = time.monotonic()
+            while not ended.wait(max(0.0, due - time.monotonic())):
+                due = max(due + tick, time.monotonic() - tick)
+                with self.session._lock:
+                    self.sim.tick()
+                    self._flush()
+
+        with _running(run):
+            try:
+                yield
+            finally:
+                ended.set()
+
+
+class Gate:
+    """Passage between the bridge and everybody else: shut, nothing passes in either direction."""
+
+    def __init__(self) -> None:
+        self._open, self._for_good = threading.Event(), False
+        self._open.set()
+
+    def shut(self, seconds: float | None = None) -> None:
+        """Shuts it for some seconds, or for good."""
+        self._for_good |= seconds is None
+        self._open.clear()
+        if seconds is not None:
+            timer = threading.Timer(seconds, self._again)
+            timer.daemon = True
+            timer.start()
+
+    def _again(self) -> None:
+        if not self._for_good:
+            self._open.set()
+
+    def open(self) -> None:
+        """Opens it, whatever it was shut for."""
+        self._open.set()
+
+    def passed(self) -> None:
+        """Waits until it is open."""
+        self._open.wait(PATIENCE_S)
+
+    @property
+    def is_open(self) -> bool:
+        """Whether something passes now."""
+        return self._open.is_set()
+
+
+class GatedSession:
+    """The bridge's session with the daemon."""
+
+    def __init__(self, session: FakeZenohSession, gate: Gate) -> None:
+        self._session, self._gate = session, gate
+
+    def get(self, *arguments: Any, **named: Any) -> list[Any]:
+        """See `FakeZenohSession`."""
+        self._gate.passed()
+        answers = self._session.get(*arguments, **named)
+        self._gate.passed()
+        return answers
+
+    def put(self, *arguments: Any, **named: Any) -> None:
+        """See `FakeZenohSession`."""
+        self._gate.passed()
+        self._session.put(*arguments, **named)
+
+
+class SessionOnly(Rover):
+    """A client over a session that is there."""
+
+    def __init__(self, session: FakeZenohSession | GatedSession) -> None:
+        super().__init__("rover", ["tcp/127.0.0.1:1"])
+        self._session = session  # type: ignore[assignment]
+
+
+class RosSide:
+    """ROS 2's network as the bridge has it, and whether the client of the action answers."""
+
+    def __init__(self, gate: Gate) -> None:
+        self._gate, self.client_runs = gate, True
+
+    def ask_session(self, _: str, answered: Callable[[], None]) -> None:
+        """See `RosNode`."""
+        if self.client_runs and self._gate.is_open:
+            answered()
+
+    def stamp(self, t: float) -> float:
+        """See `RosNode`."""
+        return t
+
+    def result(self, *parts: Any) -> tuple[Any, ...]:
+        """See `RosNode`."""
+        return parts
+
+    goal_info = result
+
+    def publish_feedback(self, *_: Any) -> None:
+        """See `RosNode`."""
+
+    publish_goals = publish_feedback
+
+
+class InProcessBridge:
+    """The bridge, put together as `lrm_ros2.command` does it, and what ROS 2 sends to it."""
+
+    def __init__(self, sim: SimulatedDaemon) -> None:
+        self.gate, self.daemon = Gate(), LiveDaemon(sim)
+        self.person, self.ros = SessionOnly(self.daemon.session), RosSide(self.gate)
+        rover = SessionOnly(GatedSession(self.daemon.session, self.gate))
+        self.arrivals = Arrivals()
+        self.door = TrajectoryDoor(rover, self.arrivals)
+        self.action = FollowAction(self.door, self.ros)  # type: ignore[arg-type]
+        taken = self.arrivals.taken_by
+        self._ends: dict[str, Callable[[Any], None]] = {
+            "topic": taken(self.door.take),
+            "hold": taken(self._service(stop_service(rover.hold, "the arm holds")), stops=True),
+            "estop": taken(self._service(stop_service(lambda: rover.estop("ROS 2"), "pulses are off")), stops=True),
+            "send_goal": taken(self._service(self.action.send_goal)),
+            "cancel_goal": taken(self._service(self.action.cancel_goal)),
+        }
+        self._on_the_way: deque[tuple[str, Any]] = deque()
+
+    def send(self, end: str, message: Any) -> threading.Event:
+        """Sends a message, or a request; set when the bridge has taken it, or answered."""
+        known = threading.Event()
+        self._on_the_way.append((end, (namespace(message), known)))
+        return known
+
+    def client(self, there: bool) -> None:
+        """The client of the action comes, or goes."""
+        self.action.client(CLIENT, there)
+
+    @contextmanager
+    def running(self) -> Iterator[None]:
+        """At work while the block runs."""
+        ended = threading.Event()
+
+        def deliver() -> None:
+            while not ended.wait(0.001):
+                while self._on_the_way and self.gate.is_open:
+                    end, (message, known) = self._on_the_way.popleft()
+                    if end == "topic":
+                        self._ends[end](message)
+                        known.set()
+                    else:
+                        self._ends[end]((message, known))
+
+        def follow() -> None:
+            while not ended.is_set():
+                self.door.follow_next(0.05)
+
+        def tell() -> None:
+            while not ended.wait(STATE_S):
+                with suppress(LrmError):
+                    self.action.on_state(self.door.rover.joints())
+
+        with self.daemon.ticking(), self.arrivals, _running(follow), _running(deliver), _running(tell):
+            try:
+                yield
+            finally:
+                ended.set()
+                self.gate.open()
+                self.person.estop()
+
+    @staticmethod
+    def _service(handler: Callable[[Any, Any, int], object]) -> Callable[[Any, int], object]:
+        def asked(request: tuple[Any, threading.Event], number: int) -> None:
+            message, known = request
+            handler(message, lambda **_: known.set(), number)
+
+        return asked
+
+
+def namespace(message: Any) -> Any:
+    """A message as an object, from nested dictionaries."""
+    if isinstance(message, dict):
+        return SimpleNamespace(**{key: namespace(value) for key, value in message.items()})
+    return [namespace(value) for value in message] if isinstance(message, list) else message
+
+
+@contextmanager
+def _running(work: Callable[[], None]) -> Iterator[None]:
+    """A thread at work, which ends by itself after the block."""
+    thread = threading.Thread(target=work, daemon=True)
+    thread.start()
+    try:
+        yield
+    finally:
+        thread.join(PATIENCE_S)
