@@ -14,6 +14,7 @@ import json
 import os
 import threading
 from collections.abc import Callable
+from dataclasses import astuple
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -96,7 +97,8 @@ def arm_identity(config: Config) -> str:
     """SHA-256 of what a pulse means: name and geometry of the arm; name, channel and table of every servo."""
     joints = [(j.theta, j.d, j.a, j.alpha, j.extra_z, *((j.beta,) if j.beta else ())) for j in config.arm.joints]
     servos = [(s.name, s.channel, s.table.angle, s.table.pulse) for s in config.servos]
-    return hashlib.sha256(json.dumps([config.arm.name, joints, servos]).encode()).hexdigest()
+    followed = [astuple(mimic) for mimic in config.arm.mimics]
+    return hashlib.sha256(json.dumps([config.arm.name, joints, servos, *followed]).encode()).hexdigest()
 
 
 def of_this_arm(stored: StoredState, config: Config) -> tuple[StoredState, str]:
