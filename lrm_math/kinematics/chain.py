@@ -6,8 +6,8 @@ thesis section 4.1), then the bending of link i about x and y at its middle. Too
 Where consecutive axes are (nearly) parallel, Ry(beta) follows Rx(alpha): four numbers do not describe every small
 deviation of such axes, whose common normal jumps far along them (Hayati & Mirmirani 1985).
 
-A joint without a motor (`mimicK`) turns by its own amount and a multiple of that of the joint it follows. Amounts of slots
-are always their own; `driven` adds what following joints are turned by, and a motion of the other joint moves both.
+A joint without a motor (`mimicK`) turns by its own amount and a multiple of that of the joint it follows. Amounts of
+slots are always their own; `driven` adds what following joints are turned by, so that a motion of the other moves both.
 
 Effects add amounts (rad or m) to slots. A slot's amount is a float where it is the same for all poses, or an array
 `(N,)`; the same code serves both, so one pose costs scalar Python and a batch numpy.
@@ -79,8 +79,8 @@ class Chain:
 
     `moved[k]`: the first body that slot k moves. `counted[k]`: the first body that the load of slot k includes; the two
     differ only for arms whose file says that a body loads a joint that does not carry it. `index`: number of a slot by
-    its key. `frame_ends`: number of slots before the frames base, after link 1 … L, tool. `couplings`: of each joint that
-    follows another one its slot, that of the other joint, and how far it turns for each rad of that one.
+    its key. `frame_ends`: number of slots before the frames base, after link 1 … L, tool. `couplings`: of each joint
+    that follows another one its slot, that of the other joint, and how far it turns for each rad of that one.
     """
 
     dof: int
@@ -106,7 +106,7 @@ class Chain:
         ]
 
     def driven(self, values: Sequence[Number]) -> Sequence[Number]:
-        """Amounts by which the slots move in all, from their own: a following joint also turns with the one it follows."""
+        """Amounts by which the slots move in all, from their own: a following joint turns with the one it follows."""
         if not self.couplings:
             return values
         out = list(values)

@@ -29,7 +29,7 @@ class MovingSlots:
         frame_inboard, frames: the same of the base, after joint 1 … n, and of the tool, (n + 2,) and (n + 2, 4, 4).
         counted, moved: (V,), the first body that a slot's load counts, and that the slot moves.
         gravity: (3,), m/s².
-        mimics, leaders: (K,), positions among them of following joints, and of the joints that they follow; ratio: (K,).
+        mimics, leaders: (K,), positions among them of following joints, and of those that they follow; ratio: (K,).
     """
 
     slots: Indices
@@ -61,7 +61,7 @@ class MovingSlots:
 def moving_slots_of(
     chain: Chain, constants: Sequence[float], also: Sequence[int], gravity: Sequence[float]
 ) -> MovingSlots:
-    """A chain whose slots keep the amounts `constants` (rad, m), except joints, with a motor or not, and those in `also`.
+    """A chain whose slots keep the amounts `constants` (rad, m), except all joints and those in `also`.
 
     `gravity`: (3,), m/s².
     """

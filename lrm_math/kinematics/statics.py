@@ -70,7 +70,7 @@ def virtual_work(
 ) -> Sequence[Load]:
     """Generalised forces on `load_slots`, or their derivatives, for motions of slots that carry following joints along.
 
-    `loads_on`: those on slots (ascending) that each move alone. What follows at a ratio adds its torque times the ratio.
+    `loads_on`: those on slots (ascending) that each move alone. What follows adds its torque times its ratio.
     """
     led = [coupling for coupling in chain.couplings if coupling[1] in load_slots]
     if not led:

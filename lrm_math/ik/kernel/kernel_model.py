@@ -36,7 +36,8 @@ TWELVE = struct.Struct("12d").pack
 DESCENTS, KEPT = 24, 4
 """Poses of the library from which descents to the nearest goal start, and how many of these go on to the end."""
 BELOW = {
-    "mimic": ("slots", 0), "leader": ("slots", 0), "joint": ("slots", 0), "other": ("slots", 0), "spring_load": ("slots", 0), "inboard": ("slots", 1),
+    "mimic": ("slots", 0), "leader": ("slots", 0),
+    "joint": ("slots", 0), "other": ("slots", 0), "spring_load": ("slots", 0), "inboard": ("slots", 1),
     "counted": ("bodies", 1), "moved": ("bodies", 1), "law_joint": ("joints", 0), "axis": ("", 6),
     "law": ("", len(set(KERNEL_LAWS.values()))), "spring_from": ("", MAX_SPRINGS + 1),
     "term_axis": ("", 4), "field_axis": ("", 4), "term_factor": ("", WAVES_ALONE * MAX_JOINTS + 1),
