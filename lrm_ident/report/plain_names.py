@@ -50,7 +50,8 @@ OF_A_SESSION = ("drift", "drift_curve", "change_point", "second_change_point", "
 GREEK = {"alpha": "α", "beta": "β", "gamma": "γ", "theta": "θ"}
 SYMBOLS = {"q": "angle", "tau": "torque"}
 EFFECT = r"\b[a-z]\w*@\w+(?:(?:<-|\+)\w+)*"
-ALONE = r"(?<![\w.])(?:(?P<place>(?:joint|link|mimic)\d+(?:(?:<-|\+)joint\d+)?)|(?P<symbol>q|tau)(?P<joint>\d+))(?![\w.]*\w)"
+PLACE = r"(?P<place>(?:joint|link|mimic)\d+(?:(?:<-|\+)joint\d+)?)"
+ALONE = rf"(?<![\w.])(?:{PLACE}|(?P<symbol>q|tau)(?P<joint>\d+))(?![\w.]*\w)"
 CODE_NAME = re.compile(f"{EFFECT}|{ALONE}")
 """An effect at a place; a joint or link; the symbol of a covariate. No keys of parameters (`offsets.joint2.a_mm`)."""
 

@@ -4,18 +4,23 @@ from __future__ import annotations
 
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
 
-from lrm_ident.data.robot_files.mjcf_robot import read_robot
+from lrm_ident.data.robot_files.mjcf import mjcf
+from lrm_ident.data.robot_files.mjcf_patch import patched_mjcf
+from lrm_ident.data.robot_files.mjcf_robot import read_mjcf, read_robot
 from lrm_ident.data.robot_files.urdf import parse_urdf
-from lrm_ident.data.robot_files.urdf_arm import import_arm
+from lrm_ident.data.robot_files.urdf_arm import import_arm, largest_difference
+from lrm_ident.data.robot_files.urdf_export import bare_urdf, corrected_urdf
 from lrm_math.arm.arm import Arm
 from lrm_math.arrays import Array
+from lrm_math.effects import effects_at
 from lrm_math.kinematics.poses import poses_of
 from lrm_math.model.equilibrium import Equilibrium, solve_equilibrium
-from lrm_math.model.model import model_of
+from lrm_math.model.model import Model, model_of
 from tests.support.mimic_robots import chain_mjcf, palletiser
 
 
@@ -82,3 +87,57 @@ def test_a_palletiser_moves_as_in_mujoco() -> None:
         ours, (tip, torque) = at_rest(arm, q), peer.moved(q)
         np.testing.assert_allclose(ours.tcp[0], tip, atol=1e-9)
         np.testing.assert_allclose(ours.joint_torque[0], torque, atol=1e-9)
+
+
+def errors_of(arm: Arm, seed: int) -> Model:
+    """A model of an arm whose every dimension is a little off."""
+    drawn = model_of(arm, effects_at(arm, "offsets"))
+    return drawn.with_values(np.random.default_rng(seed).normal(0.0, 0.003, len(drawn.keys)))
+
+
+@pytest.mark.parametrize("kind", ["urdf", "xml"])
+@pytest.mark.parametrize("seed", range(3))
+def test_what_is_exported_is_imported_again_the_same(seed: int, kind: str, tmp_path: Path) -> None:
+    """Kinematics, torques and couplings, of a robot whose joints also follow at an offset."""
+    pytest.importorskip("mujoco", reason="mujoco is not installed")
+    path = tmp_path / "arm.xml"
+    path.write_text(chain_mjcf(seed))
+    arm = import_arm(read_robot(path), tip="tip").arm
+    text = (
+        ElementTree.tostring(bare_urdf(arm).tree, encoding="unicode")
+        if kind == "urdf"
+        else mjcf(model_of(arm, ())).text
+    )
+    path = tmp_path / f"again.{kind}"
+    path.write_text(text)
+    again = import_arm(read_robot(path), tip="tcp").arm
+    assert again.link_places == arm.link_places
+    for one, other in zip(arm.mimics, again.mimics, strict=True):
+        assert (other.leader, other.after) == (one.leader, one.after)
+        assert (other.ratio, other.offset) == pytest.approx((one.ratio, one.offset), abs=1e-12)
+    q = np.random.default_rng(seed).uniform(-1.0, 1.0, (5, arm.dof))
+    np.testing.assert_allclose(at_rest(again, q).tcp, at_rest(arm, q).tcp, atol=1e-9)
+    milligrams = 1e-9 if kind == "urdf" else 2e-5  # N·m, of the bodies that MuJoCo wants to weigh something
+    np.testing.assert_allclose(at_rest(again, q).joint_torque, at_rest(arm, q).joint_torque, atol=milligrams)
+
+
+@pytest.mark.parametrize("kind", ["urdf", "xml"])
+@pytest.mark.parametrize("seed", range(2))
+def test_a_corrected_file_moves_as_the_model(seed: int, kind: str, tmp_path: Path) -> None:
+    """Errors of joints that follow, and of those that lead them, are in the frames; its couplings stay as they were."""
+    pytest.importorskip("mujoco", reason="mujoco is not installed")
+    path = tmp_path / f"arm.{kind}"
+    path.write_text(
+        palletiser().replace("multiplier", 'offset="0.07" multiplier') if kind == "urdf" else chain_mjcf(seed)
+    )
+    robot = read_robot(path)
+    model = errors_of(import_arm(robot).arm, seed)
+    corrected = tmp_path / f"corrected.{kind}"
+    if kind == "urdf":
+        corrected.write_text(corrected_urdf(model, robot))
+    else:
+        corrected.write_text(patched_mjcf(model, read_mjcf(path), corrected).text)
+    written = read_robot(corrected)
+    tip = next(tip for tip in written.tips if not tip.endswith("_joint"))
+    precision = 1e-9 if kind == "urdf" else 2e-5  # MuJoCo writes six digits
+    assert largest_difference(model, written.chain(written.root, tip)) < precision
