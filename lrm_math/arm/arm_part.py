@@ -31,8 +31,8 @@ def _differences(one: Arm, other: Arm) -> Iterator[str]:
     if one.link_places != other.link_places:
         yield f"{one.name} has the joints {', '.join(one.link_places)}, {other.name} {', '.join(other.link_places)}"
         return
-    for k, pair in enumerate(zip(one.mimics, other.mimics, strict=True), start=1):
-        yield from _of_mimics(f"mimic {k}", *pair, names)
+    for k, mimics in enumerate(zip(one.mimics, other.mimics, strict=True), start=1):
+        yield from _of_mimics(f"mimic {k}", *mimics, names)
     for number, pair in enumerate(zip(one.links, other.links, strict=True), start=1):
         for name, unit, si, tolerance, values in _of_joints(*pair):
             if _differ(values, tolerance):

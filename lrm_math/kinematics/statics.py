@@ -9,7 +9,7 @@ from __future__ import annotations
 from bisect import bisect_right
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
-from typing import TypeAlias, TypeVar
+from typing import TypeAlias
 
 import numpy as np
 
@@ -19,8 +19,8 @@ from lrm_math.kinematics.forward import ChainGeometry
 
 Gravity: TypeAlias = tuple[Number, Number, Number]
 """Components of gravity in the frame of measurement (m/s²), floats or (N,)."""
-Load = TypeVar("Load", Number, Array)
-"""A load (float or (N,)), or derivatives of it."""
+Loads: TypeAlias = "Sequence[Number] | Array"
+"""Loads on several slots, each a float or (N,), or derivatives of each."""
 
 
 @dataclass(frozen=True)
@@ -65,9 +65,7 @@ def loads(
     )
 
 
-def virtual_work(
-    chain: Chain, load_slots: Sequence[int], loads_on: Callable[[Sequence[int]], Sequence[Load]]
-) -> Sequence[Load]:
+def virtual_work(chain: Chain, load_slots: Sequence[int], loads_on: Callable[[Sequence[int]], Loads]) -> Loads:
     """Generalised forces on `load_slots`, or their derivatives, for motions of slots that carry following joints along.
 
     `loads_on`: those on slots (ascending) that each move alone. What follows adds its torque times its ratio.
