@@ -35,7 +35,7 @@ BLOCK = 1000
 
 
 def slot_jacobian(chain: Chain, geometry: ChainGeometry) -> Array:
-    """Geometric Jacobian of the TCP for every slot, rigid arm: (S, 3, N), m/rad or 1."""
+    """Geometric Jacobian of the TCP for every slot that moves alone, rigid arm: (S, 3, N), m/rad or 1."""
     turned = statics.cross(geometry.axis, geometry.tcp - geometry.origin)
     return np.where(chain.rotates[:, None, None], turned, geometry.axis)
 
