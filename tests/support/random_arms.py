@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 from hypothesis import strategies as st
 
-from lrm_math.arm.arm import Arm, Body, Joint, MimicJoint, Placement
+from lrm_math.arm.arm import Arm, Body, Joint, MimicJoint, Placement, within_mimics
 
 
 def random_arm(seed: int, joints: int) -> Arm:
@@ -48,7 +48,7 @@ def with_followers(arm: Arm, seed: int) -> Arm:
         for k in range(arm.dof)
         if k not in motors
     )
-    return replace(arm, joints=tuple(arm.joints[k] for k in motors), mimics=mimics)
+    return replace(arm, joints=within_mimics([arm.joints[k] for k in motors], mimics), mimics=mimics)
 
 
 free_arms = st.builds(random_arm, st.integers(0, 10_000), st.integers(1, 10))

@@ -34,7 +34,7 @@ class Peer:
         self.motors = [int(model.joint(name).qposadr[0]) for name in motors]
 
     def angles(self, q: Array) -> Array:
-        """Of all joints, from those of the ones with a motor (rad)."""
+        """Angles of all joints, from those of the ones with a motor (rad)."""
         model, out = self.model, self.model.qpos0.copy()
         out[self.motors] = q
         for _ in range(model.neq):
