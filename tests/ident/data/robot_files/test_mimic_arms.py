@@ -9,6 +9,7 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
+from lrm_ident.data.robot_files.arm_text import arm_text
 from lrm_ident.data.robot_files.mjcf import mjcf
 from lrm_ident.data.robot_files.mjcf_patch import patched_mjcf
 from lrm_ident.data.robot_files.mjcf_robot import read_mjcf, read_robot
@@ -16,11 +17,13 @@ from lrm_ident.data.robot_files.urdf import parse_urdf
 from lrm_ident.data.robot_files.urdf_arm import import_arm, largest_difference
 from lrm_ident.data.robot_files.urdf_export import bare_urdf, corrected_urdf
 from lrm_math.arm.arm import Arm
+from lrm_math.arm.arm_file import read_arm
 from lrm_math.arrays import Array
 from lrm_math.effects import effects_at
 from lrm_math.kinematics.poses import poses_of
 from lrm_math.model.equilibrium import Equilibrium, solve_equilibrium
 from lrm_math.model.model import Model, model_of
+from tests.support.commands import stderr_of
 from tests.support.mimic_robots import chain_mjcf, palletiser
 
 
@@ -87,6 +90,36 @@ def test_a_palletiser_moves_as_in_mujoco() -> None:
         ours, (tip, torque) = at_rest(arm, q), peer.moved(q)
         np.testing.assert_allclose(ours.tcp[0], tip, atol=1e-9)
         np.testing.assert_allclose(ours.joint_torque[0], torque, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "said"),
+    [
+        (
+            'joint = "joint2"',
+            'joint = "joint9"',
+            "joint 3: follow: joint = 'joint9'; should be a joint with a motor of its",
+        ),
+        ('joint = "joint2"', 'joint = "mimic2"', "own: joint1, joint2, joint3, joint4"),
+        ("ratio = -1.0", "ratios = -1.0", "unknown key ratios"),
+        ('frame = "mimic2"', 'frame = "mimic3"', "unknown frame 'mimic3'"),
+    ],
+)
+def test_a_fault_of_a_following_joint_is_named(before: str, after: str, said: str, tmp_path: Path) -> None:
+    path = tmp_path / "arm.toml"
+    text = arm_text(import_arm(parse_urdf(Path("palletiser.urdf"), palletiser())).arm, "palletiser.urdf")
+    path.write_text(text)
+    assert read_arm(path).link_places == ("joint1", "joint2", "mimic1", "joint3", "mimic2", "joint4")
+    assert before in text
+    path.write_text(text.replace(before, after, 1))
+    assert said in stderr_of("arm", "show", path)
+
+
+def test_a_joint_is_followed_by_its_own_name_too(tmp_path: Path) -> None:
+    path = tmp_path / "arm.toml"
+    text = arm_text(import_arm(parse_urdf(Path("palletiser.urdf"), palletiser())).arm, "palletiser.urdf")
+    path.write_text(text.replace('joint = "joint3"', 'joint = "front"'))
+    assert [mimic.leader for mimic in read_arm(path).mimics] == [1, 2]
 
 
 def errors_of(arm: Arm, seed: int) -> Model:
