@@ -16,6 +16,7 @@ from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.robot_files.urdf import parse_urdf
 from lrm_ident.data.robot_files.urdf_arm import import_arm
 from lrm_ident.diagnosis.diagnose import diagnose
+from lrm_ident.diagnosis.diagnosis_report import build_report
 from lrm_ident.fitting.loss import SQUARED
 from lrm_ident.fitting.model_fit import fit_model, nominal_model
 from lrm_ident.report.fit import fit_document
