@@ -118,6 +118,7 @@ def import_arm(
         raise FileError(robot.path, "", str(error)) from None
     gravity = _gravity(robot, base, notices)
     arm = Arm(name or robot.name, gravity, placed, joints, tool, (*bodies, load), mimics=mimics)
+    notices.extend(_rods(robot, path))
     if not bodies:
         notices.append("no link has a mass: what bends under its own weight cannot be found")
     broken = [*implausible(arm, "metres"), *_limits_in_degrees(turning), *_heavy(arm, robot, path, notices)]
@@ -128,6 +129,17 @@ def import_arm(
     if not difference < AGREES:
         raise FileError(robot.path, "", f"the arm is {difference:.2g} m or rad off the URDF's own kinematics")
     return ImportedArm(arm, base, tip, difference, tuple(notices))
+
+
+def _rods(robot: Urdf, path: Sequence[UrdfJoint]) -> Iterator[str]:
+    """Notices of masses beside the arm that turn with its joints, as rods do: a body of an arm is fixed to a link."""
+    chain = {joint.name for joint in path}
+    for child, joint in robot.joints.items():
+        leader = "" if joint.mimic is None else joint.mimic.leader
+        if joint.name in chain or leader not in chain:
+            continue
+        if any(robot.links[link] is not None for link, _ in robot.carried_by(child, without="")):
+            yield f"the mass of '{child}' beside the arm turns with joint {leader}: it counts as it stands at zero"
 
 
 def _right(found: ImplausibleArm) -> str:

@@ -14,7 +14,7 @@ from lrm_math.arm.arm_file import load_arm
 from lrm_math.kinematics.poses import poses_of
 from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import model_of
-from tests.support.commands import stderr_of, stdout_of
+from tests.support.commands import run_command, stderr_of, stdout_of
 from tests.support.vendor_robots import vendor_parts
 
 
@@ -75,6 +75,19 @@ def test_limits_that_no_angle_keeps_are_named(tmp_path: Path) -> None:
     path.write_text(coupled_urdf('offset="4.9"'))
     said = stderr_of("arm", "import", path, "--tip", "tip", "-o", tmp_path / "arm.toml")
     assert "joint 2: its limits are -114.6 to 143.2 deg, those of a joint that follows it are -395.3 to -137.5" in said
+
+
+def test_a_rod_beside_the_arm_is_told(tmp_path: Path) -> None:
+    """A body of an arm is fixed to one link; what swings with a joint beside the chain is taken as it stands."""
+    path = tmp_path / "arm.urdf"
+    before, name, after = vendor_parts(1).partition('<joint name="jaw_joint"')
+    following = after.replace("</joint>", '<mimic joint="j1" multiplier="-1"/></joint>', 1)
+    path.write_text(f'<robot name="v">{before}{name}{following}</robot>')
+    code, _, stderr = run_command("arm", "import", path, "--tip", "tip", "-o", tmp_path / "arm.toml")
+    assert code == 0
+    assert "the mass of 'jaw' beside the arm turns with joint j1: it counts as it stands at zero" in " ".join(
+        stderr.split()
+    )
 
 
 def test_a_prismatic_joint_is_refused_in_one_line(tmp_path: Path) -> None:
