@@ -297,7 +297,9 @@ def _joint(path: Path, element: ElementTree.Element) -> UrdfJoint:
 
 
 def _fault(element: ElementTree.Element, joint: UrdfJoint, length: float) -> tuple[str, str] | None:
-    mimic = element.find("mimic")
+    mimic, count = element.find("mimic"), len(element.findall("mimic"))
+    if count > 1:
+        return f"follows {count} joints at once", TURNS_ALONE.format(joint.parent)
     if mimic is not None and POLYNOMIAL in mimic.attrib:
         what = f"follows joint {mimic.get('joint')} by a polynomial ({mimic.get(POLYNOMIAL)})"
         return what, TURNS_ALONE.format(joint.parent)

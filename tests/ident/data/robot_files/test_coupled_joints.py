@@ -148,6 +148,7 @@ def test_an_export_into_a_body_of_two_hinges_is_refused(tmp_path: Path) -> None:
     [
         ('<joint joint1="j4" joint2="j2" polycoef="0 0.5 0.2 0 0"/>', "joint j4: follows joint j2 by a polynomial"),
         ('<joint joint1="j4"/>', "joint j4: is held at 5.73 deg"),
+        ('<joint joint1="j4" joint2="j1"/><joint joint1="j4" joint2="j2"/>', "joint j4: follows 2 joints at once"),
         ('<joint joint1="j4" joint2="j1" active="false"/>', ""),
     ],
 )
@@ -166,6 +167,16 @@ def test_an_equality_of_joints_that_is_not_linear_is_named_and_its_remedy_works(
     assert str(path) in error
     assert not arm.exists()
     stdout_of("arm", "import", path, "--tip", error.partition("--tip ")[2].split()[0], "-o", arm)
+
+
+def test_an_equality_that_closes_a_loop_is_told(tmp_path: Path) -> None:
+    pytest.importorskip("mujoco", reason="mujoco is not installed")
+    path = tmp_path / "arm.xml"
+    loop = '<equality><connect body1="c" body2="a" anchor="0 0 0"/></equality>'
+    path.write_text(BODIES.replace("EQUALITY", loop))
+    code, _, stderr = run_command("arm", "import", path, "--tip", "tip", "-o", tmp_path / "arm.toml")
+    assert code == 0
+    assert "the <equality> of 1 <connect> is not read: joints that it couples count as free" in " ".join(stderr.split())
 
 
 @pytest.mark.parametrize("name", ["arm.xml", "arm.urdf"])
