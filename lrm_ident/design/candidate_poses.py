@@ -119,7 +119,7 @@ def violated_rules(arm: Arm, q: Array, rules: ClearanceRules) -> dict[str, NDArr
     link_frames = frames(chain, chain.values(list(np.ascontiguousarray(q.T))), len(q))
     points = link_frames[:, :, :3, 3]
     violated, near = {}, f"the TCP within {rules.tcp_distance * 1e3:g} mm"
-    if arm.dof > NEAR_LINKS:
+    if len(arm.links) > NEAR_LINKS:
         violated[f"{near} of an inner link"] = _tcp_to_links(points) < rules.tcp_distance
     if arm.shapes.capsules:
         scene = Scene.of(arm)

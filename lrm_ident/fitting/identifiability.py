@@ -31,9 +31,9 @@ FEW_OUTLIERS = 0.2  # share of the poses
 MAX_SUBSAMPLE = 2000  # poses that are screened, or fitted without a start from the fit to a subsample
 SELECTION_ORDER = (
     *("anchor.*", "compliance.*", "offsets.*.theta_rad", "offsets.base.?_mm", "offsets.tool.?_mm"),
-    *("offsets.joint*_mm", "offsets.joint*", "offsets.base.*", "offsets.tool.*", "*"),
+    *("offsets.[jm]*_mm", "offsets.[jm]*", "offsets.base.*", "offsets.tool.*", "*"),  # of joints and mimics
 )
-AFTER_TOOL = "offsets.joint*_mm"  # the pattern that follows the tool's position
+AFTER_TOOL = "offsets.[jm]*_mm"  # the pattern that follows the tool's position
 SHORT_LEVER = 0.05
 """m: closer to an axis, a tool offset of typical size (5 mm) equals a turn of more than 0.1 rad, too large for a zero
 offset and for the linearisation of the fit."""
@@ -82,7 +82,7 @@ def selection_order(model: Model, keys: Sequence[str]) -> list[str]:
     The last joint's zero offset moves the TCP as an offset of the tool does, divided by the TCP's distance from that
     axis. Close to the axis a small tool offset would need a large turn, so the tool's position comes first there.
     """
-    late = f"offsets.joint{model.arm.dof}.theta_rad" if _last_lever(model) < SHORT_LEVER else ""
+    late = f"offsets.{model.arm.link_places[-1]}.theta_rad" if _last_lever(model) < SHORT_LEVER else ""
 
     def rank(key: str) -> int:
         placed_as = AFTER_TOOL if key == late else key
@@ -94,7 +94,7 @@ def selection_order(model: Model, keys: Sequence[str]) -> list[str]:
 def _last_lever(model: Model) -> float:
     """Distance of the nominal TCP from the last joint's axis (m)."""
     stretched = chain_geometry(model.chain, model.chain.values([0.0] * model.arm.dof), 1)
-    last = model.chain.joint_slots[-1]
+    last = model.chain.index[f"{model.arm.link_places[-1]}.theta"]
     axis, to_tcp = stretched.axis[last, :, 0], stretched.tcp[:, 0] - stretched.origin[last, :, 0]
     return float(np.linalg.norm(np.cross(axis, to_tcp)))
 

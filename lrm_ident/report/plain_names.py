@@ -50,7 +50,8 @@ OF_A_SESSION = ("drift", "drift_curve", "change_point", "second_change_point", "
 GREEK = {"alpha": "α", "beta": "β", "gamma": "γ", "theta": "θ"}
 SYMBOLS = {"q": "angle", "tau": "torque"}
 EFFECT = r"\b[a-z]\w*@\w+(?:(?:<-|\+)\w+)*"
-ALONE = r"(?<![\w.])(?:(?P<place>(?:joint|link)\d+(?:(?:<-|\+)joint\d+)?)|(?P<symbol>q|tau)(?P<joint>\d+))(?![\w.]*\w)"
+PLACE = r"(?P<place>(?:joint|link|mimic)\d+(?:(?:<-|\+)joint\d+)?)"
+ALONE = rf"(?<![\w.])(?:{PLACE}|(?P<symbol>q|tau)(?P<joint>\d+))(?![\w.]*\w)"
 CODE_NAME = re.compile(f"{EFFECT}|{ALONE}")
 """An effect at a place; a joint or link; the symbol of a covariate. No keys of parameters (`offsets.joint2.a_mm`)."""
 
@@ -91,10 +92,11 @@ def symbol(key: str) -> str:
     effect, place, name = split_key(key)
     bare = name.rsplit("_", 1)[0] if effect == "offsets" else name
     joint = int(place.removeprefix("joint")) if place.startswith("joint") and place[5:].isdigit() else None
+    mimic = f"m{place.removeprefix('mimic')}" if place.startswith("mimic") else ""
     if effect == "compliance":
-        return f"k{joint or 0}"
+        return f"k{mimic or joint or 0}"
     if effect != "offsets":
         return key
     if joint is None:
-        return f"δ{GREEK.get(bare, bare)}_{place[0]}"
+        return f"δ{GREEK.get(bare, bare)}_{mimic or place[0]}"
     return f"δdd{joint + 1}" if bare == "extra_z" else f"δ{GREEK.get(bare, bare)}{joint}"

@@ -128,20 +128,21 @@ def _radial(joint_jacobian: Array, equilibrium: Equilibrium) -> list[FreeFunctio
     axes = frames(chain, equilibrium.slots, count)[:, :, :3, :2]
     gravity = np.stack([np.broadcast_to(g, count) for g in equilibrium.gravity], axis=1)
     mass = np.array([np.broadcast_to(weight.mass, count) for weight in equilibrium.weights]).reshape(-1, count)
-    for joint in range(chain.dof):
-        carried = mass[chain.counted[chain.index[f"joint{joint + 1}.d"]] :].sum(axis=0)
-        force = carried[:, None] * np.einsum("nc,nck->nk", gravity, axes[:, joint])
+    for joint, name in enumerate(equilibrium.model.arm.joint_names):
+        before = equilibrium.model.arm.link_places.index(name)
+        carried = mass[chain.counted[chain.index[f"{name}.d"]] :].sum(axis=0)
+        force = carried[:, None] * np.einsum("nc,nck->nk", gravity, axes[:, before])
         square = (force**2).sum(axis=1, keepdims=True)
         scales = float(np.sqrt(square.max(initial=0.0))) * np.array(RADIAL_SCALES)
         if not scales.any():
             continue
         taken = force[:, :, None] / np.sqrt(square[:, :, None] + scales**2)
         terms = []
-        for axis, basis in zip(axes[:, joint].transpose(2, 1, 0), taken.transpose(1, 0, 2), strict=True):
+        for axis, basis in zip(axes[:, before].transpose(2, 1, 0), taken.transpose(1, 0, 2), strict=True):
             motion = np.zeros_like(joint_jacobian[joint])
             motion[:3] = axis * (TYPICAL_SHIFT / TYPICAL_SIZE)
             terms.append((motion, basis))
-        world = np.einsum("nck,nk->cn", axes[:, joint], force)
+        world = np.einsum("nck,nk->cn", axes[:, before], force)
         size = np.linalg.norm(world, axis=0)
         shift = RadialShift(size, world / np.maximum(size, CONSTANT))
         found.append(FreeFunction(joint, ("the force across its axis",), tuple(terms), shift))

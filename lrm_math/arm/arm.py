@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 
 import numpy as np
@@ -16,7 +16,11 @@ from lrm_math.errors import LrmError
 
 BASE = "base"
 TOOL = "tool"
+MOST_JOINTS = 16
+"""Most joints of an arm, those without a motor included: as many as the kernel of inverse kinematics has room for."""
 AT_LIMIT = math.radians(1e-6)
+ROUND_OFF = 1e-9
+"""rad: by which limits of two joints agree."""
 NEARLY_PARALLEL = 0.1
 """Sine of the angle between axes that errors of assembly (0.05 rad at either end) can make parallel."""
 
@@ -59,12 +63,29 @@ class Joint:
 
 
 @dataclass(frozen=True)
+class MimicJoint:
+    """A joint of the chain without a motor of its own: its angle is `ratio` times that of another joint, and `offset`.
+
+    Attributes:
+        link: its link, whose limits are not used: those of the joint that it follows hold for both.
+        after: number of joints with a motor that stand before it in the chain.
+        leader: number from 0 of the joint that it follows. offset: rad.
+    """
+
+    link: Joint
+    after: int
+    leader: int
+    ratio: float
+    offset: float = 0.0
+
+
+@dataclass(frozen=True)
 class Body:
     """A rigid body whose weight loads the joints.
 
-    `frame`: the number of the frame it is fixed to (0 base, i after joint i, n + 1 tool). `com`: its centre of mass
+    `frame`: the number of the frame it is fixed to (0 base, i after link i of L, L + 1 tool). `com`: its centre of mass
     there (m); with `near_end` it is given before the last translation along z of that frame.
-    `loads_joint`: the first joint whose torque counts it (1 to n).
+    `loads_joint`: the first joint whose torque counts it (1 to L, those without a motor included).
     """
 
     name: str
@@ -93,6 +114,7 @@ class TypicalSizes:
 class Arm:
     """A serial arm. `gravity` (m/s²) is given in the frame that TCP positions are measured in.
 
+    `joints`: those with a motor, whose angles are commanded. `mimics`: those between them that follow one of these.
     `accepted`: rules of plausibility that a person knows this arm to break.
     """
 
@@ -106,13 +128,18 @@ class Arm:
     shapes: Shapes = field(default_factory=Shapes)
     typical_sizes: TypicalSizes = TypicalSizes()
     accepted: tuple[str, ...] = ()
+    mimics: tuple[MimicJoint, ...] = ()
 
     def __post_init__(self) -> None:
-        for fault in contradictions(self.joints, self.bodies):
+        for number, mimic in enumerate(self.mimics, start=1):
+            if not (0 <= mimic.leader < self.dof and 0 <= mimic.after <= self.dof and math.isfinite(mimic.ratio)):
+                raise LrmError(f"mimic{number} follows joint {mimic.leader + 1}; this arm has joints 1 to {self.dof}")
+        for fault in contradictions(self.links, self.bodies):
             raise LrmError(fault)
+        last = len(self.links) + 1
         for capsule in self.shapes.capsules:
-            if not 0 <= capsule.frame <= self.dof + 1:
-                raise LrmError(f"capsule '{capsule.name}' stands in frame {capsule.frame}, not in 0 to {self.dof + 1}")
+            if not 0 <= capsule.frame <= last:
+                raise LrmError(f"capsule '{capsule.name}' stands in frame {capsule.frame}, not in 0 to {last}")
 
     def __repr__(self) -> str:
         own = ", ".join(joint.name for joint in self.joints if joint.name)
@@ -120,8 +147,34 @@ class Arm:
 
     @property
     def dof(self) -> int:
-        """Number of joints n."""
+        """Number of joints n that have a motor."""
         return len(self.joints)
+
+    @property
+    def chain_order(self) -> tuple[tuple[str, Joint, MimicJoint | None], ...]:
+        """Every joint from base to tool: its place (`joint1` … or, without a motor, `mimic1` …), link, and coupling."""
+        out: list[tuple[str, Joint, MimicJoint | None]] = []
+        for i in range(self.dof + 1):
+            out += [(f"mimic{k}", m.link, m) for k, m in enumerate(self.mimics, start=1) if m.after == i]
+            out += [
+                (name, joint, None) for name, joint in zip(self.joint_names[i:], self.joints[i : i + 1], strict=False)
+            ]
+        return tuple(out)
+
+    @property
+    def links(self) -> tuple[Joint, ...]:
+        """The L links of the chain, one for each joint, with a motor or without."""
+        return tuple(link for _, link, _ in self.chain_order) if self.mimics else self.joints
+
+    @property
+    def link_places(self) -> tuple[str, ...]:
+        """Place of each link: joint1 … jointN and, where a joint has no motor, mimic1 …"""
+        return tuple(place for place, _, _ in self.chain_order) if self.mimics else self.joint_names
+
+    @property
+    def frame_names(self) -> tuple[str, ...]:
+        """base, the places of the links, tool: names of the frames that bodies are fixed to."""
+        return (BASE, *self.link_places, TOOL)
 
     @property
     def bodies_outwards(self) -> tuple[Body, ...]:
@@ -132,6 +185,33 @@ class Arm:
     def joint_names(self) -> tuple[str, ...]:
         """joint1 … jointN."""
         return tuple(f"joint{i + 1}" for i in range(self.dof))
+
+
+def link_places(follows: Sequence[bool]) -> tuple[str, ...]:
+    """Places of the joints of a chain, joint1 … and mimic1 …, of which some follow others."""
+    places, count = [], {True: 0, False: 0}
+    for one in follows:
+        count[one] += 1
+        places.append(f"{'mimic' if one else 'joint'}{count[one]}")
+    return tuple(places)
+
+
+def within_mimics(joints: Sequence[Joint], mimics: Sequence[MimicJoint]) -> tuple[Joint, ...]:
+    """Joints with a motor whose limits keep those that follow them within theirs, too. Raises `LrmError`: none does."""
+    out = list(joints)
+    for mimic in (mimic for mimic in mimics if mimic.ratio):
+        own, link = out[mimic.leader], mimic.link
+        low, high = sorted((limit - mimic.offset) / mimic.ratio for limit in (link.lower, link.upper))
+        lower = low if low > own.lower + ROUND_OFF else own.lower
+        upper = high if high < own.upper - ROUND_OFF else own.upper
+        if not lower < upper:
+            ends = (math.degrees(limit) for limit in (own.lower, own.upper, low, high))
+            what = (
+                "joint {}: its limits are {:.4g} to {:.4g} deg, those of a joint that follows it are {:.4g} to {:.4g}"
+            )
+            raise LrmError(f"{what.format(mimic.leader + 1, *ends)} deg of it; some angle should be within both")
+        out[mimic.leader] = replace(own, lower=lower, upper=upper)
+    return tuple(out)
 
 
 def outwards(bodies: Iterable[Body]) -> tuple[Body, ...]:

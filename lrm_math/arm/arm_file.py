@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -11,7 +11,18 @@ from typing import Annotated, Any, Literal, TypeVar
 
 from pydantic import AfterValidator, Field, ValidationError
 
-from lrm_math.arm.arm import Arm, Body, Joint, Placement, TypicalSizes, contradictions
+from lrm_math.arm.arm import (
+    MOST_JOINTS,
+    Arm,
+    Body,
+    Joint,
+    MimicJoint,
+    Placement,
+    TypicalSizes,
+    contradictions,
+    link_places,
+    within_mimics,
+)
 from lrm_math.arm.collision_shapes import Box, Capsule, Shapes
 from lrm_math.arm.plausible_arm import ImplausibleArm, Rule, implausible
 from lrm_math.arm.servo_table import ServoTable
@@ -55,6 +66,14 @@ def _ascending(limits: list[float]) -> list[float]:
     return limits
 
 
+class FollowTable(StrictSchema):
+    """`follow` of a joint without a motor: its angle is `ratio` times that of another joint, and an offset."""
+
+    joint: Name
+    ratio: Annotated[float, Field(ge=-100.0, le=100.0)] = 1.0
+    offset_deg: Angle = 0.0
+
+
 class JointTable(StrictSchema):
     """One `[[joint]]`, in the order of the chain."""
 
@@ -67,6 +86,7 @@ class JointTable(StrictSchema):
     name: str = ""
     limits_deg: Annotated[list[Angle], Field(min_length=2, max_length=2), AfterValidator(_ascending)]
     servo: ServoCalibrationTable | None = None
+    follow: FollowTable | None = None
 
 
 class BodyTable(StrictSchema):
@@ -127,7 +147,7 @@ class ArmFile(StrictSchema):
     accepted: list[Rule] = []
     gravity_m_per_s2: Components
     base: PlacementTable
-    joint: Annotated[list[JointTable], Field(min_length=1, max_length=10)]
+    joint: Annotated[list[JointTable], Field(min_length=1, max_length=MOST_JOINTS)]
     tool: PlacementTable
     body: list[BodyTable]
     auxiliary_servo: dict[str, ServoCalibrationTable] = {}
@@ -192,12 +212,13 @@ def _right(found: ImplausibleArm) -> str:
 
 def _contradictions(tables: dict[str, Any]) -> Iterator[str]:
     """Contradictions between valid tables of an arm file, whatever is wrong with the others."""
-    dof = len(_listed(tables, "joint"))
+    listed = _listed(tables, "joint")
+    places = link_places([isinstance(t, dict) and "follow" in t for _, t in listed])
     faults: list[str] = []
-    joints = [_built(t, JointTable, partial(_joint, number), faults) for number, t in _listed(tables, "joint")]
-    bodies = [_built(t, BodyTable, partial(_body, dof=dof), faults) for _, t in _listed(tables, "body")]
+    joints = [_built(t, JointTable, partial(_joint, number), faults) for number, t in listed]
+    bodies = [_built(t, BodyTable, partial(_body, places=places), faults) for _, t in _listed(tables, "body")]
     for _, capsule in _listed(tables, "capsule"):
-        _built(capsule, CapsuleTable, partial(_capsule, dof=dof), faults)
+        _built(capsule, CapsuleTable, partial(_capsule, places=places), faults)
     yield from faults
     yield from contradictions(joints, [body for body in bodies if body is not None])
 
@@ -220,20 +241,41 @@ def _built(raw: Any, schema: type[S], build: Callable[[S], Built], faults: list[
 
 def to_arm(tables: ArmFile) -> Arm:
     """The arm of parsed tables, in SI. Raises `LrmError` for values that contradict each other."""
+    places = link_places([joint.follow is not None for joint in tables.joint])
+    links = [_joint(number, joint) for number, joint in enumerate(tables.joint, start=1)]
+    mimics = tuple(_mimics(tables.joint, links, places))
+    own = tuple(link for link, table in zip(links, tables.joint, strict=True) if table.follow is None)
     arm = Arm(
         name=tables.name,
         gravity=_vector(tables.gravity_m_per_s2, 1.0),
         base=_placement(tables.base),
-        joints=tuple(_joint(number, joint) for number, joint in enumerate(tables.joint, start=1)),
+        joints=within_mimics(own, mimics),
+        mimics=mimics,
         tool=_placement(tables.tool),
-        bodies=tuple(_body(body, dof=len(tables.joint)) for body in tables.body),
+        bodies=tuple(_body(body, places) for body in tables.body),
         auxiliary_servos=tuple(
             (name, _servo(f"auxiliary_servo {name}", table)) for name, table in tables.auxiliary_servo.items()
         ),
     )
     sizes = tables.typical_sizes
-    own = TypicalSizes(sizes.length_mm * MM, math.radians(sizes.angle_deg), sizes.compliance)
-    return replace(arm, shapes=_shapes(tables, arm.dof), typical_sizes=own, accepted=tuple(tables.accepted))
+    typical = TypicalSizes(sizes.length_mm * MM, math.radians(sizes.angle_deg), sizes.compliance)
+    return replace(arm, shapes=_shapes(tables, places), typical_sizes=typical, accepted=tuple(tables.accepted))
+
+
+def _mimics(tables: Sequence[JointTable], links: Sequence[Joint], places: Sequence[str]) -> Iterator[MimicJoint]:
+    """The joints that follow others, outwards. Raises `LrmError`: what one follows is no joint with a motor."""
+    motors = [place for place in places if place.startswith("joint")]
+    for number, (table, link) in enumerate(zip(tables, links, strict=True)):
+        if table.follow is None:
+            continue
+        named = {link.name: place for link, place in zip(links, places, strict=True) if link.name}
+        leader = table.follow.joint if table.follow.joint in motors else named.get(table.follow.joint, "")
+        if leader not in motors:
+            right = f"should be a joint with a motor of its own: {', '.join(motors) or 'there is none'}"
+            raise LrmError(f"joint {number + 1}: follow: joint = '{table.follow.joint}'; {right}")
+        after = sum(place in motors for place in places[:number])
+        offset = math.radians(table.follow.offset_deg)
+        yield MimicJoint(link, after, motors.index(leader), table.follow.ratio, offset)
 
 
 def _placement(t: PlacementTable) -> Placement:
@@ -243,6 +285,8 @@ def _placement(t: PlacementTable) -> Placement:
 
 def _joint(number: int, t: JointTable) -> Joint:
     lower, upper = (math.radians(limit) for limit in t.limits_deg)
+    if t.follow is not None and t.servo is not None:
+        raise LrmError(f"joint {number}: follows {t.follow.joint}, so it has no servo of its own")
     return Joint(
         theta=math.radians(t.theta_deg),
         d=t.d_mm * MM,
@@ -264,29 +308,29 @@ def _servo(where: str, t: ServoCalibrationTable) -> ServoTable:
         raise LrmError(f"{where}: {error}") from None
 
 
-def _body(t: BodyTable, dof: int) -> Body:
+def _body(t: BodyTable, places: Sequence[str]) -> Body:
     return Body(
         name=t.name,
         mass=t.mass_g * GRAM,
         com=_vector(t.com_mm, MM),
-        frame=_frame(f"body '{t.name}'", t.frame, dof),
+        frame=_frame(f"body '{t.name}'", t.frame, places),
         loads_joint=t.loads_joint,
         near_end=t.com_from == "near_end",
         carries_payload=t.carries_payload,
     )
 
 
-def _shapes(tables: ArmFile, dof: int) -> Shapes:
+def _shapes(tables: ArmFile, places: Sequence[str]) -> Shapes:
     return Shapes(
-        capsules=tuple(_capsule(capsule, dof) for capsule in tables.capsule),
+        capsules=tuple(_capsule(capsule, places) for capsule in tables.capsule),
         boxes=tuple(_box(box) for box in tables.box),
         margin=tables.collision.margin_mm * MM,
         ignored=tuple((one, other) for one, other in tables.collision.ignore),
     )
 
 
-def _capsule(t: CapsuleTable, dof: int) -> Capsule:
-    frame = _frame(f"capsule '{t.name}'", t.frame, dof)
+def _capsule(t: CapsuleTable, places: Sequence[str]) -> Capsule:
+    frame = _frame(f"capsule '{t.name}'", t.frame, places)
     return Capsule(t.name, frame, _vector(t.from_mm, MM), _vector(t.to_mm, MM), t.radius_mm * MM)
 
 
@@ -295,8 +339,8 @@ def _box(t: BoxTable) -> Box:
     return Box(t.name, _vector(t.center_mm, MM), _vector(t.size_mm, MM), rotation, in_base=t.frame == "base")
 
 
-def _frame(what: str, name: str, dof: int) -> int:
-    frames = ["base", *(f"joint{i + 1}" for i in range(dof)), "tool"]
+def _frame(what: str, name: str, places: Sequence[str]) -> int:
+    frames = ["base", *places, "tool"]
     if name not in frames:
         raise LrmError(f"{what}: unknown frame '{name}'; {name_suggestion(name, frames)}")
     return frames.index(name)

@@ -7,13 +7,13 @@ from collections.abc import Iterator
 from itertools import zip_longest
 from typing import TypeAlias
 
-from lrm_math.arm.arm import Arm, Body, Joint
+from lrm_math.arm.arm import Arm, Body, Joint, MimicJoint
 from lrm_math.arm.servo_table import ServoTable
 
 Both: TypeAlias = tuple[float | None, float | None]
 """One value of either arm (SI)."""
-LENGTH, ANGLE, MASS, PULSE = 1e-4, math.radians(0.01), 1e-3, 1e-6
-"""m, rad, kg, s: files of one arm differ by less, as they round its drawing to 0.1 mm, 0.01 deg, 1 g and 1 µs."""
+LENGTH, ANGLE, MASS, PULSE, RATIO = 1e-4, math.radians(0.01), 1e-3, 1e-6, 1e-4
+"""m, rad, kg, s, 1: files of one arm differ by less, as they round its drawing to 0.1 mm, 0.01 deg, 1 g and 1 µs."""
 
 
 def arm_part_difference(one: Arm, other: Arm) -> str:
@@ -28,7 +28,12 @@ def arm_part_difference(one: Arm, other: Arm) -> str:
 
 def _differences(one: Arm, other: Arm) -> Iterator[str]:
     names = one.name, other.name
-    for number, pair in enumerate(zip(one.joints, other.joints, strict=True), start=1):
+    if one.link_places != other.link_places:
+        yield f"{one.name} has the joints {', '.join(one.link_places)}, {other.name} {', '.join(other.link_places)}"
+        return
+    for k, mimics in enumerate(zip(one.mimics, other.mimics, strict=True), start=1):
+        yield from _of_mimics(f"mimic {k}", *mimics, names)
+    for number, pair in enumerate(zip(one.links, other.links, strict=True), start=1):
         for name, unit, si, tolerance, values in _of_joints(*pair):
             if _differ(values, tolerance):
                 yield _words(f"joint {number}: {name}", unit, si, values, names)
@@ -50,6 +55,15 @@ def _of_joints(one: Joint, other: Joint) -> Iterator[tuple[str, str, float, floa
         yield name, "mm", 1e-3, LENGTH, (getattr(one, name), getattr(other, name))
 
 
+def _of_mimics(where: str, one: MimicJoint, other: MimicJoint, names: tuple[str, str]) -> Iterator[str]:
+    if one.leader != other.leader:
+        yield f"{where} follows joint {one.leader + 1} in {names[0]}, joint {other.leader + 1} in {names[1]}"
+    if _differ((one.ratio, other.ratio), RATIO):
+        yield _words(f"{where}: ratio", "", 1.0, (one.ratio, other.ratio), names)
+    if _differ((one.offset, other.offset), ANGLE):
+        yield _words(f"{where}: offset", "deg", math.radians(1.0), (one.offset, other.offset), names)
+
+
 def _of_servos(one: ServoTable, other: ServoTable, names: tuple[str, str]) -> Iterator[str]:
     for angle, pulse in zip(one.angle, one.pulse, strict=True):
         values = pulse, float(other.pulse_of(angle))
@@ -69,7 +83,7 @@ def _of_bodies(one: Body, other: Body, names: tuple[str, str]) -> Iterator[str]:
 
 def _bodies(arm: Arm) -> tuple[Body, ...]:
     """The bodies between base and tool."""
-    return tuple(body for body in arm.bodies_outwards if body.frame <= arm.dof)
+    return tuple(body for body in arm.bodies_outwards if body.frame <= len(arm.links))
 
 
 def _differ(values: Both, tolerance: float) -> bool:

@@ -44,7 +44,7 @@ class ImplausibleArm:
 
 def reach(arm: Arm) -> float:
     """Sum of an arm's lengths from the base to the TCP (m)."""
-    links = sum(float(np.hypot(joint.d, joint.a)) + abs(joint.extra_z or 0.0) for joint in arm.joints)
+    links = sum(float(np.hypot(joint.d, joint.a)) + abs(joint.extra_z or 0.0) for joint in arm.links)
     return links + float(np.linalg.norm([arm.tool.x, arm.tool.y, arm.tool.z]))
 
 
@@ -70,7 +70,7 @@ def _found(arm: Arm, written: str) -> Iterator[ImplausibleArm]:
     gravity = implausible_value(GRAVITY, float(np.linalg.norm(arm.gravity)))
     if gravity:
         yield ImplausibleArm("gravity", gravity.what, gravity.right)
-    angles = [abs(angle) for joint in arm.joints for angle in (joint.theta, joint.alpha)]
+    angles = [abs(angle) for joint in arm.links for angle in (joint.theta, joint.alpha)]
     radians = [degrees for angle in angles if (degrees := math.degrees(angle)) and _is_right_angle_in_rad(degrees)]
     if radians:
         yield ImplausibleArm("angles", f"an angle of {radians[0]:.4g} deg looks like radians", "angles are in degrees")

@@ -221,15 +221,16 @@ def clearance(scene: Scene, q: ArrayLike) -> Clearance:
 
 
 def clearance_of(scene: Scene, arm_frames: Array) -> Clearance:
-    """The closest two bodies for frames (N, n + 2, 4, 4) of any model: base, after joint 1 … n, tool (m).
+    """The closest two bodies for frames (N, L + 2, 4, 4) of any model: base, after link 1 … L, tool (m).
 
     `frames(model.chain, equilibrium(model, poses).slots, N)` are those of the elastic arm.
 
     Raises:
         LrmError: frames of another shape, or not finite.
     """
-    if arm_frames.shape[1:] != (scene.chain.dof + 2, 4, 4) or not np.isfinite(arm_frames).all():
-        raise LrmError(f"frames of shape {arm_frames.shape}; should be finite, (N, {scene.chain.dof + 2}, 4, 4)")
+    count = len(scene.chain.frame_ends)
+    if arm_frames.shape[1:] != (count, 4, 4) or not np.isfinite(arm_frames).all():
+        raise LrmError(f"frames of shape {arm_frames.shape}; should be finite, (N, {count}, 4, 4)")
     pair, distance = np.zeros(len(arm_frames), dtype=np.intp), np.zeros(len(arm_frames))
     for start in range(0, len(arm_frames), BATCH):
         block = slice(start, start + BATCH)
@@ -250,15 +251,21 @@ def _motion_bound(chain: Chain, home: Array, still: int, capsule: Capsule) -> Ar
     """(n,), m/rad: the largest distance of the capsule's axis from each joint's axis, over all poses.
 
     Joints up to frame number `still` move both bodies alike and have the bound zero. The distance from one joint to the
-    next is the same in every pose, and the capsule is never further out than those distances together.
+    next is the same in every pose, and the capsule is never further out than those distances together. What follows a
+    joint at a ratio adds its own distance times that.
     """
-    last = min(capsule.frame, chain.dof)
+    turns = sorted({*chain.joint_slots, *(k for k, _, _ in chain.couplings)})
+    last = min(capsule.frame, len(turns))
     ends = home[capsule.frame, :3, :3] @ np.array([capsule.start, capsule.end]).T + home[capsule.frame, :3, 3:]
-    out, reach = np.zeros(chain.dof), 0.0
+    out, reach = np.zeros(len(turns)), 0.0
     for joint in range(last, still, -1):
         before = home[joint - 1]
         points = before[:3, :3].T @ (ends - before[:3, 3:])
         out[joint - 1] = np.hypot(points[0], points[1]).max() + reach
         reach += np.linalg.norm(points, axis=0).max()
         ends = before[:3, 3:]
-    return out
+    alone = dict(zip(turns, out.tolist(), strict=True))
+    bound = {k: alone[k] for k in chain.joint_slots}
+    for k, leader, ratio in chain.couplings:
+        bound[leader] += abs(ratio) * alone[k]
+    return np.array([*bound.values()])

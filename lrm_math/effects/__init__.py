@@ -115,7 +115,7 @@ def effects_at(arm: Arm, name: str, catalogue: tuple[type[Effect], ...] = CATALO
         raise UnknownName("effect", effect_id, by_id, OWN_EFFECT)
     places = by_id[effect_id].places(arm)
     if place and place not in places:
-        own = [f"{place} is joint{k}" for k, joint in enumerate(arm.joints, start=1) if joint.name == place]
+        own = [f"{place} is {at}" for at, joint in zip(arm.link_places, arm.links, strict=True) if joint.name == place]
         raise UnknownName(f"place of effect {effect_id}", place, places, "".join(own))
     return tuple(by_id[effect_id](arm, at) for at in ([place] if place else places))
 

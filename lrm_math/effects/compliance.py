@@ -55,8 +55,8 @@ class Compliance(Spring):
 
     @classmethod
     def places(cls, arm: Arm) -> tuple[str, ...]:
-        """The base and every joint."""
-        return (BASE, *arm.joint_names)
+        """The base and every joint, with a motor or without."""
+        return (BASE, *arm.link_places)
 
     @property
     def targets(self) -> tuple[str, ...]:
@@ -116,7 +116,7 @@ class LateralCompliance(Spring):
     @classmethod
     def places(cls, arm: Arm) -> tuple[str, ...]:
         """Every link that carries another one."""
-        return tuple(f"link{i}" for i in range(1, arm.dof))
+        return tuple(f"link{i}" for i in range(1, len(arm.links)))
 
     @property
     def targets(self) -> tuple[str, ...]:

@@ -100,7 +100,7 @@ class Mass(_BodyError):
     def places(cls, arm: Arm) -> tuple[str, ...]:
         """link1 … linkN, where some body first loads joint N."""
         loaded = {body.loads_joint for body in arm.bodies}
-        return tuple(f"link{i}" for i in range(1, arm.dof + 1) if i in loaded)
+        return tuple(f"link{i}" for i in range(1, len(arm.links) + 1) if i in loaded)
 
     @property
     def bodies(self) -> tuple[int, ...]:

@@ -32,8 +32,8 @@ class Offsets(LinearEffect):
 
     @classmethod
     def places(cls, arm: Arm) -> tuple[str, ...]:
-        """Every joint, the base and the tool."""
-        return (*arm.joint_names, BASE, TOOL)
+        """Every joint, with a motor or without, the base and the tool."""
+        return (*arm.link_places, BASE, TOOL)
 
     @cached_property
     def parameters(self) -> tuple[Parameter, ...]:

@@ -81,7 +81,7 @@ class CalibratedArm(PackedArm):
     @cached_property
     def form(self) -> PieperForm | None:
         """The closed form of an arm that looks like this one."""
-        return pieper_form(screw_axes_of(equivalent_arm(self.model)))
+        return None if self.model.arm.mimics else pieper_form(screw_axes_of(equivalent_arm(self.model)))
 
     @cached_property
     def nominal_solver(self) -> NominalSolver:

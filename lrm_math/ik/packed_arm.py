@@ -77,7 +77,7 @@ class PackedArm:
     @cached_property
     def form(self) -> PieperForm | None:
         """The closed form of the inverse of the arm as drawn, if it has one."""
-        return pieper_form(screw_axes_of(self.model.arm))
+        return None if self.model.arm.mimics else pieper_form(screw_axes_of(self.model.arm))
 
     @cached_property
     def packed(self) -> KernelModel:

@@ -32,6 +32,7 @@ def reach_ball(model: Model) -> ReachBall:
     """
     chain, binding = model.chain, model.binding
     turning = {*chain.joint_slots, *(k for effect in binding.rigid for k in effect.slots)}
+    turning |= {k for k, _, _ in chain.couplings}
     x, y, z, radius = 0.0, 0.0, 0.0, 0.0
     for k in reversed(range(len(chain.slots))):
         slot, moving = chain.slots[k], k in turning or k in binding.moving

@@ -6,6 +6,9 @@ thesis section 4.1), then the bending of link i about x and y at its middle. Too
 Where consecutive axes are (nearly) parallel, Ry(beta) follows Rx(alpha): four numbers do not describe every small
 deviation of such axes, whose common normal jumps far along them (Hayati & Mirmirani 1985).
 
+A joint without a motor (`mimicK`) turns by its own amount and a multiple of that of the joint it follows. Amounts of
+slots are always their own; `driven` adds what following joints are turned by, so that a motion of the other moves both.
+
 Effects add amounts (rad or m) to slots. A slot's amount is a float where it is the same for all poses, or an array
 `(N,)`; the same code serves both, so one pose costs scalar Python and a batch numpy.
 """
@@ -21,7 +24,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from lrm_math.arm.arm import BASE, TOOL, Arm, Placement
+from lrm_math.arm.arm import BASE, TOOL, Arm, Joint, MimicJoint, Placement
 from lrm_math.arrays import Array, Vector3
 
 Number: TypeAlias = "float | Array"
@@ -76,7 +79,8 @@ class Chain:
 
     `moved[k]`: the first body that slot k moves. `counted[k]`: the first body that the load of slot k includes; the two
     differ only for arms whose file says that a body loads a joint that does not carry it. `index`: number of a slot by
-    its key. `frame_ends`: number of slots before the frames base, after joint 1 … n, tool.
+    its key. `frame_ends`: number of slots before the frames base, after link 1 … L, tool. `couplings`: of each joint
+    that follows another one its slot, that of the other joint, and how far it turns for each rad of that one.
     """
 
     dof: int
@@ -88,6 +92,7 @@ class Chain:
     counted: tuple[int, ...]
     frame_ends: tuple[int, ...]
     joint_slots: tuple[int, ...]
+    couplings: tuple[tuple[int, int, float], ...] = ()
 
     def values(self, q: Sequence[Number]) -> list[Number]:
         """Amount of every slot of the nominal arm at joint angles q, one float or `(N,)` per joint (rad).
@@ -99,6 +104,15 @@ class Chain:
             (0.0 if slot.to_hinge else slot.nominal) + (0.0 if slot.joint is None else q[slot.joint])
             for slot in self.slots
         ]
+
+    def driven(self, values: Sequence[Number]) -> Sequence[Number]:
+        """Amounts by which the slots move in all, from their own: a following joint turns with the one it follows."""
+        if not self.couplings:
+            return values
+        out = list(values)
+        for k, leader, ratio in self.couplings:
+            out[k] = values[k] + ratio * values[leader]
+        return out
 
     @cached_property
     def rotates(self) -> NDArray[np.bool_]:
@@ -126,11 +140,12 @@ def chain_of(arm: Arm, bends_at_ends: frozenset[str] = frozenset()) -> Chain:
     shifts, turns = _placement_slots(BASE, arm.base)
     slots = [*shifts, *turns]
     frame_ends = [len(slots)]
-    for i in range(arm.dof):
-        slots += _link_slots(arm, i)
+    chain_order, last = arm.chain_order, len(arm.links) - 1
+    for i, (place, link, mimic) in enumerate(chain_order):
+        slots += _link_slots(place, link, _nominal_angle(arm, link, mimic), _motor_of(arm, place), i == last)
         frame_ends.append(len(slots))
-        if i + 1 < arm.dof:
-            slots += _bending_slots(arm, i, f"link{i + 1}" in bends_at_ends)
+        if i < last:
+            slots += _bending_slots(link, f"link{i + 1}", f"link{i + 1}" in bends_at_ends)
     shifts, turns = _placement_slots(TOOL, arm.tool)
     slots += [*turns, *shifts]
     frame_ends.append(len(slots))
@@ -139,7 +154,10 @@ def chain_of(arm: Arm, bends_at_ends: frozenset[str] = frozenset()) -> Chain:
         AttachedBody(frame_ends[b.frame] - (1 if b.near_end else 0), b.mass, b.com, b.carries_payload) for b in bodies
     ]
     moved = [sum(b.before <= k for b in attachments) for k in range(len(slots))]
-    loads = [_first_joint_loaded(k, slots, arm.dof) for k in range(len(slots))]
+    numbers = {place: number for number, place in enumerate(arm.link_places, start=1)}
+    loads = [_first_joint_loaded(slot, numbers) for slot in slots]
+    index = {slot.key: k for k, slot in enumerate(slots)}
+    led = [(place, mimic) for place, _, mimic in chain_order if mimic is not None]
     counted = [
         min(moved[k], sum(b.loads_joint < joint for b in bodies)) if joint else moved[k]
         for k, joint in enumerate(loads)
@@ -148,24 +166,37 @@ def chain_of(arm: Arm, bends_at_ends: frozenset[str] = frozenset()) -> Chain:
         dof=arm.dof,
         gravity=arm.gravity,
         slots=tuple(slots),
-        index={slot.key: k for k, slot in enumerate(slots)},
+        index=index,
         bodies=tuple(attachments),
         moved=tuple(moved),
         counted=tuple(counted),
         frame_ends=tuple(frame_ends),
         joint_slots=tuple(k for k, slot in enumerate(slots) if slot.joint is not None),
+        couplings=tuple(
+            (index[f"{place}.theta"], index[f"joint{mimic.leader + 1}.theta"], mimic.ratio) for place, mimic in led
+        ),
     )
 
 
-def _first_joint_loaded(k: int, slots: list[Slot], dof: int) -> int | None:
-    """First joint whose bodies load slot k: its joint, along or about its axis, the next one of a link; else None."""
-    slot = slots[k]
-    if slot.joint is not None:
-        return slot.joint + 1
-    if slot.name == "d":
-        return int(slot.place.removeprefix("joint"))
+def _motor_of(arm: Arm, place: str) -> int | None:
+    """Number from 0 of the joint angle that drives the joint at a place; None: it has no motor."""
+    return arm.joint_names.index(place) if place in arm.joint_names else None
+
+
+def _nominal_angle(arm: Arm, link: Joint, mimic: MimicJoint | None) -> float:
+    """Own amount of a joint's turn at zero (rad): of a mimic joint less what the theta of the other one turns it by."""
+    return link.theta if mimic is None else link.theta + mimic.offset - mimic.ratio * arm.joints[mimic.leader].theta
+
+
+def _first_joint_loaded(slot: Slot, numbers: dict[str, int]) -> int | None:
+    """First joint whose bodies load a slot: its joint, along or about its axis, the next one of a link; else None.
+
+    `numbers`: of each joint's place, from 1 along the chain.
+    """
+    if slot.place in numbers and slot.name in ("theta", "d"):
+        return numbers[slot.place]
     if slot.place.startswith("link"):
-        return min(int(slot.place.removeprefix("link")) + 1, dof)
+        return min(int(slot.place.removeprefix("link")) + 1, len(numbers))
     return None
 
 
@@ -176,25 +207,23 @@ def _placement_slots(place: str, p: Placement) -> tuple[list[Slot], list[Slot]]:
     return shifts, turns
 
 
-def _link_slots(arm: Arm, i: int) -> Iterable[Slot]:
-    joint, place = arm.joints[i], f"joint{i + 1}"
-    yield Slot(place, "theta", True, Z, joint.theta, joint=i)
+def _link_slots(place: str, joint: Joint, theta: float, motor: int | None, last: bool) -> Iterable[Slot]:
+    yield Slot(place, "theta", True, Z, theta, joint=motor)
     yield Slot(place, "d", False, Z, joint.d)
     yield Slot(place, "a", False, X, joint.a)
     yield Slot(place, "alpha", True, X, joint.alpha)
-    if i + 1 < arm.dof and joint.leads_parallel:
+    if joint.leads_parallel and not last:
         yield Slot(place, "beta", True, Y, joint.beta)
     if joint.extra_z is not None:
         yield Slot(place, "extra_z", False, Z, joint.extra_z)
 
 
-def _bending_slots(arm: Arm, i: int, at_ends: bool) -> Iterable[Slot]:
+def _bending_slots(joint: Joint, place: str, at_ends: bool) -> Iterable[Slot]:
     """Rotations about x and y of the link's far frame, at the link's middle: the pseudo-rigid-body hinge of a beam.
 
     A cantilever under a moment at its end turns by M L/EI and shifts by M L²/2EI: a hinge at half its length.
     """
-    place = f"link{i + 1}"
-    half = [(axis, length) for axis, length in enumerate(_half_length(arm, i)) if length]
+    half = [(axis, length) for axis, length in enumerate(_half_length(joint)) if length]
     back = [Slot(place, f"back_{'xyz'[axis]}", False, axis, -length) for axis, length in half]
     middle = [Slot(place, name, True, axis, 0.0) for name, axis in (("x", X), ("y", Y))]
     on = [Slot(place, f"on_{'xyz'[axis]}", False, axis, length) for axis, length in half]
@@ -206,9 +235,8 @@ def _bending_slots(arm: Arm, i: int, at_ends: bool) -> Iterable[Slot]:
     yield from (*back, *inner[0], *near, *inner[1], *middle, *on, *far)
 
 
-def _half_length(arm: Arm, i: int) -> list[float]:
-    """Half the translation from joint i to the link's far frame, in that frame (m); below a nanometre it is zero."""
-    joint = arm.joints[i]
+def _half_length(joint: Joint) -> list[float]:
+    """Half the translation from a joint to its link's far frame, in that frame (m); below a nanometre it is zero."""
     c, s = math.cos(joint.alpha), math.sin(joint.alpha)
     x, y, z = joint.a, s * joint.d, c * joint.d
     if joint.beta:
@@ -224,8 +252,9 @@ def is_zero(value: Number) -> bool:
 
 
 def trig(chain: Chain, values: Sequence[Number]) -> list[Angle]:
-    """(cos, sin) of every rotating slot's amount; None for translations and for rotations by zero."""
-    return [trig_of(value) if slot.rotates else None for slot, value in zip(chain.slots, values, strict=True)]
+    """(cos, sin) of every rotating slot's turn by own amounts; None for translations and for rotations by zero."""
+    turns = chain.driven(values)
+    return [trig_of(value) if slot.rotates else None for slot, value in zip(chain.slots, turns, strict=True)]
 
 
 def trig_of(value: Number) -> Angle:

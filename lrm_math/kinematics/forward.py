@@ -57,8 +57,8 @@ def chain_geometry(
 
 
 def frames(chain: Chain, values: Sequence[Number], count: int) -> Array:
-    """Homogeneous frames (N, n + 2, 4, 4) for slots' amounts (rad, m): base, after joint 1 … n, tool; m."""
-    out = np.zeros((chain.dof + 2, 4, 4, count))
+    """Homogeneous frames (N, L + 2, 4, 4) for slots' amounts (rad, m): base, after link 1 … L, tool; m."""
+    out = np.zeros((len(chain.frame_ends), 4, 4, count))
     out[:, 3, 3] = 1.0
     end = 0
     for k, columns, p in _outwards(chain, values):

@@ -29,6 +29,7 @@ class MovingSlots:
         frame_inboard, frames: the same of the base, after joint 1 … n, and of the tool, (n + 2,) and (n + 2, 4, 4).
         counted, moved: (V,), the first body that a slot's load counts, and that the slot moves.
         gravity: (3,), m/s².
+        mimics, leaders: (K,), positions among them of following joints, and of those that they follow; ratio: (K,).
     """
 
     slots: Indices
@@ -43,6 +44,9 @@ class MovingSlots:
     counted: Indices
     moved: Indices
     gravity: Array
+    mimics: Indices
+    leaders: Indices
+    ratio: Array
 
     def moments(self, weights: Sequence[Weight]) -> Array:
         """(B, 4), first mass moment (kg m) and mass (kg) of every body, in the frame of its moving slot.
@@ -57,11 +61,11 @@ class MovingSlots:
 def moving_slots_of(
     chain: Chain, constants: Sequence[float], also: Sequence[int], gravity: Sequence[float]
 ) -> MovingSlots:
-    """A chain whose slots keep the amounts `constants` (rad, m), except the joints and those in `also`.
+    """A chain whose slots keep the amounts `constants` (rad, m), except all joints and those in `also`.
 
     `gravity`: (3,), m/s².
     """
-    slots = sorted({*chain.joint_slots, *also})
+    slots = sorted({*chain.joint_slots, *also, *(k for k, _, _ in chain.couplings)})
     edges = [-1, *slots, len(chain.slots)]
 
     def fixed(ends: Sequence[int]) -> tuple[Indices, Array]:
@@ -85,6 +89,9 @@ def moving_slots_of(
         counted=np.array([chain.counted[k] for k in slots]),
         moved=np.array([chain.moved[k] for k in slots]),
         gravity=np.array(gravity),
+        mimics=np.array([slots.index(k) for k, _, _ in chain.couplings], dtype=np.int64),
+        leaders=np.array([slots.index(leader) for _, leader, _ in chain.couplings], dtype=np.int64),
+        ratio=np.array([ratio for _, _, ratio in chain.couplings], dtype=np.float64),
     )
 
 

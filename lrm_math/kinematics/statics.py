@@ -7,7 +7,7 @@ for a translation the force along it (N). Thesis Eqs 2.44 to 2.48 are the case o
 from __future__ import annotations
 
 from bisect import bisect_right
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import TypeAlias
 
@@ -19,6 +19,8 @@ from lrm_math.kinematics.forward import ChainGeometry
 
 Gravity: TypeAlias = tuple[Number, Number, Number]
 """Components of gravity in the frame of measurement (m/s²), floats or (N,)."""
+Loads: TypeAlias = "Sequence[Number] | Array"
+"""Loads on several slots, each a float or (N,), or derivatives of each."""
 
 
 @dataclass(frozen=True)
@@ -55,6 +57,39 @@ def loads(
     load_slots: Sequence[int],
 ) -> list[Number]:
     """Gravity's load (`gravity` in m/s²) on the slots `load_slots` (ascending): N·m on a rotation, N on a translation.
+
+    A joint that others follow bears their torques too (`virtual_work`).
+    """
+    return list(
+        virtual_work(chain, load_slots, lambda slots: _each_load(chain, values, angles, weights, gravity, slots))
+    )
+
+
+def virtual_work(chain: Chain, load_slots: Sequence[int], loads_on: Callable[[Sequence[int]], Loads]) -> Loads:
+    """Generalised forces on `load_slots`, or their derivatives, for motions of slots that carry following joints along.
+
+    `loads_on`: those on slots (ascending) that each move alone. What follows adds its torque times its ratio.
+    """
+    led = [coupling for coupling in chain.couplings if coupling[1] in load_slots]
+    if not led:
+        return loads_on(load_slots)
+    wider = sorted({*load_slots, *(k for k, _, _ in led)})
+    alone = dict(zip(wider, loads_on(wider), strict=True))
+    out = {k: alone[k] for k in load_slots}
+    for k, leader, ratio in led:
+        out[leader] = out[leader] + ratio * alone[k]
+    return [out[k] for k in load_slots]
+
+
+def _each_load(
+    chain: Chain,
+    values: Sequence[Number],
+    angles: Sequence[Angle],
+    weights: Sequence[Weight],
+    gravity: Gravity,
+    load_slots: Sequence[int],
+) -> list[Number]:
+    """Gravity's load on each of `load_slots` that moves alone.
 
     Two recursions in the slots' own frames: gravity's direction outwards, the first mass moment Σ m c inwards.
     """
@@ -135,6 +170,28 @@ def load_derivatives(
     h = g × a (zero for a translation) and u = a × S (m a for a translation) give ∂tau_k/∂s_j = h_inner · u_outer,
     the Hessian of −V. Bodies that load a slot that does not move them are corrected for.
     """
+
+    def alone(slots: Sequence[int]) -> Array:
+        return carried_along(chain, _each_load_derivative(chain, geometry, weights, gravity, slots), axis=1)
+
+    return np.asarray(virtual_work(chain, load_slots, alone)).reshape(len(load_slots), *geometry.axis.shape[::2])
+
+
+def carried_along(chain: Chain, by_slot: Array, axis: int = 0) -> Array:
+    """Derivatives by motions of slots that carry following joints along, from those by each alone; in place.
+
+    `axis`: that of the slots.
+    """
+    along = np.moveaxis(by_slot, axis, 0)
+    for k, leader, ratio in chain.couplings:
+        along[leader] += ratio * along[k]
+    return by_slot
+
+
+def _each_load_derivative(
+    chain: Chain, geometry: ChainGeometry, weights: Sequence[Weight], gravity: Gravity, load_slots: Sequence[int]
+) -> Array:
+    """`load_derivatives` of the loads on slots, and by slots, that each move alone."""
     m, mc = _suffix_moments(geometry, weights)
     moved = list(chain.moved)
     u = _levers(chain, geometry, slice(None), m[moved], mc[moved])
@@ -162,7 +219,22 @@ def weight_derivatives(
     body: int,
 ) -> tuple[Array, Array]:
     """∂tau/∂mass (K, N) and ∂tau/∂com (K, 3, N) of the slots `load_slots`, for one body's mass and centre of mass."""
-    load_slots = list(load_slots)
+    if not chain.couplings:
+        return _each_weight_derivative(chain, geometry, weights, gravity, load_slots, body)
+
+    def alone(slots: Sequence[int]) -> Array:
+        by_mass, by_com = _each_weight_derivative(chain, geometry, weights, gravity, slots, body)
+        return np.concatenate([by_mass[:, None], by_com], axis=1)
+
+    found = np.array(virtual_work(chain, load_slots, alone)).reshape(len(load_slots), 4, -1)
+    return found[:, 0], found[:, 1:]
+
+
+def _each_weight_derivative(
+    chain: Chain, geometry: ChainGeometry, weights: Sequence[Weight], gravity: Gravity, slots: Sequence[int], body: int
+) -> tuple[Array, Array]:
+    """`weight_derivatives` of the loads on slots that each move alone."""
+    load_slots = list(slots)
     h = _levers_of_gravity(chain, geometry, gravity, load_slots)
     counts = np.array([chain.counted[k] <= body for k in load_slots], dtype=np.float64)[:, None]
     by_mass = np.einsum("kcn,kcn->kn", h, geometry.body[body] - geometry.origin[load_slots])
@@ -180,6 +252,17 @@ def gravity_derivatives(
     tau = g · (a × S), with a the axis of a slot and S the first mass moment that its load counts about its origin;
     g · m a for a translation.
     """
+
+    def alone(slots: Sequence[int]) -> Array:
+        return _each_gravity_derivative(chain, geometry, weights, slots)
+
+    return np.asarray(virtual_work(chain, load_slots, alone)).reshape(len(load_slots), *geometry.axis.shape[1:])
+
+
+def _each_gravity_derivative(
+    chain: Chain, geometry: ChainGeometry, weights: Sequence[Weight], load_slots: Sequence[int]
+) -> Array:
+    """`gravity_derivatives` of the loads on slots that each move alone."""
     m, mc = _suffix_moments(geometry, weights)
     out = np.empty((len(load_slots), *geometry.axis.shape[1:]))
     for row, k in enumerate(load_slots):

@@ -35,7 +35,7 @@ BLOCK = 1000
 
 
 def slot_jacobian(chain: Chain, geometry: ChainGeometry) -> Array:
-    """Geometric Jacobian of the TCP for every slot, rigid arm: (S, 3, N), m/rad or 1."""
+    """Geometric Jacobian of the TCP for every slot that moves alone, rigid arm: (S, 3, N), m/rad or 1."""
     turned = statics.cross(geometry.axis, geometry.tcp - geometry.origin)
     return np.where(chain.rotates[:, None, None], turned, geometry.axis)
 
@@ -124,7 +124,7 @@ def _as_measured(rigid: Array, settled: Equilibrium, geometry: ChainGeometry, se
         parts.append(np.zeros((len(rigid), chain.dof, rigid.shape[2])))
     if sensed.distance_from is not None:
         parts.append(np.einsum("nc,scn->sn", along_distance(settled, sensed.distance_from), rigid)[:, None])
-    return np.concatenate(parts, axis=1) if len(parts) > 1 else parts[0]
+    return statics.carried_along(chain, np.concatenate(parts, axis=1) if len(parts) > 1 else parts[0])
 
 
 def _add_before_encoder(deflected: Array, settled: Equilibrium, sensed: Sensed, acting: Sequence[int]) -> None:

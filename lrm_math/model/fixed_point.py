@@ -162,6 +162,8 @@ class EquilibriumSearch:
             slots[k] = amount
             if self.model.chain.slots[k].rotates:
                 angles[k] = trig_of(amount)
+        for k, leader, ratio in self.model.chain.couplings:
+            angles[k] = trig_of(slots[k] + ratio * slots[leader])
         return SlotIterate(slots, angles, tau, number)
 
     def _with_slow(self, now: SlotIterate, slow: NDArray[np.int64]) -> SlotIterate:

@@ -14,6 +14,7 @@ import json
 import os
 import threading
 from collections.abc import Callable
+from dataclasses import astuple
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -99,7 +100,8 @@ def arm_identity(config: Config) -> str:
     servos = [(s.name, s.channel, s.table.angle, s.table.pulse) for s in config.servos]
     nominal = LinkTable.model_fields["oscillator_hz"].default
     clock = [config.link.oscillator_hz] if config.link.oscillator_hz != nominal else []
-    return hashlib.sha256(json.dumps([config.arm.name, joints, servos, *clock]).encode()).hexdigest()
+    followed = [astuple(mimic) for mimic in config.arm.mimics]
+    return hashlib.sha256(json.dumps([config.arm.name, joints, servos, *clock, *followed]).encode()).hexdigest()
 
 
 def of_this_arm(stored: StoredState, config: Config) -> tuple[StoredState, str]:

@@ -252,8 +252,8 @@ def test_equilibria_and_commands_are_those_of_the_model(seed: int, payload: floa
 
 
 def test_an_arm_beyond_the_fixed_maxima_is_one_clear_error() -> None:
-    with pytest.raises(LrmError, match=r"11 joints; the kernel .* has room for 10"):
-        flat(model_of(random_arm(0, 11), ()), 0.0)
+    with pytest.raises(LrmError, match=r"17 joints; the kernel .* has room for 16"):
+        flat(model_of(random_arm(0, 17), ()), 0.0)
 
 
 @pytest.mark.parametrize(
@@ -268,7 +268,7 @@ def test_an_arm_beyond_the_fixed_maxima_is_one_clear_error() -> None:
         ({"law_joint": [6]}, "law_joint has numbers"),
         ({"moment": [np.nan]}, "moment has a number that is not finite"),
         ({"zero": [np.inf]}, "zero has a number that is not finite"),
-        ({"lower": [0.0] * 11}, "11 numbers in lower; the kernel .* has room for 10"),
+        ({"lower": [0.0] * 17}, "17 numbers in lower; the kernel .* has room for 16"),
     ],
 )
 def test_a_model_packed_wrongly_is_one_clear_error(wrong: dict[str, list[float]], says: str) -> None:

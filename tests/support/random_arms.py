@@ -1,13 +1,14 @@
-"""Arms of any shape, one to ten joints, for laws that hold for all of them."""
+"""Arms of any shape, one to ten joints, some of which may follow others, for laws that hold for all of them."""
 
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 from hypothesis import strategies as st
 
-from lrm_math.arm.arm import Arm, Body, Joint, Placement
+from lrm_math.arm.arm import Arm, Body, Joint, MimicJoint, Placement, within_mimics
 
 
 def random_arm(seed: int, joints: int) -> Arm:
@@ -32,4 +33,24 @@ def random_arm(seed: int, joints: int) -> Arm:
     return Arm("random", tuple(rng.normal(0, 6, 3).tolist()), place(), links, place(), tuple(bodies))
 
 
-arms = st.builds(random_arm, st.integers(0, 10_000), st.integers(1, 10))
+def with_followers(arm: Arm, seed: int) -> Arm:
+    """The same chain, of whose joints about a third have no motor and follow one that has, at any ratio and offset."""
+    rng = np.random.default_rng(seed)
+    motors = [k for k in range(arm.dof) if rng.random() < 0.65] or [int(rng.integers(arm.dof))]
+    mimics = tuple(
+        MimicJoint(
+            arm.joints[k],
+            after=sum(motor < k for motor in motors),
+            leader=int(rng.integers(len(motors))),
+            ratio=float(rng.choice([-1.0, 1.0, rng.normal()])),
+            offset=float(rng.normal(0, 0.3)),
+        )
+        for k in range(arm.dof)
+        if k not in motors
+    )
+    return replace(arm, joints=within_mimics([arm.joints[k] for k in motors], mimics), mimics=mimics)
+
+
+free_arms = st.builds(random_arm, st.integers(0, 10_000), st.integers(1, 10))
+"""Every joint has a motor."""
+arms = free_arms | st.builds(with_followers, free_arms, st.integers(0, 10_000))

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 
 import numpy as np
 
 from lrm_ident.report.document import Block, Document, ResultTable
-from lrm_math.arm.arm import Arm
+from lrm_math.arm.arm import Arm, Joint, MimicJoint
 from lrm_math.arm.arm_file import GRAM, MM
 from lrm_math.arm.plausible_arm import total_mass
 from lrm_math.arrays import Array
@@ -29,14 +30,13 @@ def arm_document(arm: Arm, difference: float | None = None, q: Array | None = No
     angles = np.zeros(arm.dof) if q is None else q
     settled = solve_equilibrium(model_of(arm, ()), poses_of(angles))
     torque, tcp = settled.joint_torque[0], settled.tcp[0] / MM
-    limits = np.degrees([(joint.lower, joint.upper) for joint in arm.joints])
     joints = ResultTable(
         ("joint", "name", "lower_deg|.1f", "upper_deg|.1f", "torque_Nm|.3f"),
-        [(str(i + 1), joint.name, *limits[i].tolist(), float(torque[i])) for i, joint in enumerate(arm.joints)],
+        [_joint_row(*entry, torque) for entry in arm.chain_order],
         f"{arm.name}: {arm.dof} joints; gravity's torque on each",
     )
-    links = ResultTable(("link", *DIMENSIONS), [_link_row(arm, i) for i in range(arm.dof)])
-    frames = ("base", *arm.joint_names, "tool")
+    links = ResultTable(("link", *DIMENSIONS), [_link_row(arm, i) for i in range(len(arm.links))])
+    frames = arm.frame_names
     bodies = ResultTable(
         ("body", "mass_g|.1f", "com_x_mm|.2f", "com_y_mm|.2f", "com_z_mm|.2f", "frame", "loads joint|d"),
         [(b.name, b.mass / GRAM, *(c / MM for c in b.com), frames[b.frame], b.loads_joint) for b in arm.bodies],
@@ -64,7 +64,9 @@ def _lines(arm: Arm, tcp: str, difference: float | None) -> Iterator[str]:
         f"TCP {tcp} mm. From joint 1 it reaches {chain_of(arm).length / MM:.0f} mm at most. "
         f"Moving: {mass / GRAM:.0f} g."
     )
-    parallel = [f"{i} and {i + 1}" for i in range(1, arm.dof) if arm.joints[i - 1].leads_parallel]
+    words = [place.removeprefix("joint") for place in arm.link_places]
+    pairs = zip(words, words[1:], arm.links, strict=False)
+    parallel = [f"{one} and {other}" for one, other, link in pairs if link.leads_parallel]
     if parallel:
         yield f"(Nearly) parallel axes: {'; '.join(parallel)}."
     if not mass:
@@ -73,8 +75,20 @@ def _lines(arm: Arm, tcp: str, difference: float | None) -> Iterator[str]:
         yield f"Largest difference from the URDF's own kinematics at random poses: {difference:.1g} (m, rad)."
 
 
+def _joint_row(place: str, link: Joint, mimic: MimicJoint | None, torque: Array) -> tuple[object, ...]:
+    """A joint with its torque (n,), N·m; of one without a motor what it follows, whose torque includes its own."""
+    if mimic is None:
+        limits = np.degrees([link.lower, link.upper]).tolist()
+        number = place.removeprefix("joint")
+        return number, link.name, *limits, float(torque[int(number) - 1])
+    offset = math.degrees(mimic.offset)
+    turned = f" {offset:+.4g}°" if mimic.offset else ""
+    named = f"{link.name}: " if link.name else ""
+    return place, f"{named}{mimic.ratio:g} × joint {mimic.leader + 1}{turned}", None, None, None
+
+
 def _link_row(arm: Arm, i: int) -> tuple[object, ...]:
-    joint = arm.joints[i]
+    joint = arm.links[i]
     theta, alpha, beta = np.degrees([joint.theta, joint.alpha, joint.beta]).tolist()
     extra = None if joint.extra_z is None else joint.extra_z / MM
     return str(i + 1), theta, joint.d / MM, joint.a / MM, alpha, beta if joint.beta else None, extra

@@ -106,7 +106,9 @@ def trimmed_rms(distance: Array) -> float:
 def _sizes(drawn: Equilibrium, fixed_base: bool) -> _Sizes:
     """Columns that are fitted, at the equilibrium of the arm as drawn; a joint without torque cannot sag."""
     model, length = drawn.model, reach(drawn.model.arm)
-    torque = dict(zip(model.arm.joint_names, np.abs(drawn.joint_torque).max(axis=0).tolist(), strict=True))
+    places = model.arm.link_places
+    loads = drawn.loads_on([model.chain.index[f"{place}.theta"] for place in places])
+    torque = dict(zip(places, np.abs(loads).max(axis=0).tolist(), strict=True))
     torque["base"] = float(np.abs(drawn.base_moment).max())
     rows = []
     for key in model.keys:

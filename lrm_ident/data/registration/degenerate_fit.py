@@ -67,7 +67,7 @@ def _own_motion(settled: Equilibrium, free: Sequence[str], key: str) -> float:
 def lengths(model: Model, free: Sequence[str]) -> list[tuple[str, float, float]]:
     """Every fitted length of the links and the tool: its key, as drawn, and as fitted (m)."""
     arm, found = model.arm, []
-    places = {**{name: asdict(joint) for name, joint in zip(arm.joint_names, arm.joints, strict=True)}}
+    places = {**{name: asdict(joint) for name, joint in zip(arm.link_places, arm.links, strict=True)}}
     places["tool"] = asdict(arm.tool)
     for key in free:
         effect, place, name = split_key(key)

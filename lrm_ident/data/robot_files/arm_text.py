@@ -33,19 +33,21 @@ def arm_text(arm: Arm, source: str, comments: Sequence[str] = ()) -> str:
 
 
 def _lines(arm: Arm, source: str, comments: Sequence[str]) -> Iterator[str]:
-    frames = ["base", *(f"joint{i}" for i in range(1, arm.dof + 1)), "tool"]
     yield from (f"# {comment}" for comment in (*comments, ORDER))
     yield from _keys(schema=ARM_SCHEMA, name=arm.name, source=source, accepted=list(arm.accepted) or None)
     yield from _keys(gravity_m_per_s2=arm.gravity)
     yield from ("", "[base]", *_placement(arm.base))
-    for joint in arm.joints:
+    for _, joint, mimic in arm.chain_order:
         yield from ("", "[[joint]]", *_keys(name=joint.name or None, theta_deg=joint.theta, d_mm=joint.d, a_mm=joint.a))
         yield from _keys(alpha_deg=joint.alpha, beta_deg=joint.beta or None, extra_z_mm=joint.extra_z)
         yield from _keys(limits_deg=(joint.lower, joint.upper))
+        if mimic is not None:
+            told = _keys(joint=f"joint{mimic.leader + 1}", ratio=mimic.ratio, offset_deg=mimic.offset or None)
+            yield f"follow = {{{', '.join(told)}}}"
     yield from ("", "[tool]", *_placement(arm.tool))
     for body in arm.bodies:
         yield from ("", "[[body]]", *_keys(name=body.name, mass_g=body.mass, com_mm=body.com))
-        yield from _keys(com_from="near_end" if body.near_end else None, frame=frames[body.frame])
+        yield from _keys(com_from="near_end" if body.near_end else None, frame=arm.frame_names[body.frame])
         yield from _keys(loads_joint=body.loads_joint, carries_payload=body.carries_payload or None)
 
 

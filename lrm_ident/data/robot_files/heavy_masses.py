@@ -32,7 +32,7 @@ def signs_of_heavy_masses(arm: Arm, robot: Urdf, path: Sequence[UrdfJoint]) -> I
     densities = [own.density for joint in path if (own := robot.links[joint.child]) is not None and own.density]
     if densities and float(np.median(densities)) > DENSEST:
         yield "links of these masses and moments of inertia are denser than any metal"
-    yield from _overloaded(arm, [joint for joint in path if joint.turns])
+    yield from _overloaded(arm, [joint for joint in path if joint.commanded])
 
 
 def _overloaded(arm: Arm, turning: Sequence[UrdfJoint]) -> Iterator[str]:

@@ -13,8 +13,11 @@ import numpy as np
 
 from lrm_ident.data.rigid_motion import quaternions, shift, turn
 from lrm_ident.data.robot_files.urdf import numbers
-from lrm_ident.data.robot_files.urdf_export import BALL, ExportedFile, left_out
+from lrm_ident.data.robot_files.urdf_export import BALL, ExportedFile, every_joint_at_zero, left_out
+from lrm_ident.data.wording import joint_labels
+from lrm_math.arm.arm import MimicJoint
 from lrm_math.arrays import Array
+from lrm_math.kinematics.chain import Slot
 from lrm_math.model.model import Model
 
 RIGID_KP = 1e4
@@ -27,8 +30,8 @@ HELD = (*SPRINGS, "backlash", "mass", "payload", "gravity")
 def mjcf(model: Model) -> ExportedFile:
     """The MJCF of a model."""
     chain = model.chain
-    springs = spring_stiffness(model)
-    play = {e.place: model.value(e.keys[0]) for e in model.effects if e.id == "backlash"}
+    springs, led = spring_stiffness(model), led_places(model)
+    play = {e.place: model.value(e.keys[0]) for e in model.effects if e.id == "backlash" and e.place not in led}
     root = ElementTree.Element("mujoco", model=model.arm.name)
     ElementTree.SubElement(root, "compiler", angle="radian", autolimits="true")
     ElementTree.SubElement(root, "option", gravity=numbers(model.constant_gravity))
@@ -36,12 +39,18 @@ def mjcf(model: Model) -> ExportedFile:
     actuators = ElementTree.SubElement(root, "actuator")
     pose, body, carriers = np.eye(4), 0, []
     weights, motions = model.weights(0.0), slot_motions(model)
+    followed = {k: (mimic, springs.get(k)) for (k, _, _), mimic in zip(chain.couplings, model.arm.mimics, strict=True)}
+    equality = ElementTree.Element("equality")
     for k, slot in enumerate(chain.slots):
         while body < len(chain.bodies) and chain.bodies[body].before == k:
             carriers.append((parent, pose, body))
             body += 1
         joint = slot.joint
-        if joint is not None or k in springs:
+        if k in followed:
+            parent = ElementTree.SubElement(parent, "body", {"name": slot.key, **_placed(pose)})
+            pose = np.eye(4)
+            _add_follower(parent, equality, model, slot, *followed[k])
+        elif joint is not None or k in springs:
             parent = ElementTree.SubElement(parent, "body", {"name": slot.key, **_placed(pose)})
             pose = np.eye(4)
             axis = numbers(np.eye(3)[slot.axis])
@@ -56,16 +65,21 @@ def mjcf(model: Model) -> ExportedFile:
     for element, where, number in carriers:
         x, y, z = weights[number].com
         _add_mass(element, where, float(weights[number].mass), (float(x), float(y), float(z)))
+    if len(equality):
+        root.append(equality)
     ElementTree.SubElement(parent, "site", {"name": "tcp", **_placed(pose)})
     _fill_empty(root)
     ElementTree.indent(root)
-    return ExportedFile(ElementTree.tostring(root, encoding="unicode") + "\n", "MJCF", left_out(model, HELD))
+    return ExportedFile(
+        ElementTree.tostring(root, encoding="unicode") + "\n", "MJCF", (*play_of_leaders(model), *left_out(model, HELD))
+    )
 
 
 def slot_motions(model: Model) -> list[Array]:
-    """(4, 4) each, constant motion along every slot of a model's chain, the arm at zero."""
+    """(4, 4) each, constant motion along every slot of a model's chain, every joint at zero."""
     axes = (np.eye(3)[slot.axis] for slot in model.chain.slots)
-    moved = zip(model.chain.slots, axes, model.binding.constants, strict=True)
+    amounts = map(float, model.chain.driven(every_joint_at_zero(model)))
+    moved = zip(model.chain.slots, axes, amounts, strict=True)
     return [turn(axis.tolist(), amount) if slot.rotates else shift(amount * axis) for slot, axis, amount in moved]
 
 
@@ -84,12 +98,41 @@ def _add_servo(
     body: ElementTree.Element, actuators: ElementTree.Element, model: Model, joint: int, axis: str, kp: float, b: float
 ) -> None:
     drawn = model.arm.joints[joint]
-    name, limits = drawn.name or f"joint{joint + 1}", (drawn.lower, drawn.upper)
+    name, limits = joint_labels(model.arm)[joint], (drawn.lower, drawn.upper)
     ElementTree.SubElement(body, "joint", name=name, axis=axis, damping="0.5", armature="0.01")
     if b > 0.0:
         half = numbers((-0.5 * b, 0.5 * b))
         ElementTree.SubElement(body, "joint", name=f"{name}_play", axis=axis, range=half, damping="0.01")
     ElementTree.SubElement(actuators, "position", name=name, joint=name, kp=repr(float(kp)), ctrlrange=numbers(limits))
+
+
+def _add_follower(
+    body: ElementTree.Element,
+    equality: ElementTree.Element,
+    model: Model,
+    slot: Slot,
+    mimic: MimicJoint,
+    stiffness: float | None,
+) -> None:
+    """A joint that turns in proportion to another one, and a spring after it, if it gives way itself (N·m/rad)."""
+    leader, name, axis = joint_labels(model.arm)[mimic.leader], mimic.link.name or slot.place, np.eye(3)[slot.axis]
+    ElementTree.SubElement(body, "joint", name=name, axis=numbers(axis), damping="0.5", armature="0.01")
+    if stiffness is not None:
+        sprung = {"stiffness": repr(stiffness), "damping": "0.1"}
+        ElementTree.SubElement(body, "joint", {"name": slot.key, "axis": numbers(axis), **sprung})
+    linear = numbers((mimic.offset, mimic.ratio, 0.0, 0.0, 0.0))
+    ElementTree.SubElement(equality, "joint", joint1=name, joint2=leader, polycoef=linear)
+
+
+def led_places(model: Model) -> set[str]:
+    """Places of the joints that others follow."""
+    return {f"joint{mimic.leader + 1}" for mimic in model.arm.mimics}
+
+
+def play_of_leaders(model: Model) -> tuple[str, ...]:
+    """Play of joints that others follow: an equality would follow the servo alone."""
+    acting = [effect for effect, values in model.parts() if effect.id == "backlash" and values[0] > 0.0]
+    return tuple(f"{e.name} (others follow its servo alone)" for e in acting if e.place in led_places(model))
 
 
 def _add_mass(element: ElementTree.Element, where: Array, weight: float, com: Sequence[float]) -> None:

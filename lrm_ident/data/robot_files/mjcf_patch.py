@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from lrm_ident.data.rigid_motion import inverse, quaternions
-from lrm_ident.data.robot_files.mjcf import SPRINGS, slot_motions, spring_stiffness
+from lrm_ident.data.robot_files.mjcf import SPRINGS, led_places, play_of_leaders, slot_motions, spring_stiffness
 from lrm_ident.data.robot_files.mjcf_robot import MjcfRobot
 from lrm_ident.data.robot_files.urdf import Urdf, UrdfJoint, parse_urdf
 from lrm_ident.data.robot_files.urdf_arm import choose_tip
@@ -116,7 +116,8 @@ def _placed(T: Array) -> dict[str, Array]:
 
 def _servos(model: Model, own: MjcfRobot, path: Sequence[UrdfJoint]) -> Iterator[str]:
     """Gives the joints their compliance, play and friction; yields what they cannot have."""
-    turning, stiffness = [joint for joint in path if joint.turns], spring_stiffness(model)
+    turning, stiffness = [joint for joint in path if joint.commanded], spring_stiffness(model)
+    yield from play_of_leaders(model)
     for number, joint in enumerate(turning):
         slot = model.chain.joint_slots[number]
         place = model.arm.joint_names[number]
@@ -131,7 +132,7 @@ def _servos(model: Model, own: MjcfRobot, path: Sequence[UrdfJoint]) -> Iterator
         elif h < 0.0 and actuator is not None:
             own.spec.joint(joint.name).frictionloss = -0.5 * h * float(actuator.gainprm[0])
             own.spec.joint(joint.name).solimp_friction[:2] = HARDEST
-        if b > 0.0:
+        if b > 0.0 and place not in led_places(model):
             _add_hinge(
                 own, joint.child, f"{joint.name}_play", own.anchor(own.bodies[joint.child])[:3, 3], joint.axis, play=b
             )
@@ -193,8 +194,9 @@ def places_at_zero(model: Model) -> list[Array]:
 
 
 def joints_before(model: Model, k: int) -> int:
-    """Number of joints before slot k of a model's chain."""
-    return sum(slot.joint is not None for slot in model.chain.slots[:k])
+    """Number of joints before slot k of a model's chain, those that follow others included."""
+    turning = {*model.chain.joint_slots, *(following for following, _, _ in model.chain.couplings)}
+    return sum(slot < k for slot in turning)
 
 
 def bends_own_weight(model: Model, k: int) -> bool:
@@ -240,7 +242,7 @@ def weigh(model: Model, own: MjcfRobot, robot: Urdf, path: Sequence[UrdfJoint]) 
 def _moments(model: Model) -> dict[int, Array]:
     """First mass moment (kg m) and mass (kg) (4,) of what each joint carries up to the next, the arm at zero."""
     places = places_at_zero(model)
-    out = {number: np.zeros(4) for number in range(model.arm.dof + 1)}
+    out = {number: np.zeros(4) for number in range(len(model.arm.links) + 1)}
     for body, weight in zip(model.chain.bodies, model.weights(0.0), strict=True):
         moment = places[body.before] @ np.array([*map(float, weight.com), 1.0])
         out[joints_before(model, body.before)] += float(weight.mass) * moment

@@ -6,7 +6,7 @@ zero elsewhere (`ref`).
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -158,7 +158,18 @@ def _as_links(own: MjcfRobot) -> Urdf:
             append_joint(tree, f"{name}_site", "fixed", own.link(body), name, origin)
     robot = urdf_of(own.path, tree)
     x, y, z = compiled.opt.gravity.tolist()
-    return replace(robot, gravity=(x, y, z))
+    return replace(robot, gravity=(x, y, z), notices=tuple(_closed_loops(own)))
+
+
+def _closed_loops(own: MjcfRobot) -> Iterator[str]:
+    """Notices of equalities, beside those of two joints, that may couple joints of the arm."""
+    import mujoco
+
+    kinds = {mujoco.mjtEq.mjEQ_CONNECT: "connect", mujoco.mjtEq.mjEQ_WELD: "weld", mujoco.mjtEq.mjEQ_TENDON: "tendon"}
+    active = own.compiled.eq_type[np.asarray(own.compiled.eq_active0, dtype=bool)]
+    found = [f"{int((active == kind).sum())} <{name}>" for kind, name in kinds.items() if (active == kind).any()]
+    if found:
+        yield f"the <equality> of {' and '.join(found)} is not read: joints that it couples count as free"
 
 
 def _pose(quaternion: Array, position: Array) -> Array:

@@ -19,9 +19,21 @@ from lrm_math.errors import FileError, name_suggestion
 
 TURNING = ("revolute", "continuous")
 MOMENTS = "ixx", "iyy", "izz", "ixy", "ixz", "iyz"
-POLYNOMIAL, UNTURNED = "polycoef", 1e-9
-"""Attribute of a `<mimic>` of MuJoCo's that is not linear; deg, that round-off alone makes of no offset."""
+POLYNOMIAL = "polycoef"
+"""Attribute of a `<mimic>` of MuJoCo's that is not linear."""
+ENDS = "--tip {} ends before it"
+TURNS_ALONE = "an arm's joint turns by itself, or with one that does in proportion; " + ENDS
+RING = "follows itself", "a joint follows another one"
 GRAVITY: Vector3 = (0.0, 0.0, -9.81)
+
+
+@dataclass(frozen=True)
+class UrdfMimic:
+    """`<mimic>` of a joint: its angle is `ratio` times that of the joint `leader`, and `offset` (rad)."""
+
+    leader: str
+    ratio: float
+    offset: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,6 +42,8 @@ class UrdfJoint:
 
     `effort`: the torque that it may exert (N·m); 0 where none is stated.
     `fault`: what keeps it from being a joint of an arm, and what would be right; beside the arm it may stand.
+    `mimic`: how it follows a joint that follows none itself; None: it does not.
+    `rest_angle`: the angle within its limits that is nearest to zero, or that of a following joint then (rad).
     """
 
     name: str
@@ -42,6 +56,8 @@ class UrdfJoint:
     upper: float
     effort: float = 0.0
     fault: tuple[str, str] | None = None
+    mimic: UrdfMimic | None = None
+    rest_angle: float = 0.0
 
     @property
     def turns(self) -> bool:
@@ -53,9 +69,9 @@ class UrdfJoint:
         return self.origin @ turn(self.axis, q) if self.turns else self.origin
 
     @property
-    def rest_angle(self) -> float:
-        """The angle within its limits that is nearest to zero (rad)."""
-        return min(max(0.0, self.lower), self.upper) if self.turns else 0.0
+    def commanded(self) -> bool:
+        """Whether it is a revolute joint that follows no other one."""
+        return self.turns and self.mimic is None
 
 
 @dataclass(frozen=True)
@@ -128,6 +144,18 @@ class Urdf:
                 yield from ((name, start @ pose) for name, pose in self.carried_by(child, without))
 
 
+def with_followers(chain: Sequence[UrdfJoint], q: Sequence[float]) -> list[float]:
+    """Angles of all turning joints of a chain, from those of its commanded ones (rad)."""
+    commanded = dict(zip((joint.name for joint in chain if joint.commanded), q, strict=True))
+    return [
+        commanded[joint.name]
+        if joint.mimic is None
+        else joint.mimic.ratio * commanded[joint.mimic.leader] + joint.mimic.offset
+        for joint in chain
+        if joint.turns
+    ]
+
+
 def tip_pose(chain: Sequence[UrdfJoint], q: Sequence[float]) -> Array:
     """(4, 4), pose of a chain's tip in its base link, angles of its turning joints in rad: URDF's own kinematics."""
     angles = iter(q)
@@ -180,11 +208,40 @@ def urdf_of(path: Path, tree: ElementTree.Element) -> Urdf:
             what = f"link '{joint.child}' hangs on joint '{joints[joint.child].name}' too"
             raise FileError(path, f"joint {joint.name}", what, "a link has one parent")
         joints[joint.child] = joint
+    joints = _resolved(joints)
     robot = Urdf(path, tree.get("name") or path.stem, links, joints, tree)
     roots = [link for link in links if link not in joints]
     if len(roots) != 1:
         raise FileError(path, "", f"{len(roots)} links have no parent: {', '.join(roots) or 'it is a ring'}", "one has")
     return robot
+
+
+def _resolved(joints: dict[str, UrdfJoint]) -> dict[str, UrdfJoint]:
+    """The joints, each follower of a follower as one of the joint that leads both; what cannot be has a fault."""
+    by_name = {joint.name: joint for joint in joints.values()}
+
+    def resolved(joint: UrdfJoint) -> UrdfJoint:
+        ratio, offset, leader = 1.0, 0.0, joint
+        for _ in joints:
+            if leader.mimic is None or leader.fault is not None:
+                break
+            ratio, offset = ratio * leader.mimic.ratio, ratio * leader.mimic.offset + offset
+            name = leader.mimic.leader
+            if name not in by_name:
+                return replace(joint, fault=(f"follows joint {name}, which is none", name_suggestion(name, [*by_name])))
+            leader = by_name[name]
+        if leader is joint:
+            return joint if joint.mimic is None else replace(joint, fault=joint.fault or RING)
+        if leader.mimic is not None or not leader.turns:
+            what = "follows others in a ring" if leader.fault is None else leader.fault[0]
+            kind = f"is {leader.kind or 'of no type'}" if leader.mimic is None else what
+            return replace(
+                joint, fault=(f"follows joint {leader.name}, which {kind}", TURNS_ALONE.format(joint.parent))
+            )
+        rest = ratio * leader.rest_angle + offset
+        return replace(joint, mimic=UrdfMimic(leader.name, ratio, offset), rest_angle=rest)
+
+    return {child: resolved(joint) if joint.turns else joint for child, joint in joints.items()}
 
 
 def _named(path: Path, element: ElementTree.Element) -> str:
@@ -233,17 +290,24 @@ def _joint(path: Path, element: ElementTree.Element) -> UrdfJoint:
         (low,), (high,) = (_numbers(path, where, limit, side, "0", 1) for side in ("lower", "upper"))
     (effort,) = _numbers(path, where, limit, "effort", "0", 1)
     joint = UrdfJoint(name, kind, parent, child, _origin(path, where, element), (x, y, z), low, high, effort)
-    return replace(joint, fault=_fault(path, where, element, joint, length)) if joint.turns else joint
+    if not joint.turns:
+        return joint
+    joint = replace(joint, mimic=_mimic(path, where, element), rest_angle=min(max(0.0, low), high))
+    return replace(joint, fault=_fault(element, joint, length))
 
 
-def _fault(
-    path: Path, where: str, element: ElementTree.Element, joint: UrdfJoint, length: float
-) -> tuple[str, str] | None:
-    mimic = element.find("mimic")
+def _fault(element: ElementTree.Element, joint: UrdfJoint, length: float) -> tuple[str, str] | None:
+    mimic, count = element.find("mimic"), len(element.findall("mimic"))
+    if count > 1:
+        return f"follows {count} joints at once", TURNS_ALONE.format(joint.parent)
+    if mimic is not None and POLYNOMIAL in mimic.attrib:
+        what = f"follows joint {mimic.get('joint')} by a polynomial ({mimic.get(POLYNOMIAL)})"
+        return what, TURNS_ALONE.format(joint.parent)
+    if mimic is not None and mimic.get("joint") is None:
+        degrees = math.degrees(float(mimic.get("offset", "0")))
+        return f"is held at {degrees:.3g} deg", f"a joint that does not turn is fixed; {ENDS.format(joint.parent)}"
     if mimic is not None:
-        return _coupling(
-            path, where, mimic
-        ), f"every joint of an arm turns by itself; --tip {joint.parent} ends before it"
+        return None if length >= 1e-9 else ("its axis has no direction", "")
     if joint.kind == "revolute" and element.find("limit") is None:
         return "a revolute joint without <limit>", "or is it of type continuous?"
     if length < 1e-9:
@@ -251,18 +315,15 @@ def _fault(
     return None if joint.lower < joint.upper else (f"limits {joint.lower:g} to {joint.upper:g} rad", "lower < upper")
 
 
-def _coupling(path: Path, where: str, mimic: ElementTree.Element) -> str:
-    """A `<mimic>` in words: which joint follows which, and how."""
-    (times,), (offset,) = (
+def _mimic(path: Path, where: str, element: ElementTree.Element) -> UrdfMimic | None:
+    """How a joint follows another one, as its `<mimic>` states it."""
+    mimic = element.find("mimic")
+    if mimic is None:
+        return None
+    (ratio,), (offset,) = (
         _numbers(path, where, mimic, key, default, 1) for key, default in (("multiplier", "1"), ("offset", "0"))
     )
-    leader, turned = mimic.get("joint"), math.degrees(offset)
-    if leader is None:
-        return f"is held at {turned:.3g} deg"
-    if POLYNOMIAL in mimic.attrib:
-        return f"follows joint {leader} by a polynomial ({mimic.get(POLYNOMIAL)})"
-    more = f" {turned:+.3g} deg" if abs(turned) > UNTURNED else ""
-    return f"follows joint {leader}: its angle is {times:g} times that one's{more}"
+    return UrdfMimic(mimic.get("joint") or "", ratio, offset)
 
 
 def _origin(path: Path, where: str, element: ElementTree.Element) -> Array:

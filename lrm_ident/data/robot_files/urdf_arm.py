@@ -15,16 +15,15 @@ import numpy as np
 
 from lrm_ident.data.rigid_motion import inverse, placement, placement_motion, shift, turn
 from lrm_ident.data.robot_files.heavy_masses import signs_of_heavy_masses
-from lrm_ident.data.robot_files.urdf import Urdf, UrdfJoint, UrdfMass, tip_pose
-from lrm_math.arm.arm import NEARLY_PARALLEL, Arm, Body, Joint
+from lrm_ident.data.robot_files.urdf import Urdf, UrdfJoint, UrdfMass, tip_pose, with_followers
+from lrm_math.arm.arm import MOST_JOINTS, NEARLY_PARALLEL, Arm, Body, Joint, MimicJoint, within_mimics
 from lrm_math.arm.plausible_arm import ImplausibleArm, implausible
 from lrm_math.arrays import Array, Vector3
-from lrm_math.errors import FileError, raise_faults
+from lrm_math.errors import FileError, LrmError, raise_faults
 from lrm_math.kinematics.chain import Number
 from lrm_math.kinematics.forward import frames
 from lrm_math.model.model import Model, model_of
 
-MOST_JOINTS = 10
 MOST_TURN = 4.0 * math.pi
 """rad: no joint of an arm turns farther either way, but for one that turns on and on."""
 CHECKED = 200
@@ -94,8 +93,8 @@ def import_arm(
     """The arm from the link `base` (None: the root) to the link `tip` (None: the only one).
 
     `accept`: rules of plausibility that a person knows it to break.
-    Raises `FileError`: an implausible arm, a chain that is not one of 1 to 10 revolute joints, or one that the import
-    does not reproduce.
+    Raises `FileError`: an implausible arm, a chain that is not one of revolute joints, or one that the import does not
+    reproduce.
     """
     base = base or robot.root
     tip = tip or choose_tip(robot, base)
@@ -108,10 +107,18 @@ def import_arm(
     T = inverse(stands[-1]) @ tip_pose(path, [0.0] * len(turning))
     tool = placement(T[:3, :3].T @ T[:3, 3], T[:3, :3])
     notices = list(robot.notices)
-    joints = tuple(_joint(joint, link, notices) for joint, link in zip(turning, [*links, None], strict=True))
+    every = [_joint(joint, link, notices) for joint, link in zip(turning, [*links, None], strict=True)]
+    mimics = tuple(_mimics(turning, every))
+    own = [link for joint, link in zip(turning, every, strict=True) if joint.commanded]
     bodies = tuple(_bodies(robot, path, [*stands[1:], stands[-1]]))
-    load = Body("load", 0.0, (0.0, 0.0, 0.0), len(joints) + 1, len(joints), carries_payload=True)
-    arm = Arm(name or robot.name, _gravity(robot, base, notices), placed, joints, tool, (*bodies, load))
+    load = Body("load", 0.0, (0.0, 0.0, 0.0), len(every) + 1, len(every), carries_payload=True)
+    try:
+        joints = within_mimics(own, mimics)
+    except LrmError as error:
+        raise FileError(robot.path, "", str(error)) from None
+    gravity = _gravity(robot, base, notices)
+    arm = Arm(name or robot.name, gravity, placed, joints, tool, (*bodies, load), mimics=mimics)
+    notices.extend(_rods(robot, path))
     if not bodies:
         notices.append("no link has a mass: what bends under its own weight cannot be found")
     broken = [*implausible(arm, "metres"), *_limits_in_degrees(turning), *_heavy(arm, robot, path, notices)]
@@ -122,6 +129,17 @@ def import_arm(
     if not difference < AGREES:
         raise FileError(robot.path, "", f"the arm is {difference:.2g} m or rad off the URDF's own kinematics")
     return ImportedArm(arm, base, tip, difference, tuple(notices))
+
+
+def _rods(robot: Urdf, path: Sequence[UrdfJoint]) -> Iterator[str]:
+    """Notices of masses beside the arm that turn with its joints, as rods do: a body of an arm is fixed to a link."""
+    chain = {joint.name for joint in path}
+    for child, joint in robot.joints.items():
+        leader = "" if joint.mimic is None else joint.mimic.leader
+        if joint.name in chain or leader not in chain:
+            continue
+        if any(robot.links[link] is not None for link, _ in robot.carried_by(child, without="")):
+            yield f"the mass of '{child}' beside the arm turns with joint {leader}: it counts as it stands at zero"
 
 
 def _right(found: ImplausibleArm) -> str:
@@ -159,8 +177,13 @@ def _gravity(robot: Urdf, base: str, notices: list[str]) -> Vector3:
 
 
 def check_serial(robot: Urdf, path: Sequence[UrdfJoint]) -> None:
-    """Raises `FileError` for a chain (base to tip) that is not one of 1 to 10 revolute joints, free of each other."""
+    """Raises `FileError` for a chain (base to tip) that is not one of revolute joints, as many as an arm may have."""
+    names = {joint.name for joint in path}
     for joint in path:
+        if joint.mimic is not None and joint.fault is None and joint.mimic.leader not in names:
+            what = f"follows joint {joint.mimic.leader}, which is not between base and tip"
+            right = "an arm's joint follows one of the arm; see --base, --tip"
+            raise FileError(robot.path, f"joint {joint.name}", what, right)
         if joint.fault:
             raise FileError(robot.path, f"joint {joint.name}", *joint.fault)
         if not joint.turns and joint.kind != "fixed":
@@ -237,9 +260,21 @@ def _joint(joint: UrdfJoint, link: DhLink | None, notices: list[str]) -> Joint:
     extra_z = None if link is None else 0.0  # the tool's position says the same of the last link
     link = link or DhLink(0.0, 0.0, 0.0, 0.0, 0.0)
     lower, upper = max(joint.lower, -2.0 * math.pi), min(joint.upper, 2.0 * math.pi)
-    if (lower, upper) != (joint.lower, joint.upper):
+    if joint.mimic is not None and not joint.lower < joint.upper:
+        lower, upper = -2.0 * math.pi, 2.0 * math.pi
+        notices.append(f"{joint.name}: states no limits of its own: those of {joint.mimic.leader} hold")
+    elif (lower, upper) != (joint.lower, joint.upper):
         notices.append(f"{joint.name}: limits {joint.lower:g} to {joint.upper:g} rad cut to one turn either way")
     return Joint(link.theta, link.d, link.a, link.alpha, extra_z, lower, upper, beta=link.beta, name=joint.name)
+
+
+def _mimics(turning: Sequence[UrdfJoint], links: Sequence[Joint]) -> Iterator[MimicJoint]:
+    """The joints that follow others, outwards. `links`: of all turning joints."""
+    motors = [joint.name for joint in turning if joint.commanded]
+    for k, (joint, link) in enumerate(zip(turning, links, strict=True)):
+        if joint.mimic is not None:
+            after = sum(before.commanded for before in turning[:k])
+            yield MimicJoint(link, after, motors.index(joint.mimic.leader), joint.mimic.ratio, joint.mimic.offset)
 
 
 def _bodies(robot: Urdf, path: Sequence[UrdfJoint], far: Sequence[Array]) -> Iterator[Body]:
@@ -277,5 +312,5 @@ def largest_difference(model: Model, path: Sequence[UrdfJoint], seed: int = 0) -
     for k, angles in zip(model.chain.joint_slots, q.T, strict=True):
         values[k] = values[k] + angles
     ours = frames(model.chain, values, CHECKED)[:, -1]
-    theirs = np.array([tip_pose(path, angles) for angles in q.tolist()])
+    theirs = np.array([tip_pose(path, with_followers(path, angles)) for angles in q.tolist()])
     return float(np.abs(ours - theirs).max())

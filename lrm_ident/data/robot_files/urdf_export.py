@@ -73,8 +73,8 @@ def corrected_urdf(model: Model, robot: Urdf, base: str | None = None, tip: str 
     path = robot.chain(base, tip)
     check_serial(robot, path)
     turning = [joint for joint in path if joint.turns]
-    if len(turning) != model.arm.dof:
-        what = f"{len(turning)} joints between '{base}' and '{tip}', {model.arm.name} has {model.arm.dof}"
+    if [joint.commanded for joint in turning] != [mimic is None for _, _, mimic in model.arm.chain_order]:
+        what = f"{_counted(turning)} between '{base}' and '{tip}', {model.arm.name} has {_counted_of(model.arm)}"
         raise FileError(robot.path, "", what, "is this another arm? see --base and --tip")
     off = largest_difference(model_of(model.arm, ()), path)
     if not off < ANOTHER_ARM:
@@ -92,21 +92,33 @@ def corrected_urdf(model: Model, robot: Urdf, base: str | None = None, tip: str 
     return _text(tree)
 
 
+def _counted(turning: Sequence[UrdfJoint]) -> str:
+    following = sum(not joint.commanded for joint in turning)
+    return f"{len(turning)} joints{f', {following} of which follow others,' if following else ''}"
+
+
+def _counted_of(arm: Arm) -> str:
+    return f"{len(arm.links)}{f', {len(arm.mimics)} of which follow others' if arm.mimics else ''}"
+
+
 def bare_urdf(arm: Arm) -> Urdf:
     """A URDF of an arm as drawn: links with their masses, no meshes."""
     chain = chain_frames(model_of(arm, ()))
     tree = ElementTree.Element("robot", name=arm.name)
     names = joint_labels(arm)
-    links = ["base_link", *(f"link{i}" for i in range(1, arm.dof + 1)), "tcp"]
+    links = ["base_link", *(f"link{i}" for i in range(1, len(arm.links) + 1)), "tcp"]
     for number, link in enumerate(links):
         _append_link(tree, arm, link, number)
     before = np.eye(4)
-    for number, (name, joint) in enumerate(zip(names, arm.joints, strict=True)):
+    for number, (place, joint, mimic) in enumerate(arm.chain_order):
         origin = inverse(before) @ chain[number]
-        element = append_joint(tree, name, "revolute", links[number], links[number + 1], origin)
+        element = append_joint(tree, joint.name or place, "revolute", links[number], links[number + 1], origin)
         ElementTree.SubElement(element, "axis", xyz="0 0 1")
         limits = {"lower": repr(joint.lower), "upper": repr(joint.upper)}
         ElementTree.SubElement(element, "limit", {**limits, "effort": "10", "velocity": "10"})
+        if mimic is not None:
+            linear = {"multiplier": repr(mimic.ratio), "offset": repr(mimic.offset)}
+            ElementTree.SubElement(element, "mimic", {"joint": names[mimic.leader], **linear})
         before = chain[number]
     append_joint(tree, "tcp_joint", "fixed", links[-2], links[-1], inverse(before) @ chain[-1])
     return parse_urdf(Path(f"{arm.name}.urdf"), _text(tree))
@@ -129,16 +141,25 @@ def mounted(text: str, gravity: Vector3) -> str:
 
 
 def chain_frames(model: Model) -> Array:
-    """(n + 1, 4, 4), world frames of a rigid model at zero: before each joint's turn, the zero offset in it; the tool.
+    """(L + 1, 4, 4), world frames of a rigid model, every joint at zero, that follows another one or not: before each
+    joint's turn, the zero offset in it; the tool.
 
     The nominal theta of a joint is not in its frame, so that only its error turns it.
     """
     chain = model.chain
-    values: list[Number] = list(model.binding.constants)
-    stands = frames(chain, values, 1)[0]
-    before = stands[: chain.dof]
-    turned = [F @ turn((0, 0, 1), zero_offset(model, chain, i)) for i, F in enumerate(before)]
+    stands = frames(chain, every_joint_at_zero(model), 1)[0]
+    real, drawn = chain.driven(list(model.binding.constants)), chain.driven([slot.nominal for slot in chain.slots])
+    turns = (chain.index[f"{place}.theta"] for place in model.arm.link_places)
+    turned = [F @ turn((0, 0, 1), float(real[k] - drawn[k])) for F, k in zip(stands, turns, strict=False)]
     return np.array([*turned, stands[-1]])
+
+
+def every_joint_at_zero(model: Model) -> list[Number]:
+    """Own amounts of the slots where joints that follow others stand at zero, too, instead of at their offset."""
+    values: list[Number] = list(model.binding.constants)
+    for (k, _, _), mimic in zip(model.chain.couplings, model.arm.mimics, strict=True):
+        values[k] = values[k] - mimic.offset
+    return values
 
 
 def zero_offset(model: Model, chain: Chain, i: int) -> float:
@@ -181,7 +202,7 @@ def _in_axis_frame(axis_frame: Array, stands: Array, joint: UrdfJoint) -> Array:
 def _append_link(tree: ElementTree.Element, arm: Arm, name: str, number: int) -> None:
     """A link with the bodies that move with it; the frame of link i is that before the turn of joint i."""
     link = ElementTree.SubElement(tree, "link", name=name)
-    bodies = [body for body in arm.bodies if body.mass and min(body.frame, arm.dof) == number]
+    bodies = [body for body in arm.bodies if body.mass and min(body.frame, len(arm.links)) == number]
     if not bodies or not number:
         return
     stands = _body_frames(arm)
@@ -197,14 +218,14 @@ def _append_link(tree: ElementTree.Element, arm: Arm, name: str, number: int) ->
 
 
 def _body_frames(arm: Arm) -> dict[str, Array]:
-    """(4, 4) of every body: the frame that its centre of mass is given in, the arm at zero."""
-    chain = model_of(arm, ()).chain
-    stands = frames(chain, chain.values([0.0] * arm.dof), 1)[0]
+    """(4, 4) of every body: the frame that its centre of mass is given in, every joint at zero."""
+    model, last = model_of(arm, ()), len(arm.links)
+    stands = frames(model.chain, every_joint_at_zero(model), 1)[0]
     out = {}
     for body in arm.bodies:
-        extra = arm.joints[body.frame - 1].extra_z or 0.0 if 0 < body.frame <= arm.dof else 0.0
-        lifted = body.near_end and 0 < body.frame <= arm.dof
-        at_tool = shift((0.0, 0.0, -arm.tool.z)) if body.near_end and body.frame == arm.dof + 1 else np.eye(4)
+        extra = arm.links[body.frame - 1].extra_z or 0.0 if 0 < body.frame <= last else 0.0
+        lifted = body.near_end and 0 < body.frame <= last
+        at_tool = shift((0.0, 0.0, -arm.tool.z)) if body.near_end and body.frame == last + 1 else np.eye(4)
         out[body.name] = stands[body.frame] @ (shift((0.0, 0.0, -extra)) if lifted else at_tool)
     return out
 

@@ -61,10 +61,11 @@ def lengthened(arm: Arm, link: int, by: float) -> Arm:
 
     Raises `UnknownName` for no such link; `LrmError` for a link without a single length, or a length not above zero.
     """
-    if not 1 <= link <= arm.dof:
-        raise UnknownName("link", f"link{link}", [f"link{i + 1}" for i in range(arm.dof)])
-    lengths = [(f"joint{link}", name, getattr(arm.joints[link - 1], name) or 0.0) for name in JOINT["mm"]]
-    if link == arm.dof:
+    if not 1 <= link <= len(arm.links):
+        raise UnknownName("link", f"link{link}", [f"link{i + 1}" for i in range(len(arm.links))])
+    drawn, own = arm.links[link - 1], arm.link_places[link - 1]
+    lengths = [(own, name, getattr(drawn, name) or 0.0) for name in JOINT["mm"]]
+    if link == len(arm.links):
         lengths += [(TOOL, name, getattr(arm.tool, name)) for name in PLACEMENT["mm"]]
     real = [part for part in lengths if abs(part[2]) > NANOMETRE]
     if len(real) != 1:
@@ -77,7 +78,7 @@ def lengthened(arm: Arm, link: int, by: float) -> Arm:
 
 
 def _with_value(arm: Arm, place: str, name: str, unit: str, value: float) -> Arm:
-    places = [BASE, TOOL, *arm.joint_names]
+    places = [BASE, TOOL, *arm.link_places]
     if place not in places:
         raise UnknownName("place in a variant", place, places)
     valid = (PLACEMENT if place in (BASE, TOOL) else JOINT)[unit]
@@ -93,6 +94,10 @@ def _with_value(arm: Arm, place: str, name: str, unit: str, value: float) -> Arm
 def _replaced(arm: Arm, place: str, name: str, value: float) -> Arm:
     if place in (BASE, TOOL):
         return replace(arm, **{place: replace(getattr(arm, place), **{name: value})})
+    if place not in arm.joint_names:
+        k = int(place.removeprefix("mimic")) - 1
+        link = replace(arm.mimics[k].link, **{name: value})  # type: ignore[arg-type]
+        return replace(arm, mimics=(*arm.mimics[:k], replace(arm.mimics[k], link=link), *arm.mimics[k + 1 :]))
     i = arm.joint_names.index(place)
     joint = replace(arm.joints[i], **{name: value})  # type: ignore[arg-type]
     return replace(arm, joints=(*arm.joints[:i], joint, *arm.joints[i + 1 :]))
@@ -101,7 +106,7 @@ def _replaced(arm: Arm, place: str, name: str, value: float) -> Arm:
 def _with_length(arm: Arm, place: str, name: str, value: float) -> Arm:
     """The arm with one translation of a link changed, and the capsules along it stretched."""
     changed = _replaced(arm, place, name, value)
-    distal = arm.dof + 1 if place == TOOL else arm.joint_names.index(place) + 1
+    distal = arm.frame_names.index(place)
     before, after = _home(arm), _home(changed)
     rigid = (distal - 1, distal) if place == TOOL else (distal,)
     capsules = tuple(

@@ -24,27 +24,33 @@ def draw_arm(arm: Arm, q: Array, path: Path) -> None:
     """Draws an arm at joint angles q (n,), rad. Raises `FileError` for an unknown format or place."""
     chain = model_of(arm, ()).chain
     geometry = chain_geometry(chain, chain.values([float(angle) for angle in q]), 1)
-    slots = list(chain.joint_slots)
+    slots = [chain.index[f"{place}.theta"] for place in arm.link_places]
+    names = [place.removeprefix("joint") for place in arm.link_places]
     axes, points = geometry.axis[slots, :, 0], 1e3 * geometry.origin[slots, :, 0]
     line = 1e3 * np.concatenate([np.zeros((1, 3)), geometry.origin[:, :, 0], geometry.tcp.T])
     size = float(np.ptp(line, axis=0).max())
     heavy = [(1e3 * geometry.body[k, :, 0], body.mass) for k, body in enumerate(chain.bodies) if body.mass]
     with figure_file(path, 13.5, 4.8) as figure:
         for panel, (i, j, title) in zip(figure.subplots(1, 3), VIEWS, strict=True):
-            _draw_view(panel, i, j, line, points, axes * AXIS_LENGTH * size, heavy)
+            _draw_view(panel, i, j, line, points, axes * AXIS_LENGTH * size, names, heavy)
             panel.set(xlabel=f"{'xyz'[i]}, mm", ylabel=f"{'xyz'[j]}, mm", title=f"{arm.name} {title}")
 
 
 def _draw_view(
-    panel: Axes, i: int, j: int, line: Array, points: Array, arrows: Array, heavy: list[tuple[Array, float]]
+    panel: Axes,
+    i: int,
+    j: int,
+    line: Array,
+    points: Array,
+    arrows: Array,
+    names: list[str],
+    heavy: list[tuple[Array, float]],
 ) -> None:
     panel.plot(line[:, i], line[:, j], color=NOMINAL, lw=5, solid_capstyle="round", alpha=0.6, zorder=1)
-    for number, (point, arrow) in enumerate(zip(points, arrows, strict=True), start=1):
+    for name, point, arrow in zip(names, points, arrows, strict=True):
         ends = np.stack([point - arrow, point + arrow])
         panel.plot(ends[:, i], ends[:, j], color=MODEL, lw=1.5, zorder=3)
-        panel.annotate(
-            str(number), (point[i], point[j]), color=MODEL, xytext=(4, 4), textcoords="offset points", fontsize=9
-        )
+        panel.annotate(name, (point[i], point[j]), color=MODEL, xytext=(4, 4), textcoords="offset points", fontsize=9)
     panel.scatter(points[:, i], points[:, j], s=28, color=MODEL, zorder=4, label="joint axes")
     if heavy:
         centres, masses = np.array([where for where, _ in heavy]), np.array([mass for _, mass in heavy])

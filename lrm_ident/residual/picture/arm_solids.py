@@ -40,7 +40,7 @@ def arm_solids(arm: Arm, frames: Array) -> ArmSolids:
 
 
 def _capsules(arm: Arm) -> ArmSolids:
-    points: dict[tuple[int, Vector3], int] = {(i, (0.0, 0.0, 0.0)): i for i in range(arm.dof + 2)}
+    points: dict[tuple[int, Vector3], int] = {(i, (0.0, 0.0, 0.0)): i for i in range(len(arm.frame_names))}
     links = tuple(
         (
             points.setdefault((one.frame, one.start), len(points)),
@@ -49,7 +49,7 @@ def _capsules(arm: Arm) -> ArmSolids:
         )
         for one in arm.shapes.capsules
     )
-    return ArmSolids(tuple(points)[arm.dof + 2 :], links, shaped=True)
+    return ArmSolids(tuple(points)[len(arm.frame_names) :], links, shaped=True)
 
 
 def placed(solids: ArmSolids, frames: Array) -> Array:

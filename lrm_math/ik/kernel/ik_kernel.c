@@ -25,7 +25,7 @@
 
 /* ---------------------------------------------------------------- 1 Arm, state ---------------------------------- */
 
-enum { MAX_SLOTS = 48, MAX_JOINTS = 10, MAX_BODIES = 16, MAX_LAWS = 96, MAX_SPRINGS = 256, MAX_FOUND = 48,
+enum { MAX_SLOTS = 48, MAX_JOINTS = 16, MAX_BODIES = 20, MAX_LAWS = 96, MAX_SPRINGS = 256, MAX_FOUND = 48,
        MAX_POSES = 2048, MAX_TERMS = 128, WAVES = 20 /* residual_field.WAVES_ALONE */ };
 enum { MEETING, PARALLEL, SKEW };                                            /* the first two axes, see pieper.py */
 enum { SERVO_GAIN, ECCENTRICITY, BACKLASH, NONLINEAR_STIFFNESS, HYSTERESIS, CABLE_SPRING, COUPLING };  /* laws.py */
@@ -44,6 +44,8 @@ typedef struct { /* a model with one payload; moving_slots.py says what slots, f
     double gravity[3], reach, nonlinear_bound;
     double fixed[MAX_SLOTS + 1][12], moment[MAX_BODIES][4]; /* frames; mass moments and mass in the slot's frame */
     int fixed_turn[MAX_SLOTS + 1], axis[MAX_SLOTS]; /* whether the fixed turns; 0..2 turns about x, y, z, 3..5 slides */
+    int mimics, mimic[MAX_JOINTS], leader[MAX_JOINTS]; /* slots that turn with others beside their own amounts */
+    double ratio[MAX_JOINTS];
     int joint[MAX_JOINTS], other[MAX_SLOTS], inboard[MAX_BODIES], counted[MAX_SLOTS], moved[MAX_SLOTS];
     double zero[MAX_SLOTS], start[MAX_SLOTS], lower[MAX_JOINTS], upper[MAX_JOINTS]; /* unloaded; mean; limits */
     int spring_from[MAX_SLOTS + 1], spring_load[MAX_SPRINGS]; /* compliances, sparse by rows: slot, load's slot */
@@ -140,7 +142,12 @@ static void in_base(const double *frame, const double *v, double *out) {
  * moment that it counts (thesis Eqs 2.44 to 2.48): tau = (g x axis) . sum m (c - origin); m g . axis if it slides.
  * after: NULL, or the frames before the first slot and after each one, (slots + 1, 12). */
 static void place(const Arm *a, const double *s, State *w, double *after) {
-    double f[12] = {1, 0, 0, 0, 1, 0, 0, 0, 1}, *p = f + 9, before[12];
+    double f[12] = {1, 0, 0, 0, 1, 0, 0, 0, 1}, *p = f + 9, before[12], driven[MAX_SLOTS];
+    if (a->mimics) {
+        COPY(driven, s, a->slots);
+        for (int k = 0; k < a->mimics; k++) driven[a->mimic[k]] += a->ratio[k] * s[a->leader[k]];
+        s = driven;
+    }
     for (int v = 0, body = 0; v <= a->slots; v++) {
         if (after) COPY(after + 12 * v, f, 12);
         for (; body < a->bodies && a->inboard[body] == v; body++) {
@@ -175,6 +182,7 @@ static void forward(const Arm *a, const double *s, State *w) {
         w->tau[v] = dot(lever, first) - first[3] * dot(lever, w->origin[v]);
         if (a->axis[v] >= 3) lever[0] = lever[1] = lever[2] = 0, w->tau[v] = first[3] * dot(a->gravity, w->axis[v]);
     }
+    for (int k = 0; k < a->mimics; k++) w->tau[a->leader[k]] += a->ratio[k] * w->tau[a->mimic[k]]; /* virtual work */
 }
 
 /* ---------------------------------------------------------------- 3 Derivatives --------------------------------- */
@@ -196,6 +204,8 @@ static void jacobian(const Arm *a, State *w) {
         swept(a, w, v, tip, along);
         for (int i = 0; i < 3; i++) w->J[i][v] = along[i], w->J[3 + i][v] = a->axis[v] < 3 ? LEVER * w->axis[v][i] : 0;
     }
+    for (int k = 0; k < a->mimics; k++)
+        for (int r = 0; r < 6; r++) w->J[r][a->leader[k]] += a->ratio[k] * w->J[r][a->mimic[k]];
     for (int r = 0; r < 6; r++)
         for (int j = 0; j < a->joints; j++) w->total[r][j] = w->J[r][a->joint[j]];
 }
@@ -208,8 +218,8 @@ static void sweep(const Arm *a, State *w) {
 }
 
 /* d tau_u / d s_v, (slots,) added `by` times to out: the Hessian of gravity's potential; less what u counts although v,
- * inboard of it, does not move it. */
-static void add_load_derivatives(const Arm *a, const State *w, int u, double by, double *out) {
+ * inboard of it, does not move it. Of slots that each move alone. */
+static void add_each_load_derivative(const Arm *a, const State *w, int u, double by, double *out) {
     for (int v = u; v < a->slots; v++) out[v] += by * dot(w->lever[u], w->by_moved[v]);
     for (int v = 0; v < u; v++) {
         double all[3];
@@ -218,6 +228,16 @@ static void add_load_derivatives(const Arm *a, const State *w, int u, double by,
         swept(a, w, v, w->outboard[a->counted[u]], all);
         out[v] -= by * (dot(w->lever[u], all) - dot(w->lever[u], w->by_moved[v]));
     }
+}
+/* The same of slots that carry along those that follow them. */
+static void add_load_derivatives(const Arm *a, const State *w, int u, double by, double *out) {
+    if (!a->mimics) { add_each_load_derivative(a, w, u, by, out); return; }
+    double all[MAX_SLOTS] = {0};
+    add_each_load_derivative(a, w, u, by, all);
+    for (int k = 0; k < a->mimics; k++)
+        if (a->leader[k] == u) add_each_load_derivative(a, w, a->mimic[k], by * a->ratio[k], all);
+    for (int k = 0; k < a->mimics; k++) all[a->leader[k]] += a->ratio[k] * all[a->mimic[k]];
+    add(1, all, a->slots, out);
 }
 
 /* Response of the deflection of slot `row` to every slot's motion, (slots,). */

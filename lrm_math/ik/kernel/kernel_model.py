@@ -36,6 +36,7 @@ TWELVE = struct.Struct("12d").pack
 DESCENTS, KEPT = 24, 4
 """Poses of the library from which descents to the nearest goal start, and how many of these go on to the end."""
 BELOW = {
+    "mimic": ("slots", 0), "leader": ("slots", 0),
     "joint": ("slots", 0), "other": ("slots", 0), "spring_load": ("slots", 0), "inboard": ("slots", 1),
     "counted": ("bodies", 1), "moved": ("bodies", 1), "law_joint": ("joints", 0), "axis": ("", 6),
     "law": ("", len(set(KERNEL_LAWS.values()))), "spring_from": ("", MAX_SPRINGS + 1),
@@ -213,14 +214,17 @@ def packed(
         ("moving slots", V, MAX_SLOTS),
         ("joints", n, MAX_JOINTS),
         ("bodies", B, MAX_BODIES),
+        ("joints without a motor", len(moving.mimics), MAX_JOINTS),
     ):
         fits(name, count, most)
-    memory = KernelArm(slots=V, joints=n, others=len(moving.others), bodies=B, laws_known=1, reach=reach)
+    counts = {"slots": V, "joints": n, "others": len(moving.others), "bodies": B, "mimics": len(moving.mimics)}
+    memory = KernelArm(**counts, laws_known=1, reach=reach)
     turned = [not np.array_equal(fixed[:3, :3], np.eye(3)) for fixed in moving.fixed]
     return KernelModel(memory, moving).with_(
         gravity=moving.gravity, fixed=moving.fixed[:, :3].transpose(0, 2, 1), fixed_turn=turned, moment=moments,
         axis=moving.axes, joint=moving.joints, other=moving.others, inboard=moving.inboard,
         counted=moving.counted, moved=moving.moved, lower=lower, upper=upper,
+        mimic=moving.mimics, leader=moving.leaders, ratio=moving.ratio,
     )  # fmt: skip
 
 

@@ -13,7 +13,7 @@ from pathlib import Path
 
 from lrm_math.errors import LrmError
 
-MAX_SLOTS, MAX_JOINTS, MAX_BODIES, MAX_LAWS, MAX_SPRINGS, MAX_FOUND = 48, 10, 16, 96, 256, 48
+MAX_SLOTS, MAX_JOINTS, MAX_BODIES, MAX_LAWS, MAX_SPRINGS, MAX_FOUND = 48, 16, 20, 96, 256, 48
 MAX_POSES, MAX_TERMS = 2048, 128
 BRANCHES = 8
 Real, Integer, Pointer = ctypes.c_double, ctypes.c_int, ctypes.c_void_p
@@ -37,6 +37,8 @@ class KernelArm(ctypes.Structure):
         ("laws_known", Integer), ("gravity", Real * 3), ("reach", Real), ("nonlinear_bound", Real),
         ("fixed", Real * (12 * (MAX_SLOTS + 1))), ("moment", Real * (4 * MAX_BODIES)),
         ("fixed_turn", Integer * (MAX_SLOTS + 1)), ("axis", Integer * MAX_SLOTS),
+        ("mimics", Integer), ("mimic", Integer * MAX_JOINTS), ("leader", Integer * MAX_JOINTS),
+        ("ratio", Real * MAX_JOINTS),
         ("joint", Integer * MAX_JOINTS), ("other", Integer * MAX_SLOTS), ("inboard", Integer * MAX_BODIES),
         ("counted", Integer * MAX_SLOTS), ("moved", Integer * MAX_SLOTS),
         ("zero", Real * MAX_SLOTS), ("start", Real * MAX_SLOTS),

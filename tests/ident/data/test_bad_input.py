@@ -92,6 +92,10 @@ BAD_ARM: dict[str, tuple[Callable[[str], str], tuple[str, ...]]] = {
     "unknown frame": (lambda t: t.replace('frame = "joint4"', 'frame = "joint9"', 1), ("link 4", "joint9", "joint4")),
     "servo table": (lambda t: t.replace("[620.0, 1540.0, 2460.0]", "[620.0, 1540.0, 1000.0]"), ("joint 1", "pulses")),
     "ms for us": (lambda t: t.replace("[620.0, 1540.0, 2460.0]", "[0.62, 1.54, 2.46]"), ("joint 1", "pulse_us", "100")),
+    "follows with a servo": (
+        lambda t: t.replace("[[joint]]", '[[joint]]\nfollow = {joint = "joint2"}', 1),
+        ("joint 1", "no servo"),
+    ),
     "other schema": (lambda t: t.replace("lrm/arm/1", "lrm/arm/9"), ("schema", "lrm/arm/1")),
     "not TOML": (lambda t: t + "\n]", ("not valid TOML",)),
 }

@@ -16,7 +16,7 @@ from lrm_ident.data.measurement_file.load import load_measurements, load_poses, 
 from lrm_ident.data.measurement_file.write import csv_text, measurements_csv
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.study.model_history import model_text
-from lrm_math.arm.arm import Arm, Placement
+from lrm_math.arm.arm import Arm, MimicJoint, Placement
 from lrm_math.arm.arm_file import ArmFile, load_arm, read_arm, shipped_arms
 from lrm_math.effects import effects_at
 from lrm_math.kinematics.poses import Poses
@@ -34,7 +34,11 @@ def as_file(arm: Arm) -> dict[str, object]:
         lengths = {f"{k}_mm": getattr(p, k) * 1e3 for k in "xyz"}
         return lengths | {f"{k}_deg": math.degrees(getattr(p, k)) for k in ("alpha", "beta", "gamma")}
 
-    frames = ["base", *arm.joint_names, "tool"]
+    def follow(mimic: MimicJoint) -> dict[str, object]:
+        leader = f"joint{mimic.leader + 1}"
+        return {"joint": leader, "ratio": mimic.ratio, "offset_deg": math.degrees(mimic.offset)}
+
+    frames = arm.frame_names
     return {
         "schema": "lrm/arm/1",
         "name": arm.name,
@@ -50,7 +54,8 @@ def as_file(arm: Arm) -> dict[str, object]:
                 "limits_deg": [math.degrees(j.lower), math.degrees(j.upper)],
             }
             | ({} if j.extra_z is None else {"extra_z_mm": j.extra_z * 1e3})
-            for j in arm.joints
+            | ({} if mimic is None else {"follow": follow(mimic)})
+            for _, j, mimic in arm.chain_order
         ],
         "body": [
             {
@@ -73,10 +78,15 @@ def test_arm_files(tmp_path_factory: pytest.TempPathFactory, arm: Arm) -> None:
     path = tmp_path_factory.mktemp("arm") / "arm.toml"
     path.write_text(tomli_w.dumps(as_file(arm)))
     back = read_arm(path)
-    assert back.dof == arm.dof
+    assert back.link_places == arm.link_places
+    for one, other in zip(arm.mimics, back.mimics, strict=True):
+        assert (other.after, other.leader, other.ratio) == (one.after, one.leader, one.ratio)
+        assert other.offset == pytest.approx(one.offset, abs=1e-15)
     assert [b.name for b in back.bodies] == [b.name for b in arm.bodies]
     for ours, theirs in zip(
-        [*arm.joints, arm.base, arm.tool, *arm.bodies], [*back.joints, back.base, back.tool, *back.bodies], strict=True
+        [*arm.joints, *(mimic.link for mimic in arm.mimics), arm.base, arm.tool, *arm.bodies],
+        [*back.joints, *(mimic.link for mimic in back.mimics), back.base, back.tool, *back.bodies],
+        strict=True,
     ):
         for name, value in vars(ours).items():
             if isinstance(value, float | tuple):

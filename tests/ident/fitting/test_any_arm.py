@@ -13,17 +13,22 @@ from hypothesis import strategies as st
 from lrm_ident.data.error_stats import error_stats
 from lrm_ident.data.measurement_file.commanded_poses import directions
 from lrm_ident.data.measurements import Measurements
+from lrm_ident.data.robot_files.urdf import parse_urdf
+from lrm_ident.data.robot_files.urdf_arm import import_arm
 from lrm_ident.diagnosis.diagnose import diagnose
+from lrm_ident.diagnosis.diagnosis_report import build_report
 from lrm_ident.fitting.loss import SQUARED
 from lrm_ident.fitting.model_fit import fit_model, nominal_model
 from lrm_ident.report.fit import fit_document
 from lrm_ident.residual.error_breakdown import HeldOutResidual
 from lrm_ident.study.model_on_data import ErrorSummary
 from lrm_math.arm.arm import Arm
+from lrm_math.effects import effects_at
 from lrm_math.kinematics.poses import Poses
 from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import model_of
-from tests.support.random_arms import random_arm
+from tests.support.mimic_robots import palletiser
+from tests.support.random_arms import random_arm, with_followers
 
 GEOMETRIES = ("any", "parallel", "meeting")
 MASSES = ("anywhere", "on axes", "none")
@@ -56,11 +61,33 @@ def measured_on(arm: Arm, seed: int, count: int, noise: float = 2e-4) -> Measure
     return Measurements(poses, number, tcp, None, noise, number, Path("random.csv"), "", arm=arm)
 
 
+def test_the_play_of_a_palletisers_motor_is_named() -> None:
+    """Rods turn forearm and gripper by the motors of other joints; the fit knows, and diagnosis names the motor."""
+    arm = import_arm(parse_urdf(Path("palletiser.urdf"), palletiser())).arm
+    truth, rng = nominal_model(arm), np.random.default_rng(1)
+    sizes = {"rad": 0.01, "mm": 0.0008, "rad_per_Nm": 0.05}
+    values = {key: abs(rng.normal(0.0, sizes[p.unit])) for key, p in zip(truth.keys, truth.parameters, strict=True)}
+    values |= {"backlash.joint2.b_rad": np.radians(2.0)}
+    low, high = np.array([(joint.lower, joint.upper) for joint in arm.joints]).T
+    q, number = rng.uniform(low, high, (150, arm.dof)), np.arange(150)
+    poses = Poses(q=q, payload=rng.choice([0.0, 0.1], 150), direction=directions(q, None))
+    hidden = model_of(arm, (*truth.effects, *effects_at(arm, "backlash@joint2")), values)
+    tcp = solve_equilibrium(hidden, poses).tcp + rng.normal(0, 2e-4, (150, 3))
+    data = Measurements(poses, number, tcp, None, 2e-4, number, Path("palletiser.csv"), "", arm=arm)
+    report = build_report(diagnose(fit_model(truth, data, "identifiable", SQUARED).fit.model, data))
+    assert report.verdict == "effect_missing"
+    assert report.first is not None
+    assert report.first.name == "backlash@joint2"
+
+
 @pytest.mark.slow
 @settings(max_examples=8, deadline=None, phases=[Phase.explicit, Phase.reuse, Phase.generate])
-@given(st.integers(0, 1000), st.integers(1, 10), st.sampled_from(GEOMETRIES), st.sampled_from(MASSES))
-def test_every_arm_is_fitted_and_diagnosed(seed: int, joints: int, geometry: str, masses: str) -> None:
+@given(st.integers(0, 1000), st.integers(1, 10), st.sampled_from(GEOMETRIES), st.sampled_from(MASSES), st.booleans())
+def test_every_arm_is_fitted_and_diagnosed(
+    seed: int, joints: int, geometry: str, masses: str, some_follow: bool
+) -> None:
     arm = described(seed, joints, geometry, masses)
+    arm = with_followers(arm, seed) if some_follow else arm
     data, model = measured_on(arm, seed, 40 + 6 * joints), nominal_model(arm)
     before = error_stats(data.tcp - solve_equilibrium(model, data.poses).tcp)
     result = fit_model(model, data, "identifiable", SQUARED)

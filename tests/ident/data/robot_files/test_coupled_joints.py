@@ -1,4 +1,4 @@
-"""Joints that follow others, and several hinges in one body: refused or read, never free joints that are none."""
+"""Joints that follow others, and several hinges in one body: read, or refused by name, never taken for free joints."""
 
 from __future__ import annotations
 
@@ -10,10 +10,11 @@ import pytest
 
 from lrm_ident.data.robot_files.mjcf_robot import read_mjcf
 from lrm_ident.data.robot_files.urdf_arm import import_arm
+from lrm_math.arm.arm_file import load_arm
 from lrm_math.kinematics.poses import poses_of
 from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import model_of
-from tests.support.commands import stderr_of, stdout_of
+from tests.support.commands import run_command, stderr_of, stdout_of
 from tests.support.vendor_robots import vendor_parts
 
 
@@ -25,21 +26,75 @@ def coupled_urdf(multiplier: str) -> str:
 
 
 @pytest.mark.parametrize(
-    ("multiplier", "said"),
+    ("multiplier", "ratio", "offset"),
+    [('multiplier="-1"', -1.0, 0.0), ('multiplier="0.5" offset="0.1"', 0.5, 0.1), ("", 1.0, 0.0)],
+)
+def test_a_mimic_joint_of_a_urdf_follows(multiplier: str, ratio: float, offset: float, tmp_path: Path) -> None:
+    """It has no column in measurements; limits of the joint that it follows keep both within theirs."""
+    path, output = tmp_path / "arm.urdf", tmp_path / "arm.toml"
+    path.write_text(coupled_urdf(multiplier))
+    stdout_of("arm", "import", path, "--tip", "tip", "-o", output)
+    arm = load_arm(output)
+    assert (arm.dof, arm.link_places[:4]) == (3, ("joint1", "joint2", "mimic1", "joint3"))
+    assert (arm.mimics[0].leader, arm.mimics[0].ratio) == (1, ratio)
+    assert arm.mimics[0].offset == pytest.approx(offset)
+    ends = sorted((limit - offset) / ratio for limit in (-2.0, 2.5))
+    assert arm.joints[1].lower == pytest.approx(max(-2.0, ends[0]))
+    assert arm.joints[1].upper == pytest.approx(min(2.5, ends[1]))
+
+
+def test_a_follower_of_a_follower_follows_the_first_joint(tmp_path: Path) -> None:
+    path = tmp_path / "arm.urdf"
+    text = coupled_urdf('multiplier="-1" offset="0.2"')
+    before, name, after = text.partition('<joint name="j4"')
+    path.write_text(before + name + after.replace("</joint>", '<mimic joint="j3" multiplier="0.5"/></joint>', 1))
+    stdout_of("arm", "import", path, "--tip", "tip", "-o", tmp_path / "arm.toml")
+    arm = load_arm(tmp_path / "arm.toml")
+    assert [(mimic.leader, mimic.ratio) for mimic in arm.mimics] == [(1, -1.0), (1, -0.5)]
+    assert arm.mimics[1].offset == pytest.approx(0.1)
+
+
+@pytest.mark.parametrize(
+    ("mimic", "said"),
     [
-        ('multiplier="-1"', "joint j3: follows joint j2: its angle is -1 times that one's;"),
-        ('multiplier="0.5" offset="0.1"', "0.5 times that one's +5.73 deg"),
-        ("", "1 times"),
+        ('joint="j9"', "joint j3: follows joint j9, which is none; valid: mount, j1"),
+        ('joint="j3"', "joint j3: follows itself"),
+        ('joint="mount"', "joint j3: follows joint mount, which is fixed; "),
+        ('joint="jaw_joint"', "joint j3: follows joint jaw_joint, which is not between base and tip; "),
+        ('joint="j2" multiplier="twice"', 'joint j3: multiplier="twice"'),
     ],
 )
-def test_a_mimic_joint_of_a_urdf_is_named_and_its_remedy_works(multiplier: str, said: str, tmp_path: Path) -> None:
-    path, arm = tmp_path / "arm.urdf", tmp_path / "arm.toml"
-    path.write_text(coupled_urdf(multiplier))
-    error = stderr_of("arm", "import", path, "--tip", "tip", "-o", arm)
-    assert said in error
-    assert len(error.splitlines()) == 1
-    assert not arm.exists()
-    stdout_of("arm", "import", path, "--tip", error.partition("--tip ")[2].split()[0], "-o", arm)
+def test_a_mimic_that_cannot_be_followed_is_named(mimic: str, said: str, tmp_path: Path) -> None:
+    path = tmp_path / "arm.urdf"
+    path.write_text(coupled_urdf("").replace('joint="j2" ', mimic, 1))
+    assert said in stderr_of("arm", "import", path, "--tip", "tip", "-o", tmp_path / "arm.toml")
+
+
+def test_limits_that_no_angle_keeps_are_named(tmp_path: Path) -> None:
+    path = tmp_path / "arm.urdf"
+    path.write_text(coupled_urdf('offset="4.9"'))
+    said = stderr_of("arm", "import", path, "--tip", "tip", "-o", tmp_path / "arm.toml")
+    assert "joint 2: its limits are -114.6 to 143.2 deg, those of a joint that follows it are -395.3 to -137.5" in said
+
+
+def test_a_rod_beside_the_arm_is_told(tmp_path: Path) -> None:
+    """A body of an arm is fixed to one link; what swings with a joint beside the chain is taken as it stands."""
+    path = tmp_path / "arm.urdf"
+    before, name, after = vendor_parts(1).partition('<joint name="jaw_joint"')
+    following = after.replace("</joint>", '<mimic joint="j1" multiplier="-1"/></joint>', 1)
+    path.write_text(f'<robot name="v">{before}{name}{following}</robot>')
+    code, _, stderr = run_command("arm", "import", path, "--tip", "tip", "-o", tmp_path / "arm.toml")
+    assert code == 0
+    assert "the mass of 'jaw' beside the arm turns with joint j1: it counts as it stands at zero" in " ".join(
+        stderr.split()
+    )
+
+
+def test_a_prismatic_joint_is_refused_in_one_line(tmp_path: Path) -> None:
+    path = tmp_path / "arm.urdf"
+    path.write_text(coupled_urdf("").replace('name="j3" type="revolute"', 'name="j3" type="prismatic"'))
+    said = stderr_of("arm", "import", path, "--tip", "tip", "-o", tmp_path / "arm.toml")
+    assert "joint j3: is prismatic; an arm has revolute joints" in said
 
 
 def test_a_gripper_that_follows_keeps_no_arm_from_being_read(tmp_path: Path) -> None:
@@ -91,14 +146,15 @@ def test_an_export_into_a_body_of_two_hinges_is_refused(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("equality", "said"),
     [
-        ('<joint joint1="j4" joint2="j1" polycoef="0 -1 0 0 0"/>', "joint j4: follows joint j1: its angle is -1 times"),
-        ('<joint joint1="j4" joint2="j2" polycoef="0.1 0.5 0 0 0"/>', "0.5 times that one's +5.73 deg"),
-        ('<joint joint1="j4" joint2="j2" polycoef="0 0.5 0.2 0 0"/>', "follows joint j2 by a polynomial"),
-        ('<joint joint1="j4"/>', "is held at 5.73 deg"),
+        ('<joint joint1="j4" joint2="j2" polycoef="0 0.5 0.2 0 0"/>', "joint j4: follows joint j2 by a polynomial"),
+        ('<joint joint1="j4"/>', "joint j4: is held at 5.73 deg"),
+        ('<joint joint1="j4" joint2="j1"/><joint joint1="j4" joint2="j2"/>', "joint j4: follows 2 joints at once"),
         ('<joint joint1="j4" joint2="j1" active="false"/>', ""),
     ],
 )
-def test_an_equality_of_joints_is_named(equality: str, said: str, tmp_path: Path) -> None:
+def test_an_equality_of_joints_that_is_not_linear_is_named_and_its_remedy_works(
+    equality: str, said: str, tmp_path: Path
+) -> None:
     pytest.importorskip("mujoco", reason="mujoco is not installed")
     path, arm = tmp_path / "arm.xml", tmp_path / "arm.toml"
     path.write_text(BODIES.replace("EQUALITY", f"<equality>{equality}</equality>"))
@@ -110,6 +166,17 @@ def test_an_equality_of_joints_is_named(equality: str, said: str, tmp_path: Path
     assert said in error
     assert str(path) in error
     assert not arm.exists()
+    stdout_of("arm", "import", path, "--tip", error.partition("--tip ")[2].split()[0], "-o", arm)
+
+
+def test_an_equality_that_closes_a_loop_is_told(tmp_path: Path) -> None:
+    pytest.importorskip("mujoco", reason="mujoco is not installed")
+    path = tmp_path / "arm.xml"
+    loop = '<equality><connect body1="c" body2="a" anchor="0 0 0"/></equality>'
+    path.write_text(BODIES.replace("EQUALITY", loop))
+    code, _, stderr = run_command("arm", "import", path, "--tip", "tip", "-o", tmp_path / "arm.toml")
+    assert code == 0
+    assert "the <equality> of 1 <connect> is not read: joints that it couples count as free" in " ".join(stderr.split())
 
 
 @pytest.mark.parametrize("name", ["arm.xml", "arm.urdf"])
