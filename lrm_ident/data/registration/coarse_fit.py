@@ -116,12 +116,12 @@ def _sizes(drawn: Equilibrium, fixed_base: bool, any_target: bool) -> _Sizes:
         if effect == "compliance" and torque[place] > NO_TORQUE:
             rows.append((key, SAG_SD / torque[place], 0.0, SAG_BOUND / torque[place]))
         elif effect == "offsets" and not (fixed_base and place == "base"):
-            sd, bound = max(LENGTH_SD, RELATIVE_SD * length), max(LENGTH_BOUND, RELATIVE_BOUND * length)
+            size = max(LENGTH_SD, RELATIVE_SD * length), max(LENGTH_BOUND, RELATIVE_BOUND * length)
             if name.endswith("_rad"):
-                sd, bound = ANGLE_SD, ANGLE_BOUND
+                size = float(ANGLE_SD), float(ANGLE_BOUND)
             elif any_target and place == TOOL:
-                sd, bound = TARGET_SD, TARGET_BOUND
-            rows.append((key, sd, -bound, bound))
+                size = TARGET_SD, TARGET_BOUND
+            rows.append((key, size[0], -size[1], size[1]))
     keys, sd, lower, upper = zip(*rows, strict=True)
     rigid = [0.0 if key.startswith("compliance.") else bound for key, bound in zip(keys, upper, strict=True)]
     return _Sizes(keys, np.array(sd), np.array(lower), np.array(upper), np.array(rigid))
