@@ -28,8 +28,8 @@ ArmName = Annotated[
     str | None,
     Option(
         "--arm",
-        help="A shipped arm (lrm-rover, lrm-lab, two-joint, so101, ur5) or the path of an arm file. "
-        "Default: the arm that the .toml file beside DATA names.",
+        help="A shipped arm (lrm-rover, lrm-lab, two-joint, so100, so101, koch, lekiwi, ur5) or the path of an arm "
+        "file. Default: the arm that the .toml file beside DATA names.",
     ),
 ]
 ShowAll = Annotated[bool, Option("--all", help="Print the details, too, and long lists in full.")]

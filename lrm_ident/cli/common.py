@@ -14,9 +14,10 @@ from rich.progress import TaskID
 from lrm_ident.cli.consoles import animated, log, out
 from lrm_ident.data.atomic_write import write_text
 from lrm_ident.data.measurements import Measurements
+from lrm_ident.data.wording import in_minutes
 from lrm_ident.fitting.effect_plugins import Catalogue
 from lrm_ident.fitting.model_fit import nominal_model
-from lrm_ident.fitting.progress import OnProgress, Progress
+from lrm_ident.fitting.progress import OnProgress, Progress, TimeOfParts
 from lrm_ident.report.document import Block, Document, ResultTable, write
 from lrm_ident.study import inputs
 from lrm_ident.study.study import Study
@@ -165,5 +166,36 @@ def bars() -> Iterator[Progress]:
             if what not in tasks:
                 tasks[what] = shown.add_task(what, total=None)
             shown.update(tasks[what], completed=done, total=of or None)
+
+        yield tick
+
+
+class TakesLonger(Exception):
+    """A work that nobody asked for would take longer than it may: about `expected` s."""
+
+    def __init__(self, expected: float) -> None:
+        super().__init__(expected)
+        self.expected = expected
+
+
+@contextmanager
+def timed(time: TimeOfParts, most: float | None) -> Iterator[Progress]:
+    """Bars, or without a terminal a line for each part that is done with the time left, as it is learned from them.
+
+    The progress raises `TakesLonger` as soon as the work turns out to take longer than `most` s.
+    """
+    ended = 0
+    with bars() as shown:
+
+        def tick(what: str, done: int, of: int) -> None:
+            """Moves the bar, or prints a line; ends the work that takes too long."""
+            nonlocal ended
+            shown(what, done, of)
+            expected = time.expected(done, of)
+            if done < of and most is not None and expected > most:
+                raise TakesLonger(expected)
+            if ended < done < of and not animated():
+                notice(f"{what}: {done} of {of} done, about {in_minutes(time.left(done, of))} left")
+            ended = done
 
         yield tick

@@ -15,14 +15,15 @@ from typer import Argument, Exit, Option
 
 from lrm_ident.cli import arguments as arg
 from lrm_ident.cli.command import command
-from lrm_ident.cli.common import bars, identifiable, notice, opened, progress, publish, show
+from lrm_ident.cli.common import TakesLonger, identifiable, notice, opened, progress, publish, show, timed
 from lrm_ident.data.atomic_write import write_text
 from lrm_ident.data.measurement_file.load import load_poses
 from lrm_ident.data.wording import in_minutes
 from lrm_ident.diagnosis.auto import AutoStep
 from lrm_ident.fitting.cross_validation import FOLDS
-from lrm_ident.fitting.executors import executor_for, rounds_of
+from lrm_ident.fitting.executors import executor_for, processes_for
 from lrm_ident.fitting.priors import load_rates
+from lrm_ident.fitting.progress import TimeOfParts
 from lrm_ident.report.diagnosis.conclusion import CommandNames
 from lrm_ident.report.diagnosis.course import course_document, proposal_document, step_blocks, step_document
 from lrm_ident.report.diagnosis.diagnosis import diagnosis_document
@@ -157,13 +158,22 @@ def auto(
     final.save(output)
     show(f"Model written to {output}")
     whole = NestedResidual(None, "not requested (--no-nested)")
-    expected = (monotonic() - begun) * (1 if cluster else rounds_of(FOLDS))
+    expected = (monotonic() - begun) * (1 if cluster else -(-FOLDS // processes_for(FOLDS)))
     if nested is None and expected > UNASKED_S:
         whole = NestedResidual(None, f"it would take about {in_minutes(expected)}; ask for it with --nested")
     elif nested is not False:
         notice(f"cross-validating the choice of effects ({FOLDS} folds, about {in_minutes(expected)}; Ctrl-C skips it)")
-        with kept_when_interrupted(output, taken), executor_for(cluster, effects_file, FOLDS) as pool, bars() as shown:
-            whole = replace(study, progress=shown).nested_held_out(pool, max_effects, rates)
+        time = TimeOfParts(FOLDS if cluster else processes_for(FOLDS))
+        try:
+            with (
+                kept_when_interrupted(output, taken),
+                executor_for(cluster, effects_file, FOLDS) as pool,
+                timed(time, None if nested else UNASKED_S) as shown,
+            ):
+                whole = replace(study, progress=shown).nested_held_out(pool, max_effects, rates)
+        except TakesLonger as longer:
+            least = in_minutes(longer.expected)
+            whole = NestedResidual(None, f"it would take at least {least}; ask for it with --nested")
     with_field = None if field_of(final.model) is None else final.errors
     publish(
         course_document(course, after.held_out, whole, with_prior, with_field, names_of(study, output, data)),

@@ -8,19 +8,22 @@ from __future__ import annotations
 import logging
 import multiprocessing
 import os
+import threading
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from concurrent.futures import (
+    FIRST_COMPLETED,
     BrokenExecutor,
     CancelledError,
     Executor,
     Future,
     ProcessPoolExecutor,
     ThreadPoolExecutor,
-    as_completed,
+    wait,
 )
 from contextlib import contextmanager
 from importlib import import_module
+from multiprocessing import connection
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -30,6 +33,8 @@ from lrm_math.errors import LrmError
 ONE_THREAD = dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"), "1")
 """Environment of a worker: one thread, as on Dask, for as many workers as cores and the same sums everywhere."""
 CONNECT_S, FIRST_WORKER_S = 10.0, 60.0
+HEARTBEAT_S = 1.0
+"""Pause after which progress is reported though no task has ended: who stops a work must not wait for a task."""
 SAME_VERSION = ("lrm-arm", "numpy", "scipy", "distributed", "msgpack", "cloudpickle")
 """Packages that a worker must have in this machine's version; else results differ or cannot be sent."""
 Item = TypeVar("Item")
@@ -67,18 +72,40 @@ def executor_for(
         with _on_cluster(cluster) as executor:
             yield executor
     else:
-        workers = _workers(most or 10**6)
-        with _environment(ONE_THREAD), ProcessPoolExecutor(workers, multiprocessing.get_context("spawn")) as executor:
+        workers = processes_for(most or 10**6)
+        with _environment(ONE_THREAD), _processes(workers) as executor:
             yield executor
 
 
-def _workers(most: int) -> int:
-    return max(1, min(os.cpu_count() or 1, most))
+@contextmanager
+def _processes(workers: int) -> Iterator[Executor]:
+    """Processes of this machine, which end with this one; at once, whatever they do, if an exception ends the work."""
+    others = set(multiprocessing.active_children())
+    spawn = multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(workers, spawn, initializer=end_with_parent) as executor:
+        try:
+            yield executor
+        except BaseException:
+            for worker in set(multiprocessing.active_children()) - others:
+                worker.kill()
+            raise
 
 
-def rounds_of(tasks: int) -> int:
-    """Number of rounds in which equal tasks run on this machine's cores."""
-    return -(-tasks // _workers(tasks))
+def end_with_parent() -> None:
+    """Ends this process when the one that started it has ended, even if that was killed: a thread waits for it."""
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        threading.Thread(target=_end_after, args=(parent.sentinel,), daemon=True).start()
+
+
+def _end_after(sentinel: int) -> None:
+    connection.wait([sentinel])
+    os._exit(1)
+
+
+def processes_for(tasks: int) -> int:
+    """Number of processes in which this machine works on so many tasks."""
+    return max(1, min(os.cpu_count() or 1, tasks))
 
 
 def as_finished(
@@ -86,14 +113,21 @@ def as_finished(
 ) -> Iterator[tuple[int, Result]]:
     """Results of `function` for every item in parallel: (number of the item, result) in order of completion.
 
+    `progress` is called after each, and every `HEARTBEAT_S`; what it raises ends the work.
+
     Raises what the function raises, and `LrmError` if workers are lost; tasks not yet begun are cancelled.
     """
     waiting = {executor.submit(function, item): number for number, item in enumerate(items)}
+    running = set(waiting)
     try:
-        for done, future in enumerate(as_completed(waiting), start=1):
-            result = _result_of(future)
-            progress(done, len(waiting))
-            yield waiting[future], result
+        while running:
+            finished, running = wait(running, HEARTBEAT_S, FIRST_COMPLETED)
+            for number, future in enumerate(sorted(finished, key=waiting.__getitem__), start=1):
+                result = _result_of(future)
+                progress(len(waiting) - len(running) - len(finished) + number, len(waiting))
+                yield waiting[future], result
+            if not finished:
+                progress(len(waiting) - len(running), len(waiting))
     finally:
         for future in waiting:
             future.cancel()

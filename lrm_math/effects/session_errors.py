@@ -9,7 +9,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from lrm_math.arm.arm import BASE, Arm
+from lrm_math.arm.arm import BASE, TOOL, Arm
 from lrm_math.arm.place_names import place_words
 from lrm_math.effects.base import (
     Amounts,
@@ -28,7 +28,10 @@ from lrm_math.kinematics.poses import Poses
 MOST_SESSIONS = 6
 MOMENTS = 24
 """Moments of a change that are tried first; the search goes on between the best and its neighbours."""
-BASE_OR_TRACKER, ALL_LENGTHS = "base or tracker", "the scale of all lengths"
+PLACE_WORDS = {BASE: "base or tracker", TOOL: "tool or target", FRAME_PLACE: "the scale of all lengths"}
+"""Words of places where what is displaced may be another thing than the arm."""
+RIGID = dict.fromkeys("xyz", "mm") | dict.fromkeys(("alpha", "beta", "gamma"), "rad")
+"""All six motions of a place and the units of their parameters."""
 TYPICAL = {"rad": 0.01, "mm": 0.003, "mm_per_m": 0.003}
 """Sizes of such errors (SI), by unit."""
 FAST_S, SPACING, LONGEST_S = 600.0, 0.35, 108000.0
@@ -38,15 +41,14 @@ COURSES = {"on": "since the session began", "all": "since the start"}
 
 
 class _SessionError(Effect):
-    """An error of one joint's angle, or of where the base stands before the tracker, in one measurement session."""
+    """An error of one joint's angle, of where the base stands before the tracker, or the target on the tool, in one
+    measurement session."""
 
     depends_on: ClassVar[tuple[str, ...]] = ("session",)
     extrapolation = Extrapolation.PROPORTIONAL
-    base_motions: ClassVar[dict[str, str]] = dict.fromkeys("xyz", "mm") | dict.fromkeys(
-        ("alpha", "beta", "gamma"), "rad"
-    )
-    """Motions of the base as a whole and the units of their parameters: all six, since what is not the arm's, a table
-    or a tracker that is pushed, moves by any of them."""
+    motions: ClassVar[dict[str, str]] = RIGID
+    """Motions of the base, or of the tool, as a whole and the units of their parameters: all six, since what is not the
+    arm's, a table or a tracker that is pushed, a target that is put on again, moves by any of them."""
 
     @classmethod
     def places(cls, arm: Arm) -> tuple[str, ...]:
@@ -55,21 +57,21 @@ class _SessionError(Effect):
 
     @property
     def targets(self) -> tuple[str, ...]:
-        """The joint's angle, the base's motions, or the scale of what is measured."""
-        if self.place == BASE:
-            return tuple(f"{BASE}.{name}" for name in self.base_motions)
+        """The joint's angle, the motions of base or tool, or the scale of what is measured."""
+        if self.place in (BASE, TOOL):
+            return tuple(f"{self.place}.{name}" for name in self.motions)
         return (f"{FRAME}{SCALE}",) if self.place == FRAME_PLACE else (f"{self.place}.theta",)
 
     @property
     def place_in_words(self) -> str:
-        """A base that is displaced as a whole looks like a tracker that is."""
+        """A base that is displaced as a whole looks like a tracker that is, a tool like the target on it."""
         return session_words(self.place)
 
     @property
     def _motions(self) -> tuple[tuple[str, str], ...]:
-        """Suffix of the parameters of each target, and their unit: `_x`, `_alpha` … of the base, nothing of others."""
-        if self.place == BASE:
-            return tuple((f"_{name}", unit) for name, unit in self.base_motions.items())
+        """Suffix of the parameters of each target, and their unit: `_x`, `_alpha` … of base and tool, else nothing."""
+        if self.place in (BASE, TOOL):
+            return tuple((f"_{name}", unit) for name, unit in self.motions.items())
         return (("", "mm_per_m" if self.place == FRAME_PLACE else "rad"),)
 
 
@@ -133,7 +135,7 @@ class DriftCurve(_SessionError, LinearEffect):
     variant_of = ("drift",)
     depends_on = ("time",)
     extrapolation = Extrapolation.HELD
-    base_motions = {"alpha": "rad", "beta": "rad"}
+    motions = {"alpha": "rad", "beta": "rad"}
     about = Description(
         cause="Servo, gears and structure warm up at different paces, again after a break, and follow the room.",
         formula="δ = f(time in session) + g(time), cubic splines of ln(1 + t / 600 s)",
@@ -180,19 +182,24 @@ class DriftCurve(_SessionError, LinearEffect):
 
 
 class Session(_SessionError, LinearEffect):
-    """Offset of a joint, or of the base against the tracker, that changes with each power cycle."""
+    """Offset of a joint, of the base against the tracker, or of the target, that changes with each power cycle."""
 
     id = "session"
     about = Description(
         cause=(
             "After each power cycle servos find their zero, and clamps their place, a little differently; a base or a "
-            "tracker that was pushed moves everything alike."
+            "tracker that was pushed moves everything alike; a target that was put on again sits elsewhere on the tool."
         ),
         formula="a constant for each session after the first",
         source="one offset per session",
         claim="{place} stands differently in each session",
         needs="another session, with some of the same poses",
     )
+
+    @classmethod
+    def places(cls, arm: Arm) -> tuple[str, ...]:
+        """Every joint, the base, and the tool with the target on it."""
+        return (*super().places(arm), TOOL)
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
@@ -217,25 +224,30 @@ class Session(_SessionError, LinearEffect):
 
 def session_words(place: str) -> str:
     """The place in words."""
-    return {BASE: BASE_OR_TRACKER, FRAME_PLACE: ALL_LENGTHS}.get(place) or place_words(place)
+    return PLACE_WORDS.get(place) or place_words(place)
 
 
 class ChangePoint(_SessionError):
-    """Sudden displacement of a joint, or of the base against the tracker, at an unknown moment: a level shift."""
+    """Sudden displacement of a joint, of base or tracker, or of tool or target, at an unknown moment: a level shift."""
 
     id = "change_point"
     depends_on = ("time",)
     extrapolation = Extrapolation.HELD
     about = Description(
         cause=(
-            "A belt skips a tooth, a horn or a clamp slips, a reflector turns; a base or a tracker is pushed. What was "
-            "measured before stands elsewhere than what was measured after."
+            "A belt skips a tooth, a horn or a clamp slips; a base or a tracker is pushed; a reflector turns, or is "
+            "put on again. What was measured before stands elsewhere than what was measured after."
         ),
         formula="a constant up to one pose, nothing after it",
         source="change point in the mean (Page 1955; Hinkley 1970), its moment searched by least squares",
         claim="{place} stood elsewhere up to {last_pose}",
         needs="numbered poses on both sides of the moment, in an order that follows no joint",
     )
+
+    @classmethod
+    def places(cls, arm: Arm) -> tuple[str, ...]:
+        """Every joint, the base, and the tool with the target on it."""
+        return (*super().places(arm), TOOL)
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lrm_ident.data.registration.similarity import cauchy_weight
-from lrm_math.arm.arm import Arm
+from lrm_math.arm.arm import TOOL, Arm
 from lrm_math.arm.plausible_arm import reach
 from lrm_math.arrays import Array
 from lrm_math.effects import effects_at, split_key
@@ -31,6 +31,7 @@ OVERDETERMINED = 2.0  # coordinates per parameter
 ANGLE_SD, ANGLE_BOUND = np.radians(5.0), np.radians(15.0)
 LENGTH_SD, LENGTH_BOUND = 0.010, 0.030  # m, or of the reach where that is more:
 RELATIVE_SD, RELATIVE_BOUND = 0.010, 0.030
+TARGET_SD, TARGET_BOUND = 0.050, 0.250  # m: of a target on the tool that the arm file does not know of
 SAG_SD, SAG_BOUND = np.radians(3.0), np.radians(10.0)  # of a joint under the greatest torque of the poses
 NO_TORQUE = 1e-9  # N·m
 SHARPEST = 1e-6  # m
@@ -61,14 +62,15 @@ class _Sizes:
     rigid_upper: Array
 
 
-def coarse_fit(arm: Arm, poses: Poses, tcp: Array, fixed_base: bool = False) -> CoarseFit:
+def coarse_fit(arm: Arm, poses: Poses, tcp: Array, fixed_base: bool = False, any_target: bool = False) -> CoarseFit:
     """The arm's errors fitted to measured positions (N, 3), m.
 
     Args:
         fixed_base: whether the base is as drawn, because the frame of the measurements is free instead.
+        any_target: whether the target may sit anywhere on the tool. A tight bound puts the rest of it into the base.
     """
     model = model_of(arm, effects_at(arm, "offsets") + effects_at(arm, "compliance"))
-    sizes = _sizes(solve_equilibrium(model, poses), fixed_base)
+    sizes = _sizes(solve_equilibrium(model, poses), fixed_base, any_target)
     count = len(sizes.keys)
     z, overdetermined = np.zeros(count), tcp.size >= OVERDETERMINED * count
     best: CoarseFit | None = None
@@ -103,7 +105,7 @@ def trimmed_rms(distance: Array) -> float:
     return float(np.sqrt((nearest**2).mean()))
 
 
-def _sizes(drawn: Equilibrium, fixed_base: bool) -> _Sizes:
+def _sizes(drawn: Equilibrium, fixed_base: bool, any_target: bool) -> _Sizes:
     """Columns that are fitted, at the equilibrium of the arm as drawn; a joint without torque cannot sag."""
     model, length = drawn.model, reach(drawn.model.arm)
     places = model.arm.link_places
@@ -116,9 +118,12 @@ def _sizes(drawn: Equilibrium, fixed_base: bool) -> _Sizes:
         if effect == "compliance" and torque[place] > NO_TORQUE:
             rows.append((key, SAG_SD / torque[place], 0.0, SAG_BOUND / torque[place]))
         elif effect == "offsets" and not (fixed_base and place == "base"):
-            turns = name.endswith("_rad")
-            bound = ANGLE_BOUND if turns else max(LENGTH_BOUND, RELATIVE_BOUND * length)
-            rows.append((key, ANGLE_SD if turns else max(LENGTH_SD, RELATIVE_SD * length), -bound, bound))
+            size = max(LENGTH_SD, RELATIVE_SD * length), max(LENGTH_BOUND, RELATIVE_BOUND * length)
+            if name.endswith("_rad"):
+                size = float(ANGLE_SD), float(ANGLE_BOUND)
+            elif any_target and place == TOOL:
+                size = TARGET_SD, TARGET_BOUND
+            rows.append((key, size[0], -size[1], size[1]))
     keys, sd, lower, upper = zip(*rows, strict=True)
     rigid = [0.0 if key.startswith("compliance.") else bound for key, bound in zip(keys, upper, strict=True)]
     return _Sizes(keys, np.array(sd), np.array(lower), np.array(upper), np.array(rigid))

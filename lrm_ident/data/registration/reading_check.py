@@ -274,7 +274,7 @@ def registered(arm: Arm, poses: Poses, tcp: Array) -> tuple[Array, Similarity]:
     goal = nominal_tcp(arm, poses)
     for _ in range(REGISTRATIONS):
         motion = robust_similarity(tcp, goal, mirrored=False, scale=1.0)
-        goal = _on_drawn_base(coarse_fit(arm, poses, motion.apply(tcp)).equilibrium)
+        goal = _on_drawn_base(coarse_fit(arm, poses, motion.apply(tcp), any_target=True).equilibrium)
     motion = robust_similarity(tcp, goal, mirrored=False, scale=1.0)
     return motion.apply(tcp), motion
 

@@ -8,6 +8,7 @@ rest (Hayati & Mirmirani 1985).
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
 
@@ -30,6 +31,7 @@ CHECKED = 200
 """Random poses at which the imported arm is compared with the URDF's own kinematics."""
 AGREES = 1e-9
 """m and rad: a larger difference is a fault of the import, and refused."""
+JAW = re.compile("gripper|jaw|finger", re.IGNORECASE)
 SAME = 1e-14
 """m or rad: what round-off alone makes of a zero."""
 
@@ -83,6 +85,22 @@ def choose_tip(robot: Urdf, base: str) -> str:
     return next(iter(moving))
 
 
+def without_jaw(robot: Urdf, base: str, tip: str) -> tuple[str, list[str]]:
+    """The link before a gripper's jaw, where the only tip is that jaw, else the tip; and what a person should know.
+
+    A jaw opens and closes: it does not move the tip of the arm, and recordings give it in percent.
+    """
+    path, notices = robot.chain(base, tip), list(robot.notices)
+    turning = [joint for joint in path if joint.turns]
+    if len(turning) < 2 or not JAW.search(turning[-1].name) or turning[-1] is not path[-1]:
+        return tip, notices
+    jaw = turning[-1]
+    return jaw.parent, [
+        *notices,
+        f"joint {jaw.name} is the gripper's: the arm ends at {jaw.parent} (else: --tip {tip})",
+    ]
+
+
 def import_arm(
     robot: Urdf,
     base: str | None = None,
@@ -90,14 +108,14 @@ def import_arm(
     name: str | None = None,
     accept: Collection[str] = (),
 ) -> ImportedArm:
-    """The arm from the link `base` (None: the root) to the link `tip` (None: the only one).
+    """The arm from the link `base` (None: the root) to the link `tip` (None: the only one, without a gripper's jaw).
 
     `accept`: rules of plausibility that a person knows it to break.
     Raises `FileError`: an implausible arm, a chain that is not one of revolute joints, or one that the import does not
     reproduce.
     """
     base = base or robot.root
-    tip = tip or choose_tip(robot, base)
+    tip, notices = (tip, list(robot.notices)) if tip else without_jaw(robot, base, choose_tip(robot, base))
     path = robot.chain(base, tip)
     check_serial(robot, path)
     turning = [joint for joint in path if joint.turns]
@@ -106,7 +124,6 @@ def import_arm(
     links, stands = dh_links(axes, placement_motion(placed))
     T = inverse(stands[-1]) @ tip_pose(path, [0.0] * len(turning))
     tool = placement(T[:3, :3].T @ T[:3, 3], T[:3, :3])
-    notices = list(robot.notices)
     every = [_joint(joint, link, notices) for joint, link in zip(turning, [*links, None], strict=True)]
     mimics = tuple(_mimics(turning, every))
     own = [link for joint, link in zip(turning, every, strict=True) if joint.commanded]

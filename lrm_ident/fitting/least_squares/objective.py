@@ -178,7 +178,7 @@ class Objective:
     def linearise(self, iterate: Iterate, noise: NoiseScale) -> CompressedRows:
         """Scaled Jacobian and residual, weighted by the loss (iteratively reweighted)."""
         if noise.scale not in iterate.linearised:
-            weight = self._root_weight(iterate, noise)
+            weight = self.root_weight(iterate, noise)
             rows = compress(iterate.equilibrium, self.model.free, self.data.whitening, weight, iterate.residual)
             iterate.linearised[noise.scale] = rows
         return iterate.linearised[noise.scale]
@@ -187,12 +187,12 @@ class Objective:
         self, iterate: Iterate, noise: NoiseScale, parts: Sequence[NDArray[np.int64]]
     ) -> list[CompressedRows]:
         """`linearise` of each of some parts of the poses (rows)."""
-        weight = self._root_weight(iterate, noise)
+        weight = self.root_weight(iterate, noise)
         return list(
             compress_each(iterate.equilibrium, self.model.free, self.data.whitening, weight, iterate.residual, parts)
         )
 
-    def _root_weight(self, iterate: Iterate, noise: NoiseScale) -> Array:
+    def root_weight(self, iterate: Iterate, noise: NoiseScale) -> Array:
         """(N, 1), square root of the weight of each pose in the loss."""
         return np.sqrt(self.loss.weight(iterate.distance / noise.scale))[:, None]
 

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from lrm_ident.fitting.least_squares.block_qr import CompressedRows
 from lrm_ident.fitting.least_squares.objective import Iterate, NoiseScale, Objective
+from lrm_ident.fitting.least_squares.variable_projection import with_anchor_fitted
 from lrm_ident.fitting.parameter_sets import Bounds
 from lrm_math.arrays import Array
 from lrm_math.errors import NoEquilibrium
@@ -71,7 +72,8 @@ class QuadraticModel:
         while damping < MAX_DAMPING:
             z = self._minimum(A + damping * diagonal)
             try:
-                trial = self.objective.at(z, self.iterate.equilibrium)
+                arm = self.objective.at(z, self.iterate.equilibrium)
+                trial = with_anchor_fitted(self.objective, arm, self.noise)
             except NoEquilibrium:
                 damping *= 10.0
                 continue

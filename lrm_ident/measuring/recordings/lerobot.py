@@ -8,7 +8,7 @@ yield. The tip is not in it: photos or a tracker give that, one for each rest.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +21,7 @@ from lrm_ident.data.measurement_file.write import StatedQuantity, csv_text, quan
 from lrm_ident.data.registration.hypotheses import COUNTS, MOST_DEG
 from lrm_ident.data.wording import joint_labels
 from lrm_ident.measuring.recordings.misread_joints import Misreading, read_alike, within_limits
+from lrm_ident.measuring.recordings.zero_conventions import convention_of
 from lrm_math.arm.arm import Arm
 from lrm_math.arrays import Array
 from lrm_math.errors import FileError, LrmError
@@ -122,7 +123,32 @@ def read_frames(
     notices = (f"{GRIPPER}: read as percent of its range, as LeRobot records it",) if percent.any() else ()
     frames = LeRobotFrames(command, feedback, t, episode, notices)
     _refuse_unread(folder, arm, frames)
-    return frames
+    return _as_the_arm_counts(arm, frames, percent)
+
+
+def _as_the_arm_counts(arm: Arm, frames: LeRobotFrames, percent: NDArray[np.bool_]) -> LeRobotFrames:
+    """The frames with angles from the zeros of the arm's file, where they were recorded from others.
+
+    Both features are read by one rule, if each of them alone is. `percent`: (n,), joints without a zero of their own.
+    """
+    rules = [convention_of(arm, np.where(percent, 0.0, angles)) for angles in (frames.command, frames.feedback)]
+    rule = rules[0]
+    if rule is None or any(one is None or one.words != rule.words for one in rules):
+        return frames
+    command, feedback = (
+        np.where(percent, angles, rule.applied(angles)) for angles in (frames.command, frames.feedback)
+    )
+    changed = [
+        f"{name} = {'' if sign > 0 else '-'}recorded {added:+.4g} deg"
+        for name, sign, added, jaw in zip(
+            joint_labels(arm), rule.sign, np.degrees(rule.added), percent.tolist(), strict=True
+        )
+        if not jaw and (sign < 0 or abs(added) > 0.01)
+    ]
+    words = f"angles lie beyond the limits of {arm.name}, and within them if they count from {rule.words}: read so"
+    return replace(
+        frames, command=command, feedback=feedback, notices=(*frames.notices, f"{words} ({', '.join(changed)})")
+    )
 
 
 def _numbers(folder: Path, feature: str, rows: Sequence[Any], columns: list[int]) -> Array:

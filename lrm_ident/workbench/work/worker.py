@@ -13,6 +13,7 @@ from dataclasses import dataclass, field
 from multiprocessing.connection import Connection
 from typing import Any
 
+from lrm_ident.fitting.executors import end_with_parent
 from lrm_ident.workbench.work.tasks import WorkDone, WorkFailure, WorkMessage, WorkProgress, WorkTask
 from lrm_math.errors import LrmError
 
@@ -88,6 +89,7 @@ def _work(pipe: Connection) -> None:
     """Takes tasks until the other end closes."""
     from lrm_ident.workbench.work.run_task import run_task  # here: only this process needs what computes
 
+    end_with_parent()
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the page's process ends this one
     said = 0.0
 

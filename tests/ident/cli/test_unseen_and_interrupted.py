@@ -5,12 +5,15 @@ from __future__ import annotations
 import json
 from collections.abc import Callable
 from pathlib import Path
+from time import monotonic
 from typing import Any
 
 import pytest
 
 from lrm_ident.cli import diagnosis
+from lrm_ident.cli.common import TakesLonger, timed
 from lrm_ident.diagnosis.auto import AutoStep
+from lrm_ident.fitting.progress import TimeOfParts
 from lrm_ident.study.study import Study
 from lrm_math.model.model_file import load_model
 from tests.conftest import EXAMPLE
@@ -87,3 +90,19 @@ def test_what_takes_long_is_asked_for(tmp_path: Path, monkeypatch: pytest.Monkey
     monkeypatch.setattr(diagnosis, "UNASKED_S", 0.0)
     said = " ".join(stdout_of("auto", begun, EXAMPLE, "--max-effects", 0, "-o", model).split())
     assert "ask for it with --nested" in said
+
+
+def test_the_time_left_is_said_of_each_fold_and_what_nobody_asked_for_ends(capsys: pytest.CaptureFixture[str]) -> None:
+    """Before: one figure from the run on all poses (10 to 15 s), and nothing for minutes."""
+    time = TimeOfParts(2, monotonic() - 60.0)
+    with timed(time, None) as shown:
+        shown("choosing anew", 0, 10)
+        shown("choosing anew", 2, 10)
+        shown("choosing anew", 2, 10)
+    said = capsys.readouterr().err
+    assert " ".join(said.split()) == "notice: choosing anew: 2 of 10 done, about 4 min left"
+    with pytest.raises(TakesLonger) as longer, timed(time, 120.0) as shown:
+        shown("choosing anew", 2, 10)
+    assert longer.value.expected == pytest.approx(300.0, rel=0.1)
+    with pytest.raises(TakesLonger), timed(TimeOfParts(2, monotonic() - 121.0), 120.0) as shown:
+        shown("choosing anew", 0, 10)

@@ -18,7 +18,7 @@ from lrm_ident.data.registration.distance_check import misread_distances
 from lrm_ident.data.registration.similarity import robust_similarity
 from lrm_ident.diagnosis.diagnose import diagnose
 from lrm_ident.diagnosis.screening.candidates import split_testable, unfitted_effects
-from lrm_ident.fitting.cross_validation import cross_validated_residual
+from lrm_ident.fitting.cross_validation import FOLDS, blocks_of_fit, cross_validated_residual
 from lrm_ident.fitting.identifiability import fit_identifiable
 from lrm_ident.fitting.levenberg_marquardt import fit
 from lrm_ident.fitting.loss import SQUARED
@@ -175,6 +175,16 @@ def test_distances_help_positions_and_a_stated_point_may_be_wrong(lab: Arm) -> N
     assert [one.name for one in seen.supported][:1] == ["anchor@distance"]
     _, missing = split_testable(unfitted_effects(seen.fit.model), seen.fit.equilibrium, without.sensed)
     assert "anchor" in {effect.id for effect, _ in missing}
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_few_distances_of_an_arm_that_may_turn_about_their_fixed_end_converge(seed: int) -> None:
+    """Before: a fit crept along the turns of the whole arm, and ended after 300 steps without converging."""
+    arm = load_arm("two-joint")
+    data = measured(true_model(arm), 16, seed, point=False)
+    found = fit_model(nominal_model(arm), data, "identifiable", SQUARED).fit
+    assert found.steps < 100
+    assert len(blocks_of_fit(found, data)) == FOLDS
 
 
 def test_trilateration() -> None:

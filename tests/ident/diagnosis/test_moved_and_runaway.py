@@ -1,4 +1,4 @@
-"""A base or tracker that is moved is named as such; an effect that cannot be gone on with costs nothing."""
+"""A base, a tracker or a target that is moved is named as such; an effect that cannot be gone on with costs nothing."""
 
 from __future__ import annotations
 
@@ -93,6 +93,49 @@ def test_a_joint_that_slipped_is_named_with_the_moment(lab: Arm, seed: int, join
     assert name in {effect.name for effect in run.model.effects}
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize(("kind", "last", "sessions"), [(ChangePoint, 71, 1), (Session, 60, 2)])
+def test_a_target_that_was_put_on_again_is_named_and_deployed_as_it_sits_now(
+    lab: Arm, kind: type[Effect], last: int, sessions: int
+) -> None:
+    """Before: an angle of the last joint, which fits in part. The deployed model is right of the target of today."""
+    healthy, described = measured(6, sessions=sessions), load_arm(ARM_FILE)
+    truth = as_deviations(described, GroundTruth.random(described, 6, ()))
+    x, y, z = described.tool.xyz_m
+    moved = replace(described, tool=replace(described.tool, xyz_m=(x + 0.003, y - 0.002, z + 0.001)))
+    session = np.ones(len(healthy)) if healthy.poses.session is None else healthy.poses.session
+    now = measure(
+        moved,
+        truth,
+        healthy.poses.q,
+        healthy.poses.payload,
+        NOISE,
+        6,
+        Schedule(15.0 * healthy.pose, session, np.zeros(6)),
+    )
+    data = replace(healthy, tcp=np.where(healthy.pose[:, None] > last, now, healthy.tcp))
+    run = run_auto(base_fit(lab, data), data, catalogue=KINDS)
+    assert [step.added for step in run.steps] == ["", f"{kind.id}@tool"]
+    assert run.verdict == "nothing_missing"
+    q = random_poses(described, 100, 99, floor_m=0.1)
+    there = Poses(q, np.zeros(100), directions(q, np.zeros(6)))
+    error = solve_equilibrium(as_deployed(run.model), there).tcp - measure(moved, truth, q)
+    assert np.sqrt((error**2).sum(axis=1).mean()) < 3e-4  # before: 2 mm
+
+
+@pytest.mark.slow
+def test_a_last_joint_that_slipped_cannot_be_told_from_a_turned_target(lab: Arm) -> None:
+    healthy, described = measured(5), load_arm(ARM_FILE)
+    q = healthy.poses.q.copy()
+    q[70:, 5] += np.radians(1.5)
+    truth = as_deviations(described, GroundTruth.random(described, 5, ()))
+    plan = Schedule(15.0 * healthy.pose, np.ones(len(q)), np.zeros(6))
+    data = replace(healthy, tcp=measure(described, truth, q, healthy.poses.payload, NOISE, 5, plan))
+    found = diagnose(base_fit(lab, data), data, KINDS)
+    both = {found.supported[0].name, *found.equivalent[found.supported[0].name]}
+    assert {"change_point@joint6", "change_point@tool"} <= both
+
+
 def test_a_change_point_says_nothing_of_the_arm_as_it_is_now(lab: Arm) -> None:
     """After the moment, and where poses have no numbers, nothing is added: offsets hold for the arm of today."""
     poses, kind = measured(8).poses, ChangePoint(lab, "joint2")
@@ -125,9 +168,10 @@ def test_auto_goes_on_without_an_effect_that_cannot_be_gone_on_with(lab: Arm, mo
     assert run.model.effects == run.steps[-1].fit.model.effects
 
 
-def test_all_six_motions_of_the_base_are_there(lab: Arm) -> None:
-    for kind in (Session, Drift, ChangePoint):
-        effect: Effect = kind(lab, "base")
-        assert effect.targets == tuple(f"base.{name}" for name in ("x", "y", "z", "alpha", "beta", "gamma"))
+def test_all_six_motions_of_base_and_tool_are_there(lab: Arm) -> None:
+    places = [(kind, "base") for kind in (Session, Drift, ChangePoint)] + [(Session, "tool"), (ChangePoint, "tool")]
+    for kind, place in places:
+        effect: Effect = kind(lab, place)
+        assert effect.targets == tuple(f"{place}.{name}" for name in ("x", "y", "z", "alpha", "beta", "gamma"))
         units = {parameter.name.rpartition("_")[2] for parameter in effect.parameters}
         assert {"mm", "rad"} <= units

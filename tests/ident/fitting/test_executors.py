@@ -3,10 +3,16 @@
 from __future__ import annotations
 
 import os
+import signal
+import subprocess
+import sys
+import time
 from concurrent.futures import Executor, Future
 from pathlib import Path
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from lrm_ident.fitting.executors import (
     SAME_VERSION,
@@ -16,8 +22,9 @@ from lrm_ident.fitting.executors import (
     in_this_process,
     version_faults,
 )
+from lrm_ident.fitting.progress import TimeOfParts
 from lrm_math.errors import LrmError
-from tests.conftest import EXAMPLE
+from tests.conftest import EXAMPLE, ROOT
 from tests.support.commands import stderr_of
 
 
@@ -54,6 +61,83 @@ def test_local_processes_and_what_they_raise() -> None:
         assert in_order(executor, squared, range(4)) == [0, 1, 4, 9]
         with pytest.raises(LrmError, match="number"):
             in_order(executor, refused, range(2))
+
+
+PARENT = """
+from tests.ident.fitting.test_executors import says_its_number_and_works
+from lrm_ident.fitting.executors import executor_for, in_order
+if __name__ == "__main__":
+    with executor_for(most=1) as executor:
+        in_order(executor, says_its_number_and_works, [{marker!r}])
+"""
+
+
+def says_its_number_and_works(marker: str) -> None:
+    Path(f"{marker}.new").write_text(str(os.getpid()))
+    Path(f"{marker}.new").rename(marker)
+    while True:
+        sum(range(10_000))
+
+
+def worker_of(marker: Path) -> int:
+    """Number of the worker's process, once it works."""
+    for _ in range(600):
+        if marker.exists():
+            return int(marker.read_text())
+        time.sleep(0.1)
+    raise AssertionError("the worker did not begin")
+
+
+def ends(process: int) -> bool:
+    """Whether a process ends; a minute is long enough on any machine, and what is at work here never ends itself."""
+    for _ in range(600):
+        try:
+            state = Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()[0]
+        except OSError:
+            return True
+        if state == "Z":
+            return True
+        time.sleep(0.1)
+    os.kill(process, signal.SIGKILL)
+    return False
+
+
+@pytest.mark.slow
+def test_workers_end_with_a_parent_that_was_killed(tmp_path: Path) -> None:
+    """Before: they went on until their task was done, and some tasks take minutes."""
+    script, marker = tmp_path / "parent.py", tmp_path / "worker"
+    script.write_text(PARENT.format(marker=str(marker)))
+    here = os.environ | {"PYTHONPATH": str(ROOT)}
+    with subprocess.Popen([sys.executable, str(script)], cwd=ROOT, env=here) as parent:
+        worker = worker_of(marker)
+        parent.kill()
+    assert ends(worker)
+
+
+@pytest.mark.slow
+def test_what_progress_raises_ends_the_work_at_once(tmp_path: Path) -> None:
+    marker = tmp_path / "worker"
+
+    class EnoughError(Exception):
+        pass
+
+    def enough(*_: int) -> None:
+        if marker.exists():
+            raise EnoughError
+
+    with pytest.raises(EnoughError), executor_for(most=1) as executor:
+        in_order(executor, says_its_number_and_works, [str(marker)], enough)
+    assert ends(int(marker.read_text()))
+
+
+@given(st.integers(1, 8), st.integers(1, 40), st.floats(0.1, 1e4))
+def test_the_time_of_parts_that_take_alike_is_right_when_a_round_is_done(at_once: int, of: int, each: float) -> None:
+    time_of, rounds = TimeOfParts(at_once, 0.0), -(-of // at_once)
+    assert time_of.expected(0, of, 5.0) == 5.0
+    for number in range(1, rounds + 1):
+        done = min(number * at_once, of)
+        assert time_of.expected(done, of, number * each) == pytest.approx(rounds * each)
+        assert time_of.left(done, of, number * each) == pytest.approx((rounds - number) * each, abs=1e-9 * each)
 
 
 @pytest.mark.slow

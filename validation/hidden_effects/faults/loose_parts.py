@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from validation.hidden_effects.faults.measurement import HealthyMeasurement, SpoiledMeasurement
@@ -19,7 +21,8 @@ def skipped_tooth(taken: HealthyMeasurement) -> SpoiledMeasurement:
 
 def reflector_slipped(taken: HealthyMeasurement) -> SpoiledMeasurement:
     """The reflector turns about the last axis, as if the last joint stood elsewhere."""
-    return _slips(taken, taken.q.shape[1] - 1, taken.rng.uniform(3.0, 6.0))
+    slipped = _slips(taken, taken.q.shape[1] - 1, taken.rng.uniform(3.0, 6.0))
+    return replace(slipped, right=(*slipped.right, "change_point@tool"))
 
 
 def loose(taken: HealthyMeasurement) -> SpoiledMeasurement:

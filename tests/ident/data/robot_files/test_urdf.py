@@ -281,3 +281,29 @@ def test_an_export_without_a_robot_of_its_own_is_mounted_as_the_arm_is(
     assert import_arm(robot).arm.gravity == (0.0, 0.0, -9.81)
     stdout_of("arm", "export", "so101", "-o", tmp_path / "upright.urdf")
     assert read_urdf(tmp_path / "upright.urdf").root == "base_link"
+
+
+LEROBOT = (*(f"q{number}" for number in range(1, 4)), "gripper")
+
+
+def test_a_jaw_at_the_end_of_the_chain_is_no_joint_of_the_arm(tmp_path: Path) -> None:
+    """Before: SO-100's URDF became an arm of six joints, and the jaw's percent were degrees."""
+    links = "".join(
+        f'<link name="l{k}"><inertial><origin xyz="0.02 0 0.03"/><mass value="0.15"/></inertial></link>'
+        for k in range(5)
+    )
+    joints = "".join(
+        f'<joint name="{name}" type="revolute"><parent link="l{k}"/><child link="l{k + 1}"/><origin xyz="0.1 0.01 0.05"/>'
+        f'<axis xyz="{"0 1 0" if k % 2 else "0 0 1"}"/><limit lower="-1.5" upper="1.5" effort="5" velocity="1"/></joint>'
+        for k, name in enumerate(LEROBOT)
+    )
+    urdf, arm = tmp_path / "arm.urdf", tmp_path / "arm.toml"
+    urdf.write_text(f'<robot name="a">{links}{joints}</robot>')
+    code, _, said = run_command("arm", "import", urdf, "-o", arm)
+    assert code == 0
+    assert "joint gripper is the gripper's: the arm ends at l3 (else: --tip l4)" in " ".join(said.split())
+    imported = load_arm(arm)
+    assert [joint.name for joint in imported.joints] == ["q1", "q2", "q3"]
+    assert sum(body.mass for body in imported.bodies) == pytest.approx(0.6)  # the jaw's mass is carried along
+    stdout_of("arm", "import", urdf, "--tip", "l4", "-o", arm)
+    assert load_arm(arm).dof == 4

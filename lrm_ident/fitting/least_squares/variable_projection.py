@@ -1,0 +1,52 @@
+"""Fixed end of measured distances, fitted to the arm of each trial step (variable projection: Golub & Pereyra 1973).
+
+A turn of the arm about that end, or a shift of both, changes no distance. Straight steps of all parameters together
+leave that curved valley after a few millimetres, so a fit of distances alone would creep along it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from lrm_ident.fitting.least_squares.objective import Iterate, NoiseScale, Objective
+from lrm_ident.fitting.priors import SET_UP
+from lrm_math.arrays import Array
+from lrm_math.effects import split_key
+from lrm_math.model.sensed import along_distance
+
+STEPS = 3
+
+
+def with_anchor_fitted(objective: Objective, iterate: Iterate, noise: NoiseScale) -> Iterate:
+    """The iterate with the free coordinates of the fixed end at their optimum for its arm, by Gauss–Newton.
+
+    The same iterate where there are none, or where that is no better. No equilibrium depends on them.
+    """
+    places = [row for row, key in enumerate(objective.model.free) if key.startswith(SET_UP)]
+    best = iterate
+    for _ in range(STEPS if places else 0):
+        weight = objective.root_weight(best, noise)
+        target = (weight * best.residual).reshape(-1)
+        columns = (weight[:, :, None] * _by_anchor(objective, best, places)).reshape(len(target), len(places))
+        z = best.z.copy()
+        z[places] += np.linalg.lstsq(columns, target, rcond=None)[0]
+        values = best.equilibrium.model.values.copy()
+        values[objective.columns] = z * objective.typical
+        settled = replace(best.equilibrium, model=best.equilibrium.model.with_values(values))
+        trial = Iterate(z, settled, objective.data.whitening(objective.data.residual(settled)))
+        if objective.value(trial, noise) >= objective.value(best, noise):
+            break
+        best = trial
+    return best
+
+
+def _by_anchor(objective: Objective, iterate: Iterate, places: list[int]) -> Array:
+    """(N, R, K), whitened derivative of what is predicted by scaled coordinates of the fixed end; `places`: theirs
+    among the parameters. The distance is the last row; it falls where the end comes nearer to the TCP."""
+    data, axes = objective.data, [split_key(objective.model.free[row])[2][0] for row in places]
+    line = along_distance(iterate.equilibrium, data.sensed.distance_from or (0.0, 0.0, 0.0))
+    moved = np.zeros((*iterate.residual.shape, len(places)))
+    moved[:, -1] = -line[:, ["xyz".index(axis) for axis in axes]] * objective.typical[places]
+    return data.whitening(moved)
