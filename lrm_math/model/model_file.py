@@ -14,6 +14,7 @@ from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_digest import WHAT_COUNTS, arm_sha256
 from lrm_math.arm.arm_file import load_arm, shipped_arms
 from lrm_math.effects import CATALOGUE, Effect, ModelPart, Parameter, effects_at
+from lrm_math.effects.compliance import SPRINGS
 from lrm_math.effects.measured_range import MeasuredRange
 from lrm_math.effects.offsets import Offsets
 from lrm_math.effects.targets import FRAME_PLACE
@@ -73,7 +74,7 @@ class DeployedTable(StrictSchema):
     """Table `[deployed]`: state that effects of a session leave behind, for where the model is used later.
 
     `carried`: of each effect `id@place`, whether its last or its mean state. `offsets`: what is added to constant
-    offsets, by their keys, in the keys' units.
+    offsets and springs, by their keys, in the keys' units.
     """
 
     carried: dict[str, CarriedState] = {}
@@ -233,8 +234,8 @@ def parts_table(model: Model) -> PartsTable:
 
 
 def _offsets(arm: Arm) -> dict[str, Parameter]:
-    """Every constant offset of an arm by its key."""
-    every = [Offsets(arm, place) for place in Offsets.places(arm)]
+    """Every constant offset of an arm, and every spring that may stand for a memory, by its key."""
+    every = [kind(arm, place) for kind in (Offsets, *SPRINGS) for place in kind.places(arm)]
     return {key: parameter for effect in every for key, parameter in zip(effect.keys, effect.parameters, strict=True)}
 
 

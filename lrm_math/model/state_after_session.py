@@ -2,17 +2,20 @@
 
 A drift ends warm, a horn that was put back stays so, and a stretched tracker has moved all measured points by a rigid
 motion. Left out with its effect, that state is missing from the lasting parameters that were fitted beside it; so it is
-added to the constant offset of the same slot, and the rigid motion to the base.
+added to the constant offset of the same slot, and the rigid motion to the base. The part of a memory that the load of
+the pose itself has made, on average in the session, is a spring: it is added to the compliance of the same slot.
 """
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping
 
 import numpy as np
 
 from lrm_math.arm.arm import BASE
 from lrm_math.effects import Effect
+from lrm_math.effects.compliance import SPRINGS
 from lrm_math.effects.offsets import Offsets
 from lrm_math.effects.targets import Kind, kind_of
 from lrm_math.kinematics.chain import Slot
@@ -64,17 +67,31 @@ def state_after_session(
 
 
 def _left_by_motions(settled: Equilibrium, chosen: Mapping[str, CarriedState]) -> dict[str, float]:
-    """State of the effects that move slots, by key of the constant offset of the same slot (rad, m)."""
-    model, offsets = settled.model, dict[str, float]()
+    """State of the effects that move slots, by key of the constant offset (rad, m) or the spring of the same slot."""
+    model, left = settled.model, Counter[str]()
     for bound in model.binding.bound:
-        if bound.effect.name in chosen:
-            amounts = bound.at(settled.poses, bound.own_loads(settled.tau))
-            for k, amount in zip(bound.slots, amounts, strict=True):
-                if key := _offset_key(model, model.chain.slots[k]):
-                    course = np.broadcast_to(np.asarray(amount, dtype=np.float64), len(settled.poses))
-                    left = course[-1] if chosen[bound.effect.name] == "last" else course.mean()
-                    offsets[key] = offsets.get(key, 0.0) + float(left)
-    return {key: left for key, left in offsets.items() if left}
+        if bound.effect.name not in chosen:
+            continue
+        unloaded = tuple(0.0 for _ in bound.loads)
+        for k, amount in zip(bound.slots, bound.at(settled.poses, unloaded), strict=True):
+            course = np.broadcast_to(np.asarray(amount, dtype=np.float64), len(settled.poses))
+            last = chosen[bound.effect.name] == "last"
+            left[_offset_key(model, model.chain.slots[k])] += float(course[-1] if last else course.mean())
+        for i, rows in zip(bound.loads, bound.by_loads(settled.poses, unloaded), strict=True):
+            for k, response in zip(bound.slots, rows, strict=True):
+                if k == model.load_slots[i]:
+                    left[_spring_key(model, model.chain.slots[k])] += float(np.mean(response))
+    return {key: amount for key, amount in left.items() if key and amount}
+
+
+def _spring_key(model: Model, slot: Slot) -> str:
+    """Key of the linear spring of a slot; empty for a slot that has none."""
+    for kind in SPRINGS:
+        if slot.place in kind.places(model.arm):
+            spring = kind(model.arm, slot.place)
+            if slot.key in spring.targets:
+                return spring.keys[spring.targets.index(slot.key)]
+    return ""
 
 
 def _offset_key(model: Model, slot: Slot) -> str:
