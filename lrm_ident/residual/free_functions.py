@@ -73,7 +73,7 @@ class FreeFunction:
 
     @property
     def in_catalogue(self) -> bool:
-        """Whether effects of the catalogue are such functions: of its own angle, torque (now or before) or of the order."""
+        """Whether effects of the catalogue are such functions: of its own angle, torque now or before, or the order."""
         if self.joint is None or len(self.covariates) != 1:
             return False
         own = self.joint + 1

@@ -56,6 +56,8 @@ ALL_EFFECTS: tuple[type[Effect], ...] = tuple(
         "tracker_errors.Anchor",
         "compliance.ServoDroop",
         "memory.creep.Creep",
+        "memory.self_heating.SelfHeating",
+        "memory.slip.Slip",
         # other forms, from plain to rich
         "compliance.BendingEnds",
         "moment_curves.BearingCurve",

@@ -39,6 +39,7 @@ UNIT_IN_SI = {
     "rad_per_Nm2": 1.0,
     "rad_per_Nm3": 1.0,
     "rad_per_rad": 1.0,
+    "rad_per_rad_per_Nm2": 1.0,
     "rad_per_K": 1.0,
     "mm_per_K": 1e-3,
     "Nm_per_rad": 1.0,

@@ -8,7 +8,8 @@ takes a step too.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 from weakref import WeakKeyDictionary
@@ -45,22 +46,21 @@ class Visits:
     gravity: Array | None = None
     timed: bool = True
 
-    def loads(self, chain: Chain, slots: Sequence[int]) -> Array:
-        """(M, len(slots)), gravity's load on slots, ascending, of the nominal arm (N·m; N along a translation)."""
-        known = _LOADS.setdefault(self, {})
-        key = chain, tuple(slots)
+    def loads(self, chain: Chain, slots: Sequence[str]) -> Array:
+        """(M, len(slots)), gravity's load on slots, by their keys, of the nominal arm (N·m; N along a translation)."""
+        known, key = _LOADS.setdefault(self, {}), (chain, tuple(slots))
         if key not in known:
+            numbers = [chain.index[slot] for slot in slots]
             values = chain.values(list(self.q.T))
-            size = float(np.linalg.norm(chain.gravity))
-            down = chain.gravity if self.gravity is None else tuple(size * self.gravity.T)
-            found = statics.loads(
-                chain, values, trig(chain, values), statics.weights(chain, self.payload), down, list(slots)
-            )
-            known[key] = np.stack([np.broadcast_to(load, len(self.q)) for load in found], axis=1)
+            x, y, z = chain.gravity if self.gravity is None else math.hypot(*chain.gravity) * self.gravity.T
+            bodies = statics.weights(chain, self.payload)
+            found = statics.loads(chain, values, trig(chain, values), bodies, (x, y, z), sorted(numbers))
+            columns = dict(zip(sorted(numbers), found, strict=True))
+            known[key] = np.stack([np.broadcast_to(columns[k], len(self.q)) for k in numbers], axis=1)
         return known[key]
 
 
-_LOADS: WeakKeyDictionary[Visits, dict[tuple[Chain, tuple[int, ...]], Array]] = WeakKeyDictionary()
+_LOADS: WeakKeyDictionary[Visits, dict[tuple[Chain, tuple[str, ...]], Array]] = WeakKeyDictionary()
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,6 +73,10 @@ class History:
     def __getitem__(self, chosen: NDArray[np.int64]) -> History:
         """That of some of the poses: what was before them stays."""
         return History(self.visits, self.row[chosen])
+
+    def own(self, values: Any) -> Any:
+        """(N,), values (M,) of all visits at these poses; a number for one pose."""
+        return values[int(self.row[0])] if len(self.row) == 1 else values[self.row]
 
     def turned(self, rotation: Array) -> History:
         """The same in a turned frame of measurement."""
@@ -104,40 +108,44 @@ def history_of(
     return History(Visits(q[order], payload[order], step, begins, stated, t is not None), row)
 
 
-def followed(visits: Visits, driver: Array, constant: Number, stood: Number) -> tuple[Number, Number]:
-    """Memory dc/dt = (driver − c)/T at each of the M visits: the part of the loads before, and the share of its own.
+def followed(
+    history: History, driver: Array, constant: Number, stood: Number = np.inf, rest: Number = 0.0
+) -> tuple[Number, Number]:
+    """Memory dc/dt = (driver − c)/T at N poses: the part that is left of what was before, and the share of their own.
 
-    Between two poses the arm holds the first one, and the second one for the last `stood` seconds. What begins had
-    stood there for long. The memory is the first, (M,), more the second, (M,), times the pose's own `driver`.
+    Between two poses the arm holds the first one, and the second one for the last `stood` seconds. The memory is the
+    first more the second times the pose's own `driver`; each is (N,), or a number for one pose.
 
     Args:
-        driver: (M,), what is followed. constant: T (s). stood: s. Either may carry derivatives.
+        driver: (M,), what is followed, at all visits. constant: T (s). stood: s; they may carry derivatives, too.
+        rest: s that the first pose of a session had been held before its reading; before that there was no load.
     """
-    if not isinstance(constant, Dual) and not isinstance(stood, Dual):
-        return _followed(visits, driver, constant, stood)
-    given = [x.value if isinstance(x, Dual) else x for x in (constant, stood)]
-    values = _followed(visits, driver, *given)
-    slopes: list[Array] = [np.zeros(1), np.zeros(1)]
-    for i, x in enumerate((constant, stood)):
-        if isinstance(x, Dual):  # complex step (Squire & Trapp 1998)
-            stepped = [y + TINY * 1j * (i == j) for j, y in enumerate(given)]
-            moved = _followed(visits, driver, *stepped)
-            slopes = [s + part.imag / TINY * x.slope for s, part in zip(slopes, moved, strict=True)]
-    past, own = (Dual(value.real, slope) for value, slope in zip(values, slopes, strict=True))
-    return past, own  # type: ignore[return-value]
+    past, own = differentiable(lambda *shapes: _followed(history.visits, driver, *shapes), constant, stood, rest)
+    return history.own(past), history.own(own)
 
 
-def _followed(visits: Visits, driver: Array, constant: Any, stood: Any) -> tuple[Array, Array]:
-    last = np.where(np.real(stood) < visits.step, stood, visits.step)
-    kept, after = np.exp(-visits.step / constant), np.exp(-last / constant)
-    past = np.zeros(len(driver), dtype=kept.dtype)
+def differentiable(course: Callable[..., tuple[Any, ...]], *shapes: Any) -> tuple[Any, ...]:
+    """Values of a function of shape parameters that may carry derivatives, by complex steps (Squire & Trapp 1998)."""
+    given = [x.value if isinstance(x, Dual) else x for x in shapes]
+    values = course(*given)
+    slopes: list[Any] = [None] * len(values)
+    for i, x in enumerate(shapes):
+        if isinstance(x, Dual):
+            moved = course(*(y + TINY * 1j * (i == j) for j, y in enumerate(given)))
+            by_x = [np.imag(part) / TINY * x.slope for part in moved]
+            slopes = [new if old is None else old + new for old, new in zip(slopes, by_x, strict=True)]
+    return tuple(v if s is None else Dual(v, s) for v, s in zip(values, slopes, strict=True))
+
+
+def _followed(visits: Visits, driver: Array, constant: Any, stood: Any, rest: Any) -> tuple[Array, Array]:
+    """The same at all visits."""
+    step = np.where(visits.begins, rest, visits.step)
+    last = np.where((np.real(stood) < visits.step) & ~visits.begins, stood, step)
+    kept, after = np.exp(-step / constant), np.exp(-last / constant)
+    past, own = np.zeros_like(kept), 1.0 - after
     state = before = 0.0
-    rows = zip(visits.begins.tolist(), kept.tolist(), after.tolist(), driver.tolist(), strict=True)
-    for i, (begins, a, b, now) in enumerate(rows):
-        if begins:
-            state = now
-        else:
-            past[i] = a * state + (b - a) * before
-            state = past[i] + (1.0 - b) * now
-        before = now
-    return past, np.where(visits.begins, 1.0, 1.0 - after)
+    rows = zip(visits.begins.tolist(), kept.tolist(), after.tolist(), own.tolist(), driver.tolist(), strict=True)
+    for i, (begins, a, b, share, now) in enumerate(rows):
+        past[i] = 0.0 if begins else a * state + (b - a) * before
+        state, before = past[i] + share * now, now
+    return past, own

@@ -235,7 +235,8 @@ def parts_table(model: Model) -> PartsTable:
 
 def _offsets(arm: Arm) -> dict[str, Parameter]:
     """Every constant offset of an arm, and every spring that may stand for a memory, by its key."""
-    every = [kind(arm, place) for kind in (Offsets, *SPRINGS) for place in kind.places(arm)]
+    kinds: tuple[type[Effect], ...] = (Offsets, *SPRINGS)
+    every = [kind(arm, place) for kind in kinds for place in kind.places(arm)]
     return {key: parameter for effect in every for key, parameter in zip(effect.keys, effect.parameters, strict=True)}
 
 

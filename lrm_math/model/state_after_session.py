@@ -8,8 +8,9 @@ the pose itself has made, on average in the session, is a spring: it is added to
 
 from __future__ import annotations
 
-from collections import Counter
+from collections import defaultdict
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 
@@ -68,16 +69,17 @@ def state_after_session(
 
 def _left_by_motions(settled: Equilibrium, chosen: Mapping[str, CarriedState]) -> dict[str, float]:
     """State of the effects that move slots, by key of the constant offset (rad, m) or the spring of the same slot."""
-    model, left = settled.model, Counter[str]()
+    model, left = settled.model, defaultdict[str, float](float)
+    poses = replace(settled.poses, q=np.zeros_like(settled.poses.q))  # what a gain adds is no offset
     for bound in model.binding.bound:
         if bound.effect.name not in chosen:
             continue
         unloaded = tuple(0.0 for _ in bound.loads)
-        for k, amount in zip(bound.slots, bound.at(settled.poses, unloaded), strict=True):
-            course = np.broadcast_to(np.asarray(amount, dtype=np.float64), len(settled.poses))
+        for k, amount in zip(bound.slots, bound.at(poses, unloaded), strict=True):
+            course = np.broadcast_to(np.asarray(amount, dtype=np.float64), len(poses))
             last = chosen[bound.effect.name] == "last"
             left[_offset_key(model, model.chain.slots[k])] += float(course[-1] if last else course.mean())
-        for i, rows in zip(bound.loads, bound.by_loads(settled.poses, unloaded), strict=True):
+        for i, rows in zip(bound.loads, bound.by_loads(poses, unloaded), strict=True):
             for k, response in zip(bound.slots, rows, strict=True):
                 if k == model.load_slots[i]:
                     left[_spring_key(model, model.chain.slots[k])] += float(np.mean(response))

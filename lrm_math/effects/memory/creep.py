@@ -14,9 +14,9 @@ from lrm_math.kinematics.chain import chain_of
 from lrm_math.kinematics.history import followed
 from lrm_math.kinematics.poses import Poses
 
-LONG_S = 3600.0
-"""Longer than any wait between two poses: the arm was sent to a pose as soon as the one before was measured."""
-CONSTANTS_S = (15.0, 25.0, 42.0, 70.0, 120.0, 200.0, 340.0, 570.0, 950.0, 1600.0)
+LONG_S = 1e5
+"""Longer than any wait, and than any memory."""
+CONSTANTS_S = (15.0, 30.0, 60.0, 120.0, 240.0, 480.0, 960.0, 1920.0)
 """A memory with one of them explains nearly all that one between two of them does."""
 EVEN = 0.05
 """Share by which steps of time may differ and still be equal ones."""
@@ -58,7 +58,10 @@ class Creep(Effect):
         return (
             *(Parameter(f"k{axis}_rad_per_Nm", "compliance that yields slowly", 0.03, lower=0.0) for axis in axes),
             Parameter("T_s", "time constant", 120.0, 1.0, fixed=120.0, scan=CONSTANTS_S),
-            Parameter("stood_s", "time at a pose before it was measured", 30.0, 0.0, fixed=LONG_S, scan=(0.0, LONG_S)),
+            Parameter(
+                "stood_s", "time at a pose before it was measured", 30.0, 0.0, fixed=LONG_S, scan=(0.0, 10.0, LONG_S)
+            ),
+            Parameter("rest_s", "time under load before the first pose", 120.0, 0.0, fixed=LONG_S, scan=(0.0, LONG_S)),
         )
 
     def shapes_to_try(self, poses: Poses) -> dict[str, tuple[float, ...]]:
@@ -73,15 +76,12 @@ class Creep(Effect):
 
     def amounts(self, poses: Poses, tau: Amounts, p: Sequence[float]) -> Amounts:
         """k c; where nobody knows what was before, the load has been held for long: k τ."""
-        *k, constant, stood = p
+        *k, constant, stood, rest = p
         if poses.history is None:
             return tuple(a * load for a, load in zip(k, tau, strict=True))
-        visits, row = poses.history.visits, poses.history.row
-        chain = chain_of(self.arm)
-        before = visits.loads(chain, [chain.index[slot] for slot in self.load_slots])
-        at = row if len(row) > 1 else int(row[0])
-        memory = [followed(visits, held, constant, stood) for held in before.T]
-        return tuple(a * (past[at] + own[at] * load) for a, load, (past, own) in zip(k, tau, memory, strict=True))
+        held = poses.history.visits.loads(chain_of(self.arm), self.load_slots)
+        memory = [followed(poses.history, load, constant, stood, rest) for load in held.T]
+        return tuple(a * (past + own * load) for a, load, (past, own) in zip(k, tau, memory, strict=True))
 
     def missing_excitation(self, excitation: Excitation) -> str | None:
         """The order must be known."""
