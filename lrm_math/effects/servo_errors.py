@@ -25,7 +25,7 @@ from lrm_math.kinematics.scalar_or_array import cos, negative_part, positive_par
 
 FEWEST_CYCLES, MOST_CYCLES, FEWEST_ANGLES = 3.0, 64.0, 12
 """Cycles a turn that are looked for, more than an off-centre gear has; angles below which waves look alike."""
-LEVEL_DEG, OVERSAMPLED = 0.5, 4.0
+LEVEL_DEG, OVERSAMPLED = 0.5, 3.0
 """Angles that differ by less are one; frequencies that are tried for each that the range resolves."""
 
 

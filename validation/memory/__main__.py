@@ -11,7 +11,7 @@ from tempfile import TemporaryDirectory
 import numpy as np
 
 import lrm_ident as lrm
-from validation.memory.worlds import ARM, NOISE_M, WORLDS, World, measured
+from validation.memory.worlds import ARM, NOISE_M, WORLDS, MemoryWorld, measured
 from validation.synthetic import write
 
 ALWAYS_TRUE = ("offsets", "compliance")
@@ -19,10 +19,10 @@ NEAR = 1.15
 
 
 @dataclass(frozen=True)
-class Outcome:
-    """What `auto` ended with: classes of its steps, whether each is a finding, and the error over the noise."""
+class MemoryOutcome:
+    """Outcome of `auto`: classes of its steps, whether each is a finding, and the error over the noise."""
 
-    world: World
+    world: MemoryWorld
     steps: tuple[tuple[str, ...], ...]
     findings: tuple[bool, ...]
     ratio: float
@@ -47,7 +47,7 @@ class Outcome:
         return f"{self.world.name}: {marked}; {names or 'no step'}; ratio {self.ratio:.2f}; {self.verdict}"
 
 
-def run(world: World, seed: int, count: int, folder: Path) -> Outcome:
+def run(world: MemoryWorld, seed: int, count: int, folder: Path) -> MemoryOutcome:
     """One world through fit and auto."""
     seen, unseen = measured(world, seed, count)
     data = lrm.load(write(folder / "measured", seen, f"validation.memory, {world.name}")[0], ARM)
@@ -62,7 +62,7 @@ def run(world: World, seed: int, count: int, folder: Path) -> Outcome:
     settled = lrm.predict(found.model, replace(poses, sha256=None))
     apart = (settled - unseen.tcp_m)[1:]
     ratio = float(np.sqrt((apart**2).sum(axis=1).mean() / (3.0 * NOISE_M**2) + 1.0))
-    return Outcome(world, tuple(tuple(step.names) for step in steps), tuple(shown), ratio, found.verdict)
+    return MemoryOutcome(world, tuple(tuple(step.names) for step in steps), tuple(shown), ratio, found.verdict)
 
 
 def main() -> None:

@@ -26,7 +26,7 @@ Waits = Callable[[np.random.Generator, int], np.ndarray[tuple[int], np.dtype[np.
 
 
 @dataclass(frozen=True)
-class World:
+class MemoryWorld:
     """A hidden cause. `right`: names of the tool's that are true of it; none: nothing is hidden.
 
     later: whether it was written after the tool's effects.
@@ -54,8 +54,8 @@ def with_breaks(rng: np.random.Generator, count: int) -> np.ndarray[tuple[int], 
     return np.where(rng.random(count) < 0.06, rng.uniform(120.0, 900.0, count), 10.0)
 
 
-def _joint(joint: int, constant_s: float, waits: Waits, late: float = 0.0, fresh: bool = False) -> World:
-    return World(
+def _joint(joint: int, constant_s: float, waits: Waits, late: float = 0.0, fresh: bool = False) -> MemoryWorld:
+    return MemoryWorld(
         f"creep{joint} {constant_s:g} s",
         (f"creep@joint{joint}",),
         lambda by: ViscoelasticJoint(joint, by.size({2: 0.05, 3: 0.08, 4: 0.12}[joint]), constant_s, late, fresh),
@@ -64,7 +64,7 @@ def _joint(joint: int, constant_s: float, waits: Waits, late: float = 0.0, fresh
     )
 
 
-WORLDS: tuple[World, ...] = (
+WORLDS: tuple[MemoryWorld, ...] = (
     _joint(2, 25.0, even),
     _joint(3, 90.0, uneven),
     _joint(4, 90.0, even),
@@ -72,28 +72,30 @@ WORLDS: tuple[World, ...] = (
     _joint(3, 300.0, with_breaks),
     _joint(2, 900.0, even),
     _joint(3, 900.0, uneven),
-    World(
+    MemoryWorld(
         "creep base 120 s", ("creep@base",), lambda by: ViscoelasticBase((by.size(0.02), by.size(0.03)), 120.0), even
     ),
-    World(
+    MemoryWorld(
         "heat2",
         ("self_heating@joint2",),
         lambda by: HeatedServo(2, by.sign() * by.size(0.03), by.sign() * by.size(0.02), 600.0),
         uneven,
     ),
-    World(
+    MemoryWorld(
         "heat3", ("self_heating@joint3",), lambda by: HeatedServo(3, by.sign() * by.size(0.15), 0.0, 300.0), with_breaks
     ),
-    World("slip2", ("slip@joint2",), lambda by: SlippingHorn(2, by.size(2.0 * DEG), 0.3), even),
-    World("slip3", ("slip@joint3",), lambda by: SlippingHorn(3, by.size(2.0 * DEG), 0.5), uneven),
+    MemoryWorld("slip2", ("slip@joint2",), lambda by: SlippingHorn(2, by.size(2.0 * DEG), 0.3), even),
+    MemoryWorld("slip3", ("slip@joint3",), lambda by: SlippingHorn(3, by.size(2.0 * DEG), 0.5), uneven),
     # written after the tool's effects
     _joint(2, 40.0, uneven, late=0.8),
     _joint(3, 200.0, uneven, late=0.5),
     _joint(4, 60.0, with_breaks, fresh=True),
     _joint(2, 500.0, uneven, fresh=True),
-    World("two paces 2", ("creep@joint2",), lambda by: TwoPaceJoint(2, by.size(0.06), (30.0, 400.0)), even, True),
-    World("two paces 3", ("creep@joint3",), lambda by: TwoPaceJoint(3, by.size(0.1), (25.0, 200.0), 0.9), uneven, True),
-    World(
+    MemoryWorld("two paces 2", ("creep@joint2",), lambda by: TwoPaceJoint(2, by.size(0.06), (30.0, 400.0)), even, True),
+    MemoryWorld(
+        "two paces 3", ("creep@joint3",), lambda by: TwoPaceJoint(3, by.size(0.1), (25.0, 200.0), 0.9), uneven, True
+    ),
+    MemoryWorld(
         "creep base 400 s",
         ("creep@base",),
         lambda by: ViscoelasticBase((by.size(0.02), by.size(0.03)), 400.0),
@@ -101,14 +103,14 @@ WORLDS: tuple[World, ...] = (
         True,
     ),
     # nothing hidden
-    World("nothing, even", (), lambda _: None, even),
-    World("nothing, uneven", (), lambda _: None, uneven),
-    World("nothing, breaks", (), lambda _: None, with_breaks),
+    MemoryWorld("nothing, even", (), lambda _: None, even),
+    MemoryWorld("nothing, uneven", (), lambda _: None, uneven),
+    MemoryWorld("nothing, breaks", (), lambda _: None, with_breaks),
 )
 
 
-def measured(world: World, seed: int, count: int) -> tuple[Dataset, Dataset]:
-    """What the tool sees, and as many other poses of the same arm without noise, at the same times."""
+def measured(world: MemoryWorld, seed: int, count: int) -> tuple[Dataset, Dataset]:
+    """Data that the tool sees, and as many other poses of the same arm without noise, at the same times."""
     arm = load_arm(shipped_arms()[ARM])
     hidden = world.make(RandomSizes(arm, np.random.default_rng(stable_seed(world.name, seed, "sizes"))))
     drawn = GroundTruth.random(arm, stable_seed(world.name, seed, "arm"), () if hidden is None else (hidden,))

@@ -13,35 +13,43 @@ import numpy as np
 
 from lrm_ident.diagnosis.screening.candidates import Candidate
 from lrm_math.arrays import Array
-from lrm_math.effects.derivatives import by_parameters
 from lrm_math.effects.targets import Kind, kind_of, slot_of
 
 MANY, LIKELY = 12, 4
 """Shapes that are all tried; of more, those that are tried."""
 APART = 3
 """Neighbours of a likely shape that are not tried, since it stands for them."""
-NO_RANK = 1e-8
+NO_RANK = 1e-12
+"""Part of the sum of squares below which a direction is round-off."""
 
 
 def with_likely_shapes(candidate: Candidate, residual: Array) -> Candidate:
-    """The candidate with the likely ones of many shapes, by the residual (N, 3) that a fit leaves (m)."""
+    """The candidate with the likely ones of many shapes, by the residual (N, 3) that a fit leaves (m).
+
+    Its amounts are linear in the parameters that are no shapes, and zero without them.
+    """
     effect = candidate.effect
-    if len(candidate.shapes) <= MANY or len(effect.targets) != 1 or kind_of(effect) is not Kind.MOTION:
+    if len(candidate.shapes) <= MANY or kind_of(effect) is not Kind.MOTION:
         return candidate
     settled, slots = candidate.response.equilibrium, candidate.response.equilibrium.model.load_slots
     index = settled.model.chain.index
-    motion = candidate.response.slots[index[slot_of(effect.targets[0])]][:3]
+    motions = [candidate.response.slots[index[slot_of(target)]][:3] for target in effect.targets]
     tau = tuple(settled.tau[slots.index(index[slot])] for slot in effect.load_slots)
-    size = np.sqrt((motion**2).sum(axis=0))
-    seen = (motion * np.nan_to_num(residual.T)).sum(axis=0) / np.where(size > 0.0, size, 1.0)
-    fitted, _ = np.linalg.qr(size[:, None] * np.column_stack([np.ones(len(size)), *tau]))
-    seen = seen - fitted @ (fitted.T @ seen)
+    ones = np.ones(len(residual))
+    beside = [motion * part for motion in motions for part in (ones, *tau)]
+    fitted, _ = np.linalg.qr(np.concatenate([motion.reshape(1, -1) for motion in beside]).T)
+    error = np.nan_to_num(residual.T).reshape(-1)
+    error = error - fitted @ (fitted.T @ error)
 
     def explained(shape: tuple[float, ...]) -> float:
-        rows = by_parameters(effect, settled.poses, tau, shape, settled.model.within)
-        columns = size[:, None] * np.stack([np.broadcast_to(rows[row][0], len(size)) for row in candidate.rows], axis=1)
-        own, along, _ = np.linalg.svd(columns - fitted @ (fitted.T @ columns), full_matrices=False)
-        return float(((own[:, along > NO_RANK * np.linalg.norm(columns)].T @ seen) ** 2).sum())
+        columns = np.zeros((len(candidate.rows), len(error)))
+        for column, row in zip(columns, candidate.rows, strict=True):
+            amounts = effect.amounts(settled.poses, tau, [1.0 if i == row else p for i, p in enumerate(shape)])
+            column[:] = sum(m * amount for m, amount in zip(motions, amounts, strict=True)).reshape(-1)
+        own, along = columns @ fitted, columns @ error
+        gram = columns @ columns.T
+        gram += NO_RANK * np.trace(gram) * np.eye(len(gram)) - own @ own.T
+        return float(along @ np.linalg.lstsq(gram, along, rcond=NO_RANK)[0])
 
     gains = np.array([explained(shape) for shape in candidate.shapes])
     likely: list[int] = []

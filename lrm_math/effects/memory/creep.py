@@ -10,7 +10,8 @@ import numpy as np
 from lrm_math.arm.arm import BASE, Arm
 from lrm_math.arrays import Array
 from lrm_math.effects.base import Amounts, Description, Effect, Excitation, Extrapolation, Parameter
-from lrm_math.kinematics.chain import chain_of
+from lrm_math.kinematics.chain import Number, chain_of
+from lrm_math.kinematics.dual import Dual
 from lrm_math.kinematics.history import followed
 from lrm_math.kinematics.poses import Poses
 
@@ -58,9 +59,7 @@ class Creep(Effect):
         return (
             *(Parameter(f"k{axis}_rad_per_Nm", "compliance that yields slowly", 0.03, lower=0.0) for axis in axes),
             Parameter("T_s", "time constant", 120.0, 1.0, fixed=120.0, scan=CONSTANTS_S),
-            Parameter(
-                "stood_s", "time at a pose before it was measured", 30.0, 0.0, fixed=LONG_S, scan=(0.0, 10.0, LONG_S)
-            ),
+            Parameter("stood_s", "time at a pose before it was measured", 30.0, 0.0, fixed=LONG_S, scan=(0.0, LONG_S)),
             Parameter("rest_s", "time under load before the first pose", 120.0, 0.0, fixed=LONG_S, scan=(0.0, LONG_S)),
         )
 
@@ -80,8 +79,13 @@ class Creep(Effect):
         if poses.history is None:
             return tuple(a * load for a, load in zip(k, tau, strict=True))
         held = poses.history.visits.loads(chain_of(self.arm), self.load_slots)
-        memory = [followed(poses.history, load, constant, stood, rest) for load in held.T]
-        return tuple(a * (past + own * load) for a, load, (past, own) in zip(k, tau, memory, strict=True))
+        out: list[Number] = []
+        for a, load, borne in zip(k, tau, held.T, strict=True):
+            past, own = (
+                followed(poses.history, borne, constant, stood, rest) if isinstance(a, Dual) or a else (0.0, 0.0)
+            )
+            out.append(a * (past + own * load))
+        return tuple(out)
 
     def missing_excitation(self, excitation: Excitation) -> str | None:
         """The order must be known."""
