@@ -17,6 +17,7 @@ from lrm_math.effects import CATALOGUE, Effect, ModelPart, Parameter, effects_at
 from lrm_math.effects.compliance import SPRINGS
 from lrm_math.effects.measured_range import MeasuredRange
 from lrm_math.effects.offsets import Offsets
+from lrm_math.effects.servo_errors import ServoGain
 from lrm_math.effects.targets import FRAME_PLACE
 from lrm_math.effects.tracker_errors import MeasurementFrame
 from lrm_math.errors import FileError, LrmError, UnknownName
@@ -74,7 +75,7 @@ class DeployedTable(StrictSchema):
     """Table `[deployed]`: state that effects of a session leave behind, for where the model is used later.
 
     `carried`: of each effect `id@place`, whether its last or its mean state. `offsets`: what is added to constant
-    offsets and springs, by their keys, in the keys' units.
+    offsets, springs and gains, by their keys, in the keys' units.
     """
 
     carried: dict[str, CarriedState] = {}
@@ -234,8 +235,8 @@ def parts_table(model: Model) -> PartsTable:
 
 
 def _offsets(arm: Arm) -> dict[str, Parameter]:
-    """Every constant offset of an arm, and every spring that may stand for a memory, by its key."""
-    kinds: tuple[type[Effect], ...] = (Offsets, *SPRINGS)
+    """Every constant offset of an arm, and every spring or gain that may stand for a memory, by its key."""
+    kinds: tuple[type[Effect], ...] = (Offsets, *SPRINGS, ServoGain)
     every = [kind(arm, place) for kind in kinds for place in kind.places(arm)]
     return {key: parameter for effect in every for key, parameter in zip(effect.keys, effect.parameters, strict=True)}
 

@@ -16,7 +16,7 @@ class StateAfterSession:
 
     Attributes:
         carried: of each effect (`id@place`), which state is carried forward.
-        offsets: what is added to constant offsets (rad, m) and springs (rad/N·m), by their keys.
+        offsets: what is added to constant offsets (rad, m), springs (rad/N·m) and gains, by their keys.
     """
 
     carried: Mapping[str, CarriedState]

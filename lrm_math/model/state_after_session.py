@@ -3,7 +3,8 @@
 A drift ends warm, a horn that was put back stays so, and a stretched tracker has moved all measured points by a rigid
 motion. Left out with its effect, that state is missing from the lasting parameters that were fitted beside it; so it is
 added to the constant offset of the same slot, and the rigid motion to the base. The part of a memory that the load of
-the pose itself has made, on average in the session, is a spring: it is added to the compliance of the same slot.
+the pose itself has made, on average in the session, is a spring: it is added to the compliance of the same slot; what
+grows with the angle is a gain.
 """
 
 from __future__ import annotations
@@ -18,8 +19,9 @@ from lrm_math.arm.arm import BASE
 from lrm_math.effects import Effect
 from lrm_math.effects.compliance import SPRINGS
 from lrm_math.effects.offsets import Offsets
+from lrm_math.effects.servo_errors import ServoGain
 from lrm_math.effects.targets import Kind, kind_of
-from lrm_math.kinematics.chain import Slot
+from lrm_math.kinematics.chain import Number, Slot
 from lrm_math.model.deployed_model import as_deployed, of_a_session, with_offsets
 from lrm_math.model.derivatives import parameter_jacobian
 from lrm_math.model.equilibrium import Equilibrium, solve_equilibrium
@@ -68,21 +70,31 @@ def state_after_session(
 
 
 def _left_by_motions(settled: Equilibrium, chosen: Mapping[str, CarriedState]) -> dict[str, float]:
-    """State of the effects that move slots, by key of the constant offset (rad, m) or the spring of the same slot."""
+    """State of the effects that move slots, by key of the constant offset, the spring or the gain of the same slot."""
     model, left = settled.model, defaultdict[str, float](float)
-    poses = replace(settled.poses, q=np.zeros_like(settled.poses.q))  # what a gain adds is no offset
+    poses = replace(settled.poses, q=np.zeros_like(settled.poses.q))
     for bound in model.binding.bound:
         if bound.effect.name not in chosen:
             continue
         unloaded = tuple(0.0 for _ in bound.loads)
-        for k, amount in zip(bound.slots, bound.at(poses, unloaded), strict=True):
+        last = chosen[bound.effect.name] == "last"
+
+        def kept(amount: Number, last: bool = last) -> float:
             course = np.broadcast_to(np.asarray(amount, dtype=np.float64), len(poses))
-            last = chosen[bound.effect.name] == "last"
-            left[_offset_key(model, model.chain.slots[k])] += float(course[-1] if last else course.mean())
+            return float(course[-1] if last else course.mean())
+
+        slots = [model.chain.slots[k] for k in bound.slots]
+        for slot, amount in zip(slots, bound.at(poses, unloaded), strict=True):
+            left[_offset_key(model, slot)] += kept(amount)
         for i, rows in zip(bound.loads, bound.by_loads(poses, unloaded), strict=True):
-            for k, response in zip(bound.slots, rows, strict=True):
+            for k, slot, response in zip(bound.slots, slots, rows, strict=True):
                 if k == model.load_slots[i]:
-                    left[_spring_key(model, model.chain.slots[k])] += float(np.mean(response))
+                    left[_spring_key(model, slot)] += float(np.mean(response))
+        for joint, rows in enumerate(bound.by_angles(poses, unloaded)):
+            for slot, gain in zip(slots, rows, strict=True):
+                if slot.joint == joint:
+                    for key in ServoGain(model.arm, slot.place).keys:
+                        left[key] += kept(gain)
     return {key: amount for key, amount in left.items() if key and amount}
 
 

@@ -19,6 +19,8 @@ LONG_S = 1e5
 """Longer than any wait, and than any memory."""
 CONSTANTS_S = (15.0, 30.0, 60.0, 120.0, 240.0, 480.0, 960.0, 1920.0)
 """A memory with one of them explains nearly all that one between two of them does."""
+USUAL_WAITS_S, USUAL_RESTS_S = (0.0, 30.0), (0.0, 300.0)
+"""Ranges that give the uncertainty of waits of which nothing else is known."""
 EVEN = 0.05
 """Share by which steps of time may differ and still be equal ones."""
 
@@ -59,19 +61,17 @@ class Creep(Effect):
         return (
             *(Parameter(f"k{axis}_rad_per_Nm", "compliance that yields slowly", 0.03, lower=0.0) for axis in axes),
             Parameter("T_s", "time constant", 120.0, 1.0, fixed=120.0, scan=CONSTANTS_S),
-            Parameter("stood_s", "time at a pose before it was measured", 30.0, 0.0, fixed=LONG_S, scan=(0.0, LONG_S)),
-            Parameter("rest_s", "time under load before the first pose", 120.0, 0.0, fixed=LONG_S, scan=(0.0, LONG_S)),
+            Parameter("stood_s", "time at a pose before it was measured", 30.0, 0.0, fixed=LONG_S, scan=USUAL_WAITS_S),
+            Parameter("rest_s", "time under load before the first pose", 120.0, 0.0, fixed=LONG_S, scan=USUAL_RESTS_S),
         )
 
     def shapes_to_try(self, poses: Poses) -> dict[str, tuple[float, ...]]:
-        """Time constants; and, where the times between poses differ, where the arm waited: before a move or after it.
-
-        With equal times the two differ by a spring only.
-        """
-        found = super().shapes_to_try(poses)
-        if poses.history is None or _even(poses.history.visits.step):
-            del found["stood_s"]
-        return found
+        """Time constants; whether the arm hung unloaded before; and, where the times between poses differ, where it
+        waited: before a move or after it. With equal times the two differ by a spring only."""
+        found = {"T_s": CONSTANTS_S, "rest_s": (0.0, LONG_S)}
+        return (
+            found if poses.history is None or _even(poses.history.visits.step) else found | {"stood_s": (0.0, LONG_S)}
+        )
 
     def amounts(self, poses: Poses, tau: Amounts, p: Sequence[float]) -> Amounts:
         """k c; where nobody knows what was before, the load has been held for long: k τ."""
