@@ -25,10 +25,13 @@ from lrm_ident.residual.deployment.carried_states import with_carried_states
 from lrm_ident.residual.deployment.unmeasured_angles import with_unmeasured_angles
 from lrm_math.effects import Effect, Parameter, name_of_key, split_key
 from lrm_math.errors import LrmError
+from lrm_math.model.derivatives import parameter_jacobian
 from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import Model, model_of
 
 MAX_MOMENT_FITS = 12
+UNMOVED = 1e-9
+"""m: round-off."""
 MOMENT = "pose"  # unit of a shape parameter that is a moment in the measured order
 
 
@@ -128,7 +131,19 @@ def _with_effect(model: Model, effect: Effect, shape: Sequence[float] | None) ->
 
 def _fit_shapes(best: Fit, data: Measurements, tried: Mapping[str, Sequence[float]], loss: Loss) -> Fit:
     """The fit with shape parameters at their estimates within the range of values `tried`, where they were fitted like
-    the others; the same fit where they are not identifiable, or this does not lower the error."""
+    the others; the same fit where they are not identifiable, or this does not lower the error.
+
+    A shape that moves nothing where it stands, such as a long wait before a short memory, is held.
+    """
+    if not tried:
+        return best
+    moved = parameter_jacobian(best.equilibrium, [*tried])
+    typical = [best.model.parameter(key).typical for key in tried]
+    tried = {
+        key: tried[key]
+        for key, size in zip(tried, np.abs(moved).max(axis=(0, 1)) * typical, strict=True)
+        if size > UNMOVED
+    }
     if not tried:
         return best
     free, limits = best.model.free, bounds_of(best.model, best.model.free)

@@ -136,7 +136,7 @@ def _significant(
     for one in ranked:
         tried = step.beside[one.name]
         p_value = f_test_p_value(before.in_sample, tried.in_sample, one.size, freedom)
-        adjusted = p_value * tests * len(one.candidate.shapes) / expected.get(one.name, 1.0)
+        adjusted = p_value * tests * one.candidate.trials / expected.get(one.name, 1.0)
         if not one.implausible and adjusted < SIGNIFICANCE and improves_prediction(tried, before, start):
             yield Choice(tried, one)
 

@@ -73,9 +73,11 @@ class FreeFunction:
 
     @property
     def in_catalogue(self) -> bool:
-        """Whether effects of the catalogue are such functions: of the joint's own angle or torque, or of the order."""
-        joint = self.joint
-        return joint is not None and self.covariates in ((f"q{joint + 1}",), (f"tau{joint + 1}",), ("order",))
+        """Whether effects of the catalogue are such functions: of its own angle, torque now or before, or the order."""
+        if self.joint is None or len(self.covariates) != 1:
+            return False
+        own = self.joint + 1
+        return self.covariates[0] in (f"q{own}", f"tau{own}", f"tau{own} before", "order")
 
     @property
     def name(self) -> str:

@@ -32,6 +32,7 @@ from lrm_ident.study.other_data import model_for_data
 from lrm_ident.study.parameter_estimates import ParameterEstimate, parameter_estimates
 from lrm_ident.study.step import StudyStep
 from lrm_math.effects import CATALOGUE, effects_at
+from lrm_math.effects.memory import assumed_steps
 from lrm_math.errors import LrmError
 from lrm_math.model.deployed_model import named_part
 from lrm_math.model.model import Model
@@ -149,6 +150,7 @@ class Study(ModelOnData, ShownInNotebook):
         fitted = add_effects(own.model, found.data, added, shape, own.loss)
         left_out = f"outliers, left out: {poses_words(found.outliers)}"
         notices = (*own.notices, left_out) if found.outliers else own.notices
+        notices = (*notices, *assumed_steps(added, own.data.poses))
         then = replace(own, data=found.data, notices=notices)
         equivalent = found.equivalent.get(added[0].name, ()) if len(added) == 1 else ()
         rivals = found.rivals([*(one.name for one in added), *equivalent])

@@ -178,6 +178,10 @@ class BaseCompliance(Spring):
         return (BASE,)
 
 
+SPRINGS: tuple[type[Spring], ...] = (Compliance, BaseCompliance, LateralCompliance)
+"""Linear springs of every slot that has one, each in one way."""
+
+
 class NonlinearStiffness(LoadedJointEffect, LinearEffect):
     """A joint with a nonlinear spring: stiffness that changes with the torque."""
 

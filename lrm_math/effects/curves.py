@@ -97,7 +97,7 @@ class AngleCurve(_AngleSpline, JointEffect):
     """Free function of a joint's own angle: stops, cables, teeth and poles, a table read badly."""
 
     id = "angle_curve"
-    variant_of = ("servo_gain", "eccentricity", "cable_spring")
+    variant_of = ("servo_gain", "eccentricity", "gear_ripple", "cable_spring")
     about = Description(
         cause="A servo errs over its own angle as its potentiometer, teeth, poles, stops and cables make it err.",
         formula="δq = cubic spline of q",

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from math import radians
 
+import numpy as np
+
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.place_names import joint_number, place_words
 from lrm_math.arm.servo_table import PwmClock, rounding
@@ -20,6 +22,11 @@ from lrm_math.effects.base import (
 )
 from lrm_math.kinematics.poses import Poses
 from lrm_math.kinematics.scalar_or_array import cos, negative_part, positive_part, sin
+
+FEWEST_CYCLES, MOST_CYCLES, FEWEST_ANGLES = 3.0, 64.0, 12
+"""Cycles a turn that are looked for, more than an off-centre gear has; angles below which waves look alike."""
+LEVEL_DEG, OVERSAMPLED = 0.5, 3.0
+"""Angles that differ by less are one; frequencies that are tried for each that the range resolves."""
 
 
 class ServoGain(AngleDependentEffect, LinearEffect):
@@ -107,6 +114,52 @@ class Eccentricity(AngleDependentEffect, LinearEffect):
         q = poses.angle(self.joint)
         s, c = sin(q), cos(q)
         return (s,), (c - 1.0,), (2.0 * s * c,), (-2.0 * s * s,)
+
+
+class GearRipple(AngleDependentEffect):
+    """Ripple of a gear: a wave of the joint's angle whose number of cycles a turn is found from the data."""
+
+    id = "gear_ripple"
+    about = Description(
+        cause="Teeth that mesh, or a flexspline that is not round, add a wave that repeats many times a turn.",
+        formula="δq = a sin nq + b (cos nq − 1), n cycles a turn: teeth, or twice the ratio of a harmonic drive",
+        source="transmission error (Tuttle & Seering 1996); n by a periodogram (Lomb 1976, Scargle 1982)",
+        claim="{place} ripples {n_per_turn} times a turn, by {a_rad} and {b_rad}",
+        needs="poses at many different angles of the joint",
+    )
+    extrapolation = Extrapolation.PERIODIC
+    parameters = (
+        Parameter("a_rad", "amplitude of the sine", 0.005, usual=radians(1.0), largest=radians(5.0)),
+        Parameter("b_rad", "amplitude of the cosine", 0.005, usual=radians(1.0), largest=radians(5.0)),
+        Parameter(
+            "n_per_turn",
+            "cycles a turn",
+            10.0,
+            FEWEST_CYCLES,
+            MOST_CYCLES,
+            fixed=10.0,
+            scan=(FEWEST_CYCLES, MOST_CYCLES),
+        ),
+    )
+
+    def shapes_to_try(self, poses: Poses) -> dict[str, tuple[float, ...]]:
+        """Frequencies that the poses can tell: more than half a wave in the range, more than two levels in a wave."""
+        angles = np.unique(np.round(np.degrees(poses.q[:, self.joint]) / LEVEL_DEG))
+        span = LEVEL_DEG * float(np.ptp(angles))
+        least = max(FEWEST_CYCLES, 180.0 / span if span else np.inf)
+        most = min(MOST_CYCLES, 180.0 / (LEVEL_DEG * float(np.median(np.diff(angles))))) if span else 0.0
+        count = int((most - least) * span / 360.0 * OVERSAMPLED) + 1
+        return {"n_per_turn": tuple(np.linspace(least, most, count).tolist()) if most > least else (FEWEST_CYCLES,)}
+
+    def amounts(self, poses: Poses, tau: Amounts, p: Sequence[float]) -> Amounts:
+        """a sin nq + b (cos nq − 1)."""
+        turned = p[2] * poses.angle(self.joint)
+        return (p[0] * sin(turned) + p[1] * (cos(turned) - 1.0),)
+
+    def missing_excitation(self, excitation: Excitation) -> str | None:
+        """The joint must be measured at many angles."""
+        levels = excitation.levels(self.joint)
+        return None if levels >= FEWEST_ANGLES else f"{self.place} stands at {levels} levels only"
 
 
 class CoupledJoints(Effect):

@@ -10,9 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from lrm_math.arrays import Array
 from lrm_math.errors import LrmError
 from lrm_math.kinematics.chain import Number
-
-PACE_S = 10.0
-"""From pose to pose, where no times were measured: what drifts follows their order then."""
+from lrm_math.kinematics.history import PACE_S, History
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,6 +31,7 @@ class Poses:
         warmed: (N,), K, temperature less that of the first pose. power_cycle: (N,), number of the session from 0, in
             the order of their numbers. Both follow from all the poses first given, and stay with each of them.
         gravity: (N, 3), unit vectors of gravity's direction in the frame of measurement; None: as the arm file says.
+        history: what the arm was sent to before each of them, and when, see `lrm_math.kinematics.history`; or None.
         sha256: of the file that they were read from; None: of none.
     """
 
@@ -48,6 +47,7 @@ class Poses:
     warmed: Array | None = None
     power_cycle: NDArray[np.int64] | None = None
     gravity: Array | None = None
+    history: History | None = None
     sha256: str | None = None
 
     def __post_init__(self) -> None:
@@ -112,7 +112,10 @@ class Poses:
 
     def turned(self, rotation: Array) -> Poses:
         """The same poses where the frame of measurement is turned: directions d to R d, with R (3, 3)."""
-        return self if self.gravity is None else replace(self, gravity=self.gravity @ rotation.T)
+        if self.gravity is None:
+            return self
+        history = None if self.history is None else self.history.turned(rotation)
+        return replace(self, gravity=self.gravity @ rotation.T, history=history)
 
     def perturbed(self, joint: int, step: float | Array) -> Poses:
         """The same poses with one joint angle changed by `step` (rad), a float or (N,)."""

@@ -16,8 +16,10 @@ from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_digest import WHAT_COUNTS, arm_sha256
 from lrm_math.arm.arm_file import load_arm, shipped_arms
 from lrm_math.effects import CATALOGUE, Effect, ModelPart, Parameter, effects_at
+from lrm_math.effects.compliance import SPRINGS
 from lrm_math.effects.measured_range import MeasuredRange, UnmeasuredAngles
 from lrm_math.effects.offsets import Offsets
+from lrm_math.effects.servo_errors import ServoGain
 from lrm_math.effects.session_errors import warms_with_the_arm
 from lrm_math.effects.targets import FRAME_PLACE
 from lrm_math.effects.tracker_errors import MeasurementFrame
@@ -80,8 +82,8 @@ class DeployedTable(StrictSchema):
     """Table `[deployed]`: state that effects of a session leave behind, for where the model is used later.
 
     `carried`: of each effect `id@place`, whether its last or its mean state. `offsets`: what is added to constant
-    offsets, by their keys, in the keys' units. `warming_rad`: drifts of joints that follow the time since power-on
-    where it is known, each with the part of its joint's offset that it replaces then.
+    offsets, springs and gains, by their keys, in the keys' units. `warming_rad`: drifts of joints that follow the time
+    since power-on where it is known, each with the part of its joint's offset that it replaces then.
     """
 
     carried: dict[str, CarriedState] = {}
@@ -266,8 +268,9 @@ def parts_table(model: Model) -> PartsTable:
 
 
 def _offsets(arm: Arm) -> dict[str, Parameter]:
-    """Every constant offset of an arm by its key."""
-    every = [Offsets(arm, place) for place in Offsets.places(arm)]
+    """Every constant offset of an arm, and every spring or gain that may stand for a memory, by its key."""
+    kinds: tuple[type[Effect], ...] = (Offsets, *SPRINGS, ServoGain)
+    every = [kind(arm, place) for kind in kinds for place in kind.places(arm)]
     return {key: parameter for effect in every for key, parameter in zip(effect.keys, effect.parameters, strict=True)}
 
 

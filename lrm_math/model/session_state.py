@@ -16,7 +16,7 @@ class StateAfterSession:
 
     Attributes:
         carried: of each effect (`id@place`), which state is carried forward.
-        offsets: what is added to constant offsets, by their keys (rad, m).
+        offsets: what is added to constant offsets (rad, m), springs (rad/N·m) and gains, by their keys.
         warming: effects whose law is followed where the time since power-on is known, each with its part of the offset
             of its joint (rad), which its law replaces then.
     """

@@ -2,12 +2,14 @@
 
 A drift ends warm, a horn that was put back stays so, and a stretched tracker has moved all measured points by a rigid
 motion. Left out with its effect, that state is missing from the lasting parameters that were fitted beside it; so it is
-added to the constant offset of the same slot, and the rigid motion to the base.
+added to the constant offset of the same slot, and the rigid motion to the base. The part of a memory that the load of
+the pose itself has made, on average in the session, is a spring: it is added to the compliance of the same slot; what
+grows with the angle is a gain.
 """
 
 from __future__ import annotations
 
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Collection, Mapping
 from dataclasses import replace
 
@@ -15,11 +17,15 @@ import numpy as np
 
 from lrm_math.arm.arm import BASE
 from lrm_math.effects import Effect
+from lrm_math.effects.compliance import SPRINGS
 from lrm_math.effects.offsets import Offsets
+from lrm_math.effects.servo_errors import ServoGain
 from lrm_math.effects.targets import Kind, kind_of
-from lrm_math.kinematics.chain import Slot
+from lrm_math.kinematics.chain import Number, Slot
+from lrm_math.kinematics.poses import Poses
 from lrm_math.model.deployed_model import as_deployed, of_a_session, with_offsets
 from lrm_math.model.derivatives import parameter_jacobian
+from lrm_math.model.effect_binding import BoundEffect
 from lrm_math.model.equilibrium import Equilibrium, solve_equilibrium
 from lrm_math.model.model import Model
 from lrm_math.model.session_state import CarriedState, StateAfterSession
@@ -75,16 +81,44 @@ def state_after_session(
 
 
 def _left_by_motions(settled: Equilibrium, chosen: Mapping[str, CarriedState]) -> dict[str, dict[str, float]]:
-    """State of each effect that moves slots, by key of the constant offset of the same slot (rad, m)."""
-    model, found = settled.model, dict[str, dict[str, float]]()
-    for bound in (one for one in model.binding.bound if one.effect.name in chosen):
-        own = found[bound.effect.name] = {}
-        amounts = bound.at(settled.poses, bound.own_loads(settled.tau))
-        for k, amount in zip(bound.slots, amounts, strict=True):
-            if key := _offset_key(model, model.chain.slots[k]):
-                course = np.broadcast_to(np.asarray(amount, dtype=np.float64), len(settled.poses))
-                own[key] = float(course[-1] if chosen[bound.effect.name] == "last" else course.mean())
-    return found
+    """State of each effect that moves slots, by key of the constant offset, the spring or the gain of the same slot."""
+    model = settled.model
+    poses = replace(settled.poses, q=np.zeros_like(settled.poses.q))
+    bound = [one for one in model.binding.bound if one.effect.name in chosen]
+    return {one.effect.name: _left_by(model, one, poses, chosen[one.effect.name]) for one in bound}
+
+
+def _left_by(model: Model, bound: BoundEffect, poses: Poses, state: CarriedState) -> dict[str, float]:
+    """The same of one effect."""
+    left, unloaded = defaultdict[str, float](float), tuple(0.0 for _ in bound.loads)
+
+    def kept(amount: Number) -> float:
+        course = np.broadcast_to(np.asarray(amount, dtype=np.float64), len(poses))
+        return float(course[-1] if state == "last" else course.mean())
+
+    slots = [model.chain.slots[k] for k in bound.slots]
+    for slot, amount in zip(slots, bound.at(poses, unloaded), strict=True):
+        left[_offset_key(model, slot)] += kept(amount)
+    for i, rows in zip(bound.loads, bound.by_loads(poses, unloaded), strict=True):
+        for k, slot, response in zip(bound.slots, slots, rows, strict=True):
+            if k == model.load_slots[i]:
+                left[_spring_key(model, slot)] += float(np.mean(response))
+    for joint, rows in enumerate(bound.by_angles(poses, unloaded)):
+        for slot, gain in zip(slots, rows, strict=True):
+            if slot.joint == joint:
+                for key in ServoGain(model.arm, slot.place).keys:
+                    left[key] += kept(gain)
+    return {key: amount for key, amount in left.items() if key and amount}
+
+
+def _spring_key(model: Model, slot: Slot) -> str:
+    """Key of the linear spring of a slot; empty for a slot that has none."""
+    for kind in SPRINGS:
+        if slot.place in kind.places(model.arm):
+            spring = kind(model.arm, slot.place)
+            if slot.key in spring.targets:
+                return spring.keys[spring.targets.index(slot.key)]
+    return ""
 
 
 def _offset_key(model: Model, slot: Slot) -> str:

@@ -16,6 +16,7 @@ from lrm_math.arm.arm import Arm, feasible_approach
 from lrm_math.arrays import Array
 from lrm_math.errors import FileError
 from lrm_math.kinematics.chain import INVERSE, Vector, X, Y, rotate, trig_of
+from lrm_math.kinematics.history import history_of
 from lrm_math.kinematics.motion import recorded
 from lrm_math.kinematics.poses import Poses
 from lrm_math.model.reading import Reading
@@ -48,6 +49,7 @@ def read_poses(
     if not straight and beside is not None and "sides" in table:
         begins = after_gap(number) | (False if session is None else np.diff(session, prepend=session[:1]) != 0.0)
         friction = states_from_beside(q, sides, arm, beside, begins)
+    down = _gravity(table, arm, how)
     return Poses(
         q=q,
         payload=none if payload is None else payload,
@@ -57,7 +59,8 @@ def read_poses(
         temperature=table.column("temperature"),
         number=number,
         friction=friction,
-        gravity=_gravity(table, arm, how),
+        gravity=down,
+        history=history_of(q, none if payload is None else payload, t, session, number, down),
         running=None if t is None else _running(t, none if session is None else session),
         sha256=table.cells.sha256,
     )

@@ -34,6 +34,7 @@ class Candidate:
         priority: the lower is preferred in a tie: `REFINEMENT` of an effect of the model, `PLAIN` effect, or another
             `FORM` of an effect that the model does not have.
         response: of the model with every candidate in it, all of them zero.
+        scanned: number of shapes that were looked at, of which `shapes` are the likely ones; 0: these alone.
     """
 
     effect: Effect
@@ -41,6 +42,12 @@ class Candidate:
     shapes: tuple[tuple[float, ...], ...]
     priority: int
     response: Response
+    scanned: int = 0
+
+    @property
+    def trials(self) -> int:
+        """Number of shapes that were tried, by which its p value is corrected."""
+        return max(self.scanned, len(self.shapes))
 
     @property
     def name(self) -> str:

@@ -79,7 +79,7 @@ def score_candidates(
         p_value = 1.0
         if trial.rank:
             p_value = f_test_p_value(linear.baseline.in_sample, trial.in_sample, trial.rank, linear.degrees_of_freedom)
-        p_value = min(1.0, p_value * len(trial.candidate.shapes))
+        p_value = min(1.0, p_value * trial.candidate.trials)
         if trial.rank == 0 or (moved < MIN_DETECTABLE * linear.sigma and p_value > SIGNIFICANCE):
             each = moved / np.sqrt(linear.measured / linear.rows)
             size = f"a typical size moves the TCP by only {each * 1e3:.2g} mm"

@@ -16,6 +16,7 @@ from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.weights.whitening import RowWeights
 from lrm_ident.diagnosis.screening.candidates import differentiate_candidates, split_testable, unfitted_effects
 from lrm_ident.diagnosis.screening.column_sets import ColumnSets
+from lrm_ident.diagnosis.screening.likely_shapes import with_likely_shapes
 from lrm_ident.diagnosis.screening.linearised_fit import LinearisedFit, linearise
 from lrm_ident.diagnosis.screening.score_test import ScoredCandidate, score_candidates
 from lrm_ident.fitting.cross_validation import joint_space_folds
@@ -123,7 +124,8 @@ def screen(whole: Fit, data: Measurements, kinds: Iterable[type[Effect]], progre
     linear = linearised(fitted, part, weigh)
     sensed = part.whitening.sensed
     testable, not_testable = split_testable(unfitted_effects(fitted.model, kinds), fitted.equilibrium, sensed)
-    response, found = differentiate_candidates(fitted.equilibrium, testable, sensed)
+    response, every = differentiate_candidates(fitted.equilibrium, testable, sensed)
+    found = [with_likely_shapes(one, fitted.residual) for one in every]
     scored, sets, undetectable = score_candidates(found, linear, weigh, progress)
     return Screening(whole, data, screened, weigh, linear, response, scored, sets, (*not_testable, *undetectable))
 

@@ -1,0 +1,43 @@
+"""Self-heating: a servo that holds a load warms by its own losses, and its zero and scale follow."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from lrm_math.effects.base import Amounts, Description, Excitation, Extrapolation, JointEffect, Parameter
+from lrm_math.kinematics.chain import chain_of
+from lrm_math.kinematics.history import followed
+from lrm_math.kinematics.poses import Poses
+
+
+class SelfHeating(JointEffect):
+    """Zero and gain of a servo that follow the heat of the load that it held: cold when a session begins."""
+
+    id = "self_heating"
+    depends_on = ("time", "angle")
+    extrapolation = Extrapolation.PROPORTIONAL
+    about = Description(
+        cause="A servo's losses grow with the square of the torque that it holds; as it warms, its angle drifts.",
+        formula="δq = (a + g q) θ, T dθ/dt = τ² − θ, θ = 0 when a session begins",
+        source="first-order thermal model of a motor's losses (Hughes & Drury 2019)",
+        claim="{place} turns by {a_rad_per_Nm2} as it warms under load",
+        needs="the measured order, best with times (t_s), and loads that do not run with it",
+    )
+    parameters = (
+        Parameter("a_rad_per_Nm2", "zero, in the long run", 0.05),
+        Parameter("g_rad_per_rad_per_Nm2", "gain, in the long run", 0.05),
+        Parameter("T_s", "thermal time constant", 600.0, 10.0, fixed=600.0, scan=(100.0, 200.0, 400.0, 800.0, 1600.0)),
+    )
+
+    def amounts(self, poses: Poses, tau: Amounts, p: Sequence[float]) -> Amounts:
+        """(a + g q) θ; nothing of a servo of which nobody knows what it held."""
+        zero, gain, constant = p
+        if poses.history is None:
+            return (0.0,)
+        held = poses.history.visits.loads(chain_of(self.arm), self.targets)[:, 0] ** 2
+        past, own = followed(poses.history, held, constant)
+        return ((zero + gain * poses.angle(self.joint)) * (past + own * poses.history.own(held)),)
+
+    def missing_excitation(self, excitation: Excitation) -> str | None:
+        """The order must be known."""
+        return "the order of measurement is not known" if excitation.poses.history is None else None

@@ -1,0 +1,83 @@
+"""Slip: a screwed joint whose zero moves a little at every reversal under load, as far as its screw lets it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lrm_math.arrays import Array
+from lrm_math.effects.base import FEW_REVERSALS, Amounts, Description, Excitation, Extrapolation, JointEffect, Parameter
+from lrm_math.kinematics.chain import Number, chain_of
+from lrm_math.kinematics.history import Visits, differentiable
+from lrm_math.kinematics.poses import Poses
+
+SHARES = (1.0, 3.0, 10.0, 30.0, 100.0)
+"""Loads that slip 63 % of the way at one reversal, over the usual load: about the reversals to its bound."""
+
+
+class Slip(JointEffect):
+    """Zero of a joint that slips towards its load at every reversal, to a bound: tight when the data begin."""
+
+    id = "slip"
+    depends_on = ("time",)
+    extrapolation = Extrapolation.PROPORTIONAL
+    about = Description(
+        cause="A horn or a clamp that is not tight slips a little whenever its joint reverses under load.",
+        formula="δq = b z; at each reversal z moves towards the side of τ by 1 − exp(−|τ|/τ0) of the way",
+        source="self-loosening under reversals (Junker 1969), as far as the clearance goes",
+        claim="{place} slips by up to {b_rad} at reversals under load",
+        needs="the measured order, and a joint that reverses often under load",
+    )
+    parameters = (
+        Parameter("b_rad", "bound of the slip to either side", 0.02),
+        Parameter(
+            "tau0_Nm", "load that slips 63 % of the way at one reversal", 3.0, 1e-3, fixed=3.0, scan=(0.1, 100.0)
+        ),
+    )
+
+    def shapes_to_try(self, poses: Poses) -> dict[str, tuple[float, ...]]:
+        """Multiples of the usual load."""
+        usual = 0.0 if poses.history is None else float(np.median(np.abs(self._loads(poses.history.visits))))
+        return {"tau0_Nm": tuple(usual * share for share in SHARES)} if usual else {}
+
+    def amounts(self, poses: Poses, tau: Amounts, p: Sequence[float]) -> Amounts:
+        """b z; as when it was tight, of a joint of which nobody knows what it did."""
+        if poses.history is None:
+            return (0.0,)
+        visits = poses.history.visits
+        load, turns = self._loads(visits), reversals(visits.q[:, self.joint])
+        (slipped,) = differentiable(lambda scale: (_slipped(load, turns, scale),), p[1])
+        z: Number = poses.history.own(slipped)
+        return (p[0] * z,)
+
+    def _loads(self, visits: Visits) -> Array:
+        """(M,), torque at all visits (N·m)."""
+        return visits.loads(chain_of(self.arm), self.targets)[:, 0]
+
+    def missing_excitation(self, excitation: Excitation) -> str | None:
+        """The order must be known, and the joint must reverse."""
+        if excitation.poses.history is None:
+            return "the order of measurement is not known"
+        if excitation.reversals(self.joint) < FEW_REVERSALS:
+            return f"{self.place} (nearly) never reverses"
+        return None
+
+
+def reversals(q: Array) -> NDArray[np.bool_]:
+    """(M,), whether the move to each pose was against the joint's last one. `q`: (M,), commands in order."""
+    side, turned = 0.0, np.zeros(len(q), dtype=np.bool_)
+    for i, move in enumerate(np.sign(np.diff(q, prepend=q[:1])).tolist()):
+        turned[i] = move * side < 0.0
+        side = move or side
+    return turned
+
+
+def _slipped(load: Array, turned: NDArray[np.bool_], scale: complex) -> Array:
+    """(M,), z at all visits."""
+    kept = np.where(turned, np.exp(-np.abs(load) / scale), 1.0)
+    z, out = 0.0, np.zeros_like(kept)
+    for i, (left, side) in enumerate(zip(kept.tolist(), np.sign(load).tolist(), strict=True)):
+        z = out[i] = side + left * (z - side)
+    return out

@@ -1,0 +1,151 @@
+"""History of a measurement: which load the arm held for how long before each pose.
+
+What an arm was sent to and when is known whatever the parameters are; so the loads before a pose are those of the
+nominal arm. The rows are put in the order of their times within each session; a session begins with nothing known of
+what was before it. Where no times were measured, poses follow each other in equal steps, and a number that is left out
+takes a step too.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+from weakref import WeakKeyDictionary
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lrm_math.arrays import Array
+from lrm_math.kinematics import statics
+from lrm_math.kinematics.chain import Chain, Number, trig
+from lrm_math.kinematics.dual import Dual
+
+PACE_S = 10.0
+"""From pose to pose, where no times were measured: what has a memory follows their order then."""
+TINY = 1e-100
+"""Imaginary step of a derivative."""
+
+
+@dataclass(frozen=True, eq=False)
+class Visits:
+    """All M poses that the arm was sent to, in the order of time.
+
+    Attributes:
+        q: (M, n), commands (rad). payload: (M,), kg. step: (M,), time since the pose before (s), 0 where it begins.
+        begins: (M,), whether nothing is known of what was before: the first pose of each session.
+        gravity: (M, 3), unit vectors of gravity's direction, or None: as the arm file says.
+        timed: whether times were measured.
+    """
+
+    q: Array
+    payload: Array
+    step: Array
+    begins: NDArray[np.bool_]
+    gravity: Array | None = None
+    timed: bool = True
+
+    def loads(self, chain: Chain, slots: Sequence[str]) -> Array:
+        """(M, len(slots)), gravity's load on slots, by their keys, of the nominal arm (N·m; N along a translation)."""
+        known, key = _LOADS.setdefault(self, {}), (chain, tuple(slots))
+        if key not in known:
+            numbers = [chain.index[slot] for slot in slots]
+            values = chain.values(list(self.q.T))
+            x, y, z = chain.gravity if self.gravity is None else math.hypot(*chain.gravity) * self.gravity.T
+            bodies = statics.weights(chain, self.payload)
+            found = statics.loads(chain, values, trig(chain, values), bodies, (x, y, z), sorted(numbers))
+            columns = dict(zip(sorted(numbers), found, strict=True))
+            known[key] = np.stack([np.broadcast_to(columns[k], len(self.q)) for k in numbers], axis=1)
+        return known[key]
+
+
+_LOADS: WeakKeyDictionary[Visits, dict[tuple[Chain, tuple[str, ...]], Array]] = WeakKeyDictionary()
+
+
+@dataclass(frozen=True, eq=False)
+class History:
+    """History of N poses: `row` (N,) is the place of each among all `visits`."""
+
+    visits: Visits
+    row: NDArray[np.int64]
+
+    def __getitem__(self, chosen: NDArray[np.int64]) -> History:
+        """That of some of the poses: what was before them stays."""
+        return History(self.visits, self.row[chosen])
+
+    def own(self, values: Any) -> Any:
+        """(N,), values (M,) of all visits at these poses; a number for one pose."""
+        return values[int(self.row[0])] if len(self.row) == 1 else values[self.row]
+
+    def turned(self, rotation: Array) -> History:
+        """The same in a turned frame of measurement."""
+        stated = self.visits.gravity
+        return self if stated is None else replace(self, visits=replace(self.visits, gravity=stated @ rotation.T))
+
+
+def history_of(
+    q: Array,
+    payload: Array,
+    t: Array | None,
+    session: Array | None,
+    number: NDArray[np.int64],
+    gravity: Array | None = None,
+) -> History:
+    """The history of poses (N, n), rows in the order measured; their times (N,) in s, sessions and numbers (N,).
+
+    Poses of equal times were measured at once; a pose that is repeated was held again.
+    """
+    count = len(q)
+    of = np.zeros(count) if session is None else np.unique(session, return_inverse=True)[1].reshape(-1)
+    clock = t if t is not None else PACE_S * (number if (np.diff(number) > 0).all() else np.arange(count))
+    order = np.lexsort((np.arange(count), clock, of))
+    row = np.empty(count, dtype=np.int64)
+    row[order] = np.arange(count)
+    begins = np.diff(of[order], prepend=-1.0) != 0.0
+    step = np.where(begins, 0.0, np.diff(clock[order], prepend=0.0))
+    stated = None if gravity is None else gravity[order]
+    return History(Visits(q[order], payload[order], step, begins, stated, t is not None), row)
+
+
+def followed(
+    history: History, driver: Array, constant: Number, stood: Number = np.inf, rest: Number = 0.0
+) -> tuple[Number, Number]:
+    """Memory dc/dt = (driver − c)/T at N poses: the part that is left of what was before, and the share of their own.
+
+    Between two poses the arm holds the first one, and the second one for the last `stood` seconds. The memory is the
+    first more the second times the pose's own `driver`; each is (N,), or a number for one pose.
+
+    Args:
+        driver: (M,), what is followed, at all visits. constant: T (s). stood: s; they may carry derivatives, too.
+        rest: s that the first pose of a session had been held before its reading; before that there was no load.
+    """
+    past, own = differentiable(lambda *shapes: _followed(history.visits, driver, *shapes), constant, stood, rest)
+    return history.own(past), history.own(own)
+
+
+def differentiable(course: Callable[..., tuple[Any, ...]], *shapes: Any) -> tuple[Any, ...]:
+    """Values of a function of shape parameters that may carry derivatives, by complex steps (Squire & Trapp 1998)."""
+    given = [x.value if isinstance(x, Dual) else x for x in shapes]
+    values = course(*given)
+    slopes: list[Any] = [None] * len(values)
+    for i, x in enumerate(shapes):
+        if isinstance(x, Dual):
+            moved = course(*(y + TINY * 1j * (i == j) for j, y in enumerate(given)))
+            by_x = [np.imag(part) / TINY * x.slope for part in moved]
+            slopes = [new if old is None else old + new for old, new in zip(slopes, by_x, strict=True)]
+    return tuple(v if s is None else Dual(v, s) for v, s in zip(values, slopes, strict=True))
+
+
+def _followed(visits: Visits, driver: Array, constant: Any, stood: Any, rest: Any) -> tuple[Array, Array]:
+    """The same at all visits."""
+    step = np.where(visits.begins, rest, visits.step)
+    last = np.where((np.real(stood) < visits.step) & ~visits.begins, stood, step)
+    kept, after = np.exp(-step / constant), np.exp(-last / constant)
+    past, own = np.zeros_like(kept), 1.0 - after
+    state = before = 0.0
+    rows = zip(visits.begins.tolist(), kept.tolist(), after.tolist(), own.tolist(), driver.tolist(), strict=True)
+    for i, (begins, a, b, share, now) in enumerate(rows):
+        past[i] = 0.0 if begins else a * state + (b - a) * before
+        state, before = past[i] + share * now, now
+    return past, own

@@ -1,0 +1,117 @@
+"""Hidden causes with a memory, written from their physics: they share no code with the tool."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from validation.synthetic import EndLoad, HiddenEffect, JointLoad
+from validation.synthetic.hidden_effect import at_joint
+from validation.synthetic.screws import Array
+
+
+def yielded(drive: Array, time_s: Array, constant_s: float, late: float, fresh: bool) -> Array:
+    """(P,), state of a dashpot with time constant constant_s that follows drive (P,).
+
+    The arm leaves for a pose when the share `late` of the time between two readings has passed. Before the first
+    reading it had stood there for hours, or, if fresh, hung unloaded.
+    """
+    state = np.empty_like(drive)
+    state[0] = 0.0 if fresh else drive[0]
+    for row in range(1, len(drive)):
+        pause = time_s[row] - time_s[row - 1]
+        left = drive[row - 1] + (state[row - 1] - drive[row - 1]) * np.exp(-late * pause / constant_s)
+        state[row] = drive[row] + (left - drive[row]) * np.exp(-(1.0 - late) * pause / constant_s)
+    return state
+
+
+@dataclass(frozen=True)
+class ViscoelasticJoint(HiddenEffect):
+    """A dashpot beside a spring, behind the joint's own spring."""
+
+    joint: int
+    compliance_rad_per_nm: float
+    constant_s: float
+    late: float = 0.0
+    fresh: bool = False
+
+    def added_angles(self, load: JointLoad) -> Array:
+        """The spring's deflection as far as the dashpot has let it."""
+        tau, time = load.tau_nm[:, self.joint - 1], load.poses.time_s
+        state = yielded(tau, time, self.constant_s, self.late, self.fresh)
+        return at_joint(self.joint, self.compliance_rad_per_nm * state, load.tau_nm)
+
+
+@dataclass(frozen=True)
+class ViscoelasticBase(HiddenEffect):
+    """A base that tilts slowly under the moment on it, about both horizontal axes of its frame."""
+
+    compliance_rad_per_nm: tuple[float, float]
+    constant_s: float
+    late: float = 0.0
+
+    def flexible_links(self) -> tuple[int, ...]:
+        """The base."""
+        return (0,)
+
+    def link_deflection(self, load: EndLoad) -> Array:
+        """Tilt about x and y."""
+        bend = np.zeros((len(load.force_n), 6))
+        for axis, compliance in enumerate(self.compliance_rad_per_nm):
+            followed = yielded(load.moment_nm[:, axis], load.poses.time_s, self.constant_s, self.late, False)
+            bend[:, axis] = compliance * followed
+        return bend
+
+
+@dataclass(frozen=True)
+class HeatedServo(HiddenEffect):
+    """A servo whose zero and scale move with its own temperature, which losses of the holding current (τ²) make."""
+
+    joint: int
+    zero_rad_per_nm2: float
+    scale_per_nm2: float
+    constant_s: float
+
+    def added_angles(self, load: JointLoad) -> Array:
+        """Cold at the start."""
+        loss, time = load.tau_nm[:, self.joint - 1] ** 2, load.poses.time_s
+        heat = yielded(loss, time, self.constant_s, 0.0, True)
+        q = load.poses.q_rad[:, self.joint - 1]
+        return at_joint(self.joint, (self.zero_rad_per_nm2 + self.scale_per_nm2 * q) * heat, load.tau_nm)
+
+
+@dataclass(frozen=True)
+class SlippingHorn(HiddenEffect):
+    """A horn that slips on its shaft at each reversal, towards where the load pulls it, until its screw stops it."""
+
+    joint: int
+    bound_rad: float
+    share_per_nm: float
+
+    def added_angles(self, load: JointLoad) -> Array:
+        """At each reversal a share of the way that is left to the bound, larger under more load."""
+        tau, side = load.tau_nm[:, self.joint - 1], load.poses.direction[:, self.joint - 1]
+        place, slipped = 0.0, np.zeros(len(tau))
+        for row in range(len(tau)):
+            if row and side[row] * side[row - 1] < 0.0:
+                way = self.bound_rad * np.sign(tau[row]) - place
+                place += way * (1.0 - np.exp(-self.share_per_nm * abs(tau[row])))
+            slipped[row] = place
+        return at_joint(self.joint, slipped, load.tau_nm)
+
+
+@dataclass(frozen=True)
+class TwoPaceJoint(HiddenEffect):
+    """Creep with two time constants (written after the tool's effects): as polymers have, with a spectrum of them."""
+
+    joint: int
+    compliance_rad_per_nm: float
+    constants_s: tuple[float, float]
+    late: float = 0.0
+
+    def added_angles(self, load: JointLoad) -> Array:
+        """Half of the compliance at either pace."""
+        tau, time = load.tau_nm[:, self.joint - 1], load.poses.time_s
+        states = [yielded(tau, time, constant, self.late, False) for constant in self.constants_s]
+        return at_joint(self.joint, 0.5 * self.compliance_rad_per_nm * sum(states), load.tau_nm)
