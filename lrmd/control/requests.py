@@ -26,8 +26,12 @@ from lrmd.messages.control import (
     RelaxRequest,
     ResetRequest,
 )
+from lrmd.messages.surroundings import contacts_of
 from lrmd.ramp.shared_memory import LinkState
 from lrmd.ramp.stepping import Pace
+
+CONTACT_SPEED = 0.1
+"""Share of the full rate at which an arm moves that may touch something."""
 
 
 def _lease(s: ControllerState, request: LeaseRequest, now: int) -> RequestResult:
@@ -84,17 +88,19 @@ def _move(s: ControllerState, request: MoveRequest, now: int) -> RequestResult:
     next_mode(s.mode, Trigger.MOVE, s.why)
     thermal_protection.check_motion(s)
     payload = s.payload if request.payload_kg is None else request.payload_kg
-    legs, departure = _legs(s, request), s.departure()
-    s.motion_check.check(departure.start, legs, payload)
+    legs, departure, contacts = _legs(s, request), s.departure(), contacts_of(request.may_touch)
+    s.motion_check.check(departure.start, legs, payload, contacts)
     s.transition(Trigger.MOVE, "move", now)
     s.payload, s.rest_goal = payload, None
-    s.orders.start(legs, departure, now)
+    s.motion_check.touch(contacts)
+    s.orders.start(legs, departure, now, contacts)
     return RequestResult(seconds=_seconds(s, legs, departure), unchecked=s.unchecked)
 
 
 def _legs(s: ControllerState, request: MoveRequest) -> list[Leg]:
     """One leg per waypoint; servos that none names go on to where they were going. Raises `LrmError`."""
-    stride, goal = max(1, int(s.config.step * request.speed)), s.orders.goal
+    speed = min(request.speed, CONTACT_SPEED) if request.may_touch else request.speed
+    stride, goal = max(1, int(s.config.step * speed)), s.orders.goal
     legs = []
     for waypoint in request.waypoints:
         goal = overlaid(goal, pulses_of(s.config, waypoint, s.report.outputs))

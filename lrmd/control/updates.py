@@ -158,7 +158,7 @@ def adopt_guard(s: ControllerState, guard: Guard, now: int, cause: str = "the ne
         return
     under_way = Leg(s.orders.goal, s.order.stride[: len(s.position)], s.order.pace)
     try:
-        s.motion_check.check_clearance(s.position, [under_way, *s.orders.legs], s.payload)
+        s.motion_check.check_clearance(s.position, [under_way, *s.orders.legs], s.payload, s.orders.contacts)
     except LrmError as error:
         s.emit("motion_stopped", "warning", f"by {cause} the rest of the motion is not allowed: {error}")
         s.hold(now, f"{cause} does not allow the rest of the motion")

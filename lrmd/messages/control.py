@@ -5,19 +5,11 @@ from __future__ import annotations
 from itertools import pairwise
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import AfterValidator, FailFast, Field, JsonValue, ValidationInfo, field_validator, model_validator
+from pydantic import FailFast, Field, JsonValue, ValidationInfo, field_validator, model_validator
 
 from lrmd.messages.codec import Header, Message, Part
+from lrmd.messages.surroundings import ContactEntry, Label
 
-
-def _printable(text: str) -> str:
-    if not text.isprintable():
-        raise ValueError("printable characters only")
-    return text
-
-
-Label = Annotated[str, Field(max_length=64), AfterValidator(_printable)]
-"""Text that is shown on terminals."""
 Angles = Annotated[dict[Label, Annotated[float, Field(ge=-20, le=20)]], Field(max_length=16)]
 Servos = Annotated[list[Label], Field(max_length=16)]
 Token = Annotated[str, Field(min_length=1, max_length=64)]
@@ -80,13 +72,15 @@ class MoveRequest(MotionRequest):
     """`rpc/move` and `cmd/target`: brings servos to each of the waypoints (rad), one after the other.
 
     `pace` = "together": all end at once; "each": each at its own full rate. `speed`: share of the full rate.
-    `payload_kg`: what the gripper carries from now on.
+    `payload_kg`: what the gripper carries from now on. `may_touch`: contacts that this motion is permitted, at a tenth
+    of the full rate.
     """
 
     waypoints: Annotated[list[Angles], FailFast(), Field(min_length=1, max_length=1000)]
     pace: Literal["together", "each"] = "together"
     speed: Annotated[float, Field(gt=0, le=1)] = 1.0
     payload_kg: Annotated[float, Field(ge=0, le=2)] | None = None
+    may_touch: Annotated[list[ContactEntry], Field(max_length=8)] = []
 
 
 class JogRequest(MotionRequest):

@@ -8,9 +8,8 @@ from pydantic import FailFast, Field, model_validator
 
 from lrmd.messages.codec import Header, Message, Part
 from lrmd.messages.control import Label
+from lrmd.messages.surroundings import ContactEntry, Coordinate, Position
 
-Coordinate = Annotated[float, Field(ge=-100, le=100)]
-Position = Annotated[list[Coordinate], Field(min_length=3, max_length=3)]
 JointAngle = Annotated[float, Field(ge=-20, le=20)]
 JointAngles = Annotated[list[JointAngle], Field(min_length=1, max_length=16)]
 Directions = Annotated[list[Annotated[int, Field(ge=-1, le=1)]], Field(min_length=1, max_length=16)]
@@ -38,11 +37,13 @@ class GoalEntry(Part):
 
 
 class KinematicsRequest(Message):
-    """Query of the ik process. `payload_kg`: None for what the arm carries; `id`: for `rpc/cancel`."""
+    """Query of the ik process. `payload_kg`: None for what the arm carries; `id`: for `rpc/cancel`.
+    `may_touch`: contacts that the motion will be permitted."""
 
     id: Label = ""
     payload_kg: Payload | None = None
     deadline_ms: Deadline = 10_000.0
+    may_touch: Annotated[list[ContactEntry], Field(max_length=8)] = []
 
     def with_payload(self, carried: float) -> Self:
         """The request with what the arm carries (kg), unless it says so: a plan then is that of the next move."""
