@@ -8,6 +8,9 @@ from itertools import chain
 from lrm_math.arrays import Vector3
 from lrm_math.errors import LrmError, UnknownName
 
+WORLD = -1
+"""Frame of a capsule that stands still in the frame of TCP positions."""
+
 
 @dataclass(frozen=True)
 class Capsule:

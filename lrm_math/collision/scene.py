@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from lrm_math.arm.arm import Arm
-from lrm_math.arm.collision_shapes import Box, Capsule
+from lrm_math.arm.collision_shapes import WORLD, Box, Capsule
 from lrm_math.arrays import Array
 from lrm_math.collision.contact import ContactPermit
 from lrm_math.collision.distance import depth_in_box, segment_to_box, segment_to_segment
@@ -28,8 +28,6 @@ from lrm_math.kinematics.chain import Chain, chain_of, rotation_about
 from lrm_math.kinematics.forward import frames
 
 Indices = NDArray[np.intp]
-WORLD = -1
-"""Frame of a capsule that stands still in the frame of TCP positions."""
 BATCH = 500
 """Poses computed at once: as many as stay in the processor's cache."""
 
@@ -65,7 +63,8 @@ class Scene:
     `box_half` (B, 3): the boxes in the frame of TCP positions. `capsule_pairs` (K, 2); `box_pairs` (M, 2): pairs of a
     capsule and a box; `radii` (K + M,): sum of the radii of a pair. `names` (K + M, 2).
     `motion_bound` (K + M, n): the most that 1 rad of joint j can move the one body against the other (m). `home`
-    (n + 2, 4, 4): `frames` with all angles zero. `estimated`: names of shapes that nobody measured. `permits`: contacts
+    (n + 2, 4, 4): `frames` with all angles zero. `estimated`: names of shapes that nobody measured. `around`: those of
+    obstacles beside the arm file's. `permits`: contacts
     that are allowed, by the number of their pair; the distances of these pairs are raised where they are.
     """
 
@@ -84,6 +83,7 @@ class Scene:
     motion_bound: Array
     home: Array
     estimated: frozenset[str] = frozenset()
+    around: frozenset[str] = frozenset()
     permits: Mapping[int, ContactPermit] = field(default_factory=dict)
 
     @classmethod
@@ -142,6 +142,7 @@ class Scene:
             motion_bound=np.array([bound for _, _, _, bound in pairs]),
             home=home,
             estimated=shapes.estimated,
+            around=frozenset(shape.name for shape in around),
         )
 
     def permitting(self, permits: Iterable[ContactPermit]) -> Scene:

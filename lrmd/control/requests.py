@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
+import numpy as np
+
 from lrmd.config import SECOND
 from lrmd.control import thermal_protection, updates
 from lrmd.control.arming_pose import arming_pulses
@@ -25,10 +27,12 @@ from lrmd.messages.control import (
     MoveRequest,
     RelaxRequest,
     ResetRequest,
+    SceneCommand,
 )
 from lrmd.messages.surroundings import contacts_of
 from lrmd.ramp.shared_memory import LinkState
 from lrmd.ramp.stepping import Pace
+from lrmd.safety.collision_guard import CollisionGuard
 
 CONTACT_SPEED = 0.1
 """Share of the full rate at which an arm moves that may touch something."""
@@ -151,9 +155,26 @@ def _gravity(s: ControllerState, request: GravityCommand, now: int) -> RequestRe
     return RequestResult()
 
 
+def _scene(s: ControllerState, request: SceneCommand, now: int) -> RequestResult:
+    """Raises `RequestError`; an obstacle inside the arm is refused, and stops a motion."""
+    names = s.config.arm.shapes.names
+    obstacles = s.obstacles.changed(request, names, now)
+    guard = obstacles.added_to(s.guard, s.config.arm)
+    told = [entry.name for entry in request.put]
+    if told and isinstance(guard, CollisionGuard):
+        here = np.array(s.angles(s.position)[: s.config.dof])
+        if (inside := guard.overlaps(here, s.payload, told)) and s.report.outputs:
+            s.stop_motion(now, f"the obstacle {inside[1]} is said to be inside the arm")
+            raise RequestError("obstacle", f"'{inside[1]}' would be inside {inside[0]} where the arm stands")
+    s.obstacles = obstacles
+    updates.surround(s, now)
+    return RequestResult()
+
+
 HANDLERS: dict[type[Message], Callable[..., RequestResult]] = {
     LeaseRequest: _lease, HoldRequest: _hold, ArmRequest: _arm, MoveRequest: _move, JogRequest: request_jog,
     RelaxRequest: _relax, DisarmRequest: _disarm, ResetRequest: _reset, GravityCommand: _gravity,
+    SceneCommand: _scene,
 }  # fmt: skip
 
 

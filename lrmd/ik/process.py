@@ -40,6 +40,7 @@ from lrmd.messages.kinematics import (
     PlanReply,
     PlanRequest,
 )
+from lrmd.messages.surroundings import unpacked
 from lrmd.messages.zenoh_session import GONE_KEY, key, own_client, reply_error, serve
 from lrmd.ramp.parent import SharedFd, die_with_parent
 from lrmd.ramp.shared_memory import NO_MODEL, GravityRecord, SharedRecords
@@ -104,6 +105,7 @@ class IkProcess:
         self._service: IkService | None = None
         self._checked: tuple[bytes, bytes] | None = None
         self._gravity = GravityRecord()
+        self._scene_number = 0
         self._shared.values.ik_model = NO_MODEL
         self._update_model()
 
@@ -159,6 +161,7 @@ class IkProcess:
         self._shared.ik[0] = time.monotonic_ns()
         self._update_model()
         self._update_gravity()
+        self._update_scene()
         for queued in self._queue:
             try:
                 queued.check()
@@ -203,6 +206,7 @@ class IkProcess:
             if found != accepted:
                 raise LrmError("the model's file is not the one that the daemon accepted; reload it")
             self._service, self._gravity = IkService(self._config, deploy(self._config)), GravityRecord()
+            self._scene_number = 0
             self._shared.values.ik_model = self._service.deployed.digest
         except LrmError as error:
             self._log.error("model_refused", text=str(error))
@@ -218,8 +222,17 @@ class IkProcess:
             self._log.error("gravity_refused", text=str(error))
         self._gravity = now
 
+    def _update_scene(self) -> None:
+        """Takes over the obstacles that the daemon knows."""
+        number = self._shared.values.scene_number
+        if number == self._scene_number or self._service is None or (told := self._shared.read_scene()) is None:
+            return
+        self._service = self._service.among(unpacked(told))
+        self._scene_number = number
+
     def _steps(self, queued: QueuedQuery) -> Steps:
         self._update_gravity()
+        self._update_scene()
         started, request, service = time.perf_counter(), queued.request, self._service
         if service is None:
             raise RequestError("no_model", "the model's file changed since the daemon loaded it; rpc/reload takes it")

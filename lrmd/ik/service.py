@@ -40,7 +40,7 @@ from lrmd.messages.kinematics import (
     KinematicsRequest,
     PlanRequest,
 )
-from lrmd.messages.surroundings import contacts_of
+from lrmd.messages.surroundings import ObstacleEntry, contacts_of
 from lrmd.safety.collision_guard import CollisionGuard
 from lrmd.safety.contact_force import ContactRules, permits
 
@@ -171,6 +171,15 @@ class IkService:
         other._solver = solver if down is None else solver.under_gravity(down)
         other._feasibility = FeasibilityCheck(self._scene, other._solver.arm)
         other._solver.warm_up()
+        return other
+
+    def among(self, obstacles: Sequence[ObstacleEntry]) -> IkService:
+        """The service of the arm among obstacles, beside those of its file."""
+        if self._scene is None:
+            return self
+        other = copy(self)
+        other._scene = Scene.of(self._config.arm, around=[entry.built() for entry in obstacles])
+        other._feasibility = replace(self._feasibility, scene=other._scene)
         return other
 
     def inverse(self, request: IkRequest, known: Known = UNKNOWN) -> Iterator[IkAnswer]:

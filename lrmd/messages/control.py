@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import FailFast, Field, JsonValue, ValidationInfo, field_validator, model_validator
 
 from lrmd.messages.codec import Header, Message, Part
-from lrmd.messages.surroundings import ContactEntry, Label
+from lrmd.messages.surroundings import MOST_OBSTACLES, ContactEntry, Label, ObstacleEntry, printable
 
 Angles = Annotated[dict[Label, Annotated[float, Field(ge=-20, le=20)]], Field(max_length=16)]
 Servos = Annotated[list[Label], Field(max_length=16)]
@@ -140,6 +140,23 @@ class GravityCommand(Message):
     gravity_m_per_s2: Annotated[list[Annotated[float, Field(ge=-11, le=11)]], Field(min_length=3, max_length=3)]
 
 
+class SceneCommand(Message):
+    """`cmd/scene`: obstacles of an `owner`, by name: `put` adds or moves them, `remove` forgets them. Needs no lease.
+
+    `max_age_s`: those that are put are dropped after so long; None: never.
+    """
+
+    owner: Annotated[str, Field(min_length=1, max_length=64)]
+    put: Annotated[list[ObstacleEntry], FailFast(), Field(max_length=MOST_OBSTACLES)] = []
+    remove: Annotated[list[Label], FailFast(), Field(max_length=MOST_OBSTACLES)] = []
+    max_age_s: Annotated[float, Field(gt=0, le=86_400)] | None = 10.0
+
+    @field_validator("owner")
+    @classmethod
+    def _shown(cls, value: str) -> str:
+        return printable(value)
+
+
 REQUESTS: dict[str, type[Message]] = {
     "rpc/lease": LeaseRequest,
     "rpc/arm": ArmRequest,
@@ -154,7 +171,12 @@ REQUESTS: dict[str, type[Message]] = {
 }
 MODELS = ("rpc/reload", "rpc/deploy", "rpc/undeploy")
 """Requests that take long: one at a time, of all of them."""
-COMMANDS: dict[str, type[Message]] = {"cmd/target": MoveRequest, "cmd/jog": JogRequest, "cmd/gravity": GravityCommand}
+COMMANDS: dict[str, type[Message]] = {
+    "cmd/target": MoveRequest,
+    "cmd/jog": JogRequest,
+    "cmd/gravity": GravityCommand,
+    "cmd/scene": SceneCommand,
+}
 """Requests without a reply: what is wrong with one is told by an event."""
 
 
@@ -222,6 +244,21 @@ class GravityState(Header):
     gravity_m_per_s2: list[float]
     source: Literal["model", "told"]
     age_s: float | None
+
+
+class ObstacleState(Part):
+    """An obstacle that the guard knows: `age_s` since it was told, `left_s` until it is dropped, None: never."""
+
+    name: str
+    owner: str
+    age_s: float
+    left_s: float | None
+
+
+class SceneState(Header):
+    """`state/scene`, 1 Hz: obstacles that `cmd/scene` told of."""
+
+    obstacles: list[ObstacleState]
 
 
 class MetricsState(Header):

@@ -4,7 +4,8 @@ Rule: on its way no two bodies come nearer to each other than the safety margin 
 already, than the nearest two are at the start. So whatever is requested, in whatever order and how often, the smallest
 distance never falls below the margin, or below that of the pose in which the arm was armed.
 
-A contact that a request permits raises the distance of its own pair, for this request alone
+An obstacle that was told of while the arm stood near it gives room to no other pair, nor does a contact. A contact that
+a request permits raises the distance of its own pair, for this request alone
 (`lrm_math.collision.contact`). A pair that was brought to touch in this way may not come nearer afterwards than it is,
 and gives no other pair any room.
 
@@ -13,7 +14,7 @@ It holds for the rigid arm as commanded and, by itself, for the arm as it sags.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import pairwise
@@ -106,8 +107,9 @@ class CollisionGuard:
     def _required(self, bodies: ArmBodies, start: Array) -> Array:
         """(pairs,), the separation (m) that the rule requires of a way that begins at a pose (n,)."""
         here = np.minimum(self.scene.margin, bodies.separations(start[None])[0])
-        touched = np.array([frozenset(pair) in self.touched for pair in self.scene.names.tolist()], dtype=np.bool_)
-        return np.where(touched, here, here[~touched].min(initial=self.scene.margin))
+        names = self.scene.names.tolist()
+        alone = [frozenset(pair) in self.touched or not self.scene.around.isdisjoint(pair) for pair in names]
+        return np.where(alone, here, here[~np.array(alone)].min(initial=self.scene.margin))
 
     def bodies(self, payload: float) -> tuple[ArmBodies, ...]:
         """The bodies of the rigid arm and, with a model, of the arm that sags with a payload (kg)."""
@@ -115,6 +117,16 @@ class CollisionGuard:
         if self.model is None:
             return (rigid,)
         return rigid, ArmBodies(self.scene, partial(self._sagging, self.model, payload), SAG_RATE, SAMPLING_STEP)
+
+    def overlaps(self, q: Array, payload: float, names: Collection[str]) -> tuple[str, str] | None:
+        """The first body and obstacle, of `names`, that overlap in a pose (n,), of the rigid arm or as it sags."""
+        for bodies in self.bodies(payload):
+            apart = bodies.separations(q[None])[0]
+            for pair, distance in zip(self.scene.names.tolist(), apart.tolist(), strict=True):
+                if NO_EQUILIBRIUM < distance < 0.0 and not set(names).isdisjoint(pair):
+                    first, second = sorted(pair, key=lambda name: name in names)
+                    return first, second
+        return None
 
     def separation(self, q: Array, payload: float) -> Array:
         """(N,), the smallest separation (m) in poses (N, n), of the rigid arm or as it sags with a payload (kg)."""

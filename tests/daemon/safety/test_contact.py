@@ -178,6 +178,7 @@ def test_two_parts_of_the_arm_may_never_touch(scene: Scene) -> None:
 @given(st.integers(0, 10_000))
 @settings(max_examples=6, deadline=None)
 def test_no_sequence_of_requests_makes_a_permission_leak(seed: int) -> None:
-    """To another pair, place, depth or request; the others keep the margin in every tick."""
+    """To another pair, place, depth or request; the others keep the margin in every tick, and so do obstacles that
+    come, move and go meanwhile."""
     result = GuardedSequence(seed).run(8, contacts=True)
     assert result.kept, result

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -18,8 +19,8 @@ from lrm_math.errors import LrmError
 from lrm_math.model.model import Model, model_of
 from lrmd.config import Config, load_config
 from lrmd.control.state_machine import Mode
-from lrmd.messages.control import ArmRequest, HoldRequest, JogRequest, LeaseRequest, MoveRequest
-from lrmd.messages.surroundings import ContactEntry, contacts_of
+from lrmd.messages.control import ArmRequest, HoldRequest, JogRequest, LeaseRequest, MoveRequest, SceneCommand
+from lrmd.messages.surroundings import ContactEntry, ObstacleEntry, contacts_of
 from lrmd.safety.collision_guard import CollisionGuard
 from tests.support.daemon.in_memory_daemon import CONFIG, SimulatedDaemon
 from tests.support.random_arms import random_arm
@@ -95,12 +96,15 @@ class GuardedSequence:
         self.accepted = self.refused = 0
         self.visited: list[Array] = []
         self.permits: list[ContactPermit] = []
+        self.told: list[tuple[ObstacleEntry, ...]] = []
+        self.told_at: list[int] = []
         self.under_way: list[tuple[Contact, ...]] = []
         self.deploy()
 
     def run(self, requests: int = 14, contacts: bool = False) -> SequenceResult:
-        """Arms somewhere and sends so many requests; `contacts`: some of them permit one."""
-        touching = (self.touch, self.touch, self.touch) if contacts else ()
+        """Arms somewhere and sends so many requests; `contacts`: some of them permit
+        one, and others tell of obstacles."""
+        touching = (self.touch, self.touch, self.touch, self.surround, self.surround) if contacts else ()
         self.tick(30)
         self.token = self.leased()
         start = self.start()
@@ -110,6 +114,7 @@ class GuardedSequence:
         assert self.sim.core.mode is Mode.ARMED, self.sim.core.why
         self.visited.clear()
         self.under_way.clear()
+        self.told_at.clear()
         armed = float(self.separations(self.commanded()[None])[0])
         actions = (self.move, self.creep, self.jog, self.jog, self.redirect, self.hold, self.deploy, *touching)
         for _ in range(requests):
@@ -118,7 +123,7 @@ class GuardedSequence:
         permitted = {permit.pair for permit in self.permits}
         plain = np.array([frozenset(pair) not in permitted for pair in self.scene.names.tolist()], dtype=np.bool_)
         least = float(self.all_separations(np.unique(visited, axis=0))[:, plain].min(initial=np.inf))
-        leaks = tuple(self.leaks(min(MARGIN, armed)))
+        leaks = (*self.leaks(min(MARGIN, armed)), *self.run_into())
         return SequenceResult(armed, least, self.accepted, self.refused, leaks)
 
     def leaks(self, required: float) -> Iterator[str]:
@@ -140,6 +145,22 @@ class GuardedSequence:
                 if not any(here >= -p.depth - 1e-5 and inside[p] > -1e-5 for p in allowed):
                     yield f"tick {tick}: {names} at {here * 1e3:.3f} mm"
                 reached = min(reached, here)
+
+    def run_into(self) -> Iterator[str]:
+        """Obstacles that came nearer than the margin, and than they were when they were told of."""
+        for number, entries in enumerate(self.told):
+            ticks = [tick for tick, at in enumerate(self.told_at) if at == number]
+            if not entries or not ticks:
+                continue
+            scene = Scene.of(self.arm, around=[entry.built() for entry in entries])
+            mine = np.array([not scene.around.isdisjoint(pair) for pair in scene.names.tolist()])
+            blocks = [ticks[i : i + 400] for i in range(0, len(ticks), 400)]
+            apart = np.concatenate(
+                [scene.separations(scene.frames(np.array([self.visited[t] for t in b])))[:, mine] for b in blocks]
+            )
+            floor = np.minimum(MARGIN, apart[:LEAD_TICKS].min(axis=0))
+            if (apart < floor - 1e-5).any():
+                yield f"{scene.names[mine][(apart < floor - 1e-5).any(axis=0)].tolist()} of scene {number}"
 
     # ---- what it does
 
@@ -190,6 +211,29 @@ class GuardedSequence:
         for _ in range(4):
             self.request_move(self.commanded() + step * self.inward(), may_touch=[entry])
             self.tick(int(self.rng.integers(20, 400)))
+
+    def surround(self) -> None:
+        """Tells of obstacles: anywhere, before the arm, or where it is; or of fewer."""
+        tip = self.scene.frames(self.commanded()[None])[0, -1, :3, 3]
+        place = (tip + self.rng.normal(0.0, 10.0 ** self.rng.uniform(-2.0, -0.3), 3)).tolist()
+        size = float(self.rng.uniform(0.01, 0.2))
+        number = int(self.rng.integers(3))
+        form: dict[str, Any] = {
+            "box": {"size_m": [size, 2 * size, size], "rotation_rad": self.rng.uniform(-3, 3, 3).tolist()},
+            "sphere": {"radius_m": size / 2},
+            "capsule": {"end_m": self.rng.normal(0.0, 0.4, 3).tolist(), "radius_m": size / 3},
+        }
+        kind = list(form)[int(self.rng.integers(3))]
+        put = [ObstacleEntry(name=f"thing {number}", shape=kind, position_m=place, **form[kind])]  # type: ignore[arg-type]
+        gone = self.rng.random() < 0.3
+        self.request(
+            SceneCommand(
+                owner="x", put=[] if gone else put, remove=[f"thing {number}"] if gone else [],
+                max_age_s=None if self.rng.random() < 0.5 else 2.0,
+            )
+        )  # fmt: skip
+        self.tick(int(self.rng.integers(1, 60)))
+        self.creep()
 
     def deploy(self) -> None:
         """Another model, or none."""
@@ -249,7 +293,7 @@ class GuardedSequence:
             )
         )  # fmt: skip
 
-    def request(self, request: ArmRequest | MoveRequest | JogRequest | HoldRequest) -> None:
+    def request(self, request: ArmRequest | MoveRequest | JogRequest | HoldRequest | SceneCommand) -> None:
         """Sends a request, as the API passes it on, most of the time after the ramp has read the last order."""
         if self.rng.random() < 0.9:
             self.sim.settle()
@@ -268,3 +312,6 @@ class GuardedSequence:
             self.sim.tick()
             self.visited.append(self.commanded())
             self.under_way.append(self.sim.core.orders.contacts)
+            if not self.told or self.told[-1] != self.sim.core.obstacles.entries:
+                self.told.append(self.sim.core.obstacles.entries)
+            self.told_at.append(len(self.told) - 1)
