@@ -25,6 +25,7 @@ from lrmd.ik.deployed_model import deploy, digest_of
 from lrmd.ik.fair_queue import FairQueue
 from lrmd.ik.planner import JointPath
 from lrmd.ik.service import IkService
+from lrmd.ik.straight_line import LineEnd
 from lrmd.messages.codec import Header, HeaderSource, Message, pack
 from lrmd.messages.inbox import Inbox, Send
 from lrmd.messages.kinematics import (
@@ -251,7 +252,7 @@ class IkProcess:
                     content["places"].append(place)
                     yield
             case PlanRequest():
-                kind, content = PlanReply, _plan_content(service.plan(request, partial(self._pause, queued)))
+                kind, content = PlanReply, _plan_content(service.plan(request, partial(self._pause, queued), known))
         content |= {"model": service.deployed.path, "model_sha256": service.deployed.sha256}
         content["elapsed_ms"] = (time.perf_counter() - started) * 1e3
         return kind(**self._headers.next("ik"), **content)
@@ -278,7 +279,9 @@ class IkProcess:
         reply_error(query, error, self._log, self._headers.boot_id)
 
 
-def _plan_content(path: JointPath | str) -> dict[str, Any]:
+def _plan_content(path: JointPath | LineEnd | str) -> dict[str, Any]:
+    if isinstance(path, LineEnd):
+        return {"found": False, "text": path.text, "ends_at_m": list(path.at)}
     if isinstance(path, str):
         return {"found": False, "text": path}
     return {"found": True, "text": f"{len(path) - 1} straight moves", "waypoints_rad": [list(q) for q in path]}

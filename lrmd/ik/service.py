@@ -29,7 +29,8 @@ from lrm_math.model.model import Model
 from lrmd.config import Config
 from lrmd.errors import RequestError
 from lrmd.ik.deployed_model import DeployedModel
-from lrmd.ik.planner import JointPath, Planner
+from lrmd.ik.planner import JointPath, Planner, with_corners
+from lrmd.ik.straight_line import LineEnd, line_path
 from lrmd.messages.codec import MessageError
 from lrmd.messages.kinematics import (
     FkAnswer,
@@ -264,14 +265,36 @@ class IkService:
         within = self.deployed.model.within
         return [] if within is None else list(within.joints_outside(np.array(q)))
 
-    def plan(self, request: PlanRequest, check_cancelled: CancellationCheck) -> JointPath | str:
+    def plan(
+        self, request: PlanRequest, check_cancelled: CancellationCheck, known: Known = UNKNOWN
+    ) -> JointPath | LineEnd | str:
         """A path, or the reason why there is none. Raises `LrmError`, and what `check_cancelled` raises."""
         for name in ("from_rad", "to_rad"):
             self._check_angles(name, getattr(request, name))
+        if request.line:
+            return self._line(request, check_cancelled, known)
         goals = [request.to_rad] if request.to_rad is not None else self._permitting(request)._commands(request)
         guard = self._guard(request, np.array([request.from_rad, *goals]))
         planner = Planner(self._config, guard, request.payload_kg or 0.0)
         return planner.find(request.from_rad, goals, request.seed, check_cancelled)
+
+    def _line(
+        self, request: PlanRequest, check_cancelled: CancellationCheck, known: Known
+    ) -> JointPath | LineEnd | str:
+        """A straight line of the tip, or where it ends. Raises `LrmError`."""
+        assert request.goal is not None
+        payload = request.payload_kg or 0.0
+        _, here = _start(request.from_rad, known)
+        motion = Motion.at(request.from_rad) if here is None else replace(here, q=np.array(request.from_rad))
+        found = line_path(self._solver, payload, motion, self._goal(0, request.goal), check_cancelled)
+        if isinstance(found, LineEnd):
+            return found
+        path = np.array(found)
+        move, number = self._guard(request, path).check(path, payload)
+        if not move.free:
+            tip = self._solver.forward(path[number], payload).tcp
+            return LineEnd(f"no straight line: {move} of its part {number + 1} of {len(path) - 1}", tip)
+        return with_corners(self._config, path)
 
     def _guard(self, request: PlanRequest, poses: Array) -> CollisionGuard:
         """The guard of a plan between poses (K, n), with the contacts that it permits. Raises `LrmError`."""
