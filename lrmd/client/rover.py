@@ -25,6 +25,7 @@ from lrmd.messages.control import (
     MetricsState,
     ModeState,
     MoveRequest,
+    PayloadRequest,
     RelaxRequest,
     ReloadReply,
     ReloadRequest,
@@ -120,6 +121,12 @@ class Rover(RoverSession):
         if wait:
             self._wait(("armed",), ("moving",), 2 * seconds + 5.0)
         return seconds
+
+    def carry(self, payload_kg: float) -> None:
+        """Tells the mass that the gripper carries from now on (kg). Nothing moves. Raises `RequestRefused`."""
+        with field_named():
+            request = PayloadRequest(lease=self._token(), payload_kg=payload_kg)
+        self._query(Reply, "rpc/payload", request)
 
     def jog(self, rates: Mapping[str, float]) -> None:
         """Turns servos at rates (rad/s) until the command timeout (0.5 s): call it again to continue. Does not wait."""

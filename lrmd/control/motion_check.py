@@ -5,12 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
+import numpy as np
+
 from lrm_math.collision.contact import Contact
 from lrmd.config import Config
 from lrmd.control.ramp_orders import Leg, Pulses, angles, overlaid
 from lrmd.errors import RequestError
 from lrmd.ramp.stepping import Move
-from lrmd.safety.collision_guard import ClearanceViolation, Guard
+from lrmd.safety.collision_guard import ClearanceViolation, CollisionGuard, Guard
 from lrmd.safety.contact_force import ContactRules
 from lrmd.safety.thermal_model import ThermalMonitor, Torques
 
@@ -59,6 +61,12 @@ class MotionCheck:
             self.guard(path, payload, ContactRules(tuple(contacts), self.touched))
         except ClearanceViolation as error:
             raise _collision(error, numbers[error.move]) from None
+
+    def check_settles(self, pulses: Pulses, payload: float) -> None:
+        """Raises `RequestError` if the arm has no elastic equilibrium at pulses (ns) with a payload (kg)."""
+        if isinstance(self.guard, CollisionGuard) and not self.guard.settles(np.array(self._joints(pulses)), payload):
+            text = f"with {payload * 1e3:.0f} g the arm would not come to rest where it stands: no load for this arm"
+            raise RequestError("too_heavy", text)
 
     def touch(self, contacts: Sequence[Contact]) -> None:
         """Notes the pairs that a motion which begins now may bring nearer than the margin."""

@@ -25,6 +25,7 @@ from lrmd.messages.control import (
     LeaseRequest,
     MotionRequest,
     MoveRequest,
+    PayloadRequest,
     RelaxRequest,
     ResetRequest,
     SceneCommand,
@@ -34,6 +35,8 @@ from lrmd.ramp.shared_memory import LinkState
 from lrmd.ramp.stepping import Pace
 from lrmd.safety.collision_guard import CollisionGuard
 
+BEARABLE_S = 60.0
+"""s: a load with which a servo would be too hot sooner is not one that the arm carries."""
 CONTACT_SPEED = 0.1
 """Share of the full rate at which an arm moves that may touch something."""
 
@@ -155,6 +158,18 @@ def _gravity(s: ControllerState, request: GravityCommand, now: int) -> RequestRe
     return RequestResult()
 
 
+def _payload(s: ControllerState, request: PayloadRequest, now: int) -> RequestResult:
+    """Raises `RequestError` for a load that the arm cannot carry where it stands; a motion whose rest the guard does
+    not allow with it is stopped."""
+    torques = s.motion_check.servo_torques(s.position, request.payload_kg)
+    if s.report.outputs and request.payload_kg > s.payload:
+        s.thermal.check_bearable(torques, BEARABLE_S)
+        s.motion_check.check_settles(s.position, request.payload_kg)
+    s.payload = request.payload_kg
+    updates.reconsider(s, now, "the new load")
+    return RequestResult()
+
+
 def _scene(s: ControllerState, request: SceneCommand, now: int) -> RequestResult:
     """Raises `RequestError`; an obstacle inside the arm is refused, and stops a motion."""
     names = s.config.arm.shapes.names
@@ -167,14 +182,14 @@ def _scene(s: ControllerState, request: SceneCommand, now: int) -> RequestResult
             s.stop_motion(now, f"the obstacle {inside[1]} is said to be inside the arm")
             raise RequestError("obstacle", f"'{inside[1]}' would be inside {inside[0]} where the arm stands")
     s.obstacles = obstacles
-    updates.surround(s, now)
+    updates.reconsider(s, now, "an obstacle")
     return RequestResult()
 
 
 HANDLERS: dict[type[Message], Callable[..., RequestResult]] = {
     LeaseRequest: _lease, HoldRequest: _hold, ArmRequest: _arm, MoveRequest: _move, JogRequest: request_jog,
     RelaxRequest: _relax, DisarmRequest: _disarm, ResetRequest: _reset, GravityCommand: _gravity,
-    SceneCommand: _scene,
+    SceneCommand: _scene, PayloadRequest: _payload,
 }  # fmt: skip
 
 

@@ -158,9 +158,9 @@ def adopt_guard(s: ControllerState, guard: Guard, now: int, cause: str = "the ne
     _use_guard(s, now, cause)
 
 
-def surround(s: ControllerState, now: int) -> None:
-    """Uses the guard with the obstacles that are known now, in the same way."""
-    _use_guard(s, now, "an obstacle")
+def reconsider(s: ControllerState, now: int, cause: str) -> None:
+    """Asks the guard, with the obstacles and the load that are known now, about a motion under way in the same way."""
+    _use_guard(s, now, cause)
 
 
 def drop_old_obstacles(s: ControllerState, now: int) -> None:
@@ -172,7 +172,7 @@ def drop_old_obstacles(s: ControllerState, now: int) -> None:
         owner = s.obstacles.known[name].owner
         s.emit("obstacle_dropped", "warning", f"{owner} tells no more of the obstacle {name}; it is forgotten")
     s.obstacles = fresh
-    surround(s, now)
+    reconsider(s, now, "an obstacle")
 
 
 def _use_guard(s: ControllerState, now: int, cause: str) -> None:

@@ -83,6 +83,12 @@ class MoveRequest(MotionRequest):
     may_touch: Annotated[list[ContactEntry], Field(max_length=8)] = []
 
 
+class PayloadRequest(CommandRequest):
+    """`rpc/payload`: the mass that the gripper carries from now on. Nothing moves."""
+
+    payload_kg: Annotated[float, Field(ge=0, le=2)]
+
+
 class JogRequest(MotionRequest):
     """`cmd/jog`: turns servos at these rates (rad/s) until the next one, at most for the command watchdog's time."""
 
@@ -161,6 +167,7 @@ REQUESTS: dict[str, type[Message]] = {
     "rpc/lease": LeaseRequest,
     "rpc/arm": ArmRequest,
     "rpc/move": MoveRequest,
+    "rpc/payload": PayloadRequest,
     "rpc/hold": HoldRequest,
     "rpc/relax": RelaxRequest,
     "rpc/disarm": DisarmRequest,

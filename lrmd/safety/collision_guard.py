@@ -118,6 +118,10 @@ class CollisionGuard:
             return (rigid,)
         return rigid, ArmBodies(self.scene, partial(self._sagging, self.model, payload), SAG_RATE, SAMPLING_STEP)
 
+    def settles(self, q: Array, payload: float) -> bool:
+        """Whether the arm has an elastic equilibrium in a pose (n,) with a payload (kg)."""
+        return all(bodies.separation(q) > NO_EQUILIBRIUM for bodies in self.bodies(payload))
+
     def overlaps(self, q: Array, payload: float, names: Collection[str]) -> tuple[str, str] | None:
         """The first body and obstacle, of `names`, that overlap in a pose (n,), of the rigid arm or as it sags."""
         for bodies in self.bodies(payload):
