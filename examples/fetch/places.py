@@ -11,10 +11,19 @@ from lrm_math.arm.arm_file import load_arm
 from lrm_math.arrays import Array
 from lrm_math.collision.contact import ContactPermit
 from lrm_math.collision.scene import Scene
+from lrm_math.ik.calibrated import CalibratedSolver
+from lrm_math.ik.goal import pose
 from lrm_math.ik.nominal import NominalSolver
+from lrm_math.kinematics.motion import Motion
+from lrm_math.model.model import model_of
+from lrmd.ik.straight_line import LineEnd, line_path
 from lrmd.messages.surroundings import ContactEntry
 
 ARM = "lrm-rover"
+HOME = (0.0, -0.5, 0.3, 0.4, 0.0, 0.3)
+"""rad: between the ground and the basket, with room on all sides."""
+ABOVE_BASKET = 0.08
+"""m: from where a stone is dropped."""
 RADIUS = 0.012
 """m, of a stone, and the height of its middle, where it is grasped."""
 MASSES_G = (5.0, 60.0)
@@ -37,7 +46,7 @@ class Stone:
     tilt: Array
 
     def contacts(self) -> list[ContactEntry]:
-        """What may touch the ground, there and only there."""
+        """Contacts with the ground that it takes to grasp it, there and only there."""
         low = [self.place[0] - REGION, self.place[1] - REGION, -0.02]
         high = [self.place[0] + REGION, self.place[1] + REGION, HOVER + 0.04]
         return [
@@ -58,6 +67,7 @@ def stones(count: int, seed: int) -> list[Stone]:
     """
     rng, ground, found = np.random.default_rng([seed, 63]), areas()["ground"], []
     arm = load_arm(ARM)
+    drawn = CalibratedSolver.of(model_of(arm, ()))
     solver, plain = NominalSolver.of(arm), Scene.of(arm)
     permits = [ContactPermit(name, "ground", (-1.0,) * 3, (1.0,) * 3, depth) for name, depth in TOUCHING.items()]
     scene = plain.permitting(permits)
@@ -69,10 +79,29 @@ def stones(count: int, seed: int) -> list[Stone]:
             answer = solver.solve_batch(np.array([place, above(place)]), np.array([tilt, tilt]))
             poses = [q[valid] for q, valid in zip(answer.q, answer.valid, strict=True)]
             room = [scene.distances(scene.frames(q)).min(axis=1).max(initial=-1.0) for q in poses]
-            if min(room) > scene.margin + SPARE:
+            if min(room) > scene.margin + SPARE and any(_leads_down(drawn, q, place, tilt) for q in poses[1]):
                 found.append(Stone(place, mass, tilt))
                 break
     return found
+
+
+def basket_pose() -> tuple[Array, Array, Array]:
+    """The place above the basket's middle (3,), m, the direction of a tool there (3,), and angles (n,), rad, of the arm
+    as drawn near it: of random ones those with the most room."""
+    area, arm, rng = areas()["basket"].raised(ABOVE_BASKET), load_arm(ARM), np.random.default_rng(0)
+    middle = 0.5 * (np.array(area.low) + np.array(area.high))
+    turns = np.linalg.qr(rng.normal(size=(1000, 3, 3)))[0]
+    turns *= np.linalg.det(turns)[:, None, None]
+    answer, scene = NominalSolver.of(arm).solve_batch(np.repeat(middle[None], 1000, axis=0), turns), Scene.of(arm)
+    q = answer.q[answer.valid]
+    best = q[int(scene.distances(scene.frames(q)).min(axis=1).argmax())]
+    return middle, scene.frames(best[None])[0, -1, :3, 2], best
+
+
+def _leads_down(solver: CalibratedSolver, q: Array, place: Array, tilt: Array) -> bool:
+    """Whether a straight line leads from commands (n,), rad, down to a place (m)."""
+    x, y, z = place.tolist()
+    return not isinstance(line_path(solver, 0.0, Motion.at(q), pose((x, y, z), tilt), lambda: None), LineEnd)
 
 
 def above(place: Array) -> Array:

@@ -1,4 +1,4 @@
-"""What a state machine calls to fetch a stone: approach, touch down, grasp, retreat, carry, drop."""
+"""Skills that a state machine calls to fetch a stone: approach, touch down, grasp, retreat, carry, drop, stow."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from examples.fetch.places import Stone, above, areas, quaternion
+from examples.fetch.places import HOME, Stone, above, areas, basket_pose, quaternion
 from examples.fetch.world import FetchWorld
 from lrm_math.arrays import Array
 from lrm_math.errors import LrmError
@@ -18,13 +18,11 @@ GRASP = 0.008
 """m: a stone that is further from the tip than this is not between the fingers."""
 OPEN, CLOSED = 0.6, -0.2
 """rad, of the gripper."""
-ABOVE_BASKET = 0.06
-"""m."""
 
 
 @dataclass(frozen=True)
 class Fetched:
-    """What happened to a stone, in words, and how far the tip missed the place of its grasp (m); None: never there."""
+    """Outcome for a stone, in words, and how far the tip missed the place of its grasp (m); None: never there."""
 
     what: str
     missed: float | None = None
@@ -62,6 +60,7 @@ def fetch(world: FetchWorld, stone: Stone) -> Fetched:
 
 def approach(world: FetchWorld, stone: Stone) -> None:
     """To a place above the stone, in a pose from which a straight line leads down to it. Raises `LrmError`."""
+    stow(world)
     world.rover.move({"gripper": OPEN})
     here = world.rover.commanded_q()
     hover = entry(above(stone.place), stone.tilt)
@@ -75,11 +74,8 @@ def approach(world: FetchWorld, stone: Stone) -> None:
         if not line.found:
             reasons.append(f"approach: {line.text}")
             continue
-        way = world.rover.plan(PlanRequest(from_rad=here, to_rad=q))
-        if way.found:
-            move(world, way.waypoints_rad)
-            return
-        reasons.append(f"approach: {way.text}")
+        go(world, q)
+        return
     raise Refused(reasons[0])
 
 
@@ -102,14 +98,18 @@ def retreat(world: FetchWorld, stone: Stone) -> None:
 
 def carry(world: FetchWorld) -> None:
     """To a place above the basket. Raises `LrmError`."""
-    basket = areas()["basket"].raised(ABOVE_BASKET)
-    middle = 0.5 * (np.array(basket.low) + np.array(basket.high))
-    here = world.rover.commanded_q()
-    goal = GoalEntry(position_m=middle.tolist())
-    way = world.rover.plan(PlanRequest(from_rad=here, goal=goal, deadline_ms=20_000.0))
-    if not way.found:
-        raise Refused(f"carry: {way.text}")
-    move(world, way.waypoints_rad)
+    stow(world)
+    middle, direction, near = basket_pose()
+    goal = GoalEntry(position_m=middle.tolist(), approach=direction.tolist())
+    answer = world.rover.ik(IkRequest(goals=[goal], near_rad=near.tolist(), deadline_ms=5000.0)).answers[0]
+    if answer.q_rad is None:
+        raise Refused(f"carry: {answer.text}")
+    go(world, answer.q_rad)
+
+
+def stow(world: FetchWorld) -> None:
+    """To where the arm has room on all sides. Raises `LrmError`."""
+    go(world, list(HOME))
 
 
 def drop(world: FetchWorld) -> bool:
@@ -117,6 +117,14 @@ def drop(world: FetchWorld) -> bool:
     tip, basket = world.tip(), areas()["basket"]
     world.rover.move({"gripper": OPEN})
     return bool((np.array(basket.low[:2]) < tip[:2]).all() and (tip[:2] < np.array(basket.high[:2])).all())
+
+
+def go(world: FetchWorld, q: list[float]) -> None:
+    """Round what is between to commands (rad). Raises `LrmError`."""
+    way = world.rover.plan(PlanRequest(from_rad=world.rover.commanded_q(), to_rad=q, deadline_ms=30_000.0))
+    if not way.found:
+        raise Refused(way.text)
+    move(world, way.waypoints_rad)
 
 
 def straight(world: FetchWorld, place: Array, tilt: Array, contacts: list[ContactEntry]) -> None:

@@ -11,8 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from examples.demo.simulated_tracker import BoardState, true_tip
-from examples.demo.world import SPEED
-from examples.fetch.places import ARM, MASSES_G
+from examples.fetch.places import ARM, HOME, MASSES_G
 from lrm_ident.study import api
 from lrm_math.arrays import Array
 from lrmd.client import RequestRefused, Rover
@@ -25,8 +24,6 @@ from lrmd.sim.launch import simulated_board
 from validation import synthetic
 
 ARM_FILE = Path(__file__).resolve().parents[2] / "config" / "arms" / f"{ARM}.toml"
-HOME = (0.0, -0.5, 0.3, 0.4, 0.0, 0.3)
-"""rad."""
 POSES, NOISE_M = 150, 0.0005
 """Measured positions of the calibration, and the spread of each coordinate (m)."""
 CONFIG = """\
@@ -88,8 +85,8 @@ def simulated_rover(folder: Path, seed: int) -> Iterator[FetchWorld]:
     path.write_text(CONFIG.format(**values), encoding="utf-8")
     config, start = load_config(path), ",".join(f"{np.degrees(q):.6f}" for q in HOME)
     with (
-        simulated_board(config, SPEED, "--dead-band-us", "0", f"--start-deg={start}") as simulated,
-        daemon(simulated, SPEED),
+        simulated_board(config, 1.0, "--dead-band-us", "0", f"--start-deg={start}") as simulated,
+        daemon(simulated, 1.0),
         connected(simulated) as rover,
     ):
         _await_kinematics(rover)

@@ -38,7 +38,7 @@ class KnownObstacles:
 
     @property
     def entries(self) -> tuple[ObstacleEntry, ...]:
-        """As they were told."""
+        """Obstacles as they were told."""
         return tuple(obstacle.entry for obstacle in self.known.values())
 
     def changed(self, command: SceneCommand, reserved: Collection[str], now: int) -> KnownObstacles:

@@ -43,7 +43,7 @@ MOST_COMMANDS = 1000
 
 @dataclass(frozen=True)
 class LineEnd:
-    """Where a line ends (`at`, m) that does not go on to its goal, and why."""
+    """End of a line (`at`, m) that does not go on to its goal, and why."""
 
     text: str
     at: Vector3

@@ -127,7 +127,7 @@ class GuardedSequence:
         return SequenceResult(armed, least, self.accepted, self.refused, leaks)
 
     def leaks(self, required: float) -> Iterator[str]:
-        """What came nearer than is required (m) otherwise than as a permission under way says, pair by pair."""
+        """Pairs that came nearer than is required (m) otherwise than as a permission under way says, pair by pair."""
         if not self.permits:
             return
         q = np.array(self.visited)
