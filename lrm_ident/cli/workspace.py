@@ -47,7 +47,7 @@ def reach(
             "Default: the ground behind the rover and its basket for lrm-rover, none for others.",
         ),
     ] = None,
-    step_mm: Annotated[float, Option(help="Edge of a cell of the grid.")] = 30.0,
+    step_mm: Annotated[float, Option(help="Edge of a cell of the grid.")] = 20.0,
     directions: Annotated[int, Option(help="Directions of the tool in every cell: 12, 42, 92, 162, ….")] = 42,
     rolls: Annotated[int, Option(help="Turns of the tool about each direction.")] = 4,
     collisions: Annotated[bool, Option(help="Leave out poses in which the arm's shapes come too close.")] = True,

@@ -109,6 +109,7 @@ class CapsuleTable(StrictSchema):
     from_mm: Point
     to_mm: Point
     radius_mm: Size
+    estimated: bool = False
 
 
 class BoxTable(StrictSchema):
@@ -121,6 +122,7 @@ class BoxTable(StrictSchema):
     alpha_deg: Angle = 0.0
     beta_deg: Angle = 0.0
     gamma_deg: Angle = 0.0
+    estimated: bool = False
 
 
 class CollisionTable(StrictSchema):
@@ -331,12 +333,12 @@ def _shapes(tables: ArmFile, places: Sequence[str]) -> Shapes:
 
 def _capsule(t: CapsuleTable, places: Sequence[str]) -> Capsule:
     frame = _frame(f"capsule '{t.name}'", t.frame, places)
-    return Capsule(t.name, frame, _vector(t.from_mm, MM), _vector(t.to_mm, MM), t.radius_mm * MM)
+    return Capsule(t.name, frame, _vector(t.from_mm, MM), _vector(t.to_mm, MM), t.radius_mm * MM, t.estimated)
 
 
 def _box(t: BoxTable) -> Box:
     rotation = _vector([t.alpha_deg, t.beta_deg, t.gamma_deg], math.radians(1.0))
-    return Box(t.name, _vector(t.center_mm, MM), _vector(t.size_mm, MM), rotation, in_base=t.frame == "base")
+    return Box(t.name, _vector(t.center_mm, MM), _vector(t.size_mm, MM), rotation, t.frame == "base", t.estimated)
 
 
 def _frame(what: str, name: str, places: Sequence[str]) -> int:

@@ -8,12 +8,16 @@ from itertools import chain
 from lrm_math.arrays import Vector3
 from lrm_math.errors import LrmError, UnknownName
 
+WORLD = -1
+"""Frame of a capsule that stands still in the frame of TCP positions."""
+
 
 @dataclass(frozen=True)
 class Capsule:
     """All points within `radius` (m) of the segment from `start` to `end` (m); a sphere where the two coincide.
 
-    `frame`: the number of the frame it is fixed to (0 base, i after joint i, n + 1 tool).
+    `frame`: the number of the frame it is fixed to (0 base, i after joint i, n + 1 tool). `estimated`: whether nobody
+    measured where it is or how large.
     """
 
     name: str
@@ -21,6 +25,7 @@ class Capsule:
     start: Vector3
     end: Vector3
     radius: float
+    estimated: bool = False
 
     def __post_init__(self) -> None:
         if not self.radius > 0:
@@ -32,6 +37,7 @@ class Box:
     """A solid fixed box, given by its centre and the lengths of its edges (m), rotated by Rx Ry Rz (`rotation`, rad).
 
     `in_base`: whether it is given in the arm's base frame, tilted as that is, or in the frame of TCP positions.
+    `estimated`: whether nobody measured where it is or how large.
     """
 
     name: str
@@ -39,6 +45,7 @@ class Box:
     size: Vector3
     rotation: Vector3 = (0.0, 0.0, 0.0)
     in_base: bool = False
+    estimated: bool = False
 
     def __post_init__(self) -> None:
         if not min(self.size) > 0:
@@ -72,3 +79,8 @@ class Shapes:
     def names(self) -> tuple[str, ...]:
         """Capsules first, then boxes."""
         return (*(capsule.name for capsule in self.capsules), *(box.name for box in self.boxes))
+
+    @property
+    def estimated(self) -> frozenset[str]:
+        """Names of the shapes that nobody measured."""
+        return frozenset(shape.name for shape in (*self.capsules, *self.boxes) if shape.estimated)

@@ -10,8 +10,8 @@ most. The margin has to cover that, or `clearance_of` takes the frames of a mode
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import combinations, product
 
@@ -19,8 +19,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from lrm_math.arm.arm import Arm
-from lrm_math.arm.collision_shapes import Box, Capsule
+from lrm_math.arm.collision_shapes import WORLD, Box, Capsule
 from lrm_math.arrays import Array
+from lrm_math.collision.contact import ContactPermit
 from lrm_math.collision.distance import depth_in_box, segment_to_box, segment_to_segment
 from lrm_math.errors import LrmError, UnknownName
 from lrm_math.kinematics.chain import Chain, chain_of, rotation_about
@@ -62,7 +63,9 @@ class Scene:
     `box_half` (B, 3): the boxes in the frame of TCP positions. `capsule_pairs` (K, 2); `box_pairs` (M, 2): pairs of a
     capsule and a box; `radii` (K + M,): sum of the radii of a pair. `names` (K + M, 2).
     `motion_bound` (K + M, n): the most that 1 rad of joint j can move the one body against the other (m). `home`
-    (n + 2, 4, 4): `frames` with all angles zero.
+    (n + 2, 4, 4): `frames` with all angles zero. `estimated`: names of shapes that nobody measured. `around`: those of
+    obstacles beside the arm file's. `permits`: contacts
+    that are allowed, by the number of their pair; the distances of these pairs are raised where they are.
     """
 
     chain: Chain
@@ -79,13 +82,17 @@ class Scene:
     names: NDArray[np.str_]
     motion_bound: Array
     home: Array
+    estimated: frozenset[str] = frozenset()
+    around: frozenset[str] = frozenset()
+    permits: Mapping[int, ContactPermit] = field(default_factory=dict)
 
     @classmethod
-    def of(cls, arm: Arm, allow: Iterable[tuple[str, str]] = ()) -> Scene:
+    def of(cls, arm: Arm, allow: Iterable[tuple[str, str]] = (), around: Sequence[Capsule | Box] = ()) -> Scene:
         """The shapes of an arm.
 
         Args:
             allow: names of further pairs that may collide, for instance a gripper and the ground it picks from.
+            around: further obstacles; their capsules have the frame `WORLD`.
 
         Raises:
             UnknownName: a name in `allow` that no shape has.
@@ -96,10 +103,11 @@ class Scene:
         for name in sorted(frozenset().union(*allowed)):
             if name not in shapes.names:
                 raise UnknownName("shape", name, shapes.names)
-        capsules, boxes = shapes.capsules, shapes.boxes
+        capsules = (*shapes.capsules, *(shape for shape in around if isinstance(shape, Capsule)))
+        boxes = (*shapes.boxes, *(shape for shape in around if isinstance(shape, Box)))
 
         def checked(one: Capsule, other: Capsule | Box) -> bool:
-            joints_between = abs(one.frame - (other.frame if isinstance(other, Capsule) else 0))
+            joints_between = abs(_carrier(one) - (_carrier(other) if isinstance(other, Capsule) else 0))
             return joints_between > 1 and frozenset((one.name, other.name)) not in allowed
 
         numbers = range(len(capsules))
@@ -109,10 +117,13 @@ class Scene:
             raise LrmError(f"arm '{arm.name}': no [[capsule]] or [[box]] of its file could touch another")
         home = frames(chain, chain.values([0.0] * arm.dof), 1)[0]
         rotations, centres = zip(*(_box_pose(box, home[0]) for box in boxes), strict=True) if boxes else ((), ())
-        inner_first = [sorted((capsules[i], capsules[j]), key=lambda c: c.frame) for i, j in capsule_pairs]
+        inner_first = [sorted((capsules[i], capsules[j]), key=_carrier) for i, j in capsule_pairs]
         with_box = [(capsules[i], boxes[k]) for i, k in box_pairs]
         pairs = [
-            *((a.name, b.name, a.radius + b.radius, _motion_bound(chain, home, a.frame, b)) for a, b in inner_first),
+            *(
+                (a.name, b.name, a.radius + b.radius, _motion_bound(chain, home, _carrier(a), b))
+                for a, b in inner_first
+            ),
             *((c.name, box.name, c.radius, _motion_bound(chain, home, 0, c)) for c, box in with_box),
         ]
         return cls(
@@ -130,7 +141,39 @@ class Scene:
             names=np.array([(first, second) for first, second, _, _ in pairs]),
             motion_bound=np.array([bound for _, _, _, bound in pairs]),
             home=home,
+            estimated=shapes.estimated,
+            around=frozenset(shape.name for shape in around),
         )
+
+    def permitting(self, permits: Iterable[ContactPermit]) -> Scene:
+        """The scene in which some contacts of the arm with what is around it are allowed, and the others as before.
+
+        Raises `LrmError`: two parts of the arm; a name that no shape has (`UnknownName`).
+        """
+        numbers = {frozenset(pair): k for k, pair in enumerate(self.names.tolist())}
+        known = sorted(frozenset().union(*numbers))
+        found: dict[int, ContactPermit] = {}
+        for permit in permits:
+            for name in (permit.first, permit.second):
+                if name not in known:
+                    raise UnknownName("shape", name, known)
+            number = numbers.get(permit.pair)
+            if number is not None and number < len(self.capsule_pairs) and not self._with_obstacle(number):
+                raise LrmError(f"{permit.first} and {permit.second} are both of the arm: they may never touch")
+            if number is not None:
+                found[number] = permit
+        tip = Capsule("tip", self.chain.dof + 1, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 1e-9)
+        bound = self.motion_bound.copy()
+        bound[[*found]] = np.maximum(bound[[*found]], _motion_bound(self.chain, self.home, 0, tip))
+        return replace(self, permits=found, motion_bound=bound)
+
+    def _with_obstacle(self, pair: int) -> bool:
+        return bool((self.frame[self.capsule_pairs[pair]] == WORLD).any())
+
+    @property
+    def curved(self) -> NDArray[np.bool_]:
+        """(K + M,), whether the distance of a pair is a plain one, whose curvature along a motion is bounded."""
+        return np.isin(np.arange(len(self.radii)), [*self.permits], invert=True)
 
     def margin_or_default(self, margin: float | None) -> float:
         """The margin (m) given, or the arm's. Raises `LrmError` if it is below zero or not a number."""
@@ -183,7 +226,7 @@ class Scene:
 
     def distances(self, arm_frames: Array) -> Array:
         """(N, K + M), distance of every pair (m) for frames (N, n + 2, 4, 4); not below minus the radii of a pair."""
-        return self._distances(arm_frames)[0]
+        return self._permitted(self._distances(arm_frames)[0], arm_frames)
 
     def separations(self, arm_frames: Array) -> Array:
         """(N, K + M), `distances`, less the depth of an axis that lies in a box: they fall as it goes in deeper."""
@@ -192,10 +235,20 @@ class Scene:
         inside = boxes <= -self.radii[len(self.capsule_pairs) :]
         if inside.any():
             boxes[inside] -= depth_in_box(a[inside], b[inside], np.broadcast_to(half, a.shape)[inside])
-        return separation
+        return self._permitted(separation, arm_frames)
+
+    def _permitted(self, separations: Array, arm_frames: Array) -> Array:
+        """The separations, raised where a contact is permitted."""
+        tips = arm_frames[:, -1, :3, 3]
+        for pair, permit in self.permits.items():
+            separations[:, pair] = permit.applied(separations[:, pair], tips, self.margin)
+        return separations
 
     def _distances(self, arm_frames: Array) -> tuple[Array, tuple[Array, Array, Array]]:
         """The distances, and of every pair with a box the axis and half the edges in the frame of the box."""
+        if (self.frame == WORLD).any():
+            world = np.broadcast_to(np.eye(4), (len(arm_frames), 1, 4, 4))
+            arm_frames = np.concatenate([arm_frames, world], axis=1)
         place = arm_frames[:, self.frame]
         ends = np.einsum("ncij,cej->ncei", place[..., :3, :3], self.ends) + place[:, :, None, :3, 3]
         (i, j), (c, k) = self.capsule_pairs.T, self.box_pairs.T
@@ -245,6 +298,11 @@ def _box_pose(box: Box, base: Array) -> tuple[Array, Array]:
     for axis, angle in enumerate(box.rotation):
         R = R @ rotation_about(axis, angle)
     return (base[:3, :3] @ R, base[:3, :3] @ centre + base[:3, 3]) if box.in_base else (R, centre)
+
+
+def _carrier(capsule: Capsule) -> int:
+    """Number of the joint that moves a capsule; 0 for what stands around the arm."""
+    return max(capsule.frame, 0)
 
 
 def _motion_bound(chain: Chain, home: Array, still: int, capsule: Capsule) -> Array:

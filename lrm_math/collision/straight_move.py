@@ -70,8 +70,10 @@ def rigid_bodies(scene: Scene) -> ArmBodies:
     return ArmBodies(scene, lambda q: scene.separations(scene.frames(q)))
 
 
-def check_bodies(bodies: ArmBodies, start: Array, end: Array, keep: float) -> MotionClearance:
+def check_bodies(bodies: ArmBodies, start: Array, end: Array, keep: float | Array) -> MotionClearance:
     """Whether all pairs of bodies keep a separation (m, below zero for an overlap) from start to end (n,) in rad.
+
+    `keep`: one separation for all pairs, or (pairs,), one for each.
 
     The separations at both ends of an interval bound those inside from below (`_Motion.lower_bound`). An interval where
     that bound is below `keep` is bisected. So a free move is free everywhere, not only at the poses sampled, as far as
@@ -107,7 +109,8 @@ def check_bodies(bodies: ArmBodies, start: Array, end: Array, keep: float) -> Mo
 @dataclass(frozen=True, eq=False)
 class _Motion:
     """Bounds on a straight move, per pair of bodies: `speed` (m per move) and `acceleration` (m per move²) of any two
-    points against each other; `radii`, by which the distance of the axes exceeds the separation."""
+    points against each other, infinite where it has no bound; `radii`, by which the distance of the axes exceeds the
+    separation."""
 
     speed: Array
     acceleration: Array
@@ -117,7 +120,8 @@ class _Motion:
     def of(cls, bodies: ArmBodies, travel: Array) -> _Motion:
         turned = np.abs(travel)
         speed = bodies.rate * (bodies.scene.motion_bound @ turned)
-        return cls(speed, 2.0 * bodies.rate * float(turned.sum()) * speed, bodies.scene.radii)
+        bend = 2.0 * bodies.rate * float(turned.sum()) * speed
+        return cls(speed, np.where(bodies.scene.curved, bend, np.inf), bodies.scene.radii)
 
     @property
     def fastest(self) -> float:
@@ -153,12 +157,16 @@ class _Samples:
         parts = (self, *others)
         return _Samples(np.concatenate([part.at for part in parts]), np.concatenate([part.near for part in parts]))
 
-    def first_within(self, margin: float) -> float:
-        """Fraction of the first pose that comes within the margin; infinity if none does."""
-        return float(self.at[self.near.min(axis=1) < margin - ROUND_OFF].min(initial=np.inf))
+    def first_within(self, keep: float | Array) -> float:
+        """Fraction of the first pose that comes within what has to be kept; infinity if none does."""
+        return float(self.at[(self.near < keep - ROUND_OFF).any(axis=1)].min(initial=np.inf))
 
 
-def _result(scene: Scene, samples: _Samples, proven: float, margin: float) -> MotionClearance:
-    row = int(samples.near.min(axis=1).argmin())
-    pair, fraction = scene.closest_pair(samples.near[row]), float(samples.at[row])
-    return MotionClearance(proven == 1.0, pair.distance, pair.first, pair.second, fraction, proven, margin)
+def _result(scene: Scene, samples: _Samples, proven: float, keep: float | Array) -> MotionClearance:
+    required = np.broadcast_to(keep, samples.near.shape[1])
+    slack = samples.near - required
+    row = int(slack.min(axis=1).argmin())
+    pair, fraction = int(slack[row].argmin()), float(samples.at[row])
+    first, second = scene.names[pair].tolist()
+    distance = float(samples.near[row, pair])
+    return MotionClearance(proven == 1.0, distance, first, second, fraction, proven, float(required[pair]))

@@ -29,6 +29,7 @@ from lrmd.errors import RequestError
 from lrmd.ik.deployed_model import DeployedModel
 from lrmd.messages.codec import Message, error_reply, pack
 from lrmd.messages.control import DeployRequest, HoldRequest, JogRequest, MoveRequest, ReloadRequest, UndeployRequest
+from lrmd.messages.surroundings import packed
 from lrmd.messages.zenoh_session import own_client
 from lrmd.persistence.state_file import BackgroundWriter, SaveSchedule, restored_state
 from lrmd.ramp.shared_memory import ArmKnowledge
@@ -75,6 +76,7 @@ class ApiProcess:
         self._tick_seen, self._ticked_at = 0, now
         self._saving = SaveSchedule(config.save)
         self._knowledge: ArmKnowledge | None = None
+        self._obstacles = self._controller.obstacles
 
     def run(self) -> int:
         """Runs until SIGTERM or SIGINT. Returns the exit code: 0, or 1 if a process cannot be kept alive."""
@@ -205,6 +207,9 @@ class ApiProcess:
     def _write_order(self) -> None:
         self._shared.write_order(self._controller.order)
         self._shared.values.payload = self._controller.payload
+        if (obstacles := self._controller.obstacles) is not self._obstacles:
+            self._obstacles = obstacles
+            self._shared.write_scene(packed(obstacles.entries))
 
     def _observe(self, now: int) -> None:
         estops = self._shared.router[1]

@@ -33,8 +33,10 @@ from lrmd.messages.control import (
     JointsState,
     MetricsState,
     ModeState,
+    ObstacleState,
     ReloadReply,
     Reply,
+    SceneState,
     ThermalState,
 )
 from lrmd.ramp.shared_memory import BUCKET_NS, NO_MODEL, NOMINAL, SharedRecords
@@ -110,6 +112,7 @@ class StatePublisher:
             "state/faults": self._faults,
             "state/thermal": self._thermal,
             "state/gravity": self._gravity,
+            "state/scene": self._scene,
             "state/metrics": self._metrics,
             "info": self._info,
         }
@@ -125,7 +128,7 @@ class StatePublisher:
             keys += ["state/mode", "state/faults"]
         if due:
             self._published_at = now
-            keys += ["state/thermal", "state/gravity", "state/metrics", "info"]
+            keys += ["state/thermal", "state/gravity", "state/scene", "state/metrics", "info"]
         return keys
 
     def reply(self, tail: str, result: RequestResult) -> Reply:
@@ -195,6 +198,17 @@ class StatePublisher:
             **self._header("state/gravity"), gravity_m_per_s2=list(self.gravity),
             source="model" if known.used is None else "told", age_s=known.age_s(time.monotonic_ns()),
         )  # fmt: skip
+
+    def _scene(self) -> SceneState:
+        now = time.monotonic_ns()
+        found = [
+            ObstacleState(
+                name=name, owner=one.owner, age_s=(now - one.at) / SECOND,
+                left_s=None if one.until is None else max(0, one.until - now) / SECOND,
+            )
+            for name, one in self._controller.obstacles.known.items()
+        ]  # fmt: skip
+        return SceneState(**self._header("state/scene"), obstacles=found)
 
     def _metrics(self) -> MetricsState:
         report, duty = self._controller.report, self._shared.values.duty

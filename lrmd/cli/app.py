@@ -88,7 +88,9 @@ def parser() -> argparse.ArgumentParser:
     command("gripper", motion.gripper, "turn the gripper's servo", _motion).add_argument("angle", metavar="ANGLE")
     command("pan-tilt", motion.pan_tilt, "turn the camera", _motion, _pan_tilt)
     command("ik", motion.ik, "commands that bring the bent arm's tool to a place (mm)", _goal)
-    command("goto", motion.goto, "bring the tool to a place (mm): plan a way, and go", _goal, _motion)
+    command("goto", motion.goto, "bring the tool to a place (mm): plan a way, and go", _goal, _motion).add_argument(
+        "--line", action="store_true", help="straight, within 0.5 mm; without an orientation the tool keeps its own"
+    )
     command("plan", motion.plan, "a way to joint angles, round what is between; with --go, take it", _plan, _motion)
     command("fk", motion.fk, "where the bent arm's tool is for joint angles (mm)", _fk, _payload)
     command("hold", motion.hold, "stop where it is, with pulses on; anybody may")

@@ -13,7 +13,7 @@ from lrm_math.number_list import parse_numbers
 from lrmd.cli import text
 from lrmd.cli.parsing import joint_angles, lease_holder, open_rover, parse_angles, payload_kg, servo_angles
 from lrmd.client import RequestRefused, Rover
-from lrmd.messages.kinematics import FkRequest, GoalEntry, IkAnswer, IkRequest, PlanRequest
+from lrmd.messages.kinematics import FkRequest, GoalEntry, IkAnswer, IkRequest, PlanReply, PlanRequest
 
 
 def arm(o: argparse.Namespace) -> int:
@@ -148,19 +148,23 @@ def ik(o: argparse.Namespace) -> int:
 
 def _solve_goal(o: argparse.Namespace, rover: Rover) -> IkAnswer:
     """Solves the inverse kinematics of the goal in the options. Raises `LrmError` without a solution."""
-    goal = GoalEntry(
-        position_m=[v / 1000 for v in (o.x, o.y, o.z)],
-        rpy_rad=_three_angles(o.rpy) if o.rpy else None,
-        approach=parse_numbers("--approach", o.approach, "three numbers by commas", 3) if o.approach else None,
-    )
     request = IkRequest(
-        goals=[goal], near_rad=rover.commanded_q(), method=o.method, round=o.round, payload_kg=payload_kg(o),
+        goals=[_goal(o)], near_rad=rover.commanded_q(), method=o.method, round=o.round, payload_kg=payload_kg(o),
         deadline_ms=5000.0,
     )  # fmt: skip
     answer = rover.ik(request).answers[0]
     if answer.q_rad is None:
         raise LrmError(f"{answer.verdict}: {answer.text}")
     return answer
+
+
+def _goal(o: argparse.Namespace) -> GoalEntry:
+    """The goal in the options."""
+    return GoalEntry(
+        position_m=[v / 1000 for v in (o.x, o.y, o.z)],
+        rpy_rad=_three_angles(o.rpy) if o.rpy else None,
+        approach=parse_numbers("--approach", o.approach, "three numbers by commas", 3) if o.approach else None,
+    )
 
 
 def _three_angles(text: str) -> list[float]:
@@ -173,6 +177,8 @@ def _three_angles(text: str) -> list[float]:
 def goto(o: argparse.Namespace) -> int:
     """`lrm goto`: solves, plans and moves."""
     with open_rover(o) as rover:
+        if o.line:
+            return run_motion(o, rover, _plan_line(o, rover), payload_kg(o))
         answer = _solve_goal(o, rover)
         print(text.ik_text(answer, rover.info().names))
         waypoints = _plan_path(rover, answer.rounded_q_rad or answer.q_rad or [], payload_kg(o), 0)
@@ -188,7 +194,18 @@ def plan(o: argparse.Namespace) -> int:
 
 def _plan_path(rover: Rover, q: list[float], payload: float | None, seed: int) -> list[dict[str, float]]:
     """Plans a path to joint angles (rad), prints it and returns its waypoints. Raises `LrmError` if there is none."""
-    reply = rover.plan(PlanRequest(from_rad=rover.commanded_q(), to_rad=q, payload_kg=payload, seed=seed))
+    return _waypoints(
+        rover, rover.plan(PlanRequest(from_rad=rover.commanded_q(), to_rad=q, payload_kg=payload, seed=seed))
+    )
+
+
+def _plan_line(o: argparse.Namespace, rover: Rover) -> list[dict[str, float]]:
+    """The same of a straight line of the tip to the goal in the options."""
+    request = PlanRequest(from_rad=rover.commanded_q(), goal=_goal(o), payload_kg=payload_kg(o), line=True)
+    return _waypoints(rover, rover.plan(request))
+
+
+def _waypoints(rover: Rover, reply: PlanReply) -> list[dict[str, float]]:
     if not reply.found:
         raise LrmError(reply.text)
     print(text.path_text(reply.waypoints_rad))

@@ -25,11 +25,14 @@ from lrmd.messages.control import (
     MetricsState,
     ModeState,
     MoveRequest,
+    PayloadRequest,
     RelaxRequest,
     ReloadReply,
     ReloadRequest,
     Reply,
     ResetRequest,
+    SceneCommand,
+    SceneState,
     ThermalState,
     UndeployRequest,
 )
@@ -43,6 +46,7 @@ from lrmd.messages.kinematics import (
     PlanReply,
     PlanRequest,
 )
+from lrmd.messages.surroundings import ContactEntry, ObstacleEntry
 from lrmd.messages.zenoh_session import key
 
 RELOAD_S = 10.0
@@ -99,9 +103,10 @@ class Rover(RoverSession):
         payload_kg: float | None = None,
         wait: bool = True,
         stops: int | None = None,
+        may_touch: Sequence[ContactEntry] = (),
     ) -> float:
         """Moves servos (rad by name) through the waypoints; returns the duration (s). `stops`: of `mode` when the
-        motion was asked for, if that was before now.
+        motion was asked for, if that was before now. `may_touch`: contacts that it is permitted.
 
         Raises `RequestRefused`; while waiting `MotionInterrupted` if the motion ends before its goal.
         """
@@ -109,13 +114,19 @@ class Rover(RoverSession):
         with field_named():
             request = MoveRequest(
                 lease=self._token(), stops=self._stops if stops is None else stops, waypoints=path, pace=pace,
-                speed=speed, payload_kg=payload_kg,
+                speed=speed, payload_kg=payload_kg, may_touch=list(may_touch),
             )  # fmt: skip
         reply = self._query(Reply, "rpc/move", request)
         seconds, self.unchecked = reply.seconds or 0.0, reply.unchecked
         if wait:
             self._wait(("armed",), ("moving",), 2 * seconds + 5.0)
         return seconds
+
+    def carry(self, payload_kg: float) -> None:
+        """Tells the mass that the gripper carries from now on (kg). Nothing moves. Raises `RequestRefused`."""
+        with field_named():
+            request = PayloadRequest(lease=self._token(), payload_kg=payload_kg)
+        self._query(Reply, "rpc/payload", request)
 
     def jog(self, rates: Mapping[str, float]) -> None:
         """Turns servos at rates (rad/s) until the command timeout (0.5 s): call it again to continue. Does not wait."""
@@ -131,6 +142,19 @@ class Rover(RoverSession):
         with field_named():
             command = GravityCommand(gravity_m_per_s2=list(gravity_m_per_s2))
         self._session.put(key(self.robot, "cmd/gravity"), pack(command), express=True)
+
+    def tell_obstacles(
+        self,
+        owner: str,
+        *put: ObstacleEntry,
+        remove: Sequence[str] = (),
+        max_age_s: float | None = 10.0,
+    ) -> None:
+        """Tells of obstacles around the arm, in the frame of TCP positions; each is forgotten after `max_age_s` unless
+        it is told again. Needs no lease; no reply: a refusal is an event."""
+        with field_named():
+            command = SceneCommand(owner=owner, put=list(put), remove=list(remove), max_age_s=max_age_s)
+        self._session.put(key(self.robot, "cmd/scene"), pack(command), express=True)
 
     def hold(self) -> None:
         """Stops the motion with pulses on; returns when the ramp has read it. Needs no lease.
@@ -245,6 +269,10 @@ class Rover(RoverSession):
     def gravity(self) -> GravityState:
         """Gravity in use, and what says so."""
         return self._query(GravityState, "state/gravity")
+
+    def scene(self) -> SceneState:
+        """Obstacles that the daemon was told of."""
+        return self._query(SceneState, "state/scene")
 
     def metrics(self) -> MetricsState:
         """Timing and link statistics of the ramp."""

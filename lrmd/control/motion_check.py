@@ -5,34 +5,45 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
+import numpy as np
+
+from lrm_math.collision.contact import Contact
 from lrmd.config import Config
 from lrmd.control.ramp_orders import Leg, Pulses, angles, overlaid
 from lrmd.errors import RequestError
 from lrmd.ramp.stepping import Move
-from lrmd.safety.collision_guard import ClearanceViolation, Guard
+from lrmd.safety.collision_guard import ClearanceViolation, CollisionGuard, Guard
+from lrmd.safety.contact_force import ContactRules
 from lrmd.safety.thermal_model import ThermalMonitor, Torques
 
 
 class MotionCheck:
-    """`guard` checks clearances, or None; `torques` gives the joint torques of a pose, `thermal` the temperatures."""
+    """`guard` checks clearances, or None; `torques` gives the joint torques of a pose, `thermal` the temperatures.
+
+    `touched`: pairs of bodies that requests were permitted to bring nearer than the margin, since they did.
+    """
 
     def __init__(self, config: Config, torques: Torques, guard: Guard | None, thermal: ThermalMonitor) -> None:
         self._config, self._thermal = config, thermal
         self.torques, self.guard = torques, guard
+        self.touched: frozenset[frozenset[str]] = frozenset()
 
-    def check(self, start: Pulses, legs: Sequence[Leg], payload: float) -> None:
+    def check(self, start: Pulses, legs: Sequence[Leg], payload: float, contacts: Sequence[Contact] = ()) -> None:
         """Raises `RequestError` for legs from pulses (ns) that collide, or end with more load on a hot servo than now.
 
         Passes on any other `LrmError` of the guard.
         """
-        self.check_clearance(start, legs, payload)
+        self.check_clearance(start, legs, payload, contacts)
         torques_now, here = self.servo_torques(start, payload), start
         for leg in legs:
             here = overlaid(here, leg.target)
             self._thermal.check_load(torques_now, self.servo_torques(here, payload))
 
-    def check_clearance(self, start: Pulses, legs: Sequence[Leg], payload: float) -> None:
-        """Passes the ramp's path along legs from pulses (ns) to the guard. Raises as `check`.
+    def check_clearance(
+        self, start: Pulses, legs: Sequence[Leg], payload: float, contacts: Sequence[Contact] = ()
+    ) -> None:
+        """Passes the ramp's path along legs from pulses (ns) to the guard, with `contacts` that the request permits.
+        Raises as `check`.
 
         Each segment between two corners is straight in joint space, as the guard requires.
         """
@@ -47,9 +58,19 @@ class MotionCheck:
         if not numbers or self.guard is None:
             return
         try:
-            self.guard(path, payload)
+            self.guard(path, payload, ContactRules(tuple(contacts), self.touched))
         except ClearanceViolation as error:
             raise _collision(error, numbers[error.move]) from None
+
+    def check_settles(self, pulses: Pulses, payload: float) -> None:
+        """Raises `RequestError` if the arm has no elastic equilibrium at pulses (ns) with a payload (kg)."""
+        if isinstance(self.guard, CollisionGuard) and not self.guard.settles(np.array(self._joints(pulses)), payload):
+            text = f"with {payload * 1e3:.0f} g the arm would not come to rest where it stands: no load for this arm"
+            raise RequestError("too_heavy", text)
+
+    def touch(self, contacts: Sequence[Contact]) -> None:
+        """Notes the pairs that a motion which begins now may bring nearer than the margin."""
+        self.touched |= {contact.permit.pair for contact in contacts}
 
     def servo_torques(self, pulses: Pulses, payload: float) -> tuple[float, ...]:
         """Gravity torque (N m) on every servo for pulses (ns) and a payload (kg); 0 for servos that are no joint."""

@@ -7,6 +7,7 @@ from collections import deque
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
+from lrm_math.collision.contact import Contact
 from lrmd.config import Config, ServoConfig
 from lrmd.errors import RequestError
 from lrmd.ramp.shared_memory import AT_ONCE, HOLD_PULSE, RampOrder
@@ -95,7 +96,7 @@ class OrderScheduler:
     """`newest`: the order that the ramp reads. Queued behind it: `legs` of a motion, servos (numbers) of `arming`.
 
     `goal`: target pulse (ns) of each servo, `HOLD_PULSE` for one that stays. `way`: what the ramp makes of the newest
-    order, tick by tick. `jog`: the one under way.
+    order, tick by tick. `jog`: the one under way. `contacts`: those that the motion's own request permits.
     """
 
     def __init__(self, config: Config, now: int) -> None:
@@ -106,6 +107,7 @@ class OrderScheduler:
         self.legs: deque[Leg] = deque()
         self.arming: deque[int] = deque()
         self.jog: Jog | None = None
+        self.contacts: tuple[Contact, ...] = ()
         self._next_on = now
 
     @property
@@ -117,7 +119,7 @@ class OrderScheduler:
         """Empties the queue; the next order stops the servos where they are."""
         self.legs.clear()
         self.arming.clear()
-        self.jog = None
+        self.jog, self.contacts = None, ()
         self.goal, self.way = self._no_goal, Way()
 
     def issue(self, now: int, outputs: int | None = None, branch_at: int = AT_ONCE) -> None:
@@ -155,9 +157,9 @@ class OrderScheduler:
         left, way = max(0, remaining - lead), self.way.advanced_to(remaining)
         return Departure(way.at(left), left, way)
 
-    def start(self, legs: Sequence[Leg], departure: Departure, now: int) -> None:
-        """Moves the servos along legs from a departure."""
-        self.legs, self.jog = deque(legs), None
+    def start(self, legs: Sequence[Leg], departure: Departure, now: int, contacts: Sequence[Contact] = ()) -> None:
+        """Moves the servos along legs from a departure, with the contacts that its request permits."""
+        self.legs, self.jog, self.contacts = deque(legs), None, tuple(contacts)
         self.next_leg(departure, now)
 
     def next_leg(self, departure: Departure, now: int) -> None:

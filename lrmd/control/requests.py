@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
+import numpy as np
+
 from lrmd.config import SECOND
 from lrmd.control import thermal_protection, updates
 from lrmd.control.arming_pose import arming_pulses
@@ -23,11 +25,20 @@ from lrmd.messages.control import (
     LeaseRequest,
     MotionRequest,
     MoveRequest,
+    PayloadRequest,
     RelaxRequest,
     ResetRequest,
+    SceneCommand,
 )
+from lrmd.messages.surroundings import contacts_of
 from lrmd.ramp.shared_memory import LinkState
 from lrmd.ramp.stepping import Pace
+from lrmd.safety.collision_guard import CollisionGuard
+
+BEARABLE_S = 60.0
+"""s: a load with which a servo would be too hot sooner is not one that the arm carries."""
+CONTACT_SPEED = 0.1
+"""Share of the full rate at which an arm moves that may touch something."""
 
 
 def _lease(s: ControllerState, request: LeaseRequest, now: int) -> RequestResult:
@@ -84,17 +95,19 @@ def _move(s: ControllerState, request: MoveRequest, now: int) -> RequestResult:
     next_mode(s.mode, Trigger.MOVE, s.why)
     thermal_protection.check_motion(s)
     payload = s.payload if request.payload_kg is None else request.payload_kg
-    legs, departure = _legs(s, request), s.departure()
-    s.motion_check.check(departure.start, legs, payload)
+    legs, departure, contacts = _legs(s, request), s.departure(), contacts_of(request.may_touch)
+    s.motion_check.check(departure.start, legs, payload, contacts)
     s.transition(Trigger.MOVE, "move", now)
     s.payload, s.rest_goal = payload, None
-    s.orders.start(legs, departure, now)
+    s.motion_check.touch(contacts)
+    s.orders.start(legs, departure, now, contacts)
     return RequestResult(seconds=_seconds(s, legs, departure), unchecked=s.unchecked)
 
 
 def _legs(s: ControllerState, request: MoveRequest) -> list[Leg]:
     """One leg per waypoint; servos that none names go on to where they were going. Raises `LrmError`."""
-    stride, goal = max(1, int(s.config.step * request.speed)), s.orders.goal
+    speed = min(request.speed, CONTACT_SPEED) if request.may_touch else request.speed
+    stride, goal = max(1, int(s.config.step * speed)), s.orders.goal
     legs = []
     for waypoint in request.waypoints:
         goal = overlaid(goal, pulses_of(s.config, waypoint, s.report.outputs))
@@ -145,9 +158,38 @@ def _gravity(s: ControllerState, request: GravityCommand, now: int) -> RequestRe
     return RequestResult()
 
 
+def _payload(s: ControllerState, request: PayloadRequest, now: int) -> RequestResult:
+    """Raises `RequestError` for a load that the arm cannot carry where it stands; a motion whose rest the guard does
+    not allow with it is stopped."""
+    torques = s.motion_check.servo_torques(s.position, request.payload_kg)
+    if s.report.outputs and request.payload_kg > s.payload:
+        s.thermal.check_bearable(torques, BEARABLE_S)
+        s.motion_check.check_settles(s.position, request.payload_kg)
+    s.payload = request.payload_kg
+    updates.reconsider(s, now, "the new load")
+    return RequestResult()
+
+
+def _scene(s: ControllerState, request: SceneCommand, now: int) -> RequestResult:
+    """Raises `RequestError`; an obstacle inside the arm is refused, and stops a motion."""
+    names = s.config.arm.shapes.names
+    obstacles = s.obstacles.changed(request, names, now)
+    guard = obstacles.added_to(s.guard, s.config.arm)
+    told = [entry.name for entry in request.put]
+    if told and isinstance(guard, CollisionGuard):
+        here = np.array(s.angles(s.position)[: s.config.dof])
+        if (inside := guard.overlaps(here, s.payload, told)) and s.report.outputs:
+            s.stop_motion(now, f"the obstacle {inside[1]} is said to be inside the arm")
+            raise RequestError("obstacle", f"'{inside[1]}' would be inside {inside[0]} where the arm stands")
+    s.obstacles = obstacles
+    updates.reconsider(s, now, "an obstacle")
+    return RequestResult()
+
+
 HANDLERS: dict[type[Message], Callable[..., RequestResult]] = {
     LeaseRequest: _lease, HoldRequest: _hold, ArmRequest: _arm, MoveRequest: _move, JogRequest: request_jog,
     RelaxRequest: _relax, DisarmRequest: _disarm, ResetRequest: _reset, GravityCommand: _gravity,
+    SceneCommand: _scene, PayloadRequest: _payload,
 }  # fmt: skip
 
 

@@ -13,6 +13,7 @@ from typing import Any, Literal
 from lrmd.config import Config
 from lrmd.control.fallen_servos import FallenServos
 from lrmd.control.gravity import KnownGravity
+from lrmd.control.known_obstacles import KnownObstacles
 from lrmd.control.lease import Lease
 from lrmd.control.motion_check import MotionCheck
 from lrmd.control.motion_record import MotionRecord
@@ -58,6 +59,7 @@ class ControllerState:
 
     Attributes: `mode`, `why`, `since` (monotonic ns), `faults` by code, the lease as `leasehold`, `orders` for the
     ramp, its `report`, `thermal` monitor, `motion_check`, `motion_record`, `payload` (kg), the known `gravity`,
+    `obstacles`, `guard` without them,
     unpublished `events`, and the state file as `stored`. `fallen`: servos without pulses whose position is not known.
     `stops`: number of holds, emergency stops, disarmings and faults so far. Of the thermal protection: `held_at`,
     `rest_tried_at` (monotonic ns) of the last hold and attempt to go to rest, `rest_goal` (pulses, ns) of the last
@@ -89,6 +91,8 @@ class ControllerState:
         self.thermal = ThermalMonitor(config, stored, now, wall)
         self.motion_record = MotionRecord(config, stored, now, wall)
         self.motion_check = MotionCheck(config, torques, guard, self.thermal)
+        self.guard = guard
+        self.obstacles = KnownObstacles()
         self.fallen = FallenServos(config, self.motion_check, stored)
         self.orders = OrderScheduler(config, now)
         self.gravity = KnownGravity(config)

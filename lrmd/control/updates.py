@@ -132,6 +132,7 @@ def _order_dropped(s: ControllerState, report: RampReport, now: int) -> None:
 def tick(s: ControllerState, now: int) -> None:
     """Checks the timeouts, continues arming, protects from heat, renews the heartbeat in the order."""
     expire_lease(s, now)
+    drop_old_obstacles(s, now)
     jogging.continue_jog(s, now)
     if s.report.order == s.order.number:
         s.orders.switch_on_next(now)
@@ -153,12 +154,34 @@ def expire_lease(s: ControllerState, now: int) -> None:
 def adopt_guard(s: ControllerState, guard: Guard, now: int, cause: str = "the new model") -> None:
     """Uses another guard, that of a new model or direction of gravity (`cause`); a motion of which it does not
     allow the rest is stopped."""
-    s.motion_check.guard = guard
+    s.guard = guard
+    _use_guard(s, now, cause)
+
+
+def reconsider(s: ControllerState, now: int, cause: str) -> None:
+    """Asks the guard, with the obstacles and the load that are known now, about a motion under way in the same way."""
+    _use_guard(s, now, cause)
+
+
+def drop_old_obstacles(s: ControllerState, now: int) -> None:
+    """Forgets the obstacles that nobody told of for too long."""
+    fresh = s.obstacles.at(now)
+    if fresh is s.obstacles:
+        return
+    for name in s.obstacles.known.keys() - fresh.known.keys():
+        owner = s.obstacles.known[name].owner
+        s.emit("obstacle_dropped", "warning", f"{owner} tells no more of the obstacle {name}; it is forgotten")
+    s.obstacles = fresh
+    reconsider(s, now, "an obstacle")
+
+
+def _use_guard(s: ControllerState, now: int, cause: str) -> None:
+    s.motion_check.guard = s.obstacles.added_to(s.guard, s.config.arm)
     if s.mode is not Mode.MOVING:
         return
     under_way = Leg(s.orders.goal, s.order.stride[: len(s.position)], s.order.pace)
     try:
-        s.motion_check.check_clearance(s.position, [under_way, *s.orders.legs], s.payload)
+        s.motion_check.check_clearance(s.position, [under_way, *s.orders.legs], s.payload, s.orders.contacts)
     except LrmError as error:
         s.emit("motion_stopped", "warning", f"by {cause} the rest of the motion is not allowed: {error}")
         s.hold(now, f"{cause} does not allow the rest of the motion")

@@ -71,14 +71,14 @@ class Planner:
             return found
         direct = (q for q in goals if self._allows(np.array(start), np.array(q)))
         if (goal := next(direct, None)) is not None:
-            return _with_corners(self.config, np.array([start, goal]))
+            return with_corners(self.config, np.array([start, goal]))
         way = self.way_out(np.array(start), np.random.default_rng([seed, len(goals)]), check_cancelled)
         if way is None:
             return found
         onward = self._find_from(way[-1].tolist(), goals, seed, check_cancelled)
         if isinstance(onward, str):
             return onward
-        first = _with_corners(self.config, np.array(way))
+        first = with_corners(self.config, np.array(way))
         return (*first[:-1], *onward)
 
     def way_out(
@@ -148,7 +148,7 @@ class Planner:
         found = plan(self.scene, start, search.goal, search.rng, margin, SAMPLES, check)
         if isinstance(found, NoPath):
             return self._reason(found, start, search)
-        waypoints = _with_corners(self.config, found)
+        waypoints = with_corners(self.config, found)
         violation = self._violation(waypoints)
         if not violation:
             return waypoints
@@ -179,7 +179,7 @@ class Planner:
         return self.guard.check(np.array([start, end]), self.payload)[0].free
 
 
-def _with_corners(config: Config, path: Array) -> JointPath:
+def with_corners(config: Config, path: Array) -> JointPath:
     """The path (M, n) with a waypoint wherever a joint passes a point of its level-1 table."""
     out = [tuple(path[0].tolist())]
     for before, after in pairwise(path):

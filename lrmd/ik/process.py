@@ -25,6 +25,7 @@ from lrmd.ik.deployed_model import deploy, digest_of
 from lrmd.ik.fair_queue import FairQueue
 from lrmd.ik.planner import JointPath
 from lrmd.ik.service import IkService
+from lrmd.ik.straight_line import LineEnd
 from lrmd.messages.codec import Header, HeaderSource, Message, pack
 from lrmd.messages.inbox import Inbox, Send
 from lrmd.messages.kinematics import (
@@ -40,6 +41,7 @@ from lrmd.messages.kinematics import (
     PlanReply,
     PlanRequest,
 )
+from lrmd.messages.surroundings import unpacked
 from lrmd.messages.zenoh_session import GONE_KEY, key, own_client, reply_error, serve
 from lrmd.ramp.parent import SharedFd, die_with_parent
 from lrmd.ramp.shared_memory import NO_MODEL, GravityRecord, SharedRecords
@@ -104,6 +106,7 @@ class IkProcess:
         self._service: IkService | None = None
         self._checked: tuple[bytes, bytes] | None = None
         self._gravity = GravityRecord()
+        self._scene_number = 0
         self._shared.values.ik_model = NO_MODEL
         self._update_model()
 
@@ -159,6 +162,7 @@ class IkProcess:
         self._shared.ik[0] = time.monotonic_ns()
         self._update_model()
         self._update_gravity()
+        self._update_scene()
         for queued in self._queue:
             try:
                 queued.check()
@@ -203,6 +207,7 @@ class IkProcess:
             if found != accepted:
                 raise LrmError("the model's file is not the one that the daemon accepted; reload it")
             self._service, self._gravity = IkService(self._config, deploy(self._config)), GravityRecord()
+            self._scene_number = 0
             self._shared.values.ik_model = self._service.deployed.digest
         except LrmError as error:
             self._log.error("model_refused", text=str(error))
@@ -218,8 +223,17 @@ class IkProcess:
             self._log.error("gravity_refused", text=str(error))
         self._gravity = now
 
+    def _update_scene(self) -> None:
+        """Takes over the obstacles that the daemon knows."""
+        number = self._shared.values.scene_number
+        if number == self._scene_number or self._service is None or (told := self._shared.read_scene()) is None:
+            return
+        self._service = self._service.among(unpacked(told))
+        self._scene_number = number
+
     def _steps(self, queued: QueuedQuery) -> Steps:
         self._update_gravity()
+        self._update_scene()
         started, request, service = time.perf_counter(), queued.request, self._service
         if service is None:
             raise RequestError("no_model", "the model's file changed since the daemon loaded it; rpc/reload takes it")
@@ -238,7 +252,7 @@ class IkProcess:
                     content["places"].append(place)
                     yield
             case PlanRequest():
-                kind, content = PlanReply, _plan_content(service.plan(request, partial(self._pause, queued)))
+                kind, content = PlanReply, _plan_content(service.plan(request, partial(self._pause, queued), known))
         content |= {"model": service.deployed.path, "model_sha256": service.deployed.sha256}
         content["elapsed_ms"] = (time.perf_counter() - started) * 1e3
         return kind(**self._headers.next("ik"), **content)
@@ -265,7 +279,9 @@ class IkProcess:
         reply_error(query, error, self._log, self._headers.boot_id)
 
 
-def _plan_content(path: JointPath | str) -> dict[str, Any]:
+def _plan_content(path: JointPath | LineEnd | str) -> dict[str, Any]:
+    if isinstance(path, LineEnd):
+        return {"found": False, "text": path.text, "ends_at_m": list(path.at)}
     if isinstance(path, str):
         return {"found": False, "text": path}
     return {"found": True, "text": f"{len(path) - 1} straight moves", "waypoints_rad": [list(q) for q in path]}

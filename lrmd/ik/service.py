@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from lrm_math.arm.pulse_rounding import Rounding
 from lrm_math.arrays import Array, Vector3
+from lrm_math.collision.contact import Contact
 from lrm_math.collision.scene import Clearance, ClosestPair, Scene, clearance_of
 from lrm_math.errors import LrmError
 from lrm_math.ik.answer import SAME, Branch, CalibratedReply, NoAllowedBranch, Solved, Unsolved, apart
@@ -24,13 +25,25 @@ from lrm_math.ik.methods import QUICKEST, method_named
 from lrm_math.kinematics.known import Known
 from lrm_math.kinematics.motion import Motion
 from lrm_math.model.deployed_model import under_gravity, warming_offsets
+from lrm_math.model.model import Model
 from lrmd.config import Config
 from lrmd.errors import RequestError
 from lrmd.ik.deployed_model import DeployedModel
-from lrmd.ik.planner import JointPath, Planner
+from lrmd.ik.planner import JointPath, Planner, with_corners
+from lrmd.ik.straight_line import LineEnd, line_path
 from lrmd.messages.codec import MessageError
-from lrmd.messages.kinematics import FkAnswer, FkRequest, GoalEntry, IkAnswer, IkRequest, PlanRequest
+from lrmd.messages.kinematics import (
+    FkAnswer,
+    FkRequest,
+    GoalEntry,
+    IkAnswer,
+    IkRequest,
+    KinematicsRequest,
+    PlanRequest,
+)
+from lrmd.messages.surroundings import ObstacleEntry, contacts_of
 from lrmd.safety.collision_guard import CollisionGuard
+from lrmd.safety.contact_force import ContactRules, permits
 
 UNIT = 1e-3
 """Largest deviation of a quaternion's length from 1."""
@@ -81,6 +94,16 @@ class FeasibilityCheck:
 
     scene: Scene | None
     arm: CalibratedArm
+    model: Model | None = None
+    contacts: tuple[Contact, ...] = ()
+
+    def _permitting(self, payload: float, q: Array) -> Scene | None:
+        """The scene in which the request's contacts are permitted, in poses (N, n)."""
+        if self.scene is None or not self.contacts:
+            return self.scene
+        each = [permits(self.scene, self.model, self.contacts, pose[None], payload) for pose in q]
+        shallow = [min(found, key=lambda permit: permit.depth) for found in zip(*each, strict=True)]
+        return self.scene.permitting(shallow)
 
     def feasible(self, query: IkQuery, branches: Sequence[Branch]) -> NDArray[np.bool_]:
         """(K,), for commands that a solver proposes.
@@ -94,9 +117,9 @@ class FeasibilityCheck:
         same = (np.abs(settled.slots - slots[settled.rows]) < UNIQUE_TOLERANCE).all(axis=1)
         rows = settled.rows[same]
         feasible[rows] = True
-        if len(rows) and self.scene is not None:
-            near = self._clearance(self.scene, query.payload, q[rows], settled.slots[same])
-            feasible[rows] = near.distance.reshape(2, -1).min(axis=0) >= self.scene.margin
+        if len(rows) and (scene := self._permitting(query.payload, q[rows])) is not None:
+            near = self._clearance(scene, query.payload, q[rows], settled.slots[same])
+            feasible[rows] = near.distance.reshape(2, -1).min(axis=0) >= scene.margin
         return feasible
 
     def confirms_rounding(self, reply: Solved, payload: float) -> bool:
@@ -112,14 +135,14 @@ class FeasibilityCheck:
         """Reason why a command (rad) is infeasible, as text, and the two bodies of a collision."""
         command = np.array([q])
         settled = self.arm.equilibria(payload, command)
-        if self.scene is not None and len(settled.rows):
-            near = self._clearance(self.scene, payload, command, settled.slots)
+        if (scene := self._permitting(payload, command)) is not None and len(settled.rows):
+            near = self._clearance(scene, payload, command, settled.slots)
             k = int(near.distance.argmin())
             closest = ClosestPair(float(near.distance[k]), str(near.first[k]), str(near.second[k]))
-            if closest.distance < self.scene.margin:
+            if closest.distance < scene.margin:
                 text = (
                     f"{closest.first} and {closest.second} would be {closest.distance * 1e3:.1f} mm apart; "
-                    f"{self.scene.margin * 1e3:.1f} mm must be kept"
+                    f"{scene.margin * 1e3:.1f} mm must be kept"
                 )
                 return text, closest
         return NO_EQUILIBRIUM, None
@@ -147,7 +170,7 @@ class IkService:
         model, solver = self.deployed.model, self._measured
         other._model = model if down is None else under_gravity(model, down)
         other._solver = solver if down is None else solver.under_gravity(down)
-        other._feasibility = FeasibilityCheck(self._scene, other._solver.arm)
+        other._feasibility = replace(self._feasibility, arm=other._solver.arm)
         other._solver.warm_up()
         return other
 
@@ -158,7 +181,16 @@ class IkService:
             return self
         other = copy(self)
         other._solver = self._solver.with_offsets(added)
-        other._feasibility = FeasibilityCheck(self._scene, other._solver.arm)
+        other._feasibility = replace(self._feasibility, arm=other._solver.arm)
+        return other
+
+    def among(self, obstacles: Sequence[ObstacleEntry]) -> IkService:
+        """The service of the arm among obstacles, beside those of its file."""
+        if self._scene is None:
+            return self
+        other = copy(self)
+        other._scene = Scene.of(self._config.arm, around=[entry.built() for entry in obstacles])
+        other._feasibility = replace(self._feasibility, scene=other._scene)
         return other
 
     def inverse(self, request: IkRequest, known: Known = UNKNOWN) -> Iterator[IkAnswer]:
@@ -167,9 +199,24 @@ class IkService:
         goals = [self._goal(number, entry) for number, entry in enumerate(request.goals)]
         method = method_named(request.method, side=request.cube_side_m, points=request.cube_points)
         near, motion = _start(request.near_rad, known)
-        warm = self.warmed(known)
+        service = self.warmed(known)._permitting(request)
         for goal in goals:
-            yield warm._answer(goal, request.payload_kg or 0.0, near, method, Rounding(request.round), motion)
+            yield service._answer(goal, request.payload_kg or 0.0, near, method, Rounding(request.round), motion)
+
+    def _permitting(self, request: KinematicsRequest) -> IkService:
+        """The service of one request, with the contacts that it permits. Raises `LrmError`."""
+        contacts = contacts_of(request.may_touch)
+        if not contacts or self._scene is None:
+            return self
+        self._scene.permitting(contact.permit for contact in contacts)
+        other = copy(self)
+        other._feasibility = replace(self._feasibility, model=self._bending, contacts=contacts)
+        return other
+
+    @property
+    def _bending(self) -> Model | None:
+        """The model by which the arm sags; None for the nominal arm."""
+        return self._model if self.deployed.sha256 else None
 
     def _answer(
         self, goal: Goal, payload: float, near: Sequence[float] | None, method: Method, rounding: Rounding,
@@ -229,16 +276,43 @@ class IkService:
         within = self.deployed.model.within
         return [] if within is None else list(within.joints_outside(np.array(q)))
 
-    def plan(self, request: PlanRequest, check_cancelled: CancellationCheck) -> JointPath | str:
+    def plan(
+        self, request: PlanRequest, check_cancelled: CancellationCheck, known: Known = UNKNOWN
+    ) -> JointPath | LineEnd | str:
         """A path, or the reason why there is none. Raises `LrmError`, and what `check_cancelled` raises."""
-        if self._scene is None:
-            raise LrmError(f"{self._config.arm.name} has no collision shapes: no path can be checked")
         for name in ("from_rad", "to_rad"):
             self._check_angles(name, getattr(request, name))
-        goals = [request.to_rad] if request.to_rad is not None else self._commands(request)
-        guard = CollisionGuard(self._scene, self._model if self.deployed.sha256 else None)
+        if request.line:
+            return self._line(request, check_cancelled, known)
+        goals = [request.to_rad] if request.to_rad is not None else self._permitting(request)._commands(request)
+        guard = self._guard(request, np.array([request.from_rad, *goals]))
         planner = Planner(self._config, guard, request.payload_kg or 0.0)
         return planner.find(request.from_rad, goals, request.seed, check_cancelled)
+
+    def _line(
+        self, request: PlanRequest, check_cancelled: CancellationCheck, known: Known
+    ) -> JointPath | LineEnd | str:
+        """A straight line of the tip, or where it ends. Raises `LrmError`."""
+        assert request.goal is not None
+        payload = request.payload_kg or 0.0
+        _, here = _start(request.from_rad, known)
+        motion = Motion.at(request.from_rad) if here is None else replace(here, q=np.array(request.from_rad))
+        found = line_path(self._solver, payload, motion, self._goal(0, request.goal), check_cancelled)
+        if isinstance(found, LineEnd):
+            return found
+        path = np.array(found)
+        move, number = self._guard(request, path).check(path, payload)
+        if not move.free:
+            tip = self._solver.forward(path[number], payload).tcp
+            return LineEnd(f"no straight line: {move} of its part {number + 1} of {len(path) - 1}", tip)
+        return with_corners(self._config, path)
+
+    def _guard(self, request: PlanRequest, poses: Array) -> CollisionGuard:
+        """The guard of a plan between poses (K, n), with the contacts that it permits. Raises `LrmError`."""
+        if self._scene is None:
+            raise LrmError(f"{self._config.arm.name} has no collision shapes: no path can be checked")
+        rules = ContactRules(contacts_of(request.may_touch))
+        return CollisionGuard(self._scene, self._bending).permitting(rules, poses, request.payload_kg or 0.0)
 
     def _commands(self, request: PlanRequest) -> list[list[float]]:
         """Commands that reach the goal of a plan, nearest first. Raises `LrmError` if there are none."""

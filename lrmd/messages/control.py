@@ -5,19 +5,11 @@ from __future__ import annotations
 from itertools import pairwise
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import AfterValidator, FailFast, Field, JsonValue, ValidationInfo, field_validator, model_validator
+from pydantic import FailFast, Field, JsonValue, ValidationInfo, field_validator, model_validator
 
 from lrmd.messages.codec import Header, Message, Part
+from lrmd.messages.surroundings import MOST_OBSTACLES, ContactEntry, Label, ObstacleEntry, printable
 
-
-def _printable(text: str) -> str:
-    if not text.isprintable():
-        raise ValueError("printable characters only")
-    return text
-
-
-Label = Annotated[str, Field(max_length=64), AfterValidator(_printable)]
-"""Text that is shown on terminals."""
 Angles = Annotated[dict[Label, Annotated[float, Field(ge=-20, le=20)]], Field(max_length=16)]
 Servos = Annotated[list[Label], Field(max_length=16)]
 Token = Annotated[str, Field(min_length=1, max_length=64)]
@@ -80,13 +72,21 @@ class MoveRequest(MotionRequest):
     """`rpc/move` and `cmd/target`: brings servos to each of the waypoints (rad), one after the other.
 
     `pace` = "together": all end at once; "each": each at its own full rate. `speed`: share of the full rate.
-    `payload_kg`: what the gripper carries from now on.
+    `payload_kg`: what the gripper carries from now on. `may_touch`: contacts that this motion is permitted, at a tenth
+    of the full rate.
     """
 
     waypoints: Annotated[list[Angles], FailFast(), Field(min_length=1, max_length=1000)]
     pace: Literal["together", "each"] = "together"
     speed: Annotated[float, Field(gt=0, le=1)] = 1.0
     payload_kg: Annotated[float, Field(ge=0, le=2)] | None = None
+    may_touch: Annotated[list[ContactEntry], Field(max_length=8)] = []
+
+
+class PayloadRequest(CommandRequest):
+    """`rpc/payload`: the mass that the gripper carries from now on. Nothing moves."""
+
+    payload_kg: Annotated[float, Field(ge=0, le=2)]
 
 
 class JogRequest(MotionRequest):
@@ -146,10 +146,28 @@ class GravityCommand(Message):
     gravity_m_per_s2: Annotated[list[Annotated[float, Field(ge=-11, le=11)]], Field(min_length=3, max_length=3)]
 
 
+class SceneCommand(Message):
+    """`cmd/scene`: obstacles of an `owner`, by name: `put` adds or moves them, `remove` forgets them. Needs no lease.
+
+    `max_age_s`: those that are put are dropped after so long; None: never.
+    """
+
+    owner: Annotated[str, Field(min_length=1, max_length=64)]
+    put: Annotated[list[ObstacleEntry], FailFast(), Field(max_length=MOST_OBSTACLES)] = []
+    remove: Annotated[list[Label], FailFast(), Field(max_length=MOST_OBSTACLES)] = []
+    max_age_s: Annotated[float, Field(gt=0, le=86_400)] | None = 10.0
+
+    @field_validator("owner")
+    @classmethod
+    def _shown(cls, value: str) -> str:
+        return printable(value)
+
+
 REQUESTS: dict[str, type[Message]] = {
     "rpc/lease": LeaseRequest,
     "rpc/arm": ArmRequest,
     "rpc/move": MoveRequest,
+    "rpc/payload": PayloadRequest,
     "rpc/hold": HoldRequest,
     "rpc/relax": RelaxRequest,
     "rpc/disarm": DisarmRequest,
@@ -160,7 +178,12 @@ REQUESTS: dict[str, type[Message]] = {
 }
 MODELS = ("rpc/reload", "rpc/deploy", "rpc/undeploy")
 """Requests that take long: one at a time, of all of them."""
-COMMANDS: dict[str, type[Message]] = {"cmd/target": MoveRequest, "cmd/jog": JogRequest, "cmd/gravity": GravityCommand}
+COMMANDS: dict[str, type[Message]] = {
+    "cmd/target": MoveRequest,
+    "cmd/jog": JogRequest,
+    "cmd/gravity": GravityCommand,
+    "cmd/scene": SceneCommand,
+}
 """Requests without a reply: what is wrong with one is told by an event."""
 
 
@@ -228,6 +251,21 @@ class GravityState(Header):
     gravity_m_per_s2: list[float]
     source: Literal["model", "told"]
     age_s: float | None
+
+
+class ObstacleState(Part):
+    """An obstacle that the guard knows: `age_s` since it was told, `left_s` until it is dropped, None: never."""
+
+    name: str
+    owner: str
+    age_s: float
+    left_s: float | None
+
+
+class SceneState(Header):
+    """`state/scene`, 1 Hz: obstacles that `cmd/scene` told of."""
+
+    obstacles: list[ObstacleState]
 
 
 class MetricsState(Header):

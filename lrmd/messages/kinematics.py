@@ -8,9 +8,8 @@ from pydantic import FailFast, Field, model_validator
 
 from lrmd.messages.codec import Header, Message, Part
 from lrmd.messages.control import Label
+from lrmd.messages.surroundings import ContactEntry, Coordinate, Position
 
-Coordinate = Annotated[float, Field(ge=-100, le=100)]
-Position = Annotated[list[Coordinate], Field(min_length=3, max_length=3)]
 JointAngle = Annotated[float, Field(ge=-20, le=20)]
 JointAngles = Annotated[list[JointAngle], Field(min_length=1, max_length=16)]
 Directions = Annotated[list[Annotated[int, Field(ge=-1, le=1)]], Field(min_length=1, max_length=16)]
@@ -38,11 +37,13 @@ class GoalEntry(Part):
 
 
 class KinematicsRequest(Message):
-    """Query of the ik process. `payload_kg`: None for what the arm carries; `id`: for `rpc/cancel`."""
+    """Query of the ik process. `payload_kg`: None for what the arm carries; `id`: for `rpc/cancel`.
+    `may_touch`: contacts that the motion will be permitted."""
 
     id: Label = ""
     payload_kg: Payload | None = None
     deadline_ms: Deadline = 10_000.0
+    may_touch: Annotated[list[ContactEntry], Field(max_length=8)] = []
 
     def with_payload(self, carried: float) -> Self:
         """The request with what the arm carries (kg), unless it says so: a plan then is that of the next move."""
@@ -86,15 +87,21 @@ class FkRequest(KinematicsRequest):
 
 
 class PlanRequest(KinematicsRequest):
-    """`rpc/plan`: a collision-free path from `from_rad` to `to_rad`, or to a goal; deterministic for one `seed`."""
+    """`rpc/plan`: a collision-free path from `from_rad` to `to_rad`, or to a goal; deterministic for one `seed`.
+
+    `line`: the tip goes straight to the goal, the tool turning evenly; to its orientation, or not at all.
+    """
 
     from_rad: JointAngles
     to_rad: JointAngles | None = None
     goal: GoalEntry | None = None
     seed: Annotated[int, Field(ge=0, lt=2**32)] = 0
+    line: bool = False
 
     @model_validator(mode="after")
     def _one_end(self) -> PlanRequest:
+        if self.line and self.goal is None:
+            raise ValueError("a line goes to a goal, not to to_rad")
         if (self.to_rad is None) == (self.goal is None):
             raise ValueError("give to_rad or goal, one of them")
         return self
@@ -161,12 +168,13 @@ class PlanReply(KinematicsReply):
     """A path of straight moves through `waypoints_rad`, the start included; empty if none was found, see `text`.
 
     Waypoints are the corners of the path and the points where a joint passes a point of its level-1 table, so that
-    moves which are straight in pulses are straight in angles.
+    moves which are straight in pulses are straight in angles. `ends_at_m`: where a line ends that does not go on.
     """
 
     found: bool
     text: str
     waypoints_rad: Annotated[list[list[float]], Field(max_length=4000)] = []
+    ends_at_m: list[float] | None = None
 
 
 class FkAnswer(Part):

@@ -185,6 +185,8 @@ DIGEST = 64
 NO_MODEL, NOMINAL = b"", b"nominal"
 """Digests for "no model yet" and for the nominal arm, which has no file."""
 ESTOP_REASON_BYTES = 256
+SCENE_BYTES = 16_384
+"""Room for the obstacles, with their length before them: 32 of the largest take 12 kB."""
 ATTEMPTS, CHECK = 5, 4
 """Readings of a record before it is given up for this time; bytes of the CRC-32 that precedes it."""
 
@@ -198,12 +200,14 @@ class SharedValues(ctypes.Structure):
 
     `lateness`: counts per bucket. `ik`: [last heartbeat (ns, 0 = none yet), queries answered, refused]; `router`: [last
     heartbeat, emergency stops]. `duty`: share of the tick period that the ramp computes, 0 to 1, as a moving average.
-    `payload`: of the arm (kg), for queries that do not say it; `gravity`: its direction in use. `model`: SHA-256 of the
+    `payload`: of the arm (kg), for queries that do not say it; `gravity`: its direction in use.
+    `scene`: obstacles, `scene_number`: counts their changes. `model`: SHA-256 of the
     model file that the daemon accepted, `ik_model`: of the one in use by the ik process; see `NOMINAL` and `NO_MODEL`.
     """
 
     duty: float
     payload: float
+    scene_number: int
     model: bytes
     ik_model: bytes
     _fields_ = (
@@ -212,6 +216,7 @@ class SharedValues(ctypes.Structure):
         ("estop_reason", _mailbox(ctypes.c_char * ESTOP_REASON_BYTES)), ("lateness", ctypes.c_uint64 * BUCKETS),
         ("ik", ctypes.c_uint64 * 3), ("router", ctypes.c_uint64 * 2), ("duty", ctypes.c_double),
         ("payload", ctypes.c_double), ("gravity", _mailbox(GravityRecord.layout())),
+        ("scene", _mailbox(ctypes.c_char * SCENE_BYTES)), ("scene_number", ctypes.c_uint64),
         ("model", ctypes.c_char * DIGEST), ("ik_model", ctypes.c_char * DIGEST),
     )  # fmt: skip
 
@@ -289,6 +294,19 @@ class SharedRecords:
         """The direction of gravity in use, None before the first (ik process)."""
         data = self._read("gravity")
         return None if data is None else GravityRecord.unpack(data)
+
+    def write_scene(self, obstacles: bytes) -> None:
+        """Publishes the obstacles (API process)."""
+        record = len(obstacles).to_bytes(CHECK, "little") + obstacles
+        if len(record) > SCENE_BYTES:
+            raise ValueError(f"{len(obstacles)} bytes of obstacles; there is room for {SCENE_BYTES - CHECK}")
+        self._write("scene", record.ljust(SCENE_BYTES, b"\0"))
+        self.values.scene_number += 1
+
+    def read_scene(self) -> bytes | None:
+        """The obstacles, None before the first, or where every attempt met a write in progress (ik process)."""
+        data = self._read("scene")
+        return None if data is None else data[CHECK : CHECK + int.from_bytes(data[:CHECK], "little")]
 
     def wait_for_order(self, number: int, timeout: int) -> bool:
         """Waits until the ramp has read an order or a later one, at most for `timeout` (ns); whether it has."""

@@ -4,12 +4,17 @@ Rule: on its way no two bodies come nearer to each other than the safety margin 
 already, than the nearest two are at the start. So whatever is requested, in whatever order and how often, the smallest
 distance never falls below the margin, or below that of the pose in which the arm was armed.
 
+An obstacle that was told of while the arm stood near it gives room to no other pair, nor does a contact. A contact that
+a request permits raises the distance of its own pair, for this request alone
+(`lrm_math.collision.contact`). A pair that was brought to touch in this way may not come nearer afterwards than it is,
+and gives no other pair any room.
+
 It holds for the rigid arm as commanded and, by itself, for the arm as it sags.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import pairwise
@@ -25,9 +30,11 @@ from lrm_math.kinematics.forward import frames
 from lrm_math.kinematics.poses import poses_of
 from lrm_math.model.equilibrium import batch_equilibrium
 from lrm_math.model.model import Model
+from lrmd.safety.contact_force import NO_CONTACTS, ContactRules, permits
 
-Guard = Callable[[Sequence[Sequence[float]], float], None]
-"""Raises an `LrmError` if straight moves through poses (rad, per joint) with a payload (kg) are not safe."""
+Guard = Callable[[Sequence[Sequence[float]], float, ContactRules], None]
+"""Raises an `LrmError` if straight moves through poses (rad, per joint) with a payload (kg) are not safe, contacts
+apart that are permitted."""
 SAMPLING_STEP = 0.05
 """rad, about 3 degrees: largest joint step between the first sampled poses of the sagging arm."""
 SAG_RATE = 1.5
@@ -42,32 +49,46 @@ NO_EQUILIBRIUM = -1e3
 class ClearanceViolation(LrmError):
     """An unsafe way: bodies `first` and `second` are at `distance` (m) at `fraction` (0 to 1) of move number `move`."""
 
-    def __init__(self, found: MotionClearance, margin: float, move: int) -> None:
+    def __init__(
+        self, found: MotionClearance, margin: float, move: int, estimated: frozenset[str] = frozenset()
+    ) -> None:
         self.move = move
         self.first, self.second = found.first, found.second
         self.distance, self.fraction = found.distance, found.fraction
         within = "" if found.margin >= margin else ", no less than where the arm stands now, within the safety margin"
+        guessed = [name for name in (self.first, self.second) if name in estimated]
+        note = f" (the shape of {guessed[0]} is an estimate of the arm file)" if guessed else ""
         super().__init__(
             f"{self.first} and {self.second} would come to {self.distance * 1e3:.0f} mm of each other at "
-            f"{self.fraction:.0%} of the way; {found.margin * 1e3:.0f} mm must be kept{within}"
+            f"{self.fraction:.0%} of the way; {found.margin * 1e3:.0f} mm must be kept{within}{note}"
         )
 
 
 @dataclass(frozen=True)
 class CollisionGuard:
-    """The `Guard` of an arm's collision `scene`; `model` predicts its sag, None for an uncalibrated arm."""
+    """The `Guard` of an arm's collision `scene`; `model` predicts its sag, None for an uncalibrated arm. `touched`:
+    pairs that an earlier request was permitted to bring nearer than the margin."""
 
     scene: Scene
     model: Model | None
+    touched: frozenset[frozenset[str]] = frozenset()
 
-    def __call__(self, path: Sequence[Sequence[float]], payload: float) -> None:
+    def __call__(self, path: Sequence[Sequence[float]], payload: float, contacts: ContactRules = NO_CONTACTS) -> None:
         """Raises `ClearanceViolation` for a way through poses with a payload (kg) that is not allowed, `LrmError`."""
-        found, move = self.check(self.scene.poses(path), payload)
+        poses = self.scene.poses(path)
+        found, move = self.permitting(contacts, poses, payload).check(poses, payload)
         if found.free:
             return
         if found.distance <= NO_EQUILIBRIUM:
             raise LrmError("the elastic equilibrium does not settle on the way: too much load for the arm")
-        raise ClearanceViolation(found, self.scene.margin, move)
+        raise ClearanceViolation(found, self.scene.margin, move, self.scene.estimated)
+
+    def permitting(self, contacts: ContactRules, path: Array, payload: float) -> CollisionGuard:
+        """The guard of one request that permits contacts, on a way through poses (K, n) with a payload (kg)."""
+        if contacts == NO_CONTACTS:
+            return self
+        found = permits(self.scene, self.model, contacts.permitted, path, payload)
+        return replace(self, scene=self.scene.permitting(found), touched=contacts.touched)
 
     def check(self, path: Array, payload: float, keep: float | None = None) -> tuple[MotionClearance, int]:
         """The clearance on straight moves through poses (K, n), and the number of the move, from 0, that it is of.
@@ -76,12 +97,19 @@ class CollisionGuard:
         separation (m) that is required; None: what the rule requires of a way that begins at the first pose.
         """
         for bodies in self.bodies(payload):
-            required = min(self.scene.margin, bodies.separation(path[0])) if keep is None else keep
+            required = self._required(bodies, path[0]) if keep is None else keep
             for move, (start, end) in enumerate(pairwise(path)):
                 found = check_bodies(bodies, start, end, required)
                 if not found.free or found.distance <= NO_EQUILIBRIUM:
                     return replace(found, free=False), move
         return found, move
+
+    def _required(self, bodies: ArmBodies, start: Array) -> Array:
+        """(pairs,), the separation (m) that the rule requires of a way that begins at a pose (n,)."""
+        here = np.minimum(self.scene.margin, bodies.separations(start[None])[0])
+        names = self.scene.names.tolist()
+        alone = [frozenset(pair) in self.touched or not self.scene.around.isdisjoint(pair) for pair in names]
+        return np.where(alone, here, here[~np.array(alone)].min(initial=self.scene.margin))
 
     def bodies(self, payload: float) -> tuple[ArmBodies, ...]:
         """The bodies of the rigid arm and, with a model, of the arm that sags with a payload (kg)."""
@@ -89,6 +117,20 @@ class CollisionGuard:
         if self.model is None:
             return (rigid,)
         return rigid, ArmBodies(self.scene, partial(self._sagging, self.model, payload), SAG_RATE, SAMPLING_STEP)
+
+    def settles(self, q: Array, payload: float) -> bool:
+        """Whether the arm has an elastic equilibrium in a pose (n,) with a payload (kg)."""
+        return all(bodies.separation(q) > NO_EQUILIBRIUM for bodies in self.bodies(payload))
+
+    def overlaps(self, q: Array, payload: float, names: Collection[str]) -> tuple[str, str] | None:
+        """The first body and obstacle, of `names`, that overlap in a pose (n,), of the rigid arm or as it sags."""
+        for bodies in self.bodies(payload):
+            apart = bodies.separations(q[None])[0]
+            for pair, distance in zip(self.scene.names.tolist(), apart.tolist(), strict=True):
+                if NO_EQUILIBRIUM < distance < 0.0 and not set(names).isdisjoint(pair):
+                    first, second = sorted(pair, key=lambda name: name in names)
+                    return first, second
+        return None
 
     def separation(self, q: Array, payload: float) -> Array:
         """(N,), the smallest separation (m) in poses (N, n), of the rigid arm or as it sags with a payload (kg)."""

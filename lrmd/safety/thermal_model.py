@@ -155,6 +155,15 @@ class ThermalMonitor:
         changes = [LevelChange(i, old, new) for i, (old, new) in enumerate(zip(before, self._levels, strict=True))]
         return [change for change in changes if change.before is not change.after]
 
+    def check_bearable(self, tau: Sequence[float], seconds: float) -> None:
+        """Raises `RequestError` if a servo would be too hot within so many seconds of torques (N m, per servo)."""
+        limit, model = self.model.limits[ThermalLevel.TOO_HOT - 1], self.model
+        for name, torque, rise, T in zip(self._names, tau, model.rise, self.temperature, strict=True):
+            left = model.seconds_to(limit, T, torque, rise)
+            if left < seconds:
+                text = f"{name} would hold {abs(torque):.2f} Nm, and be too hot in {left:.0f} s: no load for this arm"
+                raise RequestError("too_heavy", text, servo=name, seconds=left)
+
     def check_load(self, now: Sequence[float], then: Sequence[float]) -> None:
         """Raises `RequestError` if a warm servo would carry more torque `then` than `now` (N m, per servo)."""
         for name, before, after, T in zip(self._names, now, then, self.temperature, strict=True):

@@ -12,7 +12,7 @@ from pydantic import ValidationError
 
 from lrmd import messages
 from lrmd.messages.codec import Part
-from lrmd.messages.control import MetricsState
+from lrmd.messages.surroundings import WANTED
 
 Content = dict[str, Any]
 
@@ -42,7 +42,7 @@ def contents(kind: type[Part]) -> st.SearchStrategy[Content]:
             return any(fault["type"] != "value_error" for fault in error.errors())
         return True
 
-    return _of(schema, schema.get("$defs", {})).map(TOGETHER.get(kind, dict)).filter(consistent)
+    return _of(schema, schema.get("$defs", {})).map(TOGETHER.get(kind.__name__, dict)).filter(consistent)
 
 
 def _one_histogram(content: Content) -> Content:
@@ -52,7 +52,26 @@ def _one_histogram(content: Content) -> Content:
     return {**content, "late_upper_us": edges, "late_counts": counts, "ticks": sum(counts)}
 
 
-TOGETHER: dict[type[Part], Callable[[Content], Content]] = {MetricsState: _one_histogram}
+def _of_its_shape(content: Content) -> Content:
+    """The fields that an obstacle of its shape has, and no others."""
+    wanted = {"name", "shape", "position_m", *WANTED[content["shape"]]}
+    given = {"size_m": [1.0, 2.0, 3.0], "end_m": [0.0, 0.0, 1.0], "radius_m": 0.1}
+    kept = {key: value for key, value in content.items() if key in wanted and value is not None}
+    return {**{key: value for key, value in given.items() if key in wanted}, **kept}
+
+
+def _ascending(content: Content) -> Content:
+    """A box whose low corner is below its high one."""
+    ends = [sorted(pair) for pair in zip(content["low_m"], content["high_m"], strict=True)]
+    low = [min(a, 99.0) for a, _ in ends]
+    return {**content, "low_m": low, "high_m": [max(b, a + 1.0) for a, (_, b) in zip(low, ends, strict=True)]}
+
+
+TOGETHER: dict[str, Callable[[Content], Content]] = {
+    "MetricsState": _one_histogram,
+    "ObstacleEntry": _of_its_shape,
+    "ContactEntry": _ascending,
+}
 
 
 PRINTABLE = st.characters(codec="utf-8", exclude_categories=["C", "Z"], include_characters=" ")
@@ -63,7 +82,8 @@ def _of(schema: Mapping[str, Any], defs: Mapping[str, Any]) -> st.SearchStrategy
         case {"$ref": "#/$defs/JsonValue"}:
             return st.integers(-5, 5)
         case {"$ref": where}:
-            return _of(defs[where.rpartition("/")[2]], defs)
+            name = where.rpartition("/")[2]
+            return _of(defs[name], defs).map(TOGETHER.get(name, _same))
         case {"anyOf": choices}:
             return st.one_of(*(_of(choice, defs) for choice in choices))
         case {"const": value}:
@@ -90,6 +110,10 @@ def _of(schema: Mapping[str, Any], defs: Mapping[str, Any]) -> st.SearchStrategy
             keys = _of({"type": "string", **schema.get("propertyNames", {})}, defs)
             return st.dictionaries(keys, _of(inner, defs), max_size=3)
     raise AssertionError(f"no strategy for {schema}")
+
+
+def _same(content: Any) -> Any:
+    return content
 
 
 def _number(schema: Mapping[str, Any], kind: str) -> st.SearchStrategy[Any]:

@@ -36,6 +36,11 @@ class Area:
         """(N,), whether points (N, 3) in m are inside."""
         return np.asarray(((points >= self.low) & (points <= self.high)).all(axis=1))
 
+    def raised(self, height: float) -> Area:
+        """The same area higher up (m)."""
+        (x0, y0, z0), (x1, y1, z1) = self.low, self.high
+        return Area(self.name, (x0, y0, z0 + height), (x1, y1, z1 + height))
+
 
 @dataclass(frozen=True)
 class VoxelGrid:
@@ -66,9 +71,16 @@ class VoxelGrid:
         return np.stack(np.meshgrid(*(self.axis(i) for i in range(3)), indexing="ij"), axis=-1).reshape(-1, 3)
 
     def inside(self, area: Area) -> Mask:
-        """(N,), whether the cells have their centre in an area. Raises `LrmError` if none has."""
-        cells = area.holds(self.centres)
-        if not cells.any():
+        """(N,), whether the cells have their centre in an area. Along an axis on which it is too thin to hold one, the
+        layer of cells at its middle counts. Raises `LrmError` if it holds none along any axis, or is out of reach."""
+        layers, thin = [], 0
+        for i, (low, high) in enumerate(zip(area.low, area.high, strict=True)):
+            held = (self.axis(i) >= low) & (self.axis(i) <= high)
+            thin += not held.any()
+            middle = self.first[i] + np.arange(self.count[i]) == np.floor(0.5 * (low + high) / self.step)
+            layers.append(held if held.any() else middle)
+        cells = np.asarray(np.einsum("i,j,k->ijk", *layers).reshape(-1))
+        if thin == len(layers) or not cells.any():
             raise LrmError(
                 f"area '{area.name}' holds no centre of a cell: it is out of all reach, or too small for a step of "
                 f"{self.step * 1e3:g} mm"
@@ -140,13 +152,15 @@ class WorkspaceStudy:
 
 _CHANGES = product(("", "base_beta_deg=45"), ("", "link2-10mm", "link2+10mm"), ("", "link4-10mm", "link4-20mm"))
 ROVER = WorkspaceStudy(
-    areas=("ground=50:350,-150:150,0:90", "basket=-240:-120,-90:90,210:300"),
+    areas=("ground=-15:235,-125:125,-10:10", "basket=-155:-95,-30:30,226:246"),
     variants=tuple(",".join(filter(None, changes)) for changes in _CHANGES if any(changes)),
     may_touch=("fingers:ground",),
 )
 """Thesis section 3.1: the first link at 45° or 60°, links 2 and 4 as first designed or longer by 1 or 2 cm. The choice,
-60°, +1 cm, +2 cm, is the shipped arm. The thesis gives no dimensions of its two areas, the ground behind the rover and
-the basket on its back; these are estimates."""
+60°, +1 cm, +2 cm, is the shipped arm. The two areas are those of the author's published code
+(`Kinematics_Matlab/forward/capability.m`): the ground behind the rover, x 20 to 270, y ±125, z ±10 mm, and the basket
+on its back, x -120 to -60, y ±30, z 217 to 237 mm, where the arm's base is at x = 0, z = 227 mm. Ours is at x = -35,
+z = 236 mm: both are moved along with it, but for the height of the ground."""
 
 
 def default_study(arm_name: str) -> WorkspaceStudy:

@@ -30,6 +30,8 @@ ROUNDS = 6
 """Number of times that a sample is carried."""
 PLACES = {"ground": "drill hole", "basket": "basket"}
 """Areas of the arm's workspace study that the task goes between (Conenna 2024, section 3.1), and what is there."""
+ABOVE = 0.06
+"""m: goals are so high above an area, since a daemon's guard lets nothing touch the ground unless it is permitted."""
 TRIES, AT_ONCE = 100, 5000
 
 
@@ -74,13 +76,13 @@ def draw_goals(arm: Arm, count: int, seed: int, area: Area | None = None) -> Arr
 
 
 def _task(arm: Arm, seed: int) -> tuple[PlacedGoal, ...]:
-    """Goals from a drill hole to the basket and back, `ROUNDS` times, each at another place of its area."""
+    """Goals from above a drill hole to above the basket and back, `ROUNDS` times, each over another place."""
     areas = {area.name: area for area in map(parse_area, default_study(arm.name).areas)}
     missing = [name for name in PLACES if name not in areas]
     if missing:
         raise LrmError(f"--goals {TASK}: no {missing[0]} is known for {arm.name}; give its goals as a CSV")
     legs = [
-        [PlacedGoal(tuple(goal), words) for goal in draw_goals(arm, ROUNDS, seed, areas[name]).tolist()]
+        [PlacedGoal(tuple(goal), words) for goal in draw_goals(arm, ROUNDS, seed, areas[name].raised(ABOVE)).tolist()]
         for name, words in PLACES.items()
     ]
     return tuple(chain.from_iterable(zip(*legs, strict=True)))

@@ -64,7 +64,7 @@ ONE_OF: dict[str, list[dict[str, Any]]] = {
     "ArmRequest": [{"where": "given", "servos": None}, {"where": "stored", "q_rad": {}}],
     "IkRequest": [{}],
     "FkRequest": [{"near_rad": None}, {"direction": []}],
-    "PlanRequest": [{"goal": None}, {"to_rad": None}],
+    "PlanRequest": [{"goal": None, "line": False}, {"to_rad": None}],
 }
 """Fields that exclude each other."""
 
@@ -77,13 +77,18 @@ def test_the_largest_valid_request_of_each_kind_is_read(name: str) -> None:
         content = {**largest(schema, schema.get("$defs", {})), **change}
         for goal in [*content.get("goals", ()), *([content["goal"]] if content.get("goal") else [])]:
             goal.update(rpy_rad=None, approach=None)
+        for contact in content.get("may_touch", ()):
+            contact.update(low_m=[-1.0 / 3] * 3)
+        for obstacle in content.get("put", ()):
+            obstacle.update(shape="box", end_m=None, radius_m=None)
         assert unpack(kind, msgpack.packb(content)) == kind.model_validate(content)
 
 
 def test_only_long_texts_and_paths_may_be_long() -> None:
     sizes = {name: bounds_of(kind).size for name, kind in REQUESTS.items()}
     long = {name for name, size in sizes.items() if size > 12_000}
-    assert long == {"DeployRequest", "MoveRequest", "IkRequest", "FkRequest"}
+    assert long == {"DeployRequest", "MoveRequest", "IkRequest", "FkRequest", "SceneCommand"}
+    assert sizes["SceneCommand"] < 40_000
     assert max(bounds_of(kind).size for kind in KINDS.values()) < LARGEST_MESSAGE
 
 

@@ -18,7 +18,7 @@ from lrmd.control.state_machine import Mode
 from lrmd.errors import RequestError
 from lrmd.ik.deployed_model import DeployedModel, deploy
 from lrmd.ik.planner import Planner
-from lrmd.messages.control import ArmRequest, JogRequest, LeaseRequest, MoveRequest
+from lrmd.messages.control import ArmRequest, JogRequest, LeaseRequest, MoveRequest, PayloadRequest
 from lrmd.safety.collision_guard import CollisionGuard, guard_of
 from tests.conftest import TABLE_B2
 from tests.support.daemon.in_memory_daemon import CONFIG, SimulatedDaemon
@@ -46,7 +46,7 @@ class LoadedDaemon(SimulatedDaemon):
         super().__init__(config)
         guard = guard_of(config.arm, deployed.model)
         assert guard is not None
-        self.core.motion_check.guard = guard
+        self.core.adopt_guard(guard, self.now)
         self.run(30)
         lease = self.core.handle(LeaseRequest(action="acquire", holder="test"), self.now).lease
         assert lease is not None
@@ -156,3 +156,34 @@ def test_the_planner_refuses_what_the_guard_refuses_and_its_path_is_accepted(con
     sim.keep(400)
     sim.move(*(dict(zip(ABOVE, q, strict=True)) for q in path[1:]), payload=HEAVY)
     assert sim.core.mode is Mode.MOVING
+
+
+def carry(sim: LoadedDaemon, payload: float) -> None:
+    sim.core.handle(PayloadRequest(lease=sim.token, payload_kg=payload), sim.now)
+
+
+def test_a_load_is_a_state_that_the_guard_follows_at_once(sim: LoadedDaemon) -> None:
+    carry(sim, HEAVY)
+    assert sim.core.mode is Mode.ARMED
+    assert sim.core.payload == HEAVY
+    with pytest.raises(RequestError, match="palm and ground"):
+        sim.move(LOW)
+    carry(sim, 0.0)
+    sim.move(LOW)
+
+
+def test_a_load_that_is_told_under_way_stops_a_motion_whose_rest_collides(sim: LoadedDaemon) -> None:
+    sim.move(LOW)
+    sim.keep(10)
+    carry(sim, HEAVY)
+    assert sim.core.mode is Mode.HOLDING
+    assert "motion_stopped" in [event.code for event in sim.core.events]
+
+
+def test_a_load_that_the_servos_cannot_bear_is_refused_and_changes_nothing(sim: LoadedDaemon) -> None:
+    sim.core.motion_check.torques = lambda _, payload: (0.0, 10.0 * payload, 0.0, 0.0, 0.0, 0.0)
+    with pytest.raises(RequestError, match=r"joint2 would hold 20\.00 Nm") as refused:
+        carry(sim, 2.0)
+    assert refused.value.code == "too_heavy"
+    assert sim.core.payload == 0.0
+    assert sim.core.mode is Mode.ARMED

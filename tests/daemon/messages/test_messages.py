@@ -29,6 +29,7 @@ FULL: dict[str, dict[str, Any]] = {
     "LeaseRequest": {"action": "acquire", "holder": "me", "lease": "t", "take": True},
     "ArmRequest": {"lease": "t", "where": "given", "q_rad": {"joint1": 0.5}},
     "MoveRequest": {"lease": "t", "waypoints": [{"joint1": 0.5}], "pace": "each", "speed": 0.5, "payload_kg": 0.1},
+    "PayloadRequest": {"lease": "t", "payload_kg": 0.1},
     "RelaxRequest": {"lease": "t", "servos": ["joint1"]},
     "HoldRequest": {},
     "DisarmRequest": {"lease": "t"},
@@ -233,7 +234,9 @@ def test_a_request_to_several_at_once_is_not_carried_out(daemon: InMemoryDaemon,
 
 def test_states_may_be_queried_together(daemon: InMemoryDaemon) -> None:
     keys = {a.ok.key_expr for a in daemon.session.get("lrm/*/state/*") if a.ok is not None}
-    assert keys == {f"lrm/rover/state/{name}" for name in ("joints", "mode", "faults", "thermal", "gravity", "metrics")}
+    assert keys == {
+        f"lrm/rover/state/{name}" for name in ("joints", "mode", "faults", "thermal", "gravity", "scene", "metrics")
+    }
 
 
 def test_a_command_that_cannot_be_read_is_an_event(daemon: InMemoryDaemon) -> None:

@@ -2,26 +2,32 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.collision_shapes import Box, Capsule, Shapes
 from lrm_math.arrays import Array
+from lrm_math.collision.contact import Contact, ContactPermit
 from lrm_math.collision.scene import Scene
 from lrm_math.effects import effects_at
 from lrm_math.errors import LrmError
 from lrm_math.model.model import Model, model_of
 from lrmd.config import Config, load_config
 from lrmd.control.state_machine import Mode
-from lrmd.messages.control import ArmRequest, HoldRequest, JogRequest, LeaseRequest, MoveRequest
+from lrmd.messages.control import ArmRequest, HoldRequest, JogRequest, LeaseRequest, MoveRequest, SceneCommand
+from lrmd.messages.surroundings import ContactEntry, ObstacleEntry, contacts_of
 from lrmd.safety.collision_guard import CollisionGuard
 from tests.support.daemon.in_memory_daemon import CONFIG, SimulatedDaemon
 from tests.support.random_arms import random_arm
 
 JOINTS, MARGIN = 6, 0.02
+LEAD_TICKS = 30
+"""Ticks for which the ramp may go on along a way whose request is over: until the next one branches off."""
 RENEWAL = 20
 """Ticks between two renewals of the lease."""
 
@@ -67,6 +73,7 @@ class SequenceResult:
     least: float
     accepted: int
     refused: int
+    leaks: tuple[str, ...] = ()
 
     @property
     def required(self) -> float:
@@ -76,7 +83,7 @@ class SequenceResult:
     @property
     def kept(self) -> bool:
         """Whether the separation never fell below what is required; to 10 µm, for the ramp's whole nanoseconds."""
-        return self.least >= self.required - 1e-5
+        return self.least >= self.required - 1e-5 and not self.leaks
 
 
 class GuardedSequence:
@@ -88,10 +95,16 @@ class GuardedSequence:
         self.scene, self.sim = Scene.of(self.arm), SimulatedDaemon(configured(self.arm), seed)
         self.accepted = self.refused = 0
         self.visited: list[Array] = []
+        self.permits: list[ContactPermit] = []
+        self.told: list[tuple[ObstacleEntry, ...]] = []
+        self.told_at: list[int] = []
+        self.under_way: list[tuple[Contact, ...]] = []
         self.deploy()
 
-    def run(self, requests: int = 14) -> SequenceResult:
-        """Arms somewhere and sends so many requests."""
+    def run(self, requests: int = 14, contacts: bool = False) -> SequenceResult:
+        """Arms somewhere and sends so many requests; `contacts`: some of them permit
+        one, and others tell of obstacles."""
+        touching = (self.touch, self.touch, self.touch, self.surround, self.surround) if contacts else ()
         self.tick(30)
         self.token = self.leased()
         start = self.start()
@@ -100,12 +113,54 @@ class GuardedSequence:
             self.tick(1)
         assert self.sim.core.mode is Mode.ARMED, self.sim.core.why
         self.visited.clear()
+        self.under_way.clear()
+        self.told_at.clear()
         armed = float(self.separations(self.commanded()[None])[0])
-        actions = (self.move, self.creep, self.jog, self.jog, self.redirect, self.hold, self.deploy)
+        actions = (self.move, self.creep, self.jog, self.jog, self.redirect, self.hold, self.deploy, *touching)
         for _ in range(requests):
             actions[int(self.rng.integers(len(actions)))]()
-        visited = np.unique(np.array([*self.visited, self.commanded()]), axis=0)
-        return SequenceResult(armed, float(self.separations(visited).min()), self.accepted, self.refused)
+        visited = np.array([*self.visited, self.commanded()])
+        permitted = {permit.pair for permit in self.permits}
+        plain = np.array([frozenset(pair) not in permitted for pair in self.scene.names.tolist()], dtype=np.bool_)
+        least = float(self.all_separations(np.unique(visited, axis=0))[:, plain].min(initial=np.inf))
+        leaks = (*self.leaks(min(MARGIN, armed)), *self.run_into())
+        return SequenceResult(armed, least, self.accepted, self.refused, leaks)
+
+    def leaks(self, required: float) -> Iterator[str]:
+        """Pairs that came nearer than is required (m) otherwise than as a permission under way says, pair by pair."""
+        if not self.permits:
+            return
+        q = np.array(self.visited)
+        apart, tips = self.all_separations(q), self.scene.frames(q)[:, -1, :3, 3]
+        for number, names in enumerate(self.scene.names.tolist()):
+            mine = [permit for permit in self.permits if permit.pair == frozenset(names)]
+            reached = required
+            for tick, contacts in enumerate(self.under_way if mine else []):
+                here = float(apart[tick, number])
+                if here >= reached - 1e-5:
+                    continue
+                recent = (*self.under_way[max(0, tick - LEAD_TICKS) : tick], contacts)
+                allowed = {c.permit for held in recent for c in held if c.permit in mine}
+                inside = {permit: permit.inside(tips[tick : tick + 1])[0] for permit in allowed}
+                if not any(here >= -p.depth - 1e-5 and inside[p] > -1e-5 for p in allowed):
+                    yield f"tick {tick}: {names} at {here * 1e3:.3f} mm"
+                reached = min(reached, here)
+
+    def run_into(self) -> Iterator[str]:
+        """Obstacles that came nearer than the margin, and than they were when they were told of."""
+        for number, entries in enumerate(self.told):
+            ticks = [tick for tick, at in enumerate(self.told_at) if at == number]
+            if not entries or not ticks:
+                continue
+            scene = Scene.of(self.arm, around=[entry.built() for entry in entries])
+            mine = np.array([not scene.around.isdisjoint(pair) for pair in scene.names.tolist()])
+            blocks = [ticks[i : i + 400] for i in range(0, len(ticks), 400)]
+            apart = np.concatenate(
+                [scene.separations(scene.frames(np.array([self.visited[t] for t in b])))[:, mine] for b in blocks]
+            )
+            floor = np.minimum(MARGIN, apart[:LEAD_TICKS].min(axis=0))
+            if (apart < floor - 1e-5).any():
+                yield f"{scene.names[mine][(apart < floor - 1e-5).any(axis=0)].tolist()} of scene {number}"
 
     # ---- what it does
 
@@ -140,6 +195,46 @@ class GuardedSequence:
         self.request(HoldRequest())
         self.tick(int(self.rng.integers(0, 4)))
 
+    def touch(self) -> None:
+        """A move that permits the nearest pair, or another, to touch, somewhere about the tip; then others without."""
+        apart = self.all_separations(self.commanded()[None])[0, len(self.scene.capsule_pairs) :]
+        chosen = int(apart.argmin()) if self.rng.random() < 0.7 else int(self.rng.integers(len(apart)))
+        first, second = self.scene.names[len(self.scene.capsule_pairs) + chosen].tolist()
+        tip = self.scene.frames(self.commanded()[None])[0, -1, :3, 3]
+        low, high = tip - self.rng.uniform(0.0, 0.1, 3), tip + self.rng.uniform(0.001, 0.1, 3)
+        entry = ContactEntry(
+            first=first, second=second, low_m=low.tolist(), high_m=high.tolist(),
+            depth_m=float(self.rng.uniform(-MARGIN, 0.02)), force_n=float(self.rng.uniform(0.0, 20.0)),
+        )  # fmt: skip
+        self.permits += [contact.permit for contact in contacts_of([entry])]
+        step = float(10.0 ** self.rng.uniform(-2.5, -1.0))
+        for _ in range(4):
+            self.request_move(self.commanded() + step * self.inward(), may_touch=[entry])
+            self.tick(int(self.rng.integers(20, 400)))
+
+    def surround(self) -> None:
+        """Tells of obstacles: anywhere, before the arm, or where it is; or of fewer."""
+        tip = self.scene.frames(self.commanded()[None])[0, -1, :3, 3]
+        place = (tip + self.rng.normal(0.0, 10.0 ** self.rng.uniform(-2.0, -0.3), 3)).tolist()
+        size = float(self.rng.uniform(0.01, 0.2))
+        number = int(self.rng.integers(3))
+        form: dict[str, Any] = {
+            "box": {"size_m": [size, 2 * size, size], "rotation_rad": self.rng.uniform(-3, 3, 3).tolist()},
+            "sphere": {"radius_m": size / 2},
+            "capsule": {"end_m": self.rng.normal(0.0, 0.4, 3).tolist(), "radius_m": size / 3},
+        }
+        kind = list(form)[int(self.rng.integers(3))]
+        put = [ObstacleEntry(name=f"thing {number}", shape=kind, position_m=place, **form[kind])]  # type: ignore[arg-type]
+        gone = self.rng.random() < 0.3
+        self.request(
+            SceneCommand(
+                owner="x", put=[] if gone else put, remove=[f"thing {number}"] if gone else [],
+                max_age_s=None if self.rng.random() < 0.5 else 2.0,
+            )
+        )  # fmt: skip
+        self.tick(int(self.rng.integers(1, 60)))
+        self.creep()
+
     def deploy(self) -> None:
         """Another model, or none."""
         model = soft_model(self.arm, self.rng) if self.rng.random() < 0.4 else None
@@ -167,8 +262,12 @@ class GuardedSequence:
 
     def separations(self, q: Array) -> Array:
         """(N,), smallest separation (m) of the rigid arm in poses (N, n)."""
+        return np.asarray(self.all_separations(q).min(axis=1))
+
+    def all_separations(self, q: Array) -> Array:
+        """(N, pairs), separations (m) of the rigid arm in poses (N, n)."""
         blocks = [q[i : i + 400] for i in range(0, len(q), 400)]
-        return np.concatenate([self.scene.separations(self.scene.frames(b)).min(axis=1) for b in blocks])
+        return np.concatenate([self.scene.separations(self.scene.frames(b)) for b in blocks])
 
     def commanded(self) -> Array:
         """(n,), commanded angles (rad)."""
@@ -184,16 +283,17 @@ class GuardedSequence:
         assert lease is not None
         return lease.token
 
-    def request_move(self, *waypoints: Array) -> None:
+    def request_move(self, *waypoints: Array, may_touch: Sequence[ContactEntry] = ()) -> None:
         """A move with any pace and speed."""
         self.request(
             MoveRequest(
                 lease=self.token, waypoints=[self.named(np.clip(q, -1.7, 1.7)) for q in waypoints],
                 pace="each" if self.rng.random() < 0.5 else "together", speed=float(self.rng.uniform(0.2, 1.0)),
+                may_touch=list(may_touch),
             )
         )  # fmt: skip
 
-    def request(self, request: ArmRequest | MoveRequest | JogRequest | HoldRequest) -> None:
+    def request(self, request: ArmRequest | MoveRequest | JogRequest | HoldRequest | SceneCommand) -> None:
         """Sends a request, as the API passes it on, most of the time after the ramp has read the last order."""
         if self.rng.random() < 0.9:
             self.sim.settle()
@@ -211,3 +311,7 @@ class GuardedSequence:
                     self.sim.core.handle(LeaseRequest(action="renew", lease=self.token), self.sim.now)
             self.sim.tick()
             self.visited.append(self.commanded())
+            self.under_way.append(self.sim.core.orders.contacts)
+            if not self.told or self.told[-1] != self.sim.core.obstacles.entries:
+                self.told.append(self.sim.core.obstacles.entries)
+            self.told_at.append(len(self.told) - 1)

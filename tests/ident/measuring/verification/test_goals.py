@@ -14,7 +14,7 @@ from lrm_ident.measuring.campaign.plan import PlannedPose
 from lrm_ident.measuring.campaign.run import PoseTiming, Unreachable
 from lrm_ident.measuring.verification.goal_commands import GoalCommand
 from lrm_ident.measuring.verification.goal_run import AttainedPosition, GoalRun, Verification
-from lrm_ident.measuring.verification.goals import PLACES, ROUNDS, TASK, PlacedGoal, goals_named
+from lrm_ident.measuring.verification.goals import ABOVE, PLACES, ROUNDS, TASK, PlacedGoal, goals_named
 from lrm_ident.measuring.verification.report import values, verification_document
 from lrm_ident.report.document import ResultTable
 from lrm_math.arm.arm_file import load_arm
@@ -36,7 +36,7 @@ def test_the_task_goes_from_the_hole_to_the_basket_and_back() -> None:
     assert [goal.place for goal in goals] == ["drill hole", "basket"] * ROUNDS
     areas = {area.name: area for area in map(parse_area, default_study("lrm-rover").areas)}
     for name, words in PLACES.items():
-        assert areas[name].holds(np.array([goal.position for goal in goals if goal.place == words])).all()
+        assert areas[name].raised(ABOVE).holds(np.array([goal.position for goal in goals if goal.place == words])).all()
 
 
 def test_goals_of_a_file_keep_their_order(tmp_path: Path) -> None:

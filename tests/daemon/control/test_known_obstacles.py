@@ -1,0 +1,134 @@
+"""Obstacles that `cmd/scene` tells of: the guard knows them at once, nobody else's are touched, the old are dropped."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import msgpack
+import numpy as np
+import pytest
+
+from lrm_math.collision.scene import Scene
+from lrm_math.ik.nominal import NominalSolver
+from lrmd.config import SECOND, Config, load_config
+from lrmd.control.state_machine import Mode
+from lrmd.errors import RequestError
+from lrmd.messages.codec import MessageError, pack, unpack
+from lrmd.messages.control import SceneCommand
+from lrmd.messages.surroundings import MOST_OBSTACLES, ObstacleEntry, packed, unpacked
+from lrmd.ramp.shared_memory import SharedRecords
+from tests.daemon.safety.test_contact import ABOVE, Toucher
+from tests.support.daemon.in_memory_daemon import CONFIG
+
+AWAY = ABOVE + np.array([-0.8, -0.3, 0.0, 0.0, 0.0, 0.0])
+
+
+@pytest.fixture
+def config() -> Config:
+    return replace(load_config(CONFIG), stagger=20_000_000)
+
+
+@pytest.fixture
+def sim(config: Config) -> Toucher:
+    return Toucher(config, ABOVE)
+
+
+def sphere(name: str, place: Any, radius: float = 0.03) -> ObstacleEntry:
+    return ObstacleEntry(name=name, shape="sphere", position_m=list(place), radius_m=radius)
+
+
+def on_the_way(config: Config, share: float) -> ObstacleEntry:
+    """A sphere where the tip passes."""
+    q = ABOVE + share * (AWAY - ABOVE)
+    return sphere("stone", NominalSolver.of(config.arm).frames(q[None])[0, -1, :3, 3])
+
+
+def tell(sim: Toucher, *put: ObstacleEntry, owner: str = "map", **more: Any) -> None:
+    sim.core.handle(SceneCommand(owner=owner, put=list(put), **more), sim.now)
+
+
+def test_a_move_into_an_obstacle_is_refused_and_possible_again_without_it(sim: Toucher, config: Config) -> None:
+    tell(sim, on_the_way(config, 0.8))
+    with pytest.raises(RequestError, match="stone"):
+        sim.move(AWAY)
+    tell(sim, remove=["stone"])
+    sim.move(AWAY)
+    assert sim.core.mode is Mode.MOVING
+
+
+def test_an_obstacle_before_a_moving_arm_stops_it_and_one_beside_its_way_does_not(sim: Toucher, config: Config) -> None:
+    sim.move(AWAY)
+    sim.keep(20)
+    tell(sim, sphere("far", (0.0, 0.8, 0.8)))
+    assert sim.core.mode is Mode.MOVING
+    tell(sim, on_the_way(config, 0.9))
+    assert sim.core.mode is Mode.HOLDING
+    assert "motion_stopped" in [event.code for event in sim.core.events]
+
+
+def test_an_obstacle_inside_the_arm_is_refused_and_stops_a_motion(sim: Toucher, config: Config) -> None:
+    sim.move(AWAY)
+    sim.keep(20)
+    with pytest.raises(RequestError, match=r"'stone' would be inside") as refused:
+        tell(sim, on_the_way(config, 0.0))
+    assert refused.value.code == "obstacle"
+    assert sim.core.mode is Mode.HOLDING
+    assert not sim.core.obstacles.known
+
+
+def test_a_near_obstacle_gives_no_other_pair_room(sim: Toucher, config: Config) -> None:
+    scene = Scene.of(config.arm)
+    tip = scene.frames(ABOVE[None])[0, -1, :3, 3]
+    tell(sim, sphere("near", tip - np.array([0.0, 0.0, 0.055]), 0.02))
+    guard = sim.core.motion_check.guard
+    required = guard._required(guard.bodies(0.0)[0], ABOVE)  # type: ignore[union-attr]
+    plain = np.array(["near" not in pair for pair in guard.scene.names.tolist()])  # type: ignore[union-attr]
+    assert (required[plain] == scene.margin).all()
+    assert required.min() < scene.margin
+
+
+def test_only_its_owner_changes_an_obstacle_and_old_ones_are_dropped(sim: Toucher) -> None:
+    stone = sphere("stone", (0.0, 0.8, 0.8))
+    tell(sim, stone, max_age_s=1.0)
+    for more in ({}, {"remove": ["stone"]}):
+        with pytest.raises(RequestError, match="is an obstacle of map"):
+            tell(sim, *([] if more else [stone]), owner="other", **more)
+    with pytest.raises(RequestError, match="shape of the arm file"):
+        tell(sim, sphere("rover", (0.0, 0.8, 0.8)))
+    tell(sim, sphere("rock", (0.0, -0.8, 0.8)), owner="other", max_age_s=None)
+    sim.keep(2 * SECOND // sim.config.tick)
+    assert list(sim.core.obstacles.known) == ["rock"]
+    assert [e.detail or e.text for e in sim.core.events if e.code == "obstacle_dropped"] != []
+    with pytest.raises(RequestError, match="at most 32"):
+        tell(sim, *(sphere(f"s{i}", (0.0, 0.8, 0.8)) for i in range(MOST_OBSTACLES)), owner="other")
+    assert list(sim.core.obstacles.known) == ["rock"]
+
+
+def test_what_is_malformed_is_refused_with_its_field() -> None:
+    good = {"name": "a", "shape": "sphere", "position_m": [0.0, 0.0, 0.0], "radius_m": 0.1}
+    for wrong in (
+        {"shape": "box"},
+        {"radius_m": -1.0},
+        {"size_m": [1.0, 1.0, 1.0]},
+        {"name": ""},
+        {"position_m": [0.0]},
+    ):
+        data = pack(SceneCommand(owner="x"))
+        content = msgpack.unpackb(data) | {"put": [good | wrong]}
+        with pytest.raises(MessageError, match=r"put\.0"):
+            unpack(SceneCommand, msgpack.packb(content))
+
+
+def test_the_largest_scene_fits_into_the_shared_memory() -> None:
+    largest = [
+        ObstacleEntry(
+            name=f"{i:02d}" + "\N{SNOWMAN WITHOUT SNOW}" * 62, shape="box", position_m=[1.1, 2.2, 3.3],
+            size_m=[0.1, 0.2, 0.3], rotation_rad=[0.1, 0.2, 0.3],
+        )
+        for i in range(MOST_OBSTACLES)
+    ]  # fmt: skip
+    shared = SharedRecords.create()
+    assert shared.read_scene() is None
+    shared.write_scene(packed(largest))
+    assert unpacked(shared.read_scene() or b"") == tuple(largest)

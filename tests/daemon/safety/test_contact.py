@@ -1,0 +1,184 @@
+"""Contact as a permission: exactly the pair, the place and the depth that a request names, and never longer than it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from lrm_math.arrays import Array
+from lrm_math.collision.contact import Contact, ContactPermit
+from lrm_math.collision.scene import Scene
+from lrm_math.effects import effects_at
+from lrm_math.errors import LrmError
+from lrm_math.ik.nominal import NominalSolver
+from lrm_math.model.model import Model, model_of
+from lrmd.config import Config, load_config
+from lrmd.control.state_machine import Mode
+from lrmd.errors import RequestError
+from lrmd.messages.control import ArmRequest, LeaseRequest, MoveRequest
+from lrmd.messages.surroundings import ContactEntry
+from lrmd.safety.collision_guard import CollisionGuard
+from lrmd.safety.contact_force import permits
+from tests.support.daemon.guarded_sequence import GuardedSequence
+from tests.support.daemon.in_memory_daemon import CONFIG, SimulatedDaemon
+
+ABOVE = np.array([0.57, 1.15, -0.75, -0.14, -0.76, -1.12])
+EVERYWHERE = {"low_m": [-1.0, -1.0, -1.0], "high_m": [1.0, 1.0, 1.0]}
+GROUND = ContactEntry(first="fingers", second="ground", **EVERYWHERE)
+
+
+@pytest.fixture(scope="module")
+def config() -> Config:
+    return replace(load_config(CONFIG), stagger=20_000_000)
+
+
+@pytest.fixture(scope="module")
+def scene(config: Config) -> Scene:
+    return Scene.of(config.arm)
+
+
+def number(scene: Scene, first: str, second: str) -> int:
+    return scene.names.tolist().index([first, second])
+
+
+def bent(scene: Scene, config: Config) -> Array:
+    """A pose in which the fingers, and nothing else, are nearer to the ground than the margin (rad)."""
+    pair, solver = number(scene, "fingers", "ground"), NominalSolver.of(config.arm)
+    for x in np.arange(0.12, 0.3, 0.02):
+        found = solver.solve_batch(np.full((1, 3), (x, 0.05, 0.008)), np.diag([1.0, -1.0, -1.0])[None])
+        for q in found.q[found.valid]:
+            apart = scene.separations(scene.frames(q[None]))[0]
+            if 0.0 < apart[pair] < 0.02 and np.delete(apart, pair).min() > scene.margin + 0.003:
+                return np.asarray(q)
+    raise AssertionError("no such pose")
+
+
+def soft(config: Config) -> Model:
+    """Springs of 0.05 rad/N m in every joint."""
+    springs = {f"compliance.joint{i}.k_rad_per_Nm": 0.05 for i in range(1, 7)}
+    return model_of(config.arm, effects_at(config.arm, "compliance"), springs)
+
+
+class Toucher(SimulatedDaemon):
+    """A daemon with the guard of the rigid arm, armed at a pose."""
+
+    def __init__(self, config: Config, start: Array) -> None:
+        super().__init__(config)
+        self.core.adopt_guard(CollisionGuard(Scene.of(config.arm), None), self.now)
+        self.run(30)
+        lease = self.core.handle(LeaseRequest(action="acquire", holder="test"), self.now).lease
+        assert lease is not None
+        self.token = lease.token
+        self.core.handle(ArmRequest(lease=self.token, where="given", q_rad=self.named(start)), self.now)
+        self.keep(60)
+        assert self.core.mode is Mode.ARMED
+
+    def named(self, q: Array) -> dict[str, float]:
+        return {f"joint{i}": float(angle) for i, angle in enumerate(q, start=1)}
+
+    def keep(self, ticks: int) -> None:
+        for _ in range(ticks):
+            if self.ticks % 15 == 0:
+                self.core.handle(LeaseRequest(action="renew", lease=self.token), self.now)
+            self.tick()
+
+    def move(self, q: Array, *contacts: ContactEntry) -> float:
+        self.settle()
+        request = MoveRequest(lease=self.token, waypoints=[self.named(q)], may_touch=list(contacts))
+        return self.core.handle(request, self.now).seconds or 0.0
+
+    def arrive(self) -> None:
+        for _ in range(3000):
+            self.keep(5)
+            if self.core.mode is not Mode.MOVING:
+                break
+        assert self.core.mode is Mode.ARMED, self.core.why
+
+
+def test_a_permit_raises_the_distance_of_its_pair_in_its_region_and_of_no_other(scene: Scene, config: Config) -> None:
+    q = bent(scene, config) + np.random.default_rng(1).normal(0.0, 0.2, (500, 6))
+    placed = scene.frames(q)
+    tips, before = placed[:, -1, :3, 3], scene.separations(placed)
+    permit = ContactPermit("fingers", "ground", (0.1, -0.1, -0.1), (0.3, 0.1, 0.05), 0.004)
+    after, pair = scene.permitting([permit]).separations(placed), number(scene, "fingers", "ground")
+    assert np.array_equal(np.delete(after, pair, axis=1), np.delete(before, pair, axis=1))
+    allowed = (permit.inside(tips) >= 0.0) & (before[:, pair] >= -0.004)
+    assert np.array_equal(after[:, pair] >= scene.margin, allowed | (before[:, pair] >= scene.margin))
+    assert allowed.any()
+    assert not allowed.all()
+
+
+def test_what_touches_is_permitted_for_the_request_that_says_so_and_is_slow(scene: Scene, config: Config) -> None:
+    low = bent(scene, config)
+    sim = Toucher(config, ABOVE)
+    with pytest.raises(RequestError, match="fingers and ground") as refused:
+        sim.move(low)
+    assert refused.value.code == "collision"
+    with pytest.raises(RequestError, match="fingers and ground"):
+        sim.move(low, replace_pair(GROUND, "palm"))
+    with pytest.raises(RequestError, match="fingers and ground"):
+        sim.move(low, GROUND.model_copy(update={"high_m": [1.0, 1.0, 0.2], "low_m": [0.9, 0.9, 0.1]}))
+    slow = sim.move(low, GROUND)
+    assert max(sim.core.order.stride[:6]) == config.step // 10
+    sim.arrive()
+    assert slow > 0.0
+    lower = low + np.array([0.0, 0.05, 0.0, 0.0, 0.0, 0.0])
+    pair = number(scene, "fingers", "ground")
+    deeper = scene.separations(scene.frames(np.array([low, lower])))[:, pair]
+    assert deeper[1] < deeper[0]
+    with pytest.raises(RequestError, match="fingers and ground"):
+        sim.move(lower)
+    sim.move(2 * low - lower)
+
+
+def replace_pair(entry: ContactEntry, first: str) -> ContactEntry:
+    return entry.model_copy(update={"first": first})
+
+
+def test_a_pair_that_touches_gives_no_other_pair_room(scene: Scene, config: Config) -> None:
+    """Standing at 5 mm, by permission, an arm keeps the whole margin of everything else."""
+    low = bent(scene, config)
+    placed = scene.frames(low[None])
+    guard = CollisionGuard(scene, None)
+    assert scene.separations(placed).min() < 0.02
+    free = guard._required(guard.bodies(0.0)[0], low)
+    touched = replace(guard, touched=frozenset({frozenset(("fingers", "ground"))}))
+    held = touched._required(touched.bodies(0.0)[0], low)
+    pair = number(scene, "fingers", "ground")
+    assert (np.delete(held, pair) == scene.margin).all()
+    assert held[pair] == pytest.approx(scene.separations(placed)[0, pair])
+    assert (np.delete(free, pair) < scene.margin).all()
+
+
+def test_the_depth_is_what_the_force_allows_by_the_stiffness_and_none_without_a_model(config, scene) -> None:
+    low = bent(scene, config)
+    permit = ContactPermit("fingers", "ground", (-1.0, -1.0, -1.0), (1.0, 1.0, 1.0), 0.02)
+    (rigid,) = permits(scene, None, [Contact(permit, 5.0)], low[None], 0.0)
+    assert rigid.depth == 0.0
+    depths = [next(permits(scene, soft(config), [Contact(permit, f)], low[None], 0.0)).depth for f in (0.1, 0.2, 50.0)]
+    assert depths[1] == pytest.approx(2 * depths[0])
+    assert depths[2] == 0.02
+    # The joints' springs alone: compliance along the vertical is the sum of k_j (dz/dq_j)^2.
+    tips = np.array([scene.frames(low + 1e-6 * np.outer([1, -1], e))[:, -1, 2, 3] for e in np.eye(6)])
+    slope = (tips[:, 0] - tips[:, 1]) / 2e-6
+    assert depths[0] / 0.1 == pytest.approx(0.05 * float(slope @ slope), rel=0.15)
+
+
+def test_two_parts_of_the_arm_may_never_touch(scene: Scene) -> None:
+    with pytest.raises(LrmError, match="both of the arm"):
+        scene.permitting([ContactPermit("link 1", "palm", (-1.0,) * 3, (1.0,) * 3)])
+    with pytest.raises(LrmError, match="moon"):
+        scene.permitting([ContactPermit("fingers", "moon", (-1.0,) * 3, (1.0,) * 3)])
+
+
+@given(st.integers(0, 10_000))
+@settings(max_examples=6, deadline=None)
+def test_no_sequence_of_requests_makes_a_permission_leak(seed: int) -> None:
+    """To another pair, place, depth or request; the others keep the margin in every tick, and so do obstacles that
+    come, move and go meanwhile."""
+    result = GuardedSequence(seed).run(8, contacts=True)
+    assert result.kept, result
