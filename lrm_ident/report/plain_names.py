@@ -35,6 +35,8 @@ PLAIN = {
     "measurement_frame": "wrong scale of the tracker",
     "frame_curve": "distortion of the tracker (free curve)",
     "anchor": "start of the distances",
+    "touched_point": "where the touched point stood, {place}",
+    "touched_board": "where the board stood, {place}",
     "angle_curve": "uneven turning of {place} (free curve)",
     "coupling_curve": "coupling of {place} (free curve)",
     "cable_curve": "cable over {place} (free curve)",

@@ -54,6 +54,8 @@ ALL_EFFECTS: tuple[type[Effect], ...] = tuple(
         "session_errors.ChangePoint",
         "tracker_errors.MeasurementFrame",
         "tracker_errors.Anchor",
+        "touched_points.TouchedPoint",
+        "touched_points.TouchedBoard",
         "compliance.ServoDroop",
         # other forms, from plain to rich
         "compliance.BendingEnds",

@@ -33,6 +33,7 @@ class Poses:
         warmed: (N,), K, temperature less that of the first pose. power_cycle: (N,), number of the session from 0, in
             the order of their numbers. Both follow from all the poses first given, and stay with each of them.
         gravity: (N, 3), unit vectors of gravity's direction in the frame of measurement; None: as the arm file says.
+        placement: (N,), number from 1 of where what is touched stands, see `TouchedPoint`; None: nothing is touched.
         sha256: of the file that they were read from; None: of none.
     """
 
@@ -48,6 +49,7 @@ class Poses:
     warmed: Array | None = None
     power_cycle: NDArray[np.int64] | None = None
     gravity: Array | None = None
+    placement: NDArray[np.int64] | None = None
     sha256: str | None = None
 
     def __post_init__(self) -> None:

@@ -34,7 +34,8 @@ class Metadata(Reading):
 
     `approach_deg`: how far from it every joint stood before it came to a pose. `feedback_sd_deg`: standard deviation of
     the joints' encoders. `distance_from_mm`: the point that distances are measured from, in the frame of the positions;
-    `distance_sd_mm`: their standard deviation. `poses_sha256`, `t0_s`: of a campaign, its file of poses and the
+    `distance_sd_mm`: their standard deviation. `points`: places of touched points on their board (mm), by name;
+    `distances`: instead of them, the distances between all of them (mm), by both names. `poses_sha256`, `t0_s`: of a campaign, its file of poses and the
     tracker's time at t_s = 0; `power_ons`: a name of each `session` from 1.
     """
 
@@ -47,6 +48,8 @@ class Metadata(Reading):
     feedback_sd_deg: Annotated[float, Field(gt=0)] | None = None
     distance_from_mm: Annotated[list[FiniteFloat], Field(min_length=3, max_length=3)] | None = None
     distance_sd_mm: Annotated[float, Field(gt=0)] | None = None
+    points: dict[str, Annotated[list[FiniteFloat], Field(min_length=3, max_length=3)]] | None = None
+    distances: dict[str, Annotated[float, Field(gt=0, allow_inf_nan=False)]] | None = None
     poses_sha256: str | None = None
     t0_s: float | None = None
     power_ons: list[str] = []

@@ -14,12 +14,14 @@ from lrm_ident.data.measurement_file.conventions import conventions_of, motion_o
 from lrm_ident.data.measurement_file.known_columns import (
     DISTANCE,
     KNOWN,
+    POINT,
     POSITION,
     commanded_quantities,
     measured_quantities,
 )
 from lrm_ident.data.measurement_file.measured_columns import read_feedback, with_sensed, without_lost
 from lrm_ident.data.measurement_file.number_table import NumberTable, checked_rows, read_numbers
+from lrm_ident.data.measurement_file.touched_points import with_touches, without_lone
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.table_text.csv_file import read_table
 from lrm_math.arm.arm import Arm
@@ -72,7 +74,11 @@ def read_measured(
         reading=said.how,
         stated=said.how.over(units),
     )
-    sensed = without_lost(with_sensed(data, table, said.metadata))
+    touched = with_touches(data, table, said.metadata)
+    if touched.touched and said.how.frame is not None:
+        raise FileError(path, "frame", "touched points have frames of their own", "leave out frame (--frame)")
+    sensed = with_sensed(touched, table, said.metadata)
+    sensed = without_lone(sensed) if touched.touched else without_lost(sensed)
     if np.linalg.det(said.rotation) < 0 and sensed.attitude is not None:
         raise FileError(path, "", "an orientation in a mirrored frame", "no rotation does that; check --axes")
     return sensed.turned(said.rotation, said.translation), table.beyond
@@ -104,7 +110,7 @@ def load_pose_table(
 
 def says_measured(path: Path) -> bool:
     """Whether a file has columns of positions or distances, not commands alone. Raises `FileError`."""
-    return bool({*POSITION, DISTANCE} & {*named_columns(read_table(path)).header})
+    return bool({*POSITION, DISTANCE, POINT} & {*named_columns(read_table(path)).header})
 
 
 def read_pose_feedback(path: Path, arm: Arm) -> tuple[Array | None, float | None]:
