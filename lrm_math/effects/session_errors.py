@@ -9,7 +9,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from lrm_math.arm.arm import BASE, Arm
+from lrm_math.arm.arm import BASE, TOOL, Arm
 from lrm_math.arm.place_names import place_words
 from lrm_math.effects.base import (
     Amounts,
@@ -38,7 +38,7 @@ COURSES = {"on": "since the session began", "all": "since the start"}
 
 
 class _SessionError(Effect):
-    """An error of one joint's angle, or of where the base stands before the tracker, in one measurement session."""
+    """An error of one joint's angle, or of where base or tool stand, in one measurement session."""
 
     depends_on: ClassVar[tuple[str, ...]] = ("session",)
     extrapolation = Extrapolation.PROPORTIONAL
@@ -47,6 +47,8 @@ class _SessionError(Effect):
     )
     """Motions of the base as a whole and the units of their parameters: all six, since what is not the arm's, a table
     or a tracker that is pushed, moves by any of them."""
+    tool_motions: ClassVar[dict[str, str]] = dict.fromkeys("xyz", "mm")
+    """Motions of a tool that is put back elsewhere."""
 
     @classmethod
     def places(cls, arm: Arm) -> tuple[str, ...]:
@@ -56,8 +58,8 @@ class _SessionError(Effect):
     @property
     def targets(self) -> tuple[str, ...]:
         """The joint's angle, the base's motions, or the scale of what is measured."""
-        if self.place == BASE:
-            return tuple(f"{BASE}.{name}" for name in self.base_motions)
+        if self._as_a_whole:
+            return tuple(f"{self.place}.{name}" for name in self._as_a_whole)
         return (f"{FRAME}{SCALE}",) if self.place == FRAME_PLACE else (f"{self.place}.theta",)
 
     @property
@@ -66,10 +68,15 @@ class _SessionError(Effect):
         return session_words(self.place)
 
     @property
+    def _as_a_whole(self) -> dict[str, str]:
+        """Motions of the base or the tool as a whole; empty of other places."""
+        return {BASE: self.base_motions, TOOL: self.tool_motions}.get(self.place, {})
+
+    @property
     def _motions(self) -> tuple[tuple[str, str], ...]:
         """Suffix of the parameters of each target, and their unit: `_x`, `_alpha` … of the base, nothing of others."""
-        if self.place == BASE:
-            return tuple((f"_{name}", unit) for name, unit in self.base_motions.items())
+        if self._as_a_whole:
+            return tuple((f"_{name}", unit) for name, unit in self._as_a_whole.items())
         return (("", "mm_per_m" if self.place == FRAME_PLACE else "rad"),)
 
 
@@ -223,7 +230,8 @@ class ChangePoint(_SessionError):
     extrapolation = Extrapolation.HELD
     about = Description(
         cause=(
-            "A belt skips a tooth, a horn or a clamp slips, a reflector turns; a base or a tracker is pushed. What was "
+            "A belt skips a tooth, a horn or a clamp slips, a reflector turns; a base or a tracker is pushed, a "
+            "tool is put back elsewhere. What was "
             "measured before stands elsewhere than what was measured after."
         ),
         formula="a constant up to one pose, nothing after it",
@@ -231,6 +239,11 @@ class ChangePoint(_SessionError):
         claim="{place} stood elsewhere up to {last_pose}",
         needs="numbered poses on both sides of the moment, in an order that does not run with one joint",
     )
+
+    @classmethod
+    def places(cls, arm: Arm) -> tuple[str, ...]:
+        """Every joint, the base, and the tool."""
+        return (*super().places(arm), TOOL)
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
