@@ -36,6 +36,7 @@ SECTIONS = {
         ListedCommand("arm", "groups.arm", "Describe an arm: from a URDF, to one, or by hand."),
         ListedCommand("measure", "campaign", "Drive the arm through poses, measure its tip at each."),
         ListedCommand("camera", "groups.camera", "Measure with a webcam and a printed board."),
+        ListedCommand("sockets", "groups.sockets", "Hold the tip in printed sockets; no tracker."),
         ListedCommand("import", "groups.recordings", "Turn a tracker's recording into measurements."),
         ListedCommand("align", "component_tests", "Find how far the tracker's targets read wrong."),
         ListedCommand("stiffness", "component_tests", "Test one servo under load."),

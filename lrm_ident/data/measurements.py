@@ -27,7 +27,7 @@ PER_POSE = ("pose", "tcp", "sd", "covariance", "attitude", "feedback", "distance
 
 @dataclass(frozen=True)
 class TouchedFrame:
-    """What moves as a whole when it is put elsewhere: a board with touched points, or one point that stands alone.
+    """A thing that moves as a whole when it is put elsewhere: a board with touched points, or one point that stands alone.
 
     `placement`: name of where it stood. `points`: names of its touched points. `turns`: whether these are several at
     known places, so that its attitude shows.

@@ -9,8 +9,8 @@ import numpy as np
 
 from lrm_ident.data.error_stats import error_stats
 from lrm_ident.data.measurements import Measurements
-from lrm_ident.data.registration.set_up import with_set_up
 from lrm_ident.data.registration.degenerate_fit import CHECK
+from lrm_ident.data.registration.set_up import with_set_up
 from lrm_ident.data.weights.model_error import with_model_error
 from lrm_ident.data.wording import enumerate_words
 from lrm_ident.fitting.identifiability import FEW_OUTLIERS, IdentifiedFit, fit_identifiable

@@ -18,8 +18,7 @@ from numpy.typing import NDArray
 from lrm_ident.fitting.priors import SET_UP, Prior, load_prior
 from lrm_math.arrays import Array
 from lrm_math.effects import CATALOGUE, Effect, split_key
-from lrm_math.effects.touched_points import TouchedBoard, TouchedPoint
-from lrm_math.effects.tracker_errors import MeasurementFrame
+from lrm_math.effects.tracker_errors import MeasurementFrame, TouchedBoard, TouchedPoint
 from lrm_math.model.model import Model
 from lrm_math.model.model_file import ModelFile
 

@@ -7,8 +7,8 @@ from dataclasses import replace
 from pathlib import Path
 
 from lrm_ident.data.measurements import Measurements
-from lrm_ident.data.registration.set_up import with_set_up
 from lrm_ident.data.registration.checked import load_checked
+from lrm_ident.data.registration.set_up import with_set_up
 from lrm_ident.data.weights.model_error import model_error_words, with_model_error
 from lrm_ident.fitting.effect_plugins import Catalogue, catalogue_with, file_of, sha256_of
 from lrm_ident.fitting.loss import SQUARED, loss_named

@@ -54,8 +54,8 @@ ALL_EFFECTS: tuple[type[Effect], ...] = tuple(
         "session_errors.ChangePoint",
         "tracker_errors.MeasurementFrame",
         "tracker_errors.Anchor",
-        "touched_points.TouchedPoint",
-        "touched_points.TouchedBoard",
+        "tracker_errors.TouchedPoint",
+        "tracker_errors.TouchedBoard",
         "compliance.ServoDroop",
         # other forms, from plain to rich
         "compliance.BendingEnds",

@@ -35,8 +35,9 @@ class Metadata(Reading):
     `approach_deg`: how far from it every joint stood before it came to a pose. `feedback_sd_deg`: standard deviation of
     the joints' encoders. `distance_from_mm`: the point that distances are measured from, in the frame of the positions;
     `distance_sd_mm`: their standard deviation. `points`: places of touched points on their board (mm), by name;
-    `distances`: instead of them, the distances between all of them (mm), by both names. `poses_sha256`, `t0_s`: of a campaign, its file of poses and the
-    tracker's time at t_s = 0; `power_ons`: a name of each `session` from 1.
+    `distances`: measured distances between them (mm), by both names; without `points` those between all.
+    `poses_sha256`, `t0_s`: of a campaign, its file of poses and the tracker's time at t_s = 0; `power_ons`: a name of
+    each `session` from 1.
     """
 
     schema_: Literal["lrm/measurements/1"] = Field(alias="schema")

@@ -21,7 +21,7 @@ from lrm_ident.data.measurement_file.known_columns import (
 )
 from lrm_ident.data.measurement_file.measured_columns import read_feedback, with_sensed, without_lost
 from lrm_ident.data.measurement_file.number_table import NumberTable, checked_rows, read_numbers
-from lrm_ident.data.measurement_file.touched_points import with_touches, without_lone
+from lrm_ident.data.measurement_file.touched_points import require_points, with_touches, without_lone
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.table_text.csv_file import read_table
 from lrm_math.arm.arm import Arm
@@ -56,6 +56,7 @@ def read_measured(
     said = conventions_of(path, arm, reading, usual)
     file, known = read_table(path), measured_quantities(arm, said.how)
     cells = arm_columns(file, arm, said.how, known)
+    require_points(cells, said.metadata)
     units = stated_units(cells)
     table = checked_rows(read_numbers(cells, known, said.how.bad_rows == "skip"))
     poses, noise_sd = read_poses(table, arm, said.how, said.start, said.metadata.beside), said.metadata.noise_sd_mm

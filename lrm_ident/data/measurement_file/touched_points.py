@@ -1,7 +1,7 @@
 """Touched points: which point the tip was held in (`point`), and where what carries it stood (`placement`).
 
-Points whose places on one board are known, by coordinates or by the distances between all of them, move together with
-that board; any other point of any placement stands by itself.
+Where the points' places on one board are known, by coordinates or by the distances between all of them, they move
+together with that board; else every point of every placement stands by itself.
 """
 
 from __future__ import annotations
@@ -16,10 +16,11 @@ from lrm_ident.data.measurement_file.conventions import Metadata
 from lrm_ident.data.measurement_file.known_columns import PLACEMENT, POINT, POSITION
 from lrm_ident.data.measurement_file.number_table import NumberTable, cell_error
 from lrm_ident.data.measurements import Measurements, TouchedFrame
+from lrm_ident.data.table_text.csv_file import CsvTable
 from lrm_ident.data.wording import enumerate_words
 from lrm_math.arm.arm_file import MM
 from lrm_math.arrays import Array
-from lrm_math.effects.touched_points import MOST_PLACEMENTS
+from lrm_math.effects.tracker_errors import MOST_PLACEMENTS
 from lrm_math.errors import FileError
 
 ONE_PLACEMENT = "1"
@@ -28,6 +29,9 @@ BETWEEN = "-"
 LARGEST_STRAIN = 0.02
 """Share of the longest distance that distances may contradict each other by: more is a typing error."""
 LEAST_TOUCHES = 2
+NOMINAL = 0.03
+"""Weight of a nominal coordinate over that of a measured distance: what a printer does against a caliper."""
+ADJUSTMENTS = 5
 
 
 def with_touches(data: Measurements, table: NumberTable, metadata: Metadata) -> Measurements:
@@ -39,9 +43,6 @@ def with_touches(data: Measurements, table: NumberTable, metadata: Metadata) -> 
     names = table.words(POINT)
     path = table.cells.path
     if names is None:
-        if metadata.points or metadata.distances:
-            there = "points" if metadata.points else "distances"
-            raise FileError(path, "header", f"no column {POINT}, though [{there}] beside it are of touched points")
         return data
     if "position" in table or "distance" in table:
         columns = POSITION if "position" in table else ("distance_mm",)
@@ -53,6 +54,10 @@ def with_touches(data: Measurements, table: NumberTable, metadata: Metadata) -> 
     placements = table.words(PLACEMENT) or [""] * len(names)
     placements = [name or ONE_PLACEMENT for name in placements]
     known = known_points(path.with_suffix(".toml"), metadata, dict.fromkeys(names))
+    if known and (strange := [row for row, name in enumerate(names) if name not in known]):
+        table_name, row = "points" if metadata.points else "distances", strange[0]
+        right = f"known are: {enumerate_words([*known], 12)}"
+        raise cell_error(table.cells, row, POINT, f"'{names[row]}' is not in [{table_name}]", right)
     frames, number = _frames(names, placements, known)
     if len(frames) > MOST_PLACEMENTS:
         what = f"{len(frames)} places to identify, of boards and of points without known distances"
@@ -62,10 +67,17 @@ def with_touches(data: Measurements, table: NumberTable, metadata: Metadata) -> 
     return replace(touched, notices=(*data.notices, *_notices(touched)))
 
 
+def require_points(cells: CsvTable, metadata: Metadata) -> None:
+    """Raises `FileError`: the file beside the data states touched points, and the data name none."""
+    if (metadata.points or metadata.distances) and POINT not in cells.header:
+        there = "points" if metadata.points else "distances"
+        raise FileError(cells.path, "header", f"no column {POINT}, though [{there}] beside it are of touched points")
+
+
 def _frames(
     names: list[str], placements: list[str], known: Mapping[str, Array]
 ) -> tuple[tuple[TouchedFrame, ...], np.ndarray[tuple[int, ...], np.dtype[np.int64]]]:
-    """What moves as a whole, in the order of the rows, what was touched once last; and its number from 1 at each row."""
+    """Boards and lone points in the order of the rows, those touched once last; and their numbers from 1 at each row."""
     owner = [(place, "" if name in known else name) for name, place in zip(names, placements, strict=True)]
     order = sorted(dict.fromkeys(owner), key=lambda own: owner.count(own) < LEAST_TOUCHES)
     frames = []
@@ -78,10 +90,11 @@ def _frames(
 
 
 def _notices(data: Measurements) -> Iterator[str]:
-    """What these touches can tell, and what not."""
+    """Notices of what these touches can tell, and what not."""
     boards = [frame for frame in data.touched if frame.turns]
-    counts = [int((data.poses.placement == k).sum()) for k in range(1, len(data.touched) + 1)]
-    which = [f"placement{k} = {frame.words} ({n})" for k, (frame, n) in enumerate(zip(data.touched, counts, strict=True), 1)]
+    counts = [] if data.poses.placement is None else np.bincount(data.poses.placement)[1:].tolist()
+    named = enumerate(zip(data.touched, counts, strict=True), start=1)
+    which = [f"placement{number} = {frame.words} ({count})" for number, (frame, count) in named]
     yield f"touches at each place, which is identified together with the arm: {enumerate_words(which, 12)}"
     yield "touches show neither where the base stands nor where the zero of joint 1 is"
     if not boards:
@@ -112,17 +125,47 @@ def without_lone(data: Measurements) -> Measurements:
 
 
 def known_points(path: object, metadata: Metadata, touched: Mapping[str, object]) -> dict[str, Array]:
-    """Places of points in the frame of their board (m), by name; of those whose places are known.
+    """Places of points in the frame of their board (m), by name; empty if they are not known.
 
-    Raises `FileError`: both ways stated, too little, or distances that contradict each other.
+    Raises `FileError`: too few distances, or some that contradict each other or the points.
     """
-    if metadata.points is not None and metadata.distances is not None:
-        raise FileError(path, "distances", "[points] and [distances] are both stated", "state one of them")
     if metadata.points is not None:
-        return {name: np.array(place) * MM for name, place in metadata.points.items()}
+        nominal = {name: np.array(place) * MM for name, place in metadata.points.items()}
+        return _adjusted(path, nominal, metadata.distances or {})
     if metadata.distances is None:
         return {}
     return _from_distances(path, metadata.distances, touched)
+
+
+def _adjusted(path: object, nominal: Mapping[str, Array], distances: Mapping[str, float]) -> dict[str, Array]:
+    """Nominal places (m) adjusted to what distances (mm) were measured between some of them, by least squares.
+
+    Raises `FileError`: of no two of the points, or a distance far from the nominal one.
+    """
+    if not distances:
+        return dict(nominal)
+    names = [*nominal]
+    places = np.array([nominal[name] for name in names])
+    rows = []
+    for key, value in distances.items():
+        pair = _pair(path, key, nominal)
+        a, b = names.index(pair.first), names.index(pair.second)
+        drawn = float(np.linalg.norm(places[a] - places[b]))
+        if abs(value * MM - drawn) > LARGEST_STRAIN * drawn + MM:
+            what = f"{value:g} mm, {drawn / MM:.1f} mm by [points]"
+            raise FileError(path, f"distances.{key}", what, "measure it again, or correct [points]")
+        rows.append((a, b, value * MM))
+    found = places.copy()
+    for _ in range(ADJUSTMENTS):
+        J, left = np.zeros((len(rows) + places.size, places.size)), np.empty(len(rows) + places.size)
+        for row, (a, b, length) in enumerate(rows):
+            line = found[a] - found[b]
+            now = float(np.linalg.norm(line))
+            J[row, 3 * a : 3 * a + 3], J[row, 3 * b : 3 * b + 3] = line / now, -line / now
+            left[row] = length - now
+        J[len(rows) :], left[len(rows) :] = NOMINAL * np.eye(places.size), NOMINAL * (places - found).ravel()
+        found = found + np.linalg.lstsq(J, left, rcond=None)[0].reshape(-1, 3)
+    return dict(zip(names, found, strict=True))
 
 
 @dataclass(frozen=True)
@@ -158,7 +201,7 @@ def _from_distances(path: object, distances: Mapping[str, float], touched: Mappi
         raise FileError(path, "distances", f"{what}{found[a, b] / MM:.1f} mm", "measure it again")
     if np.sqrt(max(values[most[-1]], 0.0)) > LARGEST_STRAIN * D.max() and len(points) > 3:
         what = "the points do not lie in a plane, and distances do not tell them from their mirror image"
-        raise FileError(path, "distances", what, "state [points]")
+        raise FileError(path, "distances", what, "state [points], too")
     return dict(zip(points, places, strict=True))
 
 

@@ -1,4 +1,4 @@
-"""What a model has to know of a measuring set-up, beside the arm: the anchor of distances, where touched points stood."""
+"""Knowledge of a measuring set-up that a model needs beside the arm: the anchor of distances, the places touched."""
 
 from __future__ import annotations
 

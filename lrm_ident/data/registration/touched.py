@@ -1,20 +1,20 @@
-"""Where touched points stood, from the arm: positions in its frame, a start for the fit, and a check of the reading."""
+"""Places of touched points, from the arm: positions in its frame, a start for the fit, and a check of the reading."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.registration.hypotheses import Hypothesis, joint_hypotheses
-from lrm_ident.data.registration.similarity import robust_similarity
+from lrm_ident.data.registration.similarity import Similarity, robust_similarity
 from lrm_ident.data.rigid_motion import skew, to_xyz_angles
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.plausible_arm import reach
 from lrm_math.arrays import Array
 from lrm_math.effects import Effect
-from lrm_math.effects.touched_points import TouchedBoard, TouchedPoint
+from lrm_math.effects.tracker_errors import TouchedBoard, TouchedPoint
 from lrm_math.errors import NoEquilibrium
 from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import Model, model_of
@@ -26,19 +26,7 @@ MISREAD, BETTER = 0.15, 0.35
 that another reading must come below."""
 
 
-@dataclass(frozen=True, eq=False)
-class RigidMotion:
-    """x ↦ rotation @ x + translation (m)."""
-
-    rotation: Array
-    translation: Array
-
-    def apply(self, points: Array) -> Array:
-        """(N, 3), the image of points (N, 3)."""
-        return np.asarray(points @ self.rotation.T + self.translation)
-
-
-def rigid_motion_between(source: Array, target: Array, turns: bool) -> RigidMotion:
+def rigid_motion_between(source: Array, target: Array, turns: bool) -> Similarity:
     """The rigid motion that takes points (N, 3) to others (m): a shift of what does not turn, else by Kabsch 1976; the
     smallest one of points on a line."""
     centre, goal = source.mean(axis=0), target.mean(axis=0)
@@ -46,11 +34,10 @@ def rigid_motion_between(source: Array, target: Array, turns: bool) -> RigidMoti
     if turns:
         _, size, Vt = np.linalg.svd(source - centre)
         if size[1] > LINE:
-            found = robust_similarity(source, target, mirrored=False, scale=1.0)
-            return RigidMotion(found.rotation, found.translation)
+            return robust_similarity(source, target, mirrored=False, scale=1.0)
         if size[0] > LINE:
             rotation = _smallest_turn(Vt[0], (target - goal).T @ ((source - centre) @ Vt[0]))
-    return RigidMotion(rotation, goal - rotation @ centre)
+    return Similarity(rotation, goal - rotation @ centre)
 
 
 def _smallest_turn(first: Array, second: Array) -> Array:
@@ -90,7 +77,7 @@ def with_touched(model: Model, data: Measurements) -> Model:
     touching = solve_equilibrium(arm_only, data.poses).tcp
     for number, (effect, frame) in enumerate(zip(needed, data.touched, strict=True), start=1):
         rows = data.poses.placement == number
-        motion = RigidMotion(np.eye(3), np.zeros(3))
+        motion = Similarity(np.eye(3), np.zeros(3))
         if rows is not None and np.any(rows):
             motion = rigid_motion_between(touching[rows], data.tcp[rows], frame.turns)
         numbers = (*motion.translation.tolist(), *to_xyz_angles(motion.rotation))
