@@ -14,6 +14,7 @@ from lrm_ident.data.error_stats import ErrorStats, error_stats
 from lrm_ident.data.rigid_motion import rotation_vectors, turned_covariance
 from lrm_ident.data.weights.whitening import Whitening, whitening_of
 from lrm_math.arm.arm import Arm
+from lrm_math.arm.servo_settings import ServoSettings
 from lrm_math.arrays import Array
 from lrm_math.errors import FileError
 from lrm_math.kinematics.poses import Poses
@@ -27,7 +28,7 @@ PER_POSE = ("pose", "tcp", "sd", "covariance", "attitude", "feedback", "distance
 
 @dataclass(frozen=True)
 class TouchedFrame:
-    """A thing that moves as a whole when it is put elsewhere: a board with touched points, or one point that stands alone.
+    """A thing that moves as a whole when it is put elsewhere: a board with touched points, or one lone point.
 
     `placement`: name of where it stood. `points`: names of its touched points. `turns`: whether these are several at
     known places, so that its attitude shows.
@@ -66,6 +67,7 @@ class Measurements:
         distance: (N,), of the TCP from a fixed point (m), NaN where not measured; None where there is none to use.
         distance_sd: (N,), its standard deviation (m), or None. distance_from: (3,), that point (m); None: not known.
         touched: what `poses.placement` numbers from 1; empty where nothing was touched.
+        servos: settings of the servos that were measured with; None: not known.
         model_sd: standard deviation per axis by which a model misses positions whatever their noise (m).
     """
 
@@ -91,6 +93,7 @@ class Measurements:
     distance_sd: Array | None = None
     distance_from: Array | None = None
     touched: tuple[TouchedFrame, ...] = ()
+    servos: ServoSettings | None = None
     model_sd: float = 0.0
     _complete: Measurements | None = None
 

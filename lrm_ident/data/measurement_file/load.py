@@ -72,6 +72,7 @@ def read_measured(
         notices=(*said.notices, *table.cells.notices, *pose_notices(table)),
         arm=arm,
         arm_name=said.metadata.arm or None,
+        servos=said.metadata.servos,
         reading=said.how,
         stated=said.how.over(units),
     )

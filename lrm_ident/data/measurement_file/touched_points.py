@@ -77,7 +77,7 @@ def require_points(cells: CsvTable, metadata: Metadata) -> None:
 def _frames(
     names: list[str], placements: list[str], known: Mapping[str, Array]
 ) -> tuple[tuple[TouchedFrame, ...], np.ndarray[tuple[int, ...], np.dtype[np.int64]]]:
-    """Boards and lone points in the order of the rows, those touched once last; and their numbers from 1 at each row."""
+    """Boards and lone points in the order of the rows, those touched once last; their number from 1 at each row."""
     owner = [(place, "" if name in known else name) for name, place in zip(names, placements, strict=True)]
     order = sorted(dict.fromkeys(owner), key=lambda own: owner.count(own) < LEAST_TOUCHES)
     frames = []
