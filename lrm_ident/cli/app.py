@@ -40,6 +40,7 @@ SECTIONS = {
         ListedCommand("arm", "groups.arm", "Import, describe, show or export an arm."),
         ListedCommand("measure", "campaign", "Move an arm through poses and measure its tip."),
         ListedCommand("camera", "groups.camera", "Measure with a webcam and a printed board."),
+        ListedCommand("sockets", "groups.sockets", "Hold the tip in printed sockets; no tracker needed."),
         ListedCommand("import", "groups.recordings", "Convert a recording to measurements."),
         ListedCommand("align", "component_tests", "Measure the offset from tracker targets to the tip."),
         ListedCommand("stiffness", "component_tests", "Measure the stiffness of one servo under load."),

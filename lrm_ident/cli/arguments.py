@@ -116,4 +116,7 @@ Speed = Annotated[
 Release = Annotated[
     bool, Option("--release", help="Bare servos: Ctrl-\\ takes their torque without a question, and the arm falls.")
 ]
+AcceptSettings = Annotated[
+    bool, Option("--accept", help="Go on though the servos are set otherwise (P, I, D, torque limit, firmware …).")
+]
 Take = Annotated[bool, Option("--take", help="Take the arm over if another client has it.")]

@@ -17,7 +17,9 @@ from lrm_ident.cli.common import publish, show
 from lrm_ident.data.atomic_write import write_text
 from lrm_ident.data.measurement_file.conventions import LENGTH_UNITS
 from lrm_math.arm.arm_file import GRAM
+from lrm_math.arm.servo_settings import require_same_settings
 from lrm_math.errors import LrmError
+from lrm_math.model.model_file import settings_of_model
 
 if TYPE_CHECKING:
     from lrm_ident.measuring.campaign.run import CampaignProgress, CampaignResult
@@ -51,6 +53,7 @@ def measure(
     take: arg.Take = False,
     speed: arg.Speed = None,
     release: arg.Release = False,
+    accept: arg.AcceptSettings = False,
 ) -> None:
     """Drive the arm through POSES and measure its tip at each: DATA, one row as soon as it is known.
 
@@ -75,7 +78,9 @@ def measure(
     with ArmAccess(robot, connect, speed, take, release).connection(arm, "lrm-ident measure") as link:
         plan, track = load_plan(poses, link.arm), partial(connected, link.daemon, tracker, numbers)
         changer = load_changer(load_command)
-        order = CampaignOrder(link.drive, track, tracker, numbers, link.arm, link.name, timing, changer, _say, show)
+        order = CampaignOrder(
+            link.drive, track, tracker, numbers, link.arm, link.name, timing, changer, _say, show, accept
+        )
         with resumable(f"What is measured is in {output}; the same command goes on"):
             result = run(order, plan, output, goal)
     conclude(result, len(plan.poses) if goal is None else None, output)
@@ -170,6 +175,7 @@ def verify(
         Option(metavar="MODEL", help="Corrects the commands, without a daemon. Default: none, the arm as drawn."),
     ] = None,
     speed: arg.Speed = None,
+    accept: arg.AcceptSettings = False,
     json: arg.JsonFile = None,
 ) -> None:
     """Send the tip to goals through inverse kinematics with a model, and measure where it lands.
@@ -189,6 +195,8 @@ def verify(
         wanted = goals_named(goals, link.arm, seed)
         with connected(link.daemon, tracker, numbers) as opened, link.drive(clock, lambda _: None) as driven:
             parts = (link.arm, opened, numbers, clock, timing, payload_g * GRAM)
+            if model is not None and not accept:
+                require_same_settings(driven.settings, settings_of_model(model), str(model), "--accept it")
             run = GoalRun(driven.arm, driven.solver(model), *parts)
             found = run.visit(wanted, lambda number, words: show(f"[{number}/{len(wanted)}] {words}"))
     publish(verification_document(found, earlier), json)

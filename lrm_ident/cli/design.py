@@ -19,7 +19,7 @@ from lrm_ident.data.measurement_file.conventions import arm_for
 from lrm_ident.data.measurement_file.load import load_poses, says_measured
 from lrm_ident.data.measurement_file.write import measurements_csv
 from lrm_ident.data.measurements import Measurements
-from lrm_ident.data.registration.anchor import with_anchor
+from lrm_ident.data.registration.set_up import with_set_up
 from lrm_ident.data.weights.whitening import PLAIN, Whitening, measured_alike
 from lrm_ident.design.candidate_poses import DEFAULT_LEVELS, ClearanceRules, clear_poses, parse_levels
 from lrm_ident.design.installation import FEW
@@ -87,7 +87,7 @@ def choose_poses(
     kind = one_of("index", index.upper(), INDICES)
     if physical and kind != "O1":
         raise LrmError("--physical follows the identification along the determinant: it goes with --index O1 only")
-    nominal = with_anchor(start_model(the_arm, None), measured)
+    nominal = with_set_up(start_model(the_arm, None), measured)
     keys = _parameters_of(nominal, parameters, measured)
     model = replace(nominal, free=(*keys, *(key for key in nominal.free if key not in keys)))
     with progress("exchanging poses") as tick:
@@ -182,7 +182,7 @@ def design(
     alike = known if like is None else _measured(like, the_arm, arm)
     measured = None if have is None else _commanded(have, the_arm, known)
     for one in (known, alike):
-        start = start if one is None else with_anchor(start, one)
+        start = start if one is None else with_set_up(start, one)
     catalogue = catalogue_with(effects_file)
     names = [name.strip() for name in (separate or "").split(",") if name.strip()]
     rules = ClearanceRules(apart_mm * MM, tip_mm * MM, None if floor_mm is None else floor_mm * MM)

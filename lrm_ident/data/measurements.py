@@ -14,6 +14,7 @@ from lrm_ident.data.error_stats import ErrorStats, error_stats
 from lrm_ident.data.rigid_motion import rotation_vectors, turned_covariance
 from lrm_ident.data.weights.whitening import Whitening, whitening_of
 from lrm_math.arm.arm import Arm
+from lrm_math.arm.servo_settings import ServoSettings
 from lrm_math.arrays import Array
 from lrm_math.errors import FileError
 from lrm_math.kinematics.poses import Poses
@@ -23,6 +24,24 @@ from lrm_math.model.sensed import Sensed, encoder_angles, from_anchor, tool_rota
 
 PER_POSE = ("pose", "tcp", "sd", "covariance", "attitude", "feedback", "distance", "distance_sd", "repeat_of")
 """Arrays with a row for each pose."""
+
+
+@dataclass(frozen=True)
+class TouchedFrame:
+    """A thing that moves as a whole when it is put elsewhere: a board with touched points, or one lone point.
+
+    `placement`: name of where it stood. `points`: names of its touched points. `turns`: whether these are several at
+    known places, so that its attitude shows.
+    """
+
+    placement: str
+    points: tuple[str, ...]
+    turns: bool
+
+    @property
+    def words(self) -> str:
+        """Its placement; with the point where that stands alone."""
+        return self.placement if self.turns else f"{self.placement}, point {self.points[0]}"
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,6 +66,8 @@ class Measurements:
         feedback_sd: its standard deviation (rad).
         distance: (N,), of the TCP from a fixed point (m), NaN where not measured; None where there is none to use.
         distance_sd: (N,), its standard deviation (m), or None. distance_from: (3,), that point (m); None: not known.
+        touched: what `poses.placement` numbers from 1; empty where nothing was touched.
+        servos: settings of the servos that were measured with; None: not known.
         model_sd: standard deviation per axis by which a model misses positions whatever their noise (m).
     """
 
@@ -71,6 +92,8 @@ class Measurements:
     distance: Array | None = None
     distance_sd: Array | None = None
     distance_from: Array | None = None
+    touched: tuple[TouchedFrame, ...] = ()
+    servos: ServoSettings | None = None
     model_sd: float = 0.0
     _complete: Measurements | None = None
 
@@ -80,6 +103,7 @@ class Measurements:
         there = {
             "positions": len(self.positions) > 0,
             "orientations": self.attitude is not None,
+            "touched points": bool(self.touched),
             "distances": self.distance is not None,
             "joint feedback": self.feedback is not None,
             "standard deviations": self.sd is not None or self.covariance is not None,

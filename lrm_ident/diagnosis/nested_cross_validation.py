@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.diagnosis.auto import run_auto
-from lrm_ident.fitting.cross_validation import joint_space_folds
+from lrm_ident.fitting.cross_validation import held_out_folds
 from lrm_ident.fitting.effect_plugins import Catalogue
 from lrm_ident.fitting.executors import in_order
 from lrm_ident.fitting.loss import SQUARED, Loss
@@ -46,7 +46,7 @@ def nested_held_out(
     Args:
         executor: on which the folds run in parallel (`executor_for`).
     """
-    fold = joint_space_folds(data.poses.q, data.repeat_of)
+    fold = held_out_folds(data)
     parts = [fold == number for number in range(int(fold.max()) + 1)]
     predict = partial(_predict, model, data, max_effects, catalogue, loss, rates)
     residual, deployed, chosen, last = np.empty_like(data.tcp), np.empty_like(data.tcp), [], np.arange(len(data))

@@ -75,6 +75,23 @@ def joint_space_folds(q: Array, repeat_of: NDArray[np.int64], count: int = FOLDS
     return fold[same]
 
 
+def held_out_folds(data: Measurements) -> NDArray[np.int64]:
+    """(N,), fold of each pose: `joint_space_folds`; of touches those of each placement by itself.
+
+    A placement is one part of the joint space: left out as a whole, nothing would say where its board stood.
+    """
+    if not data.touched or data.poses.placement is None:
+        return joint_space_folds(data.poses.q, data.repeat_of)
+    fold, begun = np.zeros(len(data), dtype=np.int64), 0
+    for number in np.unique(data.poses.placement):
+        rows = np.flatnonzero(data.poses.placement == number)
+        q, repeat_of = data.poses.q[rows], data.repeat_of[rows]
+        own = joint_space_folds(q, repeat_of, min(FOLDS, int(_groups(q, repeat_of, 1).max()) + 1))
+        fold[rows] = (own + begun) % FOLDS
+        begun += int(own.max()) + 1
+    return np.unique(fold, return_inverse=True)[1].reshape(-1)
+
+
 def random_folds(q: Array, repeat_of: NDArray[np.int64], count: int = FOLDS) -> NDArray[np.int64]:
     """(N,), fold of each pose, drawn at random; poses of equal angles and repetitions of a pose share a fold.
 
@@ -134,7 +151,7 @@ def held_out_blocks(
     field is learned anew in every fold, after the fit of what names a cause.
 
     Args:
-        bounds, prior: of the free parameters. fold: (N,), of each pose, from 0; None: `joint_space_folds`.
+        bounds, prior: of the free parameters. fold: (N,), of each pose, from 0; None: `held_out_folds`.
 
     Raises `LrmError`: too few poses, or a fold that does not converge.
     """
@@ -164,7 +181,7 @@ def blocks_of_fit(fitted: Fit, data: Measurements) -> tuple[HeldOutBlock, ...]:
 def _splits(data: Measurements, fold: NDArray[np.int64] | None = None, most: int = MOST_TRAINING) -> list[Split]:
     """The split of each fold; at most `most` training rows are predicted."""
     if fold is None:
-        fold = joint_space_folds(data.poses.q, data.repeat_of)
+        fold = held_out_folds(data)
     return [Split.of(np.flatnonzero(fold == number), len(data), most) for number in range(int(fold.max()) + 1)]
 
 

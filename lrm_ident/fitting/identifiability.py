@@ -30,7 +30,7 @@ MAX_ITERATIONS = 6
 FEW_OUTLIERS = 0.2  # share of the poses
 MAX_SUBSAMPLE = 2000  # poses that are screened, or fitted without a start from the fit to a subsample
 SELECTION_ORDER = (
-    *("anchor.*", "compliance.*", "offsets.*.theta_rad", "offsets.base.?_mm", "offsets.tool.?_mm"),
+    *("anchor.*", "touched_*", "compliance.*", "offsets.*.theta_rad", "offsets.base.?_mm", "offsets.tool.?_mm"),
     *("offsets.[jm]*_mm", "offsets.[jm]*", "offsets.base.*", "offsets.tool.*", "*"),  # of joints and mimics
 )
 AFTER_TOOL = "offsets.[jm]*_mm"  # the pattern that follows the tool's position

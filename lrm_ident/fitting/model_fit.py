@@ -9,15 +9,15 @@ import numpy as np
 
 from lrm_ident.data.error_stats import error_stats
 from lrm_ident.data.measurements import Measurements
-from lrm_ident.data.registration.anchor import with_anchor
 from lrm_ident.data.registration.degenerate_fit import CHECK
+from lrm_ident.data.registration.set_up import with_set_up
 from lrm_ident.data.weights.model_error import with_model_error
 from lrm_ident.data.wording import enumerate_words
 from lrm_ident.fitting.identifiability import FEW_OUTLIERS, IdentifiedFit, fit_identifiable
 from lrm_ident.fitting.levenberg_marquardt import Fit, fit
 from lrm_ident.fitting.loss import Loss
 from lrm_ident.fitting.parameter_sets import Bounds, bounds_of, fittable, no_bounds, select_parameters
-from lrm_ident.fitting.priors import Prior
+from lrm_ident.fitting.priors import SET_UP, TOUCHED, Prior
 from lrm_math.arm.arm import Arm
 from lrm_math.effects import CATALOGUE, Effect, effects_at
 from lrm_math.errors import LrmError
@@ -55,7 +55,7 @@ def fit_model(
 
     Raises `LrmError`: unknown parameters, too few poses, no convergence, or nothing that these poses can tell.
     """
-    result = _fit_named(with_anchor(model, data), data, parameters, loss, unbounded, prior)
+    result = _fit_named(with_set_up(model, data), data, parameters, loss, unbounded, prior)
     weighed = with_model_error(data, result.fit.equilibrium, len(result.fit.model.free))
     if weighed.model_sd > MODEL_ERROR_GROWTH * data.model_sd:
         return fit_model(model, weighed, parameters, loss, unbounded, prior)
@@ -82,7 +82,7 @@ def _fit_named(
     """Fit of the parameters that a choice names; arguments as of `fit_model`."""
     if parameters != "identifiable":
         named = select_parameters(model, parameters)
-        keys = (*named, *(key for key in model.free if key.startswith("anchor.") and key not in named))
+        keys = (*named, *(key for key in model.free if key.startswith((SET_UP, TOUCHED)) and key not in named))
     elif prior is None:
         keys = fittable(model)
         return fit_identifiable(model, data, keys, loss, no_bounds(keys) if unbounded else None)

@@ -182,6 +182,8 @@ def to_prior(path: Path, file: PriorFile, model: Model, catalogue: tuple[type[Ef
 
 SET_UP = f"{Anchor.id}."
 """Prefix of the keys of parameters of the measuring set-up, not of the arm."""
+TOUCHED = "touched_"
+"""Prefix of the keys that say where touched points stood."""
 WEAK = "vague"
 """Name of the shipped prior that is equal to `weak_prior`."""
 WEAK_SD = 3.0  # typical sizes

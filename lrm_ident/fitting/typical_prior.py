@@ -18,14 +18,17 @@ from numpy.typing import NDArray
 from lrm_ident.fitting.priors import SET_UP, Prior, load_prior
 from lrm_math.arrays import Array
 from lrm_math.effects import CATALOGUE, Effect, split_key
-from lrm_math.effects.tracker_errors import MeasurementFrame
+from lrm_math.effects.tracker_errors import MeasurementFrame, TouchedBoard, TouchedPoint
 from lrm_math.model.model import Model
 from lrm_math.model.model_file import ModelFile
 
 TYPICAL = "typical"
 """Name of the prior, as in a model file."""
-DIMENSIONS = ("offsets", "compliance")
-"""Effects that every arm has: their parameters' prior is Gaussian."""
+DIMENSIONS = ("offsets", "compliance", TouchedPoint.id, TouchedBoard.id)
+"""Effects that every arm has, and the place of what was touched: their parameters' prior is Gaussian."""
+HELD = 1e-6
+"""m, rad: standard deviation of what is a convention: the base where touched points stand anywhere, and the length that
+then gives the scale."""
 TOGETHER = (MeasurementFrame.id,)
 """Effects whose parameters are of one cause and have one multivariate distribution. A tracker's scale along all axes
 together is an arm that is longer: tails of each axis alone would put all of it on as few axes as possible, and a wrong
@@ -93,7 +96,25 @@ def typical_prior(model: Model) -> TypicalPrior:
 def _size(model: Model, key: str) -> float:
     """Typical size of a parameter (SI); wide for where the base stands."""
     parameter = model.parameter(key)
+    if key == _scale_length(model):
+        return HELD
+    if key.startswith("offsets.base.") and any(isinstance(effect, TouchedPoint) for effect in model.effects):
+        return HELD
     return BASE_SD[parameter.unit] if key.startswith("offsets.base.") else parameter.typical
+
+
+def _scale_length(model: Model) -> str | None:
+    """The arm's longest length where the model was touched to points without known distances: these fit an arm of any
+    scale, and the smaller it is the smaller its residual, so that one length must be held (Hollerbach et al. 2016)."""
+    kinds = {effect.id for effect in model.effects}
+    if TouchedPoint.id not in kinds or TouchedBoard.id in kinds:
+        return None
+    lengths = {
+        f"offsets.joint{number}.{name}_mm": abs(value)
+        for number, joint in enumerate(model.arm.joints, start=1)
+        for name, value in (("a", joint.a), ("d", joint.d))
+    }
+    return max(lengths, key=lambda key: lengths[key])
 
 
 def prior_of_file(file: ModelFile, model: Model, catalogue: tuple[type[Effect], ...] = CATALOGUE) -> Prior | None:

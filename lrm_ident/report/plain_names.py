@@ -39,6 +39,8 @@ PLAIN = {
     "measurement_frame": "tracker scale error",
     "frame_curve": "tracker distortion (spline)",
     "anchor": "offset of the point that distances start from",
+    "touched_point": "position of the touched point, {place}",
+    "touched_board": "position of the board, {place}",
     "angle_curve": "angle error of {place} (spline)",
     "coupling_curve": "coupling of {place} (spline)",
     "cable_curve": "cable pull over {place} (spline)",

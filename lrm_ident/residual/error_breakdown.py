@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from lrm_ident.data.error_stats import ErrorStats, error_stats
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.notebook import ShownInNotebook
-from lrm_ident.data.registration.anchor import nominal_arm
+from lrm_ident.data.registration.set_up import nominal_arm
 from lrm_ident.data.wording import in_mm
 from lrm_ident.fitting.cross_validation import held_out_blocks
 from lrm_ident.fitting.held_out import HeldOutBlock, held_out_residual, held_out_turns

@@ -23,7 +23,7 @@ from lrm_ident.data.examples import EXAMPLE
 from lrm_ident.data.measurement_file import load as pose_files
 from lrm_ident.data.measurement_file.conventions import arm_for
 from lrm_ident.data.measurements import Measurements
-from lrm_ident.data.registration.anchor import with_anchor
+from lrm_ident.data.registration.set_up import with_set_up
 from lrm_ident.diagnosis.auto import AutoRun
 from lrm_ident.diagnosis.diagnosis_report import DiagnosisReport, RankedCandidate
 from lrm_ident.fitting.effect_plugins import catalogue_with
@@ -214,7 +214,7 @@ def _study(model: Model | Fit | Study, data: Measurements, loss: str | None) -> 
     numbers = fitted.equilibrium.poses.number if isinstance(fitted, Fit) else None
     apart = numbers is not None and the_model.fitted_to == data.sha256 and not np.isin(data.pose, numbers).any()
     here = _here(the_model, data.path, data.sha256)
-    return Study(with_anchor(here, data), data, data.arm_name or the_model.arm.name, loss=how, apart=apart)
+    return Study(with_set_up(here, data), data, data.arm_name or the_model.arm.name, loss=how, apart=apart)
 
 
 def _here(model: Model, data: Path | None, sha256: str, poses: Poses | None = None) -> Model:

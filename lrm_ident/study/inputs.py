@@ -7,8 +7,8 @@ from dataclasses import replace
 from pathlib import Path
 
 from lrm_ident.data.measurements import Measurements
-from lrm_ident.data.registration.anchor import with_anchor
 from lrm_ident.data.registration.checked import load_checked
+from lrm_ident.data.registration.set_up import with_set_up
 from lrm_ident.data.weights.model_error import model_error_words, with_model_error
 from lrm_ident.fitting.effect_plugins import Catalogue, catalogue_with, file_of, sha256_of
 from lrm_ident.fitting.loss import SQUARED, loss_named
@@ -62,7 +62,7 @@ def read_study(
         if how := fit_words(known.loss, measured.left_out):
             notices += (f"as in the model's fit: {how}",)
     here, left_out = model_for_data(loaded, measured.path, measured.sha256)
-    anchored = with_anchor(here, measured)
+    anchored = with_set_up(here, measured)
     weighed = with_model_error(measured, solve_equilibrium(anchored, measured.poses), len(anchored.free))
     return Study(
         anchored,

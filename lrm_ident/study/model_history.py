@@ -88,6 +88,7 @@ def model_file(
             prior=prior,
             left_out=list(data.left_out),
             reading=data.reading if data.reading.said() else None,
+            servos=data.servos,
             effects_file=None if own is None else own.resolve().as_posix(),
             effects_sha256=None if own is None else sha256_of(own),
         ),

@@ -7,7 +7,7 @@ from functools import cached_property, partial
 
 from lrm_ident.data.error_stats import ErrorStats
 from lrm_ident.data.measurements import Measurements
-from lrm_ident.data.registration.anchor import nominal_arm
+from lrm_ident.data.registration.set_up import nominal_arm
 from lrm_ident.fitting.effect_plugins import Catalogue
 from lrm_ident.fitting.loss import SQUARED, Loss
 from lrm_ident.fitting.priors import Prior

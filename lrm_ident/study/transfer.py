@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from lrm_ident.data.measurements import Measurements
-from lrm_ident.data.registration.anchor import with_anchor
+from lrm_ident.data.registration.set_up import with_set_up
 from lrm_ident.fitting.effect_plugins import Catalogue
 from lrm_ident.fitting.levenberg_marquardt import Fit, fit
 from lrm_ident.fitting.transfer import TransferredModel, transferred
@@ -142,7 +142,7 @@ def identified(transfer: Transfer, data: Measurements) -> Transfer:
     Raises `LrmError`: no convergence, or an arm that shrinks, stretches or loses a length.
     """
     start = transfer.start
-    found = fit(with_anchor(start.model, data), data, prior=start.prior)
+    found = fit(with_set_up(start.model, data), data, prior=start.prior)
     return replace(transfer, data=data, fit=found)
 
 

@@ -54,6 +54,8 @@ ALL_EFFECTS: tuple[type[Effect], ...] = tuple(
         "session_errors.ChangePoint",
         "tracker_errors.MeasurementFrame",
         "tracker_errors.Anchor",
+        "tracker_errors.TouchedPoint",
+        "tracker_errors.TouchedBoard",
         "compliance.ServoDroop",
         "memory.creep.Creep",
         "memory.self_heating.SelfHeating",

@@ -192,8 +192,8 @@ class Effect(ABC):
     about: ClassVar[Description]
     depends_on: ClassVar[tuple[str, ...]] = ("angle", "direction")
     """Quantities that its amounts vary with, beside loads: commanded `angle`, `direction` of the last move, `time` (and
-    temperature), `session`, the measuring `instrument`, `counts` of the servo board. Without any, and without loads, it
-    is a constant."""
+    temperature), `session`, the measuring `instrument`, the `placement` of what is touched, `counts` of the servo
+    board. Without any, and without loads, it is a constant."""
     variant_of: ClassVar[tuple[str, ...]] = ()
     """Ids of the effects of which this is another form, fitted beside them (`variants` gives their names); empty for an
     effect of its own."""

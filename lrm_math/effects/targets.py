@@ -7,6 +7,7 @@
 | `joint2.theta.load` | load on a slot: N·m, N; no function of loads itself |
 | `body3.mass`, `body3.com_x` … | mass (kg) and centre of mass (m) of a body, by its number from 0 outwards |
 | `frame.xx`, `frame.xyz`, `frame.xr` … | coefficient of x, of y z (1/m), of x (x² + y² + z²) (1/m²) in the seen x |
+| `frame.x` … | shift of the seen x: m |
 | `frame.s` | what a measured position is multiplied by, less one |
 | `gravity.x` … | component of gravity in the frame of measurement: m/s² |
 | `anchor.x` … | the fixed point that distances are measured from: m |

@@ -32,6 +32,7 @@ class Poses:
             the order of their numbers. Both follow from all the poses first given, and stay with each of them.
         gravity: (N, 3), unit vectors of gravity's direction in the frame of measurement; None: as the arm file says.
         history: what the arm was sent to before each of them, and when, see `lrm_math.kinematics.history`; or None.
+        placement: (N,), number from 1 of where what is touched stands, see `TouchedPoint`; None: nothing is touched.
         sha256: of the file that they were read from; None: of none.
     """
 
@@ -48,6 +49,7 @@ class Poses:
     power_cycle: NDArray[np.int64] | None = None
     gravity: Array | None = None
     history: History | None = None
+    placement: NDArray[np.int64] | None = None
     sha256: str | None = None
 
     def __post_init__(self) -> None:

@@ -199,7 +199,8 @@ def frame_basis(bound: BoundEffect, position: Sequence[Number]) -> Rows:
     """Terms that one unit at each target of an effect of the tracker's frame adds to the components of a position (m).
 
     Where the effect is held, it sees the position within the range of the fit. A distortion is about the centre of what
-    was measured, so that it moves the measured points least; a scale of all lengths is about the base's origin.
+    was measured, so that it moves the measured points least; a scale of all lengths and a rigid motion are about the
+    base's origin.
     """
     ends, centre = (None, None) if bound.within is None else (bound.within.tcp, bound.within.centre)
     seen = list(position)
@@ -207,14 +208,16 @@ def frame_basis(bound: BoundEffect, position: Sequence[Number]) -> Rows:
         seen = [held(value, *within) for value, within in zip(position, ends, strict=True)]
     if bound.effect.targets == LENGTHS:
         return (tuple(seen),)
-    if centre is not None:
-        seen = [value - middle for value, middle in zip(seen, centre, strict=True)]
     names = [target.removeprefix(FRAME) for target in bound.effect.targets]
+    if centre is not None and not {*AXES} & {*names}:
+        seen = [value - middle for value, middle in zip(seen, centre, strict=True)]
     products = {term: _product(term, seen) for term in {name[1:] for name in names} - {"", RADIAL}}
     square = _product("xx", seen) + _product("yy", seen) + _product("zz", seen)
 
     def of_target(name: str) -> Amounts:
         row = AXES.index(name[0])
+        if len(name) == 1:
+            return tuple(float(axis == row) for axis in range(len(AXES)))
         term = seen[row] * square if name[1:] == RADIAL else products[name[1:]]
         return tuple(term if axis == row else 0.0 for axis in range(len(AXES)))
 

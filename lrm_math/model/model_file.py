@@ -15,6 +15,7 @@ from pydantic import Field, model_validator
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_digest import WHAT_COUNTS, arm_sha256
 from lrm_math.arm.arm_file import load_arm, shipped_arms
+from lrm_math.arm.servo_settings import ServoSettings
 from lrm_math.effects import CATALOGUE, Effect, ModelPart, Parameter, effects_at
 from lrm_math.effects.compliance import SPRINGS
 from lrm_math.effects.measured_range import MeasuredRange, UnmeasuredAngles
@@ -43,6 +44,7 @@ class ProvenanceTable(StrictSchema):
     """Table `[provenance]`: data, tool and date of the fit; and the file of the user's own effects, if it has any.
 
     `poses`: how many were fitted. `left_out`: numbers of those that were not. `arm_sha256`: of the arm (`arm_sha256`).
+    `servos`: settings of the servos that were measured with, by joint.
     """
 
     data: str
@@ -57,6 +59,7 @@ class ProvenanceTable(StrictSchema):
     effects_file: str | None = None
     effects_sha256: str | None = None
     reading: Reading | None = None
+    servos: ServoSettings | None = None
 
 
 class RangeTable(StrictSchema):
@@ -159,6 +162,12 @@ def load_model(file: str | Path, catalogue: tuple[type[Effect], ...] = CATALOGUE
     if words := arm_mismatch(tables, arm):
         raise FileError(path, "arm", words, FIT_AGAIN)
     return to_model(path, tables, arm, catalogue)
+
+
+def settings_of_model(file: str | Path) -> ServoSettings | None:
+    """Settings of the servos that a model was measured with; None: not known. Raises `FileError`."""
+    known = read_toml(Path(file), ModelFile).provenance
+    return None if known is None else known.servos
 
 
 def load_covariance(path: Path, catalogue: tuple[type[Effect], ...] = CATALOGUE) -> Covariance | None:

@@ -25,7 +25,7 @@ from lrm_math.kinematics.chain import Number, Slot
 from lrm_math.kinematics.poses import Poses
 from lrm_math.model.deployed_model import as_deployed, of_a_session, with_offsets
 from lrm_math.model.derivatives import parameter_jacobian
-from lrm_math.model.effect_binding import BoundEffect
+from lrm_math.model.effect_binding import BoundEffect, distortion
 from lrm_math.model.equilibrium import Equilibrium, solve_equilibrium
 from lrm_math.model.model import Model
 from lrm_math.model.session_state import CarriedState, StateAfterSession
@@ -72,7 +72,7 @@ def state_after_session(
     follow = model.state.warming if warming is None and model.state is not None else warming or ()
     parts = {name: sum(left[name].values()) for name in follow if name in left}
     state = StateAfterSession(chosen, {key: amount for key, amount in sums.items() if amount}, parts)
-    if not model.binding.distorting:
+    if not any(of_a_session(bound.effect) for bound in model.binding.distorting):
         return state
     moved = as_deployed(model.with_state(state))
     base = _rigid_motion(settled, with_offsets(moved, dict.fromkeys(Offsets(model.arm, BASE).keys, 0.0)))
@@ -132,6 +132,11 @@ def _rigid_motion(settled: Equilibrium, deployed: Model) -> dict[str, float]:
     """The six offsets of the base (rad, m) that move a deployed arm's points most like a tracker's distortion does."""
     keys = Offsets(deployed.arm, BASE).keys
     now = solve_equilibrium(deployed, settled.poses, tolerance=CLOSE)
-    seen = (settled.tcp - settled.true_tcp).reshape(-1)
+    true, seen = list(settled.true_tcp.T), np.zeros_like(settled.true_tcp)
+    for bound in settled.model.binding.distorting:
+        if of_a_session(bound.effect):
+            for column, amount in zip(seen.T, distortion(bound, bound.at(settled.poses), true), strict=True):
+                column += amount
+    seen = seen.reshape(-1)
     shift, *_ = np.linalg.lstsq(parameter_jacobian(now, keys).reshape(-1, len(keys)), seen, rcond=NO_RANK)
     return dict(zip(keys, shift.tolist(), strict=True))

@@ -13,10 +13,13 @@ from lerobot.robots.robot import Robot
 from lerobot_robot_lrm.bounded import FARTHEST, BoundedCommand, bounded_command
 from lerobot_robot_lrm.correction import Correction
 from lerobot_robot_lrm.units import radians_per_unit
+from lrm_math.arm.lerobot_registers import settings_of
+from lrm_math.arm.servo_settings import require_same_settings
 from lrm_math.arrays import Array
 from lrm_math.effects import marked
 from lrm_math.errors import LrmError, NoEquilibrium
 from lrm_math.kinematics.motion import Motion
+from lrm_math.model.model_file import settings_of_model
 
 SUFFIX = ".pos"
 NOTABLE_M = 0.002
@@ -41,6 +44,7 @@ class CalibratedRobot(Robot):
         self.name = self.robot_type = f"{robot.name}_{CalibratedRobot.name}"
         keep = [word.strip() for word in config.keep.split(",") if word.strip()]
         self.correction = Correction.of_file(config.model, 1e-3 * config.payload_g, keep)
+        self._measured_with = settings_of_model(config.model)
         self.keys = tuple(f"{name}{SUFFIX}" for name in self.correction.names)
         self._check_names()
         _ = self.correction.arm, self.correction.drawn  # packed before the first command
@@ -77,8 +81,17 @@ class CalibratedRobot(Robot):
         return bool(self.robot.is_calibrated)
 
     def connect(self, calibrate: bool = True) -> None:
-        """Connects the wrapped robot. Raises `LrmError`: its units are neither degrees nor −100 … 100."""
+        """Connects the wrapped robot.
+
+        Raises `LrmError`: its units are neither degrees nor −100 … 100, or its servos are set otherwise than those that
+        the model was measured with.
+        """
         self.robot.connect(calibrate)
+        try:
+            self._check_settings()
+        except LrmError:
+            self.robot.disconnect()
+            raise
         self._forget()
 
     def calibrate(self) -> None:
@@ -118,6 +131,14 @@ class CalibratedRobot(Robot):
         )
         held = np.array_equal(answer.command, motion.q)
         return self._with(sent, wish if as_wished and not held else self._true_angles(angles, self._motion))
+
+    def _check_settings(self) -> None:
+        """Raises `LrmError`: the servos' gains, torque limits or firmware are not those of the model's measurement."""
+        if self.config.accept_settings or self._measured_with is None:
+            return
+        bus = getattr(self.robot, "bus", None)
+        now = None if bus is None else settings_of(bus, self.correction.names)
+        require_same_settings(now, self._measured_with, self.config.model, "--robot.accept_settings=true")
 
     def _tell_of(self, wish: Array, answer: BoundedCommand) -> None:
         low, high = self.correction.limits

@@ -25,10 +25,12 @@ def register_calibrated_robots() -> None:
 
 
 def calibrated_config(name: str, config: type[Any]) -> type[Any]:
-    """Configuration of the calibrated form of a robot: its own fields, `model` (a file), `payload_g`, `keep`."""
+    """Configuration of the calibrated form of a robot: its own fields, `model` (a file), `payload_g`,
+    `accept_settings`, `keep`."""
     own = [
         ("model", str, field(kw_only=True)),
         ("payload_g", float, field(default=0.0, kw_only=True)),
+        ("accept_settings", bool, field(default=False, kw_only=True)),
         ("keep", str, field(default="base,tool", kw_only=True)),
     ]
     namespace = {"wrapped_type": name, "wrapped_config": config, "__module__": __name__}

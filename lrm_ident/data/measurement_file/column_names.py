@@ -19,6 +19,8 @@ from lrm_ident.data.measurement_file.known_columns import (
     ANGLE,
     DISTANCE,
     FEEDBACK,
+    PLACEMENT,
+    POINT,
     POSITION,
     QUATERNION,
     PoseQuantity,
@@ -105,7 +107,7 @@ def stated_units(table: CsvTable) -> Reading:
 
 def _notices(table: CsvTable, known: Sequence[PoseQuantity]) -> list[str]:
     """Columns that are not used, and those that are read under another name or in another unit."""
-    names = {name for quantity in known for name in quantity.columns}
+    names = {*(name for quantity in known for name in quantity.columns), POINT, PLACEMENT}
     unknown = [name for name in table.header if name and name not in names]
     notices = [f"columns not used: {', '.join(unknown)}"] if unknown else []
     taken = [

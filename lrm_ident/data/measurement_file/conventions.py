@@ -17,6 +17,7 @@ from lrm_ident.data.measurement_file.known_columns import SD, TURN_SD
 from lrm_ident.data.rigid_motion import placement_motion, to_xyz_angles
 from lrm_math.arm.arm import Arm, Placement
 from lrm_math.arm.arm_file import MM, load_arm, shipped_arms
+from lrm_math.arm.servo_settings import ServoSettings
 from lrm_math.arrays import Array
 from lrm_math.errors import FileError
 from lrm_math.model.reading import AXES, FrameTable, Reading
@@ -34,8 +35,10 @@ class Metadata(Reading):
 
     `approach_deg`: how far from it every joint stood before it came to a pose. `feedback_sd_deg`: standard deviation of
     the joints' encoders. `distance_from_mm`: the point that distances are measured from, in the frame of the positions;
-    `distance_sd_mm`: their standard deviation. `poses_sha256`, `t0_s`: of a campaign, its file of poses and the
-    tracker's time at t_s = 0; `power_ons`: a name of each `session` from 1.
+    `distance_sd_mm`: their standard deviation. `points`: places of touched points on their board (mm), by name;
+    `distances`: measured distances between them (mm), by both names; without `points` those between all.
+    `poses_sha256`, `t0_s`: of a campaign, its file of poses and the tracker's time at t_s = 0; `power_ons`: a name of
+    each `session` from 1; `servos`: their settings, by joint.
     """
 
     schema_: Literal["lrm/measurements/1"] = Field(alias="schema")
@@ -47,9 +50,12 @@ class Metadata(Reading):
     feedback_sd_deg: Annotated[float, Field(gt=0)] | None = None
     distance_from_mm: Annotated[list[FiniteFloat], Field(min_length=3, max_length=3)] | None = None
     distance_sd_mm: Annotated[float, Field(gt=0)] | None = None
+    points: dict[str, Annotated[list[FiniteFloat], Field(min_length=3, max_length=3)]] | None = None
+    distances: dict[str, Annotated[float, Field(gt=0, allow_inf_nan=False)]] | None = None
     poses_sha256: str | None = None
     t0_s: float | None = None
     power_ons: list[str] = []
+    servos: ServoSettings | None = None
 
     @property
     def beside(self) -> float | None:

@@ -26,6 +26,8 @@ AXES, TURNS = "xyz", "uvw"
 POSITION = ("x_mm", "y_mm", "z_mm")
 QUATERNION = ("qw", "qx", "qy", "qz")
 DISTANCE = "distance_mm"
+POINT, PLACEMENT = "point", "placement"
+"""Columns of names, not of numbers: the touched point, and where what carries it stands."""
 POSITION_COVARIANCE = tuple(f"c{a}{b}_mm2" for a, b in combinations_with_replacement(AXES, 2))
 CROSS_COVARIANCE = tuple(f"c{a}{u}_mmdeg" for a in AXES for u in TURNS)
 TURN_COVARIANCE = tuple(f"c{u}{w}_deg2" for u, w in combinations_with_replacement(TURNS, 2))
@@ -83,7 +85,7 @@ class PoseQuantity:
         aliases: other names of its only column, without unit and signs.
         rule, size: of the numbers.
         may_be_empty: whether cells may be. whole: whether a row then states all of them or none.
-        required: whether a file must state it. unless: a column beside which it may be missing, or its cells empty.
+        required: whether a file must state it. unless: columns beside which it may be missing, or its cells empty.
         commanded: whether it says what was commanded; files of poses have these alone.
         signs: of each column. limits: between which the numbers of each column are (SI).
     """
@@ -96,7 +98,7 @@ class PoseQuantity:
     may_be_empty: bool = False
     whole: bool = False
     required: bool = False
-    unless: str | None = None
+    unless: tuple[str, ...] = ()
     commanded: bool = False
     signs: tuple[int, ...] = (1,)
     limits: tuple[tuple[float, float], ...] = ()
@@ -120,7 +122,7 @@ KNOWN = (
     PoseQuantity("tilt", TILT, (), LEANING, commanded=True),
     PoseQuantity("repeat_of", ("repeat_of",), ("repeatof", "repeat"), WHOLE, may_be_empty=True),
     PoseQuantity("supply", ("supply_v",), ("supply", "voltage"), size=SUPPLY),
-    PoseQuantity("position", POSITION, size=COORDINATE, whole=True, required=True, unless=DISTANCE),
+    PoseQuantity("position", POSITION, size=COORDINATE, whole=True, required=True, unless=(DISTANCE, POINT)),
     PoseQuantity("sd", ("sd_mm",), ("sd", "std", "sigma"), ABOVE_ZERO, SD),
     PoseQuantity("sd_per_axis", ("sx_mm", "sy_mm", "sz_mm"), (), ABOVE_ZERO, SD),
     PoseQuantity("position_covariance", POSITION_COVARIANCE),

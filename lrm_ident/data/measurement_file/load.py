@@ -14,12 +14,14 @@ from lrm_ident.data.measurement_file.conventions import conventions_of, motion_o
 from lrm_ident.data.measurement_file.known_columns import (
     DISTANCE,
     KNOWN,
+    POINT,
     POSITION,
     commanded_quantities,
     measured_quantities,
 )
 from lrm_ident.data.measurement_file.measured_columns import read_feedback, with_sensed, without_lost
 from lrm_ident.data.measurement_file.number_table import NumberTable, checked_rows, read_numbers
+from lrm_ident.data.measurement_file.touched_points import require_points, with_touches, without_lone
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.table_text.csv_file import read_table
 from lrm_math.arm.arm import Arm
@@ -54,6 +56,7 @@ def read_measured(
     said = conventions_of(path, arm, reading, usual)
     file, known = read_table(path), measured_quantities(arm, said.how)
     cells = arm_columns(file, arm, said.how, known)
+    require_points(cells, said.metadata)
     units = stated_units(cells)
     table = checked_rows(read_numbers(cells, known, said.how.bad_rows == "skip"))
     poses, noise_sd = read_poses(table, arm, said.how, said.start, said.metadata.beside), said.metadata.noise_sd_mm
@@ -69,10 +72,15 @@ def read_measured(
         notices=(*said.notices, *table.cells.notices, *pose_notices(table)),
         arm=arm,
         arm_name=said.metadata.arm or None,
+        servos=said.metadata.servos,
         reading=said.how,
         stated=said.how.over(units),
     )
-    sensed = without_lost(with_sensed(data, table, said.metadata))
+    touched = with_touches(data, table, said.metadata)
+    if touched.touched and said.how.frame is not None:
+        raise FileError(path, "frame", "touched points have frames of their own", "leave out frame (--frame)")
+    sensed = with_sensed(touched, table, said.metadata)
+    sensed = without_lone(sensed) if touched.touched else without_lost(sensed)
     if np.linalg.det(said.rotation) < 0 and sensed.attitude is not None:
         raise FileError(path, "", "an orientation in a mirrored frame", "no rotation does that; check --axes")
     return sensed.turned(said.rotation, said.translation), table.beyond
@@ -104,7 +112,7 @@ def load_pose_table(
 
 def says_measured(path: Path) -> bool:
     """Whether a file has columns of positions or distances, not commands alone. Raises `FileError`."""
-    return bool({*POSITION, DISTANCE} & {*named_columns(read_table(path)).header})
+    return bool({*POSITION, DISTANCE, POINT} & {*named_columns(read_table(path)).header})
 
 
 def read_pose_feedback(path: Path, arm: Arm) -> tuple[Array | None, float | None]:

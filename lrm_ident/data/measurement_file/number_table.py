@@ -51,6 +51,12 @@ class NumberTable:
         """(N,), a quantity that has one column; None if it is not stated."""
         return self.quantities[name][:, 0] if name in self else None
 
+    def words(self, name: str) -> list[str] | None:
+        """(N,), the cells of a column of names; None if it is not stated."""
+        if name not in self.cells.header:
+            return None
+        return [cell.strip() for cell in _column(self.cells, name)[0]]
+
     def integers(self, name: str) -> NDArray[np.int64]:
         """(N,), a quantity of one column of whole numbers."""
         return self.quantities[name][:, 0].astype(np.int64)
@@ -146,10 +152,10 @@ def read_numbers(cells: CsvTable, known: Sequence[PoseQuantity], skip: bool | No
     """
     cells = _without_unreadable(cells, known)
     header = {*cells.header}
-    wanted = (each for each in known if each.required and (each.unless not in header or {*each.columns} & header))
+    wanted = (each for each in known if each.required and (header.isdisjoint(each.unless) or {*each.columns} & header))
     cells = _require(cells, [name for each in wanted for name in each.columns])
     parsed = {
-        name: _parsed(cells, name, each.may_be_empty or each.unless in header)
+        name: _parsed(cells, name, each.may_be_empty or not header.isdisjoint(each.unless))
         for each in known
         for name in each.columns
         if name in header

@@ -11,7 +11,6 @@ from dataclasses import replace
 import numpy as np
 
 from lrm_ident.data.measurements import Measurements
-from lrm_math.arm.arm import Arm
 from lrm_math.arrays import Array
 from lrm_math.effects.tracker_errors import Anchor
 from lrm_math.errors import FileError
@@ -51,11 +50,6 @@ def with_anchor(model: Model, data: Measurements) -> Model:
     effects = model.effects if anchors else (*model.effects, anchor)
     free = (*model.free, *(key for key in keys if key not in model.free))
     return replace(model_of(model.arm, effects, known), free=free if model.free else ())
-
-
-def nominal_arm(arm: Arm, data: Measurements) -> Model:
-    """The arm as drawn, without effects but the anchor that the data need. Raises `FileError`."""
-    return with_anchor(model_of(arm, ()), data)
 
 
 def trilaterate(tcp: Array, distance: Array) -> tuple[Array, float]:

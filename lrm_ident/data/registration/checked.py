@@ -29,6 +29,7 @@ from lrm_ident.data.registration.reading_check import (
     registered,
 )
 from lrm_ident.data.registration.row_choice import spaced_rows
+from lrm_ident.data.registration.touched import in_frame_of_touches, misread_touches
 from lrm_ident.data.rigid_motion import quaternions, rotation_matrix, rotation_vectors
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_file import MM
@@ -75,7 +76,7 @@ def load_checked(path: Path, arm: Arm, reading: Reading = AS_NAMED, usual: Readi
         Misread: the numbers mean something else, or are of another arm.
     """
     read, beyond = read_measured(path, arm, reading, usual)
-    data = without_frozen(arm, read)
+    data = read if read.touched else without_frozen(arm, read)
     notices = _check(arm, data)
     if beyond is not None:
         raise beyond
@@ -86,6 +87,9 @@ def load_checked(path: Path, arm: Arm, reading: Reading = AS_NAMED, usual: Readi
 
 def _check(arm: Arm, data: Measurements) -> tuple[str, ...]:
     """Doubts about the reading, in words. Raises `Misread`."""
+    if data.touched:
+        _check_touches(arm, data)
+        return ()
     check = check_reading(arm, data)
     if check is None:
         _check_distances(arm, data)
@@ -114,8 +118,21 @@ def _check_distances(arm: Arm, data: Measurements) -> None:
         raise FileError(data.path, "", f"{' and '.join(found.words)} ({what})", f"if so: {remedy(found, data.stated)}")
 
 
+def _check_touches(arm: Arm, data: Measurements) -> None:
+    """Raises `FileError`: the arm cannot have touched these points, as they were read."""
+    if misread := misread_touches(arm, data):
+        missed, found = misread
+        what = f"as read, {arm.name} misses the points that it touched by {missed / MM:.3g} mm"
+        if found is None:
+            right = "are the names of the points, their places and the joints right, and is it this arm?"
+            raise FileError(data.path, "", what, right)
+        raise FileError(data.path, "", f"{' and '.join(found.words)} ({what})", f"if so: {remedy(found, data.stated)}")
+
+
 def in_arm_frame(arm: Arm, data: Measurements) -> Measurements:
-    """Measurements in an unknown frame, registered to the arm's; others as they are."""
+    """Measurements in an unknown frame, and touched points, registered to the arm's; others as they are."""
+    if data.touched:
+        return in_frame_of_touches(arm, data)
     if data.reading.frame != "unknown":
         return data
     rows = compared_rows(data)

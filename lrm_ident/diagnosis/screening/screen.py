@@ -19,7 +19,7 @@ from lrm_ident.diagnosis.screening.column_sets import ColumnSets
 from lrm_ident.diagnosis.screening.likely_shapes import with_likely_shapes
 from lrm_ident.diagnosis.screening.linearised_fit import LinearisedFit, linearise
 from lrm_ident.diagnosis.screening.score_test import ScoredCandidate, score_candidates
-from lrm_ident.fitting.cross_validation import joint_space_folds
+from lrm_ident.fitting.cross_validation import held_out_folds
 from lrm_ident.fitting.identifiability import subsample_rows
 from lrm_ident.fitting.levenberg_marquardt import OUTLIER_DISTANCE, Fit
 from lrm_ident.fitting.loss import robust_scale
@@ -144,7 +144,7 @@ def linearised(fitted: Fit, data: Measurements, weigh: RowWeights) -> Linearised
     residual = data.residual(fitted.equilibrium).reshape(-1, 1)
     jacobian = parameter_jacobian(fitted.equilibrium, keys, data.whitening.sensed)
     columns = (jacobian * typical).reshape(len(residual), len(keys))
-    fold = joint_space_folds(data.poses.q, data.repeat_of)
+    fold = held_out_folds(data)
     poses = [np.flatnonzero(fold == number) for number in range(fold.max() + 1)]
     return linearise(weigh(columns), weigh(residual)[:, 0], poses, fitted.sigma, prior_rows(fitted, keys))
 

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from lrm_ident.measuring.camera.opencv import opencv
+from lrm_ident.measuring.pdf_page import MARGIN, POINTS_PER_MM, RULER, paper_size, pdf_file, ruler_of_100_mm, words_at
 from lrm_math.arm.arm_file import MM
 from lrm_math.arrays import Array
 from lrm_math.errors import LrmError
@@ -26,10 +27,6 @@ PIXELS = 16
 """Pixels of one square in a picture: a marker is 12 of them, two for each of six modules."""
 MARKER = 12 / 16
 """Edge of a marker over that of its square."""
-POINTS_PER_MM = 72.0 / 25.4
-PAPERS = {"a4": (210.0, 297.0), "letter": (215.9, 279.4)}
-MARGIN = 12.0  # mm of the page
-RULER = 100  # mm
 FEWEST = 8  # corners: 16 numbers for a pose of six
 BLURRED = 1.7  # px, standard deviation of the blur of an edge: beyond, corners are lost
 SATURATED = 0.98  # share of the board's pixels at the end of the scale
@@ -113,9 +110,7 @@ def board_pdf(board: CharucoBoard, paper: str) -> bytes:
 
     Raises `LrmError`: no such paper, or a board that does not fit on it.
     """
-    if paper not in PAPERS:
-        raise LrmError(f"no paper '{paper}'; one of {', '.join(PAPERS)}")
-    width, height = PAPERS[paper]
+    width, height = paper_size(paper)
     board_width, board_height = (1e3 * side for side in board.size)
     if board_width > width - 2 * MARGIN or board_height > height - 60.0:
         need = f"{board_width:g} × {board_height:g} mm"
@@ -130,7 +125,7 @@ def board_pdf(board: CharucoBoard, paper: str) -> bytes:
     ).encode() + bits + b"\nendstream"  # fmt: skip
     box = f"[0 0 {width * POINTS_PER_MM:.4f} {height * POINTS_PER_MM:.4f}]"
     resources = "<< /XObject << /Board 5 0 R >> /Font << /F 6 0 R >> >>"
-    return _pdf_file(
+    return pdf_file(
         [
             b"<< /Type /Catalog /Pages 2 0 R /ViewerPreferences << /PrintScaling /None >> >>",
             b"<< /Type /Pages /Kids [3 0 R] /Count 1 >>",
@@ -150,31 +145,10 @@ def _drawing(board: CharucoBoard, width: float, height: float) -> Iterator[str]:
     yield f"q {board_width:.4f} 0 0 {board_height:.4f} {left:.4f} {bottom:.4f} cm /Board Do Q"
     size, marker = f"{board.columns} x {board.rows}", MARKER * board.square_mm
     words = f"ChArUco {size}, squares {board.square_mm:g} mm, markers {marker:g} mm, {board.dictionary}"
-    yield _words(left, bottom - 6.0, words)
+    yield words_at(left, bottom - 6.0, words)
     ruler, start = bottom - 22.0, (width - RULER) / 2.0
-    yield "0.2 w"
-    for mm in range(RULER + 1):
-        length = 5.0 if mm % 10 == 0 else 3.5 if mm % 5 == 0 else 2.0
-        yield f"{start + mm:.4f} {ruler:.4f} m {start + mm:.4f} {ruler + length:.4f} l S"
-    yield f"{start:.4f} {ruler:.4f} m {start + RULER:.4f} {ruler:.4f} l S"
-    yield _words(start, ruler - 5.0, "This line is 100 mm. Print at 100 % ('actual size'), then lay a ruler on it.")
-    yield _words(start, ruler - 10.0, "Glue the board on something flat and stiff; matt paper, no gloss.")
-
-
-def _words(x: float, y: float, words: str) -> str:
-    escaped = words.replace("(", r"\(").replace(")", r"\)")
-    return f"BT /F 3.2 Tf {x:.4f} {y:.4f} Td ({escaped}) Tj ET"
-
-
-def _pdf_file(objects: list[bytes]) -> bytes:
-    out, places = b"%PDF-1.4\n", []
-    for number, body in enumerate(objects, start=1):
-        places.append(len(out))
-        out += f"{number} 0 obj\n".encode() + body + b"\nendobj\n"
-    table = "".join(f"{place:010d} 00000 n \n" for place in places)
-    head = f"xref\n0 {len(objects) + 1}\n0000000000 65535 f \n{table}"
-    tail = f"trailer\n<< /Size {len(objects) + 1} /Root 1 0 R >>\nstartxref\n{len(out)}\n%%EOF\n"
-    return out + head.encode() + tail.encode()
+    yield from ruler_of_100_mm(start, ruler)
+    yield words_at(start, ruler - 10.0, "Glue the board on something flat and stiff; matt paper, no gloss.")
 
 
 def read_picture(path: Path) -> NDArray[np.uint8]:

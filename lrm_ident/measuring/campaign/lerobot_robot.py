@@ -11,6 +11,8 @@ from typing import Any
 
 from lrm_ident.data.wording import joint_labels
 from lrm_math.arm.arm import Arm
+from lrm_math.arm.lerobot_registers import settings_of
+from lrm_math.arm.servo_settings import ServoSettings
 from lrm_math.errors import LrmError, UnknownName
 
 KIND = "lerobot:"
@@ -104,6 +106,10 @@ class LeRobotServos:
     def temperature(self) -> Mapping[str, float]:
         """See `Servos`."""
         return {name: float(value) for name, value in self._read("Present_Temperature").items()}
+
+    def settings(self) -> ServoSettings:
+        """See `Servos`."""
+        return settings_of(self.robot.bus, self.joints)
 
     def bound_torque(self, share: float) -> None:
         """See `Servos`."""

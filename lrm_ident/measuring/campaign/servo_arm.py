@@ -16,6 +16,7 @@ from lrm_ident.measuring.campaign.rover_arm import APPROACH, last_directions
 from lrm_ident.measuring.campaign.run import Clock, Unreachable
 from lrm_ident.measuring.servo_bus.torque_on import TORQUE
 from lrm_math.arm.arm import Arm
+from lrm_math.arm.servo_settings import ServoSettings
 from lrm_math.errors import LrmError
 
 SPEED = math.radians(30.0)
@@ -63,6 +64,9 @@ class Servos(Protocol):
     def temperature(self) -> Mapping[str, float]:
         """°C of each."""
 
+    def settings(self) -> ServoSettings:
+        """Settings of each that belong to what is measured with them; of those whose registers can be read."""
+
     def bound_torque(self, share: float) -> None:
         """Bounds the torque of those that can, to a share of their greatest, until they are switched on anew."""
 
@@ -106,6 +110,10 @@ class ServoArm:
         self._move(pose.q)
         self._rest = self._quiet()
         return ArmState(self._target, self.direction, self.temperature(), self.session)
+
+    def settings(self) -> ServoSettings:
+        """Settings of the servos."""
+        return self._with_retries(self.servos.settings)
 
     def disturbed(self) -> str:
         """See `CampaignArm`."""

@@ -35,6 +35,7 @@ from lrm_ident.measuring.tracker.frames import TargetNumbers, Tracker, TrackerFr
 from lrm_ident.measuring.tracker.source import OpenTracker, open_tracker
 from lrm_ident.measuring.verification.goal_commands import GoalSolver, ModelSolver
 from lrm_math.arm.arm import Arm
+from lrm_math.arm.servo_settings import ServoSettings, require_same_settings
 from lrm_math.errors import LrmError
 from lrmd.client import Rover
 
@@ -68,6 +69,7 @@ class DrivenArm:
     `power_on`: name of the servos' present power-on session. `solver`: gives its inverse kinematics; without a daemon
     with the model of a file, or of the arm as drawn.
     `approach`: how far (rad) beside a pose it stands before it comes straight from there, None where it may go round.
+    `settings`: of its servos, None where they have none.
     """
 
     arm: CampaignArm
@@ -76,6 +78,7 @@ class DrivenArm:
     power_on: str
     solver: Callable[[Path | None], GoalSolver]
     approach: float | None = None
+    settings: ServoSettings | None = None
 
 
 Loads: TypeAlias = Callable[[float], object]
@@ -88,7 +91,8 @@ class CampaignOrder:
     """Order of a campaign: what to measure with.
 
     `drive`, `track`: open the arm and the tracker, whose name is `tracker`. `arm_name` as the metadata will have it;
-    `on_findings`: called with what is known after a batch, if measuring is adaptive.
+    `on_findings`: called with what is known after a batch, if measuring is adaptive. `accept`: whether rows may be
+    added with other settings of the servos.
     """
 
     drive: OpenArm
@@ -101,6 +105,7 @@ class CampaignOrder:
     loads: Loads
     on_progress: Callable[[CampaignProgress], object]
     on_findings: Callable[[str], object]
+    accept: bool = False
 
 
 def measure(order: CampaignOrder, plan: CampaignPlan, output: Path, goal: StoppingGoal | None = None) -> CampaignResult:
@@ -116,7 +121,16 @@ def measure(order: CampaignOrder, plan: CampaignPlan, output: Path, goal: Stoppi
         source = f"lrm-ident measure: {driven.robot}, {order.tracker}"
         start = [round(math.degrees(q), 6) for q in driven.start]
         beside = None if driven.approach is None else round(math.degrees(driven.approach), 6)
-        about = {"start_q_deg": start, "approach_deg": beside, "poses_sha256": plan.sha256, "t0_s": first.t}
+        about: dict[str, object] = {
+            "start_q_deg": start,
+            "approach_deg": beside,
+            "poses_sha256": plan.sha256,
+            "t0_s": first.t,
+        }
+        if file.head is not None and file.done and not order.accept:
+            require_same_settings(driven.settings, file.head.servos, str(file.metadata), "--accept the mixture")
+        settings = {joint: one.model_dump(exclude_none=True) for joint, one in (driven.settings or {}).items()}
+        about["servos"] = settings or None
         driven.arm.session = file.begin(driven.power_on, order.arm_name, source, **about)
         rest = lightest(plan.poses, order.arm)
         campaign = PoseCampaign(driven.arm, tracker, order.numbers, clock, order.timing, rest, order.on_progress)
@@ -154,7 +168,7 @@ def by_servos(text: str, arm: Arm, speed: float, release: bool, clock: Clock, lo
         driven = ServoArm(servos, arm, clock, loads, speed)
         session = f"{text.partition(':')[0]}-{time.time_ns()}"
         solver = partial(ModelSolver.of, arm=arm, rounded=driven.rounded)
-        yield DrivenArm(driven, text, driven.seen(), session, solver, APPROACH)
+        yield DrivenArm(driven, text, driven.seen(), session, solver, APPROACH, driven.settings())
 
 
 @contextmanager

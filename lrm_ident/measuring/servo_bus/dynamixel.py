@@ -64,6 +64,10 @@ POSITION_MODE, CURRENT_POSITION_MODE = 3, 5
 MODEL, ID, OPERATING_MODE = Register(0, 2), Register(7), Register(11)
 PWM_LIMIT, MAX_POSITION, MIN_POSITION = Register(36, 2), Register(48, 4), Register(52, 4)
 TORQUE_ENABLE = Register(64)
+FIRMWARE, RETURN_DELAY = (Register(6),), Register(9)
+D_GAIN, I_GAIN, P_GAIN = Register(80, 2), Register(82, 2), Register(84, 2)
+DELAY_US = 2
+"""Microseconds in one unit of the return delay."""
 GOAL_PWM, GOAL_POSITION = TwosComplement(100, 2), TwosComplement(116, 4)
 POSITION, TEMPERATURE = TwosComplement(132, 4), Register(146)
 DYNAMIXEL = BusServoKind(
@@ -82,5 +86,13 @@ DYNAMIXEL = BusServoKind(
     temperature=TEMPERATURE,
     limit=GOAL_PWM,
     most=PWM_LIMIT,
+    settings={
+        "p": (P_GAIN, 1),
+        "i": (I_GAIN, 1),
+        "d": (D_GAIN, 1),
+        "torque_limit": (PWM_LIMIT, 1),
+        "return_delay_us": (RETURN_DELAY, DELAY_US),
+    },
+    firmware=FIRMWARE,
 )
 """The servos as a bus knows them."""

@@ -34,6 +34,10 @@ MAX_TORQUE = Register(16, 2)
 HOMING_OFFSET, MODE = Register(31, 2, sign=11), Register(33)
 TORQUE_ENABLE, GOAL_POSITION = Register(40), Register(42, 2, sign=15)
 TORQUE_LIMIT = Register(48, 2)
+FIRMWARE, RETURN_DELAY = (Register(0), Register(1)), Register(7)
+P_GAIN, D_GAIN, I_GAIN = Register(21), Register(22), Register(23)
+DELAY_US = 2
+"""Microseconds in one unit of the return delay."""
 POSITION, TEMPERATURE = Register(56, 2, sign=15), Register(63)
 LAST_READ = 71
 """Registers below say all of a servo's settings and state."""
@@ -53,5 +57,13 @@ FEETECH = BusServoKind(
     temperature=TEMPERATURE,
     limit=TORQUE_LIMIT,
     most=MAX_TORQUE,
+    settings={
+        "p": (P_GAIN, 1),
+        "i": (I_GAIN, 1),
+        "d": (D_GAIN, 1),
+        "torque_limit": (MAX_TORQUE, 1),
+        "return_delay_us": (RETURN_DELAY, DELAY_US),
+    },
+    firmware=FIRMWARE,
 )
 """The servos as a bus knows them."""

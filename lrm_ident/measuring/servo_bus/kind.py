@@ -179,6 +179,8 @@ class BusServoKind:
     Attributes:
         prefix: of its name in `--robot`. baud: usual bits per second. models: names by model number.
         modes: those that go to angles. last_read: registers below say all of a servo's settings and state.
+        settings: registers of what belongs to a measurement, by the fields of `JointServoSettings`, and the factor of
+            each. firmware: those of its version, the major number first.
         limit: register that bounds its torque until it is switched on anew; most: that of its greatest value.
     """
 
@@ -197,4 +199,6 @@ class BusServoKind:
     temperature: Register
     limit: Register
     most: Register
+    settings: Mapping[str, tuple[Register, int]]
+    firmware: tuple[Register, ...]
     baud: int = 1_000_000

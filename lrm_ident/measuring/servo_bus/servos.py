@@ -19,6 +19,7 @@ from lrm_ident.measuring.servo_bus.bus import GarbledAnswer, NoAnswer, ServoHost
 from lrm_ident.measuring.servo_bus.kind import BusServoKind, Register
 from lrm_ident.measuring.servo_bus.torque_on import MIDDLE, STEP, JointServo, bound_torque, released, switch_on
 from lrm_math.arm.arm import Arm
+from lrm_math.arm.servo_settings import JointServoSettings, ServoSettings
 from lrm_math.errors import LrmError
 
 POLL_S = 0.02
@@ -65,6 +66,16 @@ class BusServos:
     def temperature(self) -> Mapping[str, float]:
         """See `Servos`."""
         return {joint: float(value) for joint, value in self._read(self.host.kind.temperature).items()}
+
+    def settings(self) -> ServoSettings:
+        """See `Servos`."""
+        kind, found = self.host.kind, ServoSettings()
+        for joint, number in zip(self.joints, self.numbers, strict=True):
+            memory = self.host.memory(number)
+            values = {name: factor * register.read(memory) for name, (register, factor) in kind.settings.items()}
+            version = ".".join(str(register.read(memory)) for register in kind.firmware)
+            found[joint] = JointServoSettings(**values, firmware=version)
+        return found
 
     def bound_torque(self, share: float) -> None:
         """See `Servos`."""

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lrm_ident.data.registration.anchor import nominal_arm
+from lrm_ident.data.registration.set_up import nominal_arm
 from lrm_ident.report.plots.style import GREEN, HELD_OUT, MODEL, NOMINAL, figure_file, plain_number
 from lrm_ident.residual.error_breakdown import ModelComparison
 from lrm_math.arrays import Array

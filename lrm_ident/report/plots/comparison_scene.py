@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from lrm_ident.data.registration.anchor import nominal_arm
+from lrm_ident.data.registration.set_up import nominal_arm
 from lrm_ident.residual.error_breakdown import ModelComparison
 from lrm_math.arrays import Array
 from lrm_math.errors import LrmError

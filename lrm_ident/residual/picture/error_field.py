@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from lrm_ident.data.error_stats import ErrorStats, error_stats
 from lrm_ident.data.measurements import Measurements
-from lrm_ident.data.registration.anchor import nominal_arm
+from lrm_ident.data.registration.set_up import nominal_arm
 from lrm_ident.fitting.identifiability import subsample_rows
 from lrm_ident.residual.picture.arm_solids import ArmSolids, arm_solids, placed
 from lrm_math.arrays import Array

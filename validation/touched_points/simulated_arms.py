@@ -1,0 +1,278 @@
+"""`python -m validation.touched_points.simulated_arms`: twelve SO-101s, calibrated by sockets alone.
+
+Each is jogged (torque on) until its tip is in a socket: 60 touches, five sockets at three placements; commands are
+those of 4096 counts a turn, and the tip sits in a socket within 0.15 mm per axis. A tracker of that noise measures the
+same poses. Then `auto` names what is missing, and both calibrations predict the tip at 100 fresh poses, up to a rigid
+motion, since neither where a board nor where a tracker stands is known. Six arms are those of the independent
+generator.
+"""
+
+from __future__ import annotations
+
+import argparse
+import tempfile
+import warnings
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from lrm_ident.data.measurements import Measurements
+from lrm_ident.data.registration.similarity import similarity
+from lrm_ident.data.rigid_motion import placement_motion
+from lrm_ident.measuring.sockets.board import SocketBoard
+from lrm_ident.study import api as lrm
+from lrm_ident.study.study import Study
+from lrm_math.arm.arm import Placement
+from lrm_math.arm.arm_file import load_arm
+from lrm_math.arrays import Array
+from lrm_math.effects import effects_at, variants
+from lrm_math.errors import NoEquilibrium
+from lrm_math.kinematics.motion import recorded
+from lrm_math.kinematics.poses import Poses, poses_of
+from lrm_math.model.deployed_model import as_deployed
+from lrm_math.model.derivatives import parameter_jacobian
+from lrm_math.model.equilibrium import solve_equilibrium
+from lrm_math.model.model import model_of
+from validation import synthetic
+from validation.synthetic import Deviations, GroundTruth, HiddenEffect
+
+ARM_FILE = Path(__file__).resolve().parents[2] / "config" / "arms" / "so101.toml"
+ARM = load_arm("so101")
+JOINTS = [f"offsets.joint{k}.theta_rad" for k in range(1, ARM.dof + 1)]
+LIMITS = np.array([(joint.lower, joint.upper) for joint in ARM.joints]) * 0.99
+DEG, COUNT = np.radians(1.0), 2.0 * np.pi / 4096
+STANDS = (
+    Placement(0.20, 0.06, 0.0, 0.0, 0.0, 0.7),
+    Placement(0.18, -0.17, 0.0, 0.0, 0.0, -0.6),
+    Placement(0.20, -0.04, 0.12, 0.3, 0.1, 0.0),
+)
+TOUCHES, FRESH, NOISE_M = 60, 100, 0.15e-3
+HISTORY = 8
+GEOMETRY_SD = {"theta_rad": 0.02, "d_m": 0.001, "a_m": 0.001, "alpha_rad": 0.01}
+NOTHING = ""
+Tips = Callable[[Array, int], Array]
+"""True tips (P, 3), m, after straight moves along joint angles (P, n), rad, from touch number `first` on."""
+
+
+@dataclass(frozen=True)
+class Case:
+    """A hidden effect: what it is, names that are right, and the arm that has it, by a seed."""
+
+    words: str
+    right: tuple[str, ...]
+    tips: Callable[[int], Tips]
+
+
+def of_generator(*effects: HiddenEffect, compliance: tuple[float, float] = (0.03, 0.06)) -> Callable[[int], Tips]:
+    """An arm of the independent generator with random geometry and springs."""
+
+    def drawn(seed: int) -> Tips:
+        arm, rng = synthetic.load_arm(ARM_FILE), np.random.default_rng([seed, 65])
+        errors = {
+            f"joint{k}.{key}": float(rng.normal(scale=sd)) for k in range(1, 6) for key, sd in GEOMETRY_SD.items()
+        }
+        nominal = GroundTruth.nominal(arm)
+        springs = tuple(rng.uniform(*compliance, size=ARM.dof).tolist())
+        truth = GroundTruth(Deviations.named(5, errors), nominal.displacements, 0.005, springs, effects)
+
+        def tips(path: Array, first: int) -> Array:
+            schedule = synthetic.Schedule(first + np.arange(1.0, len(path) + 1.0), np.ones(len(path)), path[0])
+            return np.asarray(synthetic.true_state(arm, truth, path, 0.0, schedule).tcp_m)
+
+        return tips
+
+    return drawn
+
+
+def of_model(name: str, values: dict[str, float], springs: tuple[float, float] = (0.03, 0.06)) -> Callable[[int], Tips]:
+    """An arm of the tool's own model with random geometry, springs, and one effect."""
+
+    def drawn(seed: int) -> Tips:
+        rng = np.random.default_rng([seed, 66])
+        effects = [
+            effect for part in ("offsets", "compliance", *([name] if name else [])) for effect in effects_at(ARM, part)
+        ]
+        offsets = [effect for effect in effects_at(ARM, "offsets") if effect.place != "base"]
+        sizes = {key: p.typical for effect in offsets for key, p in zip(effect.keys, effect.parameters, strict=True)}
+        known = {key: 0.3 * float(rng.normal()) * size for key, size in sizes.items()}
+        known |= {f"compliance.joint{k}.k_rad_per_Nm": float(rng.uniform(*springs)) for k in range(1, 6)}
+        truth = model_of(ARM, effects, known | values)
+
+        def tips(path: Array, first: int) -> Array:
+            moves, states = recorded(path, path[0], np.zeros(len(path), dtype=np.bool_))
+            number = first + np.arange(1, len(path) + 1)
+            poses = Poses(path, np.zeros(len(path)), direction=moves, number=number, friction=states)
+            return solve_equilibrium(truth, poses).tcp
+
+        return tips
+
+    return drawn
+
+
+CASES = (
+    Case("play in joint 3 (generator)", ("backlash@joint3",), of_generator(synthetic.SoftPlay(3, 2.0 * DEG, 0.05))),
+    Case(
+        "friction that remembers in joint 2 (generator)", ("hysteresis@joint2", "friction_curve@joint2"),
+        of_generator(synthetic.FrictionLag(2, 1.6 * DEG, 8.0 * DEG)),
+    ),
+    Case(
+        "gain of servo 3 on one side (generator)", ("servo_gain@joint3", "angle_curve@joint3"),
+        of_generator(synthetic.OneSidedGain(3, 1, 0.04, 6.0 * DEG)),
+    ),
+    Case("sag (generator)", (NOTHING,), of_generator(compliance=(0.08, 0.12))),
+    Case(
+        "joint 2 slips (generator)", ("change_point@joint2", "change_point@base"),
+        of_generator(synthetic.JointSlip(2, 1.5 * DEG, 32.0)),
+    ),
+    Case("alien: gear ripple in joint 2 (generator)", (), of_generator(synthetic.GearRipple(2, 5, 1.2 * DEG, 0.4))),
+    Case("play in joint 2", ("backlash@joint2",), of_model("backlash@joint2", {"backlash.joint2.b_rad": 2.0 * DEG})),
+    Case("hysteresis in joint 3", ("hysteresis@joint3", "friction_curve@joint3"),
+         of_model("hysteresis@joint3", {"hysteresis.joint3.h_rad": 1.6 * DEG})),
+    Case("gain of servo 2", ("servo_gain@joint2", "angle_curve@joint2"),
+         of_model("servo_gain@joint2", {"servo_gain.joint2.s_rad_per_rad": 0.03})),
+    Case("sag", (NOTHING,), of_model("", {}, springs=(0.08, 0.12))),
+    Case("re-seated tip, 4 mm", ("change_point@tool",),
+         of_model("change_point@tool", {"change_point.tool.before_x_mm": 4e-3, "change_point.tool.last_pose": 30.0})),
+    Case("re-seated tip, 3 mm askew", ("change_point@tool",),
+         of_model("change_point@tool", {"change_point.tool.before_y_mm": 2e-3, "change_point.tool.before_z_mm": 2.3e-3,
+                                        "change_point.tool.last_pose": 38.0})),
+)  # fmt: skip
+
+
+def joint_step(q: Array, error: Array) -> Array:
+    """(n,), rad, change of the joints that moves the tip of the arm as drawn by (3,), m."""
+    settled = solve_equilibrium(model_of(ARM, effects_at(ARM, "offsets")), poses_of(q))
+    J = parameter_jacobian(settled, JOINTS)[0]
+    return np.asarray(np.clip(np.linalg.lstsq(J, error, rcond=0.05)[0], -0.3, 0.3))
+
+
+def near_goal(goal: Array, rng: np.random.Generator) -> Array:
+    """(n,), rad, random joint angles with which the arm as drawn is at a goal (m)."""
+    drawn = model_of(ARM, ())
+    while True:
+        q = rng.uniform(*(0.7 * LIMITS.T))
+        for _ in range(25):
+            error = goal - solve_equilibrium(drawn, poses_of(q)).tcp[0]
+            if np.linalg.norm(error) < 1e-3:
+                return q
+            q = np.clip(q + joint_step(q, error), *LIMITS.T)
+
+
+def jogged(tips: Tips, path: Array, first: int, goal: Array, rng: np.random.Generator) -> Array:
+    """(n,), rad, the command with which the true tip is in a socket (m) after a path (P, n)."""
+    while True:
+        q = near_goal(goal, rng)
+        for _ in range(8):
+            tip = tips(np.vstack([path, q]), first)[-1]
+            if np.linalg.norm(goal - tip) < 2e-5:
+                return q
+            q = np.clip(q + joint_step(q, goal - tip), *LIMITS.T)
+
+
+def touched(tips: Tips, seed: int) -> tuple[Array, list[str], Array, Array]:
+    """Commands (N, n), rad, names of the sockets, numbers of the placements, and true tips (N, 3), m."""
+    rng, points = np.random.default_rng([seed, 67]), SocketBoard().points
+    path, names, where, seen = np.zeros((0, ARM.dof)), [], [], []
+    for number in range(TOUCHES):
+        stand = number * len(STANDS) // TOUCHES
+        name = [*points][number % len(points)]
+        goal = (placement_motion(STANDS[stand]) @ [*np.array(points[name]) * 1e-3, 1.0])[:3]
+        goal = goal + rng.normal(0.0, NOISE_M, 3)
+        first = max(0, len(path) - HISTORY)
+        path = np.vstack([path, jogged(tips, path[first:], first, goal, rng)])
+        names.append(name)
+        where.append(stand + 1)
+        seen.append(tips(path[first:], first)[-1])
+    return np.round(path / COUNT) * COUNT, names, np.array(where), np.array(seen)
+
+
+def loaded(folder: Path, q: Array, columns: dict[str, list[str]], beside: str) -> Measurements:
+    """Measurements as the tool reads them from a file."""
+    header = ["pose", *(f"q{k}_deg" for k in range(1, ARM.dof + 1)), *columns]
+    rows = [[str(n), *(f"{x:.5f}" for x in np.degrees(row)), *(column[n - 1] for column in columns.values())]
+            for n, row in enumerate(q, start=1)]  # fmt: skip
+    path = folder / "data.csv"
+    path.write_text("\n".join(",".join(row) for row in [header, *rows]) + "\n")
+    path.with_suffix(".toml").write_text(beside)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        return lrm.load(path, "so101")
+
+
+def identified(data: Measurements, most: int) -> tuple[tuple[str, ...], str, Study]:
+    """Names added by `auto`, its last verdict, and the study."""
+    run, study = Study.of(data).fit().auto(most)
+    return tuple(step.added for step in run.steps[1:]), run.report.verdict, study
+
+
+def tip_error_mm(study: Study, tips: Tips, seed: int) -> float:
+    """RMS (mm) at fresh poses, up to a rigid motion."""
+    rng, drawn = np.random.default_rng([seed, 68]), model_of(ARM, ())
+    q = np.zeros((0, ARM.dof))
+    while len(q) < FRESH:
+        one = rng.uniform(*(0.6 * LIMITS.T))
+        x, _, z = solve_equilibrium(drawn, poses_of(one)).tcp[0]
+        if z > 0.02 and x > 0.08:
+            q = np.vstack([q, one])
+    true = tips(q, 1000)
+    moves, states = recorded(q, q[0], np.zeros(len(q), dtype=np.bool_))
+    poses = Poses(q, np.zeros(len(q)), direction=moves, friction=states)
+    found = solve_equilibrium(as_deployed(study.model), poses).tcp
+    motion = similarity(found, true, np.ones(len(q)), mirrored=False, scale=1.0)
+    return 1e3 * float(np.sqrt(((motion.apply(found) - true) ** 2).sum(axis=1).mean()))
+
+
+def of_case(number: int, case: Case, seed: int, most: int) -> tuple[bool, float]:
+    """Prints one row; whether the name is right or nothing wrong was claimed, and the ratio of tip errors."""
+    tips = case.tips(seed)
+    q, names, where, seen = touched(tips, seed)
+    board = SocketBoard()
+    with tempfile.TemporaryDirectory() as folder:
+        touches = loaded(
+            Path(folder), q, {"point": names, "placement": [f"p{k}" for k in where]}, board.metadata("so101")
+        )
+        rng = np.random.default_rng([seed, 69])
+        columns = {f"{axis}_mm": [f"{1e3 * v:.4f}" for v in seen[:, k] + rng.normal(0, NOISE_M, len(seen))]
+                   for k, axis in enumerate("xyz")}  # fmt: skip
+        added, verdict, study = identified(touches, most)
+        tracked = loaded(Path(folder), q, columns, 'schema = "lrm/measurements/1"\narm = "so101"\n')
+        by_tracker, _, other = identified(tracked, most)
+    first = added[0] if added else NOTHING
+    found = effects_at(ARM, first) if first else ()
+    forms = variants(found[0]) if found else ()
+    named = bool({first, *forms} & {*case.right})
+    honest = named or not added or any(verdict == word for word in ("effect_describes", "unexplained_structure"))
+    errors = tip_error_mm(study, tips, seed), tip_error_mm(other, tips, seed)
+    said = "right" if named else "honest" if honest else "WRONG"
+    names = [", ".join(one) or "-" for one in (added, by_tracker)]
+    numbers = " | ".join(f"{value:.2f}" for value in (*errors, errors[0] / errors[1]))
+    print(f"{number} | {case.words} | {names[0]} ({verdict}) | {said} | {names[1]} | {numbers}", flush=True)
+    return honest, errors[0] / errors[1]
+
+
+def main() -> None:
+    """Prints a row for each arm, and the counts."""
+    parser = argparse.ArgumentParser("python -m validation.touched_points.simulated_arms", description=__doc__)
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--only", default="", help="numbers of cases by commas")
+    parser.add_argument("--most", type=int, default=2, help="effects that auto may add")
+    asked = parser.parse_args()
+    chosen = [int(word) for word in asked.only.split(",") if word] or range(1, len(CASES) + 1)
+    print("case | hidden | by sockets (verdict) | name | by tracker | sockets mm | tracker mm | ratio")
+    found = []
+    for number in chosen:
+        try:
+            found.append(of_case(number, CASES[number - 1], asked.seed + number, asked.most))
+        except NoEquilibrium as error:
+            print(f"{number} | {CASES[number - 1].words} | {error}")
+    honest, ratios = sum(ok for ok, _ in found), [ratio for _, ratio in found]
+    near = sum(ratio <= 1.5 for ratio in ratios)
+    print(
+        f"{honest} of {len(chosen)} named right or honest; {near} of {len(chosen)} within 1.5 times the tracker's error"
+    )
+
+
+if __name__ == "__main__":
+    main()
