@@ -16,6 +16,7 @@ from typer.core import TyperGroup
 from typer.main import get_command_from_info, get_group
 from typer.models import CommandInfo
 
+from lrm_ident.data.last_error import note_error
 from lrm_math.errors import LrmError
 
 M_TRIM_THRESHOLD, M_MMAP_THRESHOLD = -1, -3
@@ -37,6 +38,7 @@ SECTIONS = {
         ListedCommand("measure", "campaign", "Drive the arm through poses, measure its tip at each."),
         ListedCommand("camera", "groups.camera", "Measure with a webcam and a printed board."),
         ListedCommand("import", "groups.recordings", "Turn a tracker's recording into measurements."),
+        ListedCommand("dataset", "groups.dataset", "Check measurements that others are to use."),
         ListedCommand("align", "component_tests", "Find how far the tracker's targets read wrong."),
         ListedCommand("stiffness", "component_tests", "Test one servo under load."),
     ),
@@ -57,6 +59,8 @@ SECTIONS = {
         ListedCommand("workbench", "workbench", "All of it on a page in the browser (extra: page)."),
         ListedCommand("predict", "fit", "Predict the TCP and the joints' torques at poses."),
         ListedCommand("effects", "fit", "Explain the effects that the tool knows."),
+        ListedCommand("explain", "groups.explain", "Explain a word that the commands use."),
+        ListedCommand("report-bug", "groups.bug_report", "Write what a bug report needs, without your data."),
     ),
     "Design": (
         ListedCommand("design", "design", "Choose the poses to measure next."),
@@ -169,8 +173,10 @@ def run(application: typer.Typer) -> None:
     try:
         application()
     except LrmError as error:
+        note_error(error)
         _fail(str(error))
     except Exception as error:
+        note_error(error)
         if not is_numerical(error):
             raise
         _fail(f"a computation failed: {_where(error)}; please report the command and its files")

@@ -13,6 +13,7 @@ import numpy as np
 from pydantic import Field, FiniteFloat
 
 from lrm_ident.data.atomic_write import is_something_else
+from lrm_ident.data.measurement_file.dataset_card import DatasetCard
 from lrm_ident.data.measurement_file.known_columns import SD, TURN_SD
 from lrm_ident.data.rigid_motion import placement_motion, to_xyz_angles
 from lrm_math.arm.arm import Arm, Placement
@@ -35,7 +36,7 @@ class Metadata(Reading):
     `approach_deg`: how far from it every joint stood before it came to a pose. `feedback_sd_deg`: standard deviation of
     the joints' encoders. `distance_from_mm`: the point that distances are measured from, in the frame of the positions;
     `distance_sd_mm`: their standard deviation. `poses_sha256`, `t0_s`: of a campaign, its file of poses and the
-    tracker's time at t_s = 0; `power_ons`: a name of each `session` from 1.
+    tracker's time at t_s = 0; `power_ons`: a name of each `session` from 1. `card`: for others who use the data.
     """
 
     schema_: Literal["lrm/measurements/1"] = Field(alias="schema")
@@ -50,6 +51,7 @@ class Metadata(Reading):
     poses_sha256: str | None = None
     t0_s: float | None = None
     power_ons: list[str] = []
+    card: DatasetCard | None = None
 
     @property
     def beside(self) -> float | None:
