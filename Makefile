@@ -26,7 +26,7 @@ setup: $(VENV)/.ready ## a virtual environment with everything but the peers of 
 $(VENV)/.ready: pyproject.toml constraints.txt hatch_build.py lrm_math/ik/kernel/ik_kernel.c
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "needs Python 3.11 or later; set PYTHON=")'
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-compile -c constraints.txt -e '.[ident,page,camera,lerobot,video,mujoco,cluster,xacro,ros2,dev]'
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-compile -c constraints.txt -e '.[ident,page,camera,lerobot,video,mujoco,cluster,xacro,ros2,site,dev]'
 	@touch $@
 
 demo: setup ## the whole story on a simulated arm (SEED=): measure, fit, find what is missing, deploy; on an SO-101 with ARM=so101; or on your own DATA= (ARM=)
@@ -77,10 +77,26 @@ schemas: setup ## the JSON Schemas of messages and of measurement files, and the
 docs: setup ## the API reference, built from the docstrings, in out/reference
 	$(BIN)/python -m pdoc -o $(OUT)/reference lrm_ident.study.api lrm_ident.study.study lrm_ident.report.plots.plot lrmd.client lrm_math.effects lrm_math.model
 
+site: setup ## the documentation site, in out/site, without a network
+	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --quiet
+
+proofs: setup ## tables of the docs' proofs, computed anew: real arms if DATA= names the folder of public data (an hour)
+	$(if $(DATA),$(ONE_THREAD) $(BIN)/python -m validation.proofs.real_arms --data $(DATA))
+	$(ONE_THREAD) $(BIN)/python -m validation.proofs.hidden_effects --jobs 2
+	$(ONE_THREAD) $(BIN)/python -m validation.proofs.guarantees
+	$(ONE_THREAD) $(BIN)/python -m bench --json docs/proofs/speed.json
+	$(BIN)/python -m validation.proofs
+
+benchmark: setup ## data sets of "which effect is missing", our answers and a naive baseline's, and their page
+	$(BIN)/python -m validation.missing_effect.make_data
+	$(ONE_THREAD) $(BIN)/python -m validation.missing_effect.answers
+	$(BIN)/python -m validation.proofs
+
 bench: setup ## our figures beside the peers', as ratios; calibrated IK and the daemon for MINUTES=10
 	-$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[ident,page,dev,bench]'
 	-$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt --no-deps EAIK
-	$(ONE_THREAD) $(BIN)/python -m bench
+	@mkdir -p $(OUT)
+	$(ONE_THREAD) $(BIN)/python -m bench --json $(OUT)/speed.json
 	$(ONE_THREAD) $(BIN)/python -m bench.ik
 	$(ONE_THREAD) $(BIN)/python -m bench.ik_field
 	$(ONE_THREAD) $(BIN)/python -m validation.calibrated_ik
