@@ -145,6 +145,9 @@ tutorial: setup ## the pictures of docs/tutorial.md and the speed of the workben
 	$(BIN)/python -m validation.workbench.tutorial_pictures
 	$(BIN)/python -m validation.workbench.speed
 
+story: setup ## the moving picture of README and site, and the social card, in a headless Chromium
+	$(BIN)/python -m validation.workbench.story
+
 closed-loop: setup ## the demo over 30 seeds, and adaptive measuring against random poses over 20 (two hours)
 	$(ONE_THREAD) $(BIN)/python -m validation.closed_loop --seeds 30
 	$(ONE_THREAD) $(BIN)/python -m validation.adaptive_measuring --seeds 20

@@ -61,7 +61,7 @@ def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Fil
         if not target.exists():
             raise PluginError(f"{page.file.src_uri}: there is no {link[1]}")
         kind = "tree" if target.is_dir() else "blob"
-        return f"{config.repo_url}/{kind}/main/{target.relative_to(ROOT).as_posix()}{link[2] or ''}"
+        return f"{config.extra['repository']}/{kind}/main/{target.relative_to(ROOT).as_posix()}{link[2] or ''}"
 
     return LINK.sub(at_repository, markdown)
 

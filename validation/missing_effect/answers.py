@@ -1,8 +1,9 @@
-"""Answers to the benchmark, ours and a naive baseline's: `python -m validation.missing_effect.answers`.
+"""Answers to the benchmark, ours and those of two naive baselines: `python -m validation.missing_effect.answers`.
 
 Ours are the effects that `auto` takes for causes, each with those that it calls indistinguishable from it; steps that
-only describe are no answer. The baseline regresses the residual of the fit on all candidate effects at once, by ridge,
-and names the one with the largest standardised coefficient.
+only describe are no answer. The naive baselines take the residual of the fit: one regresses it on all candidate effects
+at once, by ridge, and names the one with the largest standardised coefficient; the other names the one whose column
+correlates best with it. Both always name one.
 """
 
 from __future__ import annotations
@@ -15,7 +16,8 @@ import numpy as np
 
 import lrm_ident as lrm
 from lrm_ident.study.study import Study
-from lrm_math.effects import CATALOGUE, effects_at
+from lrm_math.arrays import Array
+from lrm_math.effects import effects_at
 from lrm_math.model.derivatives import parameter_jacobian
 from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import model_of
@@ -24,8 +26,8 @@ from validation.proofs.result_file import FOLDER, computed, write
 
 ANSWERS = Path(__file__).with_name("answers")
 COLUMNS = ("data set", "hidden", "by", "named", "right", "missed", "false")
-RIDGE = 1e-6
-"""Of the largest eigenvalue of the standardised columns."""
+RIDGE, LEAST_SHARE = 1e-3, 1e-6
+"""Added to the squares of columns of length one; share of a column that the fit must leave for it to count."""
 Answers = dict[str, list[list[str]]]
 
 
@@ -36,37 +38,33 @@ def our_answer(study: Study) -> list[list[str]]:
     return [[name for name in step.names if name.partition("@")[0] in EFFECTS] for step in steps]
 
 
-def naive_answer(study: Study) -> list[list[str]]:
-    """The candidate with the largest standardised coefficient of one linear fit."""
+def linear_answers(study: Study) -> tuple[list[list[str]], list[list[str]]]:
+    """The candidate with the largest coefficient of one linear fit, and the one that correlates best on its own.
+
+    Columns of the candidates, and the residual, are orthogonal to those of the fit, and of length one.
+    """
     fitted = study.model
     present = {effect.name for effect in fitted.effects}
-    candidates = [
-        effect
-        for kind in CATALOGUE
-        if kind.id in EFFECTS
-        for effect in effects_at(fitted.arm, kind.id)
-        if effect.name not in present
-    ]
+    places = [effect for name in EFFECTS for effect in effects_at(fitted.arm, name) if effect.name not in present]
     known = {key: fitted.value(key) for key in fitted.keys}
-    extended = model_of(fitted.arm, (*fitted.effects, *candidates), known)
+    extended = model_of(fitted.arm, (*fitted.effects, *places), known)
     settled = solve_equilibrium(extended, study.data.poses)
     J = parameter_jacobian(settled)
-    A = J.reshape(-1, J.shape[2])
-    sizes = np.linalg.norm(A, axis=0)
-    moved = sizes > 0.0
-    Z = A[:, moved] / sizes[moved]
-    gram = Z.T @ Z
-    gram += RIDGE * np.linalg.eigvalsh(gram)[-1] * np.eye(len(gram))
-    coefficients = np.zeros(len(sizes))
-    coefficients[moved] = np.abs(np.linalg.solve(gram, Z.T @ (study.data.tcp - settled.tcp).ravel()))
-    owner = {
-        key: effect.name
-        for effect, span in zip(extended.effects, extended.spans, strict=True)
-        for key in extended.keys[span]
-    }
-    names = [owner[key] for key in extended.keys]
-    largest = max((i for i, name in enumerate(names) if name not in present), key=lambda i: coefficients[i])
-    return [[names[largest]]]
+    columns, residual = J.reshape(-1, J.shape[2]), (study.data.tcp - settled.tcp).ravel()
+    own = sum(len(extended.keys[span]) for span in extended.spans[: len(fitted.effects)])
+    basis = np.linalg.svd(_of_length_one(columns[:, :own]), full_matrices=False)[0]
+    beyond = columns[:, own:] - basis @ (basis.T @ columns[:, own:])
+    seen = np.linalg.norm(beyond, axis=0) > LEAST_SHARE * np.linalg.norm(columns[:, own:], axis=0).clip(1e-300)
+    Z = np.where(seen, _of_length_one(beyond), 0.0)
+    together = np.abs(np.linalg.solve(Z.T @ Z + RIDGE * np.eye(Z.shape[1]), Z.T @ residual))
+    alone = np.abs(Z.T @ residual)
+    spans = zip(extended.effects, extended.spans, strict=True)
+    names = [effect.name for effect, span in spans for _ in extended.keys[span]][own:]
+    return [[names[int(np.argmax(together))]]], [[names[int(np.argmax(alone))]]]
+
+
+def _of_length_one(columns: Array) -> Array:
+    return np.asarray(columns / np.linalg.norm(columns, axis=0).clip(1e-300))
 
 
 def main() -> None:
@@ -76,8 +74,10 @@ def main() -> None:
     options = parser.parse_args()
     truth = read_truth()
     studies = {name: Study.of(lrm.load(DATA / f"{name}.csv")).fit() for name in truth}
+    naive = {name: linear_answers(study) for name, study in studies.items()}
     answers: dict[str, Answers] = {
-        "naive baseline": {name: naive_answer(study) for name, study in studies.items()},
+        "largest coefficient": {name: one for name, (one, _) in naive.items()},
+        "best correlation": {name: one for name, (_, one) in naive.items()},
         "lrm-ident auto": {name: our_answer(study) for name, study in studies.items()},
     }
     ANSWERS.mkdir(exist_ok=True)

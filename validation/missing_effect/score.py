@@ -20,8 +20,9 @@ EFFECTS = (
     "drift", "eccentricity", "gravity", "hysteresis", "lateral_compliance", "mass", "measurement_frame",
     "nonlinear_stiffness", "payload", "quantisation", "servo_droop", "servo_gain", "session",
 )  # fmt: skip
-"""Kinds of effects; places are joint1 to joint6, link1 to link6, base, tool, frame and servos."""
-PLACES = (*(f"{part}{n}" for part in ("joint", "link") for n in range(1, 7)), "base", "tool", "frame", "servos")
+"""Kinds of effects; places are joint1 to joint6, link1 to link6, base, tool, frame, servos, arm and distance."""
+PLACES = tuple(f"{part}{n}" for part in ("joint", "link") for n in range(1, 7))
+PLACES += ("base", "tool", "frame", "servos", "arm", "distance")
 Answer = Sequence[str]
 
 
