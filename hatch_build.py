@@ -1,7 +1,8 @@
 """Builds the compiled kernel of inverse kinematics into the package: for wheels, and for editable installs in place.
 
 With the machine's compiler, or, where there is none, with the package `ziglang`, which pip then fetches for the build.
-`LRM_WHEEL_TARGET`, one of `TARGETS`, builds a wheel for another machine, always with ziglang.
+`LRM_WHEEL_TARGET`, one of `TARGETS`, builds a wheel for another machine, always with ziglang. `LRM_WITHOUT_KERNEL=1`
+leaves the kernel out: the wheel is for any machine then, and runs the offline tool alone.
 """
 
 from __future__ import annotations
@@ -32,6 +33,11 @@ TARGETS = {
 """Platform tag of a wheel, and ziglang's name of the machine."""
 FLAGS = ["-std=c99", "-O3", "-fno-math-errno", "-fno-trapping-math", "-ffp-contract=off", "-fvisibility=hidden", "-s"]
 ZIGLANG = "ziglang>=0.13"
+FAILED = "the compiled kernel of inverse kinematics could not be built"
+WITHOUT = (
+    "Install a C compiler (cc, gcc, clang, or the Python package ziglang). For the offline tool alone, which needs no "
+    "kernel but for selftests of inverse kinematics and reach: LRM_WITHOUT_KERNEL=1 pip install ..."
+)
 
 
 def target() -> str:
@@ -40,6 +46,11 @@ def target() -> str:
     if asked and asked not in TARGETS:
         raise SystemExit(f"LRM_WHEEL_TARGET = {asked}; should be one of {', '.join(TARGETS)}")
     return asked
+
+
+def unwanted() -> bool:
+    """Whether the kernel is to be left out: the offline tool fits and diagnoses without it."""
+    return os.environ.get("LRM_WITHOUT_KERNEL", "") == "1"
 
 
 def machine_compiler() -> list[str] | None:
@@ -68,7 +79,7 @@ def build(folder: Path) -> tuple[Path, str]:
     command = [*compiler, *flags, "-shared", str(source), "-o", str(half_made), *([] if system == "win" else ["-lm"])]
     done = subprocess.run(command, capture_output=True, text=True)
     if done.returncode:
-        raise SystemExit(f"{' '.join(command)} failed:\n{done.stderr}")
+        raise SystemExit(f"{FAILED}:\n{' '.join(command)}\n{done.stderr}\n{WITHOUT}")
     half_made.replace(out)
     return out, platform
 
@@ -78,12 +89,15 @@ class CustomBuildHook(BuildHookInterface):  # type: ignore[type-arg]
 
     def dependencies(self) -> list[str]:
         """Requirements of the build beside hatchling."""
-        needed = self.target_name == "wheel" and (target() or machine_compiler() is None)
+        needed = self.target_name == "wheel" and (target() or (machine_compiler() is None and not unwanted()))
         return [ZIGLANG] if needed else []
 
     def initialize(self, version: str, build_data: dict[str, Any]) -> None:
         """Builds the kernel; a wheel is for one platform and any Python 3."""
         if self.target_name != "wheel":
+            return
+        if unwanted():
+            self.app.display_warning("without the compiled kernel, as LRM_WITHOUT_KERNEL says: no daemon, no reach")
             return
         library, platform = build(Path(self.root))
         build_data["pure_python"] = False

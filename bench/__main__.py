@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 import platform
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -33,9 +34,11 @@ from lrm_math.model.derivatives import parameter_jacobian
 from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import Model, model_of
 from validation import synthetic
+from validation.proofs.result_file import computed, write
 
 POSES, FK_POSES, CHOSEN, TOLERANCE = 393, 1000, 50, 1e-6
 OURS = "lrm_math"
+COLUMNS = ("what", "by", "median", "best", "unit", "ratio", "goal")
 
 
 @dataclass(frozen=True)
@@ -148,17 +151,24 @@ def rows(comparison: Comparison, timings: dict[str, Timing]) -> list[tuple[str, 
 
 
 def main() -> None:
+    parser = argparse.ArgumentParser("python -m bench", description=__doc__)
+    parser.add_argument("--json", type=Path, help="write the table to this file too, for the page of the documentation")
+    options = parser.parse_args()
     console = Console(width=120)
     table = Table(title="One core, medians of nine rounds in turn; ratio: its time over ours", title_justify="left")
-    for name in ("what", "by", "median", "best", "unit", "ratio", "goal"):
+    for name in COLUMNS:
         table.add_column(name, justify="right" if name in ("median", "best", "ratio") else "left")
+    lines: list[tuple[str, ...]] = []
     for comparison in comparisons():
         with console.status(comparison.name):
             for row in rows(comparison, race(comparison.contenders)):
                 table.add_row(*row)
+                lines.append((comparison.name, *row[1:]))
         table.add_section()
     console.print(table)
     console.print(f"Python {platform.python_version()}, numpy {np.__version__}, {platform.machine()}")
+    if options.json:
+        write(options.json, computed(COLUMNS, lines))
     if _pinocchio() is None:
         console.print("pinocchio is not installed: its rows are missing (extra 'bench')")
 

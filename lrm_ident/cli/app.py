@@ -16,6 +16,7 @@ from typer.core import TyperGroup
 from typer.main import get_command_from_info, get_group
 from typer.models import CommandInfo
 
+from lrm_ident.data.last_error import note_error
 from lrm_math.errors import LrmError
 
 M_TRIM_THRESHOLD, M_MMAP_THRESHOLD = -1, -3
@@ -42,6 +43,7 @@ SECTIONS = {
         ListedCommand("camera", "groups.camera", "Measure with a webcam and a printed board."),
         ListedCommand("sockets", "groups.sockets", "Hold the tip in printed sockets; no tracker needed."),
         ListedCommand("import", "groups.recordings", "Convert a recording to measurements."),
+        ListedCommand("dataset", "groups.dataset", "Check a data set that others will use."),
         ListedCommand("align", "component_tests", "Measure the offset from tracker targets to the tip."),
         ListedCommand("stiffness", "component_tests", "Measure the stiffness of one servo under load."),
     ),
@@ -63,6 +65,8 @@ SECTIONS = {
         ListedCommand("show", "fit", "Show a model: its steps, errors and parameters."),
         ListedCommand("predict", "fit", "Predict tip position and joint torques at poses."),
         ListedCommand("effects", "fit", "Explain the effects of the catalogue."),
+        ListedCommand("explain", "groups.explain", "Explain a word that the commands use."),
+        ListedCommand("report-bug", "groups.bug_report", "Write what a bug report needs, without your data."),
     ),
     "Design": (
         ListedCommand("design", "design", "Choose the poses to measure next."),
@@ -176,8 +180,10 @@ def run(application: typer.Typer) -> None:
     try:
         application()
     except LrmError as error:
+        note_error(error)
         _fail(str(error))
     except Exception as error:
+        note_error(error)
         if not is_numerical(error):
             raise
         _fail(f"a computation failed: {_where(error)}; please report the command and its files")

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import json
-import os
 import secrets
 import socket
 import tempfile
@@ -13,6 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from lrm_ident.data.atomic_write import write_text
+from lrm_ident.data.last_error import user_state
 from lrm_ident.workbench.work.tasks import OpenFiles, OpenTask
 from lrm_math.errors import LrmError
 from lrm_math.model.reading import Reading
@@ -22,9 +22,8 @@ HOST, LOOK_S = "127.0.0.1", 0.02
 
 
 def state_folder() -> Path:
-    """The workbench's part of what programs of a user keep between runs (XDG Base Directory Specification)."""
-    given = os.environ.get("XDG_STATE_HOME") or os.environ.get("LOCALAPPDATA")
-    return (Path(given) if given else Path.home() / ".local" / "state") / "lrm-ident" / "workbench"
+    """The workbench's part of what the tool keeps between runs."""
+    return user_state() / "workbench"
 
 
 def new_folder() -> Path:

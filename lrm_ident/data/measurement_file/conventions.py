@@ -13,6 +13,7 @@ import numpy as np
 from pydantic import Field, FiniteFloat
 
 from lrm_ident.data.atomic_write import is_something_else
+from lrm_ident.data.measurement_file.dataset_card import DatasetCard
 from lrm_ident.data.measurement_file.known_columns import SD, TURN_SD
 from lrm_ident.data.rigid_motion import placement_motion, to_xyz_angles
 from lrm_math.arm.arm import Arm, Placement
@@ -38,7 +39,7 @@ class Metadata(Reading):
     `distance_sd_mm`: their standard deviation. `points`: places of touched points on their board (mm), by name;
     `distances`: measured distances between them (mm), by both names; without `points` those between all.
     `poses_sha256`, `t0_s`: of a campaign, its file of poses and the tracker's time at t_s = 0; `power_ons`: a name of
-    each `session` from 1; `servos`: their settings, by joint.
+    each `session` from 1; `servos`: their settings, by joint. `card`: for others who use the data.
     """
 
     schema_: Literal["lrm/measurements/1"] = Field(alias="schema")
@@ -56,6 +57,7 @@ class Metadata(Reading):
     t0_s: float | None = None
     power_ons: list[str] = []
     servos: ServoSettings | None = None
+    card: DatasetCard | None = None
 
     @property
     def beside(self) -> float | None:

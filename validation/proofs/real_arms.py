@@ -1,0 +1,76 @@
+"""`python -m validation.proofs.real_arms --data FOLDER`: real arms, our model beside plain baselines.
+
+Public data that are not part of the project (docs/public-data.md); a data set that is not there is left out. *Held
+out*: cross-validation in blocks of joint space, everything refitted in each fold; the effects are chosen once, on all
+poses. *As deployed*: the same of the model that goes to the arm, without what belongs to the measurement session.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import lrm_ident as lrm
+from lrm_ident.data.error_stats import error_stats
+from lrm_ident.data.measurements import Measurements
+from lrm_ident.study.study import Study
+from lrm_math.model.equilibrium import solve_equilibrium
+from validation.proofs.result_file import FOLDER, computed, write
+
+NAME = "real-arms.json"
+COLUMNS = ("arm", "model", "poses", "parameters", "error of the fit, mm RMS", "held out, mm RMS", "as deployed, mm RMS")
+SETS = {
+    "lrm-two-joint/measurements.csv": ("two joints, printed", "two-joint", lrm.Reading(axes="-x,-y,z")),
+    "lrm-lab-no-load/measurements.csv": ("Lunar Rover Mini, printed, 6 joints", "lrm-lab", lrm.Reading()),
+    "ur5/grid.csv": ("UR5, industrial, 6 joints", "ur5", lrm.Reading()),
+}
+MODELS: dict[str, Callable[[Measurements], Study]] = {
+    "nominal": Study.of,
+    "rigid errors only": lambda data: Study.of(data, "offsets").fit(),
+    "rigid errors and springs (fit)": lambda data: Study.of(data).fit(),
+    "with the effects that auto adds": lambda data: Study.of(data).fit().auto()[1],
+}
+
+
+def lines(data: Path) -> Iterator[tuple[object, ...]]:
+    """A line for each arm and model."""
+    for name, (words, arm, reading) in SETS.items():
+        if not (data / name).exists():
+            continue
+        measured = lrm.load(data / name, arm=arm, reading=reading)
+        for model, made in MODELS.items():
+            line = (words, model, *_errors(made(measured), fitted=model != "nominal"))
+            print(*line, sep=" | ", flush=True)
+            yield line
+
+
+def _errors(study: Study, fitted: bool) -> tuple[object, ...]:
+    own = error_stats(study.data.tcp - solve_equilibrium(study.model, study.data.poses).tcp).rms
+    if not fitted:
+        return len(study.data), 0, _mm(own), _mm(own), _mm(own)
+    held_out, deployed = study.held_out.error, study.held_out.deployed
+    return (
+        len(study.data),
+        len(study.model.free),
+        _mm(own),
+        None if held_out is None else _mm(held_out.rms),
+        None if deployed is None else _mm(deployed.now.rms),
+    )
+
+
+def _mm(metres: float) -> float:
+    return round(metres * 1e3, 3)
+
+
+def main() -> None:
+    """Writes the result."""
+    parser = argparse.ArgumentParser("python -m validation.proofs.real_arms", description=__doc__)
+    parser.add_argument("--data", type=Path, required=True, help="folder of the public data")
+    parser.add_argument("-o", "--out", type=Path, default=FOLDER / NAME)
+    options = parser.parse_args()
+    write(options.out, computed(COLUMNS, list(lines(options.data))))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,71 @@
+"""File of one proof: a table that a command computed, with that command, the day, the commit and the machine."""
+
+from __future__ import annotations
+
+import json
+import os
+import platform
+import subprocess
+import sys
+import time
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[2]
+FOLDER = ROOT / "docs" / "proofs"
+SCHEMA = "lrm/proof/1"
+
+
+@dataclass(frozen=True)
+class ProofResult:
+    """Rows of a table (`columns` name their units), and how they came about."""
+
+    columns: tuple[str, ...]
+    rows: tuple[tuple[object, ...], ...]
+    command: str
+    date: str
+    commit: str
+    machine: str
+
+
+def computed(columns: Sequence[str], rows: Sequence[Sequence[object]]) -> ProofResult:
+    """A result of the command that runs now."""
+    words = Path(sys.modules["__main__"].__spec__.name if sys.modules["__main__"].__spec__ else sys.argv[0]).name
+    command = " ".join(["python -m", words.removesuffix(".__main__"), *map(_without_folders, sys.argv[1:])])
+    return ProofResult(
+        tuple(columns), tuple(map(tuple, rows)), command, time.strftime("%Y-%m-%d"), _commit(), _machine()
+    )
+
+
+def write(path: Path, result: ProofResult) -> None:
+    """Writes the file, and makes its folder."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(json.dumps({"schema": SCHEMA, **asdict(result)}, indent=1, ensure_ascii=False) + "\n", "utf-8")
+    print(f"{path.name}: {len(result.rows)} rows")
+
+
+def read(path: Path) -> ProofResult:
+    """Reads a file. Raises `ValueError` if it is none of a proof."""
+    values = json.loads(path.read_text(encoding="utf-8"))
+    if values.pop("schema", None) != SCHEMA:
+        raise ValueError(f"{path}: should be of the schema {SCHEMA}")
+    rows = tuple(map(tuple, values.pop("rows")))
+    return ProofResult(columns=tuple(values.pop("columns")), rows=rows, **values)
+
+
+def _commit() -> str:
+    """The commit of the code, with + if it was changed since."""
+    try:
+        asked = ["git", "describe", "--always", "--abbrev=8", "--dirty=+", "--exclude=*"]
+        return subprocess.run(asked, cwd=ROOT, capture_output=True, text=True, check=True).stdout.strip()
+    except (OSError, subprocess.CalledProcessError):
+        return "unknown"
+
+
+def _machine() -> str:
+    return f"{platform.system()} {platform.machine()}, {os.cpu_count()} cores, Python {platform.python_version()}"
+
+
+def _without_folders(word: str) -> str:
+    return Path(word).name if os.sep in word else word
