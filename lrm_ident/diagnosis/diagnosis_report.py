@@ -66,7 +66,7 @@ class RankedCandidate:
         held_out_rms: held-out RMS with it (m), by the linear screening unless `exact`.
         fit: with it, where it was refitted and cross-validated; else None. deployed: its held-out error as deployed.
         equivalent: names of effects that the data cannot distinguish from it.
-        claim: the effect with its estimates, in words. why: one sentence on the verdict.
+        claim: the effect with its estimates, in words; "" without evidence. why: one sentence on the verdict.
     """
 
     scored: ScoredCandidate
@@ -205,8 +205,9 @@ def _rank(scored: ScoredCandidate, confirmed: ConfirmedDiagnosis, before: ErrorS
     none = "no refit confirmed the effects that were selected" if confirmed.refused else "that may be chance"
     other = "the effects above explain the same" if supported else none
     why = f"alone it would leave {in_mm(rms)} mm, but {confirmed.refused.get(scored.name, other)}"
-    claim = _describe_effect(scored, estimates, fitted)
+    claim = ""
     if equivalent or scored in supported:
+        claim = _describe_effect(scored, estimates, fitted)
         verdict = "indistinguishable" if equivalent else "supported"
         better = f"the held-out error falls {fall(before.rms, rms)} mm"
         rivals = f"{', '.join(equivalent[:4])}; several may be present"

@@ -140,7 +140,7 @@ def _entry(found: ModelReport, number: int) -> dict[str, Any]:
 def _cards(found: ModelReport) -> list[dict[str, Any]]:
     """The cards with the errors of their steps, and what each step shows: an identified cause, a candidate, or none."""
     falls = [error_fall(found.file, found.field, card.number, found.poses.sha256) for card in found.cards]
-    shown = [_shown(card.is_form, None) for card in found.cards]
+    shown = [_shown(card.no_cause, None) for card in found.cards]
     if found.unexplained_mean_square_mm2 is not None and all(fall.held_out for fall in falls):
         floor, pairs = found.floor_mm or 0.0, zip(found.cards, falls, strict=True)
         steps = [
