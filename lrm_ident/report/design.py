@@ -82,7 +82,7 @@ def design_document(task: DesignProblem, offer: CandidateSet, found: PoseDesign)
         "at its limit from within.",
         *([TOO_FEW.format(together, len(found.keys))] if together < len(found.keys) and task.prior is None else []),
     ]
-    details = [
+    details: list[Block] = [
         f"Candidates: {offer.description}.",
         *(f"  refused: {count} with {rule}" for rule, count in offer.rejected.items() if count),
         *([] if task.prior is not None else [_index_table(title, found.observability, found.random_baseline)]),
