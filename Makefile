@@ -16,7 +16,7 @@ ONE_THREAD := OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 MKL_NUM_THREADS=1
 unexport PYTHONDONTWRITEBYTECODE  # with it every process of the daemon and of the tests compiles all sources anew
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test quick offline browser lint lint-github schemas docs site proofs benchmark sdist deb story check-tag bench soak wheels coverage camera confusion unfamiliar misreadings tutorial closed-loop as-deployed fleet transfer lerobot doors install uninstall clean
+.PHONY: help setup demo test quick offline browser lint lint-github schemas docs site proofs benchmark sdist deb story check-tag bench soak wheels coverage camera confusion unfamiliar memory misreadings tutorial closed-loop as-deployed fleet transfer lerobot doors install uninstall clean
 
 help: ## what there is to make
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 12
@@ -165,6 +165,9 @@ confusion: setup ## confusion matrix: hidden effects against named ones, both ta
 camera: setup ## 60 rendered photos of a board on an SO-101 with a hidden effect: is it named, how well is the tip known
 	$(ONE_THREAD) $(BIN)/python -m validation.camera
 	$(ONE_THREAD) $(BIN)/python -m validation.camera.pose_coverage
+
+memory: setup ## worlds that creep, warm under load and slip, and worlds that do not, through auto (10 minutes)
+	$(ONE_THREAD) $(BIN)/python -m validation.memory --seeds 3
 
 unfamiliar: setup ## the second catalogue, other forms, arms and awkward data through auto, on the half for tuning (20 minutes)
 	$(BIN)/python -m validation.hidden_effects.unfamiliar --half tune --jobs 2

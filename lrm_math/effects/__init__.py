@@ -60,7 +60,7 @@ ALL_EFFECTS: tuple[type[Effect], ...] = tuple(
         "memory.creep.Creep",
         "memory.self_heating.SelfHeating",
         "memory.slip.Slip",
-        "servo_errors.GearRipple",
+        "servo_errors.TransmissionRipple",
         # other forms, from plain to rich
         "compliance.BendingEnds",
         "moment_curves.BearingCurve",

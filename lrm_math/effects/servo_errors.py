@@ -116,7 +116,7 @@ class Eccentricity(AngleDependentEffect, LinearEffect):
         return (s,), (c - 1.0,), (2.0 * s * c,), (-2.0 * s * s,)
 
 
-class GearRipple(AngleDependentEffect):
+class TransmissionRipple(AngleDependentEffect):
     """Ripple of a gear: a wave of the joint's angle whose number of cycles a turn is found from the data."""
 
     id = "gear_ripple"

@@ -264,7 +264,7 @@ def test_an_arm_beyond_the_fixed_maxima_is_one_clear_error() -> None:
         ({"inboard": [0, 10**6]}, "inboard has numbers"),
         ({"axis": [6]}, "axis has numbers"),
         ({"spring_load": [99]}, "spring_load has numbers"),
-        ({"law": [7]}, "law has numbers"),
+        ({"law": [8]}, "law has numbers"),
         ({"law_joint": [6]}, "law_joint has numbers"),
         ({"moment": [np.nan]}, "moment has a number that is not finite"),
         ({"zero": [np.inf]}, "zero has a number that is not finite"),

@@ -161,7 +161,8 @@ def dahl_loop(half: Half, joint: int, degrees: float) -> UnfamiliarCase:
 
 def creeps(half: Half, joint: int, compliance: float) -> UnfamiliarCase:
     """A joint that follows its torque with a memory of a minute."""
-    return hidden(half, f"creep{joint}", None, lambda by: CreepingJoint(joint, by.size(compliance), 60.0))
+    right = f"creep@joint{joint}"
+    return hidden(half, f"creep{joint}", right, lambda by: CreepingJoint(joint, by.size(compliance), 60.0))
 
 
 def stops(half: Half, joint: int, side: int, at_deg: float) -> UnfamiliarCase:
@@ -178,7 +179,7 @@ def gear_ripple(half: Half, joint: int, waves: int, degrees: float) -> Unfamilia
     def make(by: RandomSizes) -> HiddenEffect:
         return GearRipple(joint, waves, by.size(degrees * DEG), round(by.rng.uniform(-math.pi, math.pi), 3))
 
-    return hidden(half, f"gear{joint}", f"eccentricity@joint{joint}", make)
+    return hidden(half, f"gear{joint}", f"gear_ripple@joint{joint} eccentricity@joint{joint}", make)
 
 
 def shared_cable(half: Half, a: int, b: int, stiffness: float) -> UnfamiliarCase:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import warnings
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -11,22 +12,26 @@ from tempfile import TemporaryDirectory
 import numpy as np
 
 import lrm_ident as lrm
-from validation.memory.worlds import ARM, NOISE_M, WORLDS, MemoryWorld, measured
-from validation.synthetic import write
+from lrm_ident.fitting.levenberg_marquardt import Fit
+from validation.memory.worlds import ARM, NOISE_M, WORLDS, MemoryWorld, measured, true_parameters
+from validation.synthetic import HiddenEffect, write
 
 ALWAYS_TRUE = ("offsets", "compliance")
 NEAR = 1.15
+TWO_SIDED_95 = 1.959964
 
 
 @dataclass(frozen=True)
 class MemoryOutcome:
-    """Outcome of `auto`: classes of its steps, whether each is a finding, and the error over the noise."""
+    """Outcome of `auto`: classes of its steps, whether each is a finding, the error over the noise, and (estimate −
+    truth) / standard error of the hidden cause's parameters."""
 
     world: MemoryWorld
     steps: tuple[tuple[str, ...], ...]
     findings: tuple[bool, ...]
     ratio: float
     verdict: str
+    z: tuple[float, ...] = ()
 
     @property
     def named(self) -> bool:
@@ -40,11 +45,15 @@ class MemoryOutcome:
         return tuple(step[0] for step, finding in said if finding and not {*self.world.right} & {*step})
 
     @property
+    def _figures(self) -> str:
+        return f"ratio {self.ratio:.2f}; {self.verdict}; z {' '.join(f'{value:+.1f}' for value in self.z)}"
+
+    @property
     def line(self) -> str:
         """One line."""
         marked = ("named" if self.named else "MISSED") + ("" if not self.false else f" FALSE {', '.join(self.false)}")
         names = " > ".join("=".join(step) for step in self.steps)
-        return f"{self.world.name}: {marked}; {names or 'no step'}; ratio {self.ratio:.2f}; {self.verdict}"
+        return f"{self.world.name}: {marked}; {names or 'no step'}; {self._figures}"
 
 
 def run(world: MemoryWorld, seed: int, count: int, folder: Path) -> MemoryOutcome:
@@ -62,7 +71,17 @@ def run(world: MemoryWorld, seed: int, count: int, folder: Path) -> MemoryOutcom
     settled = lrm.predict(found.model, replace(poses, sha256=None))
     apart = (settled - unseen.tcp_m)[1:]
     ratio = float(np.sqrt((apart**2).sum(axis=1).mean() / (3.0 * NOISE_M**2) + 1.0))
-    return MemoryOutcome(world, tuple(tuple(step.names) for step in steps), tuple(shown), ratio, found.verdict)
+    names = tuple(tuple(step.names) for step in steps)
+    z = tuple(_deviations(found.steps[-1].fit, seen.truth.effects))
+    return MemoryOutcome(world, names, tuple(shown), ratio, found.verdict, z)
+
+
+def _deviations(fit: Fit, hidden: Sequence[HiddenEffect]) -> Iterator[float]:
+    """(estimate − truth) / standard error of each parameter of the hidden causes that was fitted."""
+    for effect in hidden:
+        for key, true in true_parameters(effect).items():
+            if key in fit.model.free:
+                yield (fit.model.value(key) - true) / float(fit.standard_error[fit.model.free.index(key)])
 
 
 def main() -> None:

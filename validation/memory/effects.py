@@ -114,4 +114,4 @@ class TwoPaceJoint(HiddenEffect):
         """Half of the compliance at either pace."""
         tau, time = load.tau_nm[:, self.joint - 1], load.poses.time_s
         states = [yielded(tau, time, constant, self.late, False) for constant in self.constants_s]
-        return at_joint(self.joint, 0.5 * self.compliance_rad_per_nm * sum(states), load.tau_nm)
+        return at_joint(self.joint, 0.5 * self.compliance_rad_per_nm * (states[0] + states[1]), load.tau_nm)

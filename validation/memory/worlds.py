@@ -20,9 +20,10 @@ from validation.synthetic import (
     random_poses,
     simulate,
 )
+from validation.synthetic.screws import Array
 
 ARM, NOISE_M, LOADS_KG = "lrm-lab", 3e-4, (0.0, 0.0663)
-Waits = Callable[[np.random.Generator, int], np.ndarray[tuple[int], np.dtype[np.float64]]]
+Waits = Callable[[np.random.Generator, int], Array]
 
 
 @dataclass(frozen=True)
@@ -39,17 +40,17 @@ class MemoryWorld:
     later: bool = False
 
 
-def even(_: np.random.Generator, count: int) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
+def even(_: np.random.Generator, count: int) -> Array:
     """A reading every 15 s."""
     return np.full(count, 15.0)
 
 
-def uneven(rng: np.random.Generator, count: int) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
+def uneven(rng: np.random.Generator, count: int) -> Array:
     """Mostly 5 to 60 s."""
-    return np.round(np.exp(rng.normal(np.log(18.0), 0.6, count)), 1)
+    return np.asarray(np.round(np.exp(rng.normal(np.log(18.0), 0.6, count)), 1), dtype=np.float64)
 
 
-def with_breaks(rng: np.random.Generator, count: int) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
+def with_breaks(rng: np.random.Generator, count: int) -> Array:
     """Ten seconds, and now and then some minutes."""
     return np.where(rng.random(count) < 0.06, rng.uniform(120.0, 900.0, count), 10.0)
 
@@ -125,3 +126,19 @@ def measured(world: MemoryWorld, seed: int, count: int) -> tuple[Dataset, Datase
         )
 
     return at("poses", NOISE_M), at("unseen", 0.0)
+
+
+def true_parameters(hidden: HiddenEffect) -> dict[str, float]:
+    """The tool's parameters, by key, that a hidden cause makes (SI); none of one that has another formula."""
+    match hidden:
+        case ViscoelasticJoint(joint, compliance):
+            return {f"creep.joint{joint}.k_rad_per_Nm": compliance}
+        case ViscoelasticBase((about_x, about_y)):
+            return {"creep.base.k_x_rad_per_Nm": about_x, "creep.base.k_y_rad_per_Nm": about_y}
+        case HeatedServo(joint, zero, scale):
+            names = {"a_rad_per_Nm2": zero, "g_rad_per_rad_per_Nm2": scale}
+            return {f"self_heating.joint{joint}.{name}": value for name, value in names.items()}
+        case SlippingHorn(joint, bound):
+            return {f"slip.joint{joint}.b_rad": bound}
+        case _:
+            return {}

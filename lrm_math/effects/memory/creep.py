@@ -35,7 +35,7 @@ class Creep(Effect):
         cause="Plastic under a load yields slowly, and recovers slowly when the load is gone.",
         formula="δ = k c, T dc/dt = τ − c, beside the spring that yields at once",
         source="standard linear solid: Findley, Lai & Onaran 1976; Christensen 1982",
-        claim="{place} creeps by {k_rad_per_Nm} under a load that is held",
+        claim="{place} creeps under a load that is held, with a time constant of {T_s}",
         needs="the measured order, best with times (t_s), and loads that do not run with it",
     )
 

@@ -28,7 +28,8 @@
 enum { MAX_SLOTS = 48, MAX_JOINTS = 16, MAX_BODIES = 20, MAX_LAWS = 96, MAX_SPRINGS = 256, MAX_FOUND = 48,
        MAX_POSES = 2048, MAX_TERMS = 128, WAVES = 20 /* residual_field.WAVES_ALONE */ };
 enum { MEETING, PARALLEL, SKEW };                                            /* the first two axes, see pieper.py */
-enum { SERVO_GAIN, ECCENTRICITY, BACKLASH, NONLINEAR_STIFFNESS, HYSTERESIS, CABLE_SPRING, COUPLING };  /* laws.py */
+enum { SERVO_GAIN, ECCENTRICITY, BACKLASH, NONLINEAR_STIFFNESS, HYSTERESIS, CABLE_SPRING, COUPLING,
+       GEAR_RIPPLE };  /* laws.py */
 #define FADE 0.05 /* measured_range.FADE */
 #define MARGIN 1.25 /* residual_field.MARGIN */
 enum { RANKED = 512, MOST_STARTS = 64 };
@@ -327,6 +328,7 @@ static void joint_errors(const Arm *a, const double *gravity_load, const double 
         case NONLINEAR_STIFFNESS: out[j] += nonlinear_deflection(p, load); break;
         case HYSTERESIS: out[j] += 0.5 * p[0] * side[j]; break;
         case COUPLING: out[j] += p[0] * q[(int)p[1]]; break;
+        case GEAR_RIPPLE: out[j] += p[0] * sin(p[2] * x) + p[1] * (cos(p[2] * x) - 1); break;
         default: break;
         }
     }

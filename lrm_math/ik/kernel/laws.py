@@ -16,7 +16,14 @@ from lrm_math.effects.base import Effect
 from lrm_math.effects.compliance import NonlinearStiffness, Spring
 from lrm_math.effects.field.residual_field import JOINTS_TOGETHER, WAVES_ALONE, ResidualField
 from lrm_math.effects.forces import CableSpring
-from lrm_math.effects.servo_errors import CommonGain, Coupling, Eccentricity, ServoGain, coupled_joints
+from lrm_math.effects.servo_errors import (
+    CommonGain,
+    Coupling,
+    Eccentricity,
+    ServoGain,
+    TransmissionRipple,
+    coupled_joints,
+)
 from lrm_math.effects.targets import Kind
 from lrm_math.ik.kernel.shared_library import MAX_TERMS, fits
 from lrm_math.model.effect_binding import BoundEffect, EffectBinding
@@ -37,6 +44,7 @@ KERNEL_LAWS: dict[type[Effect], int] = {
     Hysteresis: 4,
     CableSpring: 5,
     Coupling: 6,
+    TransmissionRipple: 7,
 }
 
 

@@ -146,12 +146,12 @@ def test_a_form_of_what_is_there_describes_and_is_no_new_cause(lab: Arm, describ
 
 
 @pytest.mark.slow
-def test_five_waves_a_turn_are_eccentricity_in_another_form(lab: Arm, described: ArmDescription) -> None:
+def test_five_waves_a_turn_are_a_gears_ripple(lab: Arm, described: ArmDescription) -> None:
     data = hidden(described, 4, GearTeeth(2, 0.008))
     found = diagnose(base_fit(lab, data), data)
     first = found.selected[0]
     names = {first.name, *variants(first.candidate.effect)}
-    assert names & {"eccentricity@joint2", "angle_curve@joint2"}
+    assert names & {"gear_ripple@joint2", "angle_curve@joint2"}
     assert add_effects(found.fit.model, data, effects_at(lab, "angle_curve@joint2")).sigma < 1.06 * NOISE
 
 
