@@ -70,6 +70,29 @@ def test_a_mimic_that_cannot_be_followed_is_named(mimic: str, said: str, tmp_pat
     assert said in stderr_of("arm", "import", path, "--tip", "tip", "-o", tmp_path / "arm.toml")
 
 
+@pytest.mark.parametrize(
+    ("stated", "lower", "upper"),
+    [
+        ((0.0, 6.283185307179586), -2.0, 2.5),  # as the description of a Dobot has it
+        ((0.0, 0.0), -2.0, 2.5),
+        ((-1.0, 3.0), -2.0, 1.0),
+    ],
+)
+def test_limits_of_a_following_joint(stated: tuple[float, float], lower: float, upper: float, tmp_path: Path) -> None:
+    """A whole turn, or none at all, limits nothing; else the joint that it follows stops with it, and that is told."""
+    path = tmp_path / "arm.urdf"
+    before, name, after = coupled_urdf('multiplier="-1"').partition('<joint name="j3"')
+    path.write_text(
+        before + name + after.replace('lower="-2.0" upper="2.5"', f'lower="{stated[0]}" upper="{stated[1]}"', 1)
+    )
+    code, _, stderr = run_command("arm", "import", path, "--tip", "tip", "-o", tmp_path / "arm.toml")
+    assert code == 0, stderr
+    joint = load_arm(tmp_path / "arm.toml").joints[1]
+    assert (joint.lower, joint.upper) == pytest.approx((lower, upper))
+    told = "j2: limits -114.6 to 143.2 deg become -114.6 to 57.3 deg, where j3 stops that follows it"
+    assert (told in " ".join(stderr.split())) == (upper < 2.0)
+
+
 def test_limits_that_no_angle_keeps_are_named(tmp_path: Path) -> None:
     path = tmp_path / "arm.urdf"
     path.write_text(coupled_urdf('offset="4.9"'))
