@@ -10,6 +10,7 @@ import pytest
 
 from lrm_ident.data.robot_files.mjcf_robot import read_mjcf
 from lrm_ident.data.robot_files.urdf_arm import import_arm
+from lrm_math.arm.arm import MOST_JOINTS
 from lrm_math.arm.arm_file import load_arm
 from lrm_math.kinematics.poses import poses_of
 from lrm_math.model.equilibrium import solve_equilibrium
@@ -111,6 +112,24 @@ def test_a_rod_beside_the_arm_is_told(tmp_path: Path) -> None:
     assert "the mass of 'jaw' beside the arm turns with joint j1: it counts as it stands at zero" in " ".join(
         stderr.split()
     )
+
+
+@pytest.mark.parametrize("joints", [12, 17])
+def test_an_arm_of_many_joints(joints: int, tmp_path: Path) -> None:
+    """Up to 16; more are refused in one line."""
+    path, output = tmp_path / "arm.urdf", tmp_path / "arm.toml"
+    turns = '<axis xyz="0 1 0"/><limit lower="-1" upper="1"/><origin xyz="0 0.01 0.08"/>'
+    parts = [
+        f'<link name="l{k}"/><joint name="j{k}" type="revolute">'
+        f'<parent link="l{k - 1}"/><child link="l{k}"/>{turns}</joint>'
+        for k in range(1, joints + 1)
+    ]
+    path.write_text(f'<robot name="snake"><link name="l0"/>{"".join(parts)}</robot>')
+    if joints <= MOST_JOINTS:
+        stdout_of("arm", "import", path, "-o", output)
+        assert load_arm(output).dof == joints
+    else:
+        assert "17 joints between base and tip; 1 to 16" in stderr_of("arm", "import", path, "-o", output)
 
 
 def test_a_prismatic_joint_is_refused_in_one_line(tmp_path: Path) -> None:
