@@ -197,10 +197,15 @@ def link_places(follows: Sequence[bool]) -> tuple[str, ...]:
 
 
 def within_mimics(joints: Sequence[Joint], mimics: Sequence[MimicJoint]) -> tuple[Joint, ...]:
-    """Joints with a motor whose limits keep those that follow them within theirs, too. Raises `LrmError`: none does."""
+    """Joints with a motor whose limits keep those that follow them within theirs, too. Raises `LrmError`: none does.
+
+    A range of a whole turn limits nothing, wherever it begins: palletisers' files state 0 to 360° where −90° is meant.
+    """
     out = list(joints)
-    for mimic in (mimic for mimic in mimics if mimic.ratio):
+    for mimic in mimics:
         own, link = out[mimic.leader], mimic.link
+        if not mimic.ratio or link.upper - link.lower > 2.0 * math.pi - ROUND_OFF:
+            continue
         low, high = sorted((limit - mimic.offset) / mimic.ratio for limit in (link.lower, link.upper))
         lower = low if low > own.lower + ROUND_OFF else own.lower
         upper = high if high < own.upper - ROUND_OFF else own.upper

@@ -200,15 +200,16 @@ class Scene:
         return array
 
     def frames(self, q: Array) -> Array:
-        """(N, n + 2, 4, 4), frames of the nominal rigid arm at angles q (N, n) in rad.
+        """(N, L + 2, 4, 4), frames of the nominal rigid arm at angles q (N, n) in rad.
 
         Joint j turns frame j - 1 about its z axis (Denavit & Hartenberg 1955); all else on its link is constant.
         """
-        cosines, sines = np.cos(q), np.sin(q)
+        turns = q @ self.chain.turns.T if self.chain.couplings else q
+        cosines, sines = np.cos(turns), np.sin(turns)
         out = np.empty((len(q), *self.home.shape))
         out[:, 0] = here = np.broadcast_to(self.home[0], out[:, 0].shape)
         for j, link in enumerate(self._links):
-            if j < q.shape[1]:
+            if j < turns.shape[1]:
                 c, s = cosines[:, j, None], sines[:, j, None]
                 turned = here.copy()
                 turned[:, :, 0], turned[:, :, 1] = (
@@ -312,18 +313,14 @@ def _motion_bound(chain: Chain, home: Array, still: int, capsule: Capsule) -> Ar
     next is the same in every pose, and the capsule is never further out than those distances together. What follows a
     joint at a ratio adds its own distance times that.
     """
-    turns = sorted({*chain.joint_slots, *(k for k, _, _ in chain.couplings)})
-    last = min(capsule.frame, len(turns))
+    count = len(chain.turning_slots)
+    last = min(capsule.frame, count)
     ends = home[capsule.frame, :3, :3] @ np.array([capsule.start, capsule.end]).T + home[capsule.frame, :3, 3:]
-    out, reach = np.zeros(len(turns)), 0.0
+    out, reach = np.zeros(count), 0.0
     for joint in range(last, still, -1):
         before = home[joint - 1]
         points = before[:3, :3].T @ (ends - before[:3, 3:])
         out[joint - 1] = np.hypot(points[0], points[1]).max() + reach
         reach += np.linalg.norm(points, axis=0).max()
         ends = before[:3, 3:]
-    alone = dict(zip(turns, out.tolist(), strict=True))
-    bound = {k: alone[k] for k in chain.joint_slots}
-    for k, leader, ratio in chain.couplings:
-        bound[leader] += abs(ratio) * alone[k]
-    return np.array([*bound.values()])
+    return np.asarray(out @ np.abs(chain.turns))

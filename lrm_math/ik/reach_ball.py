@@ -31,8 +31,7 @@ def reach_ball(model: Model) -> ReachBall:
     equilibrium may. For an arm that slides by its commands it is the whole space.
     """
     chain, binding = model.chain, model.binding
-    turning = {*chain.joint_slots, *(k for effect in binding.rigid for k in effect.slots)}
-    turning |= {k for k, _, _ in chain.couplings}
+    turning = {*chain.turning_slots, *(k for effect in binding.rigid for k in effect.slots)}
     x, y, z, radius = 0.0, 0.0, 0.0, 0.0
     for k in reversed(range(len(chain.slots))):
         slot, moving = chain.slots[k], k in turning or k in binding.moving

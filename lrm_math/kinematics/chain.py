@@ -115,6 +115,21 @@ class Chain:
         return out
 
     @cached_property
+    def turning_slots(self) -> tuple[int, ...]:
+        """Turns of all joints from base to tool, those without a motor included."""
+        return tuple(sorted({*self.joint_slots, *(k for k, _, _ in self.couplings)}))
+
+    @cached_property
+    def turns(self) -> Array:
+        """(L, n), C: how far each joint of the chain turns for each rad of the joints with a motor."""
+        row = {k: i for i, k in enumerate(self.turning_slots)}
+        out = np.zeros((len(row), self.dof))
+        out[[row[k] for k in self.joint_slots], range(self.dof)] = 1.0
+        for k, leader, ratio in self.couplings:
+            out[row[k]] = ratio * out[row[leader]]
+        return out
+
+    @cached_property
     def rotates(self) -> NDArray[np.bool_]:
         """(S,), whether each slot is a rotation."""
         return np.array([slot.rotates for slot in self.slots])

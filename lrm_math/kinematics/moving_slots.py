@@ -65,7 +65,7 @@ def moving_slots_of(
 
     `gravity`: (3,), m/s².
     """
-    slots = sorted({*chain.joint_slots, *also, *(k for k, _, _ in chain.couplings)})
+    slots = sorted({*chain.turning_slots, *also})
     edges = [-1, *slots, len(chain.slots)]
 
     def fixed(ends: Sequence[int]) -> tuple[Indices, Array]:

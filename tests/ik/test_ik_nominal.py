@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from lrm_math.arm.arm import Arm, Joint, Placement
+from lrm_math.arm.arm import MOST_JOINTS, Arm, Joint, Placement
 from lrm_math.arm.arm_file import load_arm
 from lrm_math.arrays import Array
 from lrm_math.errors import LrmError
@@ -366,7 +366,7 @@ def test_a_calibrated_arm_near_a_closed_form(lab: Arm) -> None:
     assert batch.valid[0].sum() == min(8, len(answer))
 
 
-@pytest.mark.parametrize("joints", [3, 4, 7])
+@pytest.mark.parametrize("joints", [3, 4, 7, 12, MOST_JOINTS])
 def test_arms_of_other_numbers_of_joints(joints: int) -> None:
     arm = random_arm(joints, joints)
     q = angles(arm, joints, 1)[0]

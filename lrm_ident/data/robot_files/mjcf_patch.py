@@ -195,8 +195,7 @@ def places_at_zero(model: Model) -> list[Array]:
 
 def joints_before(model: Model, k: int) -> int:
     """Number of joints before slot k of a model's chain, those that follow others included."""
-    turning = {*model.chain.joint_slots, *(following for following, _, _ in model.chain.couplings)}
-    return sum(slot < k for slot in turning)
+    return sum(slot < k for slot in model.chain.turning_slots)
 
 
 def bends_own_weight(model: Model, k: int) -> bool:

@@ -133,6 +133,7 @@ def import_arm(
         joints = within_mimics(own, mimics)
     except LrmError as error:
         raise FileError(robot.path, "", str(error)) from None
+    notices.extend(_narrowed(own, joints, mimics))
     gravity = _gravity(robot, base, notices)
     arm = Arm(name or robot.name, gravity, placed, joints, tool, (*bodies, load), mimics=mimics)
     notices.extend(_rods(robot, path))
@@ -146,6 +147,15 @@ def import_arm(
     if not difference < AGREES:
         raise FileError(robot.path, "", f"the arm is {difference:.2g} m or rad off the URDF's own kinematics")
     return ImportedArm(arm, base, tip, difference, tuple(notices))
+
+
+def _narrowed(stated: Sequence[Joint], joints: Sequence[Joint], mimics: Sequence[MimicJoint]) -> Iterator[str]:
+    """Notices of joints that turn less far than their own limits, since what follows them stops."""
+    for number, (one, other) in enumerate(zip(stated, joints, strict=True)):
+        if (one.lower, one.upper) != (other.lower, other.upper):
+            names = " and ".join(mimic.link.name for mimic in mimics if mimic.leader == number)
+            was, now = (f"{math.degrees(j.lower):.4g} to {math.degrees(j.upper):.4g}" for j in (one, other))
+            yield f"{one.name}: limits {was} deg become {now} deg, where {names} stops that follows it"
 
 
 def _rods(robot: Urdf, path: Sequence[UrdfJoint]) -> Iterator[str]:

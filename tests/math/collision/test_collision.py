@@ -29,7 +29,7 @@ from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import model_of
 from tests.conftest import ROOT
 from tests.math.kinematics.test_chain import link_matrices, turn
-from tests.support.random_arms import random_arm
+from tests.support.random_arms import random_arm, with_followers
 
 coordinates = st.floats(-2.0, 2.0, allow_subnormal=False).map(lambda x: round(x, 4))
 points = st.tuples(coordinates, coordinates, coordinates).map(np.array)
@@ -83,6 +83,7 @@ def shaped_arm(seed: int, joints: int) -> Arm:
 
 
 shaped_arms = st.builds(shaped_arm, seeds, st.integers(2, 8))
+shaped_arms |= st.builds(with_followers, shaped_arms, seeds)
 
 
 def in_world(arm: Arm, box: Box) -> Array:

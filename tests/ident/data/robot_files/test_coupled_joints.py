@@ -10,6 +10,7 @@ import pytest
 
 from lrm_ident.data.robot_files.mjcf_robot import read_mjcf
 from lrm_ident.data.robot_files.urdf_arm import import_arm
+from lrm_math.arm.arm import MOST_JOINTS
 from lrm_math.arm.arm_file import load_arm
 from lrm_math.kinematics.poses import poses_of
 from lrm_math.model.equilibrium import solve_equilibrium
@@ -70,6 +71,29 @@ def test_a_mimic_that_cannot_be_followed_is_named(mimic: str, said: str, tmp_pat
     assert said in stderr_of("arm", "import", path, "--tip", "tip", "-o", tmp_path / "arm.toml")
 
 
+@pytest.mark.parametrize(
+    ("stated", "lower", "upper"),
+    [
+        ((0.0, 6.283185307179586), -2.0, 2.5),  # as the description of a Dobot has it
+        ((0.0, 0.0), -2.0, 2.5),
+        ((-1.0, 3.0), -2.0, 1.0),
+    ],
+)
+def test_limits_of_a_following_joint(stated: tuple[float, float], lower: float, upper: float, tmp_path: Path) -> None:
+    """A whole turn, or none at all, limits nothing; else the joint that it follows stops with it, and that is told."""
+    path = tmp_path / "arm.urdf"
+    before, name, after = coupled_urdf('multiplier="-1"').partition('<joint name="j3"')
+    path.write_text(
+        before + name + after.replace('lower="-2.0" upper="2.5"', f'lower="{stated[0]}" upper="{stated[1]}"', 1)
+    )
+    code, _, stderr = run_command("arm", "import", path, "--tip", "tip", "-o", tmp_path / "arm.toml")
+    assert code == 0, stderr
+    joint = load_arm(tmp_path / "arm.toml").joints[1]
+    assert (joint.lower, joint.upper) == pytest.approx((lower, upper))
+    told = "j2: limits -114.6 to 143.2 deg become -114.6 to 57.3 deg, where j3 stops that follows it"
+    assert (told in " ".join(stderr.split())) == (upper < 2.0)
+
+
 def test_limits_that_no_angle_keeps_are_named(tmp_path: Path) -> None:
     path = tmp_path / "arm.urdf"
     path.write_text(coupled_urdf('offset="4.9"'))
@@ -88,6 +112,24 @@ def test_a_rod_beside_the_arm_is_told(tmp_path: Path) -> None:
     assert "the mass of 'jaw' beside the arm turns with joint j1: it counts as it stands at zero" in " ".join(
         stderr.split()
     )
+
+
+@pytest.mark.parametrize("joints", [12, 17])
+def test_an_arm_of_many_joints(joints: int, tmp_path: Path) -> None:
+    """Up to 16; more are refused in one line."""
+    path, output = tmp_path / "arm.urdf", tmp_path / "arm.toml"
+    turns = '<axis xyz="0 1 0"/><limit lower="-1" upper="1"/><origin xyz="0 0.01 0.08"/>'
+    parts = [
+        f'<link name="l{k}"/><joint name="j{k}" type="revolute">'
+        f'<parent link="l{k - 1}"/><child link="l{k}"/>{turns}</joint>'
+        for k in range(1, joints + 1)
+    ]
+    path.write_text(f'<robot name="snake"><link name="l0"/>{"".join(parts)}</robot>')
+    if joints <= MOST_JOINTS:
+        stdout_of("arm", "import", path, "-o", output)
+        assert load_arm(output).dof == joints
+    else:
+        assert "17 joints between base and tip; 1 to 16" in stderr_of("arm", "import", path, "-o", output)
 
 
 def test_a_prismatic_joint_is_refused_in_one_line(tmp_path: Path) -> None:
