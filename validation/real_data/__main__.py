@@ -73,7 +73,7 @@ def held_out(data: Measurements) -> dict[str, float]:
 
 
 def parts(data: Measurements) -> Iterator[tuple[Measurements, Measurements, Array]]:
-    """Of each fold of joint space what is known, what is predicted, and whose rows (N,) those are."""
+    """Measurements that are known and that are predicted, for each fold of joint space, and the latter's rows (N,)."""
     fold = joint_space_folds(data.poses.q, data.repeat_of)
     for number in range(int(fold.max()) + 1):
         yield data.take(fold != number), data.take(fold == number), fold == number
