@@ -16,7 +16,7 @@ ONE_THREAD := OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 MKL_NUM_THREADS=1
 unexport PYTHONDONTWRITEBYTECODE  # with it every process of the daemon and of the tests compiles all sources anew
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test quick offline browser lint lint-github schemas docs site proofs benchmark sdist deb story check-tag bench soak wheels coverage camera confusion unfamiliar memory misreadings tutorial closed-loop as-deployed fleet transfer lerobot doors install uninstall clean
+.PHONY: help setup demo test quick offline browser lint lint-github schemas docs site proofs benchmark sdist deb story check-tag bench soak wheels coverage camera confusion unfamiliar memory misreadings real-data tutorial closed-loop as-deployed fleet transfer lerobot doors install uninstall clean
 
 help: ## what there is to make
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 12
@@ -141,6 +141,9 @@ coverage: setup ## coverage of the 95 % confidence intervals (about a minute)
 
 misreadings: setup ## are misread measurements understood and healthy ones accepted, on arms of the independent generator
 	$(ONE_THREAD) $(BIN)/python -m validation.misreadings --seeds 3
+
+real-data: setup ## our held-out error on public measurements of real arms beside rigid least squares, a Gaussian process and boosting; skipped without a network (MIRROR= a folder of the files)
+	$(ONE_THREAD) $(BIN)/python -m validation.real_data $(if $(MIRROR),--mirror $(MIRROR))
 
 tutorial: setup ## the pictures of docs/tutorial.md and the speed of the workbench, in a headless Chromium
 	$(BIN)/python -m validation.workbench.tutorial_pictures

@@ -13,6 +13,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from lrm_ident.data.table_text.other_kinds import check_is_file, check_is_table
 from lrm_ident.data.table_text.workbook import sheet_text
 from lrm_math.errors import FileError
 from lrm_math.text_file import read_content
@@ -74,7 +75,9 @@ class CsvTable:
 
 def read_text(path: Path) -> FileText:
     """Text in UTF-8, in UTF-16 with its mark, or else in Windows-1252 (Latin-1 and more). Raises `FileError`."""
+    check_is_file(path)
     content = read_content(path)
+    check_is_table(path, content)
     sha256 = hashlib.sha256(content).hexdigest()
     if content.startswith(PACKED):
         return FileText(sheet_text(path, content), sha256, ("read from the first sheet of the workbook",))

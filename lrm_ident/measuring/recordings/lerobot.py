@@ -219,7 +219,10 @@ def read_lerobot(folder: Path, arm: Arm, frames: LeRobotFrames, dwell: float) ->
 def dataset_info(folder: Path) -> Mapping[str, Any]:
     """Content of `meta/info.json`. Raises `FileError`: not such a dataset."""
     path = folder / "meta" / "info.json"
-    info = read_json(path, "a LeRobot dataset of format v2.1 or v3 has it")
+    if folder.exists() and not path.is_file():
+        what = "is no LeRobot dataset: it has no meta/info.json" if folder.is_dir() else "is a file, no LeRobot dataset"
+        raise FileError(folder, "", what, "name the folder with meta and data in it (format v2.1 or v3)")
+    info = read_json(path, "name the folder of a dataset, in ~/.cache/huggingface/lerobot/ where LeRobot recorded it")
     version = str(info.get("codebase_version", "")) if isinstance(info, dict) else ""
     if not version.startswith(VERSIONS):
         right = "convert it with the scripts of LeRobot"

@@ -96,7 +96,7 @@ def written(path: Path, columns: tuple[str, ...], beside: str, in_part: tuple[st
 @pytest.mark.filterwarnings("ignore::UserWarning")
 @pytest.mark.parametrize("form", FORMS)
 def test_every_form_goes_through_every_command(form: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(executors, "ProcessPoolExecutor", lambda *_: ThreadPoolExecutor(1))  # none is started
+    monkeypatch.setattr(executors, "ProcessPoolExecutor", lambda *_, **__: ThreadPoolExecutor(1))  # none is started
     data, model = written(tmp_path / "data.csv", *FORMS[form]), tmp_path / "model.toml"
     assert len(lrm.load(data)) == len(data.read_text().splitlines()) - 1
     stdout_of("fit", data, "-o", model)

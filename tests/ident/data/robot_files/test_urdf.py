@@ -294,9 +294,8 @@ def test_a_jaw_at_the_end_of_the_chain_is_no_joint_of_the_arm(tmp_path: Path) ->
     )
     joints = "".join(
         f'<joint name="{name}" type="revolute"><parent link="l{k}"/><child link="l{k + 1}"/>'
-        '<origin xyz="0.1 0.01 0.05"/>'
-        f'<axis xyz="{"0 1 0" if k % 2 else "0 0 1"}"/><limit lower="-1.5" upper="1.5" effort="5" velocity="1"/>'
-        "</joint>"
+        f'<origin xyz="0.1 0.01 0.05"/><axis xyz="{"0 1 0" if k % 2 else "0 0 1"}"/>'
+        '<limit lower="-1.5" upper="1.5" effort="5" velocity="1"/></joint>'
         for k, name in enumerate(LEROBOT)
     )
     urdf, arm = tmp_path / "arm.urdf", tmp_path / "arm.toml"
@@ -307,5 +306,5 @@ def test_a_jaw_at_the_end_of_the_chain_is_no_joint_of_the_arm(tmp_path: Path) ->
     imported = load_arm(arm)
     assert [joint.name for joint in imported.joints] == ["q1", "q2", "q3"]
     assert sum(body.mass for body in imported.bodies) == pytest.approx(0.6)  # the jaw's mass is carried along
-    stdout_of("arm", "import", urdf, "--tip", "l4", "-o", arm)
-    assert load_arm(arm).dof == 4
+    stdout_of("arm", "import", urdf, "--tip", "l4", "-o", tmp_path / "all.toml")
+    assert load_arm(tmp_path / "all.toml").dof == 4

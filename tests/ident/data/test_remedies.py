@@ -1,0 +1,260 @@
+"""Each remedy in a message, followed, works; and a message names no option that no command has."""
+
+from __future__ import annotations
+
+import ast
+import json
+import re
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from typer.main import get_command
+
+from lrm_ident.cli.app import COMMANDS
+from lrm_ident.cli.app import app as ident
+from lrm_math.arm.arm_file import load_arm
+from tests.conftest import ROOT
+from tests.ident.data.test_every_form import cells
+from tests.ident.measuring.recordings.test_lerobot import written as dataset
+from tests.support.commands import run_command
+from tests.support.vendor_robots import vendor_parts
+
+Words = tuple[object, ...]
+NAMES = ("q1_deg", "q2_deg", "x_mm", "y_mm", "z_mm")
+SAVETXT = re.compile(r"numpy\.savetxt\('data\.csv', A, (.*?)\) writes")
+
+
+def table(poses: int = 24) -> np.ndarray:
+    """(N, 5), joint angles and positions of a two-joint arm."""
+    every = cells(load_arm("two-joint"), poses)
+    return np.stack([every[name].astype(float) for name in NAMES], axis=1)
+
+
+def text(rows: np.ndarray, names: tuple[str, ...] = NAMES) -> str:
+    return "\n".join([",".join(names), *(",".join(map(repr, row)) for row in rows.tolist())]) + "\n"
+
+
+def fit(path: Path, *options: str) -> Words:
+    return ("fit", path, "--arm", "two-joint", "-o", path.parent / "model.toml", *options)
+
+
+def put(path: Path, content: str | bytes) -> Path:
+    path.write_bytes(content.encode() if isinstance(content, str) else content)
+    return path
+
+
+@dataclass(frozen=True)
+class Advice:
+    """A wrong input.
+
+    Attributes:
+        make: writes it into a folder, and gives the words of the command that refuses it.
+        follow: does what the message advises, and gives the words of the command that then works.
+    """
+
+    make: Callable[[Path], Words]
+    follow: Callable[[Path, str], Words]
+
+
+def with_options(*words: str) -> Callable[[Path, str], Words]:
+    """Follows a message by the options in it, added to the command on the same file."""
+
+    def follow(folder: Path, said: str) -> Words:
+        options = [
+            part for found in re.findall(r"--[a-z-]+(?:=| )\S+", said) for part in re.split("[= ]", found, maxsplit=1)
+        ]
+        assert options, said
+        return fit(folder / "data.csv", *words, *(option.rstrip(";,)") for option in options))
+
+    return follow
+
+
+def by_numpy(folder: Path, said: str) -> Words:
+    """Runs the line of Python that a message advises."""
+    given = SAVETXT.search(said)
+    assert given, said
+    words = ast.parse(f"f({given[1].replace('q1_deg,…', 'q1_deg,q2_deg')})", mode="eval").body
+    assert isinstance(words, ast.Call)
+    options = {str(word.arg): ast.literal_eval(word.value) for word in words.keywords}
+    np.savetxt(folder / "data.csv", table(), **options)
+    return fit(folder / "data.csv")
+
+
+def as_table(folder: Path, said: str) -> Words:
+    """Writes the CSV that a message asks for."""
+    assert "CSV" in said
+    return fit(put(folder / "data.csv", text(table())))
+
+
+def numpy_file(folder: Path) -> Words:
+    np.save(folder / "data.npy", table())
+    return fit(folder / "data.npy")
+
+
+def numpy_archive(folder: Path) -> Words:
+    np.savez(folder / "data.npz", A=table())
+    return fit(folder / "data.npz")
+
+
+def metres(folder: Path) -> Words:
+    rows = table()
+    rows[:, 2:] *= 1e-3
+    return fit(put(folder / "data.csv", text(rows)))
+
+
+def mirrored(folder: Path) -> Words:
+    rows = table(60)
+    rows[:, 4] *= -1.0
+    return fit(put(folder / "data.csv", text(rows)))
+
+
+def radians(folder: Path) -> Words:
+    rows = table()
+    rows[:, :2] = np.radians(rows[:, :2])
+    return fit(put(folder / "data.csv", text(rows)))
+
+
+def a_bad_cell(folder: Path) -> Words:
+    lines = text(table(30)).splitlines()
+    lines[4] = lines[4].replace(lines[4].split(",")[2], "lost", 1)
+    return fit(put(folder / "data.csv", "\n".join(lines) + "\n"))
+
+
+def a_dataset(folder: Path) -> Words:
+    poses = np.random.default_rng(1).uniform(-60.0, 60.0, (12, 5))
+    return fit(dataset(folder / "recorded", load_arm("so101"), poses, np.zeros_like(poses)))
+
+
+def imported(folder: Path, said: str) -> Words:
+    words = re.search(r"lrm-ident (import lerobot \S+ -o poses\.csv)", said)
+    assert words, said
+    return tuple(folder / "poses.csv" if word == "poses.csv" else word for word in words[1].split())
+
+
+def in_the_dataset(folder: Path) -> Words:
+    return ("checkup", Path(str(a_dataset(folder)[1])) / "data")
+
+
+def the_folder(folder: Path, said: str) -> Words:
+    assert "name the folder with meta and data in it" in said
+    return ("checkup", folder / "recorded")
+
+
+def several_tips(folder: Path) -> Words:
+    put(folder / "arm.urdf", f'<robot name="v">{vendor_parts(1)}</robot>')
+    return ("arm", "import", folder / "arm.urdf", "-o", folder / "arm.toml")
+
+
+def one_tip(folder: Path, said: str) -> Words:
+    named = re.findall(r"(\w+) \(\d joints\)", said.partition("--tip: ")[2])
+    assert named, said
+    return (*several_tips(folder), "--tip", next(one for one in named if one != "jaw"))
+
+
+def there_already(folder: Path) -> Words:
+    put(folder / "data.csv", text(table()))
+    put(folder / "model.toml", "mine = 1\n")
+    return fit(folder / "data.csv")
+
+
+def elsewhere(folder: Path, said: str) -> Words:
+    assert "another" in said
+    return (*fit(folder / "data.csv")[:-1], folder / "other.toml")
+
+
+def no_arm(folder: Path) -> Words:
+    put(folder / "data.csv", text(table()))
+    return ("fit", folder / "data.csv", "-o", folder / "model.toml")
+
+
+def the_arm(folder: Path, said: str) -> Words:
+    assert "--arm" in said
+    return fit(folder / "data.csv")
+
+
+KINDS: dict[str, Advice] = {
+    "numpy array": Advice(numpy_file, by_numpy),
+    "numpy archive": Advice(numpy_archive, by_numpy),
+    "MATLAB": Advice(lambda at: fit(put(at / "a.mat", b"MATLAB 5.0 MAT-file" + bytes(200))), as_table),
+    "hand-eye pairs": Advice(
+        lambda at: fit(put(at / "p.json", json.dumps([{"robot_pose": np.eye(4).tolist()}]))), as_table
+    ),
+    "hand-eye of a ROS package": Advice(
+        lambda at: fit(put(at / "p.yaml", "parameters:\n  eye_on_hand: true\n")), as_table
+    ),
+    "JSON": Advice(lambda at: fit(put(at / "d.json", json.dumps({"q": table().tolist()}))), as_table),
+    "a LeRobot dataset": Advice(a_dataset, imported),
+    "inside a dataset": Advice(in_the_dataset, the_folder),
+    "metres": Advice(metres, with_options()),
+    "mirrored": Advice(mirrored, with_options()),
+    "radians": Advice(radians, with_options()),
+    "a cell that is no number": Advice(a_bad_cell, with_options()),
+    "several tips": Advice(several_tips, one_tip),
+    "a file that is there": Advice(there_already, elsewhere),
+    "no arm": Advice(no_arm, the_arm),
+}
+
+
+@pytest.mark.parametrize("name", KINDS)
+def test_a_remedy_that_is_followed_works(name: str, tmp_path: Path) -> None:
+    code, _, said = run_command(*KINDS[name].make(tmp_path))
+    assert code == 2, said
+    error = next(line for line in said.splitlines() if line.startswith("error: "))
+    assert len(error) < 400
+    code, _, after = run_command(*KINDS[name].follow(tmp_path, error))
+    assert code == 0, f"{error}\n{after}"
+
+
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [
+        (b"#ROSBAG V2.0\n" + bytes(50), "is a bag of ROS 1; convert it"),
+        (b"SQLite format 3\x00" + bytes(50), "is a bag of ROS 2 in SQLite; convert it"),
+        (b"\x89MCAP0\r\n" + bytes(50), "is an MCAP recording; lrm-ident import"),
+        (b"PAR1" + bytes(50), "is a parquet file; of a LeRobot dataset: lrm-ident import lerobot"),
+        (b'{"shoulder_pan": {"homing_offset": 3}}', "is a calibration of LeRobot, which has no poses"),
+        (b'{"homing_offset": [1], "motor_names": ["a"]}', "is a calibration of an older LeRobot"),
+    ],
+)
+def test_files_of_other_kinds_are_named_in_one_line(content: bytes, said: str, tmp_path: Path) -> None:
+    for words in (
+        fit(put(tmp_path / "file", content)),
+        ("import", tmp_path / "file", tmp_path / "file", "-o", "d.csv"),
+    ):
+        code, _, error = run_command(*words, *(() if words[0] == "fit" else ("--arm", "two-joint")))
+        assert code == 2
+        assert said in error or (words[0] == "import" and b"MCAP" in content)
+
+
+OPTION = re.compile(r"(?<![\w-])--[a-z][a-z0-9-]+[a-z0-9]")
+OTHERS = frozenset({"--src", "--dst", "--dst-storage", "--line", "--grid", "--cross-figure"})
+"""Options of other programs that messages advise, colours of a page, and an example in a docstring."""
+
+
+def options_of(command: Any) -> Iterator[str]:
+    """Options of a command and of all commands below it, which are loaded one by one."""
+    for parameter in command.params:
+        yield from (*parameter.opts, *parameter.secondary_opts)
+    if hasattr(command, "get_command"):
+        names = {*COMMANDS, *command.commands}
+        for own in filter(None, (command.get_command(None, name) for name in sorted(names))):
+            yield from options_of(own)
+
+
+def advised() -> Iterator[tuple[Path, str]]:
+    """Options in texts of the packages' code, docstrings and f-strings included."""
+    for package in ("lrm_ident", "lrm_math"):
+        for path in sorted((ROOT / package).rglob("*.py")):
+            for node in ast.walk(ast.parse(path.read_text())):
+                if isinstance(node, ast.Constant) and isinstance(node.value, str):
+                    yield from ((path, option) for option in OPTION.findall(node.value))
+
+
+def test_no_text_advises_an_option_that_no_command_has() -> None:
+    known = {*options_of(get_command(ident)), *OTHERS, "--help", "--version"}
+    lacking = {f"{path.relative_to(ROOT)}: {option}" for path, option in advised() if option not in known}
+    assert not lacking
