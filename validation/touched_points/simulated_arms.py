@@ -131,7 +131,7 @@ CASES = (
     Case("hysteresis in joint 3", ("hysteresis@joint3", "friction_curve@joint3"),
          of_model("hysteresis@joint3", {"hysteresis.joint3.h_rad": 1.6 * DEG})),
     Case("gain of servo 2", ("servo_gain@joint2", "angle_curve@joint2"),
-         of_model("servo_gain@joint2", {"servo_gain.joint2.s_rad_per_rad": 0.03})),
+         of_model("servo_gain@joint2", dict.fromkeys(["servo_gain.joint2.g_plus_rad_per_rad", "servo_gain.joint2.g_minus_rad_per_rad"], 0.03))),
     Case("sag", (NOTHING,), of_model("", {}, springs=(0.08, 0.12))),
     Case("re-seated tip, 4 mm", ("change_point@tool",),
          of_model("change_point@tool", {"change_point.tool.before_x_mm": 4e-3, "change_point.tool.last_pose": 30.0})),
