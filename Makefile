@@ -29,10 +29,10 @@ $(VENV)/.ready: pyproject.toml constraints.txt hatch_build.py lrm_math/ik/kernel
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-compile -c constraints.txt -e '.[ident,page,camera,lerobot,video,mujoco,cluster,xacro,ros2,dev]'
 	@touch $@
 
-demo: setup ## the whole story on a simulated arm (SEED=): measure, fit, find what is missing, deploy; on an SO-101 with ARM=so101; or on your own DATA= (ARM=)
+demo: setup ## the whole story on a simulated arm (SEED=): measure, fit, find what is missing, deploy; on an SO-101 with ARM=so101, by touched sockets with BY=sockets; or on your own DATA= (ARM=)
 	@mkdir -p $(OUT)
 ifndef DATA
-	$(ONE_THREAD) $(BIN)/python -m examples.$(if $(filter so101,$(ARM)),so101.demo,demo) --out $(OUT) $(if $(SEED),--seed $(SEED))
+	$(ONE_THREAD) $(BIN)/python -m examples.$(if $(filter so101,$(ARM)),so101.$(if $(filter sockets,$(BY)),sockets_demo,demo),demo) --out $(OUT) $(if $(SEED),--seed $(SEED))
 else
 	$(BIN)/lrm-ident fit $(DATA) $(if $(ARM),--arm $(ARM)) -o $(OUT)/model.toml --json $(OUT)/fit.json
 	$(BIN)/lrm-ident compare $(OUT)/model.toml $(DATA) --json $(OUT)/comparison.json --figure $(OUT)/comparison.png
