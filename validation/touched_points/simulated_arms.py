@@ -44,10 +44,11 @@ JOINTS = [f"offsets.joint{k}.theta_rad" for k in range(1, ARM.dof + 1)]
 LIMITS = np.array([(joint.lower, joint.upper) for joint in ARM.joints]) * 0.99
 DEG, COUNT = np.radians(1.0), 2.0 * np.pi / 4096
 STANDS = (
-    Placement(0.20, 0.06, 0.0, 0.0, 0.0, 0.7),
-    Placement(0.18, -0.17, 0.0, 0.0, 0.0, -0.6),
-    Placement(0.20, -0.04, 0.12, 0.3, 0.1, 0.0),
+    Placement(0.14, 0.05, 0.0, 0.0, 0.0, 0.7),
+    Placement(0.22, -0.20, 0.0, 0.0, 0.0, -0.3),
+    Placement(0.13, -0.05, 0.24, 0.0, 0.6, 0.0),
 )
+"""Flat on the table near the arm, flat and far, high and leaning away."""
 TOUCHES, FRESH, NOISE_M = 60, 100, 0.15e-3
 HISTORY = 8
 RIPPLE = synthetic.GearRipple(2, 5, 1.2 * DEG, 0.4)
