@@ -16,7 +16,7 @@ ONE_THREAD := OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 MKL_NUM_THREADS=1
 unexport PYTHONDONTWRITEBYTECODE  # with it every process of the daemon and of the tests compiles all sources anew
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test quick offline browser lint lint-github schemas docs site proofs benchmark sdist deb story check-tag bench soak wheels coverage camera confusion unfamiliar memory misreadings real-data tutorial closed-loop as-deployed fleet transfer lerobot doors install uninstall clean
+.PHONY: help setup demo test quick offline browser lint lint-github schemas docs site proofs benchmark sdist deb story check-tag bench soak wheels coverage camera confusion unfamiliar memory misreadings real-data touches touches-public tutorial closed-loop as-deployed fleet transfer lerobot doors install uninstall clean
 
 help: ## what there is to make
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 12
@@ -29,10 +29,10 @@ $(VENV)/.ready: pyproject.toml constraints.txt hatch_build.py lrm_math/ik/kernel
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-compile -c constraints.txt -e '.[ident,page,camera,lerobot,video,mujoco,cluster,xacro,ros2,site,dev]'
 	@touch $@
 
-demo: setup ## the whole story on a simulated arm (SEED=): measure, fit, find what is missing, deploy; on an SO-101 with ARM=so101; or on your own DATA= (ARM=)
+demo: setup ## the whole story on a simulated arm (SEED=): measure, fit, find what is missing, deploy; on an SO-101 with ARM=so101, by touched sockets with BY=sockets; or on your own DATA= (ARM=)
 	@mkdir -p $(OUT)
 ifndef DATA
-	$(ONE_THREAD) $(BIN)/python -m examples.$(if $(filter so101,$(ARM)),so101.demo,demo) --out $(OUT) $(if $(SEED),--seed $(SEED))
+	$(ONE_THREAD) $(BIN)/python -m examples.$(if $(filter so101,$(ARM)),so101.$(if $(filter sockets,$(BY)),sockets_demo,demo),demo) --out $(OUT) $(if $(SEED),--seed $(SEED))
 else
 	$(BIN)/lrm-ident fit $(DATA) $(if $(ARM),--arm $(ARM)) -o $(OUT)/model.toml --json $(OUT)/fit.json
 	$(BIN)/lrm-ident compare $(OUT)/model.toml $(DATA) --json $(OUT)/comparison.json --figure $(OUT)/comparison.png
@@ -144,6 +144,12 @@ misreadings: setup ## are misread measurements understood and healthy ones accep
 
 real-data: setup ## our held-out error on public measurements of real arms beside rigid least squares, a Gaussian process and boosting; skipped without a network (MIRROR= a folder of the files)
 	$(ONE_THREAD) $(BIN)/python -m validation.real_data $(if $(MIRROR),--mirror $(MIRROR))
+
+touches: setup ## twelve simulated arms calibrated by touched sockets alone, against a tracker (ten minutes)
+	$(ONE_THREAD) $(BIN)/python -m validation.touched_points.simulated_arms
+
+touches-public: setup ## public touches as a file: DATA=clone/data/ARM ARM=arm.toml OUT=touches.csv [PLACEMENTS=] [WITHOUT=]
+	$(BIN)/python -m validation.touched_points.public_recordings $(DATA) $(ARM) -o $(OUT) --placements "$(PLACEMENTS)" --without "$(WITHOUT)"
 
 tutorial: setup ## the pictures of docs/tutorial.md and the speed of the workbench, in a headless Chromium
 	$(BIN)/python -m validation.workbench.tutorial_pictures

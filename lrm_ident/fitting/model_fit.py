@@ -27,6 +27,8 @@ TOLD_NOTHING = 0.05
 """Share of a prior's variance below which data that remove no more from any parameter say nothing of the arm."""
 MODEL_ERROR_GROWTH = 1.1  # of the estimated model error, from which the fit is repeated with it
 LISTED = 8  # poses in a message
+WHERE_IT_STANDS = "offsets.base."
+"""Prefix of the parameters of the base: a convention where touched points stand anywhere."""
 DEFAULT_EFFECTS = ("offsets", "compliance")
 
 
@@ -84,7 +86,7 @@ def _fit_named(
         named = select_parameters(model, parameters)
         keys = (*named, *(key for key in model.free if key.startswith((SET_UP, TOUCHED)) and key not in named))
     elif prior is None:
-        keys = fittable(model)
+        keys = tuple(key for key in fittable(model) if not (data.touched and key.startswith(WHERE_IT_STANDS)))
         return fit_identifiable(model, data, keys, loss, no_bounds(keys) if unbounded else None)
     else:
         known = {*fittable(model), *prior.keys}

@@ -88,7 +88,11 @@ class _NamedCatalogue(tuple[type[Effect], ...]):
         return "CATALOGUE"
 
 
-CATALOGUE = _NamedCatalogue(kind for kind in ALL_EFFECTS if kind.names_a_cause and not kind.variant_of)
+PLACES_TOUCHED = tuple(kind for kind in ALL_EFFECTS if "placement" in kind.depends_on)
+"""Where touched points stood: no causes of an error, but unknowns of a measurement that touches them."""
+CATALOGUE = _NamedCatalogue(
+    kind for kind in ALL_EFFECTS if kind.names_a_cause and not kind.variant_of and kind not in PLACES_TOUCHED
+)
 FREE_FORMS = tuple(kind for kind in ALL_EFFECTS if kind.variant_of)
 """Other forms of effects of the catalogue, fitted beside them."""
 FIELDS = tuple(kind for kind in ALL_EFFECTS if not kind.names_a_cause)
@@ -116,7 +120,7 @@ def effects_at(arm: Arm, name: str, catalogue: tuple[type[Effect], ...] = CATALO
         UnknownName: no such effect, or it cannot act at that place; the message lists what there is.
     """
     effect_id, place = split_name(name)
-    by_id = {effect.id: effect for effect in (*catalogue, *FREE_FORMS, *FIELDS)}
+    by_id = {effect.id: effect for effect in (*catalogue, *FREE_FORMS, *FIELDS, *PLACES_TOUCHED)}
     if effect_id not in by_id:
         raise UnknownName("effect", effect_id, by_id, OWN_EFFECT)
     places = by_id[effect_id].places(arm)

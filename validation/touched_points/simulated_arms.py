@@ -44,14 +44,17 @@ JOINTS = [f"offsets.joint{k}.theta_rad" for k in range(1, ARM.dof + 1)]
 LIMITS = np.array([(joint.lower, joint.upper) for joint in ARM.joints]) * 0.99
 DEG, COUNT = np.radians(1.0), 2.0 * np.pi / 4096
 STANDS = (
-    Placement(0.20, 0.06, 0.0, 0.0, 0.0, 0.7),
-    Placement(0.18, -0.17, 0.0, 0.0, 0.0, -0.6),
-    Placement(0.20, -0.04, 0.12, 0.3, 0.1, 0.0),
+    Placement(0.14, 0.05, 0.0, 0.0, 0.0, 0.7),
+    Placement(0.22, -0.20, 0.0, 0.0, 0.0, -0.3),
+    Placement(0.13, -0.05, 0.24, 0.0, 0.6, 0.0),
 )
+"""Flat on the table near the arm, flat and far, high and leaning away."""
 TOUCHES, FRESH, NOISE_M = 60, 100, 0.15e-3
 HISTORY = 8
+RIPPLE = synthetic.GearRipple(2, 5, 1.2 * DEG, 0.4)
 GEOMETRY_SD = {"theta_rad": 0.02, "d_m": 0.001, "a_m": 0.001, "alpha_rad": 0.01}
 NOTHING = ""
+BOTH_GAINS = [f"servo_gain.joint2.g_{side}_rad_per_rad" for side in ("plus", "minus")]
 Tips = Callable[[Array, int], Array]
 """True tips (P, 3), m, after straight moves along joint angles (P, n), rad, from touch number `first` on."""
 
@@ -126,12 +129,12 @@ CASES = (
         "joint 2 slips (generator)", ("change_point@joint2", "change_point@base"),
         of_generator(synthetic.JointSlip(2, 1.5 * DEG, 32.0)),
     ),
-    Case("alien: gear ripple in joint 2 (generator)", (), of_generator(synthetic.GearRipple(2, 5, 1.2 * DEG, 0.4))),
+    Case("alien: gear ripple in joint 2 (generator)", ("angle_curve@joint2",), of_generator(RIPPLE)),
     Case("play in joint 2", ("backlash@joint2",), of_model("backlash@joint2", {"backlash.joint2.b_rad": 2.0 * DEG})),
     Case("hysteresis in joint 3", ("hysteresis@joint3", "friction_curve@joint3"),
          of_model("hysteresis@joint3", {"hysteresis.joint3.h_rad": 1.6 * DEG})),
     Case("gain of servo 2", ("servo_gain@joint2", "angle_curve@joint2"),
-         of_model("servo_gain@joint2", {"servo_gain.joint2.s_rad_per_rad": 0.03})),
+         of_model("servo_gain@joint2", dict.fromkeys(BOTH_GAINS, 0.03))),
     Case("sag", (NOTHING,), of_model("", {}, springs=(0.08, 0.12))),
     Case("re-seated tip, 4 mm", ("change_point@tool",),
          of_model("change_point@tool", {"change_point.tool.before_x_mm": 4e-3, "change_point.tool.last_pose": 30.0})),
@@ -171,12 +174,12 @@ def jogged(tips: Tips, path: Array, first: int, goal: Array, rng: np.random.Gene
             q = np.clip(q + joint_step(q, goal - tip), *LIMITS.T)
 
 
-def touched(tips: Tips, seed: int) -> tuple[Array, list[str], Array, Array]:
+def touched(tips: Tips, seed: int, touches: int = TOUCHES) -> tuple[Array, list[str], Array, Array]:
     """Commands (N, n), rad, names of the sockets, numbers of the placements, and true tips (N, 3), m."""
     rng, points = np.random.default_rng([seed, 67]), SocketBoard().points
     path, names, where, seen = np.zeros((0, ARM.dof)), [], [], []
-    for number in range(TOUCHES):
-        stand = number * len(STANDS) // TOUCHES
+    for number in range(touches):
+        stand = number * len(STANDS) // touches
         name = [*points][number % len(points)]
         goal = (placement_motion(STANDS[stand]) @ [*np.array(points[name]) * 1e-3, 1.0])[:3]
         goal = goal + rng.normal(0.0, NOISE_M, 3)

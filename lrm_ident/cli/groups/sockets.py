@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from pathlib import Path
 from typing import Annotated
 
@@ -11,10 +12,13 @@ from lrm_ident.cli import arguments as arg
 from lrm_ident.cli.command import command_group, command_of
 from lrm_ident.cli.common import show
 from lrm_ident.data.atomic_write import write_bytes, write_text
+from lrm_ident.data.measurement_file.conventions import metadata_of
+from lrm_ident.data.measurement_file.write import metadata_toml
 from lrm_ident.measuring.sockets.board import RAISED, SocketBoard
 from lrm_ident.measuring.sockets.drill_plan import drill_plan
 from lrm_ident.measuring.sockets.solid import stl
-from lrm_math.errors import LrmError
+from lrm_math.arm.arm_file import arm_name_for, load_arm
+from lrm_math.errors import FileError, LrmError
 
 sockets_command = command_of(command_group("sockets", "Measure by holding the tip in sockets; no tracker."))
 
@@ -52,3 +56,49 @@ def board(
         "Measure them: put two equal balls into two sockets, measure over both with a caliper, subtract one diameter.",
         "Printed lengths are off by 0.2 to 0.5 %, and the arm by as much: state what you measured, as [distances].",
     )
+
+
+@sockets_command
+def record(
+    output: Annotated[
+        Path,
+        Option("-o", "--output", metavar="DATA", help="Touches; a file that is there goes on."),
+        arg.CompanionFiles({".toml": "metadata"}, appended=True),
+    ],
+    robot: Annotated[str, Option(help="feetech:/dev/ttyACM0,ids=1-5 or dynamixel:/dev/ttyUSB0,ids=1-5.")],
+    board: Annotated[
+        Path | None,
+        Option(metavar="TOML", help="Where its sockets are: the file that sockets board wrote."),
+    ] = None,
+    arm: arg.ArmName = None,
+    points: Annotated[str, Option(help="Names of the sockets by commas. Default: those of the board.")] = "",
+) -> None:
+    """Record touches by hand: torque is off, you hold the tip in a socket, Enter reads the encoders."""
+    from lrm_ident.measuring.campaign.session import BUSES
+    from lrm_ident.measuring.servo_bus.servos import limp_bus
+    from lrm_ident.measuring.sockets.by_hand import TouchLog, points_to_touch, record_touches
+
+    kind = next((kind for kind in BUSES if robot.startswith(kind.prefix)), None)
+    if kind is None:
+        raise LrmError(f"--robot {robot}: should begin with {' or '.join(each.prefix for each in BUSES)}")
+    name = arm or "so101"
+    described, known = load_arm(name), None if board is None else metadata_of(board)
+    if board is not None and (known is None or not known.points):
+        raise FileError(board, "", "states no [points]", "give the file that sockets board wrote")
+    places = {} if known is None else known.points or {}
+    chosen = points_to_touch(points, [*places])
+    with limp_bus(robot, kind, described) as servos:
+        log = TouchLog(output, described.dof)
+        if not output.with_suffix(".toml").exists():
+            settings = {joint: one.model_dump(exclude_none=True) for joint, one in servos.settings().items()}
+            about: dict[str, object] = {
+                "points": places or None,
+                "distances": None if known is None else known.distances,
+            }
+            about["servos"] = settings
+            text = metadata_toml(
+                arm_name_for(name, output.parent), f"sockets record: {robot}", **about, servos=settings
+            )
+            write_text(output.with_suffix(".toml"), text)
+        count = record_touches(servos, log, chosen, input, show, time.sleep)
+    show(f"{count} touches recorded; {log.count} are in {output}.", f"Next: lrm-ident fit {output} -o model.toml")

@@ -17,7 +17,6 @@ from lrm_math.model.model import Model, model_of
 from lrm_math.model.sensed import TCP_ONLY, Sensed
 
 REFINEMENT, PLAIN, FORM = 0, 1, 2
-NO_CANDIDATE = frozenset({"counts", "placement"})
 NO_TORQUE = 1e-9  # N·m: round-off
 Unfitted = tuple[Effect, tuple[int, ...]]
 """An effect, and the numbers of its parameters that are not fitted yet."""
@@ -80,13 +79,13 @@ class Candidate:
 def unfitted_effects(model: Model, catalogue: Iterable[type[Effect]] = CATALOGUE) -> Iterator[Unfitted]:
     """Every effect in every form at every place of the model's arm, with the parameters that the model does not fit.
 
-    What is no candidate is left out: `quantisation`, which is known, and where touched points stood, which is fitted.
+    `quantisation` is left out, since it is known and never fitted.
     """
     for kind in (*catalogue, *FREE_FORMS):
         for place in kind.places(model.arm):
             effect = kind(model.arm, place)
             rows = unfitted_rows(effect, model.free)
-            if rows and NO_CANDIDATE.isdisjoint(kind.depends_on):
+            if rows and "counts" not in kind.depends_on:
                 yield effect, rows
 
 

@@ -105,6 +105,34 @@ class BusServos:
 @contextmanager
 def connected_bus(text: str, kind: BusServoKind, arm: Arm) -> Iterator[BusServos]:
     """The servos, with torque, where they stand; they hold where they are left. Raises `LrmError`: one is not there."""
+    with _opened(text, kind, arm) as (host, numbers):
+        yield held_servos(text, host, arm, numbers)
+
+
+@contextmanager
+def limp_bus(text: str, kind: BusServoKind, arm: Arm) -> Iterator[BusServos]:
+    """The servos without torque, to be moved by hand. Raises `LrmError`: one is not there, or holds torque."""
+    with _opened(text, kind, arm) as (host, numbers):
+        yield limp_servos(text, host, arm, numbers)
+
+
+def limp_servos(name: str, host: ServoHost, arm: Arm, numbers: Sequence[int]) -> BusServos:
+    """The servos of an arm's joints, none of which holds torque; nothing is written to them. Raises `LrmError`."""
+    try:
+        limits = tuple(_limits(host, number) for number in numbers)
+        servos = BusServos(name, host, joint_labels(arm), tuple(numbers), limits)
+        powered = [joint for joint, holds in servos.powered().items() if holds]
+    except (NoAnswer, LrmError) as error:
+        raise LrmError(f"--robot {name}: {error}") from None
+    if powered:
+        right = "support the arm, then switch their supply off and on"
+        raise LrmError(f"--robot {name}: torque is on at {', '.join(powered)}, and a hand cannot move them: {right}")
+    return servos
+
+
+@contextmanager
+def _opened(text: str, kind: BusServoKind, arm: Arm) -> Iterator[tuple[ServoHost, tuple[int, ...]]]:
+    """The host on the line that a text names, and the servos' numbers. Raises `LrmError`."""
     import serial
 
     path, numbers, baud = _parsed(text, kind, arm.dof)
@@ -113,7 +141,7 @@ def connected_bus(text: str, kind: BusServoKind, arm: Arm) -> Iterator[BusServos
     except (serial.SerialException, OSError) as error:
         raise LrmError(f"--robot {text}: {path} cannot be opened ({' '.join(str(error).split())})") from None
     with line:
-        yield held_servos(text, ServoHost(line, kind), arm, numbers)
+        yield ServoHost(line, kind), numbers
 
 
 class ReleaseKey(KeyboardInterrupt):
