@@ -97,7 +97,7 @@ class CustomBuildHook(BuildHookInterface):  # type: ignore[type-arg]
         if self.target_name != "wheel":
             return
         if unwanted():
-            self.app.display_warning("without the compiled kernel, as LRM_WITHOUT_KERNEL says: no daemon, no inverse kinematics")
+            self.app.display_warning("LRM_WITHOUT_KERNEL: no compiled kernel, so no daemon, no inverse kinematics")
             return
         library, platform = build(Path(self.root))
         build_data["pure_python"] = False
