@@ -35,8 +35,8 @@ FLAGS = ["-std=c99", "-O3", "-fno-math-errno", "-fno-trapping-math", "-ffp-contr
 ZIGLANG = "ziglang>=0.13"
 FAILED = "the compiled kernel of inverse kinematics could not be built"
 WITHOUT = (
-    "Install a C compiler (cc, gcc, clang, or the Python package ziglang). For the offline tool alone, which needs no "
-    "kernel but for selftests of inverse kinematics and reach: LRM_WITHOUT_KERNEL=1 pip install ..."
+    "Install a C compiler (cc, gcc, clang, or the Python package ziglang). For the offline tool alone, which fits, "
+    "diagnoses and reports without the kernel: LRM_WITHOUT_KERNEL=1 pip install ..."
 )
 
 
@@ -97,7 +97,7 @@ class CustomBuildHook(BuildHookInterface):  # type: ignore[type-arg]
         if self.target_name != "wheel":
             return
         if unwanted():
-            self.app.display_warning("without the compiled kernel, as LRM_WITHOUT_KERNEL says: no daemon, no reach")
+            self.app.display_warning("LRM_WITHOUT_KERNEL: no compiled kernel, so no daemon, no inverse kinematics")
             return
         library, platform = build(Path(self.root))
         build_data["pure_python"] = False

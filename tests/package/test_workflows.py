@@ -20,7 +20,7 @@ TARGETS = set(re.findall(r"^([a-z-]+):", (ROOT / "Makefile").read_text(encoding=
 MADE = ("dist", "out")
 """Folders that a workflow makes."""
 BESIDE_MAKE = ("gh release create ",)
-INDEXES = ("pypi.org", "pythonhosted", "registry.npmjs", "anaconda.org", "deb.debian.org")
+INDEXES = ("pypi.org", "pythonhosted", "registry.npmjs", "anaconda.org", "deb.debian.org", "mcr.microsoft", "ghcr.io")
 
 
 def jobs() -> Iterator[tuple[str, dict[str, Any]]]:
@@ -102,7 +102,13 @@ def test_owners_and_forms_name_what_is_there() -> None:
 
 def test_no_file_names_an_index_of_packages() -> None:
     """Which index a client asks is for the machine that it runs on to say."""
-    places = [*GITHUB.rglob("*.yml"), *(ROOT / "packaging").rglob("*"), ROOT / "Makefile", ROOT / "pyproject.toml"]
+    places = [
+        *GITHUB.rglob("*.yml"),
+        *(ROOT / "packaging").rglob("*"),
+        *(ROOT / ".devcontainer").iterdir(),
+        ROOT / "Makefile",
+        ROOT / "pyproject.toml",
+    ]
     for path in (path for path in places if path.is_file()):
         text = path.read_text(encoding="utf-8")
         assert not [one for one in INDEXES if one in text], path
