@@ -65,7 +65,8 @@ def stones(count: int, seed: int) -> list[Stone]:
 
     Each with a tool that points nearly down. Which ones is the same whatever the model.
     """
-    rng, ground, found = np.random.default_rng([seed, 63]), areas()["ground"], []
+    rng, ground = np.random.default_rng([seed, 63]), areas()["ground"]
+    found: list[Stone] = []
     arm = load_arm(ARM)
     drawn = CalibratedSolver.of(model_of(arm, ()))
     solver, plain = NominalSolver.of(arm), Scene.of(arm)

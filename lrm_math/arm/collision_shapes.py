@@ -83,4 +83,5 @@ class Shapes:
     @property
     def estimated(self) -> frozenset[str]:
         """Names of the shapes that nobody measured."""
-        return frozenset(shape.name for shape in (*self.capsules, *self.boxes) if shape.estimated)
+        shapes: tuple[Capsule | Box, ...] = (*self.capsules, *self.boxes)
+        return frozenset(shape.name for shape in shapes if shape.estimated)

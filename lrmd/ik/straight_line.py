@@ -91,7 +91,7 @@ class ToolLine:
     def first_shares(self) -> list[float]:
         """Shares at which it is solved first."""
         count = math.ceil(max(self.length / STEP, float(np.linalg.norm(self.turn)) / TURN_STEP, 1.0))
-        return np.linspace(0.0, 1.0, count + 1)[1:].tolist()
+        return [float(share) for share in np.linspace(0.0, 1.0, count + 1)[1:]]
 
     def deviation(self, tips: Array, rotations: Array) -> float:
         """The largest deviation of tips (N, 3), m, and orientations (N, 3, 3), as a share of the tolerances."""

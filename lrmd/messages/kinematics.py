@@ -7,8 +7,7 @@ from typing import Annotated, Literal, Self
 from pydantic import FailFast, Field, model_validator
 
 from lrmd.messages.codec import Header, Message, Part
-from lrmd.messages.control import Label
-from lrmd.messages.surroundings import ContactEntry, Coordinate, Position
+from lrmd.messages.surroundings import ContactEntry, Coordinate, Label, Position
 
 JointAngle = Annotated[float, Field(ge=-20, le=20)]
 JointAngles = Annotated[list[JointAngle], Field(min_length=1, max_length=16)]

@@ -109,7 +109,7 @@ class CollisionGuard:
         here = np.minimum(self.scene.margin, bodies.separations(start[None])[0])
         names = self.scene.names.tolist()
         alone = [frozenset(pair) in self.touched or not self.scene.around.isdisjoint(pair) for pair in names]
-        return np.where(alone, here, here[~np.array(alone)].min(initial=self.scene.margin))
+        return np.asarray(np.where(alone, here, here[~np.array(alone)].min(initial=self.scene.margin)))
 
     def bodies(self, payload: float) -> tuple[ArmBodies, ...]:
         """The bodies of the rigid arm and, with a model, of the arm that sags with a payload (kg)."""
