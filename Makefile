@@ -16,7 +16,7 @@ ONE_THREAD := OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 MKL_NUM_THREADS=1
 unexport PYTHONDONTWRITEBYTECODE  # with it every process of the daemon and of the tests compiles all sources anew
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test quick offline browser lint lint-github schemas docs site proofs benchmark sdist deb story check-tag bench soak wheels coverage camera confusion unfamiliar memory misreadings real-data touches touches-public tutorial closed-loop as-deployed fleet transfer lerobot doors install uninstall clean
+.PHONY: help setup demo fetch test quick offline browser lint lint-github schemas docs site proofs benchmark sdist deb story check-tag bench soak wheels coverage camera confusion unfamiliar memory misreadings real-data touches touches-public tutorial closed-loop as-deployed fleet transfer lerobot doors install uninstall clean
 
 help: ## what there is to make
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 12
@@ -40,6 +40,9 @@ else
 	$(BIN)/lrm-ident auto $(OUT)/model.toml $(DATA) -o $(OUT)/better.toml --json $(OUT)/course.json --force
 	$(BIN)/python -m lrmd.demo
 endif
+
+fetch: setup ## stones into the basket of a simulated rover with hidden errors, as drawn and calibrated (STONES=, SEED=)
+	$(ONE_THREAD) $(BIN)/python -m examples.fetch --out $(OUT) --stones $(or $(STONES),8) --seed $(or $(SEED),1)
 
 test: setup lint ## all tests, two at a time, after the linters: first all that compute, then the system's, which wait
 	$(ONE_THREAD) $(BIN)/python -m pytest $(SIDE_BY_SIDE) -rs --ignore tests/system
@@ -106,10 +109,11 @@ bench: setup ## our figures beside the peers', as ratios; calibrated IK and the 
 fleet: setup ## 12 simulated arms of one kind: the fleet's prior on arms that it has not seen (ARMS=, ten minutes)
 	$(ONE_THREAD) $(BIN)/python -m validation.fleet --arms $(or $(ARMS),12)
 
-soak: setup ## all laws with fifteen times the examples, the daemon's controller, ramp and board for HOURS=24 of simulated time, 10000 random sequences of requests to the collision guard, a million broken messages, a million IK queries under sanitizers, attacks and legal clients for MINUTES=10, a campaign killed 50 times
+soak: setup ## all laws with fifteen times the examples, the daemon's controller, ramp and board for HOURS=24 of simulated time, 10000 random sequences of requests to the collision guard, 200 straight lines, a million broken messages, a million IK queries under sanitizers, attacks and legal clients for MINUTES=10, a campaign killed 50 times
 	$(ONE_THREAD) $(BIN)/python -m pytest $(SIDE_BY_SIDE) $(UNITS) --hypothesis-profile=thorough
 	$(ONE_THREAD) $(BIN)/python -m tests.soak.endurance --hours $(HOURS)
 	$(ONE_THREAD) $(BIN)/python -m tests.soak.guard_sequences
+	$(ONE_THREAD) $(BIN)/python -m tests.soak.lines
 	$(ONE_THREAD) $(BIN)/python -m tests.soak.fuzz_link
 	$(ONE_THREAD) $(BIN)/python -m tests.soak.fuzz_messages
 	$(ONE_THREAD) $(BIN)/python -m tests.soak.sanitised 1000000

@@ -64,7 +64,7 @@ def examine(seed: int, poses: int = POSES, forms: Sequence[type[Effect]] = FREE_
     arm, described = arm_file.load_arm(ARM_FILE), synthetic.load_arm(ARM_FILE)
     rng = np.random.default_rng([seed, 31])
     ripples = [
-        synthetic.GearRipple(joint, int(rng.integers(*WAVES)), rng.uniform(*WAVE_RAD), rng.uniform(0.0, 6.0))
+        synthetic.ToothRipple(joint, int(rng.integers(*WAVES)), rng.uniform(*WAVE_RAD), rng.uniform(0.0, 6.0))
         for joint in (2, 4)
     ]
     truth = synthetic.GroundTruth.random(described, seed, tuple(ripples))

@@ -64,7 +64,7 @@ def examine(seed: int) -> TransferOutcome:
     """Measures and fits an arm on the rig, and takes it to the rover."""
     rippled = bool(seed % 2)
     rng = np.random.default_rng([seed, 57])
-    ripple = synthetic.GearRipple(2 + seed % 3, int(rng.integers(3, 6)), rng.uniform(*RIPPLE_RAD), rng.uniform(0, 6))
+    ripple = synthetic.ToothRipple(2 + seed % 3, int(rng.integers(3, 6)), rng.uniform(*RIPPLE_RAD), rng.uniform(0, 6))
     rig, rover = (synthetic.load_arm(arm_file.shipped_arms()[name]) for name in (RIG, ROVER))
     random = synthetic.GroundTruth.random(rig, seed, (ripple,) if rippled else ())
     truth, leaning = synthetic.base_displacement_to_deviations(rig, random), leant(rover, rng)

@@ -37,6 +37,8 @@ from lrmd.safety.collision_guard import CollisionGuard
 
 BEARABLE_S = 60.0
 """s: a load with which a servo would be too hot sooner is not one that the arm carries."""
+SCENES_PER_S = 10
+"""Each takes tens of milliseconds, and needs no lease: a flood of them must not keep the daemon from its work."""
 CONTACT_SPEED = 0.1
 """Share of the full rate at which an arm moves that may touch something."""
 
@@ -172,7 +174,9 @@ def _payload(s: ControllerState, request: PayloadRequest, now: int) -> RequestRe
 
 def _scene(s: ControllerState, request: SceneCommand, now: int) -> RequestResult:
     """Raises `RequestError`; an obstacle inside the arm is refused, and stops a motion."""
-    names = s.config.arm.shapes.names
+    if s.obstacles_told_at is not None and now - s.obstacles_told_at < SECOND // SCENES_PER_S:
+        raise RequestError("busy", f"obstacles are taken {SCENES_PER_S} times a second at most", retryable=True)
+    s.obstacles_told_at, names = now, s.config.arm.shapes.names
     obstacles = s.obstacles.changed(request, names, now)
     guard = obstacles.added_to(s.guard, s.config.arm)
     told = [entry.name for entry in request.put]
@@ -182,7 +186,7 @@ def _scene(s: ControllerState, request: SceneCommand, now: int) -> RequestResult
             s.stop_motion(now, f"the obstacle {inside[1]} is said to be inside the arm")
             raise RequestError("obstacle", f"'{inside[1]}' would be inside {inside[0]} where the arm stands")
     s.obstacles = obstacles
-    updates.reconsider(s, now, "an obstacle")
+    updates.use_guard(s, guard, now, "an obstacle")
     return RequestResult()
 
 

@@ -59,7 +59,7 @@ class ControllerState:
 
     Attributes: `mode`, `why`, `since` (monotonic ns), `faults` by code, the lease as `leasehold`, `orders` for the
     ramp, its `report`, `thermal` monitor, `motion_check`, `motion_record`, `payload` (kg), the known `gravity`,
-    `obstacles`, `guard` without them,
+    `obstacles`, told of at `obstacles_told_at` (monotonic ns), `guard` without them,
     unpublished `events`, and the state file as `stored`. `fallen`: servos without pulses whose position is not known.
     `stops`: number of holds, emergency stops, disarmings and faults so far. Of the thermal protection: `held_at`,
     `rest_tried_at` (monotonic ns) of the last hold and attempt to go to rest, `rest_goal` (pulses, ns) of the last
@@ -93,6 +93,7 @@ class ControllerState:
         self.motion_check = MotionCheck(config, torques, guard, self.thermal)
         self.guard = guard
         self.obstacles = KnownObstacles()
+        self.obstacles_told_at: int | None = None
         self.fallen = FallenServos(config, self.motion_check, stored)
         self.orders = OrderScheduler(config, now)
         self.gravity = KnownGravity(config)

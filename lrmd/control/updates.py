@@ -155,12 +155,12 @@ def adopt_guard(s: ControllerState, guard: Guard, now: int, cause: str = "the ne
     """Uses another guard, that of a new model or direction of gravity (`cause`); a motion of which it does not
     allow the rest is stopped."""
     s.guard = guard
-    _use_guard(s, now, cause)
+    reconsider(s, now, cause)
 
 
 def reconsider(s: ControllerState, now: int, cause: str) -> None:
     """Asks the guard, with the obstacles and the load that are known now, about a motion under way in the same way."""
-    _use_guard(s, now, cause)
+    use_guard(s, s.obstacles.added_to(s.guard, s.config.arm), now, cause)
 
 
 def drop_old_obstacles(s: ControllerState, now: int) -> None:
@@ -175,8 +175,9 @@ def drop_old_obstacles(s: ControllerState, now: int) -> None:
     reconsider(s, now, "an obstacle")
 
 
-def _use_guard(s: ControllerState, now: int, cause: str) -> None:
-    s.motion_check.guard = s.obstacles.added_to(s.guard, s.config.arm)
+def use_guard(s: ControllerState, guard: Guard | None, now: int, cause: str) -> None:
+    """Asks a guard from now on, also about the rest of a motion under way."""
+    s.motion_check.guard = guard
     if s.mode is not Mode.MOVING:
         return
     under_way = Leg(s.orders.goal, s.order.stride[: len(s.position)], s.order.pace)

@@ -43,7 +43,7 @@ from lrmd.messages.kinematics import (
 )
 from lrmd.messages.surroundings import ObstacleEntry, contacts_of
 from lrmd.safety.collision_guard import CollisionGuard
-from lrmd.safety.contact_force import ContactRules, permits
+from lrmd.safety.contact_force import ContactRules, permits, permitting
 
 UNIT = 1e-3
 """Largest deviation of a quaternion's length from 1."""
@@ -103,7 +103,7 @@ class FeasibilityCheck:
             return self.scene
         each = [permits(self.scene, self.model, self.contacts, pose[None], payload) for pose in q]
         shallow = [min(found, key=lambda permit: permit.depth) for found in zip(*each, strict=True)]
-        return self.scene.permitting(shallow)
+        return permitting(self.scene, shallow)
 
     def feasible(self, query: IkQuery, branches: Sequence[Branch]) -> NDArray[np.bool_]:
         """(K,), for commands that a solver proposes.
@@ -208,7 +208,7 @@ class IkService:
         contacts = contacts_of(request.may_touch)
         if not contacts or self._scene is None:
             return self
-        self._scene.permitting(contact.permit for contact in contacts)
+        permitting(self._scene, (contact.permit for contact in contacts))
         other = copy(self)
         other._feasibility = replace(self._feasibility, model=self._bending, contacts=contacts)
         return other

@@ -30,7 +30,7 @@ from lrm_math.kinematics.forward import frames
 from lrm_math.kinematics.poses import poses_of
 from lrm_math.model.equilibrium import batch_equilibrium
 from lrm_math.model.model import Model
-from lrmd.safety.contact_force import NO_CONTACTS, ContactRules, permits
+from lrmd.safety.contact_force import NO_CONTACTS, ContactRules, permits, permitting
 
 Guard = Callable[[Sequence[Sequence[float]], float, ContactRules], None]
 """Raises an `LrmError` if straight moves through poses (rad, per joint) with a payload (kg) are not safe, contacts
@@ -88,7 +88,7 @@ class CollisionGuard:
         if contacts == NO_CONTACTS:
             return self
         found = permits(self.scene, self.model, contacts.permitted, path, payload)
-        return replace(self, scene=self.scene.permitting(found), touched=contacts.touched)
+        return replace(self, scene=permitting(self.scene, found), touched=contacts.touched)
 
     def check(self, path: Array, payload: float, keep: float | None = None) -> tuple[MotionClearance, int]:
         """The clearance on straight moves through poses (K, n), and the number of the move, from 0, that it is of.

@@ -5,7 +5,7 @@ A tip that is commanded below a surface stays on it: the arm is bent back by the
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -14,10 +14,12 @@ import numpy as np
 from lrm_math.arrays import Array, Vector3
 from lrm_math.collision.contact import Contact, ContactPermit
 from lrm_math.collision.scene import Scene
+from lrm_math.errors import LrmError
 from lrm_math.kinematics.poses import poses_of
 from lrm_math.model.deployed_model import under_gravity
 from lrm_math.model.equilibrium import batch_equilibrium
 from lrm_math.model.model import Model
+from lrmd.errors import RequestError
 
 TEST_LOAD = 0.05
 """kg, whose weight at the tip shows how far the arm yields."""
@@ -36,6 +38,14 @@ class ContactRules:
 
 
 NO_CONTACTS = ContactRules()
+
+
+def permitting(scene: Scene, permits: Iterable[ContactPermit]) -> Scene:
+    """The scene in which contacts are permitted. Raises `RequestError`: no such shape, or two parts of the arm."""
+    try:
+        return scene.permitting(permits)
+    except LrmError as error:
+        raise RequestError("contact", str(error)) from None
 
 
 def permits(

@@ -22,7 +22,7 @@ from validation.synthetic import (
     AxialFloat,
     CreepingJoint,
     DahlLoop,
-    GearRipple,
+    ToothRipple,
     HardStop,
     HiddenEffect,
     HingedLink,
@@ -177,7 +177,7 @@ def gear_ripple(half: Half, joint: int, waves: int, degrees: float) -> Unfamilia
     """A gear whose error repeats several times per turn."""
 
     def make(by: RandomSizes) -> HiddenEffect:
-        return GearRipple(joint, waves, by.size(degrees * DEG), round(by.rng.uniform(-math.pi, math.pi), 3))
+        return ToothRipple(joint, waves, by.size(degrees * DEG), round(by.rng.uniform(-math.pi, math.pi), 3))
 
     return hidden(half, f"gear{joint}", f"gear_ripple@joint{joint} eccentricity@joint{joint}", make)
 

@@ -113,7 +113,7 @@ class HardStop(HiddenEffect):
 
 
 @dataclass(frozen=True)
-class GearRipple(HiddenEffect):
+class ToothRipple(HiddenEffect):
     """Error of a gear stage that repeats `waves` times per turn, with half as much at twice that."""
 
     joint: int

@@ -51,7 +51,7 @@ STANDS = (
 """Flat on the table near the arm, flat and far, high and leaning away."""
 TOUCHES, FRESH, NOISE_M = 60, 100, 0.15e-3
 HISTORY = 8
-RIPPLE = synthetic.GearRipple(2, 5, 1.2 * DEG, 0.4)
+RIPPLE = synthetic.ToothRipple(2, 5, 1.2 * DEG, 0.4)
 GEOMETRY_SD = {"theta_rad": 0.02, "d_m": 0.001, "a_m": 0.001, "alpha_rad": 0.01}
 NOTHING = ""
 BOTH_GAINS = [f"servo_gain.joint2.g_{side}_rad_per_rad" for side in ("plus", "minus")]

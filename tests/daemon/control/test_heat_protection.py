@@ -286,7 +286,7 @@ def test_an_arm_whose_way_to_rest_is_blocked_says_so_once_and_may_be_moved(sim: 
     sim.seconds(1)
     blocked = True
 
-    def guard(path: list[list[float]], _: float) -> None:
+    def guard(path: list[list[float]], *_: object) -> None:
         if blocked and path[-1][1] < -0.7:
             raise LrmError("a wall")
 

@@ -12,6 +12,7 @@ import pytest
 from lrm_math.collision.scene import Scene
 from lrm_math.ik.nominal import NominalSolver
 from lrmd.config import SECOND, Config, load_config
+from lrmd.control.requests import SCENES_PER_S
 from lrmd.control.state_machine import Mode
 from lrmd.errors import RequestError
 from lrmd.messages.codec import MessageError, pack, unpack
@@ -45,6 +46,7 @@ def on_the_way(config: Config, share: float) -> ObstacleEntry:
 
 
 def tell(sim: Toucher, *put: ObstacleEntry, owner: str = "map", **more: Any) -> None:
+    sim.keep(SECOND // SCENES_PER_S // sim.config.tick + 1)
     sim.core.handle(SceneCommand(owner=owner, put=list(put), **more), sim.now)
 
 
@@ -132,3 +134,11 @@ def test_the_largest_scene_fits_into_the_shared_memory() -> None:
     assert shared.read_scene() is None
     shared.write_scene(packed(largest))
     assert unpacked(shared.read_scene() or b"") == tuple(largest)
+
+
+def test_a_flood_of_scenes_is_refused_before_it_costs_anything(sim: Toucher) -> None:
+    tell(sim, sphere("stone", (0.0, 0.8, 0.8)))
+    with pytest.raises(RequestError, match="10 times a second") as refused:
+        sim.core.handle(SceneCommand(owner="map"), sim.now)
+    assert refused.value.code == "busy"
+    assert refused.value.retryable

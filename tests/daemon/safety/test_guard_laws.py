@@ -149,7 +149,7 @@ def test_a_motion_begins_exactly_where_it_was_checked_from() -> None:
     arm = Approach(MARGIN + 30e-3, MARGIN + 90e-3)
     checked = []
     guard = arm.sim.core.motion_check.guard
-    arm.sim.core.motion_check.guard = lambda path, payload: (checked.append(path), guard(path, payload))
+    arm.sim.core.motion_check.guard = lambda path, *rest: (checked.append(path), guard(path, *rest))
     rng = np.random.default_rng(3)
     for _ in range(40):
         checked.clear()

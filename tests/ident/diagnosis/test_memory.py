@@ -52,7 +52,7 @@ def test_an_arm_without_memory_has_none_whatever_it_waits(waits: str, tmp_path: 
 
 def test_a_ripple_is_named_with_its_frequency(tmp_path: Path) -> None:
     arm = synthetic.load_arm(shipped_arms()[ARM])
-    hidden = synthetic.GearRipple(2, 11, 0.004, 0.4)
+    hidden = synthetic.ToothRipple(2, 11, 0.004, 0.4)
     truth = synthetic.GroundTruth.random(arm, 5, (hidden,))
     truth = synthetic.base_displacement_to_deviations(arm, truth)
     q = synthetic.random_poses(arm, POSES, 3)

@@ -1,0 +1,93 @@
+"""Obstacles, straight lines, contacts and loads over zenoh, against the simulated board."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+
+from lrmd.client import RequestRefused, Rover
+from lrmd.messages.kinematics import FkRequest, GoalEntry, IkRequest, PlanRequest
+from lrmd.messages.surroundings import ContactEntry, ObstacleEntry
+from tests.conftest import TABLE_B2
+from tests.support.daemon.daemon_process import SLOW_BOARD, DaemonSetup, running_daemon, wait_for
+
+START = [0.2, 0.3, -0.4, 0.9, 0.3, 0.2]
+
+
+@pytest.fixture(scope="module")
+def rover(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Rover]:
+    model = {'# model = "/etc/lrm/model.toml"': f'model = "{TABLE_B2}"'}
+    setup = DaemonSetup.make(tmp_path_factory.mktemp("daemon"), {**SLOW_BOARD, **model})
+    with running_daemon(setup) as (_, _), setup.rover() as rover, rover.control("test"):
+        rover.arm("given", {f"joint{i}": q for i, q in enumerate(START, start=1)})
+        yield rover
+
+
+def tip(rover: Rover) -> list[float]:
+    return rover.fk(FkRequest(q_rad=[rover.commanded_q()])).places[0].tcp_m
+
+
+def names(rover: Rover) -> list[str]:
+    return [obstacle.name for obstacle in rover.scene().obstacles]
+
+
+def test_kinematics_and_moves_know_an_obstacle_until_it_is_gone(rover: Rover) -> None:
+    place = [x + d for x, d in zip(tip(rover), (0.0, 0.12, 0.0), strict=True)]
+    goal = IkRequest(goals=[GoalEntry(position_m=place)], near_rad=rover.commanded_q())
+    free = rover.ik(goal).answers[0]
+    assert free.q_rad is not None
+    rover.tell_obstacles("map", ObstacleEntry(name="rock", shape="sphere", position_m=place, radius_m=0.02))
+    wait_for(lambda: names(rover) == ["rock"], "the obstacle is known")
+    found = rover.ik(goal).answers[0]
+    assert found.verdict == "collision"
+    assert "rock" in (found.bodies or [])
+    with pytest.raises(RequestRefused, match="rock") as refused:
+        rover.move(dict(zip(rover.info().names, free.q_rad, strict=False)))
+    assert refused.value.code == "collision"
+    rover.tell_obstacles("map", remove=["rock"])
+    wait_for(lambda: not names(rover), "the obstacle is gone")
+    assert rover.ik(goal).answers[0].verdict == "solved"
+
+
+def test_an_obstacle_inside_the_arm_is_an_event(rover: Rover) -> None:
+    rover.tell_obstacles("map", ObstacleEntry(name="hand", shape="sphere", position_m=tip(rover), radius_m=0.05))
+
+    def refused() -> bool:
+        return any(event.code == "refused" and event.detail["why"] == "obstacle" for event in rover.events())
+
+    wait_for(refused, "the refusal is told")
+    assert not names(rover)
+
+
+def test_a_line_is_planned_and_walked(rover: Rover) -> None:
+    begin = tip(rover)
+    goal = GoalEntry(position_m=[*begin[:2], begin[2] + 0.03])
+    line = rover.plan(PlanRequest(from_rad=rover.commanded_q(), goal=goal, line=True))
+    assert line.found, line.text
+    tips = np.array([place.tcp_m for place in rover.fk(FkRequest(q_rad=line.waypoints_rad)).places])
+    assert np.abs(tips[:, :2] - begin[:2]).max() < 1e-3
+    rover.move(*(dict(zip(rover.info().names, q, strict=False)) for q in line.waypoints_rad[1:]))
+    assert tip(rover)[2] == pytest.approx(begin[2] + 0.03, abs=5e-4)
+    far = GoalEntry(position_m=[*begin[:2], begin[2] + 3.0])
+    ended = rover.plan(PlanRequest(from_rad=rover.commanded_q(), goal=far, line=True))
+    assert not ended.found
+    assert ended.ends_at_m is not None
+    assert "ends after" in ended.text
+
+
+def test_a_contact_names_shapes_of_the_arm_file_and_a_load_is_a_state(rover: Rover) -> None:
+    box = {"low_m": [-1.0, -1.0, -1.0], "high_m": [1.0, 1.0, 1.0]}
+    there = dict(zip(rover.info().names, rover.commanded_q(), strict=False))
+    there["joint1"] += 0.02
+    parts = ContactEntry(first="link 1", second="palm", **box)
+    with pytest.raises(RequestRefused, match="moon"):
+        rover.move(there, may_touch=[ContactEntry(first="fingers", second="moon", **box)])
+    with pytest.raises(RequestRefused, match="both of the arm"):
+        rover.move(there, may_touch=[parts])
+    before = tip(rover)
+    rover.carry(0.06)
+    assert rover.mode().payload_kg == 0.06
+    wait_for(lambda: tip(rover)[2] < before[2] - 1e-4, "the arm sags under it")
+    rover.carry(0.0)
