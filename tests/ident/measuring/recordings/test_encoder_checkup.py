@@ -69,7 +69,7 @@ def test_what_cannot_be_checked_is_one_line(tmp_path: Path) -> None:
     folder = write_dataset(tmp_path / "mine", made, "v3.0")
     assert "no joint 'joint1' among" in stderr_of("checkup", folder, "--arm", "ur5")
     assert "0 rests of 30 s or more; should be 12" in stderr_of("checkup", folder, "--dwell", "30")
-    assert "no such file" in stderr_of("checkup", tmp_path)
+    assert "no meta/info.json" in stderr_of("checkup", tmp_path)
     short = Recording(*(values[:200] for values in (made.action, made.state, made.t, made.episode)))
     assert "stop for a moment" in stderr_of("checkup", write_dataset(tmp_path / "short", short, "v2.1"))
 
