@@ -345,6 +345,10 @@ WITHOUT_TWIN = {
     "gravity": "its twin are the leaning bases of validation/as_deployed; tests/ident/diagnosis/test_leaning_base.py",
     "servo_droop": "no joint feedback in the cases",
     "axial_play": "its twin AxialFloat is among the unfamiliar cases",
+    "gear_ripple": "its twin GearRipple is among the unfamiliar cases",
+    "creep": "its twins are in validation/memory; tests/ident/diagnosis/test_memory.py",
+    "self_heating": "its twin HeatedServo is in validation/memory",
+    "slip": "its twin SlippingHorn is in validation/memory",
 }
 
 
