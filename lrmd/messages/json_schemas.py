@@ -15,6 +15,7 @@ from pydantic import BaseModel
 from pydantic.json_schema import models_json_schema
 
 from lrmd.messages.codec import ErrorReply, Header, Message
+from lrmd.messages.control import Reply
 from lrmd.messages.kinematics import IkReply
 
 FILE = Path(__file__).with_name("schemas.json")
@@ -36,7 +37,7 @@ def _definitions(kinds: Iterable[type[BaseModel]], mode: Literal["validation", "
 
 def schemas() -> dict[str, Any]:
     """One schema document with every message under `$defs`."""
-    replies: set[type[BaseModel]] = {*_kinds(Header), IkReply, ErrorReply}
+    replies: set[type[BaseModel]] = {*_kinds(Header), Reply, IkReply, ErrorReply}
     requests = _definitions(set(_kinds(Message)) - replies, "validation")
     answers = _definitions(replies, "serialization")
     for definition in answers.values():
