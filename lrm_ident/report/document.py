@@ -127,7 +127,14 @@ class Facts:
             yield from (f"{further if row else first}{line}" for row, line in enumerate(lines))
 
 
-Block = str | Text | ResultTable | ListSection | Facts
+@dataclass(frozen=True)
+class CommandLine:
+    """A command to copy, on one line however narrow the terminal is."""
+
+    text: str
+
+
+Block = str | Text | ResultTable | ListSection | Facts | CommandLine
 
 
 @dataclass(frozen=True)
@@ -201,6 +208,9 @@ def write(console: Console, blocks: Iterable[Block], most: int | None = None) ->
             else:
                 write(console, [block.stacked()])
             continue
+        if isinstance(block, CommandLine):
+            console.print(block.text, highlight=False, markup=False, soft_wrap=True)
+            continue
         if isinstance(block, Facts):
             for line in block.shown(0 if console.soft_wrap else console.width):
                 console.print(line, highlight=False, markup=False)
@@ -271,6 +281,8 @@ def _block(block: Block) -> str:
         return folded if rows > MOST_ROWS else table_html(block)
     if isinstance(block, ListSection):
         return _list(block)
+    if isinstance(block, CommandLine):
+        return f"<p><code>{escape(block.text)}</code></p>"
     if isinstance(block, Facts):
         facts = "".join(f"<dt>{escape(name)}</dt><dd>{escape(words)}</dd>" for name, words in block.rows)
         return f'<dl class="facts">{facts}</dl>'

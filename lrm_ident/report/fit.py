@@ -37,7 +37,7 @@ def error_blocks(errors: ErrorSummary, title: str) -> list[Block]:
     """A table of a model's errors, or the reason why there is no held-out error."""
     stats = [("nominal arm", errors.nominal), ("model", errors.fitted)]
     if errors.held_out.error is not None:
-        stats.append(("held out (10 blocks of poses)", errors.held_out.error))
+        stats.append(("held out (not used in the fit)", errors.held_out.error))
     stats += deployed_rows(errors.held_out.deployed)
     if errors.nameless is not None:
         stats.append(("held out, with a black-box model", errors.nameless.error))
@@ -74,7 +74,7 @@ def fit_document(fit: Fit, errors: ErrorSummary, data: Measurements) -> Document
     fitted, before, held_out = errors.fitted.rms, errors.nominal.rms, errors.held_out.error
     outliers = [(data.pose[row], float(np.linalg.norm(fit.residual[row]) * 1e3)) for row in fit.outliers]
     how = fit_words(fit.loss.name, data.left_out)
-    unseen = "" if held_out is None else f"; at poses that it did not see it is {in_mm(held_out.rms)} mm"
+    unseen = "" if held_out is None else f"; at poses that the fit did not use it is {in_mm(held_out.rms)} mm"
     blocks = [
         heading(f"The RMS error {change_words(before, fitted)}{unseen}."),
         *error_blocks(errors, f"{len(data)} poses, {len(model.free)} parameters{how and '; ' + how}"),
@@ -111,7 +111,10 @@ def _outlier_words(outliers: Sequence[tuple[int, float]]) -> Iterator[str]:
     if outliers:
         far = sorted(outliers, key=lambda one: -one[1])
         shown = wording.enumerate_words([f"{pose} ({in_mm(error * 1e-3)} mm)" for pose, error in far], OUTLIERS_SHOWN)
-        yield f"Outliers (beyond 5 robust standard deviations): poses {shown}: wrong, or where the model fails most."
+        yield (
+            f"{len(far)} outliers, beyond 5 standard deviations (as the median estimates them): poses {shown}. Either "
+            "these measurements are wrong, or the model fails most there."
+        )
 
 
 def _told_words(fit: Fit) -> Iterator[str]:
@@ -119,7 +122,7 @@ def _told_words(fit: Fit) -> Iterator[str]:
     if fit.stated is not None:
         few = int((fit.told < MOSTLY_TOLD).sum())
         count = len(fit.told)
-        yield f"These poses determine {count - few} of {count} parameters; the others stay near their typical sizes."
+        yield f"The measurements determine {count - few} of {count} parameters; their typical sizes hold the others."
 
 
 def _without_outliers(fit: Fit, data: Measurements) -> list[Block]:

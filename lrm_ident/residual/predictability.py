@@ -85,10 +85,10 @@ class PredictableError:
         """Prediction of the residual in words, and the inputs that it follows."""
         before, after = in_mm(error_stats(self.before).rms), in_mm(self.error.rms)
         if not self.more_to_find:
-            return f"a Gaussian process on the residuals predicts no better ({after} mm)"
+            return f"a Gaussian process on the residuals cannot predict the rest ({after} mm with it)"
         return (
-            f"a Gaussian process on the residuals reaches {after} mm (now {before} mm), so at least that much of the "
-            f"error is systematic. It depends on {', '.join(self.follows)}."
+            f"a Gaussian process on the residuals lowers the error from {before} to {after} mm, so that part is "
+            f"systematic. It uses {', '.join(self.follows)}."
         )
 
     def as_json(self) -> dict[str, object]:

@@ -5,6 +5,7 @@ The one source of a verdict in words: terminal, page, report and notebook show t
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 
@@ -14,7 +15,7 @@ from lrm_ident.data.wording import enumerate_words, in_mm, in_percent
 from lrm_ident.diagnosis.attribution import Attribution, attribution_of, unexplained_ratio
 from lrm_ident.diagnosis.contradiction import can_be_contradicted
 from lrm_ident.diagnosis.diagnosis_report import DiagnosisReport, RankedCandidate
-from lrm_ident.report.document import Block, Facts, heading, section
+from lrm_ident.report.document import Block, CommandLine, Facts, heading, section
 from lrm_ident.report.plain_names import in_words, plain_name
 from lrm_ident.residual.data_audit import where_it_holds
 from lrm_ident.residual.thresholds import MAX_UNEXPLAINED_RATIO, MIN_GAIN
@@ -24,7 +25,7 @@ from lrm_math.effects import variants
 LISTED, REASONS, POSES_TO_MEASURE = 4, 4, 40
 HEADLINES = {
     "effect_describes": "No cause identified. The error is systematic, but these poses do not determine its cause.",
-    "nothing_missing": "No missing effect found: the remaining error is as large as the noise of the measurement.",
+    "nothing_missing": "No missing effect found: the remaining error is about the noise of the measurement.",
     "unexplained_structure": "No cause identified. The error is systematic, but no known effect explains it.",
     "unpredictable": "No cause identified. The error exceeds the noise, but nothing that was measured predicts it.",
     "noise_unknown": "No missing effect found, but the measurement noise is not known, so one may be hidden in it.",
@@ -71,7 +72,10 @@ class Conclusion:
         steps: list[Block] = [""]
         for number, step in enumerate(self.next):
             lead = "Next: " if number == 0 else "  or: "
-            steps += [f"{lead}{step.command or step.words}", *([f"      {step.words}"] if step.command else [])]
+            if step.command:
+                steps += [CommandLine(f"{lead}{step.command}"), f"      {step.words}"]
+            else:
+                steps.append(f"{lead}{step.words}")
         why = section("Why these poses determine no more", self.reasons)
         return [heading(self.headline), Facts(self.facts), *why, *(steps if self.next else ())]
 
@@ -129,21 +133,18 @@ def _facts(report: DiagnosisReport, attribution: Attribution | None) -> Iterator
     if first is not None and attribution != "description":
         yield "estimate", in_words(first.claim)
     yield "held-out error", _held_out(report)
-    if first is None or first.deployed is None:
-        yield "as deployed", _deployed(report)
-    else:
-        yield "as deployed", _fall(report.deployed.now.rms, first.deployed.now.rms)
+    yield "as deployed", _deployed(report)
     if first is not None and attribution is not None:
         label = "empirical term" if attribution == "description" else "certainty"
         yield label, _certainty(report, first, attribution)
     if first is None or attribution != "finding":
-        yield "black-box model", in_words(report.left.predictable.sentence)
+        yield "black box", in_words(report.left.predictable.sentence)
     if report.verdict == "unexplained_structure":
         yield "acts most like", _looks_like(report)
     yield "where", in_words(report.left.regimes[0].sentence) if report.left.regimes else ""
     yield "far off", " ".join(_far_poses(report))
     if report.verdict in ("nothing_missing", "noise_unknown"):
-        yield "may hide", _may_hide(report)
+        yield "hidden at most", _may_hide(report)
         yield "valid", valid_where(report)
 
 
@@ -164,17 +165,22 @@ def _fall(before: float, after: float) -> str:
 
 def _held_out(report: DiagnosisReport) -> str:
     floor, sd = report.diagnosis.floor.rms, report.diagnosis.floor.sd
-    bound = f"measurement noise not known, at most {in_mm(report.left.predictable.noise_bound)} mm"
+    bound = f"measurement noise not known; a black-box model leaves {in_mm(report.left.predictable.noise_bound)} mm"
     noise = bound if floor is None else f"measurement noise {in_mm(floor)} mm"
     if report.verdict == "unpredictable" and sd is not None:
         noise += f": the error is {report.diagnosis.fit.sigma / sd:.2f} times as large"
     error, first = report.held_out.rms, report.first
-    return f"{f'{in_mm(error)} mm RMS' if first is None else _fall(error, first.held_out_rms)} ({noise})"
+    errors = f"{in_mm(error)} mm RMS" if first is None else _fall(error, first.held_out_rms)
+    return f"{errors} at poses that the fit did not use ({noise})"
 
 
 def _deployed(report: DiagnosisReport) -> str:
     """The error as deployed, where it is another than in the session."""
-    deployed, shown = report.deployed, report.held_out.rms
+    deployed, shown, first = report.deployed, report.held_out.rms, report.first
+    if first is not None and first.deployed is not None:
+        before, after = (in_mm(one.now.rms) for one in (deployed, first.deployed))
+        same = (before, after) == (in_mm(shown), in_mm(first.held_out_rms))
+        return "" if same else f"{before} → {after} mm RMS: what only the session knows does not go along"
     if in_mm(deployed.now.rms) == in_mm(shown) and deployed.otherwise is None:
         return ""
     earlier = "" if deployed.otherwise is None else f"; {in_mm(deployed.otherwise.rms)} mm earlier in the session"
@@ -189,13 +195,13 @@ def _certainty(report: DiagnosisReport, first: RankedCandidate, attribution: Att
         ratio = unexplained_ratio(report) or 0.0
         rivals = f" These poses cannot distinguish it from {beside}." if beside else ""
         return (
-            f"candidate cause: {ratio:.1f} times as much squared error stays unexplained as it explains (limit "
+            f"only a candidate cause: {ratio:.1f} times as much squared error stays unexplained as it explains (limit "
             f"{MAX_UNEXPLAINED_RATIO:.2f}), so another cause may stand behind it.{rivals}"
         )
     if beside:
-        return f"identified as one of {len(first.equivalent) + 1}: indistinguishable from {beside} with these poses"
+        return f"it, or one of {len(first.equivalent)} others that these poses cannot distinguish from it: {beside}"
     unsure = "" if report.diagnosis.floor.rms is not None else "; how much stays unexplained is not known"
-    return f"identified{_runner_up(report, first)}{unsure}"
+    return f"identified cause{_runner_up(report, first)}{unsure}"
 
 
 def _runner_up(report: DiagnosisReport, first: RankedCandidate) -> str:
@@ -213,7 +219,7 @@ def _runner_up(report: DiagnosisReport, first: RankedCandidate) -> str:
     if not others:
         return ""
     least = min(others, key=lambda one: one.scored.alone.rms)
-    return f": the next best effect, {plain_name(least.name)}, would leave {in_mm(least.scored.alone.rms)} mm"
+    return f"; the next best one, {plain_name(least.name)}, would leave {in_mm(least.scored.alone.rms)} mm"
 
 
 def _explains(report: DiagnosisReport, first: RankedCandidate) -> str:
@@ -266,7 +272,10 @@ def _may_hide(report: DiagnosisReport) -> str:
     if not bounds or report.diagnosis.data.several_kinds:
         return ""
     name = next(iter(bounds))
-    return f"a known effect of at most {in_mm(bounds[name])} mm RMS at these poses (95 %; {plain_name(name)})"
+    return (
+        f"{in_mm(bounds[name])} mm RMS: so far could an effect of the catalogue move the tip without being detected "
+        f"here (95 % bound; the largest is {plain_name(name)})"
+    )
 
 
 def _next_steps(report: DiagnosisReport, attribution: Attribution | None, names: CommandNames) -> Iterator[NextStep]:
@@ -274,16 +283,22 @@ def _next_steps(report: DiagnosisReport, attribution: Attribution | None, names:
     if first is None or attribution is None:
         yield _without_effect(report, names)
         return
-    add = f"lrm-ident add {names.model} {names.data} {first.name} -o better.toml"
+    files = f"{shlex.quote(names.model)} {shlex.quote(names.data)}"
+    add = f"lrm-ident add {files} {shlex.quote(first.name)} -o better.toml"
     causes = _causes(report, first, attribution)
     if len(causes) > 1:
-        separate = f"--separate {','.join(causes[:LISTED])} --have {names.data} -n {POSES_TO_MEASURE} -o next.csv"
-        yield NextStep(report.hint, f"lrm-ident design {names.arm} --model {names.model} {separate}")
+        arm, rivals = shlex.quote(names.arm), shlex.quote(",".join(causes[:LISTED]))
+        model, data = shlex.quote(names.model), shlex.quote(names.data)
+        poses = f"--separate {rivals} --have {data} -n {POSES_TO_MEASURE} -o next.csv"
+        words = f"It writes {POSES_TO_MEASURE} poses to measure next, which distinguish these causes best."
+        yield NextStep(words, f"lrm-ident design {arm} --model {model} {poses}")
     if attribution == "description":
-        now = f"Use this empirical term now ({_fall(report.held_out.rms, first.held_out_rms)} held out)."
+        now = f"It uses the empirical term meanwhile: the error falls {_fall(report.held_out.rms, first.held_out_rms)}."
         yield NextStep(now, add)
     else:
-        yield NextStep("Add it, refit everything, and diagnose again (auto repeats both until nothing is left).", add)
+        auto = f"lrm-ident auto {files} -o best.toml"
+        yield NextStep("It adds the effect and refits everything; then diagnose better.toml.", add)
+        yield NextStep("It repeats both, until no missing effect is found.", auto)
 
 
 def _causes(report: DiagnosisReport, first: RankedCandidate, attribution: Attribution) -> Sequence[str]:
@@ -296,7 +311,7 @@ def _causes(report: DiagnosisReport, first: RankedCandidate, attribution: Attrib
 def _without_effect(report: DiagnosisReport, names: CommandNames) -> NextStep:
     """The next step after a verdict without an effect to add."""
     command = {
-        "nothing_missing": f"lrm deploy {names.model}",
-        "unexplained_structure": f"lrm-ident propose {names.model} {names.data} -o law.py",
+        "nothing_missing": f"lrm deploy {shlex.quote(names.model)}",
+        "unexplained_structure": f"lrm-ident propose {shlex.quote(names.model)} {shlex.quote(names.data)} -o law.py",
     }
     return NextStep(report.hint, command.get(report.verdict, ""))

@@ -15,14 +15,16 @@ from lrm_ident.report.diagnosis.conclusion import UNKNOWN_FILES, CommandNames, C
 from lrm_ident.report.document import Block, Document, Facts, ResultTable, section
 from lrm_ident.report.plain_names import in_words, plain_name
 from lrm_ident.residual.residual_patterns import ResidualPatterns
-from lrm_ident.residual.thresholds import MIN_GAIN
 from lrm_math.arrays import Array
 from lrm_math.effects import Effect, compensable, variants
 
 SHOWN, REFUSED_SHOWN, RANKED = 6, 3, 30
-STATUS = {"supported": "also missing", "indistinguishable": "indistinguishable", "no_evidence": "no evidence"}
+STATUS = {"supported": "missing, too", "indistinguishable": "one of several"}
+PART = 0.15
+"""Share of the squared error from which an effect is said to explain part of it."""
 ATTRIBUTED: Mapping[Attribution | None, str] = {"finding": "identified", "possible_cause": "candidate cause"}
 BAR = 16
+LIKE = "indistinguishable"
 MORAN = "spatial autocorrelation (Moran's I)"
 ABOUT = "reasons for every candidate, tests of the residuals, what these poses cannot show"
 
@@ -90,20 +92,28 @@ def _candidates(report: DiagnosisReport) -> Iterator[Block]:
         rows.append((advice.name, f"{approximate}{in_mm(rms)}", bar, _status(report, number, advice)))
     if counted or report.verdict == "unexplained_structure":
         yield ""
-        yield ResultTable(("candidate", "mm RMS|", "", "status"), rows, "Held-out error with each candidate added")
+        yield ResultTable(
+            ("candidate", "mm RMS|", "", "status"),
+            rows,
+            "Held-out error with each candidate added (≈: estimated without a refit)",
+        )
 
 
 def _status(report: DiagnosisReport, number: int, advice: RankedCandidate) -> str:
     """Status of a candidate, in a few words."""
-    effect = advice.scored.candidate.effect
+    effect, first = advice.scored.candidate.effect, report.first
+    beside = () if first is None else (first.name, *first.equivalent) if first.equivalent else ()
     if advice.verdict != "no_evidence":
         attribution = attribution_of(report) if number == 0 else None
         if attribution == "description" or (effect.variant_of and number):
             return "empirical term"
-        return STATUS[advice.verdict] if number or advice.equivalent else ATTRIBUTED.get(attribution, "candidate")
+        if number or advice.equivalent:
+            return LIKE if advice.name in beside else STATUS[advice.verdict]
+        return ATTRIBUTED.get(attribution, "candidate cause")
     if advice.scored.implausible:
         return "implausible size"
-    return "no evidence" if advice.scored.alone.rms > (1.0 - MIN_GAIN) * report.held_out.rms else "explains part of it"
+    share = 1.0 - (advice.scored.alone.rms / report.held_out.rms) ** 2
+    return "explains part of it" if share > PART else "explains little"
 
 
 def _details(report: DiagnosisReport) -> list[Block]:
