@@ -57,7 +57,7 @@ def main() -> None:
 
 def _draw_board(axes: Any, faces: Array, colour: str, alpha: float) -> None:
     from matplotlib.colors import LightSource
-    from mpl_toolkits.mplot3d.art3d import Poly3DCollection
+    from mpl_toolkits.mplot3d.art3d import Poly3DCollection  # type: ignore[import-untyped]
 
     axes.add_collection3d(
         Poly3DCollection(faces, facecolors=colour, alpha=alpha, shade=True, lightsource=LightSource(315, 45))

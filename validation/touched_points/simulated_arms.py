@@ -155,7 +155,7 @@ def near_goal(goal: Array, rng: np.random.Generator) -> Array:
     """(n,), rad, random joint angles with which the arm as drawn is at a goal (m)."""
     drawn = model_of(ARM, ())
     while True:
-        q: Array = np.asarray(rng.uniform(*(0.7 * LIMITS.T)))
+        q = np.asarray(rng.uniform(*(0.7 * LIMITS.T)), dtype=np.float64)
         for _ in range(25):
             error = goal - solve_equilibrium(drawn, poses_of(q)).tcp[0]
             if np.linalg.norm(error) < 1e-3:

@@ -63,7 +63,7 @@ def record(
     output: Annotated[
         Path,
         Option("-o", "--output", metavar="DATA", help="Touches; a file that is there goes on."),
-        arg.CompanionFiles({".toml": "metadata"}, appended=True),
+        arg.CompanionFiles({".toml": "metadata"}),
     ],
     robot: Annotated[str, Option(help="feetech:/dev/ttyACM0,ids=1-5 or dynamixel:/dev/ttyUSB0,ids=1-5.")],
     board: Annotated[

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -11,6 +10,7 @@ from typing import Protocol
 
 import numpy as np
 
+from lrm_ident.data.atomic_write import write_text
 from lrm_ident.data.measurement_file.known_columns import ANGLE, PLACEMENT, POINT
 from lrm_ident.data.table_text.csv_file import read_table
 from lrm_math.errors import FileError, LrmError
@@ -31,12 +31,13 @@ class LimpServos(Protocol):
 
 @dataclass
 class TouchLog:
-    """File of touches: one whole line a touch, on the disk at once; one that is there goes on. Raises `FileError`."""
+    """File of touches, on the disk after each; one that is there goes on. Raises `FileError`."""
 
     path: Path
     joints: int
     count: int = 0
     placements: list[str] = field(default_factory=list)
+    text: str = ""
 
     def __post_init__(self) -> None:
         header = ["pose", *(ANGLE.format(k) for k in range(1, self.joints + 1)), POINT, PLACEMENT]
@@ -46,6 +47,7 @@ class TouchLog:
         table = read_table(self.path)
         if list(table.header) != header:
             raise FileError(self.path, "header", "is not that of touches of this arm", "give another file to write to")
+        self.text = self.path.read_text(encoding="utf-8")
         self.count = max((int(row[0]) for row in table.rows), default=0)
         self.placements = list(dict.fromkeys(row[-1] for row in table.rows))
 
@@ -56,12 +58,8 @@ class TouchLog:
         self._write(",".join([str(self.count), *(f"{math.degrees(angle):.4f}" for angle in q), point, placement]))
 
     def _write(self, line: str) -> None:
-        try:
-            with self.path.open("ab", buffering=0) as file:
-                file.write(f"{line}\n".encode())
-                os.fsync(file.fileno())
-        except OSError as error:
-            raise FileError(self.path, "", f"cannot be written ({error.strerror})") from None
+        self.text += f"{line}\n"
+        write_text(self.path, self.text)
 
 
 def record_touches(
