@@ -62,7 +62,7 @@ SECTIONS = {
         ListedCommand("compare", "fit", "Show where a model fails on measurements."),
         ListedCommand("report", "report", "Write all results as one HTML page."),
         ListedCommand("workbench", "workbench", "Open everything in the browser (extra: page)."),
-        ListedCommand("show", "fit", "Show a model: its steps, errors and parameters."),
+        ListedCommand("show", "report", "Show a model: its steps, errors and parameters."),
         ListedCommand("predict", "fit", "Predict tip position and joint torques at poses."),
         ListedCommand("effects", "fit", "Explain the effects of the catalogue."),
         ListedCommand("explain", "groups.explain", "Explain a word that the commands use."),

@@ -41,7 +41,7 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
     "workbench": ("lrm-ident workbench model.toml DATA.csv", "lrm-ident workbench DATA.csv"),
     "design": (
         "lrm-ident design lrm-lab -n 50 -o poses.csv",
-        "lrm-ident design lrm-lab --separate backlash@joint2,nonlinear_stiffness@joint2 -o next.csv",
+        "lrm-ident design lrm-lab --separate backlash@joint2,drift@joint2 -o next.csv",
     ),
     "choose-poses": ("lrm-ident choose-poses DATA.csv -n 50 -o best-50.csv",),
     "identify-parameters": ("lrm-ident identify-parameters lrm-lab poses.csv",),

@@ -11,8 +11,7 @@ import numpy as np
 from typer import Argument, Option
 
 from lrm_ident.cli import arguments as arg
-from lrm_ident.cli.app import app
-from lrm_ident.cli.command import command, command_of
+from lrm_ident.cli.command import command
 from lrm_ident.cli.common import (
     bars,
     check_arm,
@@ -38,7 +37,6 @@ from lrm_ident.report.effects import effect_blocks
 from lrm_ident.report.fit import comparison_document, fit_document
 from lrm_ident.report.plots.comparison import draw_comparison
 from lrm_ident.report.priors import PriorComparison
-from lrm_ident.report.summary import summary_document
 from lrm_ident.residual.error_breakdown import HeldOutResidual
 from lrm_ident.study.inputs import arm_from
 from lrm_ident.study.model_history import check_replaces, fit_words, undo_step, write_model
@@ -189,18 +187,6 @@ def compare(
 
         write_bytes(mcap, scene_file(comparison, models_on_data(study)))
     publish(comparison_document(comparison), json, figure, partial(draw_comparison, comparison), show_all)
-
-
-@command_of(app, "show")
-def show_model(
-    model: arg.ModelPath,
-    json: arg.JsonFile = None,
-    show_all: arg.ShowAll = False,
-    effects_file: arg.EffectsFile = None,
-) -> None:
-    """Show a model file: how the error fell, step by step, and what the model consists of."""
-    file, the_model = read_model(model, catalogue_with(effects_file))
-    publish(summary_document(file, the_model), json, in_full=show_all)
 
 
 @command

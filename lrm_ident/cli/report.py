@@ -1,4 +1,4 @@
-"""The command that writes the report: what the other commands compute, as one page."""
+"""Commands that show a model: its file, and all results on one page."""
 
 from __future__ import annotations
 
@@ -8,10 +8,13 @@ from typing import Annotated
 from typer import Option
 
 from lrm_ident.cli import arguments as arg
-from lrm_ident.cli.command import command
-from lrm_ident.cli.common import identifiable, opened, show
+from lrm_ident.cli.app import app
+from lrm_ident.cli.command import command, command_of
+from lrm_ident.cli.common import identifiable, opened, publish, read_model, show
 from lrm_ident.data.atomic_write import write_text
+from lrm_ident.fitting.effect_plugins import catalogue_with
 from lrm_ident.report.model_report import quick_report, with_comparison, with_diagnosis
+from lrm_ident.report.summary import summary_document
 from lrm_ident.workbench.html_report import html_report
 from lrm_math.errors import FileError
 from lrm_math.model.reading import AS_NAMED, Reading
@@ -41,3 +44,15 @@ def report(
     if json:
         write_text(json, found.document().json())
     show(found.verdict, f"Report written to {output}")
+
+
+@command_of(app, "show")
+def show_model(
+    model: arg.ModelPath,
+    json: arg.JsonFile = None,
+    show_all: arg.ShowAll = False,
+    effects_file: arg.EffectsFile = None,
+) -> None:
+    """Show a model file: how the error fell, step by step, and what the model consists of."""
+    file, the_model = read_model(model, catalogue_with(effects_file))
+    publish(summary_document(file, the_model), json, in_full=show_all)
