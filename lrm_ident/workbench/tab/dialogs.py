@@ -151,7 +151,7 @@ TOUR = (
         "panel-effect",
         "3 of 6: which effect",
         "Every known effect at every place was tried. The list says which held-out error each would leave: ● is "
-        "supported, ◐ cannot be told from others, ○ has no evidence. Play in joint 2 is first by far.",
+        "supported, ◐ is indistinguishable from others, ○ has no evidence. Backlash in joint 2 is first by far.",
     ),
     TourStop(
         "panel-form",
@@ -168,7 +168,7 @@ TOUR = (
     TourStop(
         "panel-effect",
         "6 of 6: know when to stop",
-        "Once the held-out error has reached the noise floor, the verdict says that nothing is missing. Save the model "
+        "Once the held-out error has reached the noise floor, the headline says that no missing effect was found. Save the model "
         "for the rover, write a report, or drop your own CSV on this page.",
     ),
 )

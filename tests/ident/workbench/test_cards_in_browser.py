@@ -46,7 +46,7 @@ def test_cards_say_what_is_known_of_rivals(browser: Any, stepped: Path, tmp_path
     text, model = stepped.read_text(encoding="utf-8"), tmp_path / "m.toml"
     first, second, together = cards(browser, model, text)
     assert "torque_curve@joint2): alone it would have left 0.5" in first
-    assert "a free curve, of more parameters" in first
+    assert "a spline, with more parameters" in first
     assert "alone it would have left" in second
     assert re.fullmatch(r"All 2 steps together: 3\.0\d → 0\.5\d mm, held out\.", together)
 
@@ -56,8 +56,8 @@ def test_cards_say_what_is_known_of_rivals(browser: Any, stepped: Path, tmp_path
     assert "(compliance@joint1): alone it would have left 2.50 mm" in far
 
     first, second, _ = cards(browser, model, re.sub(rivals, "", text))
-    assert "take these steps back (lrm-ident undo 2 times) and diagnose the model before it" in first
-    assert "take this step back (lrm-ident undo) and diagnose the model before it" in second
+    assert "undo these steps (lrm-ident undo 2 times) and diagnose the model before it" in first
+    assert "undo this step (lrm-ident undo) and diagnose the model before it" in second
 
 
 @pytest.mark.slow
@@ -72,8 +72,8 @@ def test_page_one_names_what_cannot_be_told_apart_and_what_is_next(browser: Any,
     verdict, following = page.inner_text("#lrm-verdict"), page.inner_text("#lrm-next")
     first, second = page.evaluate("lrm.state.values.ranking.slice(0, 2).map((one) => [one.title, one.verdict])")
     assert (first[1], second[1]) == ("indistinguishable", "indistinguishable")
-    assert verdict.startswith("An effect is missing. If it is play in joint 2, joint 2 has 2.")
-    assert f"these data cannot tell it from {second[0]}" in verdict
-    assert following.startswith("Next: To tell play in joint 2 from ")
+    assert verdict.startswith("Missing effect: backlash in joint 2 (backlash@joint2), or another that these poses cannot")
+    assert second[0] in page.inner_text("#lrm-facts")
+    assert following.startswith("Next: Measure poses that distinguish the possible causes: ")
     assert page.inner_text("h1").startswith("two-joint: model and measurements ")
     page.close()

@@ -58,7 +58,7 @@ def test_from_the_shipped_data_to_nothing_missing(browser: Any, running: Running
     idle(page, RANKED)
     first = page.inner_text('.lrm-candidate[aria-checked="true"]')
     assert "backlash@joint2" in first
-    assert "An effect is missing" in page.inner_text("#lrm-verdict")
+    assert "Missing effect: backlash in joint 2" in page.inner_text("#lrm-verdict")
     page.screenshot(path=SHOTS / "before.png")
     arrows, history = page.evaluate(ARROWS), page.evaluate("lrm.state.values.history[0].held")
     page.click("[data-name=add]")
@@ -66,7 +66,7 @@ def test_from_the_shipped_data_to_nothing_missing(browser: Any, running: Running
     assert page.evaluate("lrm.state.values.history[1].held") < 0.3 * history
     assert page.evaluate(ARROWS) < 0.3 * arrows
     idle(page, RANKED)
-    assert "Nothing is missing" in page.inner_text("#lrm-verdict")
+    assert "No missing effect found" in page.inner_text("#lrm-verdict")
     page.screenshot(path=SHOTS / "after.png")
     page.select_option("#lrm-beside", "0")
     page.wait_for_timeout(1500)
@@ -80,7 +80,7 @@ def test_from_the_shipped_data_to_nothing_missing(browser: Any, running: Running
     report = other.value
     seen.listen(report)
     report.wait_for_selector("#lrm-field canvas")
-    assert "An effect is missing" in report.inner_text("#lrm-verdict")
+    assert "Missing effect: backlash in joint 2" in report.inner_text("#lrm-verdict")
     report.pdf(path=SHOTS / "report.pdf")
     for figure in ("turn", "form", "added", "history"):
         assert report.query_selector(f"#lrm-{figure} .main-svg"), f"{figure} is not on paper"

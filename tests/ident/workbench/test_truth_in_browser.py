@@ -128,7 +128,7 @@ def test_the_list_says_what_it_shows(browser: Any, small: RunningWorkbench) -> N
         held = [one[2] for one in shown if one[1] == standing]
         assert held == sorted(held)
     assert page.evaluate("document.querySelector('#lrm-ranking-head abbr').title")
-    assert "play in joint 2" in page.inner_text("#lrm-ranking .lrm-candidate")
+    assert "backlash in joint 2" in page.inner_text("#lrm-ranking .lrm-candidate")
     page.context.close()
 
 
@@ -140,7 +140,7 @@ def test_buttons_stay_the_verdict_is_of_the_step_shown_and_redo_gives_back(
     page = opened(browser, small, SIZE, seen)
     boxes = page.evaluate(BOXES)
     idle(page, RANKED)
-    assert page.inner_text("[data-name=add]").split("\n") == ["Add: play in joint 2", "backlash@joint2"]
+    assert page.inner_text("[data-name=add]").split("\n") == ["Add: backlash in joint 2", "backlash@joint2"]
     before = page.evaluate("lrm.state.values.history[0].held")
     x, y = boxes["add"][0] + 20, boxes["add"][1] + 10
     under = f"document.elementFromPoint({x}, {y}).closest('[data-name]').dataset.name"
@@ -153,12 +153,12 @@ def test_buttons_stay_the_verdict_is_of_the_step_shown_and_redo_gives_back(
     assert page.evaluate(BOXES) == boxes
     after = page.evaluate("lrm.state.values.history[1].held")
     fall = page.inner_text("#lrm-fall").replace("\xa0", " ")
-    assert fall.startswith("Play in joint 2")
+    assert fall.startswith("Backlash in joint 2")
     assert f"{before:.2f} → {after:.2f} mm" in fall
     last = page.inner_text("#lrm-verdict")
     page.select_option("#lrm-step", "0")
     assert last not in page.inner_text("#lrm-verdict")
-    assert "An effect is missing" in page.inner_text("#lrm-verdict")
+    assert "Missing effect: backlash in joint 2" in page.inner_text("#lrm-verdict")
     assert "nominal" in page.inner_text("#lrm-fall")
     drawn = "document.querySelector('#lrm-card-1 .legend')"
     wait_for(page, drawn)

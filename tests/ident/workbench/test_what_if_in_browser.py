@@ -35,7 +35,7 @@ def test_the_size_of_an_effect_moves_arrows_and_rms_before_any_refit(browser: An
     assert said[1.0] < said[1.5] < said[2.0], "least at the estimate: it is the least-squares one"
     moved_to(page, 1.0)
     words = page.inner_text("#lrm-what-if-says")
-    assert "play in joint 2 of 2." in words
+    assert "backlash in joint 2 of 2." in words
     assert "linear, before any refit" in words
     assert page.evaluate("lrm.scenes.field.content.title").startswith("what if: RMS")
     arrows = page.evaluate("lrm.scenes.field.content.residual")
