@@ -168,7 +168,7 @@ TOUR = (
     TourStop(
         "panel-effect",
         "6 of 6: know when to stop",
-        "Once the held-out error has reached the noise floor, the headline says that no missing effect was found. Save the model "
+        "Once the held-out error has reached the noise, the headline is: no missing effect found. Save the model "
         "for the rover, write a report, or drop your own CSV on this page.",
     ),
 )

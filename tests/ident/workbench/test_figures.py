@@ -132,7 +132,7 @@ def test_what_explains_as_well_is_told_apart_and_every_card_says_what_was_found(
     stdout_of("report", second, EXAMPLE, "-o", page)
     found = _values_of(page)
     (card,) = found["cards"]
-    assert (card["title"], card["joint"], card["driver"]) == ("Play in joint 2", 1, "torque of joint 2")
+    assert (card["title"], card["joint"], card["driver"]) == ("Backlash in joint 2", 1, "torque of joint 2")
     assert card["before"] == found["history"][0]["held"]
     assert card["share"] > 0.9
     assert card["left"] is None  # nothing that could be another cause
