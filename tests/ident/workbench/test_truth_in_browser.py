@@ -163,7 +163,7 @@ def test_buttons_stay_the_verdict_is_of_the_step_shown_and_redo_gives_back(
     drawn = "document.querySelector('#lrm-card-1 .legend')"
     wait_for(page, drawn)
     card = page.inner_text(".lrm-card-of-step").replace("\xa0", " ")
-    for words in ("Backlash in joint 2", f"{before:.2f} → {after:.2f} mm", "torque_curve@joint2", "above the noise", "°"):
+    for words in ("Backlash in joint 2", f"{before:.2f} → {after:.2f} mm", "torque_curve@joint2", "the noise", "°"):
         assert words in card
     wait_for(page, "document.querySelector('#lrm-card-1').data?.length === 4")
     page.keyboard.press("u")
