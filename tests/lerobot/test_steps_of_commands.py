@@ -47,7 +47,8 @@ def test_small_steps_of_a_wish_past_the_first_axis_are_small_steps_of_the_goals(
     (model := tmp_path / "model.toml").write_text(MODEL)
     servos = [FeetechServo(number) for number in range(1, 6)]
     robot = calibrated_robot_class()(
-        SimpleNamespace(model=str(model), payload_g=0.0, keep="base,tool"), SimulatedFollower(NAMES, servos)
+        SimpleNamespace(model=str(model), payload_g=0.0, keep="base,tool", accept_settings=False),
+        SimulatedFollower(NAMES, servos),
     )
     robot.connect()
     low, high = np.array([(joint.lower, joint.upper) for joint in ARM.joints]).T

@@ -15,7 +15,7 @@ CELL = """from lrm_math.arm.arm_file import load_arm
 def mine(name):
     return load_arm(name)
 
-mine("so100")
+mine("so99")
 """
 
 
@@ -25,7 +25,7 @@ def test_the_users_own_lines_and_the_message_are_shown_and_none_of_ours(tmp_path
     with pytest.raises(FileError) as caught:
         runpy.run_path(str(cell), run_name="__main__")
     *lines, message = caught.value._render_traceback_()
-    assert lines == ['line 6: mine("so100")', "line 4: return load_arm(name)"]
+    assert lines == ['line 6: mine("so99")', "line 4: return load_arm(name)"]
     assert message == f"FileError: {caught.value}"
 
 

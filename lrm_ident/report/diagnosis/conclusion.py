@@ -143,6 +143,9 @@ def _facts(report: DiagnosisReport, attribution: Attribution | None) -> Iterator
         yield "acts most like", _looks_like(report)
     yield "where", in_words(report.left.regimes[0].sentence) if report.left.regimes else ""
     yield "far off", " ".join(_far_poses(report))
+    yield "rows", " ".join(f"{one.sentence[0].upper()}{one.sentence[1:]}." for one in report.diagnosis.shifted)
+    outliers = report.diagnosis.outliers
+    yield "left out", f"{enumerate_words(list(map(str, outliers)), 2 * LISTED)}, as outliers" if outliers else ""
     if report.verdict in ("nothing_missing", "noise_unknown"):
         yield "hidden at most", _may_hide(report)
         yield "valid", valid_where(report)

@@ -144,7 +144,6 @@ def _details(report: DiagnosisReport) -> list[Block]:
         blocks += section("\nStructure of the residuals: what it acts like, and what that depends on", lines)
     if found.outliers:
         blocks.append(f"\nOutliers, left out: {poses_words(found.outliers)}")
-    blocks += [f"{one.sentence[0].upper()}{one.sentence[1:]}." for one in found.shifted]
     blocks += section("\nPatterns in the estimates, which are no effects", map(in_words, report.hints))
     blocks += section("\nWhat these poses cannot show", report.limitations)
     return [*blocks, *section("\nNot testable with these poses", untestable(found.not_testable))]

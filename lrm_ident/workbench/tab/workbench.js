@@ -38,7 +38,7 @@
   });
 
   // A click is answered at once, before the server has heard of it; its answer takes the mark away.
-  const SLOW = { add: "adding", undo: "undoing", redo: "redoing", auto: "auto", diagnose: "diagnosing", "propose a law": "looking for a law",
+  const SLOW = { add: "adding", undo: "undoing", redo: "redoing", auto: "auto", diagnose: "diagnosing", "propose a formula": "searching for a formula",
     "next poses": "choosing poses", "add a field (not a cause)": "adding a field" };
   const asked = (words) => {
     const box = document.getElementById("lrm-asked");

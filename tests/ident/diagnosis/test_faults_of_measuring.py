@@ -7,7 +7,7 @@ import pytest
 from lrm_ident.diagnosis.auto import AutoRun, run_auto
 from lrm_ident.diagnosis.diagnosis_report import DiagnosisReport, report_of
 from lrm_ident.fitting.identifiability import fit_identifiable
-from lrm_ident.report.diagnosis.diagnosis import diagnosis_document
+from lrm_ident.report.diagnosis.conclusion import conclude
 from lrm_math.arm.arm import Arm
 from lrm_math.effects import effects_at
 from lrm_math.model.model import model_of
@@ -49,5 +49,5 @@ def test_structure_says_what_it_looks_most_like(lab: Arm) -> None:
     run, report = course(lab, "the board's clock drifts")
     assert [step.added for step in run.steps] == [""]
     assert report.verdict == "unexplained_structure"
-    said = str(diagnosis_document(report).blocks[0])
-    assert "It looks most like a free function of order in the gain of all joints, which would leave" in said
+    said = dict(conclude(report).facts)["acts most like"]
+    assert said.startswith("a free function of order in the gain of all joints: it would leave")

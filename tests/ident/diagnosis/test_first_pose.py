@@ -13,7 +13,7 @@ from lrm_math.arm.arm_file import load_arm
 from lrm_math.effects import effects_at
 from lrm_math.model.model import model_of
 
-SAID = "From which side the joints came to pose 1 is not known"
+SAID = "The direction of approach of pose 1 is not known"
 
 
 @pytest.mark.slow

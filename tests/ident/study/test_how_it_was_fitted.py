@@ -59,7 +59,7 @@ def test_reading_commands_say_and_do_as_the_fit(folder: Path, command: str) -> N
 def test_steps_keep_how_the_model_was_fitted(folder: Path, words: list[str]) -> None:
     model, data, after = folder / "model.toml", folder / "data.csv", folder / "after.toml"
     command, *rest = words
-    assert SAID in noticed(command, model, data, *rest, "-o", after)
+    assert SAID in noticed(command, model, data, *rest, "-o", after, "--force")
     assert provenance(after).loss == "huber"
     assert set(LEFT_OUT) <= set(provenance(after).left_out)
     if command == "add":

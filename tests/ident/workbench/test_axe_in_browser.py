@@ -55,7 +55,7 @@ def test_axe_finds_nothing_in_any_dialog(browser: Any, small: RunningWorkbench) 
         page.wait_for_timeout(SETTLED_MS)
     for name, dialog, closing in (
         ("next poses", "#lrm-next-poses", "close-poses"),
-        ("propose a law", "#lrm-law", "close-law"),
+        ("propose a formula", "#lrm-law", "close-law"),
     ):
         page.click(f"[data-name='{name}']")
         page.wait_for_selector(dialog)

@@ -111,9 +111,9 @@ def test_words_are_explained_and_the_keyboard_reaches_all_but_the_icons_of_chart
     for place in ("workbench", "report"):
         if place == "report":
             page.goto(f"{small.origin}/lrm/report")
-        page.wait_for_selector("abbr >> text=nameless", state="attached")
+        page.wait_for_selector("abbr >> text=black-box model", state="attached")
         words = page.evaluate("[...document.querySelectorAll('abbr')].map((one) => [one.textContent, one.title])")
-        assert {"held-out", "RMS", "noise floor", "Moran's I", "nameless"} <= {word for word, _ in words}, place
+        assert {"held-out", "RMS", "measurement noise", "Moran's I", "black-box model"} <= {word for word, _ in words}, place
         assert all(title for _, title in words)
         focused = []
         for _ in range(40):
