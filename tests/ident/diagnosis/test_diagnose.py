@@ -203,7 +203,7 @@ def test_the_traps_of_the_real_data(real: Measurements, lab: Arm) -> None:
     found = diagnose(model, real)
     traps = " ".join(audit(real, found.fit.equilibrium.joint_torque))
     assert "few angles: joints 1, 2, 3, 4, 5 and 6" in traps
-    assert "run with joint 1 (correlation 0.94)" in traps
+    assert "follows joint 1 (correlation 0.94)" in traps
     assert "no reversal: joint 1" in traps
     refused = {effect.name for effect, _ in found.not_testable}
     assert {"hysteresis@joint1", "payload@tool", "session@joint2"} <= refused

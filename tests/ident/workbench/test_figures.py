@@ -135,7 +135,7 @@ def test_what_explains_as_well_is_told_apart_and_every_card_says_what_was_found(
     assert (card["title"], card["joint"], card["driver"]) == ("Backlash in joint 2", 1, "torque of joint 2")
     assert card["before"] == found["history"][0]["held"]
     assert card["share"] > 0.9
-    assert card["left"] is None  # nothing that could be another cause
+    assert card["shows"] == "finding", "nothing that could be another cause"
     assert all(entry["here"] and entry["data"] == found["data"][:8] for entry in found["history"])
     assert card["rivals"][0]["name"] == "torque_curve@joint2"
     assert "alone it would have left" in card["rivals"][0]["why"]

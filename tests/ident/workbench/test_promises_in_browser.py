@@ -113,7 +113,8 @@ def test_words_are_explained_and_the_keyboard_reaches_all_but_the_icons_of_chart
             page.goto(f"{small.origin}/lrm/report")
         page.wait_for_selector("abbr >> text=black-box model", state="attached")
         words = page.evaluate("[...document.querySelectorAll('abbr')].map((one) => [one.textContent, one.title])")
-        assert {"held-out", "RMS", "measurement noise", "Moran's I", "black-box model"} <= {word for word, _ in words}, place
+        known = {word for word, _ in words}
+        assert {"held-out", "RMS", "measurement noise", "Moran's I", "black-box model"} <= known, place
         assert all(title for _, title in words)
         focused = []
         for _ in range(40):
