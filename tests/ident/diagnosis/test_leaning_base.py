@@ -86,5 +86,5 @@ def test_a_tracker_is_blamed_only_where_it_is_surely_better(lab: Arm, share: flo
 
 def scored_as(effect: Effect) -> ScoredCandidate:
     """A candidate of which nothing is asked but its effect, name and size."""
-    candidate = SimpleNamespace(effect=effect, name=effect.name, trials=1)
+    candidate = SimpleNamespace(effect=effect, name=effect.name)
     return cast("ScoredCandidate", SimpleNamespace(candidate=candidate, name=effect.name, size=len(effect.parameters)))

@@ -148,6 +148,7 @@ def test_an_effect_that_is_expected_is_selected_before_one_that_predicts_as_well
             projected=linear.project(column),
             alone=linear.explain(linear.project(column)),
             candidate=SimpleNamespace(
+                trials=1,
                 shapes=((),),
                 priority=2,
                 effect=SimpleNamespace(place="joint1", variant_of=(), part=ModelPart.ARM),
