@@ -31,9 +31,11 @@ def with_anchor_fitted(objective: Objective, iterate: Iterate, noise: NoiseScale
         target = (weight * best.residual).reshape(-1)
         columns = (weight[:, :, None] * _by_anchor(objective, best, places)).reshape(len(target), len(places))
         z = best.z.copy()
+        # the distance is nearly linear in the end as long as it is far: two or three steps settle it
         z[places] += np.linalg.lstsq(columns, target, rcond=None)[0]
         values = best.equilibrium.model.values.copy()
         values[objective.columns] = z * objective.typical
+        # no slot and no load depends on the end, so that the equilibrium stays as it is
         settled = replace(best.equilibrium, model=best.equilibrium.model.with_values(values))
         trial = Iterate(z, settled, objective.data.whitening(objective.data.residual(settled)))
         if objective.value(trial, noise) >= objective.value(best, noise):
