@@ -69,7 +69,7 @@ def diagnose(
 def add(
     model: arg.ModelPath,
     data: arg.DataFile,
-    effect: Annotated[str, Argument(metavar="EFFECT[@PLACE]", help="For instance backlash@joint2.")],
+    effect: Annotated[str, Argument(metavar="EFFECT[@PLACE]", help="Effect to add, for instance backlash@joint2.")],
     output: arg.NewModel,
     json: arg.JsonFile = None,
     show_all: arg.ShowAll = False,
@@ -212,7 +212,9 @@ def kept_when_interrupted(output: Path, taken: Sequence[AutoStep]) -> Iterator[N
 def propose(
     model: arg.ModelPath,
     data: arg.DataFile,
-    output: Annotated[Path | None, Option("-o", "--output", metavar="LAW.py", help="Where to write the law.")] = None,
+    output: Annotated[
+        Path | None, Option("-o", "--output", metavar="LAW.py", help="Where to write the formula, as a Python file.")
+    ] = None,
     json: arg.JsonFile = None,
     effects_file: arg.EffectsFile = None,
     reading: Reading = AS_NAMED,
@@ -246,7 +248,7 @@ def selftest(
     poses: arg.PosesFile,
     only: Annotated[str, Option(help="Only effects that match, for instance 'backlash@*'.")] = "*",
     noise_mm: arg.NoiseMm = 0.3,
-    seed: Annotated[int, Option(help="Of the arm's errors and the noise.")] = 0,
+    seed: Annotated[int, Option(help="Seed of the arm's errors and of the noise.")] = 0,
     json: arg.JsonFile = None,
     show_all: arg.ShowAll = False,
     effects_file: arg.EffectsFile = None,
@@ -254,7 +256,7 @@ def selftest(
 ) -> None:
     """Predict which effects a set of poses can detect, before measuring.
 
-    Injects each effect at its typical size into a simulated arm with random errors, and prints what would be named.
+    Injects each effect at its typical size into a simulated arm with random errors, and prints which ones it finds.
     """
     from lrm_ident.diagnosis.inject_recover import InjectionPlan, detectable_effects, run_trials
 

@@ -1,8 +1,8 @@
 """`python -m validation.readability [--tree CHECKOUT]`: how hard README, docs, help and verdicts are to read.
 
-A passive sentence is one with a form of *to be* and a participle behind it, by a list of endings: about right, not exact.
-A rare word is one that is neither among the 3000 most common (package wordfreq), nor an inflection of these, nor in the
-glossary; numbers, code and words with capitals do not count.
+A passive sentence has a form of *to be* with a participle behind it, by a list of endings: about right, not exact.
+A rare word is neither among the 3000 most common (package wordfreq), nor an inflection of these, nor in the glossary;
+numbers, code and words with capitals do not count.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Prints the help texts of lrm-ident, lrm and lrmd as JSON, from whatever checkout is on the path: [name, text] each."""
+"""Prints the help texts of lrm-ident and lrm as JSON, of the checkout on the path: [name, text] each."""
 
 from __future__ import annotations
 
@@ -31,15 +31,25 @@ def of_argparse(parser: argparse.ArgumentParser, name: str) -> Iterator[tuple[st
             yield f"{name} {(action.option_strings or [action.dest])[-1]}", action.help
 
 
-def main() -> None:
-    """Help of both command lines."""
+def help_texts() -> list[tuple[str, str]]:
+    """Help of both command lines, without examples."""
     from typer.main import get_command
 
     from lrm_ident.cli.app import app
     from lrmd.cli.app import parser
 
     texts = [*of_click(get_command(app), "lrm-ident"), *of_argparse(parser(), "lrm")]
-    print(json.dumps([(name, text.split("\b")[0]) for name, text in texts]))
+    return [(name, without_examples(text)) for name, text in texts]
+
+
+def without_examples(text: str) -> str:
+    """Lines that are not indented, up to what click leaves as it is broken."""
+    return "\n".join(line for line in text.split("\b")[0].splitlines() if not line.startswith("  "))
+
+
+def main() -> None:
+    """Prints them."""
+    print(json.dumps(help_texts()))
 
 
 if __name__ == "__main__":

@@ -7,6 +7,7 @@ import os
 import subprocess
 import sys
 import tempfile
+from collections.abc import Iterable
 from pathlib import Path
 
 from validation.readability.prose import Sentence, sentences
@@ -38,15 +39,13 @@ def page(path: Path, name: str) -> list[Sentence]:
 
 
 def helps(tree: Path) -> list[Sentence]:
-    """Help of every command, argument and option, from the code of the checkout; the line is the number of the text."""
-    done = run(tree, [sys.executable, str(PROBE)], tree)
-    found = json.loads(done)
-    return [each for number, (name, text) in enumerate(found, 1) for each in of_text(text, name, number)]
+    """Help of every command, argument and option, from the code of the checkout."""
+    return of_helps(json.loads(run(tree, [sys.executable, str(PROBE)], tree)))
 
 
-def of_text(text: str, name: str, number: int) -> list[Sentence]:
-    """Sentences of a help text, all with its number."""
-    return [Sentence(each.text, name, number) for each in sentences(text, name)]
+def of_helps(texts: Iterable[tuple[str, str]]) -> list[Sentence]:
+    """Sentences of help texts, by the name of each command or option."""
+    return [each for name, text in texts for each in sentences(text, name)]
 
 
 def verdicts(tree: Path) -> list[Sentence]:
@@ -56,7 +55,7 @@ def verdicts(tree: Path) -> list[Sentence]:
         lay_out(tree, Path(folder))
         for words in OUTPUTS:
             text = run(tree, [sys.executable, "-m", "lrm_ident", *words.split()], Path(folder))
-            found += [each for each in sentences(unindented(text), words)]
+            found += sentences(unindented(text), words)
     return found
 
 
