@@ -1,7 +1,7 @@
-"""`python -m validation.json_numbers BEFORE AFTER`: do two checkouts give the same numbers in the JSON of every command?
+"""`python -m validation.json_numbers BEFORE AFTER`: do two checkouts print the same numbers in their JSON?
 
-Both run the same commands on the shipped example. Compared is every number, by its key; texts may differ, and numbers of
-what a text states, dates, times and hashes are left out. Exit code 1 if a number differs, or a key with one is missing.
+Both run the same commands on the shipped example. Every number is compared by its key. Texts may differ; dates, times
+and provenance are left out. Exit code 1 if a number differs, or a key with one is missing.
 """
 
 from __future__ import annotations

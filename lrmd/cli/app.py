@@ -89,7 +89,7 @@ def parser() -> argparse.ArgumentParser:
     command("pan-tilt", motion.pan_tilt, "turn the camera", _motion, _pan_tilt)
     command("ik", motion.ik, "compute commands that bring the tool to a place (mm)", _goal)
     command("goto", motion.goto, "move the tool to a place (mm) on a collision-free path", _goal, _motion).add_argument(
-        "--line", action="store_true", help="straight, within 0.5 mm; without an orientation the tool keeps its own"
+        "--line", action="store_true", help="in a straight line, within 0.5 mm; the tool keeps its orientation unless you state one"
     )
     command("plan", motion.plan, "plan a collision-free path to joint angles; with --go, move", _plan, _motion)
     command("fk", motion.fk, "predict where the tool is for joint angles (mm)", _fk, _payload)
@@ -155,17 +155,17 @@ def _fk(c: argparse.ArgumentParser) -> None:
 def _deploy(c: argparse.ArgumentParser) -> None:
     c.add_argument("model", nargs="?", type=Path, metavar="MODEL", help="a model file of lrm-ident")
     c.add_argument("--undo", action="store_true", help="return to the model before the last one")
-    accept = "though the tip moves by more than a fifth of the reach, or what the daemon leaves out of it matters"
+    accept = "accept a model that moves the tip by more than a fifth of the reach, or loses much when deployed"
     c.add_argument("--accept", action="store_true", help=accept)
 
 
 def _level1(c: argparse.ArgumentParser) -> None:
     c.add_argument("servo", metavar="SERVO", help="joint1 ... or another servo")
-    clock = "measure the board's oscillator with this servo, before the first arming: a logic probe, or two angles"
+    clock = "measure the board's clock with this servo, by a logic probe or two angles, before the first arming"
     c.add_argument("--clock", action="store_true", help=clock)
     c.add_argument("--arm", metavar="ARM", help="the arm file to start from, or a shipped arm")
     c.add_argument("-o", "--output", type=Path, metavar="FILE", help="the new arm file")
-    text = "where to measure (default: %(default)s)"
+    text = "angles to measure at (default: %(default)s)"
     c.add_argument("--angles", default="-100,0,100", metavar="A1,A2,...", help=text)
 
 
@@ -186,7 +186,7 @@ def _goal(c: argparse.ArgumentParser) -> None:
         "--round",
         choices=["each", "best"],
         default="best",
-        help="how to round angles to counts: each joint alone, or the best combination",
+        help="round each joint alone, or the best combination (default)",
     )
     _payload(c)
 
