@@ -89,7 +89,9 @@ def parser() -> argparse.ArgumentParser:
     command("pan-tilt", motion.pan_tilt, "turn the camera", _motion, _pan_tilt)
     command("ik", motion.ik, "compute commands that bring the tool to a place (mm)", _goal)
     command("goto", motion.goto, "move the tool to a place (mm) on a collision-free path", _goal, _motion).add_argument(
-        "--line", action="store_true", help="in a straight line, within 0.5 mm; the tool keeps its orientation unless you state one"
+        "--line",
+        action="store_true",
+        help="in a straight line, within 0.5 mm; the tool keeps the orientation it has, or takes yours",
     )
     command("plan", motion.plan, "plan a collision-free path to joint angles; with --go, move", _plan, _motion)
     command("fk", motion.fk, "predict where the tool is for joint angles (mm)", _fk, _payload)
