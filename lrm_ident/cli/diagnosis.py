@@ -15,7 +15,17 @@ from typer import Argument, Exit, Option
 
 from lrm_ident.cli import arguments as arg
 from lrm_ident.cli.command import command
-from lrm_ident.cli.common import TakesLonger, identifiable, notice, opened, progress, publish, show, timed
+from lrm_ident.cli.common import (
+    TakesLonger,
+    identifiable,
+    notice,
+    opened,
+    pausing_bars,
+    progress,
+    publish,
+    show,
+    timed,
+)
 from lrm_ident.data.atomic_write import write_text
 from lrm_ident.data.measurement_file.load import load_poses
 from lrm_ident.data.wording import in_minutes
@@ -129,7 +139,7 @@ def auto(
     With --prior, effects that arms of this kind often have need less evidence, and at the end all parameters are fitted
     together with the prior. With --field, a black-box term also predicts the remaining error.
     """
-    read = read_study(model, data, effects_file, reading)  # without bars, which steps would be printed into
+    read = read_study(model, data, effects_file, reading)
     notice(*read.notices)
     if not force:
         check_replaces(output, len(read.file.history))
@@ -140,11 +150,13 @@ def auto(
     def on_step(step: AutoStep, now: Study) -> None:
         """Prints a step as soon as it is taken; the model of the last one is on disk whatever comes then."""
         taken.append(step)
+        pause()
         show(*step_blocks(next(numbers), step, taken[0]))
         now.save(output)
 
-    with kept_when_interrupted(output, taken):
-        course, after = study.auto(max_effects, rates, on_step)
+    with kept_when_interrupted(output, taken), pausing_bars() as (tick, pause):
+        course, then = replace(study, progress=tick).auto(max_effects, rates, on_step)
+    after = replace(then, progress=study.progress)
     title = f"{len(course.steps) - 1} effects added (held out: effects chosen on all poses)"
     show(*error_blocks(after.errors, title))
     with_prior: ErrorSummary | None = None
