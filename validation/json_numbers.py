@@ -27,10 +27,10 @@ COMMANDS = (
     "predict better.toml FEW.csv -o predicted.csv",
     "transfer better.toml --to lrm-lab -o moved.toml",
     "identify-parameters lrm-lab FEW.csv",
-    "choose-poses DATA.csv -n 20",
-    "design lrm-lab -n 10 --levels 3",
+    "choose-poses DATA.csv -n 40",
+    "design lrm-lab -n 40 --levels 3",
     "selftest lrm-lab FEW.csv --only backlash@joint2",
-    "reach two-joint --step-mm 60 --directions 12 --rolls 2",
+    "reach lrm-lab --step-mm 80 --directions 12 --rolls 2 --no-collisions",
     "fit FEW.csv -o few.toml",
     "diagnose few.toml FEW.csv",
 )
