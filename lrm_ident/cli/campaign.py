@@ -138,7 +138,7 @@ def conclude(result: CampaignResult, total: int | None, output: Path) -> None:
         raise LrmError(f"no pose was measured; {next(iter(result.failed.values()))}")
     for number, why in result.failed.items():
         show(f"not measured: pose {number}: {why}")
-    again = f"; {result.repeated} unfit rests were repeated" if result.repeated else ""
+    again = f"; {result.repeated} unfit stops were measured again" if result.repeated else ""
     count = "what was measured is" if total is None else f"{total - len(result.failed)} of {total} poses are"
     show(f"{count} in {output}{again}")
     if result.failed:
