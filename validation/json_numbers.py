@@ -35,7 +35,7 @@ COMMANDS = (
     "diagnose few.toml FEW.csv",
 )
 TOLERANCE = 1e-9
-LEFT_OUT = {"date", "seconds", "version", "elapsed_s", "provenance"}
+LEFT_OUT = {"date", "seconds", "version", "elapsed_s", "goals_per_s", "provenance"}
 
 
 def numbers(value: Any, key: str = "") -> Iterator[tuple[str, float]]:
@@ -83,7 +83,8 @@ def main() -> None:
         lines = differences(before[words], after[words])
         new = len(after[words].keys() - before[words].keys())
         print(f"{len(before[words]):6d} numbers, {len(lines)} differ, {new} new: {words}")
-        print(*(f"       {line}" for line in lines[:20]), sep="\n" if lines else "")
+        for line in lines[:20]:
+            print(f"       {line}")
         different += len(lines)
     sys.exit(1 if different else 0)
 
