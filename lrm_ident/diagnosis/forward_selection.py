@@ -3,8 +3,8 @@
 Candidates are ranked by held-out error. Among those that prediction cannot separate, a refinement of an effect of the
 model comes before a plain effect, and that before another form of an effect that the model does not have; of each rank
 the arm and its installation come before what measures them, so a tracker is named only where it leaves two standard
-errors less, than pairs of them too (`blame`). Where a plain effect helps most, candidates with so many more parameters that Schwarz's criterion is very
-strong evidence against them are left out (Kass and Raftery 1995).
+errors less than they do, and than pairs of them (`blame`). Where a plain effect helps most, candidates with so many
+more parameters that Schwarz's criterion is very strong evidence against them are left out (Kass and Raftery 1995).
 """
 
 from __future__ import annotations
