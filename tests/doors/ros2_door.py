@@ -57,11 +57,13 @@ class RosStack:
             self.rover.relax()
 
 
+_RUNNING = ExitStack()
+
+
 @cache
 def _stack() -> RosStack:
-    running = ExitStack()
-    atexit.register(running.close)
-    return RosStack(running)
+    atexit.register(_RUNNING.close)
+    return RosStack(_RUNNING)
 
 
 class RosDoor:
@@ -147,6 +149,6 @@ def ros_door(seed: int) -> Iterator[RosDoor]:
 DOORS = (
     DoorKind(
         "ROS 2: topic, services, action", ("lrm_ros2.action", "lrm_ros2.bridge", "lrm_ros2.command"), ros_door,
-        0.3, 1.0, slow=True,
+        0.3, 1.0, slow=True, close=_RUNNING.close,
     ),
 )  # fmt: skip
