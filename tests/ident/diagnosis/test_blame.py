@@ -9,9 +9,11 @@ from tempfile import TemporaryDirectory
 import pytest
 
 from lrm_ident.diagnosis.blame import Blame
+from lrm_ident.diagnosis.confirm import CURVED_IN_PART, _refit_trial
 from lrm_ident.diagnosis.diagnose import Diagnosis, diagnose
 from lrm_ident.diagnosis.forward_selection import forward_select
 from lrm_ident.diagnosis.screening.score_test import ScoredCandidate
+from lrm_ident.fitting.cross_validation import blocks_of_fit
 from lrm_ident.fitting.progress import silent
 from lrm_ident.study.study import Study
 from validation.as_deployed.effects import RockingFeet
@@ -24,6 +26,7 @@ NONE = (0.0, 0.0, 0.0)
 WORLDS: dict[str, tuple[Lean, HiddenEffect]] = {
     "leans and yields": (Lean("y", -5, 80), BaseRocking(0.012, (1.0, 0.0, 0.0))),
     "leans and rocks": (Lean("x", 3, 200), RockingFeet((1.0, 0.0, 0.0), 0.4 * DEG, 0.05)),
+    "rocks obliquely": (Lean("x", 0, 150), RockingFeet((0.6, 0.8, 0.0), 0.6 * DEG, 0.1)),
     "stretched": (Lean("x", 0, 80), SkewTracker(NONE, (0.008, -0.006, 0.0), NONE)),
     "sheared": (Lean("x", 0, 150), SkewTracker(NONE, NONE, (0.0, 0.007, 0.0))),
 }
@@ -71,3 +74,12 @@ def test_where_a_pair_predicts_as_well_the_tracker_alone_is_not_selected() -> No
     found = diagnosed("leans and yields")
     screening, possible = found.screening, [one_of(found, TRACKER)]
     assert not forward_select(screening.scored, screening.sets, screening.linear, silent, None, possible).effects
+
+
+@pytest.mark.parametrize(("name", "refused"), [("rocks obliquely", True), ("stretched", False)])
+def test_a_curve_of_the_tracker_is_refused_where_it_leaves_more_than_the_noise(name: str, refused: bool) -> None:
+    """A base that rocks about an oblique axis: the curve imitates it in part, and would stay out of the deployed arm."""
+    found = diagnosed(name)
+    curve = one_of(found, "frame_curve@frame")
+    trial = _refit_trial(found, curve, blocks_of_fit(found.fit, found.data))
+    assert (trial.objection == CURVED_IN_PART) is refused
