@@ -78,7 +78,7 @@ def test_where_a_pair_predicts_as_well_the_tracker_alone_is_not_selected() -> No
 
 @pytest.mark.parametrize(("name", "refused"), [("rocks obliquely", True), ("stretched", False)])
 def test_a_curve_of_the_tracker_is_refused_where_it_leaves_more_than_the_noise(name: str, refused: bool) -> None:
-    """A base that rocks about an oblique axis: the curve imitates it in part, and would stay out of the deployed arm."""
+    """A base that rocks about an oblique axis: the curve imitates it in part, and would not be in the deployed arm."""
     found = diagnosed(name)
     curve = one_of(found, "frame_curve@frame")
     trial = _refit_trial(found, curve, blocks_of_fit(found.fit, found.data))
