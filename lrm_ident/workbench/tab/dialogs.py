@@ -160,10 +160,10 @@ TOUR = (
         "is missing. Where points follow the line the formula fits; choose another candidate to see one that does not.",
     ),
     TourStop(
-        "panel-history",
+        "panel-story",
         "5 of 6: press Add",
-        "Press Add: everything is refitted with the effect. The error falls, fitted and held out, and the arrows "
-        "shrink, on the same scale. Undo takes the step back exactly; press a step to see it again.",
+        "Press Add, beside the verdict: everything is refitted with the effect. The error falls, the arrows shrink, "
+        "on the same scale. Undo takes the step back exactly; press a step to see it again.",
     ),
     TourStop(
         "panel-effect",

@@ -22,13 +22,14 @@ from lrm_ident.fitting.effect_plugins import sha256_of
 from lrm_ident.fitting.levenberg_marquardt import check_enough
 from lrm_ident.fitting.progress import Progress
 from lrm_ident.report.diagnosis.course import proposal_document
-from lrm_ident.report.document import blocks_html, table_html
+from lrm_ident.report.document import blocks_html
 from lrm_ident.report.model_report import ModelReport, after_step, quick_report, with_comparison, with_diagnosis
 from lrm_ident.report.plots.interactive.values import figure_values, values_text
 from lrm_ident.residual.thresholds import MAX_EFFECTS
 from lrm_ident.study.inputs import read_measurements, read_study
 from lrm_ident.study.model_history import model_text, undo_step
 from lrm_ident.study.study import Study
+from lrm_ident.workbench.html_report import numbers_html
 from lrm_ident.workbench.work import tasks
 from lrm_ident.workbench.work.next_poses import next_poses
 from lrm_math.arm.arm import Arm
@@ -222,21 +223,9 @@ def step_shown(found: ModelReport) -> tasks.StepView:
         data_sha256=found.poses.sha256,
         verdict=found.verdict,
         diagnosed=found.diagnosis is not None,
+        complete=found.diagnosis is not None and found.diagnosis.values["verdict"] == "nothing_missing",
         values=values_text(figure_values(found)),
-        numbers=_numbers(found),
+        numbers=numbers_html(found),
         model=model_text(file),
         before=model_text(undo_step(file)) if len(file.history) > 1 else None,
     )
-
-
-def _numbers(found: ModelReport) -> str:
-    sections = {
-        "What is missing, and what these data cannot show": blocks_html(
-            found.diagnosis.whole if found.diagnosis else ()
-        ),
-        "Where it fails": blocks_html(found.comparison.whole if found.comparison else ()),
-        "Steps": table_html(found.history),
-        "Parameters": table_html(found.parameters),
-        "Provenance": table_html(found.provenance),
-    }
-    return "".join(tasks.section_html(title, text) for title, text in sections.items())

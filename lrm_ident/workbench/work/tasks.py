@@ -65,7 +65,8 @@ class StepView:
 
     Attributes:
         title: arm, file, and how many poses. data_sha256: of the measurements. verdict: of the diagnosis, or "".
-        diagnosed: whether there is a diagnosis. values: JSON of the figures. numbers: all tables, as HTML.
+        diagnosed: whether there is a diagnosis; complete: whether that finds nothing missing.
+        values: JSON of the figures. numbers: all tables, as HTML.
         model: text of the model file; before: that without the last step, or None if there is none to take back.
     """
 
@@ -73,6 +74,7 @@ class StepView:
     data_sha256: str
     verdict: str
     diagnosed: bool
+    complete: bool
     values: str
     numbers: str
     model: str
@@ -207,5 +209,5 @@ def kept_name(number: int) -> str:
 
 
 def section_html(title: str, text: str) -> str:
-    """A section with a title around HTML; nothing where there is none."""
-    return f"<section><h2>{title}</h2>{text}</section>" if text else ""
+    """A folded section around HTML; nothing where there is none."""
+    return f'<details class="lrm-fold"><summary><h2>{title}</h2></summary>{text}</details>' if text else ""

@@ -18,7 +18,7 @@ from lrm_ident.report.plain_names import plain_name, step_title
 from lrm_ident.report.plots.interactive.candidate_view import ANGLE, SHARE, UM, rounded
 from lrm_ident.report.plots.interactive.group_means import explained_by_means, fair_rows, shown_most
 from lrm_ident.report.step_card import AS_WELL, ErrorFall, StepCard, error_fall, of_data, rivals
-from lrm_ident.report.story import Story
+from lrm_ident.report.story import GEOMETRY, Story
 from lrm_ident.residual.picture.error_field import COLOURS, ErrorField
 from lrm_ident.residual.thresholds import MIN_GAIN
 
@@ -110,7 +110,7 @@ def _step(found: ModelReport, number: int) -> dict[str, Any]:
     judged = (found.judged or {}).get(number)
     return {
         "name": step.name,
-        "title": step_title(step.name),
+        "title": GEOMETRY if step.name == "fit" else step_title(step.name),
         "verdict": "" if judged is None else judged.verdict,
         "rms": in_mm(step.error.rms),
         "residual": rounded(step.residual * 1e3, UM),
