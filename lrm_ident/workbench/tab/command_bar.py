@@ -34,7 +34,7 @@ class ChosenEffect(NamedTuple):
 
 
 class CommandBar:
-    """Commands of one tab: the one that is advised as a button beside the verdict, all others in a menu.
+    """Commands of one tab: the one that is advised as a button, all others in a menu.
 
     `button(text, action, hint)` makes a button, `add` adds the effect chosen in the tab, `save` asks for a file.
     """
@@ -67,13 +67,15 @@ class CommandBar:
         self.redo = button("Redo", session.redo, "take it again (R)")
 
     def build_advice(self) -> None:
-        """The verdict, the button that is advised after it, the work going on, and why something failed."""
-        ui.html(TOLD.format(verdict="", sentence="", facts=""), sanitize=False)
+        """The button that is advised; it keeps its place whatever the verdict above the panels says."""
+        self.primary = self.button("Diagnose", self._advise, "")
+        self.primary.props(remove="outline dense").classes("lrm-primary")
+        with self.primary:
+            self.name = ui.label().classes("lrm-name-of-effect")
+
+    def build_verdict(self) -> None:
+        """The work going on, why something failed, and the verdict."""
         with ui.element("div").classes("lrm-do"):
-            self.primary = self.button("Diagnose", self._advise, "")
-            self.primary.props(remove="outline dense").classes("lrm-primary")
-            with self.primary:
-                self.name = ui.label().classes("lrm-name-of-effect")
             ui.html('<span id="lrm-asked" role="status" hidden></span>', sanitize=False)
             with ui.element("div").classes("lrm-work").props('id="lrm-work" aria-live=polite') as self.work:
                 ui.spinner(size="18px")
@@ -82,6 +84,7 @@ class CommandBar:
                 self.bar = bar.props('instant-feedback aria-label="progress"')
                 self.button("Cancel", self.session.cancel, "end this work (Esc)")
         self.failure = ui.label().classes("lrm-failure").props('id="lrm-failure" role=alert')
+        ui.html(TOLD.format(verdict="", sentence="", facts=""), sanitize=False)
 
     def _advise(self) -> object:
         return self.advised[self.first]()

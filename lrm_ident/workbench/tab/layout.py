@@ -65,7 +65,7 @@ class WorkbenchPage:
         ui.html(BANNER, sanitize=False).classes("lrm-full")
         with ui.element("div").classes("lrm-hero"):
             with ui.element("div").classes("lrm-told"):
-                self.bar.build_advice()
+                self.bar.build_verdict()
             ui.html(assets.BESIDE, sanitize=False).classes("lrm-contents")
         ui.html(assets.BELOW, sanitize=False).classes("lrm-full")
         self.numbers = ui.html("", sanitize=False).classes("lrm-numbers")
@@ -84,6 +84,7 @@ class WorkbenchPage:
             ui.html('<h1 class="lrm-title">lrm-ident workbench</h1>', sanitize=False)
             self.files = ui.label().classes("lrm-files")
             ui.element("div").classes("lrm-grow")
+            self.bar.build_advice()
             with ui.element("details").classes("lrm-menu").props('id="lrm-menu"'):
                 with ui.element("summary"):
                     ui.label("Menu")

@@ -60,7 +60,10 @@ const lrm = (() => {
     const before = state.values, known = new Set(values.drivers.map((d) => d.name));
     state.values = values;
     const same = before && before.data === values.data;
-    if (same && values.floor === null && values.bound === null) [values.floor, values.bound] = [before.floor, before.bound];
+    if (same && values.floor === null && values.bound === null) {
+      [values.floor, values.bound] = [before.floor, before.bound];
+      for (const key of ["noise_rms_mm", "noise_bound_rms_mm"]) if (values.story && before.story) values.story[key] = before.story[key];
+    }
     const last = values.steps.length - 1;
     if (!before || before.steps.length !== values.steps.length || state.step > last) state.step = last;
     if (state.beside !== null && state.beside > last) state.beside = null;
