@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from datetime import UTC, datetime
@@ -40,6 +41,8 @@ from lrm_math.model.model_file import (
 from lrm_math.toml_file import read_toml
 
 LEFT_OUT_SHOWN = 12
+ARRAY = re.compile(r"^\S+ = \[\n(?:    .*\n)+\]$", re.MULTILINE)
+"""An array as the TOML writer puts it, an item to a line: of a covariance thousands."""
 
 
 def model_file(
@@ -188,9 +191,13 @@ def check_replaces(path: Path, steps: int) -> None:
 
 
 def model_text(file: ModelFile) -> str:
-    """TOML text of a model file, with a comment for every effect that names no cause."""
+    """TOML text of a model file, an array to a line, with a comment for every effect that names no cause."""
     beside = [f"# {words}\n" for name in file.effects if (words := marked(name)) != name]
-    return "".join(beside) + tomli_w.dumps(as_tables(file))
+    return "".join(beside) + ARRAY.sub(_on_one_line, tomli_w.dumps(as_tables(file)))
+
+
+def _on_one_line(array: re.Match[str]) -> str:
+    return " ".join(line.strip() for line in array[0].split("\n")).replace("[ ", "[").replace(", ]", "]")
 
 
 def write_model(path: Path, file: ModelFile, arm: str) -> None:

@@ -100,7 +100,8 @@ def test_pages_of_other_shapes(browser: Any, running: RunningWorkbench) -> None:
     dark.wait_for_timeout(1500)
     dark.screenshot(path=SHOTS / "dark.png")
     assert dark.evaluate("document.documentElement.dataset.theme") == "dark"
-    fits = "document.documentElement.scrollWidth <= innerWidth && [...document.querySelectorAll('.lrm-head [data-name]')].every("
+    fits = "document.documentElement.scrollWidth <= innerWidth && "
+    fits += "[...document.querySelectorAll('.lrm-head [data-name]')].every("
     fits += "(one) => { const r = one.getBoundingClientRect(); return r.bottom <= innerHeight || !r.height; })"
     assert dark.evaluate(fits), "buttons are off the screen, or the page is wider than it"
     dark.focus(".lrm-candidate")
