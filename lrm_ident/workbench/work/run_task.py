@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import pickle
 from collections.abc import Iterable
 from dataclasses import replace
@@ -24,6 +25,7 @@ from lrm_ident.fitting.progress import Progress
 from lrm_ident.report.diagnosis.course import proposal_document
 from lrm_ident.report.document import blocks_html
 from lrm_ident.report.model_report import ModelReport, after_step, quick_report, with_comparison, with_diagnosis
+from lrm_ident.report.plots.interactive.candidate_view import rounded
 from lrm_ident.report.plots.interactive.values import figure_values, values_text
 from lrm_ident.residual.thresholds import MAX_EFFECTS
 from lrm_ident.study.inputs import read_measurements, read_study
@@ -160,7 +162,8 @@ def choose_next(task: tasks.PosesTask, send: tasks.Send) -> None:
     write_text(task.kept, found.table)
     files: tuple[str | Path, ...] = ("--model", task.files.model, "--have", task.files.data, "-o", task.kept)
     command = ("design", *found.arguments, *files)
-    send(tasks.PosesResult(name, blocks_html(found.document.blocks), found.table, command=command))
+    words, arms = blocks_html(found.document.blocks), json.dumps(rounded(found.arms * 1e3, 0))
+    send(tasks.PosesResult(name, words, found.table, command=command, sentence=found.sentence, arms=arms))
 
 
 def step_found(files: tasks.OpenFiles, found: ModelReport) -> tasks.StepResult:

@@ -106,13 +106,16 @@ class LawResult:
 
 @dataclass(frozen=True)
 class PosesResult:
-    """The next poses to measure: what `design` prints, as HTML, or the `problem`; `command`: the words that do it."""
+    """The next poses to measure: what they will tell, what `design` prints, as HTML, or the `problem`; `command`: the
+    words that do it; `arms`: JSON of the arm's frames at every pose (mm)."""
 
     data: str
     words: str = ""
     table: str = ""
     problem: str = ""
     command: tuple[str | Path, ...] = ()
+    sentence: str = ""
+    arms: str = "[]"
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from lrm_ident.workbench.work.next_poses import rival_pairs
-from tests.support.browser import SHOTS, BrowserLog, RunningWorkbench, idle, opened, press, workbench
+from tests.support.browser import SHOTS, BrowserLog, RunningWorkbench, idle, opened, press, unfold, wait_for, workbench
 from tests.support.commands import part_of_example, stdout_of
 
 SIZE = {"width": 1280, "height": 800}
@@ -23,6 +23,9 @@ def test_next_poses_are_those_of_the_command(browser: Any, small: RunningWorkben
     idle(page, RANKED)
     press(page, "next poses")
     page.wait_for_selector("#lrm-next-poses")
+    assert "poses will show whether it is backlash in joint 2 or " in page.inner_text("#lrm-next-poses .lrm-verdict")
+    wait_for(page, "document.querySelectorAll('#lrm-next-arms polyline').length === 2 * 55")
+    unfold(page)
     words = page.inner_text("#lrm-next-poses")
     assert "Cosine between the motions of backlash in joint 2 and " in words
     page.screenshot(path=SHOTS / "next-poses.png")

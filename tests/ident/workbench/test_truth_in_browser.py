@@ -20,7 +20,6 @@ from tests.support.browser import (
     opened,
     press,
     says,
-    unfold,
     wait_for,
     workbench,
 )
@@ -156,7 +155,7 @@ def test_buttons_stay_the_verdict_is_of_the_step_shown_and_redo_gives_back(
     fall = page.inner_text("#lrm-fall").replace("\xa0", " ")
     assert re.search(rf"^nominal .* {before:.2f} → 1 \w+ cause {after:.2f} mm RMS held out$", fall), fall
     last = page.inner_text("#lrm-verdict")
-    unfold(page)
+    page.click("#lrm-look > summary")
     page.select_option("#lrm-step", "0")
     assert last not in page.inner_text("#lrm-verdict")
     assert "Missing effect: backlash in joint 2" in page.inner_text("#lrm-verdict")

@@ -103,7 +103,7 @@ const lrm = (() => {
     redraw();
   };
 
-  const { theme, print, rover, soon: ready, resize, brush, hover, scenes } = page;
-  return { show, load, theme, print, rover, ready, resize, choose, showStep, brush, hover, state, scenes };
+  const { theme, print, rover, nextPoses, soon: ready, resize, brush, hover, scenes } = page;
+  return { show, load, theme, print, rover, nextPoses, ready, resize, choose, showStep, brush, hover, state, scenes };
 })();
 window.lrm = lrm;
