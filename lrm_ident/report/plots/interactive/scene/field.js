@@ -18,7 +18,8 @@ function lrmField(page) {
     const still = window.matchMedia("(prefers-reduced-motion: reduce)").matches || document.hidden || !scenes.field;
     const paired = state.beside, id = paired === null ? "field" : "field-b";
     if (still || number < paired || from.length !== to.length) return drawField();
-    drawField();
+    document.documentElement.classList.toggle("lrm-beside", paired !== null);
+    if (paired !== null) drawStep("field", paired, false);
     const frame = (now) => {
       const t = Math.min(Math.max((now - begun) / GLIDE_MS, 0), 1), part = t * t * (3 - 2 * t);
       if (state.values !== of || state.step !== number || state.beside !== paired) return;
