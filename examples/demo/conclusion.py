@@ -42,7 +42,8 @@ def conclude(
 ) -> None:
     """Prints and writes what `verify` measured with each model, what was hidden and named.
 
-    `model`: column's head. `reported`: verdict of the last report, of the model with what was named. `tracker_mm`: noise of the tracker in a position (mm, RMS).
+    `model`: column's head. `reported`: verdict of the last report, of the model with what was named.
+    `tracker_mm`: noise of the tracker in a position (mm, RMS).
     """
     rows = []
     for name, result in results.items():
@@ -62,7 +63,8 @@ def conclude(
     )
     document = {
         "schema": "lrm/demo/1", "seed": truth.seed, "hidden": truth.effect, "verdict": named.verdict,
-        "named": named.name, "indistinguishable_from": named.rivals, "right": right, "reported": reported, "seconds": seconds,
+        "named": named.name, "indistinguishable_from": named.rivals, "right": right, "reported": reported,
+        "seconds": seconds,
         "rms_mm": {row[0]: row[2] for row in rows}, "floor_rms_mm": {row[0]: row[4] for row in rows},
     }  # fmt: skip
     (folder / "demo.json").write_text(json.dumps(document, indent=1) + "\n", encoding="utf-8")
