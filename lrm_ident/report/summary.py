@@ -11,7 +11,7 @@ from lrm_ident.report.fit import estimate_table
 from lrm_ident.report.model_report import history_table, history_values, provenance_table
 from lrm_ident.report.plain_names import plain_name
 from lrm_ident.report.story import story_of_file
-from lrm_math.effects import split_name
+from lrm_math.effects import EffectRef
 from lrm_math.model.model import Model
 from lrm_math.model.model_file import ModelFile
 
@@ -87,6 +87,6 @@ def _effects(file: ModelFile) -> Iterator[Block]:
 
 def _counted(names: Sequence[str]) -> str:
     """Effects by their kind: plain names of those at one place, numbers of the others."""
-    places = Counter(split_name(name)[0] for name in names)
+    places = Counter(EffectRef.parse(name).id for name in names)
     several = [f"{kind} at {count} places" for kind, count in places.items() if count > 1]
-    return ", ".join([*several, *(plain_name(name) for name in names if places[split_name(name)[0]] == 1)])
+    return ", ".join([*several, *(plain_name(name) for name in names if places[EffectRef.parse(name).id] == 1)])
