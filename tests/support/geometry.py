@@ -5,7 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 OVERLAPS = """() => {
-  const seen = (selector) => [...document.querySelectorAll(selector)].filter((one) => one.checkVisibility());
+  const shown = (one) => one.checkVisibility() && getComputedStyle(one).clipPath === "none";
+  const seen = (selector) => [...document.querySelectorAll(selector)].filter(shown);
   const boxes = (selector) => seen(selector).map((one) => {
     const { left, right, top, bottom } = one.getBoundingClientRect();
     return { left, right, top, bottom, words: one.textContent.trim().slice(0, 40) };

@@ -111,7 +111,7 @@ function lrmSteps(page) {
       mean("mean before", before, colour("held")), mean("mean after", after, colour("model"), { fill: "tonexty", fillcolor: colour("bar") })];
     const means = traces.slice(2).flatMap((one) => one.y).map(Math.abs), sizes = at(before, rows).filter((y) => y !== null).map(Math.abs);
     const most = Math.max(2.2 * Math.max(...means), sizes.sort((a, b) => a - b)[sizes.length >> 1] || 0) || 1, beyond = sizes.filter((y) => y > most).length;
-    draw("card-" + card.number, traces, { dragmode: false, xaxis: { title: { text: driver.label + (beyond ? ` (${beyond} points are beyond)` : ""), standoff: 4, font: { size: 12 } } },
+    draw("card-" + card.number, traces, { dragmode: false, xaxis: { title: { text: driver.label + (beyond ? `<br>${beyond} points are beyond` : ""), standoff: 4, font: { size: 12 } } },
       yaxis: { title: { text: `turn of joint ${card.joint + 1}, deg`, standoff: 4, font: { size: 12 } }, range: [-most, most] } });
   }
 
