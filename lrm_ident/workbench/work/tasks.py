@@ -74,11 +74,11 @@ class StepView:
     data_sha256: str
     verdict: str
     diagnosed: bool
-    complete: bool
     values: str
     numbers: str
     model: str
     before: str | None
+    complete: bool = False
 
 
 @dataclass(frozen=True)

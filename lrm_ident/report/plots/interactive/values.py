@@ -96,7 +96,6 @@ def _arms(field: ErrorField) -> dict[str, Any]:
             "words": field.scale.words,
             "colours": COLOURS,
         },
-        "nominalRms": error_stats(field.nominal_residual).rms * 1e3,
     }
 
 
