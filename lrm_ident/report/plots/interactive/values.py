@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 
-from lrm_ident.data.error_stats import error_stats
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.wording import in_mm, p_words, quantity
 from lrm_ident.diagnosis.attribution import TERMS, StepAttribution
