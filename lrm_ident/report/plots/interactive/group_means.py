@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from lrm_ident.residual.covariates import Covariate, levels
 from lrm_ident.residual.picture.error_field import MOST_DRAWN, SEED, WORST_DRAWN
+from lrm_math.arm.place_names import joint_numbers
 from lrm_math.arrays import Array
 from lrm_math.effects import Effect
 
@@ -71,18 +72,18 @@ FOLLOWED: Mapping[str, tuple[str, ...]] = {
 
 
 def of_law(effect: Effect, known: Sequence[Covariate]) -> Sequence[Covariate]:
-    """The covariates that an effect's law follows, of its own joint where it has one; all where none is known.
+    """The covariates that an effect's law follows, of its own joints where it has any; of a constant all but time and order.
 
     Hysteresis follows the last motion, a spring its torque, a warming the time.
     """
     kinds = {kind for what in effect.depends_on for kind in FOLLOWED.get(what, ())}
-    own = int(effect.place.removeprefix("joint")) - 1 if effect.place.removeprefix("joint").isdigit() else None
-    joints = {None, *range(effect.arm.dof)} if own is None else {None, own}
+    own = joint_numbers(effect.place)
+    joints = {None, *(own or range(effect.arm.dof))}
     found = [one for one in known if one.kind in kinds and one.joint in joints]
     if effect.load_slots:
         turned = effect.load_slots == (f"{effect.place}.theta",)
-        found += [one for one in known if one.kind == "torque" and (not turned or one.joint == own)]
-    return found or known
+        found += [one for one in known if one.kind == "torque" and (not turned or one.joint in own)]
+    return found or [one for one in known if one.kind not in FOLLOWED["time"]] or known
 
 
 def fair_rows(residual: Array, poses: int) -> NDArray[np.int64] | None:
