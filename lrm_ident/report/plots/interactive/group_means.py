@@ -72,7 +72,7 @@ FOLLOWED: Mapping[str, tuple[str, ...]] = {
 
 
 def of_law(effect: Effect, known: Sequence[Covariate]) -> Sequence[Covariate]:
-    """The covariates that an effect's law follows, of its own joints where it has any; of a constant all but time and order.
+    """The covariates that an effect's law follows, of its own joints where it has any; of a constant all but time.
 
     Hysteresis follows the last motion, a spring its torque, a warming the time.
     """
