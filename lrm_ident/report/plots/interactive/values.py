@@ -58,7 +58,7 @@ def figure_values(found: ModelReport) -> dict[str, Any]:
         "bound": known.get("noise_bound_rms_mm"),
         "marked": {why: list(numbers) for why, numbers in (found.marked or {}).items()},
         "where": _where(found),
-        "next": known.get("next_poses_hint", ""),
+        "next": _next(found, str(known.get("next_poses_hint", ""))),
         "ranking": _ranking(found, known.get("ranking", ())),
     }
 
@@ -130,6 +130,12 @@ def _entry(found: ModelReport, number: int) -> dict[str, Any]:
         "here": of_data(entry, found.poses.sha256),
         "rms": step.error.rms * 1e3,
     }
+
+
+def _next(found: ModelReport, hint: str) -> str:
+    """What to do next, after the command that does it where the hint speaks of one."""
+    steps = () if found.conclusion is None else found.conclusion.next[:1]
+    return ": ".join([*(one.command for one in steps if one.words == hint and one.command), hint])
 
 
 def _story(story: Story) -> dict[str, Any]:
