@@ -40,7 +40,7 @@ def publish(
     result: Document,
     json: Path | None,
     figure: Path | None = None,
-    draw: Callable[[Path], None] | None = None,
+    draw: Callable[[Path], object] | None = None,
     in_full: bool = True,
 ) -> None:
     """Writes a result's JSON file, prints its conclusion or, `in_full`, all of it, and draws its figure."""
@@ -51,7 +51,7 @@ def publish(
         publish_figure(figure, draw, result.behind)
 
 
-def publish_figure(figure: Path, draw: Callable[[Path], None], behind: ResultTable | None) -> None:
+def publish_figure(figure: Path, draw: Callable[[Path], object], behind: ResultTable | None) -> None:
     """Draws a figure; the numbers behind it are written beside it as CSV."""
     draw(figure)
     if behind is None:

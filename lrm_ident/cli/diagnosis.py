@@ -40,6 +40,7 @@ from lrm_ident.report.diagnosis.diagnosis import diagnosis_document
 from lrm_ident.report.diagnosis.selftest import selftest_document
 from lrm_ident.report.fit import error_blocks
 from lrm_ident.report.plots.diagnosis import draw_report
+from lrm_ident.report.story import story_of_file
 from lrm_ident.residual.error_breakdown import NestedResidual
 from lrm_ident.residual.thresholds import MAX_EFFECTS
 from lrm_ident.study.field_step import WHAT_IT_IS, NoBetterPrediction
@@ -186,9 +187,11 @@ def auto(
         except TakesLonger as longer:
             least = in_minutes(longer.expected)
             whole = NestedResidual(None, f"it would take at least {least}; ask for it with --nested")
-    with_field = None if field_of(final.model) is None else final.errors
+    final = final.with_course(course, whole)
+    final.save(output)
+    names, with_field = names_of(study, output, data), None if field_of(final.model) is None else final.errors
     publish(
-        course_document(course, after.held_out, whole, with_prior, with_field, names_of(study, output, data)),
+        course_document(course, after.held_out, whole, with_prior, with_field, names, story_of_file(final.file)),
         json,
         in_full=show_all,
     )
