@@ -1,7 +1,7 @@
 """History of a measurement: which load the arm held for how long before each pose.
 
-What an arm was sent to and when is known whatever the parameters are; so the loads before a pose are those of the
-nominal arm. The rows are put in the order of their times within each session; a session begins with nothing known of
+What an arm was sent to and when is known whatever the parameters are; the loads before a pose are those of the nominal
+arm, until they are known of a fitted one (`History.borne_by`). The rows are put in the order of their times within each session; a session begins with nothing known of
 what was before it. Where no times were measured, poses follow each other in equal steps, and a number that is left out
 takes a step too.
 """
@@ -29,6 +29,21 @@ TINY = 1e-100
 
 
 @dataclass(frozen=True, eq=False)
+class LoadedArm:
+    """An arm under gravity at M poses.
+
+    Attributes:
+        amounts: of every slot of its chain, each a float or (M,) (rad, m). bodies: their weights, payload included.
+        gravity: in the frame of measurement (m/s²).
+    """
+
+    chain: Chain
+    amounts: Sequence[Number]
+    bodies: tuple[statics.Weight, ...]
+    gravity: statics.Gravity
+
+
+@dataclass(frozen=True, eq=False)
 class Visits:
     """All M poses that the arm was sent to, in the order of time.
 
@@ -36,7 +51,7 @@ class Visits:
         q: (M, n), commands (rad). payload: (M,), kg. step: (M,), time since the pose before (s), 0 where it begins.
         begins: (M,), whether nothing is known of what was before: the first pose of each session.
         gravity: (M, 3), unit vectors of gravity's direction, or None: as the arm file says.
-        timed: whether times were measured.
+        timed: whether times were measured. bore: the arm that bore the loads; None: the nominal one.
     """
 
     q: Array
@@ -45,19 +60,28 @@ class Visits:
     begins: NDArray[np.bool_]
     gravity: Array | None = None
     timed: bool = True
+    bore: LoadedArm | None = None
 
     def loads(self, chain: Chain, slots: Sequence[str]) -> Array:
-        """(M, len(slots)), gravity's load on slots, by their keys, of the nominal arm (N·m; N along a translation)."""
+        """(M, len(slots)), gravity's load on slots, by their keys (N·m; N along a translation).
+
+        `chain`: of the nominal arm.
+        """
         known, key = _LOADS.setdefault(self, {}), (chain, tuple(slots))
         if key not in known:
-            numbers = [chain.index[slot] for slot in slots]
-            values = chain.values(list(self.q.T))
-            x, y, z = chain.gravity if self.gravity is None else math.hypot(*chain.gravity) * self.gravity.T
-            bodies = statics.weights(chain, self.payload)
-            found = statics.loads(chain, values, trig(chain, values), bodies, (x, y, z), sorted(numbers))
+            arm = self.bore or self.nominal(chain)
+            numbers = [arm.chain.index[slot] for slot in slots]
+            turned = trig(arm.chain, arm.amounts)
+            found = statics.loads(arm.chain, arm.amounts, turned, arm.bodies, arm.gravity, sorted(numbers))
             columns = dict(zip(sorted(numbers), found, strict=True))
             known[key] = np.stack([np.broadcast_to(columns[k], len(self.q)) for k in numbers], axis=1)
         return known[key]
+
+    def nominal(self, chain: Chain) -> LoadedArm:
+        """The nominal arm at all visits."""
+        x, y, z = chain.gravity if self.gravity is None else math.hypot(*chain.gravity) * self.gravity.T
+        bodies = statics.weights(chain, self.payload)
+        return LoadedArm(chain, chain.values(list(self.q.T)), bodies, (x, y, z))
 
 
 _LOADS: WeakKeyDictionary[Visits, dict[tuple[Chain, tuple[str, ...]], Array]] = WeakKeyDictionary()
@@ -79,9 +103,21 @@ class History:
         return values[int(self.row[0])] if len(self.row) == 1 else values[self.row]
 
     def turned(self, rotation: Array) -> History:
-        """The same in a turned frame of measurement."""
+        """The same in a turned frame of measurement, of the nominal arm."""
         stated = self.visits.gravity
-        return self if stated is None else replace(self, visits=replace(self.visits, gravity=stated @ rotation.T))
+        if stated is None:
+            return self
+        return replace(self, visits=replace(self.visits, gravity=stated @ rotation.T, bore=None))
+
+    @property
+    def order(self) -> NDArray[np.int64] | None:
+        """(M,), the pose of each visit, where these are all visits; else None."""
+        order = np.argsort(self.row)
+        return order if np.array_equal(self.row[order], np.arange(len(self.visits.q))) else None
+
+    def borne_by(self, arm: LoadedArm) -> History:
+        """The same, with the loads that an arm bears at all visits."""
+        return replace(self, visits=replace(self.visits, bore=arm))
 
 
 def history_of(

@@ -30,6 +30,7 @@ class Creep(Effect):
 
     id = "creep"
     depends_on = ("time",)
+    remembers = True
     extrapolation = Extrapolation.PROPORTIONAL
     about = Description(
         cause="Plastic under a load yields slowly, and recovers slowly when the load is gone.",

@@ -22,6 +22,7 @@ class Slip(JointEffect):
 
     id = "slip"
     depends_on = ("time",)
+    remembers = True
     extrapolation = Extrapolation.PROPORTIONAL
     about = Description(
         cause="A horn or a clamp that is not tight slips a little whenever its joint reverses under load.",
