@@ -31,6 +31,7 @@ UNIT_IN_SI = {
     "mm": 1e-3,
     "g": 1e-3,
     "s": 1.0,
+    "s_per_s": 1.0,
     "pose": 1.0,
     "per_turn": 1.0,
     "Hz": 1.0,

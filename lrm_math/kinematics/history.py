@@ -52,6 +52,7 @@ class Visits:
         begins: (M,), whether nothing is known of what was before: the first pose of each session.
         gravity: (M, 3), unit vectors of gravity's direction, or None: as the arm file says.
         timed: whether times were measured. bore: the arm that bore the loads; None: the nominal one.
+        start: (n,), angles before the first pose (rad); None: not known.
     """
 
     q: Array
@@ -61,6 +62,16 @@ class Visits:
     gravity: Array | None = None
     timed: bool = True
     bore: LoadedArm | None = None
+    start: Array | None = None
+
+    def reversals(self, joint: int) -> NDArray[np.bool_]:
+        """(M,), whether the move to each pose was against the last move of joint number `joint` from 0."""
+        first = self.q[:1] if self.start is None else self.start[None]
+        side, turned = 0.0, np.zeros(len(self.q), dtype=np.bool_)
+        for i, move in enumerate(np.sign(np.diff(self.q, axis=0, prepend=first)[:, joint]).tolist()):
+            turned[i] = move * side < 0.0
+            side = move or side
+        return turned
 
     def loads(self, chain: Chain, slots: Sequence[str]) -> Array:
         """(M, len(slots)), gravity's load on slots, by their keys (N·m; N along a translation).
@@ -127,8 +138,11 @@ def history_of(
     session: Array | None,
     number: NDArray[np.int64],
     gravity: Array | None = None,
+    start: Array | None = None,
 ) -> History:
     """The history of poses (N, n), rows in the order measured; their times (N,) in s, sessions and numbers (N,).
+
+    `start`: (n,), angles before the first of them (rad).
 
     Poses of equal times were measured at once; a pose that is repeated was held again.
     """
@@ -141,22 +155,28 @@ def history_of(
     begins = np.diff(of[order], prepend=-1.0) != 0.0
     step = np.where(begins, 0.0, np.diff(clock[order], prepend=0.0))
     stated = None if gravity is None else gravity[order]
-    return History(Visits(q[order], payload[order], step, begins, stated, t is not None), row)
+    return History(Visits(q[order], payload[order], step, begins, stated, t is not None, start=start), row)
 
 
 def followed(
-    history: History, driver: Array, constant: Number, stood: Number = np.inf, rest: Number = 0.0
+    history: History,
+    driver: Array,
+    constant: Number,
+    stood: Number = np.inf,
+    rest: Number = 0.0,
+    late: Number = 0.0,
 ) -> tuple[Number, Number]:
     """Memory dc/dt = (driver − c)/T at N poses: the part that is left of what was before, and the share of their own.
 
-    Between two poses the arm holds the first one, and the second one for the last `stood` seconds. The memory is the
-    first more the second times the pose's own `driver`; each is (N,), or a number for one pose.
+    Between two poses the arm holds the first one for the share `late` of the time or more, and the second one for the
+    last `stood` seconds at most. The memory is the first more the second times the pose's own `driver`; each is (N,),
+    or a number for one pose.
 
     Args:
         driver: (M,), what is followed, at all visits. constant: T (s). stood: s; they may carry derivatives, too.
         rest: s that the first pose of a session had been held before its reading; before that there was no load.
     """
-    past, own = differentiable(lambda *shapes: _followed(history.visits, driver, *shapes), constant, stood, rest)
+    past, own = differentiable(lambda *shapes: _followed(history.visits, driver, *shapes), constant, stood, rest, late)
     return history.own(past), history.own(own)
 
 
@@ -173,10 +193,10 @@ def differentiable(course: Callable[..., tuple[Any, ...]], *shapes: Any) -> tupl
     return tuple(v if s is None else Dual(v, s) for v, s in zip(values, slopes, strict=True))
 
 
-def _followed(visits: Visits, driver: Array, constant: Any, stood: Any, rest: Any) -> tuple[Array, Array]:
+def _followed(visits: Visits, driver: Array, constant: Any, stood: Any, rest: Any, late: Any) -> tuple[Array, Array]:
     """The same at all visits."""
-    step = np.where(visits.begins, rest, visits.step)
-    last = np.where((np.real(stood) < visits.step) & ~visits.begins, stood, step)
+    step, there = np.where(visits.begins, rest, visits.step), (1.0 - late) * visits.step
+    last = np.where(visits.begins, step, np.where(np.real(stood) < np.real(there), stood, there))
     kept, after = np.exp(-step / constant), np.exp(-last / constant)
     past, own = np.zeros_like(kept), 1.0 - after
     state = before = 0.0

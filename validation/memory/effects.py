@@ -45,7 +45,7 @@ class ViscoelasticJoint(HiddenEffect):
 
 @dataclass(frozen=True)
 class ViscoelasticBase(HiddenEffect):
-    """A base that tilts slowly under the moment on it, about both horizontal axes of its frame."""
+    """A base that tilts slowly under the moment on it, about the two horizontal axes of the world."""
 
     compliance_rad_per_nm: tuple[float, float]
     constant_s: float
@@ -56,12 +56,22 @@ class ViscoelasticBase(HiddenEffect):
         return (0,)
 
     def link_deflection(self, load: EndLoad) -> Array:
-        """Tilt about x and y."""
-        bend = np.zeros((len(load.force_n), 6))
+        """Tilt about x and y, which on this arm are not those of the base's own frame: that leans by 60 degrees."""
+        bend, moment = np.zeros((len(load.force_n), 6)), load.moment_nm @ self._turn(load).T
         for axis, compliance in enumerate(self.compliance_rad_per_nm):
-            followed = yielded(load.moment_nm[:, axis], load.poses.time_s, self.constant_s, self.late, False)
+            followed = yielded(moment[:, axis], load.poses.time_s, self.constant_s, self.late, False)
             bend[:, axis] = compliance * followed
+        bend[:, :3] = bend[:, :3] @ self._turn(load)
         return bend
+
+    @staticmethod
+    def _turn(load: EndLoad) -> Array:
+        """(3, 3), from the frame of the base as drawn to the world's."""
+        (cx, cy, cz), (sx, sy, sz) = np.cos(load.poses.arm.base.angles_rad), np.sin(load.poses.arm.base.angles_rad)
+        about_x = np.array([[1.0, 0.0, 0.0], [0.0, cx, -sx], [0.0, sx, cx]])
+        about_y = np.array([[cy, 0.0, sy], [0.0, 1.0, 0.0], [-sy, 0.0, cy]])
+        about_z = np.array([[cz, -sz, 0.0], [sz, cz, 0.0], [0.0, 0.0, 1.0]])
+        return about_x @ about_y @ about_z
 
 
 @dataclass(frozen=True)
