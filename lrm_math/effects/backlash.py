@@ -52,7 +52,13 @@ class Backlash(_Play):
             scan=(0.003, 0.01, 0.02, 0.04, 0.08, 0.2),
         ),
         Parameter(
-            "w_rad_per_rad", "share of the play that is taken up slowly, as τ/√(τ² + τ0²)", 0.5, 0.0, 1.0, 0.0, (0.0, 1.0)
+            "w_rad_per_rad",
+            "share of the play that is taken up slowly, as τ/√(τ² + τ0²)",
+            0.5,
+            0.0,
+            1.0,
+            0.0,
+            (0.0, 1.0),
         ),
     )
 

@@ -67,7 +67,14 @@ class _SlowSpring(Effect):
         return "the order of measurement is not known" if excitation.poses.history is None else None
 
     def yielded(
-        self, poses: Poses, tau: Amounts, k: Sequence[float], constant: Number, stood: Number, rest: Number, late: Number
+        self,
+        poses: Poses,
+        tau: Amounts,
+        k: Sequence[float],
+        constant: Number,
+        stood: Number,
+        rest: Number,
+        late: Number,
     ) -> list[Number]:
         """k c of each motion; where nobody knows what was before, the load has been held for long: k τ."""
         if poses.history is None:
@@ -76,17 +83,19 @@ class _SlowSpring(Effect):
         out: list[Number] = []
         for a, load, borne in zip(k, tau, held.T, strict=True):
             past, own = (
-                followed(poses.history, borne, constant, stood, rest, late)
-                if isinstance(a, Dual) or a
-                else (0.0, 0.0)
+                followed(poses.history, borne, constant, stood, rest, late) if isinstance(a, Dual) or a else (0.0, 0.0)
             )
             out.append(a * (past + own * load))
         return out
 
 
-STOOD = Parameter("stood_s", "longest time at a pose before it was measured", 30.0, 0.0, fixed=LONG_S, scan=USUAL_WAITS_S)
+STOOD = Parameter(
+    "stood_s", "longest time at a pose before it was measured", 30.0, 0.0, fixed=LONG_S, scan=USUAL_WAITS_S
+)
 REST = Parameter("rest_s", "time under load before the first pose", 120.0, 0.0, fixed=LONG_S, scan=USUAL_RESTS_S)
-LATE = Parameter("late_s_per_s", "share of the time between poses before the move", 0.3, 0.0, 1.0, fixed=0.0, scan=SHARES)
+LATE = Parameter(
+    "late_s_per_s", "share of the time between poses before the move", 0.3, 0.0, 1.0, fixed=0.0, scan=SHARES
+)
 
 
 class Creep(_SlowSpring):

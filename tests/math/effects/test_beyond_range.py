@@ -99,7 +99,10 @@ def test_a_periodic_law_is_the_same_after_a_turn(kind: type[Effect]) -> None:
 
 def test_every_other_form_is_held_or_a_spring() -> None:
     """A free function is known where it was measured; what is linear in a load is a law."""
-    assert {kind.id for kind in FREE_FORMS if kind.extrapolation is not Extrapolation.HELD} == {"bending_ends"}
+    assert {kind.id for kind in FREE_FORMS if kind.extrapolation is not Extrapolation.HELD} == {
+        "bending_ends",
+        "creep_spectrum",
+    }
     assert all(issubclass(kind, LinearEffect) for kind in FREE_FORMS if kind is not SecondChangePoint)
 
 
