@@ -1,9 +1,9 @@
 """History of a measurement: which load the arm held for how long before each pose.
 
 What an arm was sent to and when is known whatever the parameters are; the loads before a pose are those of the nominal
-arm, until they are known of a fitted one (`History.borne_by`). The rows are put in the order of their times within each session; a session begins with nothing known of
-what was before it. Where no times were measured, poses follow each other in equal steps, and a number that is left out
-takes a step too.
+arm, until they are known of a fitted one (`History.borne_by`). The rows are put in the order of their times within each
+session; a session begins with nothing known of what was before it. Where no times were measured, poses follow each
+other in equal steps, and a number that is left out takes a step too.
 """
 
 from __future__ import annotations

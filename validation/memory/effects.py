@@ -112,16 +112,37 @@ class SlippingHorn(HiddenEffect):
 
 
 @dataclass(frozen=True)
-class TwoPaceJoint(HiddenEffect):
-    """Creep with two time constants (written after the tool's effects): as polymers have, with a spectrum of them."""
+class ManyPaceJoint(HiddenEffect):
+    """Creep with several time constants (written after the tool's effects): polymers have a spectrum of them."""
 
     joint: int
     compliance_rad_per_nm: float
-    constants_s: tuple[float, float]
+    constants_s: tuple[float, ...]
     late: float = 0.0
 
     def added_angles(self, load: JointLoad) -> Array:
-        """Half of the compliance at either pace."""
+        """Equal parts of the compliance at each pace."""
         tau, time = load.tau_nm[:, self.joint - 1], load.poses.time_s
         states = [yielded(tau, time, constant, self.late, False) for constant in self.constants_s]
-        return at_joint(self.joint, 0.5 * self.compliance_rad_per_nm * (states[0] + states[1]), load.tau_nm)
+        return at_joint(self.joint, self.compliance_rad_per_nm * np.mean(states, axis=0), load.tau_nm)
+
+
+@dataclass(frozen=True)
+class PromptReading(HiddenEffect):
+    """Creep of a joint that is read a fixed time after each move, whatever the wait before it (written after the tool
+    knew a share of the wait)."""
+
+    joint: int
+    compliance_rad_per_nm: float
+    constant_s: float
+    after_s: float
+
+    def added_angles(self, load: JointLoad) -> Array:
+        """The pose before is held until the move, the new one for a few seconds."""
+        tau, time = load.tau_nm[:, self.joint - 1], load.poses.time_s
+        state = tau.copy()
+        for row in range(1, len(tau)):
+            held = max(time[row] - time[row - 1] - self.after_s, 0.0)
+            left = tau[row - 1] + (state[row - 1] - tau[row - 1]) * np.exp(-held / self.constant_s)
+            state[row] = tau[row] + (left - tau[row]) * np.exp(-self.after_s / self.constant_s)
+        return at_joint(self.joint, self.compliance_rad_per_nm * state, load.tau_nm)
