@@ -11,9 +11,9 @@ from lrm_math.arm.arm_file import shipped_arms
 from validation.hidden_effects.case_generator import DEG, RandomSizes, stable_seed
 from validation.memory.effects import (
     HeatedServo,
+    ManyPaceJoint,
     PromptReading,
     SlippingHorn,
-    ManyPaceJoint,
     ViscoelasticBase,
     ViscoelasticJoint,
 )
