@@ -147,11 +147,11 @@ class CreepSpectrum(_SlowSpring):
 
     @cached_property
     def parameters(self) -> tuple[Parameter, ...]:
-        """Compliance of each motion at each pace, of either sign beside that of the plain creep; the time constants;
+        """Compliance of each motion at each pace, beside that of the plain creep; the time constants;
         the share of the time between poses before the move."""
         return (
             *(
-                Parameter(f"k_{pace}{axis}_rad_per_Nm", f"compliance that yields at the {pace} pace", 0.03)
+                Parameter(f"k_{pace}{axis}_rad_per_Nm", f"compliance that yields at the {pace} pace", 0.03, lower=0.0)
                 for pace in PACES_S
                 for axis in self.axes
             ),
