@@ -71,7 +71,7 @@ class ViscoelasticBase(HiddenEffect):
         about_x = np.array([[1.0, 0.0, 0.0], [0.0, cx, -sx], [0.0, sx, cx]])
         about_y = np.array([[cy, 0.0, sy], [0.0, 1.0, 0.0], [-sy, 0.0, cy]])
         about_z = np.array([[cz, -sz, 0.0], [sz, cz, 0.0], [0.0, 0.0, 1.0]])
-        return about_x @ about_y @ about_z
+        return np.asarray(about_x @ about_y @ about_z)
 
 
 @dataclass(frozen=True)
