@@ -1,15 +1,11 @@
-"""A stand-in for LeRobot's follower over simulated servos, and LeRobot's own base classes where it is not installed."""
+"""A stand-in for LeRobot's follower over simulated servos."""
 
 from __future__ import annotations
 
 import math
-import sys
 from collections.abc import Mapping, Sequence
-from importlib import import_module
-from importlib.util import find_spec
-from types import ModuleType, SimpleNamespace
+from types import SimpleNamespace
 from typing import Any
-from unittest.mock import patch
 
 from examples.so101.feetech_servo import STEP, FeetechServo
 from lrm_ident.measuring.servo_bus import feetech as table
@@ -72,15 +68,3 @@ class SimulatedFollower:
             count = MIDDLE + round(math.radians(action[f"{name}.pos"]) / STEP)
             servo.write(table.GOAL_POSITION.address, table.GOAL_POSITION.encoded(count))
         return dict(action)
-
-
-def calibrated_robot_class() -> Any:
-    """`CalibratedRobot`; without LeRobot, over a base class that is empty."""
-    import_module("lerobot_robot_lrm")  # whether LeRobot is there is decided before there is a stand-in
-    if find_spec("lerobot") is not None:
-        return import_module("lerobot_robot_lrm.calibrated_robot").CalibratedRobot
-    named = {name: ModuleType(name) for name in ("lerobot", "lerobot.robots")}
-    config, robot = ModuleType("lerobot.robots.config"), ModuleType("lerobot.robots.robot")
-    config.RobotConfig, robot.Robot = type("RobotConfig", (), {}), type("Robot", (), {})  # type: ignore[attr-defined]
-    with patch.dict(sys.modules, {**named, config.__name__: config, robot.__name__: robot}):
-        return import_module("lerobot_robot_lrm.calibrated_robot").CalibratedRobot

@@ -1,7 +1,7 @@
 """Calibrated robots for LeRobot: `--robot.type=so101_follower_calibrated --robot.model=model.toml`.
 
-LeRobot imports this module by its name, which registers a calibrated form of every robot. Without LeRobot it is the
-mathematics alone: `Correction`.
+LeRobot imports this module by its name, which registers a calibrated form of every robot, and the processor steps
+`lrm_calibrated_action` and `lrm_calibrated_observation`. Without LeRobot it is the mathematics alone: `Correction`.
 """
 
 from importlib.util import find_spec
@@ -13,7 +13,10 @@ __all__ = ["Correction", "Motion"]
 
 if find_spec("lerobot") is not None:
     from lerobot_robot_lrm.calibrated_robot import CalibratedRobot
+    from lerobot_robot_lrm.pipelines import calibrated_processors
+    from lerobot_robot_lrm.processor import CalibratedAction, CalibratedObservation
     from lerobot_robot_lrm.registration import CalibratedForm, register_calibrated_robots
 
-    __all__ += ["CalibratedForm", "CalibratedRobot"]
+    __all__ += ["CalibratedAction", "CalibratedForm", "CalibratedObservation", "CalibratedRobot"]
+    __all__ += ["calibrated_processors"]
     register_calibrated_robots()

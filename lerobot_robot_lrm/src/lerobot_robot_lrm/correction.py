@@ -29,6 +29,11 @@ REVERSAL = 2.0 * np.pi / 4096.0
 FEWEST_JOINTS = 3
 
 
+def places_of(keep: str) -> list[str]:
+    """Places by an option, `base,tool`."""
+    return [word.strip() for word in keep.split(",") if word.strip()]
+
+
 @dataclass(frozen=True, eq=False)
 class Corrected:
     """A command (n,), rad, and how far from its goal the tip then stays by the model (m)."""
