@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from types import SimpleNamespace
 from typing import Any
 
@@ -11,6 +11,7 @@ from examples.so101.feetech_servo import STEP, FeetechServo
 from lrm_ident.measuring.servo_bus import feetech as table
 
 MIDDLE = 2048
+SIDES = ("left_", "right_")
 
 
 class SimulatedBus:
@@ -55,6 +56,12 @@ class SimulatedFollower:
         for servo in self.bus.servos.values():
             servo.write(table.TORQUE_ENABLE.address, b"\1")
 
+    def disconnect(self) -> None:
+        """Switches the torque off."""
+        self.is_connected = False
+        for servo in self.bus.servos.values():
+            servo.write(table.TORQUE_ENABLE.address, b"\0")
+
     def get_observation(self) -> dict[str, Any]:
         """Angles of the encoders (deg)."""
         if self.bus.lost:
@@ -68,3 +75,42 @@ class SimulatedFollower:
             count = MIDDLE + round(math.radians(action[f"{name}.pos"]) / STEP)
             servo.write(table.GOAL_POSITION.address, table.GOAL_POSITION.encoded(count))
         return dict(action)
+
+
+class SimulatedPair:
+    """A robot of LeRobot with two arms, whose joints' names begin with `left_` and `right_`."""
+
+    name, id = "bi_so_follower", "simulated"
+    is_calibrated = True
+
+    def __init__(self, left: SimulatedFollower, right: SimulatedFollower) -> None:
+        self.left_arm, self.right_arm = left, right
+
+    @property
+    def action_features(self) -> dict[str, Any]:
+        """Of both arms."""
+        return self._named(lambda arm: arm.action_features)
+
+    @property
+    def is_connected(self) -> bool:
+        """Whether both arms are."""
+        return bool(self.left_arm.is_connected and self.right_arm.is_connected)
+
+    def connect(self, calibrate: bool = True) -> None:
+        """Switches the torque on, first of the left arm."""
+        self.left_arm.connect(calibrate)
+        self.right_arm.connect(calibrate)
+
+    def get_observation(self) -> dict[str, Any]:
+        """Angles of the encoders of both (deg)."""
+        return self._named(lambda arm: arm.get_observation())
+
+    def send_action(self, action: Mapping[str, float]) -> dict[str, Any]:
+        """Goals of both (deg)."""
+        own = ({key.removeprefix(side): x for key, x in action.items() if key.startswith(side)} for side in SIDES)
+        sent = [arm.send_action(part) for arm, part in zip((self.left_arm, self.right_arm), own, strict=True)]
+        return {f"{side}{key}": x for side, part in zip(SIDES, sent, strict=True) for key, x in part.items()}
+
+    def _named(self, of: Callable[[Any], Mapping[str, Any]]) -> dict[str, Any]:
+        arms = zip(SIDES, (self.left_arm, self.right_arm), strict=True)
+        return {f"{side}{key}": value for side, arm in arms for key, value in of(arm).items()}

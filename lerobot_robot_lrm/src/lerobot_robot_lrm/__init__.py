@@ -12,11 +12,12 @@ from lrm_math.kinematics.motion import Motion
 __all__ = ["Correction", "Motion"]
 
 if find_spec("lerobot") is not None:
+    from lerobot_robot_lrm.calibrated_pair import CalibratedPair
     from lerobot_robot_lrm.calibrated_robot import CalibratedRobot
     from lerobot_robot_lrm.pipelines import calibrated_processors
     from lerobot_robot_lrm.processor import CalibratedAction, CalibratedObservation
-    from lerobot_robot_lrm.registration import CalibratedForm, register_calibrated_robots
+    from lerobot_robot_lrm.registration import CalibratedForm, CalibratedPairForm, register_calibrated_robots
 
-    __all__ += ["CalibratedAction", "CalibratedForm", "CalibratedObservation", "CalibratedRobot"]
-    __all__ += ["calibrated_processors"]
+    __all__ += ["CalibratedAction", "CalibratedForm", "CalibratedObservation", "CalibratedPair"]
+    __all__ += ["CalibratedPairForm", "CalibratedRobot", "calibrated_processors"]
     register_calibrated_robots()
