@@ -149,19 +149,24 @@ class Correction:
     def answer(self, wish: Array, motion: Motion) -> Corrected:
         """The command for wished angles (n,), rad, that continues a motion.
 
-        A joint is sent on in the direction of its last move, or further than `slack` back, or not at all: where only a
-        turn to and fro would do, it stays. Raises `NoEquilibrium`.
+        A joint is sent on in the direction of its last move, or further than `slack` back. Where neither direction
+        brings it there, because it leads after a turn, it stays, or turns back by `slack` if it then stands nearer.
+        Raises `NoEquilibrium`.
         """
         low, high = self.limits
         amounts, goal = self._drawn_at(np.clip(wish, low, high))
         side, turned = motion.side, np.zeros(len(wish), dtype=bool)
+        off = np.zeros(len(wish))
         while True:
             found, left = self.arm.command(amounts, goal, side, motion)
             q = np.clip(found, low, high)
             moved = q - motion.q
             back = np.where(side == 0.0, moved != 0.0, moved * side < -self.slack) & ~turned
             if not back.any():
-                return Corrected(np.where(moved * side < 0.0, motion.q, q), left)
+                nearer = turned & (motion.side != 0.0) & (off > np.abs(moved) + self.slack)
+                held = np.where(nearer, np.clip(motion.q + self.slack * side, low, high), motion.q)
+                return Corrected(np.where(moved * side < 0.0, held, q), left)
+            off = np.where(back, np.abs(moved), off)
             side, turned = np.where(back, np.sign(moved), side), turned | back
 
     def true_angles(self, encoders: Array, motion: Motion) -> Array:
