@@ -56,7 +56,7 @@ p = 32
 
 
 @dataclass(frozen=True)
-class SimulatedArm:
+class RecordedArm:
     """An arm behind a bus: prefix of its joints' names, device, model file.
 
     wishes: (P, n), rad. drawn: (P, 3), m, tips of the arm as drawn there.
@@ -75,7 +75,7 @@ class ScriptedLeader(Teleoperator):
     config_class, name = SimpleNamespace, "scripted"
     is_connected = is_calibrated = True
 
-    def __init__(self, arms: Sequence[SimulatedArm], events: dict[str, bool]) -> None:
+    def __init__(self, arms: Sequence[RecordedArm], events: dict[str, bool]) -> None:
         self.arms, self.events, self.frame = arms, events, 0
         self.tips: list[list[Array]] = [[] for _ in arms]
 
@@ -116,7 +116,7 @@ class ScriptedLeader(Teleoperator):
 
 
 @contextmanager
-def simulated_arms(folder: Path, prefixes: Sequence[str]) -> Iterator[list[SimulatedArm]]:
+def simulated_arms(folder: Path, prefixes: Sequence[str]) -> Iterator[list[RecordedArm]]:
     """Arms with hidden errors behind simulated buses, each with the model that was fitted to it."""
     arm, out = load_arm(ARM_FILE), []
     with ExitStack() as running:
@@ -126,12 +126,12 @@ def simulated_arms(folder: Path, prefixes: Sequence[str]) -> Iterator[list[Simul
             wishes = both_sides(random_poses(arm, GOALS, seed + 1000, LIMIT_DEG))
             drawn = true_state(arm, GroundTruth.nominal(arm), wishes).tcp_m
             link = running.enter_context(simulated_so101(own, effect, seed))
-            out.append(SimulatedArm(prefix, link, model, wishes, drawn))
+            out.append(RecordedArm(prefix, link, model, wishes, drawn))
         yield out
 
 
 @contextmanager
-def connected(folder: Path, arms: Sequence[SimulatedArm], calibrated: bool) -> Iterator[Any]:
+def connected(folder: Path, arms: Sequence[RecordedArm], calibrated: bool) -> Iterator[Any]:
     """LeRobot's robot of these arms, made of a command line's words."""
     swept = {
         name: {"id": number, "drive_mode": 0, "homing_offset": 0, "range_min": 1, "range_max": 4095}
@@ -159,7 +159,7 @@ def connected(folder: Path, arms: Sequence[SimulatedArm], calibrated: bool) -> I
             with_retries(each, each.disconnect)
 
 
-def pipelines(robot: Any, arms: Sequence[SimulatedArm], way: str) -> tuple[Any, Any]:
+def pipelines(robot: Any, arms: Sequence[RecordedArm], way: str) -> tuple[Any, Any]:
     """`robot_action_processor` and `robot_observation_processor` of a way."""
     _, action, observation = make_default_processors()
     if way != "processor steps":
@@ -174,7 +174,7 @@ def pipelines(robot: Any, arms: Sequence[SimulatedArm], way: str) -> tuple[Any, 
     return before, after
 
 
-def recorded(folder: Path, arms: Sequence[SimulatedArm], way: str) -> tuple[list[Array], Path]:
+def recorded(folder: Path, arms: Sequence[RecordedArm], way: str) -> tuple[list[Array], Path]:
     """RMS tip errors: (G,), m, at the goals of each arm; and the folder of the dataset."""
     events = {"exit_early": False}
     leader, teleop = ScriptedLeader(arms, events), make_default_processors()[0]
@@ -231,7 +231,7 @@ def _checkup(dataset: Path, prefix: str) -> str:
     return f"{found['rests']} stops: {named or 'nothing'}"
 
 
-def _refusal(folder: Path, arms: Sequence[SimulatedArm]) -> str:
+def _refusal(folder: Path, arms: Sequence[RecordedArm]) -> str:
     """How a model that was measured with other gains is refused. Raises `AssertionError`: it is not."""
     last = arms[-1].model
     last.write_text(last.read_text() + OTHER_GAINS)
