@@ -9,6 +9,11 @@ OUT ?= out
 MINUTES ?= 10
 HOURS ?= 24
 TARGETS ?= manylinux_2_17_x86_64 manylinux_2_17_aarch64 macosx_11_0_x86_64 macosx_11_0_arm64 win_amd64 win_arm64
+LEROBOT ?= 0.6.1
+LEROBOT_VENV := .venv-lerobot-$(LEROBOT)
+LEROBOT_PYTHON_NAME := $(if $(filter 0.4.%,$(LEROBOT)),python3.11,python3.12)
+LEROBOT_PYTHON ?= $(shell for p in $(LEROBOT_PYTHON_NAME) $$HOME/.pyenv/versions/*/bin/$(LEROBOT_PYTHON_NAME); do \
+    "$$p" --version > /dev/null 2>&1 && { echo "$$p"; break; }; done)
 SIDE_BY_SIDE := -n 2 --dist worksteal
 UNITS := --ignore tests/system --ignore tests/package --ignore-glob '*_in_browser.py'
 ONE_THREAD := OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 MKL_NUM_THREADS=1
@@ -192,9 +197,16 @@ unfamiliar: setup ## the second catalogue, other forms, arms and awkward data th
 	$(BIN)/python -m validation.hidden_effects.unfamiliar --half tune --jobs 2
 	$(ONE_THREAD) $(BIN)/python -m validation.hidden_effects.proposed_laws --half tune
 
-lerobot: ## the plug-in's tests with LeRobot itself, and its follower over the simulated bus from both sides (PYTHON= of an environment with lerobot, feetech-servo-sdk, pytest, hypothesis and both packages)
-	PYTHONPATH=. $(ONE_THREAD) $(PYTHON) -m pytest -rs -m "not slow" tests/lerobot tests/examples/so101
-	PYTHONPATH=. $(ONE_THREAD) $(PYTHON) -m validation.lerobot_robot
+lerobot: $(LEROBOT_VENV)/.ready ## the plug-in's tests with LeRobot itself (LEROBOT=0.6.1, or 0.4.4) in an environment of its own, its follower from both sides, and its record_loop on simulated arms (LEROBOT_PYTHON=)
+	PYTHONPATH=. $(ONE_THREAD) $(LEROBOT_VENV)/bin/python -m pytest -rs -m "not slow" tests/lerobot tests/examples/so101
+	PYTHONPATH=. $(ONE_THREAD) $(LEROBOT_VENV)/bin/python -m validation.lerobot_robot
+	$(if $(filter 0.4.%,$(LEROBOT)),,PYTHONPATH=. $(ONE_THREAD) $(LEROBOT_VENV)/bin/python -m validation.lerobot_robot.recording)
+
+$(LEROBOT_VENV)/.ready: pyproject.toml lerobot_robot_lrm/pyproject.toml hatch_build.py
+	@test -n "$(LEROBOT_PYTHON)" || { echo "LeRobot $(LEROBOT) needs Python 3.12, LeRobot 0.4 Python 3.11; set LEROBOT_PYTHON="; exit 1; }
+	$(LEROBOT_PYTHON) -m venv $(LEROBOT_VENV)
+	$(LEROBOT_VENV)/bin/python -m pip install --quiet --disable-pip-version-check --no-compile 'lerobot[feetech,dataset]==$(LEROBOT)' pytest hypothesis pyyaml hatchling -e '.[ident,lerobot]' -e ./lerobot_robot_lrm
+	@touch $@
 
 doors: setup ## every door to a motor at 500 random instants, and 10000 random paths of LeRobot's corrected commands over 200 fitted models (an hour)
 	$(ONE_THREAD) $(BIN)/python -m tests.soak.doors --instants 500
@@ -207,4 +219,4 @@ uninstall: ## takes it away again; keeps configuration that was changed
 	DESTDIR=$(DESTDIR) systemd/install.sh uninstall
 
 clean: ## removes what was built
-	rm -rf $(VENV) $(OUT) build dist *.egg-info
+	rm -rf $(VENV) .venv-lerobot-* $(OUT) build dist *.egg-info

@@ -20,6 +20,8 @@ CALLS = {
     "relax", "estop", "put", "write",
 }  # fmt: skip
 """Methods by which an arm moves, stops, or gets torque, of an object whose last name is one of `MOVERS`."""
+ACTION_STEPS = ("ActionProcessorStep",)
+"""Endings of LeRobot's classes whose heirs make what a robot is sent."""
 MOVERS = {"rover", "robot", "host", "bus", "line", "door", "session"}
 
 
@@ -45,6 +47,8 @@ def _dotted(path: Path) -> str:
 def _reasons(path: Path) -> Iterator[str]:
     yield from (name for name in imported_names(path) if name.split(".")[0] in WRITERS)
     for node in ast.walk(syntax_tree(path)):
+        if isinstance(node, ast.ClassDef):
+            yield from (name for name in map(_last_name, node.bases) if name.endswith(ACTION_STEPS))
         if isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute):
             of = _last_name(node.func.value)
             if node.func.attr in CALLS and of.strip("_") in MOVERS:

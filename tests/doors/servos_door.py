@@ -28,8 +28,9 @@ from lrm_ident.measuring.servo_bus.kind import BusServoKind
 from lrm_ident.measuring.servo_bus.servos import held_servos
 from lrm_math.arm.arm_file import load_arm
 from tests.doors.door import Angles, DoorKind
+from tests.doors.lerobot_classes import calibrated_robot_class
 from tests.doors.lockstep import Lockstep
-from tests.doors.simulated_follower import SimulatedFollower, calibrated_robot_class
+from tests.doors.simulated_follower import SimulatedFollower
 
 ARM = load_arm("so101")
 NAMES = tuple(str(joint.name) for joint in ARM.joints)
@@ -240,8 +241,9 @@ BUS = (
     "lrm_ident.measuring.servo_bus.servos",
     "lrm_ident.measuring.servo_bus.torque_on",
 )
+LEROBOT = ("lerobot_robot_lrm.calibrated_robot", "lerobot_robot_lrm.wrapped_robot")
 DOORS = (
-    DoorKind("LeRobot robot", ("lerobot_robot_lrm.calibrated_robot",), calibrated_robot, 0.0, 0.0),
+    DoorKind("LeRobot robot", LEROBOT, calibrated_robot, 0.0, 0.0),
     DoorKind("campaign over LeRobot", ("lrm_ident.measuring.campaign.lerobot_robot",), campaign_over_lerobot, 0.0, 0.2),
     DoorKind("Feetech bus", BUS, partial(campaign_over_bus, FEETECH, FeetechServo, FeetechBus), 0.0, 0.2),
     DoorKind("Dynamixel bus", BUS, partial(campaign_over_bus, DYNAMIXEL, DynamixelServo, DynamixelBus), 0.0, 0.2),

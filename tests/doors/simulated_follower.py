@@ -1,20 +1,17 @@
-"""A stand-in for LeRobot's follower over simulated servos, and LeRobot's own base classes where it is not installed."""
+"""A stand-in for LeRobot's follower over simulated servos."""
 
 from __future__ import annotations
 
 import math
-import sys
-from collections.abc import Mapping, Sequence
-from importlib import import_module
-from importlib.util import find_spec
-from types import ModuleType, SimpleNamespace
+from collections.abc import Callable, Mapping, Sequence
+from types import SimpleNamespace
 from typing import Any
-from unittest.mock import patch
 
 from examples.so101.feetech_servo import STEP, FeetechServo
 from lrm_ident.measuring.servo_bus import feetech as table
 
 MIDDLE = 2048
+SIDES = ("left_", "right_")
 
 
 class SimulatedBus:
@@ -59,6 +56,12 @@ class SimulatedFollower:
         for servo in self.bus.servos.values():
             servo.write(table.TORQUE_ENABLE.address, b"\1")
 
+    def disconnect(self) -> None:
+        """Switches the torque off."""
+        self.is_connected = False
+        for servo in self.bus.servos.values():
+            servo.write(table.TORQUE_ENABLE.address, b"\0")
+
     def get_observation(self) -> dict[str, Any]:
         """Angles of the encoders (deg)."""
         if self.bus.lost:
@@ -74,13 +77,40 @@ class SimulatedFollower:
         return dict(action)
 
 
-def calibrated_robot_class() -> Any:
-    """`CalibratedRobot`; without LeRobot, over a base class that is empty."""
-    import_module("lerobot_robot_lrm")  # whether LeRobot is there is decided before there is a stand-in
-    if find_spec("lerobot") is not None:
-        return import_module("lerobot_robot_lrm.calibrated_robot").CalibratedRobot
-    named = {name: ModuleType(name) for name in ("lerobot", "lerobot.robots")}
-    config, robot = ModuleType("lerobot.robots.config"), ModuleType("lerobot.robots.robot")
-    config.RobotConfig, robot.Robot = type("RobotConfig", (), {}), type("Robot", (), {})  # type: ignore[attr-defined]
-    with patch.dict(sys.modules, {**named, config.__name__: config, robot.__name__: robot}):
-        return import_module("lerobot_robot_lrm.calibrated_robot").CalibratedRobot
+class SimulatedPair:
+    """A robot of LeRobot with two arms, whose joints' names begin with `left_` and `right_`."""
+
+    name, id = "bi_so_follower", "simulated"
+    is_calibrated = True
+
+    def __init__(self, left: SimulatedFollower, right: SimulatedFollower) -> None:
+        self.left_arm, self.right_arm = left, right
+
+    @property
+    def action_features(self) -> dict[str, Any]:
+        """Of both arms."""
+        return self._named(lambda arm: arm.action_features)
+
+    @property
+    def is_connected(self) -> bool:
+        """Whether both arms are."""
+        return bool(self.left_arm.is_connected and self.right_arm.is_connected)
+
+    def connect(self, calibrate: bool = True) -> None:
+        """Switches the torque on, first of the left arm."""
+        self.left_arm.connect(calibrate)
+        self.right_arm.connect(calibrate)
+
+    def get_observation(self) -> dict[str, Any]:
+        """Angles of the encoders of both (deg)."""
+        return self._named(lambda arm: arm.get_observation())
+
+    def send_action(self, action: Mapping[str, float]) -> dict[str, Any]:
+        """Goals of both (deg)."""
+        own = ({key.removeprefix(side): x for key, x in action.items() if key.startswith(side)} for side in SIDES)
+        sent = [arm.send_action(part) for arm, part in zip((self.left_arm, self.right_arm), own, strict=True)]
+        return {f"{side}{key}": x for side, part in zip(SIDES, sent, strict=True) for key, x in part.items()}
+
+    def _named(self, of: Callable[[Any], Mapping[str, Any]]) -> dict[str, Any]:
+        arms = zip(SIDES, (self.left_arm, self.right_arm), strict=True)
+        return {f"{side}{key}": value for side, arm in arms for key, value in of(arm).items()}

@@ -12,8 +12,9 @@ import pytest
 
 from examples.so101.feetech_servo import FeetechServo
 from lerobot_robot_lrm.bounded import CREEP, RATE
+from tests.doors.lerobot_classes import calibrated_robot_class
 from tests.doors.servos_door import NAMES
-from tests.doors.simulated_follower import SimulatedFollower, calibrated_robot_class
+from tests.doors.simulated_follower import SimulatedFollower
 from tests.lerobot.test_continuity import near_its_axis
 
 TWISTED = """\
@@ -39,7 +40,7 @@ def test_where_accuracy_is_given_up_it_is_said_once(tmp_path: Path, caplog: pyte
         for k in range(-40, 41):
             wish = start + k * step * np.array([0.0, 1.0, 0.0, 0.0, 0.0])
             robot.send_action(dict(zip((f"{name}.pos" for name in NAMES), np.degrees(wish).tolist(), strict=True)))
-            sent = robot._motion.q
+            sent = robot.arm.motion.q
             if before is not None:
                 assert np.abs(sent - before).max() <= (1.0 + RATE) * step + CREEP
             before = sent

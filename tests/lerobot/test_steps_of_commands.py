@@ -17,7 +17,8 @@ from lrm_math.effects import effects_at
 from lrm_math.kinematics.poses import Poses
 from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import model_of
-from tests.doors.simulated_follower import SimulatedFollower, calibrated_robot_class
+from tests.doors.lerobot_classes import calibrated_robot_class
+from tests.doors.simulated_follower import SimulatedFollower
 
 ARM = load_arm("so101")
 NAMES = tuple(str(joint.name) for joint in ARM.joints)

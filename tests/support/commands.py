@@ -36,10 +36,10 @@ def part_of_example(folder: Path, poses: int) -> Path:
     return path
 
 
-def stdout_of(*words: object, program: Callable[[], None] = main) -> str:
-    """Stdout of a command that must succeed."""
-    code, stdout, stderr = run_command(*words, program=program)
-    assert code == 0, stderr
+def stdout_of(*words: object, program: Callable[[], None] = main, code: int = 0) -> str:
+    """Stdout of a command that must end with an exit code, by default that of success."""
+    ended, stdout, stderr = run_command(*words, program=program)
+    assert ended == code, stderr
     return stdout
 
 

@@ -1,7 +1,7 @@
 """Calibrated robots for LeRobot: `--robot.type=so101_follower_calibrated --robot.model=model.toml`.
 
-LeRobot imports this module by its name, which registers a calibrated form of every robot. Without LeRobot it is the
-mathematics alone: `Correction`.
+LeRobot imports this module by its name, which registers a calibrated form of every robot, and the processor steps
+`lrm_calibrated_action` and `lrm_calibrated_observation`. Without LeRobot it is the mathematics alone: `Correction`.
 """
 
 from importlib.util import find_spec
@@ -12,8 +12,12 @@ from lrm_math.kinematics.motion import Motion
 __all__ = ["Correction", "Motion"]
 
 if find_spec("lerobot") is not None:
+    from lerobot_robot_lrm.calibrated_pair import CalibratedPair
     from lerobot_robot_lrm.calibrated_robot import CalibratedRobot
-    from lerobot_robot_lrm.registration import CalibratedForm, register_calibrated_robots
+    from lerobot_robot_lrm.pipelines import calibrated_processors
+    from lerobot_robot_lrm.processor import CalibratedAction, CalibratedObservation
+    from lerobot_robot_lrm.registration import CalibratedForm, CalibratedPairForm, register_calibrated_robots
 
-    __all__ += ["CalibratedForm", "CalibratedRobot"]
+    __all__ += ["CalibratedAction", "CalibratedForm", "CalibratedObservation", "CalibratedPair"]
+    __all__ += ["CalibratedPairForm", "CalibratedRobot", "calibrated_processors"]
     register_calibrated_robots()

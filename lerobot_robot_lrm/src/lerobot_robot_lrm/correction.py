@@ -8,17 +8,19 @@ the loads, for the side that each joint arrives from.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 
 import numpy as np
 
 from lerobot_robot_lrm.kernel_arm import KernelArmModel
+from lerobot_robot_lrm.least_deviation import FARTHEST
 from lrm_math.arm.arm import BASE, TOOL
 from lrm_math.arrays import Array
 from lrm_math.effects import Effect, constant
 from lrm_math.errors import LrmError
+from lrm_math.kinematics.forward import frames
 from lrm_math.kinematics.motion import Motion
 from lrm_math.model.deployed_model import deployed_part, of_a_session
 from lrm_math.model.model import Model, model_of
@@ -27,6 +29,13 @@ from lrm_math.model.model_file import load_model
 REVERSAL = 2.0 * np.pi / 4096.0
 """rad, one step of a servo's encoder: joints whose error depends on their direction are not turned back by less."""
 FEWEST_JOINTS = 3
+FARTHEST_BASE_M = 0.03
+"""m, by which a base may stand beside where another arm's says; of an arm of 0.3 m reach 0.1 rad of a joint."""
+
+
+def places_of(keep: str) -> list[str]:
+    """Places by an option, `base,tool`."""
+    return [word.strip() for word in keep.split(",") if word.strip()]
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,12 +54,14 @@ class Correction:
         payload: kg, what the tool carries.
         left_out: names of the model's effects that are not corrected.
         keep: places whose constant errors are none of the arm, see `of`.
+        moved: (4, 4), m, by which the goals are moved in the frame of the measurement, see `on_the_base_of`.
     """
 
     model: Model
     payload: float = 0.0
     left_out: tuple[str, ...] = ()
     keep: tuple[str, ...] = (BASE, TOOL)
+    moved: Array = field(default_factory=lambda: np.eye(4))
 
     @classmethod
     def of_file(cls, path: str | Path, payload: float = 0.0, keep: Sequence[str] = (BASE, TOOL)) -> Correction:
@@ -79,6 +90,22 @@ class Correction:
         names = {effect.name for effect in deployed.effects}
         left_out = tuple(effect.name for effect in fitted.effects if effect.name not in names)
         return cls(_restricted(deployed, kept), payload, left_out, tuple(keep))
+
+    def on_the_base_of(self, other: Correction) -> Correction:
+        """The correction whose arm as drawn stands beside another one as the arm files of both have it.
+
+        Both models are measured in one frame. The base of the other is as fitted, and moves this one's along. Raises
+        `LrmError`: the two stand so far from that that no command may make up for it.
+        """
+        base, drawn = _base_frame(other.model), _base_frame(_restricted(other.model, []))
+        goal = base @ np.linalg.solve(drawn, _base_frame(_restricted(self.model, [])))
+        stands = _base_frame(self.model)
+        off, turned = np.linalg.norm(goal[:3, 3] - stands[:3, 3]), _angle(goal[:3, :3].T @ stands[:3, :3])
+        if off > FARTHEST_BASE_M or turned > FARTHEST:
+            what = f"the bases stand {1e3 * off:.0f} mm and {np.degrees(turned):.1f} deg beside where the arm files say"
+            most = f"at most {1e3 * FARTHEST_BASE_M:.0f} mm and {np.degrees(FARTHEST):.1f} deg are corrected"
+            raise LrmError(f"{what}; {most}: state where both stand ([base]), and measure both in one frame")
+        return replace(self, moved=goal @ np.linalg.inv(_base_frame(self.drawn.model)))
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -122,19 +149,24 @@ class Correction:
     def answer(self, wish: Array, motion: Motion) -> Corrected:
         """The command for wished angles (n,), rad, that continues a motion.
 
-        A joint is sent on in the direction of its last move, or further than `slack` back, or not at all: where only a
-        turn to and fro would do, it stays. Raises `NoEquilibrium`.
+        A joint is sent on in the direction of its last move, or further than `slack` back. Where neither direction
+        brings it there, because it leads after a turn, it stays, or turns back by `slack` if it then stands nearer.
+        Raises `NoEquilibrium`.
         """
         low, high = self.limits
         amounts, goal = self._drawn_at(np.clip(wish, low, high))
         side, turned = motion.side, np.zeros(len(wish), dtype=bool)
+        off = np.zeros(len(wish))
         while True:
             found, left = self.arm.command(amounts, goal, side, motion)
             q = np.clip(found, low, high)
             moved = q - motion.q
             back = np.where(side == 0.0, moved != 0.0, moved * side < -self.slack) & ~turned
             if not back.any():
-                return Corrected(np.where(moved * side < 0.0, motion.q, q), left)
+                nearer = turned & (motion.side != 0.0) & (off > np.abs(moved) + self.slack)
+                held = np.where(nearer, np.clip(motion.q + self.slack * side, low, high), motion.q)
+                return Corrected(np.where(moved * side < 0.0, held, q), left)
+            off = np.where(back, np.abs(moved), off)
             side, turned = np.where(back, np.sign(moved), side), turned | back
 
     def true_angles(self, encoders: Array, motion: Motion) -> Array:
@@ -143,14 +175,24 @@ class Correction:
         The inverse of `command` for encoders that read the command. Raises `NoEquilibrium`.
         """
         slots = self.arm.settled(encoders, motion)
-        goal = self.arm.kernel.forward(slots[None])[0][0]
+        goal = np.linalg.solve(self.moved, self.arm.kernel.forward(slots[None])[0][0])
         zero = self.drawn.slots_at(np.zeros_like(encoders))[self.drawn.joints]
         return self.drawn.joints_near(slots[self.arm.joints], goal) - zero
 
     def _drawn_at(self, wish: Array) -> tuple[Array, Array]:
         """Slot amounts (n,), rad, of the drawn arm's joints at wished angles (n,), and its tool's frame (4, 4), m."""
         drawn = self.drawn.slots_at(wish)
-        return drawn[self.drawn.joints], self.drawn.kernel.forward(drawn[None])[0][0]
+        return drawn[self.drawn.joints], self.moved @ self.drawn.kernel.forward(drawn[None])[0][0]
+
+
+def _base_frame(model: Model) -> Array:
+    """(4, 4), m, of the base of an arm by the constant effects of its model."""
+    return np.asarray(frames(model.chain, list(model.binding.constants), 1)[0, 0])
+
+
+def _angle(R: Array) -> float:
+    """rad, of a rotation (3, 3)."""
+    return float(np.arccos(np.clip(0.5 * (np.trace(R) - 1.0), -1.0, 1.0)))
 
 
 def _restricted(model: Model, effects: list[Effect]) -> Model:

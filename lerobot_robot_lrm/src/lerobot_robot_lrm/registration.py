@@ -5,14 +5,24 @@ from __future__ import annotations
 from dataclasses import field, fields, make_dataclass
 from typing import Any
 
+import lerobot.robots.bi_so_follower
 import lerobot.robots.so_follower  # noqa: F401  (registers so100_follower and so101_follower)
 from lerobot.robots.config import RobotConfig
+from lerobot.robots.robot import Robot
 from lerobot.robots.utils import make_robot_from_config
 from lerobot.utils.import_utils import register_third_party_plugins
 
+from lerobot_robot_lrm.calibrated_pair import CalibratedPair
 from lerobot_robot_lrm.calibrated_robot import CalibratedRobot
 
 CALIBRATED = "_calibrated"
+COMMON = (("accept_settings", bool, False), ("keep", str, "base,tool"))
+ONE = (("model", str), ("payload_g", float, 0.0), *COMMON)
+TWO = (
+    ("left_model", str), ("right_model", str), ("left_payload_g", float, 0.0), ("right_payload_g", float, 0.0),
+    ("base", str, "each"), *COMMON,
+)  # fmt: skip
+"""Options of a calibrated form beside those of the robot: name, type and, if it has one, what it is if not given."""
 
 
 def register_calibrated_robots() -> None:
@@ -25,23 +35,36 @@ def register_calibrated_robots() -> None:
 
 
 def calibrated_config(name: str, config: type[Any]) -> type[Any]:
-    """Configuration of the calibrated form of a robot: its own fields, `model` (a file), `payload_g`,
-    `accept_settings`, `keep`."""
-    own = [
-        ("model", str, field(kw_only=True)),
-        ("payload_g", float, field(default=0.0, kw_only=True)),
-        ("accept_settings", bool, field(default=False, kw_only=True)),
-        ("keep", str, field(default="base,tool", kw_only=True)),
+    """Configuration of the calibrated form of a robot: its own fields, and `ONE`, or `TWO` of one with two arms."""
+    two = {"left_arm_config", "right_arm_config"} <= {own.name for own in fields(config)}
+    options = [
+        (word, kind, field(kw_only=True, **_default(*default))) for word, kind, *default in (TWO if two else ONE)
     ]
     namespace = {"wrapped_type": name, "wrapped_config": config, "__module__": __name__}
     # LeRobot makes the robot of the class named like the configuration's, from the package of its module.
-    return make_dataclass("CalibratedFormConfig", own, bases=(config,), namespace=namespace)
+    form = CalibratedPairForm if two else CalibratedForm
+    return make_dataclass(f"{form.__name__}Config", options, bases=(config,), namespace=namespace)
 
 
 class CalibratedForm(CalibratedRobot):
     """The calibrated form that a configuration of `calibrated_config` describes. Raises `LrmError`."""
 
     def __init__(self, config: Any) -> None:
-        kind = config.wrapped_config
-        values = {own.name: getattr(config, own.name) for own in fields(kind) if own.init}
-        super().__init__(config, make_robot_from_config(kind(**values)))
+        super().__init__(config, _wrapped(config))
+
+
+class CalibratedPairForm(CalibratedPair):
+    """The same of a robot with two arms. Raises `LrmError`."""
+
+    def __init__(self, config: Any) -> None:
+        super().__init__(config, _wrapped(config))
+
+
+def _wrapped(config: Any) -> Robot:
+    """The robot that a calibrated form is one of."""
+    kind = config.wrapped_config
+    return make_robot_from_config(kind(**{own.name: getattr(config, own.name) for own in fields(kind) if own.init}))
+
+
+def _default(*values: object) -> dict[str, Any]:
+    return {"default": values[0]} if values else {}

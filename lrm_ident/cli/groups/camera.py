@@ -19,6 +19,7 @@ from lrm_ident.cli.common import notice, one_of, progress, show
 from lrm_ident.data.atomic_write import write_bytes, write_text
 from lrm_ident.data.measurement_file.load import load_poses, read_pose_feedback
 from lrm_ident.data.measurement_file.write import measurements_csv, write_with_metadata
+from lrm_ident.data.robot_files.camera_pose import camera_pose_text
 from lrm_ident.measuring.camera.board import (
     DICTIONARIES,
     CharucoBoard,
@@ -30,7 +31,13 @@ from lrm_ident.measuring.camera.board import (
 from lrm_ident.measuring.camera.capture import is_camera, keep_photo, open_camera, photograph_by_hand, photos_in
 from lrm_ident.measuring.camera.lens import Lens, calibrate_lens
 from lrm_ident.measuring.camera.other_boards import other_board
-from lrm_ident.measuring.camera.session import ENOUGH_TO_LEVEL, CameraMeasurements, measure, read_photos
+from lrm_ident.measuring.camera.session import (
+    ENOUGH_TO_LEVEL,
+    CameraMeasurements,
+    CameraSession,
+    measure,
+    read_photos,
+)
 from lrm_ident.report.document import ListSection
 from lrm_math.arm.arm_file import MM, arm_name_for, load_arm
 from lrm_math.errors import FileError, LrmError
@@ -171,6 +178,26 @@ def read(
     write_with_metadata(output, table, arm, source, frame="arm", feedback_sd_deg=feedback_sd)
     write_text(session_file, _toml(found.session))
     _show(found, len(files), output)
+
+
+@camera_command
+def export(
+    session: Annotated[Path, Argument(metavar="CAMERA", help="The .camera.toml beside the data of camera read.")],
+    output: Annotated[
+        Path, Option("-o", "--output", metavar="FILE", help=".launch.py for ROS 2 and MoveIt, .yaml for tf2, or .json.")
+    ],
+    base: Annotated[str, Option(metavar="LINK", help="The arm's base in the robot's URDF.")] = "base_link",
+    frame: Annotated[str, Option(metavar="FRAME", help="Name of the camera's frame.")] = "camera_optical_frame",
+) -> None:
+    """Write where the camera stands at the arm's base, for ROS 2, MoveIt or other programs.
+
+    The frame is the optical one of ROS and OpenCV: z ahead, x right, y down. The arm's frame is that of its arm file,
+    which has to be the frame of --base.
+    """
+    camera, _ = read_toml(session, CameraSession).motions
+    write_text(output, camera_pose_text(output, camera, base, frame))
+    x, y, z = 1e3 * camera[:3, 3]
+    show(f"{frame} at {base}: x {x:.1f}, y {y:.1f}, z {z:.1f} mm, written to {output}")
 
 
 def _show(found: CameraMeasurements, photos: int, output: Path) -> None:

@@ -73,6 +73,21 @@ def checkup_document(found: EncoderCheckup, arm: Arm, name: str) -> Document:
     return Document(blocks, "lrm/checkup/1", values)
 
 
+def card_paragraph(found: EncoderCheckup, arm: Arm) -> str:
+    """Markdown for the card of a dataset: how far its commands and encoders agree, and what the arm has."""
+    names, rms = joint_labels(arm), np.degrees(found.before)
+    worst = int(rms.argmax())
+    named = [f"- {_words(one, names, found)}" for one in found.findings]
+    lines = [
+        "## Check of the arm", "",
+        f"`lrm-ident checkup` compared command (`action`) and encoder (`observation.state`) at {found.rests} stops of "
+        f"{arm.name}. They differ by {np.median(rms):.2f}° RMS (median joint) and {rms[worst]:.2f}° ({names[worst]}).",
+        "", *(named or ["No joint has a fault that encoders show."]),
+        "", "Encoders cannot show play behind a servo, bent parts, or a zero that command and encoder share.",
+    ]  # fmt: skip
+    return "\n".join(lines) + "\n"
+
+
 def _words(one: EncoderFinding, names: Sequence[str], found: EncoderCheckup) -> str:
     if one.misread is not None:
         return misread_words(one.misread, names)

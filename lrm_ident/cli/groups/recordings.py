@@ -6,12 +6,13 @@ from pathlib import Path
 from typing import Annotated
 
 import numpy as np
-from typer import Argument, Option
+from typer import Argument, Exit, Option
 
 from lrm_ident.cli import arguments as arg
 from lrm_ident.cli.arm_access import SO101
 from lrm_ident.cli.command import command, stated_reading
 from lrm_ident.cli.common import notice, one_of, progress, publish, read_measurements, show
+from lrm_ident.data.atomic_write import write_text
 from lrm_ident.data.measurement_file.write import write_with_metadata
 from lrm_ident.data.wording import joint_labels
 from lrm_math.arm.arm_file import load_arm
@@ -108,8 +109,9 @@ def _import_lerobot(
     """Writes the rests of a dataset as poses, and a .toml file beside them. Raises `LrmError`."""
     from lrm_ident.cli.groups.checkup_report import misread_words
     from lrm_ident.measuring.recordings.lerobot import read_frames, read_lerobot, rests_csv
+    from lrm_ident.measuring.recordings.lerobot_hub import dataset_folder
 
-    name = arm or SO101
+    name, dataset = arm or SO101, dataset_folder(dataset)
     the_arm = load_arm(name)
     frames, labels = read_frames(dataset, the_arm, unit, prefix), joint_labels(the_arm)
     rests = read_lerobot(dataset, the_arm, frames, dwell)
@@ -132,7 +134,12 @@ def _import_lerobot(
 
 @command
 def checkup(
-    dataset: Annotated[Path, Argument(metavar="DATASET", help="Folder of a LeRobot dataset, v2.1 or v3, in degrees.")],
+    dataset: Annotated[
+        Path,
+        Argument(
+            metavar="DATASET", help="Folder of a LeRobot dataset, v2.1 or v3, in degrees; or USER/DATASET of its cache."
+        ),
+    ],
     arm: Annotated[str, Option("--arm", metavar="ARM", help="A shipped arm or an arm file.")] = "so101",
     dwell: Annotated[float, Option(min=0.2, help="Seconds that a stop lasts at least.")] = 0.5,
     video: Annotated[
@@ -152,6 +159,9 @@ def checkup(
     ] = None,
     angle_unit: Annotated[str | None, Option(help="Unit of the dataset's angles: deg (default) or rad.")] = None,
     prefix: Prefix = None,
+    card: Annotated[
+        Path | None, Option("--card", metavar="FILE", help="Also write a paragraph for the dataset's card (.md).")
+    ] = None,
     json: arg.JsonFile = None,
 ) -> None:
     """Check a LeRobot recording for faults of the arm: sag, dead band, leader offset, drift, a slipped horn.
@@ -161,29 +171,37 @@ def checkup(
     Compares command (action) and encoder (observation.state) at the stops, where they should agree, and reports what
     their difference depends on. Two minutes with a stop now and then are enough. The dataset is not changed.
 
+    USER/DATASET is looked for in LeRobot's cache (HF_LEROBOT_HOME), then on the Hub if huggingface_hub is installed.
+    Exit code: 0 without a finding, 1 with findings, 2 where nothing could be checked.
+
     With a board in the video (--video, --lens, -o; extras: camera, video) the frames at the stops show where the tip
     was. The command then also fits links and springs and diagnoses what is missing.
     """
-    from lrm_ident.cli.groups.checkup_report import checkup_document, studied, with_video
+    from lrm_ident.cli.groups.checkup_report import card_paragraph, checkup_document, studied, with_video
     from lrm_ident.measuring.recordings.encoder_checkup import checkup as check
     from lrm_ident.measuring.recordings.lerobot import read_frames
+    from lrm_ident.measuring.recordings.lerobot_hub import dataset_folder
 
     if video is None and (lens is not None or output is not None or on_gripper):
         raise LrmError("--lens, --on-gripper and -o go with --video")
     if video is not None and (lens is None or output is None):
         raise LrmError(f"--video {video}: give --lens (camera calibrate) and -o, where its measurements go")
-    the_arm = load_arm(arm)
-    frames = read_frames(dataset, the_arm, stated_reading({"angle_unit": angle_unit}).angle_unit, prefix)
+    the_arm, folder = load_arm(arm), dataset_folder(dataset, video is not None)
+    frames = read_frames(folder, the_arm, stated_reading({"angle_unit": angle_unit}).angle_unit, prefix)
     notice(*frames.notices)
-    document = checkup_document(check(frames, the_arm, dwell), the_arm, dataset.name)
+    found = check(frames, the_arm, dwell)
+    document = checkup_document(found, the_arm, dataset.name)
+    if card is not None:
+        write_text(card, card_paragraph(found, the_arm))
     if video is None or lens is None or output is None:
         publish(document, json)
-        return
+        raise Exit(1 if found.findings else 0)
     from lrm_ident.data.measurement_file.write import measurements_csv, write_with_metadata
     from lrm_ident.measuring.camera.lens import Lens
     from lrm_ident.measuring.recordings.lerobot_video import measure_video
 
     with progress("looking at the rests") as tick:
-        photos = measure_video(dataset, video, frames, dwell, the_arm, arm, read_toml(lens, Lens), on_gripper, tick)
+        photos = measure_video(folder, video, frames, dwell, the_arm, arm, read_toml(lens, Lens), on_gripper, tick)
     write_with_metadata(output, measurements_csv(photos.data), arm, f"video, {dataset.name}", frame="arm")
     publish(with_video(document, photos, studied(read_measurements(output, the_arm, arm)), output), json)
+    raise Exit(1 if found.findings else 0)

@@ -56,7 +56,7 @@ def test_the_command_names_it_in_words_and_changes_nothing(tmp_path: Path) -> No
     folder = write_dataset(tmp_path / "mine", recorded(arm, np.random.default_rng(6)), "v3.0")
     before = {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
     out = tmp_path / "out.json"
-    said = " ".join(stdout_of("checkup", folder, "--json", out).split())
+    said = " ".join(stdout_of("checkup", folder, "--json", out, code=1).split())
     assert f"{load_arm('so101').joints[joint].name} jumps by" in said
     assert "What they cannot see" in said
     (finding,) = json.loads(out.read_text())["findings"]

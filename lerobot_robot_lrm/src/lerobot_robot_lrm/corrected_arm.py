@@ -1,0 +1,149 @@
+"""Corrected angles of one arm, call after call: what LeRobot's calibrated robots and processor steps share."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from lerobot_robot_lrm.bounded import FARTHEST, BoundedCommand, bounded_command
+from lerobot_robot_lrm.correction import Correction
+from lrm_math.arrays import Array
+from lrm_math.effects import marked
+from lrm_math.errors import LrmError, NoEquilibrium
+from lrm_math.kinematics.motion import Motion
+
+SUFFIX = ".pos"
+NOTABLE_M = 0.002
+"""m, that the tip stays beside its goal, from which on it is said."""
+logger = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True, eq=False)
+class CorrectedAction:
+    """An action to send, with the command in it for wished angles (n,), rad, that continues a motion."""
+
+    action: dict[str, Any]
+    wish: Array
+    answer: BoundedCommand
+    motion: Motion
+
+
+class CorrectedArm:
+    """The joints of one arm in actions and observations, `NAME.pos`, corrected by a model; all else passes through.
+
+    Its angles are those of the arm as drawn whose tool is where the real one is. It continues the motion of the actions
+    that were sent, until `forget`.
+
+    Attributes:
+        source: file of the model, for what is logged. scale: (n,), rad per unit of the angles.
+        motion: of the commands sent; None before the first.
+    """
+
+    def __init__(self, source: str, correction: Correction, prefix: str = "") -> None:
+        self.source, self.correction, self.prefix = source, correction, prefix
+        self.keys = tuple(f"{prefix}{name}{SUFFIX}" for name in correction.names)
+        _ = correction.arm, correction.drawn  # packed before the first command
+        self.scale: Array = np.empty(0)
+        self.motion: Motion | None = None
+        self._before: BoundedCommand | None = None
+        self._told: set[str] = set()
+        self._tell_what_is_left()
+
+    def forget(self) -> None:
+        """Begins a new motion with the next action."""
+        self.motion = self._before = None
+
+    def check_names(self, features: Mapping[str, Any], robot: str) -> None:
+        """Raises `LrmError`: a robot's actions lack a joint of the model."""
+        missing = [key for key in self.keys if key not in features]
+        if missing:
+            what = f"a model of the arm '{self.correction.model.arm.name}', whose '{missing[0].removesuffix(SUFFIX)}'"
+            have = ", ".join(key.removesuffix(SUFFIX) for key in features if key.endswith(SUFFIX))
+            raise LrmError(f"{self.source}: {what} {robot} does not have; it has {have}")
+
+    def corrected(self, action: Mapping[str, Any], observe: Callable[[], Mapping[str, Any]]) -> CorrectedAction:
+        """The action whose tool is where the wished angles would have it on the arm as drawn.
+
+        How far it may be from the wish, and from the command before: `lerobot_robot_lrm.bounded`.
+
+        Args:
+            observe: what the encoders read, asked for before the first action.
+
+        Raises `LrmError`: a joint is missing or no number.
+        """
+        wish = self._angles(action, "action")
+        motion = self.motion or Motion.at(self._angles(observe(), "observation"))
+        answer = bounded_command(self.correction, wish, motion, self._before)
+        self._tell_of(wish, answer)
+        return CorrectedAction(self._with(action, answer.command), wish, answer, motion)
+
+    def follow(self, asked: CorrectedAction, sent: Mapping[str, Any]) -> dict[str, Any]:
+        """Takes down what was really sent of a corrected action; the same in true angles. Raises `LrmError`."""
+        angles, command = self._angles(sent, "action sent"), asked.answer.command
+        self.motion, self._before = asked.motion.to(angles), asked.answer
+        whole = not asked.answer.lost and not asked.answer.bounded.any()
+        as_wished = whole and np.allclose(angles, command, rtol=0.0, atol=1e-9)
+        held = np.array_equal(command, asked.motion.q)
+        return self._with(sent, asked.wish if as_wished and not held else self._true_angles(angles, self.motion))
+
+    def observed(self, seen: Mapping[str, Any]) -> dict[str, Any]:
+        """An observation with the joints where the model says that they really are. Raises `LrmError`."""
+        encoders = self._angles(seen, "observation")
+        return self._with(seen, self._true_angles(encoders, self.motion or Motion.at(encoders)))
+
+    def _true_angles(self, encoders: Array, motion: Motion) -> Array:
+        try:
+            return self.correction.true_angles(encoders, motion)
+        except NoEquilibrium as error:
+            self._tell(f"some observations are as the encoders read them ({error})")
+            return encoders
+
+    def _angles(self, values: Mapping[str, Any], what: str) -> Array:
+        """(n,), rad, of the joints in an action or an observation."""
+        if not len(self.scale):
+            raise LrmError("the robot is not connected; call connect() first")
+        missing = [key for key in self.keys if key not in values]
+        if missing:
+            raise LrmError(f"the {what} has no '{missing[0]}'; it has {', '.join(sorted(map(str, values)))}")
+        angles = np.array([float(values[key]) for key in self.keys]) * self.scale
+        if not np.isfinite(angles).all():
+            key = self.keys[int(np.flatnonzero(~np.isfinite(angles))[0])]
+            raise LrmError(f"the {what} has '{key}' = {values[key]}; should be a finite number")
+        return angles
+
+    def _with(self, values: Mapping[str, Any], angles: Array) -> dict[str, Any]:
+        """The same with the joints at angles (n,), rad."""
+        return {**values, **dict(zip(self.keys, (angles / self.scale).tolist(), strict=True))}
+
+    def _tell_of(self, wish: Array, answer: BoundedCommand) -> None:
+        low, high = self.correction.limits
+        beyond, names = (wish < low) | (wish > high), self.correction.names
+        for name in (name for name, far in zip(names, beyond, strict=True) if far):
+            self._tell(f"{name} is wished beyond the limits of the arm file; it goes as far as they allow")
+        for name in (name for name, bit in zip(names, answer.bounded, strict=True) if bit):
+            most = f"{np.degrees(FARTHEST):.0f} deg in all, and a bounded step"
+            self._tell(f"the correction of {name} is held at its bound ({most}); the tip is less accurate there")
+        if answer.lost:
+            self._tell(f"no command is found for some wishes ({answer.lost}); they go with the correction before")
+        elif answer.left > NOTABLE_M and not beyond.any():
+            where = "near a singular pose the correction is held back, so that no joint swings out"
+            self._tell(f"{where}; there the tip stays more than {1e3 * NOTABLE_M:.0f} mm beside its goal")
+
+    def _tell_what_is_left(self) -> None:
+        correction = self.correction
+        if correction.left_out:
+            self._tell(
+                f"not corrected, since no command can know it beforehand: {', '.join(map(marked, correction.left_out))}"
+            )
+        if not correction.arm.complete:
+            self._tell("some effect has no formula in the compiled kernel; a command takes some milliseconds")
+
+    def _tell(self, what: str) -> None:
+        """Says something once."""
+        if what not in self._told:
+            self._told.add(what)
+            logger.warning("%s: %s%s", self.source, f"{self.prefix}: " if self.prefix else "", what)
