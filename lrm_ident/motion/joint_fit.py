@@ -126,7 +126,7 @@ class JointFit:
 
 
 def fit_joint(effects: Sequence[MotionEffect], data: JointMoves, known: Mapping[str, float]) -> JointFit:
-    """Fits effects of a joint. `known`: values to start from, by key (SI); of other parameters the best of their scans."""
+    """Fits effects of a joint. `known`: values to start from, by key (SI); others start at the best of their scans."""
     own = tuple(effects)
     start = _best_start(own, data, known)
     values, J, residual = _solve(own, data, start, MOST_EVALUATIONS)
@@ -136,7 +136,9 @@ def fit_joint(effects: Sequence[MotionEffect], data: JointMoves, known: Mapping[
     scale = np.array([p.typical for p in parameters])[free]
     normal = (J[:, free] * scale).T @ (J[:, free] * scale)
     variance = float(residual @ residual) / max(len(residual) - len(values), 1)
-    covariance[np.ix_(free, free)] = variance * np.linalg.pinv(normal, rcond=1e-12, hermitian=True) * np.outer(scale, scale)
+    covariance[np.ix_(free, free)] = (
+        variance * np.linalg.pinv(normal, rcond=1e-12, hermitian=True) * np.outer(scale, scale)
+    )
     error = np.full(data.reading.shape, np.nan)
     error[data.counted] = residual
     return JointFit(own, data, values, covariance, error)

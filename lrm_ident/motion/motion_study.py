@@ -79,6 +79,10 @@ class MotionStudy:
         """Fits all joints, along the path that the model before predicts, and once more along the new one."""
         return self._refitted(range(self.moves.arm.dof), twice=True)._noted(step)
 
+    def refit(self, history: Iterable[tuple[str, float]]) -> MotionStudy:
+        """The study of a model from a file: its effects, fitted to these moves from its values."""
+        return replace(self._refitted(range(self.moves.arm.dof), twice=True), history=tuple(history))
+
     def screen(self, joints: Iterable[int] | None = None) -> tuple[JointScreening, ...]:
         """Tries every effect at every joint (or `joints`, from 0)."""
         own = self if self.fits else self.fit()
@@ -145,7 +149,9 @@ class MotionStudy:
         ]
         kinds = attribute_steps(steps, left)
         return [
-            JudgedEffect(effect, kind.kind, bare[effect.name].held_out_rms, self._rivals(fit, effect, bare[effect.name]))
+            JudgedEffect(
+                effect, kind.kind, bare[effect.name].held_out_rms, self._rivals(fit, effect, bare[effect.name])
+            )
             for effect, kind in zip(added, kinds, strict=True)
         ]
 

@@ -169,7 +169,7 @@ def _followed(command: Array, dt: float, lag: float = 0.1) -> Array:
 
 
 def _noise(frames: LeRobotFrames, dt: float) -> Array:
-    """(n,), rad: scatter of the readings where nothing moves, by second differences, and an encoder's rounding at least."""
+    """(n,), rad: scatter of the readings where nothing moves, by second differences; at least an encoder's rounding."""
     width = max(4, round(STILL_S / dt))
     squares: list[Array] = []
     for rows in _episodes(frames):

@@ -1,4 +1,4 @@
-"""What a joint's motion misses: every effect of the catalogue fitted beside those that it has, judged at held-out moves.
+"""What a joint's motion misses: every effect of the catalogue beside those that it has, judged at held-out moves.
 
 Thresholds are those of the verdicts on poses (`lrm_ident.residual.thresholds`).
 """
@@ -12,7 +12,7 @@ from typing import Literal
 import numpy as np
 from scipy.stats import norm, wilcoxon
 
-from lrm_ident.motion.joint_fit import JointFit, JointMoves, fit_joint
+from lrm_ident.motion.joint_fit import JointFit, fit_joint
 from lrm_ident.residual.thresholds import (
     EQUIVALENT_GAIN,
     FLOOR_RATIO,
@@ -73,7 +73,7 @@ class JointScreening:
 
 
 def screen_joint(before: JointFit, noise: float, catalogue: MotionCatalogue, tried: int) -> JointScreening:
-    """Tries every effect that the joint does not have. `tried`: effects tried at all joints, which the p values pay for."""
+    """Tries every effect that the joint does not have. `tried`: effects at all joints, which the p values pay for."""
     data, arm, place = before.data, before.effects[0].arm, before.effects[0].place
     present = {effect.id for effect in before.effects}
     others = [kind(arm, place) for kind in catalogue if kind.id not in present]
@@ -81,7 +81,7 @@ def screen_joint(before: JointFit, noise: float, catalogue: MotionCatalogue, tri
     refused = tuple((effect, reason) for effect, reason in reasons if reason is not None)
     if before.held_out_rms <= FLOOR_RATIO * noise:
         return JointScreening(before, noise, (), refused)
-    found = [_candidate(before, effect, data, tried) for effect, reason in reasons if reason is None]
+    found = [_candidate(before, effect, tried) for effect, reason in reasons if reason is None]
     found.sort(key=lambda one: (one.verdict != "supported", one.held_out or np.inf))
     best = found[0] if found and found[0].verdict == "supported" else None
     alike = () if best is None else _equivalent(before, best, found[1:])
@@ -100,7 +100,7 @@ def without_effect(before: JointFit, effect: MotionEffect, instead: Sequence[Mot
     return fit_joint((*kept, *instead), before.data, before.by_key)
 
 
-def _candidate(before: JointFit, effect: MotionEffect, data: JointMoves, tried: int) -> MotionCandidate:
+def _candidate(before: JointFit, effect: MotionEffect, tried: int) -> MotionCandidate:
     fit = with_effect(before, effect)
     least = PROMISING * (1.0 - (1.0 - MIN_GAIN) ** 2)
     if fit.squares > (1.0 - least) * before.squares:
@@ -121,8 +121,9 @@ def is_plausible(fit: JointFit, effect: MotionEffect) -> bool:
 
 
 def p_of_gain(before: JointFit, after: JointFit) -> float:
-    """One-sided p value that `after` predicts no better than `before`: signed ranks of the moves (Wilcoxon 1945), of which
-    a few quick ones hold most of the error."""
+    """One-sided p value that `after` predicts no better than `before`.
+
+    By signed ranks of the moves (Wilcoxon 1945): a few quick ones hold most of the error."""
     return float(wilcoxon(before.held_out, after.held_out, alternative="greater").pvalue)
 
 

@@ -128,7 +128,9 @@ class AccelerationLimit(MotionEffect):
         needs="quick starts and stops",
     )
     parameters = (
-        Parameter("a_rad_per_s2", "largest acceleration", 20.0, 0.5, 500.0, scan=(4.0, 10.0, 25.0, 60.0), largest=500.0),
+        Parameter(
+            "a_rad_per_s2", "largest acceleration", 20.0, 0.5, 500.0, scan=(4.0, 10.0, 25.0, 60.0), largest=500.0
+        ),
     )
 
     def set_point(self, u: Array, drive: JointDrive, p: Values) -> Array:

@@ -1,7 +1,7 @@
 """Motion of one joint in time: the effects of its model, one after the other, and the servo's equation between them.
 
-Midpoint rule with the friction of each step as an impulse that may stop the joint and never turns it back
-(Moreau 1988): stick–slip needs no regularisation, and steps of a tenth of the period are enough.
+Each step is the exact motion of spring and damper under a constant force. Friction of a step is the force that stops
+the joint, or as much of it as there is, so that it never turns back (Moreau 1988): stick–slip needs no regularisation.
 """
 
 from __future__ import annotations
@@ -13,6 +13,9 @@ import numpy as np
 from lrm_math.arrays import Array
 from lrm_math.motion.base import JointDrive, MotionEffect, Values
 from lrm_math.motion.effects import ServoResponse
+
+LEAST_INERTIA = 0.05
+"""J/J₀ of a posture that is lighter than any."""
 
 
 def simulate(
@@ -42,12 +45,11 @@ def _servo(
     if response is None:
         return np.concatenate([u[:1], u])
     h, (omega, braking) = drive.h, ServoResponse.spring(response)
-    slowed = 2.0 / h * np.tan(0.5 * omega * h) / omega  # the rule swings slower by this: time is counted accordingly
-    omega, braking = omega * slowed, braking * slowed
-    stiff = (omega * h) ** 2
     braking = braking + omega**2 * sum(effect.damping(drive, p) for effect, p in pairs)
-    damped, inertia = 0.5 * h * braking, 1.0 + sum(effect.inertia(drive, p) for effect, p in pairs)
-    inertia = np.broadcast_to(np.maximum(inertia, 0.05), u.shape)
+    inertia = np.maximum(1.0 + sum(effect.inertia(drive, p) for effect, p in pairs), LEAST_INERTIA)
+    kept, moved, kicked, slowed = (
+        np.broadcast_to(x, u.shape) for x in _transition(omega**2 / inertia, braking / inertia, h)
+    )
     told = u + sum(effect.push(drive, p) for effect, p in pairs)
     rubs = np.broadcast_to(sum(effect.friction(drive, p) for effect, p in pairs), u.shape)
     fading = [(e, p) for e, p in pairs if type(e).friction_at is not MotionEffect.friction_at]
@@ -56,21 +58,25 @@ def _servo(
     q, v = np.broadcast_to(start, u.shape[1:]).copy(), np.broadcast_to(speed, u.shape[1:]).copy()
     out = np.empty((len(u) + 1, *u.shape[1:]))
     out[0], dry = q, bool(np.any(rubs)) or bool(fading)
-    scale, kept = 1.0 / (inertia + damped + 0.25 * stiff), inertia - damped - 0.25 * stiff
     for k in range(len(u)):
-        error = told[k] - q
-        then = (kept[k] * v + stiff / h * error) * scale[k]
-        held = stiff / h * scale[k]
+        error, push = told[k] - q, 0.0
         if most is not None:
-            beyond = np.abs(error) > most
-            flat = 1.0 / (inertia[k] + damped)
-            bounded = ((inertia[k] - damped) * v + stiff / h * np.clip(error, -most, most)) * flat
-            then, held = np.where(beyond, bounded, then), np.where(beyond, stiff / h * flat, held)
+            push = np.clip(error, -most, most) - error  # what the drive does not give, as if it were a force
+        then = kicked[k] * (error + push) + slowed[k] * v
         if dry:
             bound = rubs[k] + sum(effect.friction_at(v, p) for effect, p in fading)
-            bound = held * bound
-            then = then - np.clip(then, -bound, bound)
-        q = q + 0.5 * h * (v + then)
+            rub = np.clip(-then / kicked[k], -bound, bound)
+            push, then = push + rub, then + kicked[k] * rub
+        q = told[k] + push - kept[k] * (error + push) + moved[k] * v
         v = then
         out[k + 1] = q
     return out
+
+
+def _transition(stiffness: Array, braking: Array, h: float) -> tuple[Array, Array, Array, Array]:
+    """Exact motion of ẍ = −stiffness x − braking ẋ over a step h: x' = a x + b v, v' = −c x + d v; a, b, c, d."""
+    half = 0.5 * braking
+    w = np.sqrt(np.asarray(stiffness - half**2, dtype=np.complex128) + 1e-12)
+    fades, cosine, sine = np.exp(-half * h), np.cos(w * h).real, (np.sin(w * h) / w).real
+    b = fades * sine
+    return fades * (cosine + half * sine), b, stiffness * b, fades * (cosine - half * sine)

@@ -21,7 +21,7 @@ from validation.synthetic.screws import Array
 JOINTS, EPISODES, EPISODE_S = 5, 6, 24.0
 STEP_S, LOADS_EVERY = 0.0005, 20
 STUCK_RAD_PER_S = 0.002
-STIFF_NM_PER_RAD = 4000.0
+STIFF_NM_PER_RAD = 40000.0
 """Of a joint that hardly notices gravity and the others: what is not hidden is not there."""
 FRICTIONLESS, UNLIMITED = 0.0, 1e9
 
