@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +19,7 @@ from lrm_math.motion.simulation import simulate
 
 DIFFERENCE = 1e-3
 """Step of the differences, in typical sizes: friction makes the prediction piecewise smooth."""
-MOST_EVALUATIONS, FOLD_EVALUATIONS = 25, 6
+MOST_EVALUATIONS, SCREENING_EVALUATIONS, FOLD_EVALUATIONS = 25, 10, 4
 TOLERANCE = 1e-5
 MOST_STARTS = 24
 
@@ -125,11 +125,16 @@ class JointFit:
         return float(np.sqrt(np.sum(self.held_out * count) / count.sum()))
 
 
-def fit_joint(effects: Sequence[MotionEffect], data: JointMoves, known: Mapping[str, float]) -> JointFit:
-    """Fits effects of a joint. `known`: values to start from, by key (SI); others start at the best of their scans."""
+def fit_joint(
+    effects: Sequence[MotionEffect], data: JointMoves, known: Mapping[str, float], most: int = MOST_EVALUATIONS
+) -> JointFit:
+    """Fits effects of a joint. `known`: values to start from, by key (SI); others start at the best of their scans.
+
+    `most`: evaluations.
+    """
     own = tuple(effects)
     start = _best_start(own, data, known)
-    values, J, residual = _solve(own, data, start, MOST_EVALUATIONS)
+    values, J, residual = _solve(own, data, start, most)
     parameters = [parameter for effect in own for parameter in effect.parameters]
     free = np.array([p.lower < v < p.upper for p, v in zip(parameters, values.tolist(), strict=True)])
     covariance = np.zeros((len(values), len(values)))
@@ -164,15 +169,19 @@ def _solve(effects: Sequence[MotionEffect], data: JointMoves, start: Array, most
     lower, upper = (np.array([getattr(p, name) for p in parameters]) for name in ("lower", "upper"))
     typical = np.array([p.typical for p in parameters])
 
+    @lru_cache(maxsize=2)
+    def both(at: bytes) -> tuple[Array, Array]:
+        """Residual and derivatives, by one-sided differences into the bounds, all simulated at once."""
+        x = np.frombuffer(at)
+        side = np.where(x + DIFFERENCE > upper / typical, -DIFFERENCE, DIFFERENCE)
+        found = data.residual(effects, np.concatenate([x[None], x + np.diag(side)]) * typical)
+        return found[0], ((found[1:] - found[0]) / side[:, None]).T
+
     def residual(x: Array) -> Array:
-        return np.asarray(data.residual(effects, (x * typical)[None])[0])
+        return both(x.tobytes())[0]
 
     def derivative(x: Array) -> Array:
-        """By one-sided differences into the bounds, all simulated at once."""
-        side = np.where(x + DIFFERENCE > upper / typical, -DIFFERENCE, DIFFERENCE)
-        rows = np.concatenate([x[None], x + np.diag(side)]) * typical
-        found = data.residual(effects, rows)
-        return np.asarray(((found[1:] - found[0]) / side[:, None]).T)
+        return both(x.tobytes())[1]
 
     inside = np.clip(start, lower, upper) / typical
     found = least_squares(
@@ -180,4 +189,4 @@ def _solve(effects: Sequence[MotionEffect], data: JointMoves, start: Array, most
         ftol=TOLERANCE, xtol=TOLERANCE, gtol=1e-12, max_nfev=most,
     )  # fmt: skip
     x = np.where(found.active_mask < 0, lower / typical, np.where(found.active_mask > 0, upper / typical, found.x))
-    return x * typical, -found.jac / typical, found.fun
+    return x * typical, -np.asarray(found.jac) / typical, np.asarray(found.fun)

@@ -75,7 +75,9 @@ def diagnosis_document(
         ],
         "Held-out error of its joint with each candidate added",
     )
-    blocks: list[Block] = [*concluded.blocks(), *(["", table] if rows else [])]
+    blocks = concluded.blocks()
+    if rows:
+        blocks += ["", table]
     refused = [
         f"{plain_name(effect.name)} ({effect.name}): {reason}" for one in found for effect, reason in one.not_testable
     ]
@@ -120,7 +122,10 @@ def auto_document(study: MotionStudy, judged: Sequence[JudgedEffect], output: st
         "Effects of the model, and the held-out error of their joint without them",
     )  # fmt: skip
     steps = [f"{step}: {in_deg(error)} deg" for step, error in study.history]
-    blocks: list[Block] = [*concluded.blocks(), *(["", table] if judged else []), *section("Steps", steps)]
+    blocks = concluded.blocks()
+    if judged:
+        blocks += ["", table]
+    blocks += section("Steps", steps)
     values = {
         **_values(study),
         "conclusion": concluded,
@@ -144,7 +149,10 @@ def _conclusion(
     first, files = best.first, f"{shlex.quote(model)} {shlex.quote(data)}"
     if first is None or first.held_out is None:
         left = [one for one in found if one.before.held_out_rms > FLOOR_RATIO * one.noise]
-        facts = (("held-out error", f"{in_deg(study.held_out_rms)} deg RMS over all joints"), ("noise", _noise(study)))
+        facts: tuple[tuple[str, str], ...] = (
+            ("held-out error", f"{in_deg(study.held_out_rms)} deg RMS over all joints"),
+            ("noise", _noise(study)),
+        )
         if not left:
             words = "No missing effect found: the remaining error is about the noise of a reading."
             return Conclusion(words, facts, (), (NextStep("Nothing to add: use the model."),))

@@ -30,6 +30,8 @@ ENCODER_SD = np.radians(360.0 / 4096.0) / np.sqrt(12.0)
 FASTEST_GAP = 1.5
 """Times the usual distance of frames that a gap may have."""
 LEAST_MOVES = 2 * FOLDS
+RESTING, WITHIN = 4, 4.0
+"""Readings that are alike, to so many times their noise, where a joint rests."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,9 +102,13 @@ class Moves:
         )  # fmt: skip
 
     def start(self, joint: int) -> tuple[Array, Array]:
-        """(S,) each, angle and speed at the beginning (rad, rad/s): of the first two readings."""
-        first = self.reading[:, 0, joint]
-        return first, (self.reading[:, 1, joint] - first) / self.dt
+        """(S,) each, reading and speed at the beginning (rad, rad/s): of the first two readings; at rest their mean."""
+        lead = self.reading[:, : round(LEAD_S / self.dt), joint]
+        near = np.abs(lead - lead[:, :1]) < WITHIN * self.noise[joint]
+        still = np.cumprod(near, axis=1).astype(np.float64)
+        rests = still.sum(axis=1) >= RESTING
+        mean = np.sum(still * lead, axis=1) / still.sum(axis=1)
+        return np.where(rests, mean, lead[:, 0]), np.where(rests, 0.0, (lead[:, 1] - lead[:, 0]) / self.dt)
 
 
 def moves_of(frames: LeRobotFrames, arm: Arm, path: Path) -> Moves:

@@ -12,7 +12,7 @@ from typing import Literal
 import numpy as np
 from scipy.stats import norm, wilcoxon
 
-from lrm_ident.motion.joint_fit import JointFit, fit_joint
+from lrm_ident.motion.joint_fit import SCREENING_EVALUATIONS, JointFit, fit_joint
 from lrm_ident.residual.thresholds import (
     EQUIVALENT_GAIN,
     FLOOR_RATIO,
@@ -89,9 +89,9 @@ def screen_joint(before: JointFit, noise: float, catalogue: MotionCatalogue, tri
 
 
 def with_effect(before: JointFit, effect: MotionEffect) -> JointFit:
-    """The fit with a further effect, from the values before."""
+    """The fit with a further effect, from the values before; to be fitted once more if it is kept."""
     order = (*before.effects, effect)
-    return fit_joint(order, before.data, before.by_key)
+    return fit_joint(order, before.data, before.by_key, SCREENING_EVALUATIONS)
 
 
 def without_effect(before: JointFit, effect: MotionEffect, instead: Sequence[MotionEffect] = ()) -> JointFit:

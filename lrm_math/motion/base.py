@@ -49,8 +49,8 @@ class JointDrive:
 
     def take(self, rows: NDArray[np.bool_]) -> JointDrive:
         """Some of the moves; `rows`: (S,)."""
-        parts = (values[:, rows] for values in (self.command, self.gravity, self.reaction, self.inertia))
-        return JointDrive(self.h, *parts, self.reference)
+        command, gravity, reaction = self.command[:, rows], self.gravity[:, rows], self.reaction[:, rows]
+        return JointDrive(self.h, command, gravity, reaction, self.inertia[:, rows], self.reference)
 
 
 @dataclass(frozen=True)
@@ -116,6 +116,10 @@ class MotionEffect(ABC):
     def reading(self, q: Array, drive: JointDrive, p: Values) -> Array:
         """(M + 1, P, S), angle q (rad) as it is read."""
         return q
+
+    def angle(self, reading: Array, p: Values) -> Array:
+        """Angle (rad) of a joint at rest from its reading, as far as that does not depend on what it did before."""
+        return reading
 
     def missing_excitation(self, drive: JointDrive) -> str | None:
         """Why the effect is not identifiable from these moves, or None if it may be."""

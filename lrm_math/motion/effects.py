@@ -56,6 +56,10 @@ class RestOffset(MotionEffect):
         """q + b."""
         return q + p[0]
 
+    def angle(self, reading: Array, p: Values) -> Array:
+        """Reading − b."""
+        return reading - p[0]
+
 
 class DeadTime(MotionEffect):
     """Time from a command until the servo acts on it."""
@@ -107,12 +111,13 @@ class SpeedLimit(MotionEffect):
     parameters = (Parameter("v_rad_per_s", "largest speed", 3.0, 0.05, 30.0, scan=(0.5, 1.0, 1.8, 3.0)),)
 
     def set_point(self, u: Array, drive: JointDrive, p: Values) -> Array:
-        """Rate limiter."""
+        """Rate limiter, the mean over each step."""
         out, most = np.empty_like(u), p[0] * drive.h
         now = u[0]
         for k in range(len(u)):
-            now = now + np.clip(u[k] - now, -most, most)
-            out[k] = now
+            step = np.clip(u[k] - now, -most, most)
+            now = now + step
+            out[k] = now - 0.5 * step * np.abs(step) / most  # the mean: it reaches the goal within the step
         return out
 
 
@@ -142,7 +147,7 @@ class AccelerationLimit(MotionEffect):
             wanted = np.sign(ahead) * np.minimum(np.sqrt(a * np.abs(ahead)), np.abs(ahead) / drive.h)
             speed = speed + np.clip(wanted - speed, -step, step)
             now = now + drive.h * speed
-            out[k] = now
+            out[k] = now - 0.5 * drive.h * speed
         return out
 
 

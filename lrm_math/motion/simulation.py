@@ -31,6 +31,8 @@ def simulate(
     u = np.repeat(drive.command[:, None], count, axis=1)
     for effect, p in pairs:
         u = effect.set_point(u, drive, p)
+    for effect, p in reversed(pairs):
+        start = effect.angle(start, p)
     q = _servo(pairs, u, drive, start, speed)
     for effect, p in pairs:
         q = effect.reading(q, drive, p)

@@ -80,7 +80,28 @@ FIRST = (
     MotionCase("integral action", _put("integral_s", 0.5, 1.5)),
     MotionCase("cogging", _put("cogging", 0.01, 0.02)),
 )  # fmt: skip
-LATER: tuple[MotionCase, ...] = ()
+LATER = (
+    MotionCase(
+        "acceleration limit", _put("acceleration", 5.0, 15.0), true=("acceleration_limit",),
+        known=(("acceleration_limit.a_rad_per_s2", "acceleration"),),
+    ),
+    MotionCase(
+        "saturated drive", _put("drive", 0.05, 0.12), true=("drive_limit",), known=(("drive_limit.e_rad", "drive"),)
+    ),
+    MotionCase(
+        "velocity feedforward", _put("lead", 0.02, 0.06), true=("velocity_feedforward",),
+        known=(("velocity_feedforward.t_s", "lead"),),
+    ),
+    MotionCase("links heavier than the motor", _linked, (1, 2), ("gravity_sag", "reaction", "link_inertia")),
+    MotionCase(
+        "load friction", _put("load_friction", 0.02, 0.06), (1, 2), ("load_friction",),
+        (("load_friction.m_rad_per_Nm", "load_friction"),),
+    ),
+    MotionCase("stick-slip", _stick_slip, true=("stribeck", "coulomb_friction")),
+    MotionCase("nothing, later", _nothing),
+    MotionCase("drag with the square of speed", _put("drag", 0.01, 0.03)),
+    MotionCase("slowing as it warms", _put("slowing", 0.3, 0.6)),
+)  # fmt: skip
 
 
 def arm_of(case: MotionCase, rng: np.random.Generator) -> tuple[TrueJoints, int]:

@@ -1,6 +1,6 @@
 """An arm in motion by an implementation of its own: coupled joints, stick and slip, a second mass on a spring.
 
-Leapfrog of 0.5 ms over (C, 5) joints of C arms at once: (A + M(q)) q̈ = K sat(u − q) − D q̇ + g(q) − friction, with M and
+Leapfrog of 1 ms over (C, 5) joints of C arms at once: (A + M(q)) q̈ = K sat(u − q) − D q̇ + g(q) − friction, with M and
 g from the bodies of the independent chain, friction by Karnopp's (1985) band of zero speed. It shares no code with the
 model that it tests.
 """
@@ -18,8 +18,8 @@ from validation.synthetic import ArmDescription, GroundTruth, load_arm
 from validation.synthetic.chain import TrueChain, forward_kinematics, zero_configuration
 from validation.synthetic.screws import Array
 
-JOINTS, EPISODES, EPISODE_S = 5, 6, 24.0
-STEP_S, LOADS_EVERY = 0.0005, 20
+JOINTS, EPISODES, EPISODE_S = 5, 4, 24.0
+STEP_S, LOADS_EVERY = 0.001, 10
 STUCK_RAD_PER_S = 0.002
 STIFF_NM_PER_RAD = 40000.0
 """Of a joint that hardly notices gravity and the others: what is not hidden is not there."""

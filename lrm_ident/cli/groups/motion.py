@@ -192,8 +192,8 @@ def effects(
         publish(Document([table], "lrm/motion-effects/1", {"effects": table.records()}), json)
         return
     kind = known[name]
-    rows = [(p.name, p.meaning, p.typical / p.si, p.lower / p.si, p.upper / p.si) for p in kind.parameters]
-    table = ResultTable(("parameter", "meaning", "typical|g", "least|g", "most|g"), rows, "Parameters")
+    sizes = [(p.name, p.meaning, p.typical / p.si, p.lower / p.si, p.upper / p.si) for p in kind.parameters]
+    table = ResultTable(("parameter", "meaning", "typical|g", "least|g", "most|g"), sizes, "Parameters")
     about = kind.about
     blocks: list[Block] = [about.cause, f"Formula: {about.formula}", f"Source: {about.source}"]
     blocks += [f"Needs: {about.needs}"] if about.needs else []
