@@ -18,11 +18,10 @@ from lrm_ident.data.robot_files.mjcf import spring_stiffness
 from lrm_ident.data.robot_files.urdf import numbers
 from lrm_ident.data.robot_files.urdf_export import ExportedFile
 from lrm_ident.data.wording import joint_labels
-from lrm_math.arm.arm import JointLimits
 from lrm_math.errors import FileError
 from lrm_math.model.model import Model
 from lrm_math.motion.effects import CoulombFriction, GravitySag, RestOffset, ServoResponse
-from lrm_math.motion.loads import joint_loads
+from lrm_math.motion.loads import reference_inertia
 from lrm_math.motion.motion_model import MotionModel
 
 WRITTEN = (ServoResponse.id, GravitySag.id, CoulombFriction.id, RestOffset.id)
@@ -41,8 +40,7 @@ class JointDynamics:
 
 def joint_dynamics(motion: MotionModel, poses: Model) -> tuple[dict[str, JointDynamics], tuple[str, ...]]:
     """Dynamics by the joint's name, and what no file holds. `poses`: the static model, which may know stiffness."""
-    middle = np.array(JointLimits.of(motion.arm).middle)
-    links = joint_loads(motion.arm, np.tile(middle, (1, 3, 1)), 1.0).inertia[0, 1]
+    links = reference_inertia(motion.arm)
     springs = spring_stiffness(poses)
     found: dict[str, JointDynamics] = {}
     left_out = [effect.name for effect in motion.added if effect.id not in WRITTEN]

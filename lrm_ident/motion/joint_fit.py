@@ -26,29 +26,23 @@ MOST_STARTS = 24
 
 @dataclass(frozen=True, eq=False)
 class JointMoves:
-    """What one joint did in S moves: its drive, readings (S, T) in rad, which of them count, and where it began."""
+    """What one joint did in S moves: its drive, readings (S, T) in rad, and which of them count."""
 
     drive: JointDrive
     reading: Array
     counted: NDArray[np.bool_]
-    start: Array
-    speed: Array
     substeps: int
     fold: NDArray[np.int64]
 
     @staticmethod
     def of(moves: Moves, joint: int) -> JointMoves:
         """Those of a joint from 0."""
-        start, speed = moves.start(joint)
-        reading = moves.reading[:, :, joint]
-        return JointMoves(moves.drive(joint), reading, moves.counted, start, speed, moves.substeps, moves.fold)
+        return JointMoves(moves.drive(joint), moves.reading[:, :, joint], moves.counted, moves.substeps, moves.fold)
 
     def take(self, rows: NDArray[np.bool_]) -> JointMoves:
         """Some of the moves; `rows`: (S,)."""
-        return JointMoves(
-            self.drive.take(rows), self.reading[rows], self.counted[rows], self.start[rows], self.speed[rows],
-            self.substeps, self.fold[rows],
-        )  # fmt: skip
+        drive, reading, counted = self.drive.take(rows), self.reading[rows], self.counted[rows]
+        return JointMoves(drive, reading, counted, self.substeps, self.fold[rows])
 
     def predicted(self, effects: Sequence[MotionEffect], rows: Array) -> Array:
         """(P, S, T), readings (rad) that the model predicts for each row of parameters (P, p), SI."""
@@ -57,7 +51,7 @@ class JointMoves:
             count = len(effect.parameters)
             values.append([rows[:, [k]] for k in range(at, at + count)])
             at += count
-        found = simulate(effects, values, self.drive, self.start, self.speed)
+        found = simulate(effects, values, self.drive)
         return np.moveaxis(found[:: self.substeps], 0, 2)
 
     def residual(self, effects: Sequence[MotionEffect], rows: Array) -> Array:

@@ -15,11 +15,11 @@ from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from lrm_ident.measuring.recordings.lerobot import LeRobotFrames
-from lrm_math.arm.arm import Arm, JointLimits
+from lrm_math.arm.arm import Arm
 from lrm_math.arrays import Array
 from lrm_math.errors import FileError
 from lrm_math.motion.base import JointDrive
-from lrm_math.motion.loads import JointLoads, joint_loads
+from lrm_math.motion.loads import JointLoads, joint_loads, reference_inertia
 
 LEAD_S, SHORTEST_S, LONGEST_S = 0.5, 3.0, 6.0
 STEP_S = 0.0085
@@ -80,8 +80,7 @@ class Moves:
     @cached_property
     def reference(self) -> Array:
         """(n,), moments of inertia in the middle of all ranges (kg m²)."""
-        middle = np.array(JointLimits.of(self.arm).middle)
-        return np.asarray(joint_loads(self.arm, np.tile(middle, (1, 3, 1)), 1.0).inertia[0, 1])
+        return reference_inertia(self.arm)
 
     def drive(self, joint: int) -> JointDrive:
         """What a joint from 0 is told and bears, at the steps of the simulation."""
@@ -92,7 +91,9 @@ class Moves:
 
         command, loads = at_steps(self.command), self.loads
         gravity, reaction, inertia = map(at_steps, (loads.gravity, loads.reaction, loads.inertia))
-        return JointDrive(self.dt / n, command, gravity, reaction, inertia, float(self.reference[joint]))
+        return JointDrive(
+            self.dt / n, command, gravity, reaction, inertia, float(self.reference[joint]), *self.start(joint)
+        )
 
     def take(self, rows: NDArray[np.int64] | NDArray[np.bool_]) -> Moves:
         """Some of the moves."""

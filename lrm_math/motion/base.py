@@ -38,6 +38,7 @@ class JointDrive:
         gravity, reaction: (M, S), torque of gravity, and that of the other joints' acceleration (N·m).
         inertia: (M, S), moment of inertia of the links about the axis (kg m²).
         reference: that in the middle of all joints' ranges, where J is J₀ (kg m²).
+        start, speed: (S,), reading and its speed at the beginning (rad, rad/s).
     """
 
     h: float
@@ -46,11 +47,14 @@ class JointDrive:
     reaction: Array
     inertia: Array
     reference: float
+    start: Array
+    speed: Array
 
     def take(self, rows: NDArray[np.bool_]) -> JointDrive:
         """Some of the moves; `rows`: (S,)."""
         command, gravity, reaction = self.command[:, rows], self.gravity[:, rows], self.reaction[:, rows]
-        return JointDrive(self.h, command, gravity, reaction, self.inertia[:, rows], self.reference)
+        inertia, start, speed = self.inertia[:, rows], self.start[rows], self.speed[rows]
+        return JointDrive(self.h, command, gravity, reaction, inertia, self.reference, start, speed)
 
 
 @dataclass(frozen=True)

@@ -11,6 +11,8 @@ from lrm_math.motion.base import JointDrive, MotionEffect, Values
 
 LEAST_TORQUE = 0.02
 """N·m RMS about its mean below which a load hardly moves any joint: 0.03 rad/N·m make 0.03° of it."""
+LAG_S, AT_REST = 0.15, 0.05
+"""s by which a joint lags its set-point at most, and rad by which it may be off at rest."""
 LEAST_INERTIA = 0.05
 """Share by which a moment of inertia must vary (RMS) to be seen."""
 
@@ -113,7 +115,7 @@ class SpeedLimit(MotionEffect):
     def set_point(self, u: Array, drive: JointDrive, p: Values) -> Array:
         """Rate limiter, the mean over each step."""
         out, most = np.empty_like(u), p[0] * drive.h
-        now = u[0]
+        now = _begun(u[0], drive, p[0] * LAG_S)
         for k in range(len(u)):
             step = np.clip(u[k] - now, -most, most)
             now = now + step
@@ -141,7 +143,8 @@ class AccelerationLimit(MotionEffect):
     def set_point(self, u: Array, drive: JointDrive, p: Values) -> Array:
         """Trapezoidal profile: as fast as still can be braked, sqrt(2 a distance), changed by a h at most."""
         out, step, a = np.empty_like(u), p[0] * drive.h, 2.0 * p[0]
-        now, speed = u[0].copy(), np.zeros_like(u[0])
+        now = _begun(u[0], drive, np.abs(drive.speed) * LAG_S + AT_REST)
+        speed = np.broadcast_to(drive.speed, now.shape)
         for k in range(len(u)):
             ahead = u[k] - now
             wanted = np.sign(ahead) * np.minimum(np.sqrt(a * np.abs(ahead)), np.abs(ahead) / drive.h)
@@ -407,6 +410,11 @@ class Swing(MotionEffect):
             speed = then
             out[k + 1] = away
         return q + out
+
+
+def _begun(goal: Array, drive: JointDrive, ahead: Array) -> Array:
+    """(P, S), where a set-point is at the beginning: at its goal (P, S), but no farther `ahead` of the joint (rad)."""
+    return np.asarray(drive.start + np.clip(goal - drive.start, -ahead, ahead))
 
 
 def delayed(u: Array, steps: Array) -> Array:

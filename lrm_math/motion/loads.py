@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lrm_math.arm.arm import Arm
+from lrm_math.arm.arm import Arm, JointLimits
 from lrm_math.arrays import Array
 from lrm_math.kinematics.chain import chain_of
 from lrm_math.kinematics.forward import chain_geometry
@@ -24,6 +24,12 @@ class JointLoads:
     gravity: Array
     reaction: Array
     inertia: Array
+
+
+def reference_inertia(arm: Arm) -> Array:
+    """(n,), moments of inertia of the links in the middle of all joints' ranges (kg m²)."""
+    middle = np.array(JointLimits.of(arm).middle)
+    return np.asarray(joint_loads(arm, np.tile(middle, (1, 3, 1)), 1.0).inertia[0, 1])
 
 
 def joint_loads(arm: Arm, q: Array, dt: float) -> JointLoads:

@@ -18,30 +18,27 @@ LEAST_INERTIA = 0.05
 """J/J₀ of a posture that is lighter than any."""
 
 
-def simulate(
-    effects: Sequence[MotionEffect], values: Sequence[Values], drive: JointDrive, start: Array, speed: Array
-) -> Array:
+def simulate(effects: Sequence[MotionEffect], values: Sequence[Values], drive: JointDrive) -> Array:
     """(M + 1, P, S), readings (rad) at the start and after every step.
 
     Args:
-        values: for each effect its parameters (SI), each (P, 1). start, speed: (S,) at the beginning (rad, rad/s).
+        values: for each effect its parameters (SI), each (P, 1).
     """
     pairs = list(zip(effects, values, strict=True))
     count = max(len(p[0]) for _, p in pairs)
     u = np.repeat(drive.command[:, None], count, axis=1)
     for effect, p in pairs:
         u = effect.set_point(u, drive, p)
+    start = drive.start
     for effect, p in reversed(pairs):
         start = effect.angle(start, p)
-    q = _servo(pairs, u, drive, start, speed)
+    q = _servo(pairs, u, drive, start)
     for effect, p in pairs:
         q = effect.reading(q, drive, p)
     return q
 
 
-def _servo(
-    pairs: Sequence[tuple[MotionEffect, Values]], u: Array, drive: JointDrive, start: Array, speed: Array
-) -> Array:
+def _servo(pairs: Sequence[tuple[MotionEffect, Values]], u: Array, drive: JointDrive, start: Array) -> Array:
     """(M + 1, P, S), angle (rad) of the joint that the servo leads along the set-point u."""
     response = next((p for effect, p in pairs if isinstance(effect, ServoResponse)), None)
     if response is None:
@@ -57,7 +54,7 @@ def _servo(
     fading = [(e, p) for e, p in pairs if type(e).friction_at is not MotionEffect.friction_at]
     limits = [limit for effect, p in pairs if (limit := effect.saturation(p)) is not None]
     most = np.minimum.reduce(limits) if limits else None
-    q, v = np.broadcast_to(start, u.shape[1:]).copy(), np.broadcast_to(speed, u.shape[1:]).copy()
+    q, v = np.broadcast_to(start, u.shape[1:]).copy(), np.broadcast_to(drive.speed, u.shape[1:]).copy()
     out = np.empty((len(u) + 1, *u.shape[1:]))
     out[0], dry = q, bool(np.any(rubs)) or bool(fading)
     for k in range(len(u)):

@@ -1,4 +1,4 @@
-"""`python -m validation.motion [--seed N] [--only WORD] [--json FILE]`: hidden effects of motion, one table."""
+"""Hidden effects of motion, one table: `python -m validation.motion [--seed N] [--only WORD] [--json FILE]`."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
+from validation.encoder_checkup.dataset_files import write_dataset
 from validation.motion.cases import FIRST, LATER, arm_of
 from validation.motion.outcome import answered
 from validation.motion.world import recorded
@@ -21,10 +22,16 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--only", default="", help="first, later, or a part of a case's name")
     parser.add_argument("--json", type=Path)
+    parser.add_argument("--write", type=Path, help="only write the recording of the first chosen case, as a dataset")
     given = parser.parse_args()
     written = [("first", case) for case in FIRST] + [("later", case) for case in LATER]
     chosen = [(when, case) for when, case in written if given.only in ("", when) or given.only in case.name]
     rng = np.random.default_rng(given.seed)
+    if given.write:
+        arm, joint = arm_of(chosen[0][1], rng)
+        write_dataset(given.write, recorded([arm], rng)[0], "v3.0")
+        print(f"{chosen[0][1].name} in joint {joint + 1}, written to {given.write}")
+        return
     arms = [arm_of(case, rng) for _, case in chosen]
     found = []
     for (when, case), (arm, joint), made in zip(chosen, arms, recorded([arm for arm, _ in arms], rng), strict=True):

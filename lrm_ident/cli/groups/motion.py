@@ -14,17 +14,20 @@ from lrm_ident.cli.arm_access import SO101
 from lrm_ident.cli.command import command_group, command_of, stated_reading
 from lrm_ident.cli.common import bars, notice, publish, show
 from lrm_ident.data.atomic_write import write_text
+from lrm_ident.data.wording import joint_labels
+from lrm_ident.measuring.campaign.plan import load_plan
 from lrm_ident.motion.motion_files import open_motion, read_moves, write_motion
 from lrm_ident.motion.motion_page import motion_page
 from lrm_ident.motion.motion_picture import draw_motion
 from lrm_ident.motion.motion_report import auto_document, comparison_document, diagnosis_document, motion_document
 from lrm_ident.motion.motion_study import MotionStudy
+from lrm_ident.motion.settling_times import longest, settling_times
 from lrm_ident.report.document import Block, Document, ResultTable
 from lrm_ident.report.plain_names import PLAIN
 from lrm_math.arm.arm_file import load_arm
 from lrm_math.errors import UnknownName
 from lrm_math.motion.effects import MOTION_EFFECTS
-from lrm_math.motion.motion_model import MotionFile
+from lrm_math.motion.motion_model import MotionFile, load_motion
 
 group = command_group(
     "motion",
@@ -175,6 +178,26 @@ def report(
         page = motion_page(MotionStudy.of(study.moves).fit(), study, documents)
     write_text(output, page)
     show(f"Page written to {output}")
+
+
+@command_of(group)
+def settle(
+    model: MotionPath,
+    poses: arg.PosesFile,
+    speed: Annotated[float, Option(min=1.0, max=180.0, help="Of the fastest joint between poses, deg/s.")] = 30.0,
+    within_mm: Annotated[float, Option(min=0.001, help="Distance from its rest within which the tip must stay.")] = 0.1,
+    json: arg.JsonFile = None,
+) -> None:
+    """Predict how long the tip swings after each move of a list of poses, driven in order."""
+    moves = load_motion(model)[1]
+    plan, labels = load_plan(poses, moves.arm), joint_labels(moves.arm)
+    found = settling_times(moves, [pose.q for pose in plan.poses], speed, 1e-3 * within_mm)
+    rows = [(pose.number, one.seconds, labels[one.joint]) for pose, one in zip(plan.poses[1:], found, strict=True)]
+    title = f"Time after a move until the tip stays within {within_mm:g} mm of its rest"
+    table = ResultTable(("pose|d", "settle_s|.2f", "joint"), rows, title)
+    most = longest(found).seconds
+    last = f"At most {most:.2f} s. lrm-ident measure --motion {model} waits so long at every pose."
+    publish(Document([table, last], "lrm/motion-settling/1", {"moves": table.records(), "longest_s": most}), json)
 
 
 @command_of(group)

@@ -32,16 +32,17 @@ H, STEPS = 0.008, 400
 NONE = np.zeros((STEPS, 1))
 
 
-def drive(command: Array) -> JointDrive:
+def drive(command: Array, start: float = 0.0) -> JointDrive:
     """A joint without loads."""
-    return JointDrive(H, command[:, None], NONE, NONE, np.ones((STEPS, 1)), 1.0)
+    at = np.full(1, start)
+    return JointDrive(H, command[:, None], NONE, NONE, np.ones((STEPS, 1)), 1.0, at, np.zeros(1))
 
 
 def moved(command: Array, *effects: tuple[type[MotionEffect], tuple[float, ...]]) -> Array:
     """(M + 1,), readings of a joint with effects and their values."""
     values = [[np.array([[value]]) for value in p] for _, p in effects]
     kinds = [kind(ARM, "joint2") for kind, _ in effects]
-    return simulate(kinds, values, drive(command), command[:1], np.zeros(1))[:, 0, 0]
+    return simulate(kinds, values, drive(command, float(command[0])))[:, 0, 0]
 
 
 def step(size: float) -> Array:
@@ -119,18 +120,18 @@ def test_every_effect_says_what_it_is_and_acts(kind: type[MotionEffect]) -> None
     rng = np.random.default_rng(0)
     command = np.cumsum(0.02 * rng.normal(size=STEPS)) + step(0.6)
     loads = 0.5 * np.sin(np.arange(STEPS) / 40.0)[:, None]
-    bears = JointDrive(H, command[:, None], loads, loads, 1.0 + loads, 1.0)
+    bears = JointDrive(H, command[:, None], loads, loads, 1.0 + loads, 1.0, command[:1], np.zeros(1))
     servo, typical = ServoResponse(ARM, "joint2"), [np.array([[p.typical]]) for p in kind.parameters]
     response = [np.array([[4.0]]), np.array([[0.7]])]
-    plain = simulate([servo], [response], bears, command[:1], np.zeros(1))
-    with_it = simulate([servo, effect], [response, typical], bears, command[:1], np.zeros(1))
+    plain = simulate([servo], [response], bears)
+    with_it = simulate([servo, effect], [response, typical], bears)
     assert kind is ServoResponse or np.abs(with_it - plain).max() > 1e-4
 
 
 def test_offset_and_sets_of_parameters_are_simulated_apart() -> None:
     values = [[np.array([[3.0], [6.0]]), np.array([[0.5], [1.0]])], [np.array([[0.1], [0.1]])]]
     kinds = [ServoResponse(ARM, "joint1"), RestOffset(ARM, "joint1")]
-    both = simulate(kinds, values, drive(step(0.2)), np.full(1, 0.1), np.zeros(1))
+    both = simulate(kinds, values, drive(step(0.2), 0.1))
     np.testing.assert_allclose(both[:, 0, 0], moved(step(0.2), (ServoResponse, (3.0, 0.5))) + 0.1, atol=1e-12)
     np.testing.assert_allclose(both[:, 1, 0], moved(step(0.2), (ServoResponse, (6.0, 1.0))) + 0.1, atol=1e-12)
 
