@@ -48,11 +48,13 @@ def _moved(model: MotionModel, path: Array, start: Array) -> Array:
     loads = joint_loads(model.arm, np.concatenate([start[None], path])[None], STEP_S)
     reference, out = reference_inertia(model.arm), []
     for joint in range(model.arm.dof):
-        bears = (x[0, 1:, [joint]].T for x in (loads.gravity, loads.reaction, loads.inertia))
+        gravity, reaction, inertia = (x[0, 1:, [joint]].T for x in (loads.gravity, loads.reaction, loads.inertia))
         effects = model.of_joint(joint)
         values = [[np.array([[model.values[key]]]) for key in effect.keys] for effect in effects]
         at = start[[joint]]
-        drive = JointDrive(STEP_S, path[:, [joint]], *bears, float(reference[joint]), at, np.zeros(1))
+        drive = JointDrive(
+            STEP_S, path[:, [joint]], gravity, reaction, inertia, float(reference[joint]), at, np.zeros(1)
+        )
         out.append(simulate(effects, values, drive)[:, 0, 0])
     return np.stack(out, axis=1)
 
