@@ -11,7 +11,7 @@ from pydantic import Field
 
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_file import load_arm
-from lrm_math.effects import split_name
+from lrm_math.effects import EffectRef
 from lrm_math.errors import FileError, UnknownName
 from lrm_math.motion.base import MotionEffect
 from lrm_math.motion.effects import MOTION_EFFECTS
@@ -91,7 +91,7 @@ class MotionFile(StrictSchema):
 
 def effect_of(arm: Arm, name: str, catalogue: MotionCatalogue = MOTION_EFFECTS) -> MotionEffect:
     """The effect `id@joint`. Raises `UnknownName`."""
-    kind, place = split_name(name)
+    kind, place = EffectRef.parse(name)
     known = {one.id: one for one in catalogue}
     if kind not in known:
         raise UnknownName("effect of motion", kind, list(known))

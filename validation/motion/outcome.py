@@ -12,7 +12,7 @@ from lrm_ident.measuring.recordings.lerobot import LeRobotFrames
 from lrm_ident.motion.motion_study import MotionStudy
 from lrm_ident.motion.moves import moves_of
 from lrm_math.arm.arm_file import load_arm
-from lrm_math.effects import split_name
+from lrm_math.effects import EffectRef
 from validation.encoder_checkup.teleoperation import Recording
 from validation.motion.cases import MotionCase, truth_of
 from validation.motion.world import TrueJoints
@@ -73,7 +73,7 @@ def answered(case: MotionCase, arm: TrueJoints, joint: int, made: Recording) -> 
         if key in study.model.values and study.model.sigma.get(key, 0.0) > 0.0:
             kind, where, _ = key.split(".")
             sound = where != place or right & {effect.name for effect in study.model.added}
-            if sound and split_name(f"{kind}@{where}"):
+            if sound and EffectRef.parse(f"{kind}@{where}"):
                 inside.append(abs(study.model.values[key] - value) <= 1.96 * study.model.sigma[key])
     before = start.fits[joint].held_out_rms
     degrees = [float(np.degrees(value)) for value in (before, after, noise)]

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from lrm_math.arm.arm_file import load_arm
 from lrm_math.arrays import Array
-from lrm_math.effects import split_name
+from lrm_math.effects import EffectRef
 from lrm_math.kinematics.chain import chain_of
 from lrm_math.kinematics.statics import joint_torques
 from lrm_math.motion.base import JointDrive, MotionEffect
@@ -111,7 +111,7 @@ def test_a_swing_ends_where_it_would_be_without_one() -> None:
 @pytest.mark.parametrize("kind", MOTION_EFFECTS, ids=lambda kind: kind.id)
 def test_every_effect_says_what_it_is_and_acts(kind: type[MotionEffect]) -> None:
     effect = kind(ARM, "joint2")
-    assert split_name(effect.name) == (kind.id, "joint2")
+    assert tuple(EffectRef.parse(effect.name)) == (kind.id, "joint2")
     assert all((kind.about.cause, kind.about.formula, kind.about.source, kind.about.claim))
     for parameter in kind.parameters:
         assert parameter.si > 0.0
