@@ -20,7 +20,7 @@ STDLIB = set(sys.stdlib_module_names)
 LAYERS = {
     "lrm_math": "errors arrays text_file number_list atomic_file plausibility toml_file "
     "arm kinematics collision effects motion model ik",
-    "lrm_ident": "data fitting residual diagnosis study design report fleet measuring motion workbench cli",
+    "lrm_ident": "data fitting residual diagnosis study design report fleet measuring workbench cli",
     "lrmd": "errors heap background log config persistence link messages ramp safety control sim ik api client cli "
     "main demo",
     "lrm_ros2": "diagnostics action_types message_types trajectory client_watch arrivals ros_endpoints ros_node "

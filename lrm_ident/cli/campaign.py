@@ -101,7 +101,7 @@ def measure(
 
 def _settled(motion: Path, arm: Arm, plan: CampaignPlan, timing: PoseTiming, speed: float | None) -> PoseTiming:
     """The timing without a pause, which waits as long as the plan's moves swing at most. Raises `FileError`."""
-    from lrm_ident.motion.settling_times import longest, settling_times
+    from lrm_ident.measuring.motion.settling_times import longest, settling_times
     from lrm_math.motion.motion_model import load_motion
 
     model = load_motion(motion)[1]

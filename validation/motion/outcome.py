@@ -8,9 +8,9 @@ from pathlib import Path
 
 import numpy as np
 
+from lrm_ident.measuring.motion.motion_study import MotionStudy
+from lrm_ident.measuring.motion.moves import moves_of
 from lrm_ident.measuring.recordings.lerobot import LeRobotFrames
-from lrm_ident.motion.motion_study import MotionStudy
-from lrm_ident.motion.moves import moves_of
 from lrm_math.arm.arm_file import load_arm
 from lrm_math.effects import EffectRef
 from validation.encoder_checkup.teleoperation import Recording

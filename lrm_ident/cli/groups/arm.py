@@ -20,7 +20,7 @@ from lrm_ident.data.robot_files.arm_text import arm_text, template
 from lrm_ident.data.robot_files.mjcf_robot import read_robot
 from lrm_ident.data.robot_files.urdf_arm import import_arm
 from lrm_ident.fitting.effect_plugins import catalogue_with
-from lrm_ident.motion.joint_dynamics import with_dynamics
+from lrm_ident.measuring.motion.joint_dynamics import with_dynamics
 from lrm_ident.report.plots.arm import draw_arm
 from lrm_math.arm.arm import BASE, TOOL
 from lrm_math.arm.arm_file import load_arm

@@ -16,12 +16,17 @@ from lrm_ident.cli.common import bars, notice, publish, show
 from lrm_ident.data.atomic_write import write_text
 from lrm_ident.data.wording import joint_labels
 from lrm_ident.measuring.campaign.plan import load_plan
-from lrm_ident.motion.motion_files import open_motion, read_moves, write_motion
-from lrm_ident.motion.motion_page import motion_page
-from lrm_ident.motion.motion_picture import draw_motion
-from lrm_ident.motion.motion_report import auto_document, comparison_document, diagnosis_document, motion_document
-from lrm_ident.motion.motion_study import MotionStudy
-from lrm_ident.motion.settling_times import longest, settling_times
+from lrm_ident.measuring.motion.motion_files import open_motion, read_moves, write_motion
+from lrm_ident.measuring.motion.motion_page import motion_page
+from lrm_ident.measuring.motion.motion_picture import draw_motion
+from lrm_ident.measuring.motion.motion_report import (
+    auto_document,
+    comparison_document,
+    diagnosis_document,
+    motion_document,
+)
+from lrm_ident.measuring.motion.motion_study import MotionStudy
+from lrm_ident.measuring.motion.settling_times import longest, settling_times
 from lrm_ident.report.document import Block, Document, ResultTable
 from lrm_ident.report.plain_names import PLAIN
 from lrm_math.arm.arm_file import load_arm

@@ -11,7 +11,7 @@ import pytest
 
 from lrm_ident.data.robot_files.mjcf import mjcf
 from lrm_ident.data.robot_files.urdf_export import ExportedFile
-from lrm_ident.motion.joint_dynamics import joint_dynamics, with_dynamics
+from lrm_ident.measuring.motion.joint_dynamics import joint_dynamics, with_dynamics
 from lrm_math.arm.arm_file import load_arm
 from lrm_math.errors import FileError
 from lrm_math.model.model import model_of

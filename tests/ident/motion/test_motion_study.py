@@ -9,10 +9,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from lrm_ident.motion.motion_files import write_motion
-from lrm_ident.motion.motion_report import auto_document, comparison_document, diagnosis_document, motion_document
-from lrm_ident.motion.motion_study import MotionStudy
-from lrm_ident.motion.moves import Moves, moves_of
+from lrm_ident.measuring.motion.motion_files import write_motion
+from lrm_ident.measuring.motion.motion_report import (
+    auto_document,
+    comparison_document,
+    diagnosis_document,
+    motion_document,
+)
+from lrm_ident.measuring.motion.motion_study import MotionStudy
+from lrm_ident.measuring.motion.moves import Moves, moves_of
 from lrm_math.arm.arm_file import load_arm
 from lrm_math.errors import FileError, LrmError
 from lrm_math.motion.effects import (

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from lrm_ident.data.wording import joint_labels
-from lrm_ident.motion.motion_study import MotionStudy
+from lrm_ident.measuring.motion.motion_study import MotionStudy
 from lrm_ident.report.plots.style import HELD_OUT, MODEL, NOMINAL, figure_file, finish
 
 

@@ -12,7 +12,7 @@ from typing import Literal
 import numpy as np
 from scipy.stats import norm, wilcoxon
 
-from lrm_ident.motion.joint_fit import SCREENING_EVALUATIONS, JointFit, fit_joint
+from lrm_ident.measuring.motion.joint_fit import SCREENING_EVALUATIONS, JointFit, fit_joint
 from lrm_ident.residual.thresholds import (
     EQUIVALENT_GAIN,
     FLOOR_RATIO,

@@ -9,9 +9,9 @@ import tomli_w
 
 from lrm_ident.data.atomic_write import write_text
 from lrm_ident.fitting.progress import Progress, silent
+from lrm_ident.measuring.motion.motion_study import MotionStudy
+from lrm_ident.measuring.motion.moves import Moves, moves_of
 from lrm_ident.measuring.recordings.lerobot import read_frames
-from lrm_ident.motion.motion_study import MotionStudy
-from lrm_ident.motion.moves import Moves, moves_of
 from lrm_math.arm.arm import Arm
 from lrm_math.errors import FileError
 from lrm_math.model.reading import AngleUnit

@@ -14,9 +14,9 @@ import numpy as np
 
 from lrm_ident.diagnosis.attribution import Attribution, ExplainedStep, attribute_steps
 from lrm_ident.fitting.progress import Progress, silent
-from lrm_ident.motion.joint_fit import JointFit, JointMoves, fit_joint
-from lrm_ident.motion.moves import Moves
-from lrm_ident.motion.screening import (
+from lrm_ident.measuring.motion.joint_fit import JointFit, JointMoves, fit_joint
+from lrm_ident.measuring.motion.moves import Moves
+from lrm_ident.measuring.motion.screening import (
     JointScreening,
     is_plausible,
     is_worse,

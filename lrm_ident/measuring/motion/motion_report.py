@@ -9,9 +9,9 @@ import numpy as np
 
 from lrm_ident.data.wording import enumerate_words, in_percent, joint_labels
 from lrm_ident.diagnosis.attribution import Attribution
-from lrm_ident.motion.motion_study import JudgedEffect, MotionStudy
-from lrm_ident.motion.regimes import worst_regimes
-from lrm_ident.motion.screening import JointScreening, MotionCandidate
+from lrm_ident.measuring.motion.motion_study import JudgedEffect, MotionStudy
+from lrm_ident.measuring.motion.regimes import worst_regimes
+from lrm_ident.measuring.motion.screening import JointScreening, MotionCandidate
 from lrm_ident.report.diagnosis.conclusion import Conclusion, NextStep
 from lrm_ident.report.document import Block, Document, ResultTable, section
 from lrm_ident.report.plain_names import plain_name

@@ -7,8 +7,8 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from lrm_ident.motion.joint_fit import JointFit
-from lrm_ident.motion.moves import Moves
+from lrm_ident.measuring.motion.joint_fit import JointFit
+from lrm_ident.measuring.motion.moves import Moves
 from lrm_ident.residual.thresholds import FLOOR_RATIO, MIN_REGIME_RATIO
 
 SLOW, QUICK = np.radians(5.0), np.radians(40.0)

@@ -8,8 +8,8 @@ from html import escape
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from lrm_ident.motion.motion_picture import draw_motion
-from lrm_ident.motion.motion_study import MotionStudy
+from lrm_ident.measuring.motion.motion_picture import draw_motion
+from lrm_ident.measuring.motion.motion_study import MotionStudy
 from lrm_ident.report.document import Document, blocks_html
 
 PAGE = """<!doctype html>

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
-from lrm_ident.motion.moves import FOLDS, Moves
+from lrm_ident.measuring.motion.moves import FOLDS, Moves
 from lrm_math.arrays import Array
 from lrm_math.effects.base import Parameter
 from lrm_math.motion.base import JointDrive, MotionEffect
