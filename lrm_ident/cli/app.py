@@ -56,6 +56,7 @@ SECTIONS = {
         ListedCommand("transfer", "groups.transfer", "Move a calibrated model to another base and tool."),
         ListedCommand("propose", "diagnosis", "Search for a formula where no known effect fits."),
         ListedCommand("checkup", "groups.recordings", "Check a LeRobot recording for faults of the arm."),
+        ListedCommand("motion", "groups.motion", "Find what makes an arm lag, stick or swing."),
         ListedCommand("fleet", "groups.fleet", "Identify many arms of one kind and compare them."),
     ),
     "Look": (

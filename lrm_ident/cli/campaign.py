@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -18,11 +19,13 @@ from lrm_ident.data.atomic_write import write_text
 from lrm_ident.data.measurement_file.conventions import LENGTH_UNITS
 from lrm_math.arm.arm_file import GRAM
 from lrm_math.arm.servo_settings import require_same_settings
-from lrm_math.errors import LrmError
+from lrm_math.errors import FileError, LrmError
 from lrm_math.model.model_file import settings_of_model
 
 if TYPE_CHECKING:
-    from lrm_ident.measuring.campaign.run import CampaignProgress, CampaignResult
+    from lrm_ident.measuring.campaign.plan import CampaignPlan
+    from lrm_ident.measuring.campaign.run import CampaignProgress, CampaignResult, PoseTiming
+    from lrm_math.arm.arm import Arm
 
 
 @command
@@ -59,6 +62,14 @@ def measure(
     speed: arg.Speed = None,
     release: arg.Release = False,
     accept: arg.AcceptSettings = False,
+    motion: Annotated[
+        Path | None,
+        Option(
+            metavar="MOTION",
+            help="A motion model of the arm (lrm-ident motion auto): wait as long as it says that the tip swings, in "
+            "place of --pause.",
+        ),
+    ] = None,
 ) -> None:
     """Drive the arm through POSES and measure its tip at each. Every row is on disk before the arm moves on.
 
@@ -83,6 +94,8 @@ def measure(
     numbers, timing = target_numbers(tool, base, tracker), PoseTiming(pause, settle, dwell)
     with ArmAccess(robot, connect, speed, take, release).connection(arm, "lrm-ident measure") as link:
         plan, track = load_plan(poses, link.arm), partial(connected, link.daemon, tracker, numbers)
+        if motion is not None:
+            timing = _settled(motion, link.arm, plan, timing, speed)
         changer = load_changer(load_command)
         order = CampaignOrder(
             link.drive, track, tracker, numbers, link.arm, link.name, timing, changer, _say, show, accept
@@ -90,6 +103,19 @@ def measure(
         with resumable(f"What is measured is in {output}; the same command goes on"):
             result = run(order, plan, output, goal)
     conclude(result, len(plan.poses) if goal is None else None, output)
+
+
+def _settled(motion: Path, arm: Arm, plan: CampaignPlan, timing: PoseTiming, speed: float | None) -> PoseTiming:
+    """The timing without a pause, which waits as long as the plan's moves swing at most. Raises `FileError`."""
+    from lrm_ident.measuring.motion.settling_times import longest, settling_times
+    from lrm_math.motion.motion_model import load_motion
+
+    model = load_motion(motion)[1]
+    if model.arm != arm:
+        raise FileError(motion, "arm", f"is a model of {model.arm.name}, not of {arm.name}")
+    wait = longest(settling_times(model, [pose.q for pose in plan.poses], speed)).seconds
+    show(f"The tip swings {wait:.2f} s at most after a move; each rest waits so long ({motion})")
+    return replace(timing, pause=0.0, settle=max(timing.settle, wait))
 
 
 def photo_poses(

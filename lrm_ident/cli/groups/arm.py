@@ -20,6 +20,7 @@ from lrm_ident.data.robot_files.arm_text import arm_text, template
 from lrm_ident.data.robot_files.mjcf_robot import read_robot
 from lrm_ident.data.robot_files.urdf_arm import import_arm
 from lrm_ident.fitting.effect_plugins import catalogue_with
+from lrm_ident.measuring.motion.joint_dynamics import with_dynamics
 from lrm_ident.report.plots.arm import draw_arm
 from lrm_math.arm.arm import BASE, TOOL
 from lrm_math.arm.arm_file import load_arm
@@ -30,6 +31,7 @@ from lrm_math.model.covariance import drawn_models
 from lrm_math.model.deployed_model import as_deployed, of_a_session
 from lrm_math.model.model import Model, model_of
 from lrm_math.model.model_file import load_covariance
+from lrm_math.motion.motion_model import load_motion
 from lrm_math.number_list import parse_numbers
 from lrm_math.toml_file import schema_of
 
@@ -138,6 +140,13 @@ def export(
         int, Option(min=0, help="Write this many variants, drawn from the covariance of the model: FILE-001 …")
     ] = 0,
     seed: arg.Seed = 0,
+    motion: Annotated[
+        Path | None,
+        Option(
+            metavar="MOTION",
+            help="A motion model (lrm-ident motion auto): its damping, armature and friction, in place of guesses.",
+        ),
+    ] = None,
     effects_file: arg.EffectsFile = None,
 ) -> None:
     """Write a file that matches your arm: a URDF, an MJCF, LeRobot's calibration, ros2_control's offsets.
@@ -154,6 +163,9 @@ def export(
     variants = _variants(Path(model), the_model, draws, seed, effects_file) if draws else [the_model]
     files = [output.with_stem(f"{output.stem}-{n:03d}") for n in range(1, draws + 1)] if draws else [output]
     made = [write_for(as_deployed(variant), path) for variant, path in zip(variants, files, strict=True)]
+    if motion is not None:
+        moves = load_motion(motion)[1]
+        made = [with_dynamics(file, path, moves, the_model) for file, path in zip(made, files, strict=True)]
     for file, path in zip(made, files, strict=True):
         write_text(path, file.text)
     where = f"{files[0]} … {files[-1]}" if draws else str(output)

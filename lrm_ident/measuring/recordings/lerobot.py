@@ -61,6 +61,11 @@ class LeRobotFrames:
         """(N, n), where a joint has no number."""
         return np.isnan(self.command) | np.isnan(self.feedback)
 
+    def reading_speed(self, rows: Integers) -> Array:
+        """(len(rows),), change of the fastest joint's reading from frame to frame (rad), over three frames."""
+        change = np.abs(np.gradient(self.feedback[rows], axis=0)).max(axis=1)
+        return np.convolve(change, np.ones(3) / 3.0, mode="same")
+
     def rests(self, dwell: float) -> Iterator[Integers]:
         """Frames of the settled half of each stretch of one episode in which nothing moves for `dwell` s."""
         start, t = 0, self.t

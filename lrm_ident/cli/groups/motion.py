@@ -1,0 +1,229 @@
+"""The group `motion`: how an arm moves between a command and a reading, and what a model of it misses."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Annotated
+
+from typer import Argument, Option
+
+from lrm_ident.cli import arguments as arg
+from lrm_ident.cli.arm_access import SO101
+from lrm_ident.cli.command import command_group, command_of, stated_reading
+from lrm_ident.cli.common import bars, notice, publish, show
+from lrm_ident.data.atomic_write import write_text
+from lrm_ident.data.wording import joint_labels
+from lrm_ident.measuring.campaign.plan import load_plan
+from lrm_ident.measuring.motion.motion_files import open_motion, read_moves, write_motion
+from lrm_ident.measuring.motion.motion_page import motion_page
+from lrm_ident.measuring.motion.motion_picture import draw_motion
+from lrm_ident.measuring.motion.motion_report import (
+    auto_document,
+    comparison_document,
+    diagnosis_document,
+    motion_document,
+)
+from lrm_ident.measuring.motion.motion_study import MotionStudy
+from lrm_ident.measuring.motion.settling_times import longest, settling_times
+from lrm_ident.report.document import Block, Document, ResultTable
+from lrm_ident.report.plain_names import PLAIN
+from lrm_math.arm.arm_file import load_arm
+from lrm_math.errors import UnknownName
+from lrm_math.motion.effects import MOTION_EFFECTS
+from lrm_math.motion.motion_model import MotionFile, load_motion
+
+group = command_group(
+    "motion",
+    "Find what makes an arm lag, overshoot, stick or swing, from a recording of its moves.\n\n"
+    "RECORDING is a LeRobot dataset (v2.1 or v3) of about two minutes of teleoperation: quick and slow moves of every "
+    "joint, and a stop now and then. The model predicts the encoders (observation.state) from the commands (action) "
+    "alone. All errors are of moves that the fit did not use.\n\n"
+    "\b\n"
+    "  lrm-ident motion fit      RECORDING -o motion.toml          servo response of every joint\n"
+    "  lrm-ident motion compare  motion.toml RECORDING             where the model fails\n"
+    "  lrm-ident motion diagnose motion.toml RECORDING             which effect is missing\n"
+    "  lrm-ident motion add      motion.toml RECORDING dead_time@joint2 -o better.toml\n"
+    "  lrm-ident motion auto     motion.toml RECORDING -o best.toml\n"
+    "  lrm-ident motion report   best.toml RECORDING -o motion.html\n\n"
+    "lrm-ident motion effects lists what it can find. docs/motion.md explains the words.",
+)
+Recording = Annotated[
+    Path, Argument(metavar="RECORDING", help="Folder of a LeRobot dataset (v2.1, v3; extra: lerobot).")
+]
+MotionPath = Annotated[Path, Argument(metavar="MODEL", help="A motion model written by motion fit.")]
+NewMotion = Annotated[Path, Option("-o", "--output", metavar="MODEL2", help="Where to write the motion model.")]
+AngleUnitName = Annotated[str | None, Option(help="Unit of the dataset's angles: deg (default) or rad.")]
+Prefix = Annotated[
+    str | None, Option(metavar="WORD", help="Of a dataset of two arms: before the joints' names, left_.")
+]
+
+
+@contextmanager
+def _opened(
+    model: Path, recording: Path, angle_unit: str | None, prefix: str | None
+) -> Iterator[tuple[MotionFile, MotionStudy]]:
+    """A study from its files, with bars on stderr."""
+    with bars() as tick:
+        unit = stated_reading({"angle_unit": angle_unit}).angle_unit
+        file, study = open_motion(model, recording, unit, prefix, tick)
+        notice(*study.moves.notices)
+        yield file, study
+
+
+@command_of(group)
+def fit(
+    recording: Recording,
+    output: Annotated[Path, Option("-o", "--output", metavar="MODEL", help="Where to write the motion model.")],
+    arm: Annotated[str, Option("--arm", metavar="ARM", help="A shipped arm or an arm file.")] = SO101,
+    angle_unit: AngleUnitName = None,
+    prefix: Prefix = None,
+    json: arg.JsonFile = None,
+) -> None:
+    """Fit the response of every servo: frequency, damping, zero."""
+    with bars() as tick:
+        unit = stated_reading({"angle_unit": angle_unit}).angle_unit
+        moves = read_moves(recording, load_arm(arm), unit, prefix)
+        notice(*moves.notices)
+        study = MotionStudy.of(moves, progress=tick).fit()
+    write_motion(study, arm, output)
+    publish(motion_document(study, f"{recording.name}: reading less prediction, {len(moves)} moves"), json)
+    show(f"Model written to {output}", f"Next: lrm-ident motion diagnose {output} {recording}")
+
+
+@command_of(group)
+def compare(
+    model: MotionPath,
+    recording: Recording,
+    angle_unit: AngleUnitName = None,
+    prefix: Prefix = None,
+    figure: arg.FigureFile = None,
+    json: arg.JsonFile = None,
+) -> None:
+    """Show where a motion model fails: at rest, in quick moves, after reversals, under load, early or late."""
+    with _opened(model, recording, angle_unit, prefix) as (_, study):
+        document = comparison_document(study)
+        publish(document, json)
+        if figure:
+            draw_motion(MotionStudy.of(study.moves).fit(), study, figure)
+            show(f"Figure written to {figure}")
+
+
+@command_of(group)
+def diagnose(
+    model: MotionPath,
+    recording: Recording,
+    angle_unit: AngleUnitName = None,
+    prefix: Prefix = None,
+    json: arg.JsonFile = None,
+    show_all: arg.ShowAll = False,
+) -> None:
+    """Find the effect of motion that a model is missing."""
+    with _opened(model, recording, angle_unit, prefix) as (_, study):
+        found = study.screen()
+    publish(diagnosis_document(study, found, str(model), str(recording)), json, in_full=show_all)
+
+
+@command_of(group)
+def add(
+    model: MotionPath,
+    recording: Recording,
+    effect: Annotated[str, Argument(metavar="EFFECT@JOINT", help="For instance dead_time@joint2.")],
+    output: NewMotion,
+    angle_unit: AngleUnitName = None,
+    prefix: Prefix = None,
+    json: arg.JsonFile = None,
+) -> None:
+    """Add an effect of motion at a joint and refit that joint."""
+    with _opened(model, recording, angle_unit, prefix) as (file, before):
+        study = before.add(effect)
+    write_motion(study, file.arm, output)
+    publish(motion_document(study, f"with {effect}: reading less prediction"), json)
+    show(f"Model written to {output}")
+
+
+@command_of(group)
+def auto(
+    model: MotionPath,
+    recording: Recording,
+    output: NewMotion,
+    angle_unit: AngleUnitName = None,
+    prefix: Prefix = None,
+    figure: arg.FigureFile = None,
+    json: arg.JsonFile = None,
+) -> None:
+    """Add missing effects of motion joint by joint, until none is found; a few minutes."""
+    with _opened(model, recording, angle_unit, prefix) as (file, before):
+        study = before.auto()
+        judged = study.judged()
+    write_motion(study, file.arm, output)
+    publish(auto_document(study, judged, str(output)), json)
+    if figure:
+        draw_motion(before, study, figure)
+        show(f"Figure written to {figure}")
+    show(f"Model written to {output}")
+
+
+@command_of(group)
+def report(
+    model: MotionPath,
+    recording: Recording,
+    output: Annotated[Path, Option("-o", "--output", metavar="HTML", help="Where to write the page.")],
+    angle_unit: AngleUnitName = None,
+    prefix: Prefix = None,
+) -> None:
+    """Write errors, effects, verdicts and a picture as one HTML page that needs no network."""
+    with _opened(model, recording, angle_unit, prefix) as (_, study):
+        documents = [
+            auto_document(study, study.judged(), str(model)),
+            comparison_document(study),
+            motion_document(study, "Errors of the model"),
+        ]
+        page = motion_page(MotionStudy.of(study.moves).fit(), study, documents)
+    write_text(output, page)
+    show(f"Page written to {output}")
+
+
+@command_of(group)
+def settle(
+    model: MotionPath,
+    poses: arg.PosesFile,
+    speed: Annotated[float, Option(min=1.0, max=180.0, help="Of the fastest joint between poses, deg/s.")] = 30.0,
+    within_mm: Annotated[float, Option(min=0.001, help="Distance from its rest within which the tip must stay.")] = 0.1,
+    json: arg.JsonFile = None,
+) -> None:
+    """Predict how long the tip swings after each move of a list of poses, driven in order."""
+    moves = load_motion(model)[1]
+    plan, labels = load_plan(poses, moves.arm), joint_labels(moves.arm)
+    found = settling_times(moves, [pose.q for pose in plan.poses], speed, 1e-3 * within_mm)
+    rows = [(pose.number, one.seconds, labels[one.joint]) for pose, one in zip(plan.poses[1:], found, strict=True)]
+    title = f"Time after a move until the tip stays within {within_mm:g} mm of its rest"
+    table = ResultTable(("pose|d", "settle_s|.2f", "joint"), rows, title)
+    most = longest(found).seconds
+    last = f"At most {most:.2f} s. lrm-ident measure --motion {model} waits so long at every pose."
+    publish(Document([table, last], "lrm/motion-settling/1", {"moves": table.records(), "longest_s": most}), json)
+
+
+@command_of(group)
+def effects(
+    name: Annotated[str | None, Argument(metavar="EFFECT", help="One of them; default: all.")] = None,
+    json: arg.JsonFile = None,
+) -> None:
+    """Explain the effects of motion: cause, formula, parameters, and what shows them."""
+    known = {kind.id: kind for kind in MOTION_EFFECTS}
+    if name is not None and name not in known:
+        raise UnknownName("effect of motion", name, list(known))
+    if name is None:
+        rows = [(kind.id, PLAIN[kind.id].format(place="a joint"), kind.about.cause) for kind in known.values()]
+        table = ResultTable(("effect", "name", "cause"), rows, "Effects of motion")
+        publish(Document([table], "lrm/motion-effects/1", {"effects": table.records()}), json)
+        return
+    kind = known[name]
+    sizes = [(p.name, p.meaning, p.typical / p.si, p.lower / p.si, p.upper / p.si) for p in kind.parameters]
+    table = ResultTable(("parameter", "meaning", "typical|g", "least|g", "most|g"), sizes, "Parameters")
+    about = kind.about
+    blocks: list[Block] = [about.cause, f"Formula: {about.formula}", f"Source: {about.source}"]
+    blocks += [f"Needs: {about.needs}"] if about.needs else []
+    blocks += [f"Cannot be told from recordings of command and encoder: {kind.alike}"] if kind.alike else []
+    publish(Document([*blocks, table], "lrm/motion-effects/1", {"effect": name, "parameters": table.records()}), json)

@@ -1,0 +1,122 @@
+"""Joints of a robot file with the dynamics that were identified: damping, armature and dry friction in N·m.
+
+Command and encoder alone show frequencies and angles. The servo's stiffness K (N·m/rad) makes torques of them; gravity
+shows it where the servo yields to it (`gravity_sag`, or `compliance` of a model of poses). Then with J = K/ω²:
+armature J − M, with M the links' inertia, which the file's bodies have; damping 2ζωJ; friction c K.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from xml.etree import ElementTree
+
+import numpy as np
+
+from lrm_ident.data.robot_files.mjcf import spring_stiffness
+from lrm_ident.data.robot_files.urdf import numbers
+from lrm_ident.data.robot_files.urdf_export import ExportedFile
+from lrm_ident.data.wording import joint_labels
+from lrm_math.errors import FileError
+from lrm_math.model.model import Model
+from lrm_math.motion.effects import CoulombFriction, GravitySag, RestOffset, ServoResponse
+from lrm_math.motion.loads import reference_inertia
+from lrm_math.motion.motion_model import MotionModel
+
+WRITTEN = (ServoResponse.id, GravitySag.id, CoulombFriction.id, RestOffset.id)
+"""Effects of motion that a joint of a file holds, and those that are no dynamics."""
+
+
+@dataclass(frozen=True)
+class JointDynamics:
+    """Dynamics of a joint: stiffness of its servo (N·m/rad), damping (N·m·s/rad), armature (kg m²), friction (N·m)."""
+
+    stiffness: float
+    damping: float
+    armature: float
+    friction: float
+
+
+def joint_dynamics(motion: MotionModel, poses: Model) -> tuple[dict[str, JointDynamics], tuple[str, ...]]:
+    """Dynamics by the joint's name, and what no file holds. `poses`: the static model, which may know stiffness."""
+    links = reference_inertia(motion.arm)
+    springs = spring_stiffness(poses)
+    found: dict[str, JointDynamics] = {}
+    left_out = [effect.name for effect in motion.added if effect.id not in WRITTEN]
+    for joint, label in enumerate(joint_labels(motion.arm)):
+        place = motion.arm.joint_names[joint]
+        sag = motion.values.get(f"{GravitySag.id}.{place}.k_rad_per_Nm", 0.0)
+        stiffness = 1.0 / sag if sag > 0.0 else springs.get(poses.chain.joint_slots[joint])
+        if stiffness is None:
+            left_out.append(
+                f"dynamics of {label} (neither gravity_sag@{place} nor compliance: its stiffness is unknown)"
+            )
+            continue
+        omega = 2.0 * np.pi * motion.values[f"{ServoResponse.id}.{place}.frequency_Hz"]
+        ratio = motion.values[f"{ServoResponse.id}.{place}.damping_ratio"]
+        inertia = stiffness / omega**2
+        rubs = stiffness * motion.values.get(f"{CoulombFriction.id}.{place}.c_rad", 0.0)
+        armature = max(inertia - float(links[joint]), 0.0)
+        found[label] = JointDynamics(stiffness, 2.0 * ratio * omega * inertia, armature, rubs)
+    return found, tuple(left_out)
+
+
+def with_dynamics(file: ExportedFile, path: Path, motion: MotionModel, poses: Model) -> ExportedFile:
+    """An exported URDF or MJCF whose joints have the identified dynamics. Raises `FileError`: another arm or file."""
+    if motion.arm != poses.arm:
+        raise FileError(path, "--motion", f"is a model of {motion.arm.name}", f"one of {poses.arm.name}")
+    found, left_out = joint_dynamics(motion, poses)
+    if path.suffix not in (".xml", ".mjcf", ".urdf"):
+        raise FileError(path, "--motion", f"a {path.suffix} holds no dynamics", ".xml (MJCF) or .urdf")
+    root = ElementTree.fromstring(file.text)
+    changed = _in_urdf(root, found) if root.tag == "robot" else _in_mjcf(root, found)
+    missing = tuple(f"dynamics of {name} (no joint of that name)" for name in found if name not in set(changed))
+    text = ElementTree.tostring(root, encoding="unicode") + "\n"
+    return ExportedFile(text, file.what, (*file.left_out, *left_out, *missing), file.advice)
+
+
+def _in_urdf(root: ElementTree.Element, found: Mapping[str, JointDynamics]) -> Sequence[str]:
+    changed = []
+    for joint in root.findall("joint"):
+        one = found.get(joint.get("name", ""))
+        if one is None:
+            continue
+        for old in joint.findall("dynamics"):
+            joint.remove(old)
+        ElementTree.SubElement(joint, "dynamics", damping=numbers([one.damping]), friction=numbers([one.friction]))
+        changed.append(joint.get("name", ""))
+    return changed
+
+
+def _in_mjcf(root: ElementTree.Element, found: Mapping[str, JointDynamics]) -> Sequence[str]:
+    changed = []
+    braked = {actuator.get("joint", ""): _set_servo(actuator, found) for actuator in _servos(root, found)}
+    for joint in root.iter("joint"):
+        one = found.get(joint.get("name", ""))
+        if one is None:
+            continue
+        damping = max(one.damping - braked.get(joint.get("name", ""), 0.0), 0.0)
+        joint.set("damping", numbers([damping]))
+        joint.set("armature", numbers([one.armature]))
+        joint.set("frictionloss", numbers([one.friction]))
+        changed.append(joint.get("name", ""))
+    return changed
+
+
+def _servos(root: ElementTree.Element, found: Mapping[str, JointDynamics]) -> Iterator[ElementTree.Element]:
+    for group in root.findall("actuator"):
+        yield from (one for one in group if one.get("joint") in found and one.tag in ("position", "general"))
+
+
+def _set_servo(actuator: ElementTree.Element, found: Mapping[str, JointDynamics]) -> float:
+    """Gives a position actuator its stiffness; the damping (N·m·s/rad) that it has itself."""
+    stiffness = found[actuator.get("joint", "")].stiffness
+    if actuator.tag == "position":
+        actuator.set("kp", repr(float(stiffness)))
+        return float(actuator.get("kv", "0"))
+    bias = [*map(float, actuator.get("biasprm", "0 0 0").split()), 0.0, 0.0][:3]
+    gain = actuator.get("gainprm", "1").split()
+    actuator.set("gainprm", " ".join([repr(float(stiffness)), *gain[1:]]))
+    actuator.set("biasprm", numbers([bias[0], -stiffness, bias[2]]))
+    return -bias[2]

@@ -1,0 +1,309 @@
+"""Results about motion in words: the documents of `lrm-ident motion`, with the verdicts and renderers of poses."""
+
+from __future__ import annotations
+
+import shlex
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from lrm_ident.data.wording import enumerate_words, in_percent, joint_labels
+from lrm_ident.diagnosis.attribution import Attribution
+from lrm_ident.measuring.motion.motion_study import JudgedEffect, MotionStudy
+from lrm_ident.measuring.motion.regimes import worst_regimes
+from lrm_ident.measuring.motion.screening import JointScreening, MotionCandidate
+from lrm_ident.report.diagnosis.conclusion import Conclusion, NextStep
+from lrm_ident.report.document import Block, Document, ResultTable, section
+from lrm_ident.report.plain_names import plain_name
+from lrm_ident.residual.thresholds import FLOOR_RATIO, MAX_UNEXPLAINED_RATIO
+from lrm_math.motion.base import MotionEffect
+
+KINDS: dict[Attribution, str] = {
+    "finding": "identified cause",
+    "possible_cause": "candidate cause",
+    "description": "empirical term",
+}
+SHOWN, BAR, LISTED = 8, 24, 4
+UNITS = {"rad": (180.0 / np.pi, "deg"), "rad_per_s": (180.0 / np.pi, "deg/s"), "rad_per_s2": (180.0 / np.pi, "deg/s²"),
+         "s": (1e3, "ms"), "Hz": (1.0, "Hz"), "ratio": (1.0, ""), "rad_per_rad": (100.0, "%"),
+         "rad_per_Nm": (180.0 / np.pi, "deg/N·m")}  # fmt: skip
+"""Units in which people read a parameter, by that of its key."""
+
+
+def in_deg(angle: float) -> str:
+    """An angle (rad) in degrees, two significant digits at least."""
+    degrees = float(np.degrees(angle))
+    return f"{degrees:.3f}" if degrees < 0.1 else f"{degrees:.2f}"
+
+
+def motion_document(study: MotionStudy, title: str) -> Document:
+    """Result of `motion fit` and `add`: errors of every joint and parameters; schema `lrm/motion-fit/1`."""
+    errors, parameters = _errors(study, title), _parameters(study)
+    values = {**_values(study), "joints": errors.records(), "parameters": parameters.records()}
+    return Document([errors, parameters], "lrm/motion-fit/1", values)
+
+
+def comparison_document(study: MotionStudy) -> Document:
+    """Result of `motion compare`: errors, and where the model fails; schema `lrm/motion-comparison/1`."""
+    errors = _errors(study, f"{study.moves.name}: reading less prediction, {len(study.moves)} moves")
+    where = [words for fit in study.fits for words in worst_regimes(fit, study.moves)]
+    blocks: list[Block] = [errors, *section("Where it fails", where or ["nowhere much more than elsewhere"])]
+    values = {**_values(study), "joints": errors.records(), "where": where}
+    return Document(blocks, "lrm/motion-comparison/1", values)
+
+
+def diagnosis_document(
+    study: MotionStudy, found: Sequence[JointScreening], model: str = "MODEL", data: str = "RECORDING"
+) -> Document:
+    """Result of `motion diagnose`; schema `lrm/motion-diagnosis/1`."""
+    best = max(found, key=lambda one: one.saved)
+    concluded = _conclusion(study, found, best, model, data)
+    rows = sorted(
+        (one for joint in found for one in joint.candidates if one.held_out is not None),
+        key=lambda one: (one.verdict != "supported", -_saved(found, one)),
+    )
+    table = ResultTable(
+        ("candidate", "held out, deg RMS|", "", "status"),
+        [
+            (
+                one.effect.name,
+                f"{in_deg(_before(found, one))} → {in_deg(one.held_out or np.nan)}",
+                "█" * max(1, round(BAR * (one.held_out or 0.0) / _before(found, one))),
+                _status(found, one),
+            )
+            for one in rows[:SHOWN]
+        ],
+        "Held-out error of its joint with each candidate added",
+    )
+    blocks = concluded.blocks()
+    if rows:
+        blocks += ["", table]
+    refused = [
+        f"{plain_name(effect.name)} ({effect.name}): {reason}" for one in found for effect, reason in one.not_testable
+    ]
+    values = {
+        **_values(study),
+        "conclusion": concluded,
+        "ranking": [_candidate(found, one) for one in rows],
+        "not_testable": [
+            {"effect": effect.id, "place": effect.place, "reason": reason}
+            for one in found
+            for effect, reason in one.not_testable
+        ],
+    }
+    details = section("What these moves cannot show", refused)
+    return Document(blocks, "lrm/motion-diagnosis/1", values, details=details, about="what these moves cannot show")
+
+
+def auto_document(study: MotionStudy, judged: Sequence[JudgedEffect], output: str) -> Document:
+    """Result of `motion auto`; schema `lrm/motion-auto/1`."""
+    identified = [one for one in judged if one.identified]
+    names = enumerate_words([plain_name(one.effect.name) for one in identified], LISTED)
+    first, last = study.history[0][1], study.history[-1][1]
+    ratio = max(fit.held_out_rms / noise for fit, noise in zip(study.fits, study.moves.noise, strict=True))
+    if identified:
+        headline = f"Identified: {names}"
+    elif judged:
+        headline = "No cause identified: the added effects predict better, but other causes are possible."
+    elif ratio <= FLOOR_RATIO:
+        headline = "No missing effect found: the remaining error is about the noise of a reading."
+    else:
+        headline = "No cause identified. The error is systematic, but no known effect explains it."
+    facts = [("held-out error", f"{in_deg(first)} → {in_deg(last)} deg RMS over all joints"), ("noise", _noise(study))]
+    if ratio > FLOOR_RATIO:
+        facts.append(("unexplained", f"the worst joint is {ratio:.1f} times as far off as its encoder's noise"))
+    concluded = Conclusion(headline, tuple(facts), (), (NextStep("Look where it still fails.", _compare(output)),))
+    table = ResultTable(
+        ("effect", "size", "without it, deg RMS|", "what it is"),
+        [
+            (one.effect.name, _size(study, one.effect), in_deg(one.without), _kind(one))
+            for one in judged
+        ],
+        "Effects of the model, and the held-out error of their joint without them",
+    )  # fmt: skip
+    steps = [f"{step}: {in_deg(error)} deg" for step, error in study.history]
+    blocks = concluded.blocks()
+    if judged:
+        blocks += ["", table]
+    blocks += section("Steps", steps)
+    values = {
+        **_values(study),
+        "conclusion": concluded,
+        "effects": [
+            {
+                "effect": one.effect.name,
+                "kind": KINDS[one.kind],
+                "identified": one.identified,
+                "indistinguishable_from": one.rivals,
+                "held_out_without_deg": np.degrees(one.without),
+            }
+            for one in judged
+        ],
+    }
+    return Document(blocks, "lrm/motion-auto/1", values)
+
+
+def _conclusion(
+    study: MotionStudy, found: Sequence[JointScreening], best: JointScreening, model: str, data: str
+) -> Conclusion:
+    first, files = best.first, f"{shlex.quote(model)} {shlex.quote(data)}"
+    if first is None or first.held_out is None:
+        left = [one for one in found if one.before.held_out_rms > FLOOR_RATIO * one.noise]
+        facts: tuple[tuple[str, str], ...] = (
+            ("held-out error", f"{in_deg(study.held_out_rms)} deg RMS over all joints"),
+            ("noise", _noise(study)),
+        )
+        if not left:
+            words = "No missing effect found: the remaining error is about the noise of a reading."
+            return Conclusion(words, facts, (), (NextStep("Nothing to add: use the model."),))
+        worst = max(left, key=lambda one: one.before.held_out_rms / one.noise)
+        words = f"{worst.before.effects[0].place}, {worst.before.held_out_rms / worst.noise:.1f} times its noise"
+        where = NextStep("See where it fails.", f"lrm-ident motion compare {files}")
+        headline = "No cause identified. The error is systematic, but no known effect explains it."
+        return Conclusion(headline, (*facts, ("worst", words)), (), (where,))
+    name, alike = first.effect.name, [plain_name(one) for one in best.equivalent]
+    what = f"{plain_name(name)} ({name})"
+    before, after = best.before.held_out_rms, first.held_out
+    ratio = max(after**2 - (FLOOR_RATIO * best.noise) ** 2, 0.0) / (before**2 - after**2)
+    if alike:
+        headline = f"Missing effect: {what}, or another that these moves cannot distinguish from it"
+        certainty = f"it, or {enumerate_words(alike, LISTED)}: these moves cannot distinguish them"
+    elif ratio > MAX_UNEXPLAINED_RATIO:
+        headline = f"An effect is missing. The best candidate: {what}"
+        certainty = (
+            f"only a candidate cause: {ratio:.1f} times as much squared error stays unexplained as it explains (limit "
+            f"{MAX_UNEXPLAINED_RATIO:.2f}), so another cause may stand behind it, or join it"
+        )
+    else:
+        headline, certainty = f"Missing effect: {what}", f"identified cause{_runner_up(best)}"
+    facts = (
+        ("estimate", _claim(first)),
+        (
+            "held-out error",
+            f"{in_deg(before)} → {in_deg(after)} deg RMS of that joint, at moves that the fit did not use",
+        ),
+        ("noise", f"{in_deg(best.noise)} deg of a reading"),
+        ("certainty", certainty),
+    )
+    steps = (
+        NextStep("It adds the effect and refits its joint.", f"lrm-ident motion add {files} {name} -o better.toml"),
+        NextStep(
+            "It repeats both at every joint, until nothing is missing.", f"lrm-ident motion auto {files} -o best.toml"
+        ),
+    )
+    return Conclusion(headline, facts, (), steps)
+
+
+def _runner_up(found: JointScreening) -> str:
+    others = [one for one in found.candidates[1:] if one.held_out is not None]
+    if not others:
+        return ""
+    least = min(others, key=lambda one: one.held_out or np.inf)
+    return f"; the next best one, {plain_name(least.effect.name)}, would leave {in_deg(least.held_out or np.nan)} deg"
+
+
+def _claim(found: MotionCandidate) -> str:
+    values, sigma = found.fit.by_key, found.fit.sigma
+    return ", ".join(
+        f"{parameter.meaning} {_in_unit(parameter.unit, values[key], sigma[key])}"
+        for key, parameter in zip(found.effect.keys, found.effect.parameters, strict=True)
+    )
+
+
+def _size(study: MotionStudy, effect: MotionEffect) -> str:
+    rows = zip(effect.keys, effect.parameters, strict=True)
+    return ", ".join(_in_unit(p.unit, study.model.values[key], study.model.sigma.get(key, 0.0)) for key, p in rows)
+
+
+def _in_unit(unit: str, value: float, error: float) -> str:
+    factor, name = UNITS.get(unit, (1.0, unit.replace("_", " ")))
+    digits = max(0, min(4, 1 - int(np.floor(np.log10(max(error * factor, 1e-9)))))) if error > 0.0 else 3
+    return f"{value * factor:.{digits}f} ± {error * factor:.{digits}f} {name}".rstrip()
+
+
+def _kind(one: JudgedEffect) -> str:
+    beside = enumerate_words([plain_name(name) for name in one.rivals], LISTED)
+    return f"{KINDS[one.kind]}, or {beside}" if beside else KINDS[one.kind]
+
+
+def _errors(study: MotionStudy, title: str) -> ResultTable:
+    labels = joint_labels(study.moves.arm)
+    rows = []
+    for label, fit, noise in zip(labels, study.fits, study.moves.noise.tolist(), strict=True):
+        told = fit.data.reading - study.moves.command[:, :, fit.effects[0].joint]
+        errors = (_rms(told[study.moves.counted]), _rms(fit.residual[study.moves.counted]), fit.held_out_rms, noise)
+        rows.append((label, *(float(np.degrees(value)) for value in errors)))
+    columns = ("joint", "command_deg|.3f", "fit_deg|.3f", "held_out_deg|.3f", "noise_deg|.3f")
+    return ResultTable(columns, rows, title)
+
+
+def _parameters(study: MotionStudy) -> ResultTable:
+    rows = [
+        (plain_name(effect.name), p.meaning, _in_unit(p.unit, study.model.values[key], study.model.sigma[key]))
+        for effect in study.model.effects
+        for key, p in zip(effect.keys, effect.parameters, strict=True)
+    ]  # fmt: skip
+    return ResultTable(("effect", "parameter", "estimate"), rows, "Parameters")
+
+
+def _values(study: MotionStudy) -> dict[str, object]:
+    return {
+        "arm": study.moves.arm.name,
+        "recording": study.moves.name,
+        "moves": len(study.moves),
+        "held_out_deg": np.degrees(study.held_out_rms),
+        "noise_deg": np.degrees(study.moves.noise),
+        "effects_of_model": [effect.name for effect in study.model.effects],
+        "history": [{"step": step, "held_out_deg": np.degrees(error)} for step, error in study.history],
+    }
+
+
+def _candidate(found: Sequence[JointScreening], one: MotionCandidate) -> dict[str, object]:
+    values, sigma = one.fit.by_key, one.fit.sigma
+    return {
+        "effect": one.effect.id,
+        "place": one.effect.place,
+        "verdict": one.verdict,
+        "held_out_deg": np.degrees(one.held_out or np.nan),
+        "before_deg": np.degrees(_before(found, one)),
+        "p_value": one.p_value,
+        "indistinguishable": one.effect.name in _screening(found, one).equivalent,
+        "parameters": {key.split(".")[-1]: {"value": values[key], "se": sigma[key]} for key in one.effect.keys},
+    }
+
+
+def _status(found: Sequence[JointScreening], one: MotionCandidate) -> str:
+    own = _screening(found, one)
+    if one is own.first:
+        share = 1.0 - ((one.held_out or 0.0) / own.before.held_out_rms) ** 2
+        return f"best of its joint, explains {in_percent(share)} %"
+    if one.effect.name in own.equivalent:
+        return "indistinguishable from it"
+    return {"supported": "explains part of it", "implausible": "implausible size", "no_evidence": "explains little"}[
+        one.verdict
+    ]
+
+
+def _screening(found: Sequence[JointScreening], one: MotionCandidate) -> JointScreening:
+    return next(own for own in found if any(one is other for other in own.candidates))
+
+
+def _before(found: Sequence[JointScreening], one: MotionCandidate) -> float:
+    return _screening(found, one).before.held_out_rms
+
+
+def _saved(found: Sequence[JointScreening], one: MotionCandidate) -> float:
+    return _before(found, one) ** 2 - (one.held_out or np.inf) ** 2
+
+
+def _noise(study: MotionStudy) -> str:
+    low, high = (in_deg(float(value)) for value in (study.moves.noise.min(), study.moves.noise.max()))
+    return f"{low} to {high} deg of a reading" if low != high else f"{low} deg of a reading"
+
+
+def _rms(values: Iterator[float] | np.ndarray) -> float:
+    return float(np.sqrt(np.mean(np.asarray(values) ** 2)))
+
+
+def _compare(output: str) -> str:
+    return f"lrm-ident motion compare {shlex.quote(output)} RECORDING"

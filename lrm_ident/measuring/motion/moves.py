@@ -1,0 +1,190 @@
+"""Moves of a recording: pieces of its episodes, each predicted from its beginning and its commands alone.
+
+A move begins half a second before its readings count: what the joint did before, friction's side and a swing, is then
+in the model's state, too. Moves are cut where the arm is slowest.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
+from numpy.typing import NDArray
+
+from lrm_ident.measuring.recordings.lerobot import LeRobotFrames
+from lrm_math.arm.arm import Arm
+from lrm_math.arrays import Array
+from lrm_math.errors import FileError
+from lrm_math.motion.base import JointDrive
+from lrm_math.motion.loads import JointLoads, joint_loads, reference_inertia
+
+LEAD_S, SHORTEST_S, LONGEST_S = 0.5, 3.0, 6.0
+STEP_S = 0.0085
+"""Longest step of the simulation: an eighth of the period of the fastest servo that the catalogue allows."""
+FOLDS = 5
+STILL_S, STILL = 0.3, np.radians(0.3)
+ENCODER_SD = np.radians(360.0 / 4096.0) / np.sqrt(12.0)
+FASTEST_GAP = 1.5
+"""Times the usual distance of frames that a gap may have."""
+LEAST_MOVES = 2 * FOLDS
+RESTING, WITHIN = 4, 4.0
+"""Readings that are alike, to so many times their noise, where a joint rests."""
+
+
+@dataclass(frozen=True, eq=False)
+class Moves:
+    """S moves of T frames each, `dt` s apart, of the n joints of an arm; shorter ones are padded.
+
+    Attributes:
+        command, reading: (S, T, n), rad; of a frame the angle that was read, and that which was then commanded.
+        counted: (S, T), frames whose readings count. episode: (S,). noise: (n,), standard deviation of a reading (rad).
+        path: (S, T, n), rad, along which the loads are taken: where the arm is, as far as known without its readings.
+        name: of the recording. notices: what a person should know of it.
+    """
+
+    arm: Arm
+    dt: float
+    command: Array
+    reading: Array
+    counted: NDArray[np.bool_]
+    episode: NDArray[np.int64]
+    noise: Array
+    path: Array
+    name: str
+    notices: tuple[str, ...] = ()
+
+    def __len__(self) -> int:
+        return len(self.command)
+
+    @property
+    def substeps(self) -> int:
+        """Steps of the simulation to a frame."""
+        return int(np.ceil(self.dt / STEP_S))
+
+    @cached_property
+    def fold(self) -> NDArray[np.int64]:
+        """(S,), part of the cross-validation: whole episodes, or, of fewer than five, neighbouring moves."""
+        _, number = np.unique(self.episode, return_inverse=True)
+        if number.max() + 1 >= FOLDS:
+            return np.asarray(number % FOLDS)
+        return np.arange(len(self)) * FOLDS // len(self)
+
+    @cached_property
+    def loads(self) -> JointLoads:
+        """Torques and inertia along the path."""
+        return joint_loads(self.arm, self.path, self.dt)
+
+    @cached_property
+    def reference(self) -> Array:
+        """(n,), moments of inertia in the middle of all ranges (kg m²)."""
+        return reference_inertia(self.arm)
+
+    def drive(self, joint: int) -> JointDrive:
+        """What a joint from 0 is told and bears, at the steps of the simulation."""
+        n = self.substeps
+
+        def at_steps(values: Array) -> Array:
+            return np.repeat(values[:, :-1, joint].T, n, axis=0)
+
+        command, loads = at_steps(self.command), self.loads
+        gravity, reaction, inertia = map(at_steps, (loads.gravity, loads.reaction, loads.inertia))
+        return JointDrive(
+            self.dt / n, command, gravity, reaction, inertia, float(self.reference[joint]), *self.start(joint)
+        )
+
+    def take(self, rows: NDArray[np.int64] | NDArray[np.bool_]) -> Moves:
+        """Some of the moves."""
+        return replace(
+            self, command=self.command[rows], reading=self.reading[rows], counted=self.counted[rows],
+            episode=self.episode[rows], path=self.path[rows],
+        )  # fmt: skip
+
+    def start(self, joint: int) -> tuple[Array, Array]:
+        """(S,) each, reading and speed at the beginning (rad, rad/s): of the first two readings; at rest their mean."""
+        lead = self.reading[:, : round(LEAD_S / self.dt), joint]
+        near = np.abs(lead - lead[:, :1]) < WITHIN * self.noise[joint]
+        still = np.cumprod(near, axis=1).astype(np.float64)
+        rests = still.sum(axis=1) >= RESTING
+        mean = np.sum(still * lead, axis=1) / still.sum(axis=1)
+        return np.where(rests, mean, lead[:, 0]), np.where(rests, 0.0, (lead[:, 1] - lead[:, 0]) / self.dt)
+
+
+def moves_of(frames: LeRobotFrames, arm: Arm, path: Path) -> Moves:
+    """The moves of a recording. Raises `FileError`: gaps, too short, or joints without numbers."""
+    if frames.missing.any():
+        raise FileError(path, "", f"{int(frames.missing.any(axis=1).sum())} frames lack a number", "record them again")
+    dt = _frame_distance(frames, path)
+    pieces = [piece for rows in _episodes(frames) for piece in _pieces(frames.reading_speed(rows), rows, dt)]
+    if len(pieces) < LEAST_MOVES:
+        what = f"{len(pieces)} moves of {SHORTEST_S:g} to {LONGEST_S:g} s"
+        raise FileError(path, "", what, f"{LEAST_MOVES} at least: about a minute of motion")
+    T = max(len(piece) for piece in pieces)
+    rows = np.array([np.pad(piece, (0, T - len(piece)), mode="edge") for piece in pieces])
+    length = np.array([len(piece) for piece in pieces])
+    k = np.arange(T)
+    counted = (k >= round(LEAD_S / dt)) & (k < length[:, None])
+    command = frames.command[rows]
+    smooth = _followed(command, dt)
+    return Moves(
+        arm, dt, command, frames.feedback[rows], counted, frames.episode[rows[:, 0]], _noise(frames, dt), smooth,
+        path.name, frames.notices,
+    )  # fmt: skip
+
+
+def _frame_distance(frames: LeRobotFrames, path: Path) -> float:
+    """s, between frames. Raises `FileError`: they are not evenly apart."""
+    same = np.diff(frames.episode) == 0
+    gaps = np.diff(frames.t)[same]
+    if not len(gaps):
+        raise FileError(path, "timestamp", "no two frames of one episode", "an episode of some seconds")
+    dt = float(np.median(gaps))
+    if not dt > 0.0 or gaps.max() > FASTEST_GAP * dt or gaps.min() < (2.0 - FASTEST_GAP) * dt:
+        what = f"frames {1e3 * gaps.min():.0f} to {1e3 * gaps.max():.0f} ms apart"
+        raise FileError(path, "timestamp", what, "frames evenly apart, as LeRobot records them")
+    return dt
+
+
+def _episodes(frames: LeRobotFrames) -> list[NDArray[np.int64]]:
+    return np.split(np.arange(len(frames.t)), np.flatnonzero(np.diff(frames.episode)) + 1)
+
+
+def _pieces(speed: Array, rows: NDArray[np.int64], dt: float) -> list[NDArray[np.int64]]:
+    """Frames of each move of an episode, its lead included."""
+    lead, shortest, longest = (round(seconds / dt) for seconds in (LEAD_S, SHORTEST_S, LONGEST_S))
+    out, begin = [], lead
+    while len(rows) - begin >= shortest:
+        rest = len(rows) - begin
+        cut = rest if rest <= longest else shortest + int(np.argmin(speed[begin + shortest : begin + longest]))
+        if rest - cut < shortest and rest <= shortest + longest and rest > longest:
+            cut = rest // 2
+        out.append(rows[begin - lead : begin + cut])
+        begin += cut
+    return out
+
+
+def _followed(command: Array, dt: float, lag: float = 0.1) -> Array:
+    """(S, T, n), the command behind a first-order lag (s): about where an arm is."""
+    out, share = np.empty_like(command), 1.0 - np.exp(-dt / lag)
+    now = command[:, 0]
+    for k in range(command.shape[1]):
+        out[:, k] = now
+        now = now + share * (command[:, k] - now)
+    return out
+
+
+def _noise(frames: LeRobotFrames, dt: float) -> Array:
+    """(n,), rad: scatter of the readings where nothing moves, by second differences; at least an encoder's rounding."""
+    width = max(4, round(STILL_S / dt))
+    squares: list[Array] = []
+    for rows in _episodes(frames):
+        if len(rows) < width:
+            continue
+        seen, told = (sliding_window_view(x[rows], width, axis=0) for x in (frames.feedback, frames.command))
+        still = (np.ptp(told, axis=2) < STILL).all(axis=1) & (np.ptp(seen, axis=2) < 2.0 * STILL).all(axis=1)
+        squares.append(np.mean(np.diff(seen[still], n=2, axis=2) ** 2, axis=2) / 6.0)
+    found = np.concatenate(squares) if squares else np.empty((0, frames.feedback.shape[1]))
+    scatter = np.sqrt(np.mean(found, axis=0)) if len(found) else np.zeros(frames.feedback.shape[1])
+    return np.asarray(np.maximum(scatter, ENCODER_SD))

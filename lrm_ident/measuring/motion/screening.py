@@ -1,0 +1,145 @@
+"""What a joint's motion misses: every effect of the catalogue beside those that it has, judged at held-out moves.
+
+Thresholds are those of the verdicts on poses (`lrm_ident.residual.thresholds`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+from scipy.stats import norm, wilcoxon
+
+from lrm_ident.measuring.motion.joint_fit import SCREENING_EVALUATIONS, JointFit, fit_joint
+from lrm_ident.residual.thresholds import (
+    EQUIVALENT_GAIN,
+    FLOOR_RATIO,
+    MIN_GAIN,
+    PROMISING,
+    SIGNIFICANCE,
+    Z_THRESHOLD,
+)
+from lrm_math.motion.base import MotionEffect
+from lrm_math.motion.motion_model import MotionCatalogue
+
+BY_CHANCE = float(norm.sf(Z_THRESHOLD))
+Verdict = Literal["supported", "no_evidence", "implausible"]
+
+
+@dataclass(frozen=True, eq=False)
+class MotionCandidate:
+    """An effect that a joint's model may miss.
+
+    Attributes:
+        fit: with it. held_out: rad RMS with it; None: its gain in the sample was too small to cross-validate it.
+        p_value: of a gain at held-out moves by chance (one-sided, paired by moves, times the number tried).
+    """
+
+    effect: MotionEffect
+    fit: JointFit
+    held_out: float | None
+    p_value: float
+    verdict: Verdict
+
+
+@dataclass(frozen=True, eq=False)
+class JointScreening:
+    """Candidates of one joint, the best first.
+
+    Attributes:
+        before: the fit without any. noise: of a reading (rad). not_testable: effects, and why not.
+        equivalent: names of candidates that these moves cannot distinguish from the best.
+    """
+
+    before: JointFit
+    noise: float
+    candidates: tuple[MotionCandidate, ...]
+    not_testable: tuple[tuple[MotionEffect, str], ...]
+    equivalent: tuple[str, ...] = field(default=())
+
+    @property
+    def first(self) -> MotionCandidate | None:
+        """The effect to add; None if none is supported."""
+        best = self.candidates[0] if self.candidates else None
+        return best if best is not None and best.verdict == "supported" else None
+
+    @property
+    def saved(self) -> float:
+        """Held-out mean square (rad²) that the first would take away; 0 without one."""
+        found = self.first
+        return 0.0 if found is None or found.held_out is None else self.before.held_out_rms**2 - found.held_out**2
+
+
+def screen_joint(before: JointFit, noise: float, catalogue: MotionCatalogue, tried: int) -> JointScreening:
+    """Tries every effect that the joint does not have. `tried`: effects at all joints, which the p values pay for."""
+    data, arm, place = before.data, before.effects[0].arm, before.effects[0].place
+    present = {effect.id for effect in before.effects}
+    others = [kind(arm, place) for kind in catalogue if kind.id not in present]
+    reasons = [(effect, effect.missing_excitation(data.drive)) for effect in others]
+    refused = tuple((effect, reason) for effect, reason in reasons if reason is not None)
+    if before.held_out_rms <= FLOOR_RATIO * noise:
+        return JointScreening(before, noise, (), refused)
+    found = [_candidate(before, effect, tried) for effect, reason in reasons if reason is None]
+    found.sort(key=lambda one: (one.verdict != "supported", one.held_out or np.inf))
+    best = found[0] if found and found[0].verdict == "supported" else None
+    alike = () if best is None else _equivalent(before, best, found[1:])
+    return JointScreening(before, noise, tuple(found), refused, alike)
+
+
+def with_effect(before: JointFit, effect: MotionEffect) -> JointFit:
+    """The fit with a further effect, from the values before; to be fitted once more if it is kept."""
+    order = (*before.effects, effect)
+    return fit_joint(order, before.data, before.by_key, SCREENING_EVALUATIONS)
+
+
+def without_effect(before: JointFit, effect: MotionEffect, instead: Sequence[MotionEffect] = ()) -> JointFit:
+    """The fit without an effect, others in its place."""
+    kept = tuple(one for one in before.effects if one.name != effect.name)
+    return fit_joint((*kept, *instead), before.data, before.by_key)
+
+
+def _candidate(before: JointFit, effect: MotionEffect, tried: int) -> MotionCandidate:
+    fit = with_effect(before, effect)
+    least = PROMISING * (1.0 - (1.0 - MIN_GAIN) ** 2)
+    if fit.squares > (1.0 - least) * before.squares:
+        return MotionCandidate(effect, fit, None, 1.0, "no_evidence")
+    p_value = min(1.0, tried * p_of_gain(before, fit))
+    supported = fit.held_out_rms < (1.0 - MIN_GAIN) * before.held_out_rms and p_value < SIGNIFICANCE
+    verdict: Verdict = "no_evidence" if not supported else "supported" if is_plausible(fit, effect) else "implausible"
+    return MotionCandidate(effect, fit, fit.held_out_rms, p_value, verdict)
+
+
+def is_plausible(fit: JointFit, effect: MotionEffect) -> bool:
+    """Whether the effect's values are such as occur, and surely not none."""
+    values, sigma = fit.by_key, fit.sigma
+    rows = list(zip(effect.keys, effect.parameters, strict=True))
+    size = rows[0][0]
+    known = abs(values[size]) > Z_THRESHOLD * sigma[size]
+    return known and all(abs(values[key]) <= parameter.plausible.largest for key, parameter in rows)
+
+
+def p_of_gain(before: JointFit, after: JointFit) -> float:
+    """One-sided p value that `after` predicts no better than `before`.
+
+    By signed ranks of the moves (Wilcoxon 1945): a few quick ones hold most of the error."""
+    return float(wilcoxon(before.held_out, after.held_out, alternative="greater").pvalue)
+
+
+def is_worse(after: JointFit, than: JointFit) -> bool:
+    """Whether a fit predicts held-out moves worse, by more than chance and by enough to matter."""
+    return p_of_gain(after, than) < BY_CHANCE and after.held_out_rms > (1.0 + MIN_GAIN) * than.held_out_rms
+
+
+def _equivalent(before: JointFit, best: MotionCandidate, others: Sequence[MotionCandidate]) -> tuple[str, ...]:
+    assert best.held_out is not None
+    least = EQUIVALENT_GAIN * (before.held_out_rms**2 - best.held_out**2)
+    return tuple(
+        one.effect.name
+        for one in others
+        if one.verdict == "supported"
+        and one.held_out is not None
+        and before.held_out_rms**2 - one.held_out**2 >= least
+        and not is_worse(one.fit, best.fit)
+    )

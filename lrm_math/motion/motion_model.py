@@ -1,0 +1,125 @@
+"""A model of motion: the effects of every joint and their values, and its file."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Literal
+
+from pydantic import Field
+
+from lrm_math.arm.arm import Arm
+from lrm_math.arm.arm_file import load_arm
+from lrm_math.effects import EffectRef
+from lrm_math.errors import FileError, UnknownName
+from lrm_math.motion.base import MotionEffect
+from lrm_math.motion.effects import MOTION_EFFECTS
+from lrm_math.toml_file import StrictSchema, read_toml
+
+MotionCatalogue = tuple[type[MotionEffect], ...]
+
+
+@dataclass(frozen=True, eq=False)
+class MotionModel:
+    """Effects of motion of an arm's joints.
+
+    Attributes:
+        effects: in the order in which they act on a joint. values, sigma: by key (SI); standard errors.
+    """
+
+    arm: Arm
+    effects: tuple[MotionEffect, ...]
+    values: Mapping[str, float]
+    sigma: Mapping[str, float] = field(default_factory=dict)
+
+    @staticmethod
+    def nominal(arm: Arm, catalogue: MotionCatalogue = MOTION_EFFECTS) -> MotionModel:
+        """Every joint with a servo of usual response and nothing else."""
+        basic = [kind(arm, place) for place in arm.joint_names for kind in catalogue if kind.basic]
+        values = {
+            key: 0.0 if "rad" in parameter.unit else parameter.typical
+            for effect in basic
+            for key, parameter in zip(effect.keys, effect.parameters, strict=True)
+        }
+        return MotionModel(arm, tuple(basic), values)
+
+    def of_joint(self, joint: int) -> tuple[MotionEffect, ...]:
+        """The effects of a joint from 0."""
+        return tuple(effect for effect in self.effects if effect.joint == joint)
+
+    @property
+    def added(self) -> tuple[MotionEffect, ...]:
+        """Effects beyond those that every joint has."""
+        return tuple(effect for effect in self.effects if not effect.basic)
+
+    def with_joint(
+        self, effects: Iterable[MotionEffect], values: Mapping[str, float], sigma: Mapping[str, float]
+    ) -> MotionModel:
+        """The model with other effects and values of the joint that `effects` are of."""
+        new = tuple(effects)
+        joint = new[0].joint
+        gone = {key for effect in self.of_joint(joint) for key in effect.keys}
+        kept = tuple(effect for effect in self.effects if effect.joint != joint)
+        merged = sorted((*kept, *new), key=lambda effect: effect.joint)
+        return replace(
+            self,
+            effects=tuple(merged),
+            values={**{k: v for k, v in self.values.items() if k not in gone}, **values},
+            sigma={**{k: v for k, v in self.sigma.items() if k not in gone}, **sigma},
+        )
+
+
+class MotionStep(StrictSchema):
+    """One step of a model's history: what was done, and the held-out error after it (deg RMS over all joints)."""
+
+    step: str
+    held_out_deg: float | None = None
+
+
+class MotionFile(StrictSchema):
+    """Schema of a motion model's file; parameters by key, in the keys' units."""
+
+    schema_: Literal["lrm/motion/1"] = Field(alias="schema")
+    arm: str
+    recording: str = ""
+    effects: list[str]
+    parameters: dict[str, float]
+    sigma: dict[str, float] = {}
+    history: list[MotionStep] = []
+
+
+def effect_of(arm: Arm, name: str, catalogue: MotionCatalogue = MOTION_EFFECTS) -> MotionEffect:
+    """The effect `id@joint`. Raises `UnknownName`."""
+    kind, place = EffectRef.parse(name)
+    known = {one.id: one for one in catalogue}
+    if kind not in known:
+        raise UnknownName("effect of motion", kind, list(known))
+    if place not in arm.joint_names:
+        raise UnknownName(f"place of {kind}", place or "", arm.joint_names)
+    return known[kind](arm, place)
+
+
+def load_motion(path: Path, catalogue: MotionCatalogue = MOTION_EFFECTS) -> tuple[MotionFile, MotionModel]:
+    """A motion model's file, as it stands and as a model. Raises `FileError`."""
+    file = read_toml(path, MotionFile)
+    arm = load_arm(file.arm)
+    try:
+        effects = tuple(effect_of(arm, name, catalogue) for name in file.effects)
+    except UnknownName as error:
+        raise FileError(path, "effects", str(error)) from None
+    known = {key: p for effect in effects for key, p in zip(effect.keys, effect.parameters, strict=True)}
+    for table, numbers in (("parameters", file.parameters), ("sigma", file.sigma)):
+        for key in numbers:
+            if key not in known:
+                raise FileError(path, table, f"unknown parameter {key}", f"one of {', '.join(known)}")
+    missing = [key for key in known if key not in file.parameters]
+    if missing:
+        raise FileError(path, "parameters", f"no value of {missing[0]}", "every effect states all of its parameters")
+    for key, value in file.parameters.items():
+        if not known[key].lower <= value * known[key].si <= known[key].upper:
+            bounds = f"{known[key].lower / known[key].si:g} to {known[key].upper / known[key].si:g}"
+            raise FileError(path, "parameters", f"{key} = {value:g}", bounds)
+    values = {key: value * known[key].si for key, value in file.parameters.items()}
+    sigma = {key: value * known[key].si for key, value in file.sigma.items()}
+    return file, MotionModel(arm, effects, values, sigma)

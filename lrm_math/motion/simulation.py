@@ -1,0 +1,81 @@
+"""Motion of one joint in time: the effects of its model, one after the other, and the servo's equation between them.
+
+Each step is the exact motion of spring and damper under a constant force. Friction of a step is the force that stops
+the joint, or as much of it as there is, so that it never turns back (Moreau 1988): stick–slip needs no regularisation.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from lrm_math.arrays import Array
+from lrm_math.motion.base import JointDrive, MotionEffect, Values
+from lrm_math.motion.effects import ServoResponse
+
+LEAST_INERTIA = 0.05
+"""J/J₀ of a posture that is lighter than any."""
+
+
+def simulate(effects: Sequence[MotionEffect], values: Sequence[Values], drive: JointDrive) -> Array:
+    """(M + 1, P, S), readings (rad) at the start and after every step.
+
+    Args:
+        values: for each effect its parameters (SI), each (P, 1).
+    """
+    pairs = list(zip(effects, values, strict=True))
+    count = max(len(p[0]) for _, p in pairs)
+    u = np.repeat(drive.command[:, None], count, axis=1)
+    for effect, p in pairs:
+        u = effect.set_point(u, drive, p)
+    start = drive.start
+    for effect, p in reversed(pairs):
+        start = effect.angle(start, p)
+    q = _servo(pairs, u, drive, start)
+    for effect, p in pairs:
+        q = effect.reading(q, drive, p)
+    return q
+
+
+def _servo(pairs: Sequence[tuple[MotionEffect, Values]], u: Array, drive: JointDrive, start: Array) -> Array:
+    """(M + 1, P, S), angle (rad) of the joint that the servo leads along the set-point u."""
+    response = next((p for effect, p in pairs if isinstance(effect, ServoResponse)), None)
+    if response is None:
+        return np.concatenate([u[:1], u])
+    h, (omega, braking) = drive.h, ServoResponse.spring(response)
+    braking = braking + omega**2 * sum(effect.damping(drive, p) for effect, p in pairs)
+    inertia = np.maximum(1.0 + sum(effect.inertia(drive, p) for effect, p in pairs), LEAST_INERTIA)
+    kept, moved, kicked, slowed = (
+        np.broadcast_to(x, u.shape) for x in _transition(omega**2 / inertia, braking / inertia, h)
+    )
+    told = u + sum(effect.push(drive, p) for effect, p in pairs)
+    rubs = np.broadcast_to(sum(effect.friction(drive, p) for effect, p in pairs), u.shape)
+    fading = [(e, p) for e, p in pairs if type(e).friction_at is not MotionEffect.friction_at]
+    limits = [limit for effect, p in pairs if (limit := effect.saturation(p)) is not None]
+    most = np.minimum.reduce(limits) if limits else None
+    q, v = np.broadcast_to(start, u.shape[1:]).copy(), np.broadcast_to(drive.speed, u.shape[1:]).copy()
+    out = np.empty((len(u) + 1, *u.shape[1:]))
+    out[0], dry = q, bool(np.any(rubs)) or bool(fading)
+    for k in range(len(u)):
+        error, push = told[k] - q, 0.0
+        if most is not None:
+            push = np.clip(error, -most, most) - error  # what the drive does not give, as if it were a force
+        then = kicked[k] * (error + push) + slowed[k] * v
+        if dry:
+            bound = rubs[k] + sum(effect.friction_at(v, p) for effect, p in fading)
+            rub = np.clip(-then / kicked[k], -bound, bound)
+            push, then = push + rub, then + kicked[k] * rub
+        q = told[k] + push - kept[k] * (error + push) + moved[k] * v
+        v = then
+        out[k + 1] = q
+    return out
+
+
+def _transition(stiffness: Array, braking: Array, h: float) -> tuple[Array, Array, Array, Array]:
+    """Exact motion of ẍ = −stiffness x − braking ẋ over a step h: x' = a x + b v, v' = −c x + d v; a, b, c, d."""
+    half = 0.5 * braking
+    w = np.sqrt(np.asarray(stiffness - half**2, dtype=np.complex128) + 1e-12)
+    fades, cosine, sine = np.exp(-half * h), np.cos(w * h).real, (np.sin(w * h) / w).real
+    b = fades * sine
+    return fades * (cosine + half * sine), b, stiffness * b, fades * (cosine - half * sine)

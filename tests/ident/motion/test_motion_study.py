@@ -1,0 +1,130 @@
+"""A model of motion finds what a joint hides, says so, and claims nothing where nothing is."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from lrm_ident.measuring.motion.motion_files import write_motion
+from lrm_ident.measuring.motion.motion_report import (
+    auto_document,
+    comparison_document,
+    diagnosis_document,
+    motion_document,
+)
+from lrm_ident.measuring.motion.motion_study import MotionStudy
+from lrm_ident.measuring.motion.moves import Moves, moves_of
+from lrm_math.arm.arm_file import load_arm
+from lrm_math.errors import FileError, LrmError
+from lrm_math.motion.effects import (
+    MOTION_EFFECTS,
+    CoulombFriction,
+    DeadTime,
+    MotionPlay,
+    RestOffset,
+    ServoResponse,
+    SpeedLimit,
+)
+from lrm_math.motion.motion_model import load_motion
+from tests.ident.motion.arm_in_motion import FPS, JOINT, recording
+
+ARM = load_arm("so101")
+FEW = (ServoResponse, RestOffset, DeadTime, SpeedLimit, CoulombFriction, MotionPlay)
+
+
+def moves(frames_of: object = None, **hidden: float) -> Moves:
+    """Moves of a recording with something hidden in joint 2."""
+    del frames_of
+    return moves_of(recording(**hidden), ARM, Path("recording"))  # type: ignore[arg-type]
+
+
+@cache
+def study(what: str) -> MotionStudy:
+    """A fitted study, by what hides."""
+    hidden = {"nothing": {}, "friction": {"friction": 0.02}, "dead time": {"late": 2}}[what]
+    return MotionStudy.of(moves(**hidden), FEW).fit()
+
+
+def test_moves_are_whole_and_their_lead_does_not_count() -> None:
+    found = study("nothing").moves
+    assert found.counted[:, : round(0.5 * FPS)].sum() == 0
+    assert found.counted.any(axis=1).all()
+    assert len({(e, f) for e, f in zip(found.episode.tolist(), found.fold.tolist(), strict=True)}) == 6  # never split
+    assert np.degrees(found.noise[JOINT]) == pytest.approx(0.043, rel=0.15)
+
+
+def test_a_sound_servo_is_identified_and_nothing_is_missing() -> None:
+    own = study("nothing")
+    values, sigma = own.model.values, own.model.sigma
+    for key, true in (("frequency_Hz", 4.0), ("damping_ratio", 0.8)):
+        name = f"servo_response.joint2.{key}"
+        assert abs(values[name] - true) < 4.0 * sigma[name] + 0.004
+    assert own.fits[JOINT].held_out_rms < 1.1 * own.moves.noise[JOINT]
+    assert all(one.first is None for one in own.screen())
+    words = diagnosis_document(own, own.screen()).text()
+    assert "No missing effect found" in words
+
+
+def test_hidden_friction_is_found_or_its_class_is_named() -> None:
+    own = study("friction").auto()
+    judged = own.judged()
+    assert {one.effect.place for one in judged} == {"joint2"}
+    assert "coulomb_friction@joint2" in {name for one in judged for name in (one.effect.name, *one.rivals)}
+    assert own.model.values["coulomb_friction.joint2.c_rad"] == pytest.approx(0.02, rel=0.05)
+    assert own.fits[JOINT].held_out_rms < 1.2 * own.moves.noise[JOINT]
+
+
+def test_hidden_dead_time_is_found_and_every_step_is_held_out() -> None:
+    start = study("dead time")
+    found = start.screen([JOINT])[0]
+    assert found.first is not None
+    assert found.first.effect.name == "dead_time@joint2"
+    own = start.add("dead_time@joint2")
+    assert own.model.values["dead_time.joint2.t_s"] == pytest.approx(2 / FPS, abs=0.002)
+    assert own.held_out_rms < 0.5 * start.held_out_rms
+    assert [step for step, _ in own.history] == ["fit", "add dead_time@joint2"]
+    assert "dead_time@joint2" in diagnosis_document(start, [found]).text(200)
+    for document in (comparison_document(own), motion_document(own, "x"), auto_document(own, own.judged(), "m")):
+        assert document.json()
+        assert document.text()
+
+
+def test_a_model_comes_back_from_its_file(tmp_path: Path) -> None:
+    own, path = study("friction").add("coulomb_friction@joint2"), tmp_path / "motion.toml"
+    write_motion(own, "so101", path)
+    file, model = load_motion(path)
+    assert [effect.name for effect in model.effects] == [effect.name for effect in own.model.effects]
+    for key, value in own.model.values.items():
+        assert model.values[key] == pytest.approx(value, rel=1e-6, abs=1e-9)
+    assert [step.step for step in file.history] == ["fit", "add coulomb_friction@joint2"]
+    path.write_text(path.read_text().replace("coulomb_friction@joint2", "friktion@joint2"))
+    with pytest.raises(FileError, match=r"friktion.*one of|friktion"):
+        load_motion(path)
+
+
+def test_what_cannot_be_told_is_refused_with_its_reason() -> None:
+    own = replace(study("nothing"), catalogue=MOTION_EFFECTS)
+    with pytest.raises(LrmError, match="act alike"):
+        own.add("sensor_delay@joint2")
+    with pytest.raises(LrmError, match="hardly varies"):
+        own.add("gravity_sag@joint1")
+    with pytest.raises(LrmError, match="dead_time"):
+        own.add("dead_tim@joint2")
+
+
+def test_a_recording_that_cannot_serve_is_refused_in_one_line() -> None:
+    frames = recording(seconds=12.0)
+    with pytest.raises(FileError, match="about a minute of motion"):
+        moves_of(frames, ARM, Path("short"))
+    late = frames.t.copy()
+    late[5:] += 0.2
+    with pytest.raises(FileError, match="evenly apart"):
+        moves_of(replace(frames, t=late), ARM, Path("gaps"))
+    gone = frames.feedback.copy()
+    gone[7, 2] = np.nan
+    with pytest.raises(FileError, match="1 frames lack a number"):
+        moves_of(replace(frames, feedback=gone), ARM, Path("holes"))

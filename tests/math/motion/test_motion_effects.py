@@ -1,0 +1,154 @@
+"""Laws of the effects of motion: what each does to a joint, whatever its size."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from lrm_math.arm.arm_file import load_arm
+from lrm_math.arrays import Array
+from lrm_math.effects import EffectRef
+from lrm_math.kinematics.chain import chain_of
+from lrm_math.kinematics.statics import joint_torques
+from lrm_math.motion.base import JointDrive, MotionEffect
+from lrm_math.motion.effects import (
+    MOTION_EFFECTS,
+    CoulombFriction,
+    DeadTime,
+    DriveLimit,
+    MotionPlay,
+    RestOffset,
+    ServoResponse,
+    SpeedLimit,
+    Swing,
+)
+from lrm_math.motion.loads import joint_loads
+from lrm_math.motion.simulation import simulate
+
+ARM = load_arm("so101")
+H, STEPS = 0.008, 400
+NONE = np.zeros((STEPS, 1))
+
+
+def drive(command: Array, start: float = 0.0) -> JointDrive:
+    """A joint without loads."""
+    at = np.full(1, start)
+    return JointDrive(H, command[:, None], NONE, NONE, np.ones((STEPS, 1)), 1.0, at, np.zeros(1))
+
+
+def moved(command: Array, *effects: tuple[type[MotionEffect], tuple[float, ...]]) -> Array:
+    """(M + 1,), readings of a joint with effects and their values."""
+    values = [[np.array([[value]]) for value in p] for _, p in effects]
+    kinds = [kind(ARM, "joint2") for kind, _ in effects]
+    return simulate(kinds, values, drive(command, float(command[0])))[:, 0, 0]
+
+
+def step(size: float) -> Array:
+    """A command that jumps after a tenth of the time."""
+    return size * (np.arange(STEPS) >= STEPS // 10)
+
+
+def test_a_servo_is_the_second_order_system_of_the_textbook() -> None:
+    """Åström & Murray 2008, Eq 6.25: 1 − exp(−ζωt) (cos ω_d t + ζω/ω_d sin ω_d t)."""
+    frequency, damping = 3.0, 0.3
+    omega = 2.0 * np.pi * frequency
+    found = moved(step(0.5), (ServoResponse, (frequency, damping)))[STEPS // 10 :]
+    t, swings = H * np.arange(len(found)), omega * np.sqrt(1.0 - damping**2)
+    expected = 1.0 - np.exp(-damping * omega * t) * (np.cos(swings * t) + damping * omega / swings * np.sin(swings * t))
+    np.testing.assert_allclose(found, 0.5 * expected, atol=1e-9)
+
+
+@given(st.floats(0.0, 0.2), st.floats(1.0, 8.0))
+@settings(max_examples=20, deadline=None)
+def test_a_dead_time_shifts_the_response_and_changes_nothing_else(late: float, frequency: float) -> None:
+    steps = round(late / H)
+    plain = moved(step(0.4), (ServoResponse, (frequency, 0.7)))
+    late_one = moved(step(0.4), (ServoResponse, (frequency, 0.7)), (DeadTime, (steps * H,)))
+    np.testing.assert_allclose(late_one[steps:], plain[: len(plain) - steps], atol=1e-12)
+
+
+@given(st.floats(0.001, 0.1), st.floats(-1.0, 1.0), st.floats(0.4, 1.5))
+@settings(max_examples=20, deadline=None)
+def test_dry_friction_stops_a_joint_within_its_band_and_never_starts_it(
+    band: float, size: float, damping: float
+) -> None:
+    found = moved(step(size), (ServoResponse, (4.0, damping)), (CoulombFriction, (band,)))
+    assert abs(found[-1] - size) <= band + 1e-9
+    assert found[-1] == pytest.approx(found[-20], abs=1e-9)  # it stands
+    if abs(size) <= band:
+        assert not found.any()
+
+
+@given(st.floats(0.0, 0.2))
+@settings(max_examples=20, deadline=None)
+def test_play_lags_by_half_its_width_on_the_side_that_the_joint_came_from(width: float) -> None:
+    there, back = np.full(STEPS, 0.5), np.full(STEPS, -0.5)
+    command = np.where(np.arange(STEPS) < STEPS // 2, there, back)
+    command[:5] = 0.0
+    servo = (ServoResponse, (6.0, 1.0))
+    plain, loose = moved(command, servo), moved(command, servo, (MotionPlay, (width,)))
+    assert np.abs(loose - plain).max() <= 0.5 * width + 1e-12
+    assert loose[-1] == pytest.approx(plain[-1] + 0.5 * width, abs=1e-6)
+
+
+def test_limits_hold() -> None:
+    limited = moved(step(1.0), (ServoResponse, (8.0, 1.0)), (SpeedLimit, (0.7,)))
+    assert np.diff(limited).max() / H <= 0.7 + 1e-9
+    pulled = moved(step(1.0), (ServoResponse, (4.0, 1.0)), (DriveLimit, (0.05,)))
+    terminal = 2.0 * np.pi * 4.0 * 0.05 / 2.0  # where braking equals the drive: ω e / 2ζ
+    assert np.diff(pulled).max() / H <= terminal + 1e-6
+
+
+def test_a_swing_ends_where_it_would_be_without_one() -> None:
+    servo = (ServoResponse, (4.0, 0.9))
+    swung = moved(step(0.3), servo, (Swing, (5.0, 0.2)))
+    assert swung.max() > 0.302
+    assert swung[-1] == pytest.approx(moved(step(0.3), servo)[-1], abs=1e-4)
+
+
+@pytest.mark.parametrize("kind", MOTION_EFFECTS, ids=lambda kind: kind.id)
+def test_every_effect_says_what_it_is_and_acts(kind: type[MotionEffect]) -> None:
+    effect = kind(ARM, "joint2")
+    assert tuple(EffectRef.parse(effect.name)) == (kind.id, "joint2")
+    assert all((kind.about.cause, kind.about.formula, kind.about.source, kind.about.claim))
+    for parameter in kind.parameters:
+        assert parameter.si > 0.0
+        assert parameter.scan
+        assert all(parameter.lower <= value <= parameter.upper for value in (parameter.typical, *parameter.scan))
+    rng = np.random.default_rng(0)
+    command = np.cumsum(0.02 * rng.normal(size=STEPS)) + step(0.6)
+    loads = 0.5 * np.sin(np.arange(STEPS) / 40.0)[:, None]
+    bears = JointDrive(H, command[:, None], loads, loads, 1.0 + loads, 1.0, command[:1], np.zeros(1))
+    servo, typical = ServoResponse(ARM, "joint2"), [np.array([[p.typical]]) for p in kind.parameters]
+    response = [np.array([[4.0]]), np.array([[0.7]])]
+    plain = simulate([servo], [response], bears)
+    with_it = simulate([servo, effect], [response, typical], bears)
+    assert kind is ServoResponse or np.abs(with_it - plain).max() > 1e-4
+
+
+def test_offset_and_sets_of_parameters_are_simulated_apart() -> None:
+    values = [[np.array([[3.0], [6.0]]), np.array([[0.5], [1.0]])], [np.array([[0.1], [0.1]])]]
+    kinds = [ServoResponse(ARM, "joint1"), RestOffset(ARM, "joint1")]
+    both = simulate(kinds, values, drive(step(0.2), 0.1))
+    np.testing.assert_allclose(both[:, 0, 0], moved(step(0.2), (ServoResponse, (3.0, 0.5))) + 0.1, atol=1e-12)
+    np.testing.assert_allclose(both[:, 1, 0], moved(step(0.2), (ServoResponse, (6.0, 1.0))) + 0.1, atol=1e-12)
+
+
+def test_loads_at_rest_are_gravitys_and_a_joint_does_not_push_itself() -> None:
+    rng = np.random.default_rng(1)
+    q = np.repeat(rng.uniform(-0.8, 0.8, (3, 1, 5)), 6, axis=1)
+    found, chain = joint_loads(ARM, q, 0.03), chain_of(ARM)
+    for row in range(3):
+        expected = joint_torques(chain, chain.gravity, q[row, 0].tolist(), 0.0)
+        np.testing.assert_allclose(found.gravity[row, 2], expected, atol=1e-12)
+    np.testing.assert_allclose(found.reaction, 0.0, atol=1e-9)
+    t = 0.01 * np.arange(40)
+    for joint in range(5):
+        q = np.tile(rng.uniform(-0.5, 0.5, 5), (1, 40, 1))
+        q[0, :, joint] += 0.3 * np.sin(6.0 * t)
+        alone = joint_loads(ARM, q, 0.01)
+        inner = slice(3, -3)
+        own = np.abs(alone.inertia[0, inner, joint] * 0.3 * 36.0).max()
+        assert np.abs(alone.reaction[0, inner, joint]).max() <= 0.01 * own + 1e-6

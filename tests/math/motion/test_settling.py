@@ -1,0 +1,51 @@
+"""A predicted settling time is the last moment at which the tip is farther from its rest than asked."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from lrm_math.arm.arm_file import load_arm
+from lrm_math.motion.motion_model import MotionModel, effect_of
+from lrm_math.motion.settling import settling
+
+ARM = load_arm("so101")
+START, GOAL, SPEED = np.zeros(5), np.array([0.6, -0.3, 0.2, 0.1, 0.0]), np.radians(30.0)
+
+
+def arm(frequency: float, damping: float) -> MotionModel:
+    """An SO-101 with this response of every servo."""
+    model = MotionModel.nominal(ARM)
+    stated = {"frequency_Hz": frequency, "damping_ratio": damping, "b_rad": 0.0}
+    return replace(model, values={key: stated[key.split(".")[-1]] for key in model.values})
+
+
+def test_what_swings_less_settles_sooner_and_a_wider_distance_is_reached_sooner() -> None:
+    times = [settling(arm(4.0, damping), START, GOAL, SPEED, 1e-4).seconds for damping in (0.03, 0.1, 0.7)]
+    assert times == sorted(times, reverse=True)
+    assert times[0] > 2.0 * times[1] > 2.0 * times[2] > 0.0
+    assert settling(arm(4.0, 0.1), START, GOAL, SPEED, 1e-3).seconds < times[1]
+
+
+def test_the_envelope_of_a_single_joint_is_that_of_the_textbook() -> None:
+    """A ramp that ends at speed v leaves a swing of v/ω, which fades with ζω (Åström & Murray 2008, section 6.3)."""
+    frequency, damping, within = 3.0, 0.05, 1e-4
+    goal = np.array([0.0, 0.0, 0.0, 0.6, 0.0])
+    omega, lever = 2.0 * np.pi * frequency, 0.16  # m from the wrist to the tip
+    found = settling(arm(frequency, damping), START, goal, SPEED, within)
+    expected = np.log(lever * SPEED / omega / within) / (damping * omega)
+    assert found.joint == 3
+    assert found.seconds == pytest.approx(expected, rel=0.15)
+
+
+def test_an_arm_that_stays_has_settled_and_a_soft_joint_swings_longer() -> None:
+    assert settling(arm(4.0, 0.7), START, START, SPEED, 1e-4).seconds == 0.0
+    soft = arm(4.0, 0.7)
+    swing = effect_of(ARM, "swing@joint1")
+    values = {key: {"frequency_Hz": 3.0, "damping_ratio": 0.02}[key.split(".")[-1]] for key in swing.keys}
+    loose = soft.with_joint((*soft.of_joint(0), swing), {**values, **soft.values}, {})
+    found = settling(loose, START, GOAL, SPEED, 1e-4)
+    assert found.joint == 0
+    assert found.seconds > 5.0 * settling(soft, START, GOAL, SPEED, 1e-4).seconds

@@ -1,0 +1,184 @@
+"""An arm in motion by an implementation of its own: coupled joints, stick and slip, a second mass on a spring.
+
+Leapfrog of 1 ms over (C, 5) joints of C arms at once: (A + M(q)) q̈ = K sat(u − q) − D q̇ + g(q) − friction, with M and
+g from the bodies of the independent chain, friction by Karnopp's (1985) band of zero speed. It shares no code with the
+model that it tests.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, fields
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+
+from validation.encoder_checkup.teleoperation import COUNT_DEG, FLICKER_COUNTS, FPS, Recording
+from validation.synthetic import ArmDescription, GroundTruth, load_arm
+from validation.synthetic.chain import TrueChain, forward_kinematics, zero_configuration
+from validation.synthetic.screws import Array
+
+JOINTS, EPISODES, EPISODE_S = 5, 4, 24.0
+STEP_S, LOADS_EVERY = 0.001, 10
+STUCK_RAD_PER_S = 0.002
+STIFF_NM_PER_RAD = 40000.0
+"""Of a joint that hardly notices gravity and the others: what is not hidden is not there."""
+FRICTIONLESS, UNLIMITED = 0.0, 1e9
+
+
+def _all(value: float) -> Array:
+    return np.full(JOINTS, value)
+
+
+@dataclass
+class TrueJoints:
+    """What hides in the joints of one arm, (5,) each, in rad, s, N·m, kg m²; the defaults hide nothing.
+
+    `compliance`: of the servo, 1/K. `link_share`: of J in the middle posture that is the links'. `friction`,
+    `load_friction`, `stiction`: over K; the last fades with `stiction_speed`. `second_*`: mass on a spring behind the
+    servo, which the encoder sits on.
+    """
+
+    frequency_hz: Array = field(default_factory=lambda: _all(4.0))
+    damping: Array = field(default_factory=lambda: _all(0.8))
+    offset: Array = field(default_factory=lambda: _all(0.0))
+    compliance: Array = field(default_factory=lambda: _all(1.0 / STIFF_NM_PER_RAD))
+    link_share: Array = field(default_factory=lambda: _all(0.0))
+    dead_time: Array = field(default_factory=lambda: _all(0.0))
+    speed: Array = field(default_factory=lambda: _all(UNLIMITED))
+    acceleration: Array = field(default_factory=lambda: _all(UNLIMITED))
+    drive: Array = field(default_factory=lambda: _all(UNLIMITED))
+    lead: Array = field(default_factory=lambda: _all(0.0))
+    friction: Array = field(default_factory=lambda: _all(0.0))
+    load_friction: Array = field(default_factory=lambda: _all(0.0))
+    stiction: Array = field(default_factory=lambda: _all(0.0))
+    stiction_speed: Array = field(default_factory=lambda: _all(0.1))
+    play: Array = field(default_factory=lambda: _all(0.0))
+    second_hz: Array = field(default_factory=lambda: _all(0.0))
+    second_damping: Array = field(default_factory=lambda: _all(0.05))
+    integral_s: Array = field(default_factory=lambda: _all(np.inf))
+    cogging: Array = field(default_factory=lambda: _all(0.0))
+    drag: Array = field(default_factory=lambda: _all(0.0))
+    slowing: Array = field(default_factory=lambda: _all(0.0))
+
+
+SECOND_MASS = 0.02
+"""Share of the second mass in the first."""
+COGS = 60.0
+"""Cogs to a turn of the joint."""
+SLOWING_S = 60.0
+
+
+def recorded(arms: list[TrueJoints], rng: np.random.Generator) -> list[Recording]:
+    """A recording of each arm: episodes of teleoperation at 30 frames a second."""
+    told = np.stack([np.stack([_hand(rng) for _ in arms]) for _ in range(EPISODES)])  # (E, C, N, 5)
+    told = np.radians(_read(np.degrees(told), rng))
+    parts = [_followed(arms, told[number], number * EPISODE_S) for number in range(EPISODES)]
+    angle = np.stack([part + np.stack([arm.offset for arm in arms])[:, None] for part in parts])
+    read = _read(np.degrees(angle), rng)
+    N = told.shape[2]
+    t, episode = np.tile(np.arange(N) / FPS, EPISODES), np.repeat(np.arange(EPISODES), N)
+    return [
+        Recording(np.degrees(told[:, c]).reshape(-1, JOINTS), read[:, c].reshape(-1, JOINTS), t, episode)
+        for c in range(len(arms))
+    ]
+
+
+def _hand(rng: np.random.Generator) -> Array:
+    """(N, 5), rad: smooth moves, quick and slow ones, between stops; a slight tremor."""
+    N, rows = int(FPS * EPISODE_S), list[Array]()
+    q = rng.uniform(-0.8, 0.8, JOINTS)
+    rows += [q] * 20
+    while len(rows) < N:
+        goal = np.where(rng.random(JOINTS) < 0.25, q, rng.uniform(-0.9, 0.9, JOINTS))
+        s = np.linspace(0.0, 1.0, int(FPS * np.exp(rng.uniform(np.log(0.35), np.log(2.0)))))[:, None]
+        rows += list(q + (goal - q) * s**3 * (10.0 - 15.0 * s + 6.0 * s * s))
+        rows += [goal] * int(FPS * rng.uniform(0.3, 1.3))
+        q = goal
+    tremor = np.convolve(rng.normal(size=N), np.ones(9) / 9.0, mode="same")
+    return np.array(rows[:N]) + 0.002 * tremor[:, None]
+
+
+def _followed(arms: list[TrueJoints], told: Array, begun: float) -> Array:
+    """(C, N, 5), rad, what the encoders sit at in each frame; told: (C, N, 5)."""
+    p = {f.name: np.stack([getattr(arm, f.name) for arm in arms]) for f in fields(TrueJoints)}
+    C, N, _ = told.shape
+    ticks = round(1.0 / FPS / STEP_S)
+    h = 1.0 / FPS / ticks
+    K, omega = 1.0 / p["compliance"], 2.0 * np.pi * p["frequency_hz"]
+    J0 = K / omega**2
+    middle = _loads(np.zeros((1, JOINTS)))[1][0].diagonal()
+    linked = p["link_share"] > 0.0
+    K = np.where(linked, middle / np.maximum(p["link_share"], 1e-9) * omega**2, K)
+    J0 = np.where(linked, K / omega**2, J0)
+    A = np.where(linked, J0 - middle, J0 - middle)
+    D = 2.0 * p["damping"] * omega * J0
+    late = np.round(p["dead_time"] / h).astype(int)
+    history = np.repeat(told, ticks, axis=1)
+    c, j = np.arange(C)[:, None], np.arange(JOINTS)
+    q, v = told[:, 0].copy(), np.zeros((C, JOINTS))
+    u, du, profile = told[:, 0].copy(), np.zeros((C, JOINTS)), np.zeros((C, JOINTS))
+    y, w, integral = q.copy(), np.zeros((C, JOINTS)), np.zeros((C, JOINTS))
+    shown = q.copy()
+    second = 2.0 * np.pi * p["second_hz"]
+    sprung = second > 0.0
+    mass2 = SECOND_MASS * J0
+    out = np.empty((C, N, JOINTS))
+    for k in range(N * ticks):
+        if k % ticks == 0:
+            out[:, k // ticks] = shown
+        if k % LOADS_EVERY == 0:
+            g, M = _loads(q)
+            J = M + A[:, :, None] * np.eye(JOINTS)
+            inverse, braked = np.linalg.inv(J), 0.5 * h * D / np.diagonal(J, axis1=1, axis2=2)
+        goal = history[c, np.maximum(k - late, 0), j]
+        ahead = goal - u
+        wanted = np.sign(ahead) * np.minimum(np.sqrt(2.0 * p["acceleration"] * np.abs(ahead)), np.abs(ahead) / h)
+        wanted = np.clip(wanted, -p["speed"], p["speed"])
+        profile = profile + np.clip(wanted - profile, -p["acceleration"] * h, p["acceleration"] * h)
+        before, u = u, u + h * profile
+        du = (u - before) / h
+        slow = 1.0 + p["slowing"] * (1.0 - np.exp(-(begun + k * h) / SLOWING_S))
+        error = 0.5 * (before + u) + p["lead"] * du - q
+        integral = integral + h * error / p["integral_s"]
+        torque = K / slow * np.clip(error + integral, -p["drive"], p["drive"]) + g
+        torque = torque + K * p["cogging"] * np.sin(COGS * q) - K * p["drag"] * v * np.abs(v)
+        pull = np.where(sprung, mass2 * (second**2 * (q - y) + 2.0 * p["second_damping"] * second * (v - w)), 0.0)
+        rub = K * (p["friction"] + p["load_friction"] * np.abs(g))
+        grip = rub + K * p["stiction"] * np.exp(-((v / p["stiction_speed"]) ** 2))
+        push = torque - pull
+        stuck = (np.abs(v) < STUCK_RAD_PER_S) & (np.abs(push) <= grip)
+        net = push - np.sign(np.where(np.abs(v) < STUCK_RAD_PER_S, push, v)) * grip
+        change = np.einsum("cij,cj->ci", inverse, np.where(stuck, 0.0, net))
+        then = ((1.0 - braked) * v + h * change) / (1.0 + braked)
+        turned = (grip > 0.0) & (then * v < 0.0) & (np.abs(push) <= grip)
+        v = np.where(stuck | turned, 0.0, then)
+        q = q + h * v
+        w = w + h * np.where(sprung, pull / np.maximum(mass2, 1e-12), 0.0)
+        y = np.where(sprung, y + h * w, q)
+        shown = np.clip(shown, y - 0.5 * p["play"], y + 0.5 * p["play"])
+    return out
+
+
+def _loads(q: Array) -> tuple[Array, Array]:
+    """Gravity's torque (C, 5) and the mass matrix (C, 5, 5) of the links at angles (C, 5)."""
+    arm, chain = _described()
+    posture = forward_kinematics(chain, np.zeros(len(q)), q, {})
+    g, M = np.zeros((len(q), JOINTS)), np.zeros((len(q), JOINTS, JOINTS))
+    for number, body in enumerate(arm.bodies):
+        lever = np.cross(posture.joint_axes, posture.centres[:, number, None] - posture.joint_points)
+        lever = lever * (np.arange(JOINTS) < body.loads_joint)[None, :, None]
+        g += body.mass_kg * lever @ np.array(arm.gravity_m_per_s2)
+        M += body.mass_kg * lever @ lever.transpose(0, 2, 1)
+    return g, M
+
+
+@cache
+def _described() -> tuple[ArmDescription, TrueChain]:
+    arm = load_arm(Path(__file__).resolve().parents[2] / "config" / "arms" / "so101.toml")
+    return arm, zero_configuration(arm, GroundTruth.nominal(arm))
+
+
+def _read(degrees: Array, rng: np.random.Generator) -> Array:
+    counts = degrees / COUNT_DEG + rng.normal(scale=FLICKER_COUNTS, size=degrees.shape)
+    return np.asarray(np.round(counts) * COUNT_DEG)
