@@ -1,4 +1,4 @@
-"""`python -m validation.newcomer_files`: random single changes of healthy files, and what `fit`, `import` and `camera` make of them."""
+"""`python -m validation.newcomer_files`: random single changes of healthy files, and what the commands make of them."""
 
 from __future__ import annotations
 

@@ -24,7 +24,11 @@ def board(rng: np.random.Generator) -> ChangeOutcome:
         "dictionary": CharucoBoard(columns=COLUMNS, rows=ROWS, dictionary=other),
         "turned": CharucoBoard(columns=ROWS, rows=COLUMNS),
     }[kind]
-    words = {"legacy": "--legacy", "dictionary": f"--dictionary {other.partition('_')[0]}", "turned": f"--columns {ROWS}"}[kind]
+    words = {
+        "legacy": "--legacy",
+        "dictionary": f"--dictionary {other.partition('_')[0]}",
+        "turned": f"--columns {ROWS}",
+    }[kind]
     pose = np.eye(4)
     pose[:3, :3] = opencv().Rodrigues(rng.uniform(-0.3, 0.3, 3))[0]
     pose[:3, 3] = -0.045 + rng.uniform(-0.005, 0.005), -0.035, rng.uniform(0.16, 0.2)

@@ -56,7 +56,9 @@ def prefix(files: NewcomerFiles, rng: np.random.Generator) -> FileChange:
     before, after = rng.choice(["arm_", "left_", "right_", "main_", "follower_", ""]), rng.choice(["", ".pos", "_cmd"])
     header = [f"{before}{name}{after}" if name in _angles(files) else name for name in files.header]
     words = ("header", "column", "joint", "read as", *_angles(files))
-    return FileChange(f"angles called '{before}q1_deg{after}'", files.with_rows([*map(list, files.rows)], header), words)
+    return FileChange(
+        f"angles called '{before}q1_deg{after}'", files.with_rows([*map(list, files.rows)], header), words
+    )
 
 
 def mimic(files: NewcomerFiles, rng: np.random.Generator) -> FileChange:
@@ -72,7 +74,9 @@ def mimic(files: NewcomerFiles, rng: np.random.Generator) -> FileChange:
 
 def gravity(files: NewcomerFiles, rng: np.random.Generator) -> FileChange:
     """Gravity of the arm's file in another direction or unit."""
-    x, y, z = rng.choice([[0, 0, 9.81], [9.81, 0, 0], [0, -9.81, 0], [0, 0, -9810], [0, 0, -981], [0, 0, -1], [0, 0, 0]])
+    x, y, z = rng.choice(
+        [[0, 0, 9.81], [9.81, 0, 0], [0, -9.81, 0], [0, 0, -9810], [0, 0, -981], [0, 0, -1], [0, 0, 0]]
+    )
     text = GRAVITY.sub(f"gravity_m_per_s2 = [{x}, {y}, {z}]", files.arm)
     return FileChange(f"gravity {x:g}, {y:g}, {z:g}", replace(files, arm=text), ("gravity",))
 

@@ -43,9 +43,7 @@ def recording(rng: np.random.Generator) -> ChangeOutcome:
     return ChangeOutcome("recording", arm.name, what, outcome_of(code, named, wrong), said[:300], apart)
 
 
-def changed(
-    arm: Arm, poses: Array, rng: np.random.Generator
-) -> tuple[Array, Array, list[str], str, tuple[str, ...]]:
+def changed(arm: Arm, poses: Array, rng: np.random.Generator) -> tuple[Array, Array, list[str], str, tuple[str, ...]]:
     """Angles (R, n) as commanded and as read (deg), names of the joints, what was changed, and words that name it.
 
     A unit or a zero is that of both; what happens to one joint is what its encoder says.

@@ -1,1 +1,1 @@
-"""Descriptions of real arms as their vendors publish them: how many are imported, and whether they move as in MuJoCo."""
+"""Real arms as their vendors describe them: how many are imported, and whether they move as in MuJoCo."""

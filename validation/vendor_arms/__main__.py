@@ -1,6 +1,6 @@
 """Imports every robot's file below some folders, as `arm import` does, and compares the arms with MuJoCo.
 
-    python -m validation.vendor_arms FOLDER [FOLDER …] [--all] [--xacro NAME:=VALUE …]
+    python -m validation.vendor_arms FOLDER [FOLDER …] [--all] [--xacro NAME:=VALUE …] [--accept RULE …]
 
 A folder is a copy of a vendor's repository; docs/vendor-arms.md names some. Where a file has several tips, the one with
 most joints is named, as the message advises. Printed for each folder: files that are imported, those refused by reason,
@@ -12,7 +12,7 @@ from __future__ import annotations
 import argparse
 import re
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -37,6 +37,7 @@ KINDS = {
     "refers to a file or package that is not there": "package not found|No such file",
     "a joint that slides or floats": "is prismatic|is floating|is planar|is ball",
     "more joints than 16": "joints between base and tip",
+    "meshes that masses are computed from, not in this copy": "no mesh",
     "masses that no arm of its size has": "masses look",
     "couplings of a gripper": "follows joint|that follows it",
     "not valid": "not valid XML|is there twice|no link|links have no parent|lower < upper|is none",
@@ -61,12 +62,13 @@ def main(words: list[str] | None = None) -> None:
     parser.add_argument("folders", nargs="+", type=Path)
     parser.add_argument("--all", action="store_true", help="print every file that is refused")
     parser.add_argument("--xacro", nargs="*", default=[], metavar="NAME:=VALUE", help="arguments of xacro files")
+    parser.add_argument("--accept", nargs="*", default=[], metavar="RULE", help="of a copy without meshes: mass")
     options = parser.parse_args(words)
     arguments = dict(word.split(":=", 1) for word in options.xacro)
     print("| files of | ending | files | imported | of them with `--tip` | position, m | torque, N m | refused |")
     print("|---|---|---|---|---|---|---|---|")
     for folder in options.folders:
-        found = [imported(path, arguments) for path in robot_files(folder)]
+        found = [imported(path, arguments, options.accept) for path in robot_files(folder)]
         for ending in ENDINGS:
             ours = [one for one in found if one.path.suffix.lower() == ending]
             if ours:
@@ -83,18 +85,18 @@ def robot_files(folder: Path) -> Iterator[Path]:
             yield path
 
 
-def imported(path: Path, arguments: Mapping[str, str]) -> VendorArm:
+def imported(path: Path, arguments: Mapping[str, str], accept: Collection[str] = ()) -> VendorArm:
     """Imports one file; a tip that has to be named is that with most joints."""
     try:
         robot, tip = read_robot(path, arguments), ""
         try:
-            found = import_arm(robot)
+            found = import_arm(robot, accept=accept)
         except LrmError as error:
             tips = TIPS.findall(str(error).partition("--tip: ")[2])
             if not tips:
                 raise
             tip = max(tips, key=lambda one: int(one[1]))[0]
-            found = import_arm(robot, tip=tip)
+            found = import_arm(robot, tip=tip, accept=accept)
     except LrmError as error:
         return VendorArm(path, " ".join(str(error).replace(f"{path}: ", "").split()))
     peer, q = Peer.of(path, robot, found), np.random.default_rng(1).uniform(-1.0, 1.0, (POSES, found.arm.dof))

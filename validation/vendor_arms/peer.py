@@ -83,10 +83,11 @@ class Peer:
                 out[int(joint.qposadr[0])] = self._angle(joint.name, given)
         return np.asarray(out)
 
-    def _angle(self, name: str, given: dict[str, float]) -> float:
+    def _angle(self, name: str, given: dict[str, float], before: tuple[str, ...] = ()) -> float:
         leader, ratio, offset = self.couplings.get(name, ("", 0.0, 0.0))
-        if name not in given and leader in {self.model.joint(k).name for k in range(self.model.njnt)}:
-            return ratio * self._angle(leader, given) + offset
+        known = {self.model.joint(k).name for k in range(self.model.njnt)} - {*before}
+        if name not in given and leader in known:
+            return ratio * self._angle(leader, given, (*before, name)) + offset
         if name in given:
             return given[name]
         joint = self.model.joint(name)

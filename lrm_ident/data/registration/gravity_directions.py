@@ -16,7 +16,7 @@ ALIKE = np.radians(46.0)
 
 
 def hung_otherwise(arm: Arm) -> Iterator[tuple[Arm, str]]:
-    """The arm with gravity along each axis that it does not act along as stated, and that direction as a file has it."""
+    """The arm with gravity along each axis that it does not act along as stated, and that as a file has it."""
     stated = np.array(arm.gravity)
     length = float(np.linalg.norm(stated))
     for direction in (*-np.eye(3)[::-1], *np.eye(3)):

@@ -62,8 +62,8 @@ IMPROVED, AGREED = 0.33, 0.8
 that both agree: of angles the mean resultant length of their difference (Mardia & Jupp 2000), of a coordinate the
 coefficient of determination. After a push or a slip meanwhile they agree to more than 0.9."""
 SAGS_SO = 0.75
-"""Share of the score below which an arm sags as gravity of another direction makes it: of five arms at 60 poses the true
-direction leaves 0.02 to 0.66 of what the others do."""
+"""Share of the score below which an arm sags as gravity of another direction makes it: of five arms at 60 poses the
+true direction leaves 0.02 to 0.66 of what the others do."""
 SCALE_TOLERANCE = 0.35
 RIGHT_ANGLED = 0.5  # Frobenius norm of a rotation less a signed permutation: about 20 deg
 REGISTRATIONS = 2

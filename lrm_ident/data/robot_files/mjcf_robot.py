@@ -142,9 +142,9 @@ def _as_it_is(_path: Path, _spec: Any) -> str:
 
 
 def _bare(path: Path, spec: Any) -> str:
-    """Leaves out pictures and meshes, whose files need not exist; gives the bodies whose mass is lost by that, in words.
+    """Leaves out pictures and meshes, whose files need not exist; gives the bodies without a mass then, in words.
 
-    Meshes stay that a body's mass is computed from, where they are all there. A shape keeps its name, since contacts and
+    Meshes stay that a body's mass is computed from, where they are all there. A shape keeps its name: contacts and
     tendons may refer to it.
     """
     import mujoco

@@ -91,7 +91,7 @@ class Urdf:
     """A robot: its links (None: without mass), and for each child link the joint that carries it.
 
     `gravity`: in the frame of its root link (m/s²); a URDF stands upright on that.
-    `notices`: what was wrong with its file and is overlooked. `unweighed`: links whose mass is not known and why, in words.
+    `notices`: what was wrong with its file and is overlooked. `unweighed`: links without a known mass, in words.
     """
 
     path: Path
@@ -227,7 +227,9 @@ def urdf_of(path: Path, tree: ElementTree.Element) -> Urdf:
 
 def _where_links_are(tree: ElementTree.Element) -> str:
     macros = [element.get("name") for element in tree.iter() if element.tag == "xacro:macro"]
-    return f"it defines the xacro macro {macros[0]}: import the file that calls it" if macros else "is it a robot's file?"
+    return (
+        f"it defines the xacro macro {macros[0]}: import the file that calls it" if macros else "is it a robot's file?"
+    )
 
 
 def _resolved(joints: dict[str, UrdfJoint]) -> dict[str, UrdfJoint]:

@@ -112,7 +112,13 @@ def import_arm(
         notices.append("no link has a mass: what bends under its own weight cannot be found")
     unweighed = [ImplausibleArm("mass", robot.unweighed, "put it there")] if robot.unweighed else []
     notices.extend(found.what for found in unweighed)
-    broken = [*unweighed, *implausible(arm, "metres"), *_limits_in_degrees(turning), *_heavy(arm, robot, path, notices)]
+    broken = [
+        *unweighed,
+        *implausible(arm, "metres"),
+        *_limits_in_degrees(turning),
+        *_angles_in_degrees(robot, path),
+        *_heavy(arm, robot, path, notices),
+    ]
     faults = [found for found in broken if found.rule not in accept]
     raise_faults(robot.path, [FileError(robot.path, "", found.what, _right(found)) for found in faults])
     arm = replace(arm, accepted=tuple(dict.fromkeys(found.rule for found in broken)))
@@ -153,6 +159,18 @@ def _limits_in_degrees(turning: Sequence[UrdfJoint]) -> Iterator[ImplausibleArm]
         if MOST_TURN < most <= math.degrees(MOST_TURN):
             what = f"joint {joint.name}: limits {joint.lower:g} to {joint.upper:g} rad look like degrees"
             yield ImplausibleArm("limits", what, "limits are in radians")
+            return
+
+
+def _angles_in_degrees(robot: Urdf, path: Sequence[UrdfJoint]) -> Iterator[ImplausibleArm]:
+    """The first joint whose place is turned by more than a full turn, as in degrees."""
+    names = {joint.name for joint in path}
+    for element in robot.tree.findall("joint"):
+        origin = element.find("origin")
+        rpy = "" if origin is None or element.get("name") not in names else origin.get("rpy", "")
+        if any(abs(float(angle)) > MOST_TURN for angle in rpy.split()):
+            what = f'joint {element.get("name")}: rpy="{rpy}" looks like degrees'
+            yield ImplausibleArm("angles", what, "angles are in radians")
             return
 
 

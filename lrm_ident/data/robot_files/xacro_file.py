@@ -50,8 +50,8 @@ def expanded(
 ) -> ElementTree.Element:
     """The tree of a file with its xacro elements expanded; `without`: elements that are left out first, everywhere.
 
-    What they refer to (meshes of a package, say) need not exist then. `arguments`: of xacro, by name; packages are found
-    around the file and beside it, as in a workspace of ROS. Raises `FileError`.
+    What they refer to (meshes of a package, say) need not exist then. `arguments`: of xacro, by name. Packages
+    are found around the file and beside it, as in a workspace of ROS. Raises `FileError`.
     """
     try:
         from xacrodoc import XacroDoc, packages

@@ -79,5 +79,7 @@ def parse_xml(path: Path, text: str) -> ElementTree.Element:
     except expat.ExpatError as error:
         line = text.splitlines()[error.lineno - 1 : error.lineno]
         merge = f"line {error.lineno} is a conflict that git left there: keep one of its two versions"
-        raise FileError(path, "", f"not valid XML: {error}", merge if line and CONFLICT.match(line[0]) else "") from None
+        raise FileError(
+            path, "", f"not valid XML: {error}", merge if line and CONFLICT.match(line[0]) else ""
+        ) from None
     return tree.close()
