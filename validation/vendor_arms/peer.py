@@ -56,12 +56,17 @@ class Peer:
         return R.T @ (tip - at), -(C[:, self._hinges] @ data.qfrc_bias[self._speeds])
 
     @property
+    def _names(self) -> list[str]:
+        """Names of all joints; without one, by their number."""
+        return [self.model.joint(k).name or f"joint{k + 1}" for k in range(self.model.njnt)]
+
+    @property
     def _hinges(self) -> list[int]:
-        return [int(self.model.joint(k).qposadr[0]) for k in range(self.model.njnt) if self.model.jnt_type[k] == 3]
+        return [int(self.model.jnt_qposadr[k]) for k in range(self.model.njnt) if self.model.jnt_type[k] == 3]
 
     @property
     def _speeds(self) -> list[int]:
-        return [int(self.model.joint(k).dofadr[0]) for k in range(self.model.njnt) if self.model.jnt_type[k] == 3]
+        return [int(self.model.jnt_dofadr[k]) for k in range(self.model.njnt) if self.model.jnt_type[k] == 3]
 
     def _pose(self, data: Any, link: str) -> tuple[Array, Array]:
         """A link's place in the world; MuJoCo's world is a URDF's root."""
@@ -77,21 +82,20 @@ class Peer:
         """MuJoCo's coordinates: motors as given, followers as coupled, all else at rest."""
         out = self.model.qpos0.copy()
         given = dict(zip(self.motors, q.tolist(), strict=True))
-        for k in range(self.model.njnt):
-            joint = self.model.joint(k)
+        for k, name in enumerate(self._names):
             if self.model.jnt_type[k] == 3:
-                out[int(joint.qposadr[0])] = self._angle(joint.name, given)
+                out[int(self.model.jnt_qposadr[k])] = self._angle(name, given)
         return np.asarray(out)
 
     def _angle(self, name: str, given: dict[str, float], before: tuple[str, ...] = ()) -> float:
         leader, ratio, offset = self.couplings.get(name, ("", 0.0, 0.0))
-        known = {self.model.joint(k).name for k in range(self.model.njnt)} - {*before}
+        known = {*self._names} - {*before}
         if name not in given and leader in known:
             return ratio * self._angle(leader, given, (*before, name)) + offset
         if name in given:
             return given[name]
-        joint = self.model.joint(name)
-        low, high = joint.range.tolist() if self.model.jnt_limited[joint.id] else (-np.inf, np.inf)
+        number = self._names.index(name)
+        low, high = self.model.jnt_range[number] if self.model.jnt_limited[number] else (-np.inf, np.inf)
         return min(max(0.0, low), high)
 
 
