@@ -102,8 +102,8 @@ def _fault(path: Path, error: Exception) -> FileError:
     if missing:
         right = f"put the file in or beside the folder {missing[1]}, or one with the package.xml of {missing[1]}"
         return FileError(path, "", f"xacro: package not found: {missing[1]}", right)
-    undefined = "substitution argument" in said or "missing attribute 'default'" in said
-    return FileError(path, "", f"xacro: {said}", "give it a default, or --xacro NAME:=VALUE" if undefined else "")
+    remedies = {"missing attribute 'default'": "give it a default", "substitution argument": "--xacro NAME:=VALUE"}
+    return FileError(path, "", f"xacro: {said}", next((remedies[words] for words in remedies if words in said), ""))
 
 
 @contextmanager

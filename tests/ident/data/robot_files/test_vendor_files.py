@@ -149,14 +149,16 @@ def test_a_package_beside_the_files_own_is_found(manifest: str | None, tmp_path:
 def test_arguments_of_xacro_are_given_by_an_option(tmp_path: Path) -> None:
     pytest.importorskip("xacrodoc", reason="xacrodoc is not installed (extra 'xacro')")
     path, arm = tmp_path / "arm.xacro", tmp_path / "arm.toml"
-    head = f'<robot name="v"{XACRO}><xacro:arg name="side"/><xacro:arg name="far"/>'
+    head = f'<robot name="v"{XACRO}>'
     path.write_text(f"{head}{vendor_parts(2)}</robot>".replace('"l1"', '"l1_$(arg side)$(arg far)"'))
     said = stderr_of("arm", "import", path, "-o", arm)
     option = re.search(r"--xacro NAME:=VALUE", said)
     assert option, said
     stdout_of("arm", "import", path, "-o", arm, "--xacro", "side:=left", "--xacro", "far:=_arm")
     assert "l1_left" in arm.read_text()
-    assert "should be NAME:=VALUE" in stderr_of("arm", "import", path, "-o", arm, "--xacro", "side=left")
+    assert "should be NAME:=VALUE" in stderr_of(
+        "arm", "import", path, "-o", tmp_path / "b.toml", "--xacro", "side=left"
+    )
 
 
 @pytest.mark.parametrize(
