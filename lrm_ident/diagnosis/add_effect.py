@@ -23,7 +23,7 @@ from lrm_ident.fitting.parameter_sets import Bounds, bounds_of
 from lrm_ident.fitting.typical_prior import typical_prior
 from lrm_ident.residual.deployment.carried_states import with_carried_states
 from lrm_ident.residual.deployment.unmeasured_angles import with_unmeasured_angles
-from lrm_math.effects import Effect, Parameter, name_of_key, split_key
+from lrm_math.effects import Effect, Parameter, ParameterRef, effect_of
 from lrm_math.errors import LrmError
 from lrm_math.model.derivatives import parameter_jacobian
 from lrm_math.model.equilibrium import solve_equilibrium
@@ -92,7 +92,7 @@ def _to_fit(model: Model, data: Measurements, new: Sequence[str]) -> list[str]:
         noise = expected_noise(settled, keys, data)
         known += identifiable_beside(settled, known, coefficients, noise, data.whitening)
     if not {*new} & {*known}:
-        names = ", ".join(dict.fromkeys(map(name_of_key, new)))
+        names = ", ".join(dict.fromkeys(map(effect_of, new)))
         raise LrmError(f"{names}: these poses cannot tell it from what the model has already")
     return known
 
@@ -108,13 +108,13 @@ def _searched(effects: Sequence[Effect], data: Measurements) -> Iterator[tuple[s
 
 def _held_base_parameters(model: Model) -> list[str]:
     """Keys of parameters of `offsets`, `compliance` and partly fitted effects that are not free."""
-    begun = {name_of_key(key) for key in model.free}
+    begun = {effect_of(key) for key in model.free}
     return [
         key
         for key, parameter in zip(model.keys, model.parameters, strict=True)
         if parameter.fixed is None
         and key not in model.free
-        and (split_key(key)[0] in DEFAULT_EFFECTS or name_of_key(key) in begun)
+        and (ParameterRef.parse(key).id in DEFAULT_EFFECTS or effect_of(key) in begun)
     ]
 
 

@@ -24,7 +24,7 @@ from lrm_ident.fitting.progress import OnProgress, silent
 from lrm_ident.residual.deployment.deployed_error import DeployedError
 from lrm_ident.residual.thresholds import MAX_EFFECTS
 from lrm_math.arrays import Array
-from lrm_math.effects import CATALOGUE, Effect, name_of_key, variants
+from lrm_math.effects import CATALOGUE, Effect, effect_of, variants
 from lrm_math.errors import LrmError
 from lrm_math.model.model import Model
 
@@ -171,6 +171,6 @@ def _step(last: AutoStep, before: ConfirmedDiagnosis, one: ScoredCandidate) -> A
 def _taken(step: AutoStep, after: ConfirmedDiagnosis) -> AutoStep:
     """The step with the results of the diagnosis after it."""
     fit, before = after.diagnosis.fit, step.fit.model.free
-    freed = tuple(key for key in fit.model.free if key not in before and name_of_key(key) != step.added)
+    freed = tuple(key for key in fit.model.free if key not in before and effect_of(key) != step.added)
     taken = replace(step, fit=fit, held_out=after.held_out, deployed=after.deployed)
     return replace(taken, data=after.diagnosis.data, freed=freed)

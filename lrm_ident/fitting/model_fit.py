@@ -17,9 +17,11 @@ from lrm_ident.fitting.identifiability import FEW_OUTLIERS, IdentifiedFit, fit_i
 from lrm_ident.fitting.levenberg_marquardt import Fit, fit
 from lrm_ident.fitting.loss import Loss
 from lrm_ident.fitting.parameter_sets import Bounds, bounds_of, fittable, no_bounds, select_parameters
-from lrm_ident.fitting.priors import SET_UP, TOUCHED, Prior
+from lrm_ident.fitting.priors import Prior, of_the_set_up
 from lrm_math.arm.arm import Arm
 from lrm_math.effects import CATALOGUE, Effect, effects_at
+from lrm_math.effects.reference import BASE_OFFSETS, ParameterRef
+from lrm_math.effects.tracker_errors import TouchedBoard, TouchedPoint
 from lrm_math.errors import LrmError
 from lrm_math.model.model import Model, model_of
 
@@ -27,8 +29,6 @@ TOLD_NOTHING = 0.05
 """Share of a prior's variance below which data that remove no more from any parameter say nothing of the arm."""
 MODEL_ERROR_GROWTH = 1.1  # of the estimated model error, from which the fit is repeated with it
 LISTED = 8  # poses in a message
-WHERE_IT_STANDS = "offsets.base."
-"""Prefix of the parameters of the base: a convention where touched points stand anywhere."""
 DEFAULT_EFFECTS = ("offsets", "compliance")
 
 
@@ -78,15 +78,22 @@ def _left(found: Fit, data: Measurements) -> str:
     return f"{left}, {which}; try --leave-out {','.join(map(str, far))}, or --loss cauchy"
 
 
+def _set_up(key: str) -> bool:
+    """Whether a parameter says how was measured, or where touched points stood."""
+    return of_the_set_up(key) or ParameterRef.parse(key).id in (TouchedPoint.id, TouchedBoard.id)
+
+
 def _fit_named(
     model: Model, data: Measurements, parameters: str, loss: Loss, unbounded: bool, prior: Prior | None
 ) -> IdentifiedFit:
     """Fit of the parameters that a choice names; arguments as of `fit_model`."""
     if parameters != "identifiable":
         named = select_parameters(model, parameters)
-        keys = (*named, *(key for key in model.free if key.startswith((SET_UP, TOUCHED)) and key not in named))
+        keys = (*named, *(key for key in model.free if _set_up(key) and key not in named))
     elif prior is None:
-        keys = tuple(key for key in fittable(model) if not (data.touched and key.startswith(WHERE_IT_STANDS)))
+        keys = tuple(
+            key for key in fittable(model) if not (data.touched and ParameterRef.parse(key).effect == BASE_OFFSETS)
+        )
         return fit_identifiable(model, data, keys, loss, no_bounds(keys) if unbounded else None)
     else:
         known = {*fittable(model), *prior.keys}

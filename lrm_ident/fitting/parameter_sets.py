@@ -9,7 +9,7 @@ from fnmatch import fnmatchcase
 import numpy as np
 
 from lrm_math.arrays import Array
-from lrm_math.effects import name_of_key
+from lrm_math.effects import ParameterRef, effect_of
 from lrm_math.errors import LrmError, UnknownName
 from lrm_math.kinematics.poses import Poses
 from lrm_math.model.model import Model
@@ -30,10 +30,10 @@ TABLE_4_5 = (
 _BASE = "compliance.base.k_rad_per_Nm"
 THESIS_OPTIONS: dict[str, tuple[str, ...]] = {
     "option1": TABLE_4_5,
-    "option2": tuple(key for key in TABLE_4_5 if key.startswith("offsets") and "extra_z" not in key),
-    "option3": tuple(key for key in TABLE_4_5 if key.startswith("compliance")),
+    "option2": tuple(key for key in TABLE_4_5 if ParameterRef.parse(key).id == "offsets" and "extra_z" not in key),
+    "option3": tuple(key for key in TABLE_4_5 if ParameterRef.parse(key).id == "compliance"),
     "option4": tuple(key for key in TABLE_4_5 if key != _BASE),
-    "option5": tuple(key for key in TABLE_4_5 if key.startswith("compliance") and key != _BASE),
+    "option5": tuple(key for key in TABLE_4_5 if ParameterRef.parse(key).id == "compliance" and key != _BASE),
 }
 """Options of Conenna 2024, section 4.6: all, kinematic, elastic, all without k0, elastic without k0.
 
@@ -60,11 +60,11 @@ def fittable(model: Model) -> tuple[str, ...]:
 
 def nuisance_shapes(model: Model) -> tuple[str, ...]:
     """Keys of the nuisance parameters: shapes, held at their best values, of effects of which a parameter is free."""
-    begun = {name_of_key(key) for key in model.free}
+    begun = {effect_of(key) for key in model.free}
     return tuple(
         key
         for key, p in zip(model.keys, model.parameters, strict=True)
-        if p.scan and key not in model.free and name_of_key(key) in begun
+        if p.scan and key not in model.free and effect_of(key) in begun
     )
 
 

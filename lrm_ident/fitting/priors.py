@@ -13,7 +13,7 @@ from pydantic import Field
 
 from lrm_math.arm.arm import Arm
 from lrm_math.arrays import Array
-from lrm_math.effects import CATALOGUE, FREE_FORMS, Effect, Parameter
+from lrm_math.effects import CATALOGUE, FREE_FORMS, Effect, Parameter, ParameterRef
 from lrm_math.effects.measured_range import MeasuredRange
 from lrm_math.effects.tracker_errors import Anchor
 from lrm_math.errors import FileError, LrmError, UnknownName, name_suggestion
@@ -173,20 +173,21 @@ def to_prior(path: Path, file: PriorFile, model: Model, catalogue: tuple[type[Ef
             raise FileError(
                 path, "parameters", f"'{pattern}' fits no parameter", name_suggestion(pattern, sorted(known))
             )
-    every = [one for one in zip(model.keys, model.parameters, strict=True) if not one[0].startswith(SET_UP)]
+    every = [one for one in zip(model.keys, model.parameters, strict=True) if not of_the_set_up(one[0])]
     named = [(key, p) for key, p in every if p.fixed is None or key in file.parameters]
     means, sds = np.array([_gaussian(file, key, parameter) for key, parameter in named]).T
     keys = tuple(key for key, _ in named)
     return Prior(file.name, keys, means, _correlations(path, file, keys) * np.outer(sds, sds))
 
 
-SET_UP = f"{Anchor.id}."
-"""Prefix of the keys of parameters of the measuring set-up, not of the arm."""
-TOUCHED = "touched_"
-"""Prefix of the keys that say where touched points stood."""
 WEAK = "vague"
 """Name of the shipped prior that is equal to `weak_prior`."""
 WEAK_SD = 3.0  # typical sizes
+
+
+def of_the_set_up(key: str) -> bool:
+    """Whether a parameter belongs to the measuring set-up, not to the arm."""
+    return ParameterRef.parse(key).id == Anchor.id
 
 
 def weak_prior(model: Model) -> Prior:

@@ -15,9 +15,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from lrm_ident.fitting.priors import SET_UP, Prior, load_prior
+from lrm_ident.fitting.priors import Prior, load_prior, of_the_set_up
 from lrm_math.arrays import Array
-from lrm_math.effects import CATALOGUE, Effect, split_key
+from lrm_math.effects import CATALOGUE, Effect, ParameterRef
+from lrm_math.effects.reference import BASE_OFFSETS
 from lrm_math.effects.tracker_errors import MeasurementFrame, TouchedBoard, TouchedPoint
 from lrm_math.model.model import Model
 from lrm_math.model.model_file import ModelFile
@@ -78,12 +79,10 @@ def typical_prior(model: Model) -> TypicalPrior:
     """The default prior of a model's free parameters, as it is at the start of a fit."""
     forms = {key for effect in model.effects if effect.variant_of for key in effect.keys}
     keys = tuple(
-        key
-        for key in model.free
-        if key not in forms and not key.startswith(SET_UP) and model.parameter(key).fixed is None
+        key for key in model.free if key not in forms and not of_the_set_up(key) and model.parameter(key).fixed is None
     )
     size = np.array([_size(model, key) for key in keys])
-    kinds = [split_key(key)[0] for key in keys]
+    kinds = [ParameterRef.parse(key).id for key in keys]
     tail = EFFECT_SIZES * size * [kind not in DIMENSIONS for kind in kinds]
     own = [kinds.index(kind) if kind in TOGETHER else row for row, kind in enumerate(kinds)]
     block = np.array(own, dtype=np.int64)
@@ -98,9 +97,11 @@ def _size(model: Model, key: str) -> float:
     parameter = model.parameter(key)
     if key == _scale_length(model):
         return HELD
-    if key.startswith("offsets.base.") and any(isinstance(effect, TouchedPoint) for effect in model.effects):
+    if ParameterRef.parse(key).effect == BASE_OFFSETS and any(
+        isinstance(effect, TouchedPoint) for effect in model.effects
+    ):
         return HELD
-    return BASE_SD[parameter.unit] if key.startswith("offsets.base.") else parameter.typical
+    return BASE_SD[parameter.unit] if ParameterRef.parse(key).effect == BASE_OFFSETS else parameter.typical
 
 
 def _scale_length(model: Model) -> str | None:

@@ -10,6 +10,8 @@ from lrm_ident.fleet.fleet_report import FleetResult, causes_words
 from lrm_ident.fleet.identify_arm import ArmRecord
 from lrm_ident.report.fit import screen_unit
 from lrm_ident.report.plain_names import plain_name
+from lrm_math.arm.arm import BASE
+from lrm_math.effects.reference import ParameterRef
 
 
 def fleet_figures(result: FleetResult) -> dict[str, Any]:
@@ -85,7 +87,7 @@ def _parameters(result: FleetResult) -> list[dict[str, Any]]:
 def _first_parameter(result: FleetResult, keys: list[str]) -> str:
     """Findings that stand out: an arm's parameter, one that goes with a tag, or the first compliance."""
     notable = (*(one.key for one in result.outliers), *(link.what for link in result.links))
-    softness = (key for key in keys if key.startswith("compliance.joint"))
+    softness = (key for key in keys if (of := ParameterRef.parse(key)).id == "compliance" and of.place != BASE)
     return next((key for key in (*notable, *softness, *keys) if key in keys), "")
 
 

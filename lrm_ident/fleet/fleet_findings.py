@@ -22,7 +22,7 @@ from lrm_ident.fleet.manifest import FleetMember
 from lrm_ident.residual.significance import benjamini_yekutieli
 from lrm_ident.residual.thresholds import SIGNIFICANCE
 from lrm_math.arrays import Array
-from lrm_math.effects import split_key
+from lrm_math.effects import ParameterRef
 
 MIN_OTHER_ARMS, FEWEST_OF_A_LEVEL = 4, 2
 MOST_LEVELS = 8
@@ -57,7 +57,7 @@ class FleetOutlier:
     @property
     def sentence(self) -> str:
         """The finding in words, with what to look at."""
-        what, place, name = split_key(self.key)
+        what, place, name = ParameterRef.parse(self.key)
         ratio = self.value / self.sisters if self.sisters else 0.0
         how = f"{ratio:.2g} times that of its sisters" if ratio >= 1.5 else "unlike its sisters"
         look = "check its screws and its servo" if what == "compliance" else "check how it is screwed together"

@@ -21,7 +21,7 @@ from lrm_ident.fleet.identify_arm import ArmRecord
 from lrm_ident.fleet.population import ArmEvidence, Population, fit_population
 from lrm_math.arm.arm import Arm
 from lrm_math.arrays import Array
-from lrm_math.effects import split_name
+from lrm_math.effects import EffectRef
 from lrm_math.errors import LrmError
 from lrm_math.model.covariance import covariance_table, to_covariance
 from lrm_math.model.model import Model
@@ -91,7 +91,7 @@ def fleet_knowledge(records: Sequence[ArmRecord], estimates: Sequence[ArmEstimat
     place = {key: number for number, key in enumerate(keys)}
     evidence = [arm_evidence(one, place) for one in estimates]
     every = effect_rates([record.steps for record in records], [record.tested for record in records])
-    rates = tuple(one for one in every if split_name(one.name)[0] not in DEFAULT_EFFECTS)
+    rates = tuple(one for one in every if EffectRef.parse(one.name).id not in DEFAULT_EFFECTS)
     typical = np.array([by_key[key] for key in keys])
     return FleetKnowledge(keys, typical, fit_population(evidence, len(keys)), rates, len(records))
 

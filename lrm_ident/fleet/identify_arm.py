@@ -29,6 +29,7 @@ from lrm_ident.study.model_history import model_file, model_text
 from lrm_ident.study.study import Study
 from lrm_ident.study.tool_version import tool_version
 from lrm_math.arm.arm_file import load_arm
+from lrm_math.effects.reference import ParameterRef
 from lrm_math.errors import LrmError
 from lrm_math.model.model import Model
 from lrm_math.model.model_file import ModelFile
@@ -143,7 +144,7 @@ def evidence_of(model: Model, data: Measurements, arm_name: str) -> ModelFile:
     keys = zip(model.keys, model.parameters, strict=True)
     whole = replace(model, free=tuple(key for key, one in keys if one.fixed is None or one.scan))
     signed = bounds_of(whole, whole.free)
-    plain = np.array([key.partition(".")[0] in DEFAULT_EFFECTS for key in whole.free])
+    plain = np.array([ParameterRef.parse(key).id in DEFAULT_EFFECTS for key in whole.free])
     bounds = Bounds(np.where(plain, -np.inf, signed.lower), np.where(plain, np.inf, signed.upper))
     result = fit(whole, data, bounds, prior=weak_prior(whole))
     file = model_file(result, data, HeldOutResidual(None), arm_name, "fit --prior vague", "squared", prior=WEAK)

@@ -11,7 +11,7 @@ from lrm_ident.data.error_stats import error_stats
 from lrm_ident.report.document import Block, ResultTable
 from lrm_ident.residual.error_breakdown import ModelComparison
 from lrm_math.arm.arm_file import load_arm, shipped_arms
-from lrm_math.effects import Effect, Parameter, compensable, marked, split_name
+from lrm_math.effects import Effect, EffectRef, Parameter, compensable, marked
 from lrm_math.effects.field.residual_field import ResidualField
 from lrm_math.effects.targets import Kind, kind_of, slot_of
 
@@ -24,7 +24,7 @@ def effect_blocks(kind: type[Effect], in_full: bool) -> Iterator[Block]:
     yield Text.assemble((marked(kind.id), "bold"), f": {kind.about.cause}")
     yield f"    {kind.about.formula}"
     if kind.variant_of:
-        plain = dict.fromkeys(split_name(name)[0] for name in kind.variant_of)
+        plain = dict.fromkeys(EffectRef.parse(name).id for name in kind.variant_of)
         yield f"    another form of {' and '.join(plain)}, fitted beside it"
     if in_full:
         arm = load_arm(next(iter(shipped_arms())))

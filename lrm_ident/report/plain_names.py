@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 
 from lrm_math.arm.place_names import place_words
-from lrm_math.effects import marked, split_key, split_name
+from lrm_math.effects import EffectRef, ParameterRef, marked
 from lrm_math.effects.session_errors import session_words
 
 PLAIN = {
@@ -64,7 +64,7 @@ CODE_NAME = re.compile(f"{EFFECT}|{ALONE}")
 
 def plain_name(name: str) -> str:
     """Plain name of `id@place`; of a law or an effect of one's own, its id and place in words."""
-    kind, place = split_name(name)
+    kind, place = EffectRef.parse(name)
     words = PLAIN.get(kind, kind.replace("_", " ") + " of {place}")
     where = session_words if kind in OF_A_SESSION else place_words
     return marked(name, words.format(place=where(place or "all places")))
@@ -95,7 +95,7 @@ def symbol(key: str) -> str:
     The further translation of link i stands in the thesis at the joint that it leads to: `offsets.joint2.extra_z_mm` →
     δdd3. Parameters that the thesis does not have keep their key.
     """
-    effect, place, name = split_key(key)
+    effect, place, name = ParameterRef.parse(key)
     bare = name.rsplit("_", 1)[0] if effect == "offsets" else name
     joint = int(place.removeprefix("joint")) if place.startswith("joint") and place[5:].isdigit() else None
     mimic = f"m{place.removeprefix('mimic')}" if place.startswith("mimic") else ""

@@ -20,7 +20,7 @@ from lrm_ident.residual.better_prediction import share_of_excess
 from lrm_ident.residual.covariates import Covariate
 from lrm_ident.residual.picture.error_field import ErrorField
 from lrm_math.arrays import Array
-from lrm_math.effects import FREE_FORMS, Effect, variants
+from lrm_math.effects import FREE_FORMS, Effect, EffectRef, variants
 from lrm_math.model.model import Model
 from lrm_math.model.model_file import HistoryTable, ModelFile
 
@@ -94,7 +94,7 @@ class StepCard:
 def judgement(diagnosis: Document) -> EarlierDiagnosis:
     """Record of a diagnosis once an effect has been added."""
     ranking: Sequence[Mapping[str, str]] = diagnosis.values["ranking"]  # type: ignore[assignment]
-    why = {f"{one['effect']}@{one['place']}": str(one["why"]) for one in ranking}
+    why = {str(EffectRef(one["effect"], one["place"])): str(one["why"]) for one in ranking}
     return EarlierDiagnosis(cast(Conclusion, diagnosis.values["conclusion"]).headline, why)
 
 
@@ -111,7 +111,7 @@ def rivals(card: StepCard, judged: EarlierDiagnosis | None) -> tuple[tuple[str, 
 
 def _alone(rivals_mm: Mapping[str, float]) -> dict[str, str]:
     free = {kind.id for kind in FREE_FORMS}
-    curve = {name: "; a spline, with more parameters" if name.split("@")[0] in free else "" for name in rivals_mm}
+    curve = {name: "; a spline, with more parameters" if EffectRef.parse(name).id in free else "" for name in rivals_mm}
     return {name: f"alone it would have left {in_mm(left * 1e-3)} mm{curve[name]}" for name, left in rivals_mm.items()}
 
 

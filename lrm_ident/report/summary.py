@@ -10,7 +10,7 @@ from lrm_ident.report.document import Block, Document, Facts, ResultTable, headi
 from lrm_ident.report.fit import estimate_table
 from lrm_ident.report.model_report import history_table, history_values, provenance_table
 from lrm_ident.report.plain_names import in_words, plain_name, step_title
-from lrm_math.effects import split_name
+from lrm_math.effects import EffectRef
 from lrm_math.model.model import Model
 from lrm_math.model.model_file import HistoryTable, ModelFile
 
@@ -86,9 +86,9 @@ def _effects(file: ModelFile) -> Iterator[Block]:
 
 def _counted(names: Sequence[str]) -> str:
     """Effects by their kind: plain names of those at one place, numbers of the others."""
-    places = Counter(split_name(name)[0] for name in names)
+    places = Counter(EffectRef.parse(name).id for name in names)
     several = [f"{kind} at {count} places" for kind, count in places.items() if count > 1]
-    return ", ".join([*several, *(plain_name(name) for name in names if places[split_name(name)[0]] == 1)])
+    return ", ".join([*several, *(plain_name(name) for name in names if places[EffectRef.parse(name).id] == 1)])
 
 
 def _row(number: int, entry: HistoryTable) -> tuple[object, ...]:

@@ -114,6 +114,8 @@ def log_marginal_likelihood(kernel: Kernel, inputs: Array, output: Array) -> Log
     value = -0.5 * float(output @ weights) - float(np.log(np.diag(factor)).sum()) - 0.5 * n * np.log(2.0 * np.pi)
     scaled = np.column_stack([inputs / kernel.lengths, np.ones(n)])
 
+    # ∂K/∂ln l_d at (i, j) is k_ij (x_id − x_jd)²/l_d². Times w, the square multiplied out needs only k times w, x w and
+    # x² w, so that the derivatives cost three products with a vector for each input
     along = weights[:, None]
     moments = smooth @ np.hstack([scaled * along, scaled[:, :-1] ** 2 * along])
     first, ones, second = np.split(moments, [inputs.shape[1], inputs.shape[1] + 1], axis=1)
@@ -126,6 +128,7 @@ def log_marginal_likelihood(kernel: Kernel, inputs: Array, output: Array) -> Log
     noisy = -(kernel.noise**2) * np.trace(excess)
     excess *= smooth.T
     weighted = dsymm(-1.0, excess, scaled, lower=1)
+    # ½ tr((w wᵀ − K⁻¹) ∂K/∂ln l_d) with the square multiplied out likewise; the ones' column gives the signal's
     lengths = weighted[:, -1] @ scaled[:, :-1] ** 2 - np.einsum("nd,nd->d", scaled[:, :-1], weighted[:, :-1])
     return LogMarginalLikelihood(value, np.array([*lengths, weighted[:, -1].sum(), noisy]), 0.5 * root.T @ root)
 
@@ -142,11 +145,13 @@ def fit_kernel(inputs: Array, output: Array, start: Kernel) -> Kernel:
     z, damping = np.clip(start.log, lower, upper), DAMPING
     now = log_marginal_likelihood(Kernel.of_log(z), inputs, output)
     for _ in range(MAX_EVALUATIONS):
+        # projected step: at a bound that the gradient leads beyond a hyperparameter is left out of the system
         free = ~(((z <= lower) & (now.gradient < 0)) | ((z >= upper) & (now.gradient > 0)))
         step = np.zeros_like(z)
         damped = now.information[np.ix_(free, free)] + damping * len(output) * np.eye(int(free.sum()))
         step[free] = np.linalg.solve(damped, now.gradient[free])
         trial = np.clip(z + step / max(1.0, np.abs(step).max() / LONGEST_STEP), lower, upper)
+        # the gain that a straight line promises is at least that of the curve near a maximum
         if now.gradient @ (trial - z) < WORTHWHILE:
             break
         then = log_marginal_likelihood(Kernel.of_log(trial), inputs, output)

@@ -10,8 +10,9 @@ from lrm_ident.data.wording import quantity
 from lrm_ident.fitting.levenberg_marquardt import Fit
 from lrm_ident.residual.data_audit import FEW_LEVELS
 from lrm_math.arrays import Array
-from lrm_math.effects import split_key
+from lrm_math.effects import ParameterRef
 from lrm_math.effects.base import Excitation
+from lrm_math.effects.reference import BASE_OFFSETS
 from lrm_math.model.derivatives import parameter_jacobian
 
 LIKENESS = 0.98
@@ -29,7 +30,8 @@ def parameter_hints(fitted: Fit) -> tuple[str, ...]:
 
 def _scale(fitted: Fit, columns: Array) -> Iterator[str]:
     """Whether the fitted lengths together stretch the arm as a scale error of the tracker would."""
-    lengths = [key.startswith("offsets.") and key.endswith("_mm") and ".base." not in key for key in fitted.model.free]
+    free = map(ParameterRef.parse, fitted.model.free)
+    lengths = [one.id == "offsets" and one.place != "base" and one.name.endswith("_mm") for one in free]
     others = columns[:, np.logical_not(lengths)]
     motion = _motion(fitted, columns, lengths)
     moved, stretch = _projected_out(others, motion, fitted.equilibrium.true_tcp.reshape(-1, 1))
@@ -44,7 +46,7 @@ def _scale(fitted: Fit, columns: Array) -> Iterator[str]:
 
 def _turned_frame(fitted: Fit, columns: Array) -> Iterator[str]:
     """Whether the base's offsets together are a rotation about the origin of the tracker's frame."""
-    base = [key.startswith("offsets.base.") for key in fitted.model.free]
+    base = [ParameterRef.parse(key).effect == BASE_OFFSETS for key in fitted.model.free]
     units = {key.rsplit("_", 1)[1] for key, chosen in zip(fitted.model.free, base, strict=True) if chosen}
     if not {"rad", "mm"} <= units:
         return
@@ -60,7 +62,7 @@ def _turned_frame(fitted: Fit, columns: Array) -> Iterator[str]:
 def _few_levels(fitted: Fit) -> Iterator[str]:
     """Joints with a fitted effect of their own angle that few angles determine."""
     excitation = Excitation(fitted.equilibrium.poses, fitted.equilibrium.joint_torque)
-    free = {split_key(key)[:2] for key in fitted.model.free}
+    free = {ParameterRef.parse(key).effect for key in fitted.model.free}
     for joint, name in enumerate(fitted.model.arm.joint_names):
         levels = excitation.levels(joint)
         own = [kind for kind in OF_THE_ANGLE if (kind, name) in free]

@@ -108,6 +108,7 @@ class Regime:
 def studentised_squares(residual: Array, columns: Array) -> Array:
     """(N,), squared residual (N, 3) of each pose over 1 − its mean leverage in a fit of columns (3 N, P)."""
     basis, singular, _ = np.linalg.svd(columns, full_matrices=False)
+    # diagonal of the hat matrix U Uᵀ: how much of its own error a row's fit has followed
     leverage = (basis[:, singular > 1e-9 * singular.max(initial=0.0)] ** 2).sum(axis=1).reshape(-1, 3)
     return np.asarray((residual**2).sum(axis=1) / np.maximum(1.0 - leverage.mean(axis=1), 1e-3))
 
@@ -155,13 +156,17 @@ def kuiper_interval(values: Array, chosen: NDArray[np.bool_]) -> tuple[float, ND
     """
     _, place = np.unique(values, return_inverse=True)
     count, others = int(chosen.sum()), int((~chosen).sum())
+    # steps of the difference of both empirical distribution functions, at each distinct value
     ahead = np.bincount(place, chosen / count - ~chosen / others)
     ahead = np.concatenate([[0.0], np.cumsum(ahead)])
+    # the largest rise from an earlier minimum: by how much an interval holds more of the chosen than of the others
     rise = ahead - np.minimum.accumulate(ahead)
     high = int(np.argmax(rise))
     low = int(np.argmin(ahead[: high + 1]))
+    # sample size of a two-sample test, and Stephens' correction of the statistic for few samples
     effective = np.sqrt(count * others / (count + others))
     scaled_rise = (effective + 0.155 + 0.24 / effective) * rise[high]
+    # Kuiper's series Q(λ) = 2 Σ (4 j²λ² − 1) exp(−2 j²λ²); below λ = 0.4 it is 1 to many digits and converges slowly
     terms = (2.0 * np.arange(1, 101) * scaled_rise) ** 2
     p_value = 2.0 * float(((terms - 1.0) * np.exp(-0.5 * terms)).sum()) if scaled_rise > 0.4 else 1.0
     return min(max(p_value, 0.0), 1.0), np.asarray((place >= low) & (place < high))
@@ -208,10 +213,12 @@ def _interval_scores(
     Entry (i, j) of the (P + 1, P + 1) tables is of the interval of parts i to j − 1.
     """
     chosen, top = parts[rows], int(parts.max()) + 1
+    # cumulative sums, so that every interval's count and rank sum is one difference
     count = np.concatenate([[0.0], np.cumsum(np.bincount(chosen, minlength=top))])
     total = np.concatenate([[0.0], np.cumsum(np.bincount(chosen, ranks, minlength=top))])
     n, inside = len(ranks), count[None, :] - count[:, None]
     allowed = (inside >= FEWEST) & (inside <= LARGEST_SHARE * n)
+    # variance of a rank sum of k of n without ties: k (n − k)(n + 1)/12; its mean k (n + 1)/2
     spread = np.sqrt(np.where(allowed, inside * (n - inside) * (n + 1) / 12, 1.0))
     return (total[None, :] - total[:, None] - inside * (n + 1) / 2) / spread, allowed
 

@@ -106,6 +106,7 @@ class Scene:
         capsules = (*shapes.capsules, *(shape for shape in around if isinstance(shape, Capsule)))
         boxes = (*shapes.boxes, *(shape for shape in around if isinstance(shape, Box)))
 
+        # neighbouring links always touch at their joint; what stands around the arm counts as carried by joint 0
         def checked(one: Capsule, other: Capsule | Box) -> bool:
             joints_between = abs(_carrier(one) - (_carrier(other) if isinstance(other, Capsule) else 0))
             return joints_between > 1 and frozenset((one.name, other.name)) not in allowed
@@ -163,6 +164,7 @@ class Scene:
             if number is not None:
                 found[number] = permit
         tip = Capsule("tip", self.chain.dof + 1, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 1e-9)
+        # a permission depends on where the tip is, so that the distance may change as fast as the tip moves
         bound = self.motion_bound.copy()
         bound[[*found]] = np.maximum(bound[[*found]], _motion_bound(self.chain, self.home, 0, tip))
         return replace(self, permits=found, motion_bound=bound)
@@ -204,6 +206,7 @@ class Scene:
 
         Joint j turns frame j - 1 about its z axis (Denavit & Hartenberg 1955); all else on its link is constant.
         """
+        # a joint that follows others turns by their angles times its ratios
         turns = q @ self.chain.turns.T if self.chain.couplings else q
         cosines, sines = np.cos(turns), np.sin(turns)
         out = np.empty((len(q), *self.home.shape))
@@ -212,6 +215,7 @@ class Scene:
             if j < turns.shape[1]:
                 c, s = cosines[:, j, None], sines[:, j, None]
                 turned = here.copy()
+                # rotation about z on the right: new x = c x + s y, new y = c y − s x; z and origin stay
                 turned[:, :, 0], turned[:, :, 1] = (
                     c * here[..., 0] + s * here[..., 1],
                     c * here[..., 1] - s * here[..., 0],
@@ -254,6 +258,7 @@ class Scene:
         ends = np.einsum("ncij,cej->ncei", place[..., :3, :3], self.ends) + place[:, :, None, :3, 3]
         (i, j), (c, k) = self.capsule_pairs.T, self.box_pairs.T
         one, other = ends[:, i], ends[:, j]
+        # axes of capsules in the frame of each box, whose edges are then parallel to the coordinates
         in_box = np.einsum("nmej,mji->nmei", ends[:, c] - self.box_centre[k, None], self.box_rotation[k])
         boxes = in_box[:, :, 0], in_box[:, :, 1], self.box_half[k]
         to_capsules = segment_to_segment(one[:, :, 0], one[:, :, 1], other[:, :, 0], other[:, :, 1])
@@ -320,6 +325,7 @@ def _motion_bound(chain: Chain, home: Array, still: int, capsule: Capsule) -> Ar
     for joint in range(last, still, -1):
         before = home[joint - 1]
         points = before[:3, :3].T @ (ends - before[:3, 3:])
+        # distance from this joint's axis now, plus how far everything beyond can swing out at most
         out[joint - 1] = np.hypot(points[0], points[1]).max() + reach
         reach += np.linalg.norm(points, axis=0).max()
         ends = before[:3, 3:]

@@ -19,6 +19,7 @@ from lrm_math.effects.base import (
     Parameter,
     separately,
 )
+from lrm_math.effects.reference import EffectRef, ParameterRef, effect_of
 from lrm_math.effects.targets import Kind, kind_of
 from lrm_math.errors import UnknownName
 
@@ -119,7 +120,7 @@ def effects_at(arm: Arm, name: str, catalogue: tuple[type[Effect], ...] = CATALO
     Raises:
         UnknownName: no such effect, or it cannot act at that place; the message lists what there is.
     """
-    effect_id, place = split_name(name)
+    effect_id, place = EffectRef.parse(name)
     by_id = {effect.id: effect for effect in (*catalogue, *FREE_FORMS, *FIELDS, *PLACES_TOUCHED)}
     if effect_id not in by_id:
         raise UnknownName("effect", effect_id, by_id, OWN_EFFECT)
@@ -130,27 +131,13 @@ def effects_at(arm: Arm, name: str, catalogue: tuple[type[Effect], ...] = CATALO
     return tuple(by_id[effect_id](arm, at) for at in ([place] if place else places))
 
 
-def split_name(name: str) -> tuple[str, str]:
-    """Id and place of an `Effect.name`; no place where only the id is given."""
-    effect_id, _, place = name.partition("@")
-    return effect_id, place
-
-
 def marked(name: str, words: str = "") -> str:
     """A name (`id` or `id@place`), or words for it, as people are shown it: what names no cause says so."""
-    return f"{words or name} ({NOT_A_CAUSE})" if split_name(name)[0] in {kind.id for kind in FIELDS} else words or name
-
-
-def split_key(key: str) -> tuple[str, str, str]:
-    """Id, place and parameter's name of one of `Effect.keys`."""
-    effect_id, place, parameter = key.split(".", 2)
-    return effect_id, place, parameter
-
-
-def name_of_key(key: str) -> str:
-    """The `Effect.name` of the effect that a parameter belongs to."""
-    effect_id, place, _ = split_key(key)
-    return f"{effect_id}@{place}"
+    return (
+        f"{words or name} ({NOT_A_CAUSE})"
+        if EffectRef.parse(name).id in {kind.id for kind in FIELDS}
+        else words or name
+    )
 
 
 def variants(effect: Effect) -> tuple[str, ...]:
@@ -158,7 +145,10 @@ def variants(effect: Effect) -> tuple[str, ...]:
     if not effect.variant_of:
         return ()
     joints = re.findall(r"joint\d+", effect.place)
-    return tuple(name.format(*joints) if "@" in name else f"{name}@{effect.place}" for name in effect.variant_of)
+    return tuple(
+        str(EffectRef(each.id, each.place.format(*joints) or effect.place))
+        for each in map(EffectRef.parse, effect.variant_of)
+    )
 
 
 def compensable(effect: Effect | type[Effect]) -> bool:
@@ -180,20 +170,20 @@ __all__ = [
     "AngleDependentEffect",
     "Description",
     "Effect",
+    "EffectRef",
     "Extrapolation",
     "JointEffect",
     "LinearEffect",
     "LoadedJointEffect",
     "ModelPart",
     "Parameter",
+    "ParameterRef",
     "compensable",
     "constant",
     "effect_names",
+    "effect_of",
     "effects_at",
     "marked",
-    "name_of_key",
     "separately",
-    "split_key",
-    "split_name",
     "variants",
 ]

@@ -20,6 +20,7 @@ from lrm_math.arm.arm import Arm
 from lrm_math.arm.place_names import joint_number, place_words
 from lrm_math.arrays import Array
 from lrm_math.effects.measured_range import MeasuredRange
+from lrm_math.effects.reference import EffectRef, ParameterRef
 from lrm_math.errors import LrmError
 from lrm_math.kinematics.chain import Number
 from lrm_math.kinematics.poses import Poses
@@ -253,7 +254,7 @@ class Effect(ABC):
     @property
     def name(self) -> str:
         """`id@place`."""
-        return f"{self.id}@{self.place}"
+        return str(EffectRef(self.id, self.place))
 
     @property
     def part(self) -> ModelPart:
@@ -268,7 +269,7 @@ class Effect(ABC):
     @cached_property
     def keys(self) -> tuple[str, ...]:
         """Names of its parameters in model files: `id.place.parameter`."""
-        return tuple(f"{self.id}.{self.place}.{parameter.name}" for parameter in self.parameters)
+        return tuple(str(ParameterRef(self.id, self.place, parameter.name)) for parameter in self.parameters)
 
 
 class LinearEffect(Effect):

@@ -10,7 +10,7 @@ import numpy as np
 
 from lrm_math.arm.servo_table import PwmClock
 from lrm_math.arrays import Vector3
-from lrm_math.effects import Effect, effects_at, name_of_key
+from lrm_math.effects import Effect, effect_of, effects_at
 from lrm_math.effects.field.residual_field import ResidualField
 from lrm_math.effects.forces import Gravity
 from lrm_math.effects.offsets import Offsets
@@ -100,7 +100,7 @@ def unknown_state(model: Model) -> str:
 def with_offsets(model: Model, added: Mapping[str, float]) -> Model:
     """The model with amounts (SI) added to parameters of linear effects, by their keys: constant offsets (rad, m), and
     springs; places that have none get them."""
-    names = dict.fromkeys(name_of_key(key) for key in added if key not in model.structure.positions)
+    names = dict.fromkeys(effect_of(key) for key in added if key not in model.structure.positions)
     missing = [effect for name in names for effect in effects_at(model.arm, name)]
     if missing:
         zeros = np.zeros(sum(len(effect.parameters) for effect in missing))

@@ -92,11 +92,14 @@ def respond(settled: Equilibrium, sensed: Sensed = TCP_ONLY) -> Response:
     D, moving, load_slots = acting.D, list(acting.moving), [model.load_slots[i] for i in acting.loads]
     H = statics.load_derivatives(chain, geometry, settled.weights, settled.gravity, load_slots)
     by_slot = H[:, moving]
+    # per pose: I − H D, in the order of `acting.loads`. Its inverse also preconditions Newton steps of later equilibria
     system = np.eye(len(H)) - by_slot.transpose(2, 0, 1) @ D.transpose(2, 0, 1)
     inverse = np.ascontiguousarray(np.linalg.inv(system).transpose(1, 2, 0))
+    # J_E D: what the TCP does if a load is added and the deflection does not load the arm anew
     deflected = np.einsum("man,mcn->acn", D, rigid[moving])
     if sensed.feedback:
         _add_before_encoder(deflected, settled, sensed, acting.loads)
+    # Λ = J_E D (I − H D)⁻¹, and below J + Λ H
     by_load = np.einsum("abn,acn->bcn", inverse, deflected)
     loads[list(acting.loads)] = by_load
     total = rigid + np.einsum("kcn,ksn->scn", by_load, H)
@@ -141,6 +144,7 @@ def _add_before_encoder(deflected: Array, settled: Equilibrium, sensed: Sensed, 
 def _distortion_derivatives(settled: Equilibrium) -> Array:
     """(3, 3, N), ∂(measured TCP)/∂TCP in the tracker's distorted frame."""
     by_position = np.repeat(np.eye(3)[:, :, None], len(settled.poses), axis=2)
+    # forward-mode differentiation (dual numbers) through the tracker's effects, one after the other
     moving = [Dual(x, slope) for x, slope in zip(settled.true_tcp.T, by_position.copy(), strict=True)]
     for bound in settled.model.binding.distorting:
         added = distortion(bound, bound.at(settled.poses), moving)  # type: ignore[arg-type]

@@ -57,6 +57,8 @@ class NewtonPreconditioner:
         """Nearly Newton's steps (K, N) of slots (rad, m), from those of the fixed-point iteration: its next ones are
         added as far as they are linear."""
         rows = [slots.index(k) for k in self.moving]
+        # with g the plain step and g' = D H: Newton's step (I − g')⁻¹ g = g + D (I − H D)⁻¹ H g, whose inverse is A × A
+        # instead of M × M
         added = fixed_point[rows]
         for matrix in (self.by_slot, self.inverse, self.by_load):
             added = np.einsum("ijn,jn->in", matrix, added)
@@ -119,6 +121,8 @@ class EquilibriumSearch:
             now = self._moved(now, amounts, tau, number)
             if settled:
                 return now
+            # a Newton-like step shrinks by worst/last, so that the next one will be worst²/last: nothing to wait for
+            # below the tolerance
             if self.preconditioner is not None and worst * worst <= MARGIN * self.tolerance * last:
                 return replace(now, tau=self._loads(now))
             if number >= ACCELERATED_ITERATIONS and len(self.poses) > 1:
@@ -212,6 +216,7 @@ class FixedPointStep:
         if before is None:
             return self.step
         change = self.step - before.step
+        # share γ minimises |f_k − γ (f_k − f_(k−1))|: the residual if it were linear between the last two iterates
         share = (self.step * change).sum(axis=0) / (TINY + (change * change).sum(axis=0))
         return np.asarray(self.step - share * (self.amounts - before.amounts + change))
 
@@ -231,6 +236,7 @@ class Relaxation:
             return cls(np.full(step.shape[1], 0.5), step)
         change = step - before.step
         size = (change * change).sum(axis=0)
+        # Irons & Tuck 1969: ω_k = −ω_(k−1) f_(k−1)·(f_k − f_(k−1)) / |f_k − f_(k−1)|²
         factor = -before.factor * (before.step * change).sum(axis=0) / np.where(size > 0, size, 1.0)
         factor = np.where(factor > 0, factor, 2.0 * before.factor)
         return cls(np.clip(factor, SMALLEST_FACTOR, LARGEST_FACTOR), step)

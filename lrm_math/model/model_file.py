@@ -16,7 +16,7 @@ from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_digest import WHAT_COUNTS, arm_sha256
 from lrm_math.arm.arm_file import load_arm, shipped_arms
 from lrm_math.arm.servo_settings import ServoSettings
-from lrm_math.effects import CATALOGUE, Effect, ModelPart, Parameter, effects_at
+from lrm_math.effects import CATALOGUE, Effect, EffectRef, ModelPart, Parameter, ParameterRef, effects_at
 from lrm_math.effects.compliance import SPRINGS
 from lrm_math.effects.measured_range import MeasuredRange, UnmeasuredAngles
 from lrm_math.effects.offsets import Offsets
@@ -35,7 +35,7 @@ MOST_EFFECTS = 1000
 MOST_ANGLES = 1000
 FIT_AGAIN = "take the arm file of the fit, or fit again (lrm-ident fit --start)"
 PartsTable: TypeAlias = dict[Literal["arm", "installation", "measurement"], list[str]]
-TURNED = f"{MeasurementFrame.id}.{FRAME_PLACE}.turn_"
+TRACKER_FRAME = EffectRef(MeasurementFrame.id, FRAME_PLACE)
 """Beginning of keys of older files."""
 Ends: TypeAlias = Annotated[list[float], Field(min_length=2, max_length=2)]
 
@@ -209,10 +209,15 @@ def arm_mismatch(tables: ModelFile, arm: Arm) -> str:
     return f"{arm.name} is not as it was when the model was fitted: {WHAT_COUNTS} differ"
 
 
+def _turns_a_tracker(key: str) -> bool:
+    reference = ParameterRef.parse(key)
+    return reference.effect == TRACKER_FRAME and reference.name.startswith("turn_")
+
+
 def to_model(path: Path, tables: ModelFile, arm: Arm, catalogue: tuple[type[Effect], ...] = CATALOGUE) -> Model:
     """The model of parsed tables, in SI. Raises `FileError`."""
     where = "effects"
-    if turned := next((key for key in tables.parameters if key.startswith(TURNED)), None):
+    if turned := next(filter(_turns_a_tracker, tables.parameters), None):
         what = f"{turned}: a tracker's frame no longer turns, since that is the base's"
         raise FileError(path, "parameters", what, "fit again, from the measurements")
     if twice := next((name for name, times in Counter(tables.effects).items() if times > 1), None):

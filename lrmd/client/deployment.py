@@ -11,6 +11,7 @@ import numpy as np
 
 from lrm_math.arrays import Array
 from lrm_math.effects.measured_range import Interval
+from lrm_math.effects.reference import ParameterRef
 from lrm_math.errors import FileError, LrmError
 from lrm_math.kinematics.poses import Poses
 from lrm_math.model.covariance import Covariance, implausible_estimates
@@ -132,7 +133,9 @@ def _session_poses(model: Model) -> Poses:
     ends = [(joint.lower, joint.upper) for joint in model.arm.joints] if within is None else within.angle
     lower, upper = np.array(ends).T
     t, running = (None, None) if within is None else (_evenly(within.t), _evenly(within.running))
-    steps = [int(found[1]) for key in model.keys if model.value(key) and (found := STEP.match(key.split(".", 2)[2]))]
+    steps = [
+        int(found[1]) for key in model.keys if model.value(key) and (found := STEP.match(ParameterRef.parse(key).name))
+    ]
     session = np.ceil(np.linspace(0.0, max(steps), POSES + 1)[1:]) if steps else None
     q = rng.uniform(lower, upper, (POSES, model.arm.dof))
     return Poses(q, np.zeros(POSES), t=t, session=session, number=np.arange(1, POSES + 1), running=running)

@@ -67,6 +67,7 @@ class DoorKind:
         reach: rad, that random wishes are within.
         slow: whether it takes real time, of which a test affords little.
         abreast: how many of them a long run may drive side by side.
+        close: ends what serves all of them.
     """
 
     name: str
@@ -77,3 +78,4 @@ class DoorKind:
     reach: float = 0.8
     slow: bool = False
     abreast: int = 1
+    close: Callable[[], None] = lambda: None

@@ -31,6 +31,8 @@ from tests.support.daemon.daemon_process import SLOW_BOARD, DaemonSetup, free_po
 JOINTS = ("joint1", "joint2")
 NOTHING = {"structure_needs_at_least_one_member": 0}
 ALL_GOALS = {"goal_info": {"goal_id": {"uuid": [0] * 16}, "stamp": {"sec": 0, "nanosec": 0}}}
+COOL = {"joint2 = 380.0": "joint2 = 0.0", "joint3 = 380.0": "joint3 = 0.0"}
+"""Servos that stay cold: an hour of instants would heat those that hold the arm, which then goes to rest by itself."""
 SLOW_S = 12.0
 """s that every trajectory may take, so that it lasts longer than a sequence."""
 
@@ -40,7 +42,7 @@ class RosStack:
 
     def __init__(self, running: ExitStack) -> None:
         folder = Path(running.enter_context(tempfile.TemporaryDirectory()))
-        setup, self.port = DaemonSetup.make(folder, SLOW_BOARD), free_port()
+        setup, self.port = DaemonSetup.make(folder, SLOW_BOARD | COOL), free_port()
         running.enter_context(running_daemon(setup))
         self.rover: Rover = running.enter_context(setup.rover())
         self.peer: RosPeer = running.enter_context(ros_router(self.port))
@@ -57,11 +59,13 @@ class RosStack:
             self.rover.relax()
 
 
+_RUNNING = ExitStack()
+
+
 @cache
 def _stack() -> RosStack:
-    running = ExitStack()
-    atexit.register(running.close)
-    return RosStack(running)
+    atexit.register(_RUNNING.close)
+    return RosStack(_RUNNING)
 
 
 class RosDoor:
@@ -147,6 +151,6 @@ def ros_door(seed: int) -> Iterator[RosDoor]:
 DOORS = (
     DoorKind(
         "ROS 2: topic, services, action", ("lrm_ros2.action", "lrm_ros2.bridge", "lrm_ros2.command"), ros_door,
-        0.3, 1.0, slow=True,
+        0.3, 1.0, slow=True, close=_RUNNING.close,
     ),
 )  # fmt: skip

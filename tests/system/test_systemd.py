@@ -345,6 +345,16 @@ def test_whoever_installs_with_whatever_umask_all_may_read_the_program(tmp_path:
         assert path.stat().st_mode & 0o444 == 0o444, path
 
 
+def test_whoever_stages_with_whatever_umask_all_may_enter_the_folders(tmp_path: Path) -> None:
+    before = os.umask(0o077)
+    try:
+        install(tmp_path / "root")
+    finally:
+        os.umask(before)
+    closed = [path for path in (tmp_path / "root").rglob("*") if path.is_dir() and path.stat().st_mode & 0o055 != 0o055]
+    assert closed == []
+
+
 def test_the_program_is_checked_as_the_daemons_user() -> None:
     """Root reads what the service does not."""
     text = (SYSTEMD / "install.sh").read_text(encoding="utf-8")

@@ -14,7 +14,7 @@ from lrm_ident.data.error_stats import error_stats
 from lrm_ident.diagnosis.auto import AutoRun, AutoStep
 from lrm_ident.study.study import Study
 from lrm_math.arrays import Array
-from lrm_math.effects import name_of_key
+from lrm_math.effects import effect_of
 from lrm_math.errors import LrmError
 from lrm_math.kinematics.poses import Poses
 from lrm_math.model import deployed_model
@@ -104,7 +104,7 @@ def _steps(found: AutoRun) -> list[Record]:
 
 def _estimates(step: AutoStep, model: Model) -> dict[str, list[float]]:
     """By key: the value in the key's unit, and over the typical size; of the last model."""
-    keys = [key for key in model.keys if name_of_key(key) == step.added and key in model.free]
+    keys = [key for key in model.keys if effect_of(key) == step.added and key in model.free]
     values = {key: (model.value(key), model.parameter(key)) for key in keys}
     return {
         key: [_short(value / parameter.si), _short(value / parameter.typical)]

@@ -15,6 +15,7 @@ from lrm_ident.measuring.camera.capture import photos_in
 from lrm_ident.measuring.camera.lens import calibrate_lens
 from lrm_ident.measuring.camera.session import measure, read_photos
 from lrm_ident.study.api import add, diagnose, fit, load
+from lrm_math.effects.reference import effect_of
 from lrm_math.model.equilibrium import solve_equilibrium
 from validation.camera.rendered_photos import PhotoScene
 from validation.camera.scene import BOARD, HIDDEN, poses_in_view, rig, tip_error, write_arm_photos, write_lens_photos
@@ -48,7 +49,7 @@ def main() -> None:
                 tips.append(
                     tip_error(true, add(before.model, data, named.first.scored.name).model, found.session, fresh)
                 )
-            hidden = "@".join(next(iter(HIDDEN)).split(".")[:2])
+            hidden = effect_of(next(iter(HIDDEN)))
             what = named.first.scored.name if named.first else named.verdict
             print(
                 f"seed {seed}: {len(seen.rows)} of {given.photos} photos used, hidden {hidden}, "

@@ -17,7 +17,7 @@ from lrm_ident.measuring.camera.session import CameraSession
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_file import load_arm
 from lrm_math.arrays import Array
-from lrm_math.effects import effects_at
+from lrm_math.effects import ParameterRef, effect_of, effects_at
 from lrm_math.kinematics.poses import Poses, poses_of
 from lrm_math.model.equilibrium import Equilibrium, solve_equilibrium
 from lrm_math.model.model import Model, model_of
@@ -76,11 +76,11 @@ def rig(seed: int, hidden: dict[str, float]) -> CameraRig:
     """An SO-101 with errors of assembly, soft joints, and a hidden effect (keys of parameters, SI)."""
     arm = load_arm("so101")
     rng = np.random.default_rng(seed)
-    names = ["offsets", "compliance", *dict.fromkeys("@".join(key.split(".")[:2]) for key in hidden)]
+    names = ["offsets", "compliance", *dict.fromkeys(effect_of(key) for key in hidden)]
     model = model_of(arm, [effect for name in names for effect in effects_at(arm, name)])
     values = dict(hidden)
     for key in model.keys:
-        effect, place, name = key.split(".")
+        effect, place, name = ParameterRef.parse(key)
         if effect == "offsets" and place.startswith("joint"):
             values[key] = float(rng.normal(0, 0.012 if name.endswith("rad") else 0.7e-3))
         if effect == "compliance" and place.startswith("joint"):

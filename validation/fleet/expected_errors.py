@@ -14,7 +14,7 @@ import numpy as np
 
 from lrm_math.arm.arm_file import load_arm
 from lrm_math.arrays import Array
-from lrm_math.effects import effects_at
+from lrm_math.effects import ParameterRef, effect_of, effects_at
 from lrm_math.kinematics.poses import poses_of
 from lrm_math.model.derivatives import parameter_jacobian
 from lrm_math.model.equilibrium import solve_equilibrium
@@ -72,12 +72,12 @@ def expected_errors(
 
 def _spread(model: Model, key: str, own: float) -> float:
     """Standard deviation of a parameter between arms of the kind (SI)."""
-    effect, place, _ = key.split(".")
+    effect, name = ParameterRef.parse(key).id, effect_of(key)
     if effect == "offsets":
         return own * (OWN_ANGLE_SD if key.endswith("_rad") else OWN_LENGTH_SD)
     if effect == "compliance":
         return COMPLIANCE_CV * model.value(key)
-    return next(one.sd for one in EFFECTS if one.name == f"{effect}@{place}")
+    return next(one.sd for one in EFFECTS if one.name == name)
 
 
 def _columns(model: Model, keys: list[str], arm: ArmOfKind, count: int, seed: int) -> Array:

@@ -14,6 +14,7 @@ from lrm_ident.fitting.loss import SQUARED
 from lrm_ident.fitting.model_fit import DEFAULT_EFFECTS, fit_model, nominal_model
 from lrm_ident.fitting.priors import EffectRates, PriorFile, to_prior
 from lrm_math.arm.arm_file import load_arm
+from lrm_math.effects.reference import EffectRef
 from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import Model
 from validation.fleet.simulated_fleet import ArmOfKind
@@ -64,4 +65,4 @@ def tip_error(arm: ArmOfKind, model: Model) -> float:
 
 def _named(run: AutoRun) -> list[tuple[str, ...]]:
     """The names of each step that is not a form of what every arm has."""
-    return [step.names for step in run.steps[1:] if step.names[0].partition("@")[0] not in DEFAULT_EFFECTS]
+    return [step.names for step in run.steps[1:] if EffectRef.parse(step.names[0]).id not in DEFAULT_EFFECTS]

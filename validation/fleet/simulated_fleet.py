@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from lrm_math.arrays import Array
+from lrm_math.effects.reference import EffectRef
 from lrm_math.kinematics.poses import Poses, poses_of
 from validation.synthetic import (
     ArmDescription,
@@ -131,6 +132,6 @@ def _scaled(shape: Array, angle: float, length: float) -> Array:
 
 
 def _hidden(name: str, size: float) -> HiddenEffect:
-    kind, _, place = name.partition("@")
+    kind, place = EffectRef.parse(name)
     joint = int(place.removeprefix("joint"))
     return SoftPlay(joint, size, 0.04) if kind == "backlash" else FrictionLag(joint, size, 2.0 * DEG)

@@ -13,6 +13,7 @@ import numpy as np
 
 import lrm_ident as lrm
 from lrm_math.arm.arm_file import load_arm as load_tool_arm
+from lrm_math.effects.reference import EffectRef
 from validation.hidden_effects.confusion import FLOOR_MM, NOTHING_MISSING, run_tool
 from validation.hidden_effects.unfamiliar_cases import UNFAMILIAR
 from validation.hidden_effects.unfamiliar_data import arm_file, write_data
@@ -127,4 +128,4 @@ def _tcp_mm(path: Path) -> np.ndarray[tuple[int, int], np.dtype[np.float64]]:
 
 
 def _kind(name: str) -> str:
-    return name.partition("@")[0]
+    return EffectRef.parse(name).id

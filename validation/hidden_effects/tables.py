@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterable, Sequence
 
+from lrm_math.effects.reference import EffectRef
 from validation.hidden_effects.cases import CASES, DOUBLE, NOTHING, OUTSIDE, SINGLE, TRIPLE, HiddenEffectCase
 from validation.hidden_effects.confusion import FLOOR_MM, NOTHING_MISSING, UNEXPLAINED, CaseOutcome
 
@@ -90,7 +91,7 @@ def _column(outcome: CaseOutcome, truth: str) -> str:
 
 
 def _kind(name: str) -> str:
-    return name.partition("@")[0]
+    return EffectRef.parse(name).id
 
 
 def _last(column: str) -> tuple[int, str]:

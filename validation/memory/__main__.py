@@ -13,6 +13,7 @@ import numpy as np
 
 import lrm_ident as lrm
 from lrm_ident.fitting.levenberg_marquardt import Fit
+from lrm_math.effects.reference import EffectRef
 from validation.memory.worlds import ARM, NOISE_M, WORLDS, MemoryWorld, measured, true_parameters
 from validation.synthetic import HiddenEffect, write
 
@@ -61,7 +62,7 @@ def run(world: MemoryWorld, seed: int, count: int, folder: Path) -> MemoryOutcom
     seen, unseen = measured(world, seed, count)
     data = lrm.load(write(folder / "measured", seen, f"validation.memory, {world.name}")[0], ARM)
     found, _ = lrm.Study.of(data).fit().auto()
-    steps = [step for step in found.steps if step.added and step.added.split("@")[0] not in ALWAYS_TRUE]
+    steps = [step for step in found.steps if step.added and EffectRef.parse(step.added).id not in ALWAYS_TRUE]
     shown = [
         one.kind == "finding" for step, one in zip(found.steps[1:], found.attributions, strict=True) if step in steps
     ]

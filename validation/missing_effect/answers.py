@@ -17,7 +17,7 @@ import numpy as np
 import lrm_ident as lrm
 from lrm_ident.study.study import Study
 from lrm_math.arrays import Array
-from lrm_math.effects import effects_at
+from lrm_math.effects import EffectRef, effects_at
 from lrm_math.model.derivatives import parameter_jacobian
 from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import model_of
@@ -35,7 +35,7 @@ def our_answer(study: Study) -> list[list[str]]:
     """Causes that `auto` finds, each with its class."""
     run, _ = study.auto()
     steps = [step for step in run.steps if step.added and not step.describes]
-    return [[name for name in step.names if name.partition("@")[0] in EFFECTS] for step in steps]
+    return [[name for name in step.names if EffectRef.parse(name).id in EFFECTS] for step in steps]
 
 
 def linear_answers(study: Study) -> tuple[list[list[str]], list[list[str]]]:

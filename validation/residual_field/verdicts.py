@@ -21,7 +21,7 @@ from lrm_ident.fitting.field.fit import fit_with_field
 from lrm_ident.study.model_history import as_written
 from lrm_ident.study.study import Study
 from lrm_math.arm.arm_file import load_arm
-from lrm_math.effects import FIELDS, split_name
+from lrm_math.effects import FIELDS, EffectRef
 from validation.hidden_effects.cases import CASES
 from validation.hidden_effects.data import write_case
 from validation.hidden_effects.unfamiliar_cases import UNFAMILIAR
@@ -47,7 +47,7 @@ def difference(data: Measurements) -> tuple[str, str]:
     plain = Study.of(data).fit()
     beside = replace(plain, model=as_written(fit_with_field(plain.taken.fit, data).model, plain.arm))
     before, after = (study.diagnose() for study in (plain, beside))
-    if any(split_name(one.scored.name)[0] in {kind.id for kind in FIELDS} for one in after.ranking):
+    if any(EffectRef.parse(one.scored.name).id in {kind.id for kind in FIELDS} for one in after.ranking):
         return before.verdict, "the field is ranked"
     return before.verdict, "" if _same(before, after) else f"{_words(before)} became {_words(after)}"
 

@@ -13,7 +13,7 @@ from lrm_ident.data.robot_files.mjcf_patch import patched_mjcf
 from lrm_ident.data.robot_files.mjcf_robot import read_mjcf
 from lrm_ident.data.robot_files.ros2_control import with_offsets
 from lrm_ident.data.robot_files.urdf import read_whole_urdf
-from lrm_math.effects import split_key
+from lrm_math.effects import ParameterRef
 from lrm_math.effects.compliance import Spring
 from lrm_math.errors import FileError, LrmError
 from lrm_math.model.model import Model
@@ -86,7 +86,7 @@ def _zeros(model: Model, text: str, what: str) -> export.ExportedFile:
 def _as_drawn(model: Model, places: Sequence[str]) -> Model:
     """The model without the offsets of some places."""
     values = [
-        0.0 if split_key(key)[0] == "offsets" and split_key(key)[1] in places else value
+        0.0 if ParameterRef.parse(key).id == "offsets" and ParameterRef.parse(key).place in places else value
         for key, value in zip(model.keys, model.values.tolist(), strict=True)
     ]
     return model.with_values(values)

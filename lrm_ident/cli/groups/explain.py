@@ -12,6 +12,7 @@ from lrm_ident.cli.common import show
 from lrm_ident.fitting.effect_plugins import catalogue_with
 from lrm_ident.report.effects import effect_blocks
 from lrm_ident.report.glossary import TERMS, term_named
+from lrm_math.effects.reference import EffectRef
 
 
 @command
@@ -28,7 +29,7 @@ def explain(
         show(*(Text.assemble((term.name, "bold"), f": {term.meaning}") for term in TERMS))
         return
     kinds = {kind.id: kind for kind in catalogue_with(None)}
-    name = word.partition("@")[0]
+    name = EffectRef.parse(word).id
     if name in kinds:
         show(*effect_blocks(kinds[name], in_full=True))
         return

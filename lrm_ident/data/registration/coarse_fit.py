@@ -19,7 +19,7 @@ from lrm_ident.data.registration.similarity import cauchy_weight
 from lrm_math.arm.arm import TOOL, Arm
 from lrm_math.arm.plausible_arm import reach
 from lrm_math.arrays import Array
-from lrm_math.effects import effects_at, split_key
+from lrm_math.effects import ParameterRef, effects_at
 from lrm_math.errors import NoEquilibrium
 from lrm_math.kinematics.poses import Poses
 from lrm_math.model.derivatives import parameter_jacobian
@@ -114,7 +114,7 @@ def _sizes(drawn: Equilibrium, fixed_base: bool, any_target: bool) -> _Sizes:
     torque["base"] = float(np.abs(drawn.base_moment).max())
     rows = []
     for key in model.keys:
-        effect, place, name = split_key(key)
+        effect, place, name = ParameterRef.parse(key)
         if effect == "compliance" and torque[place] > NO_TORQUE:
             rows.append((key, SAG_SD / torque[place], 0.0, SAG_BOUND / torque[place]))
         elif effect == "offsets" and not (fixed_base and place == "base"):
@@ -125,5 +125,7 @@ def _sizes(drawn: Equilibrium, fixed_base: bool, any_target: bool) -> _Sizes:
                 size = TARGET_SD, TARGET_BOUND
             rows.append((key, size[0], -size[1], size[1]))
     keys, sd, lower, upper = zip(*rows, strict=True)
-    rigid = [0.0 if key.startswith("compliance.") else bound for key, bound in zip(keys, upper, strict=True)]
+    rigid = [
+        0.0 if ParameterRef.parse(key).id == "compliance" else bound for key, bound in zip(keys, upper, strict=True)
+    ]
     return _Sizes(keys, np.array(sd), np.array(lower), np.array(upper), np.array(rigid))

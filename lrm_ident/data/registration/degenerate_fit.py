@@ -12,7 +12,7 @@ from lrm_ident.data.registration.row_choice import spaced_rows
 from lrm_ident.data.registration.similarity import robust_similarity
 from lrm_ident.data.wording import in_mm, in_percent
 from lrm_math.arm.plausible_arm import reach
-from lrm_math.effects import split_key
+from lrm_math.effects import ParameterRef
 from lrm_math.errors import LrmError
 from lrm_math.model.derivatives import parameter_jacobian
 from lrm_math.model.equilibrium import Equilibrium
@@ -70,7 +70,7 @@ def lengths(model: Model, free: Sequence[str]) -> list[tuple[str, float, float]]
     places = {**{name: asdict(joint) for name, joint in zip(arm.link_places, arm.links, strict=True)}}
     places["tool"] = asdict(arm.tool)
     for key in free:
-        effect, place, name = split_key(key)
+        effect, place, name = ParameterRef.parse(key)
         if effect == "offsets" and place in places and name.endswith("_mm"):
             drawn = places[place].get(name.removesuffix("_mm")) or 0.0
             found.append((key, drawn, drawn + model.value(key)))

@@ -34,6 +34,7 @@ from lrm_ident.data.registration.similarity import Similarity, robust_similarity
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_file import read_arm, shipped_arms
 from lrm_math.arrays import Array
+from lrm_math.effects.reference import BASE_OFFSETS, ParameterRef
 from lrm_math.errors import NoEquilibrium
 from lrm_math.kinematics.poses import Poses
 from lrm_math.model.equilibrium import Equilibrium, solve_equilibrium
@@ -296,7 +297,7 @@ def registered(arm: Arm, poses: Poses, tcp: Array) -> tuple[Array, Similarity]:
 def _on_drawn_base(fitted: Equilibrium) -> Array:
     """(N, 3), TCP (m) of a fitted arm whose base stands as drawn; as fitted if it would not settle there."""
     model, poses = fitted.model, fitted.poses
-    keys = [key for key in model.keys if key.startswith("offsets.base.") or key in LIKE_BASE]
+    keys = [key for key in model.keys if ParameterRef.parse(key).effect == BASE_OFFSETS or key in LIKE_BASE]
     try:
         return solve_equilibrium(model.with_values_of(keys, np.zeros(len(keys))), poses).tcp
     except NoEquilibrium:  # of a misread file the fit is at its bounds

@@ -16,7 +16,7 @@ from pathlib import Path
 
 from lrm_ident.data.robot_files.urdf_export import zero_offset
 from lrm_ident.data.wording import joint_labels
-from lrm_math.effects import split_key
+from lrm_math.effects import ParameterRef
 from lrm_math.errors import FileError, name_suggestion
 from lrm_math.model.model import Model
 from lrm_math.text_file import read_json
@@ -44,7 +44,7 @@ def beyond_zeros(model: Model) -> tuple[str, ...]:
     out = []
     for effect, values in model.parts():
         rigid = effect.id == "offsets" and effect.place in model.arm.joint_names
-        kept = [value for key, value in zip(effect.keys, values, strict=True) if split_key(key)[2] != ZERO]
+        kept = [value for key, value in zip(effect.keys, values, strict=True) if ParameterRef.parse(key).name != ZERO]
         if not rigid:
             out.append(effect.name)
         elif any(kept):

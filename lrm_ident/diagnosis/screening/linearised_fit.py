@@ -91,6 +91,7 @@ class SelectedColumns:
         amounts, root = np.zeros((2, len(inverse_root), size, size))
         amounts[:, :known, :known], amounts[:, :known, known:] = self.amounts, one.explained
         root[:, :known, :known], root[:, known:, known:] = self.inverse_root, inverse_root
+        # inverse of a block triangular factor: [L₁ 0; B L₂]⁻¹ = [W₁ 0; −W₂ B W₁ W₂]
         root[:, known:, :known] = -inverse_root @ np.swapaxes(one.explained, 1, 2) @ self.inverse_root
         residual = (inverse_root @ one.along[:, :, None])[:, :, 0]
         return SelectedColumns(columns, amounts, root, np.concatenate([self.residual, residual], axis=1))
@@ -181,6 +182,8 @@ class LinearisedFit:
         """
         columns, stacks = side_by_side(sets, self.measured)
         selected, root = self.pose_by_pose(self.selected.columns), self.selected.inverse_root[0]
+        # amounts along the fitted parameters' directions and along the selected ones; both are taken off the Gram
+        # matrix, which is as good as projecting the columns, since (I − Q Qᵀ) is idempotent: CᵀPC = CᵀC − (QᵀC)ᵀ(QᵀC)
         fitted, known, of_residual = (
             self.measured_basis.T @ columns,
             root @ (selected.T @ columns),
@@ -194,6 +197,8 @@ class LinearisedFit:
             gram = sum(sign * np.swapaxes(a, 1, 2) @ a for sign, a in ((1, own), (-1, of_fitted), (-1, of_selected)))
             right = along[stack.columns].reshape(len(stack.numbers), stack.size, 1)
             theta = np.linalg.solve(gram + self.ridge * np.eye(stack.size), right)
+            # |r − Cθ|² falls by 2 θᵀCᵀr − θᵀCᵀCθ. Selected directions D are not of unit length, because the ridge
+            # shortens them (DᵀD = I − ridge W Wᵀ): `short` takes that part out of Cᵀr and CᵀC again
             short = np.swapaxes(of_selected, 1, 2) @ shrunk
             change = (2.0 * (right - short @ of_residual[:, None]) - (gram - short @ of_selected) @ theta) * theta
             left[stack.numbers] -= change.sum(axis=(1, 2))
@@ -204,6 +209,7 @@ class LinearisedFit:
         selected, known = self.selected, sets.explained.shape[1]
         if known == selected.columns.shape[1]:
             return sets
+        # only what was selected since: along the earlier directions the sets are up to date
         along = sets.products(self.parts, selected.columns[:, known:])
         along -= np.swapaxes(selected.amounts[:, :known, known:], 1, 2) @ sets.explained
         return sets.with_explained(selected.inverse_root[:, known:, known:] @ along, selected.residual[:, known:])
@@ -217,6 +223,7 @@ class LinearisedFit:
         selected, known = self.selected.extended(columns, root), self.selected.columns.shape[1]
         parts = []
         for number, part in enumerate(self.parts):
+            # rows of the fold's own residual columns, less what the fold's earlier directions predict of them
             left = columns.residual_rows(part) - part.predictor @ columns.explained[number]
             directions = left @ root[number].T
             predictor = np.concatenate([part.predictor, directions], axis=1)
@@ -244,10 +251,12 @@ class LinearisedFit:
         for part, amounts, own in zip(self.parts, sets.explained, theta, strict=True):
             left.append(part.residual[:, None] - sets.predicted(part, amounts, own))
         in_sample, held_out = np.einsum("ts,ts->s", left[0], left[0]), self._by_pose(left[1:])
+        # where the linear model errs most (a joint about to fall through its play) it must not decide alone
         held_out = np.minimum(held_out, np.maximum(squared_outlier_distance(held_out)[:, None], self.baseline.held_out))
         found: list[LinearEstimate | None] = [None] * len(sets)
         ends = [*sets.starts[1:], sets.columns.shape[1]]
         for place, (number, start, end) in enumerate(zip(sets.numbers, sets.starts, ends, strict=True)):
+            # the larger of what is left and the stated noise: a perfect fit by chance is not believed
             variance = float(in_sample[place]) / max(self.degrees_of_freedom - int(end - start), 1)
             error = np.sqrt(max(variance, self.sigma**2) * inverse[start:end])
             found[number] = LinearEstimate(theta[0, start:end], error, float(in_sample[place]), held_out[place])
@@ -297,7 +306,11 @@ def linearise(
     for poses in test_poses:
         test = slice(start, start + rows * len(poses))
         others = np.concatenate([by_fold[:start], by_fold[test.stop :]])
+        # F Fᵀ = A_t (A_oᵀ A_o)⁻¹ A_tᵀ of the test rows t and all others o, by an SVD of the R factor of A_o, which
+        # leaves out directions that the others do not determine
         fitted = by_fold[test] @ truncated_svd(np.asarray(np.linalg.qr(others, mode="r")))[1]
+        # residual of a fit without these rows: (I − H_tt)⁻¹ r_t, with H the hat matrix of all rows, is (I + F Fᵀ) r_t
+        # by Woodbury's identity (leave-out residuals: Cook 1977)
         left = own[test] + fitted @ (fitted.T @ own[test])
         parts.append(FoldSplit(poses, test, test, fitted, none[test], left))
         start = test.stop

@@ -30,6 +30,7 @@ from lrm_ident.fitting.typical_prior import typical_prior
 from lrm_ident.residual.better_prediction import paired_z, predicts_better
 from lrm_ident.residual.thresholds import EQUIVALENT_GAIN, MIN_GAIN, SIGNIFICANCE, Z_THRESHOLD
 from lrm_math.arrays import Array
+from lrm_math.effects.reference import EffectRef, ParameterRef
 from lrm_math.errors import LrmError, NoEquilibrium
 from lrm_math.model.derivatives import respond
 from lrm_math.model.equilibrium import Equilibrium, solve_equilibrium
@@ -196,8 +197,8 @@ def _separating_poses(best: RefittedLaw, rivals: Sequence[tuple[Law, float]], fi
         there = solve_equilibrium(fitted.model, drawn)
     except NoEquilibrium:
         return np.zeros((0, len(low)))
-    model, prefix = best.fit.model, f"{law_id(best.law)}.joint{best.law.joint + 1}."
-    theta = np.array([model.value(key) for key in model.keys if key.startswith(prefix)])
+    model, taken = best.fit.model, EffectRef(law_id(best.law), f"joint{best.law.joint + 1}")
+    theta = np.array([model.value(key) for key in model.keys if ParameterRef.parse(key).effect == taken])
     target, elsewhere = _moved(best.law, fitted.equilibrium) @ theta, _moved(best.law, there) @ theta
     apart = np.zeros(DRAWN)
     for law, _ in rivals:

@@ -64,9 +64,12 @@ def field_posterior(field: ResidualField, poses: Poses, residual: Array, weight:
     for number, (axis, kept_of_axis) in enumerate(zip(axes, backward_elimination(axes, MOST_NUMBERS - 3), strict=True)):
         chosen, first = np.flatnonzero(kept_of_axis), number * (len(waves) + 1)
         values[first + resolved[chosen]] = axis.mean(chosen)
+        # the last number of an axis is the field's standard deviation far from the data, known apart from the
+        # coefficients
         kept += [*(first + resolved[chosen]).tolist(), first + len(waves)]
         covariance = axis.covariance(chosen)
         blocks += [covariance, np.array([[axis.signal**2]])]
+        # MacKay's effective number: of each coefficient the share of its prior variance that the data removed
         determined += float((1.0 - np.diag(covariance) / axis.variance[chosen]).sum())
     return FieldPosterior(
         values, np.array(kept), block_diag(*blocks), np.array([axis.noise for axis in axes]), determined
@@ -88,6 +91,8 @@ def backward_elimination(axes: Sequence[AxisRegression], most: int) -> NDArray[n
     while (surplus := int(kept.sum()) - most) > 0:
         squares = np.full(kept.shape, np.inf)
         for own, axis, which in zip(squares, axes, kept, strict=True):
+            # mean square of a term over the poses is c² |f|² (up to 1/N); a term that is gone counts as infinitely
+            # large, so that it is not chosen again
             own[which] = (axis.mean(np.flatnonzero(which)) ** 2) * np.diag(axis.gram)[which]
         kept.ravel()[np.argsort(squares.ravel())[: (surplus + 1) // 2]] = False
     return kept
@@ -108,6 +113,7 @@ class AxisRegression:
         """Hyperparameters of largest marginal likelihood (empirical Bayes), by L-BFGS-B (Byrd et al. 1995)."""
         from scipy.optimize import Bounds, minimize  # takes a quarter of a second to load
 
+        # in RMS of the residual, so that start and bounds fit a residual of any size; 1.0 for a residual of zeros
         unit = float(np.sqrt((y**2).mean())) or 1.0
         gram, moment, prior = F.T @ F, F.T @ (y / unit), SpectralPrior(waves)
         start, lower, upper = np.log(prior.hyperparameters).T
@@ -137,6 +143,8 @@ class AxisRegression:
     def _whitened(self, chosen: NDArray[np.int64]) -> tuple[Array, bool]:
         """Cholesky factor, for `cho_solve`, of the posterior precision in units of the prior, of some functions."""
         root = np.sqrt(self.variance[chosen])
+        # S^½ (FᵀF/σ² + S⁻¹) S^½ = I + S^½ FᵀF S^½/σ² with S the prior's variances: no eigenvalue is below 1, so that
+        # the factor exists however small a variance is (Rasmussen & Williams 2006, section 3.4.3)
         part = root[:, None] * self.gram[np.ix_(chosen, chosen)] * root / self.noise**2
         factor, lower = cho_factor(part + np.eye(len(chosen)))
         return np.asarray(factor), bool(lower)
@@ -171,6 +179,8 @@ class SpectralPrior:
         """(M,), and derivatives (M, 3 n + 1) by the logarithms of lengths (half widths of the range) and signals."""
         lengths, signals = self.indicators
         length, step = np.exp(hyper[: lengths.shape[1]]), np.pi / (2.0 * MARGIN)
+        # Σ_m exp(−½ (ℓ m Δω)²) normalises a kernel's variances to 1 along a joint; `series` are its exponents' terms.
+        # Logarithm of a variance: 2 ln σ − Σ_joints (½ (ℓ ω)² + ln Z(ℓ)); slope by ln ℓ: E_Z[(ℓ m Δω)²] − (ℓ ω)²
         squares, series = (np.tile(self.waves, 2) * step * length) ** 2, (SERIES[:, None] * step * length) ** 2
         density = np.exp(-0.5 * series)
         norm = density.sum(axis=0)
@@ -189,15 +199,21 @@ def negative_log_likelihood(
     """Negative log marginal likelihood per row, but for a constant; its gradient by logarithms of hyperparameters."""
     noise = float(np.exp(2.0 * hyper[-1]))
     log_variance, slope = prior.log_variance(hyper[:-1])
+    # functions whose prior is far below the noise change neither value nor gradient, and would only cost time
     acts = np.flatnonzero(np.exp(log_variance) * np.diag(gram) > NEGLIGIBLE * noise)
     root, gram, moment = np.exp(0.5 * log_variance[acts]), gram[np.ix_(acts, acts)], moment[acts]
     factor, _ = cho_factor(root[:, None] * gram * root / noise + np.eye(len(acts)))
+    # dpotri gives one triangle of the inverse at half the cost of solving for all columns
     upper, _ = dpotri(factor)
     inverse = np.triu(upper) + np.triu(upper, 1).T
     whitened = inverse @ (root * moment) / noise
     mean = root * whitened
+    # Rasmussen & Williams 2006, Eq 5.8 by the matrix inversion and determinant lemmas: yᵀK⁻¹y = (yᵀy − mᵀFᵀy)/σ² and
+    # ½ ln|K| = Σ ln L_ii + N ln σ
     value = 0.5 * (square - mean @ moment) / noise + np.log(np.diag(factor)).sum() + rows * hyper[-1]
+    # ∂/∂ln s² of the value: ½ (1 − [A⁻¹]_ii − (A⁻¹ S^½ Fᵀy/σ²)_i²), with A the whitened precision
     by_variance = 0.5 * (1.0 - np.diag(inverse) - whitened**2)
+    # ∂/∂ln σ: N − effective number of coefficients − |y − F m|²/σ²
     left = square - 2.0 * (mean @ moment) + mean @ gram @ mean
     by_noise = rows - (len(acts) - np.trace(inverse)) - left / noise
     return float(value) / rows, np.append(by_variance @ slope[acts], by_noise) / rows

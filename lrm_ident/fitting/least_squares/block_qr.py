@@ -62,6 +62,7 @@ def compress(
         weight: (N, 1) or (1, 1), factor of the rows of each pose.
         residual: (N, R), whitened, not weighted yet.
     """
+    # the residual is one more column: its own R entries hold Qᵀr, and below them what no column explains
     factor = np.zeros((len(keys) + 1, len(keys) + 1), order="F")
     for rows in np.split(np.arange(len(equilibrium.poses)), range(BLOCK, len(equilibrium.poses), BLOCK)):
         factor = _with_rows(factor, _weighted(equilibrium, keys, whitening, weight, residual, rows))
@@ -91,6 +92,7 @@ def _with_rows(factor: Array, rows: Array) -> Array:
     from scipy.linalg.lapack import dtpqrt  # takes a quarter of a second to load
 
     columns = rows.reshape(len(rows), -1).T
+    # QR of a triangle on top of a rectangle: the triangle of [R; rows], without ever holding all rows
     found, *_ = dtpqrt(0, min(PANEL, len(rows)), factor, columns, overwrite_a=True, overwrite_b=True)
     return np.asarray(found)
 

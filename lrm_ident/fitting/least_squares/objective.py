@@ -17,7 +17,7 @@ from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.wording import enumerate_words
 from lrm_ident.fitting.least_squares.block_qr import CompressedRows, NormalEquations, compress, compress_each
 from lrm_ident.fitting.loss import Loss, robust_scale
-from lrm_ident.fitting.priors import SET_UP, Prior
+from lrm_ident.fitting.priors import Prior, of_the_set_up
 from lrm_math.arrays import Array
 from lrm_math.errors import LrmError
 from lrm_math.model.derivatives import BLOCK, respond
@@ -130,7 +130,7 @@ class Objective:
     def has_full_prior(self) -> bool:
         """Whether every free parameter has a prior, but for those of the set-up of the measurement."""
         known = set(self._with_prior)
-        return all(j in known or key.startswith(SET_UP) for j, key in enumerate(self.model.free))
+        return all(j in known or of_the_set_up(key) for j, key in enumerate(self.model.free))
 
     @cached_property
     def _prior_mean(self) -> Array:

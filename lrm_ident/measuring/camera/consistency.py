@@ -17,7 +17,7 @@ from lrm_ident.measuring.camera.hand_eye import HandEye, lever_columns
 from lrm_ident.residual.significance import f_test_p_value
 from lrm_math.arm.arm import Arm
 from lrm_math.arrays import Array
-from lrm_math.effects import effects_at, split_key
+from lrm_math.effects import ParameterRef, effects_at
 from lrm_math.kinematics.poses import Poses
 from lrm_math.model.derivatives import parameter_jacobian
 from lrm_math.model.equilibrium import solve_equilibrium
@@ -95,11 +95,16 @@ class PhotoRegression:
 def photo_regression(arm: Arm, poses: Poses, found: HandEye) -> PhotoRegression:
     """The regression of photos taken at commanded poses."""
     model = model_of(arm, [effect for name in ARM_EFFECTS for effect in effects_at(arm, name)])
-    keys = [key for key in model.keys if split_key(key)[1] not in ("base", "tool") or key.startswith("compliance")]
+    keys = [
+        key
+        for key in model.keys
+        if ParameterRef.parse(key).place not in ("base", "tool") or ParameterRef.parse(key).id == "compliance"
+    ]
     sizes = [model.parameter(key).typical for key in keys]
     typical = np.array([PART if key.endswith("_mm") else size for key, size in zip(keys, sizes, strict=True)])
     J = parameter_jacobian(solve_equilibrium(model, poses), keys, Sensed(attitude=True))
-    turns = J[:, :, [key.startswith("offsets.joint") and key.endswith("theta_rad") for key in keys]]
+    angles = {str(ParameterRef("offsets", joint, "theta_rad")) for joint in arm.joint_names}
+    turns = J[:, :, [key in angles for key in keys]]
     floor = np.diag([ARM_ERROR[0] ** 2] * 3 + [ARM_ERROR[1] ** 2] * 3)
     floor = floor + JOINT_ERROR**2 * turns @ turns.transpose(0, 2, 1)
     from_camera = (found.camera[:3, :3] @ found.seen[:, :3, 3, None])[:, :, 0]

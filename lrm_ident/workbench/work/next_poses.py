@@ -19,7 +19,7 @@ from lrm_ident.report.model_report import ModelReport
 from lrm_ident.report.plain_names import in_words
 from lrm_ident.study.study import Study
 from lrm_math.arm.arm_file import GRAM, MM
-from lrm_math.effects import effects_at
+from lrm_math.effects import EffectRef, effects_at
 from lrm_math.errors import LrmError
 
 COUNT, REPEATS, SEED = 50, 5, 0
@@ -80,7 +80,7 @@ def rival_pairs(ranking: Sequence[Mapping[str, Any]]) -> tuple[tuple[str, ...], 
     Those come first that the data cannot tell from it, then the next ones of the ranking; one empty pair where there is
     no evidence for any: then poses are chosen for the parameters alone.
     """
-    names = [f"{one['effect']}@{one['place']}" for one in ranking]
+    names = [str(EffectRef(one["effect"], one["place"])) for one in ranking]
     if not names or ranking[0]["verdict"] == "no_evidence":
         return ((),)
     rest = dict.fromkeys([*ranking[0]["indistinguishable_from"], *names[1:]])

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from lrm_math.arm.arm import Arm
-from lrm_math.effects import CATALOGUE, FREE_FORMS, Effect, effects_at, name_of_key, split_name, variants
+from lrm_math.effects import CATALOGUE, FREE_FORMS, Effect, EffectRef, effect_of, effects_at, variants
 from lrm_math.effects.curves import cubic_b_splines, spline_count
 from lrm_math.kinematics.poses import Poses, poses_of
 from lrm_math.model.derivatives import parameter_jacobian
@@ -39,7 +39,7 @@ def test_a_form_explains_itself_and_refines_effects_of_the_catalogue(lab: Arm, k
     assert kind.about.cause.endswith(".")
     for place in kind.places(lab):
         effect = kind(lab, place)
-        causes = (split_name(name) for name in variants(effect))
+        causes = (EffectRef.parse(name) for name in variants(effect))
         assert any(at in plain[name].places(lab) for name, at in causes)
         assert all(parameter.name.endswith("_" + parameter.unit) for parameter in effect.parameters)
         effect.about.claim.format(place=place, **{p.name: "x" for p in effect.parameters})
@@ -56,7 +56,7 @@ def test_derivatives_of_forms(lab: Arm, name: str) -> None:
     model, poses = with_form(lab, name), some_poses(lab)
     J = parameter_jacobian(solve_equilibrium(model, poses, tolerance=1e-14))
     for j, (key, parameter) in enumerate(zip(model.keys, model.parameters, strict=True)):
-        if name_of_key(key) == name:
+        if effect_of(key) == name:
             step = 1e-4 * parameter.typical * (np.arange(len(model.keys)) == j)
             tcp = [
                 solve_equilibrium(model.with_values(model.values + s), poses, tolerance=1e-14).tcp

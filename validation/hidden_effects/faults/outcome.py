@@ -12,7 +12,7 @@ from lrm_ident.diagnosis.auto import run_auto
 from lrm_ident.fitting.identifiability import fit_identifiable
 from lrm_math.arm.arm_file import load_arm as load_tool_arm
 from lrm_math.arrays import Array
-from lrm_math.effects import effects_at
+from lrm_math.effects import EffectRef, effects_at
 from lrm_math.errors import LrmError
 from lrm_math.kinematics.poses import Poses
 from lrm_math.model.model import model_of
@@ -76,7 +76,7 @@ class FaultOutcome:
 
     @property
     def _new(self) -> list[tuple[str, ...]]:
-        return [step for step in self.steps if step[0].partition("@")[0] not in ALWAYS_TRUE]
+        return [step for step in self.steps if EffectRef.parse(step[0]).id not in ALWAYS_TRUE]
 
 
 def examine(case: FaultCase, arm: str, half: str, number: int, poses: int) -> FaultOutcome:

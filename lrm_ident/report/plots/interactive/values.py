@@ -21,6 +21,7 @@ from lrm_ident.report.step_card import AS_WELL, ErrorFall, StepCard, error_fall,
 from lrm_ident.residual.better_prediction import takes_little
 from lrm_ident.residual.picture.error_field import COLOURS, ErrorField
 from lrm_ident.residual.thresholds import MIN_GAIN
+from lrm_math.effects.reference import EffectRef
 
 SUPPORTED, BESIDE, EMPIRICAL = "supported", "beside", "empirical"
 STANDINGS = {
@@ -201,7 +202,7 @@ def _ranking(found: ModelReport, ranking: Any) -> list[dict[str, Any]]:
     """The candidates: the one that the verdict names, its rivals, others with support in the order of `diagnose`, then
     by the error that they would leave."""
     views = {view["name"]: view for view in found.candidates}
-    named = [(f"{advice['effect']}@{advice['place']}", advice) for advice in ranking]
+    named = [(str(EffectRef(advice["effect"], advice["place"])), advice) for advice in ranking]
     known = [(views[name], advice) for name, advice in named if name in views]
     first = known[0][1] if known else None
     weighted, order = found.poses.several_kinds, list(STANDINGS)

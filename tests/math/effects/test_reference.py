@@ -1,0 +1,46 @@
+"""References to effects and parameters: text and back, and no other file that builds or parses such a text."""
+
+from __future__ import annotations
+
+import re
+
+import pytest
+
+from lrm_math.arm.arm import Arm
+from lrm_math.effects import ALL_EFFECTS, Effect
+from lrm_math.effects.reference import EffectRef, ParameterRef, effect_of
+from tests.conftest import ROOT
+
+BY_HAND = re.compile(r'partition\("@"\)|split\("@"|\}@\{|"@"\.join|key\.(split\("\."|partition\("\."|startswith\()')
+
+
+@pytest.mark.parametrize("kind", ALL_EFFECTS, ids=lambda kind: kind.id)
+def test_names_and_keys_are_the_texts_of_their_references(lab: Arm, kind: type[Effect]) -> None:
+    for place in kind.places(lab):
+        effect = kind(lab, place)
+        assert str(EffectRef.parse(effect.name)) == effect.name
+        for key, parameter in zip(effect.keys, effect.parameters, strict=True):
+            reference = ParameterRef.parse(key)
+            assert str(reference) == key
+            assert reference == (*EffectRef.parse(effect.name), parameter.name)
+            assert effect_of(key) == effect.name
+
+
+def test_no_place_stands_for_all_of_them() -> None:
+    assert str(EffectRef.parse("backlash")) == "backlash"
+
+
+def test_a_key_has_three_parts() -> None:
+    with pytest.raises(ValueError, match="not enough"):
+        ParameterRef.parse("backlash.joint2")
+
+
+def test_names_are_built_and_parsed_in_one_file() -> None:
+    packages = ("lrm_math", "lrm_ident", "lrmd", "lrm_ros2")
+    by_hand = {
+        str(path.relative_to(ROOT)): found
+        for package in packages
+        for path in (ROOT / package).rglob("*.py")
+        if path.name != "reference.py" and (found := BY_HAND.findall(path.read_text(encoding="utf-8")))
+    }
+    assert by_hand == {}
