@@ -151,8 +151,7 @@ def check_reading(arm: Arm, data: Measurements) -> ReadingCheck | None:
     read = points.scored(points.as_read)
     hung = min(_hung_otherwise(points), key=lambda scored: scored.score, default=read)
     if read.share <= FLOOR:
-        sags_so = read.overdetermined and hung.score < SAGS_SO * read.score
-        return ReadingCheck(read, (hung if sags_so else read,))
+        return ReadingCheck(read, (hung if _sags_so(points, read, hung) else read,))
     every = [read, *_alternatives(points), hung]
     if min(scored.share for scored in every) > GOOD:
         every += _other_arms(points)
@@ -251,6 +250,14 @@ def _hung_otherwise(points: PointSet) -> Iterator[Scored]:
         for arm, words in hung_otherwise(points.arm):
             said = "gravity looks to act in another direction on the arm"
             yield replace(points, arm=arm).scored(points.as_read.also(said, COMPOUND, f"state {words} in the arm file"))
+
+
+def _sags_so(points: PointSet, read: Scored, hung: Scored) -> bool:
+    """Whether an arm with gravity in another direction explains what neither the stated one nor a rigid arm does."""
+    if not read.overdetermined or hung.score >= SAGS_SO * read.score:
+        return False
+    weightless = replace(points, arm=replace(points.arm, gravity=(0.0, 0.0, 0.0)))
+    return hung.score < SAGS_SO * weightless.scored(points.as_read).score
 
 
 def _unrelated_columns(points: PointSet, read: Scored) -> Iterator[Scored]:
