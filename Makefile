@@ -16,7 +16,7 @@ ONE_THREAD := OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 MKL_NUM_THREADS=1
 unexport PYTHONDONTWRITEBYTECODE  # with it every process of the daemon and of the tests compiles all sources anew
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo fetch test quick offline browser lint lint-github schemas docs site proofs benchmark sdist deb story check-tag bench soak wheels coverage camera confusion unfamiliar memory misreadings real-data vendor-arms newcomers touches touches-public tutorial closed-loop as-deployed fleet transfer lerobot doors install uninstall clean
+.PHONY: help setup demo fetch test quick offline browser lint lint-github schemas docs site proofs benchmark sdist deb story check-tag bench soak wheels coverage camera confusion unfamiliar memory misreadings real-data vendor-arms newcomers touches touches-public tutorial closed-loop as-deployed readability json-numbers fleet transfer lerobot doors install uninstall clean
 
 help: ## what there is to make
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 12
@@ -82,6 +82,12 @@ docs: setup ## the API reference, built from the docstrings, in out/reference
 
 site: setup ## the documentation site, in out/site, without a network
 	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --quiet
+
+readability: setup ## how hard README, docs, help and verdicts are to read (TREE= another checkout): words a sentence, passives, rare words, long sentences
+	$(BIN)/python -m validation.readability $(if $(TREE),--tree $(TREE))
+
+json-numbers: setup ## numbers in the JSON of every command on the shipped example, BEFORE= another checkout against this one
+	$(ONE_THREAD) $(BIN)/python -m validation.json_numbers $(BEFORE) .
 
 proofs: setup ## tables of the docs' proofs, computed anew: real arms if DATA= names the folder of public data (an hour)
 	$(if $(DATA),$(ONE_THREAD) $(BIN)/python -m validation.proofs.real_arms --data $(DATA))
@@ -173,7 +179,7 @@ closed-loop: setup ## the demo over 30 seeds, and adaptive measuring against ran
 	$(ONE_THREAD) $(BIN)/python -m validation.adaptive_measuring --seeds 20
 
 as-deployed: setup ## the error of the deployed model in worlds that go on, before and after auto, in out/as-deployed.json (an hour; PART=, REAL= folder of the real arm)
-	$(BIN)/python -m validation.as_deployed $(addprefix --part ,$(or $(PART),catalogue lean beyond absurd)) $(if $(REAL),--part real --real $(REAL)) --jobs 2 -o $(OUT)/as-deployed.json
+	$(BIN)/python -m validation.as_deployed $(addprefix --part ,$(or $(PART),catalogue lean beyond absurd loop)) $(if $(REAL),--part real --real $(REAL)) --jobs 2 -o $(OUT)/as-deployed.json
 
 confusion: setup ## confusion matrix: hidden effects against named ones, both tables of the docs (an hour)
 	$(BIN)/python -m validation.hidden_effects --seeds 5 --jobs 2 --out docs/confusion.md

@@ -15,6 +15,9 @@ from lrm_math.arm.servo_table import PwmClock, ServoTable
 from lrm_math.errors import FileError, LrmError, UnknownName, name_suggestion
 from lrm_math.toml_file import StrictSchema, read_toml
 
+_BESIDE = Path(__file__).resolve().parent / "lrmd.toml"
+SHIPPED = _BESIDE if _BESIDE.is_file() else _BESIDE.parents[1] / "config" / "lrmd.toml"
+"""The configuration that comes with the software: in a wheel beside this file."""
 SECOND, MS, US = 1_000_000_000, 1_000_000, 1_000
 """Nanoseconds in a second, a millisecond and a microsecond."""
 

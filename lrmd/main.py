@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import argparse
+import os
 import sys
 from contextlib import nullcontext
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -21,6 +23,7 @@ the arm only on request.
   lrmd --config /etc/lrm/lrmd.toml           run (systemd does this)
   lrmd --config /etc/lrm/lrmd.toml --check   load what the start loads, report its errors, and stop
   lrmd --config /etc/lrm/lrmd.toml --undo    take the last deployed model back, where its file stops the start
+  lrmd --simulated                           run the shipped configuration on a simulated board and arm
   lrmd --config lrmd.toml --simulated        run on a simulated board and arm instead of the port
 """
 
@@ -40,23 +43,29 @@ def main(argv: list[str] | None = None) -> int:
     """Runs the daemon. Exit code 0 after SIGTERM, 1 if a process cannot be kept alive, 2 for a bad configuration
     or a state directory that another daemon uses."""
     parser = argparse.ArgumentParser("lrmd", description=TEXT, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--config", type=Path, required=True, metavar="FILE", help="lrmd.toml")
+    parser.add_argument("--config", type=Path, metavar="FILE", help="lrmd.toml; with --simulated the shipped one")
     parser.add_argument("--check", action="store_true", help="load what the start loads, and stop")
     parser.add_argument("--undo", action="store_true", help="take the last deployed model back, without a daemon")
     parser.add_argument("--simulated", action="store_true", help="run on a simulated board instead of the port")
     parser.add_argument("--log-level", choices=["debug", "info", "warning", "error"], default="info")
     options = parser.parse_args(argv)
+    if options.config is None and not options.simulated:
+        parser.error("state the configuration with --config FILE, or run the shipped one with --simulated")
 
     from lrmd import log
-    from lrmd.config import load_config
+    from lrmd.config import SHIPPED, load_config
     from lrmd.heap import return_freed_memory
 
     try:
-        config = load_config(options.config)
+        file = options.config or SHIPPED
+        config = load_config(file)
+        if options.config is None:  # its state directory is that of a rover, where only root may write
+            home = os.environ.get("XDG_STATE_HOME") or Path.home() / ".local" / "state"
+            config = replace(config, state=Path(home) / "lrmd")
         if options.check:
             from lrmd.api.start_check import check_start
 
-            print(f"{options.config}: in order; {check_start(config)}")
+            print(f"{file}: in order; {check_start(config)}")
             return 0
         if options.undo:
             from lrmd.persistence.deployed_models import undo_offline

@@ -60,9 +60,9 @@ def run_demo(folder: Path, seed: int) -> None:
             steps.add(named.name)
             steps.deploy("better.toml", *world.daemon)
             results["with the effect"], last = steps.verify("better", *load), "better.toml"
-        steps.report(last)
+        reported = steps.report(last)
     truth = DemoTruth(seed, hidden.effect, hidden.words)
-    conclude(folder, truth, named, results, "model in the daemon", NOISE_MM, time.monotonic() - began)
+    conclude(folder, truth, named, results, "model in the daemon", NOISE_MM, time.monotonic() - began, reported)
 
 
 if __name__ == "__main__":

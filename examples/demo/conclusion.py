@@ -38,10 +38,12 @@ def conclude(
     model: str,
     tracker_mm: float,
     seconds: float,
+    reported: str,
 ) -> None:
     """Prints and writes what `verify` measured with each model, what was hidden and named.
 
-    `model`: column's head. `tracker_mm`: noise of the tracker in a position (mm, RMS).
+    `model`: column's head. `reported`: verdict of the last report, of the model with what was named.
+    `tracker_mm`: noise of the tracker in a position (mm, RMS).
     """
     rows = []
     for name, result in results.items():
@@ -56,11 +58,13 @@ def conclude(
         "Floor: noise of the tracker, and commands in whole counts; no model can do better.",
         f"Hidden by seed {truth.seed}: {truth.words} ({truth.effect}).",
         f"Named by diagnose: {named.words}: {truth.verdict(named)}.",
+        f"With that in the model, the report says: {reported}",
         f"Report: {folder / 'report.html'}. All in {seconds:.0f} s.",
     )
     document = {
         "schema": "lrm/demo/1", "seed": truth.seed, "hidden": truth.effect, "verdict": named.verdict,
-        "named": named.name, "indistinguishable_from": named.rivals, "right": right, "seconds": seconds,
+        "named": named.name, "indistinguishable_from": named.rivals, "right": right, "reported": reported,
+        "seconds": seconds,
         "rms_mm": {row[0]: row[2] for row in rows}, "floor_rms_mm": {row[0]: row[4] for row in rows},
     }  # fmt: skip
     (folder / "demo.json").write_text(json.dumps(document, indent=1) + "\n", encoding="utf-8")

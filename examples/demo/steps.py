@@ -125,9 +125,11 @@ class DemoSteps:
             words.append("--accept")
         self._run("lrm", words)
 
-    def report(self, name: str) -> None:
-        """The page of a model."""
-        self._ident("report", self.file(name), self.file("measured.csv"), "-o", self.file("report.html"))
+    def report(self, name: str) -> str:
+        """The page of a model; gives its verdict."""
+        page, result = self.file("report.html"), self.file("report.json")
+        self._ident("report", self.file(name), self.file("measured.csv"), "-o", page, "--json", result)
+        return str(read_json(Path(result))["diagnosis"]["conclusion"]["headline"])
 
     def _ident(self, *words: str) -> None:
         self._run("lrm-ident", words)

@@ -79,9 +79,10 @@ def run_demo(folder: Path, seed: int, photos: int = PHOTOS, goals: int = GOALS) 
             steps.add(named.name)
             last = "better.toml"
             results["with the effect"] = steps.verify("better", "--model", steps.file(last))
-        steps.report(last)
+        reported = steps.report(last)
     truth, seconds = DemoTruth(seed, *NAMED[effect], SIMPLER.get(effect, "")), time.monotonic() - began
-    conclude(folder, truth, named, results, "commands corrected by", camera_noise_mm(results.values()), seconds)
+    noise_mm = camera_noise_mm(results.values())
+    conclude(folder, truth, named, results, "commands corrected by", noise_mm, seconds, reported)
 
 
 def camera_noise_mm(results: Iterable[Mapping[str, Any]]) -> float:

@@ -19,10 +19,14 @@ class CompanionFiles:
 
 
 DataFile = Annotated[
-    Path, Argument(metavar="DATA", help="Measurements: a CSV of positions, or of distances (docs/files.md).")
+    Path,
+    Argument(
+        metavar="DATA",
+        help="Measurements: a CSV with joint angles and positions of the tip, or distances (docs/files.md).",
+    ),
 ]
 ModelPath = Annotated[Path, Argument(metavar="MODEL", help="A model file written by fit.")]
-PosesFile = Annotated[Path, Argument(metavar="POSES", help="CSV with q1_deg… and, optionally, payload_g.")]
+PosesFile = Annotated[Path, Argument(metavar="POSES", help="Poses: a CSV with q1_deg… and, optionally, payload_g.")]
 ArmArgument = Annotated[str, Argument(metavar="ARM", help="A shipped arm or the path of an arm file.")]
 ArmName = Annotated[
     str | None,
@@ -33,9 +37,9 @@ ArmName = Annotated[
     ),
 ]
 ShowAll = Annotated[bool, Option("--all", help="Print the details, too, and long lists in full.")]
-Force = Annotated[bool, Option("--force", help="Replace a model file that has more steps than the new one.")]
+Force = Annotated[bool, Option("--force", help="Replace an existing model file that has more steps than the new one.")]
 NewModel = Annotated[Path, Option("-o", "--output", metavar="MODEL2", help="Where to write the new model.")]
-JsonFile = Annotated[Path | None, Option("--json", metavar="FILE", help="Also write the result for machines.")]
+JsonFile = Annotated[Path | None, Option("--json", metavar="FILE", help="Also write the result as JSON, for programs.")]
 FigureFile = Annotated[
     Path | None, Option("--figure", metavar="FILE", help="Also draw the result: .png, .svg or .pdf.")
 ]
@@ -62,7 +66,7 @@ FleetPrior = Annotated[
     Option(
         "--prior",
         metavar="FILE",
-        help="A prior file that says how often arms of this kind have each effect, as lrm-ident fleet writes it.",
+        help="A prior file that lrm-ident fleet wrote: how often arms of this kind have each effect.",
     ),
 ]
 LinearizedAt = Annotated[
@@ -74,15 +78,15 @@ UnitsName = Annotated[
     str, Option(help="thesis (mm per rad, per mm, per rad/Nmm) or scaled (mm per typical size of a parameter).")
 ]
 Count = Annotated[int, Option("-n", "--count", min=1, help="How many poses to choose.")]
-IndexName = Annotated[str, Option(help="What to raise: O1 (determinant), O2, O3, O4 or O5 (docs/design.md).")]
-Seed = Annotated[int, Option(help="Of the random starts.")]
+IndexName = Annotated[str, Option(help="Criterion to maximise: O1 (determinant), O2, O3, O4 or O5 (docs/design.md).")]
+Seed = Annotated[int, Option(help="Seed of the random starts.")]
 PosesOutput = Annotated[Path | None, Option("-o", "--output", metavar="CSV", help="Where to write the poses.")]
 AnyRobot = Annotated[
     str,
     Option(
-        help="Whose daemon; or a robot of LeRobot: lerobot:so101_follower,port=/dev/ttyACM0,id=mine; or bare Feetech "
-        "(SO-100, SO-101, LeKiwi) or Dynamixel (Koch) servos: feetech:/dev/ttyACM0,ids=1-5, "
-        "dynamixel:/dev/ttyUSB0,ids=1-5."
+        help="Name of the robot whose daemon (lrmd) drives the arm. Or a robot of LeRobot: "
+        "lerobot:so101_follower,port=/dev/ttyACM0,id=mine. Or bare servos: feetech:/dev/ttyACM0,ids=1-5 (SO-100, "
+        "SO-101, LeKiwi), dynamixel:/dev/ttyUSB0,ids=1-5 (Koch)."
     ),
 ]
 Connect = Annotated[
@@ -91,8 +95,8 @@ Connect = Annotated[
 TrackerName = Annotated[
     str,
     Option(
-        help="dtrack:PORT (ART's ASCII datagrams), zenoh:KEY (the same on zenoh), csv:FILE that is being written, or a "
-        "camera and its DATA.camera.toml of camera read: camera:0,DATA.camera.toml."
+        help="Where positions come from: dtrack:PORT (ART's ASCII datagrams), zenoh:KEY (the same on zenoh), csv:FILE "
+        "(another program writes it), camera:0,DATA.camera.toml (a camera, as camera read left it)."
     ),
 ]
 ToolTarget = Annotated[int, Option(min=0, help="Number of the target at the tip.")]
@@ -100,23 +104,27 @@ BaseTarget = Annotated[
     int, Option(min=-1, help="Number of the target at the base; -1: positions are in the arm's frame.")
 ]
 Pause = Annotated[float, Option("--pause", min=0, help="Seconds from one pose to the next.")]
-Settle = Annotated[float, Option(min=0, help="Seconds of rest at least, before the averaging.")]
-Dwell = Annotated[float, Option(min=0.05, help="Seconds at the end of the rest to average over.")]
+Settle = Annotated[float, Option(min=0, help="Seconds that the arm stands at least, before the averaging.")]
+Dwell = Annotated[float, Option(min=0.05, help="Seconds at the end of each stop to average over.")]
 LoadCommand = Annotated[
     str | None,
     Option(
         metavar="COMMAND",
-        help="Changes the load, with the grams as its last word. Default: a question on the terminal.",
+        help="Program that changes the load; its last argument is the grams. Default: you are asked to change it.",
     ),
 ]
 Speed = Annotated[
     float | None,
-    Option(min=1.0, max=180.0, metavar="DEG_PER_S", help="Of the fastest joint, without a daemon. Default: 30."),
+    Option(min=1.0, max=180.0, metavar="DEG_PER_S", help="Speed of the fastest joint, without a daemon. Default: 30."),
 ]
 Release = Annotated[
-    bool, Option("--release", help="Bare servos: Ctrl-\\ takes their torque without a question, and the arm falls.")
+    bool, Option("--release", help="Bare servos: Ctrl-\\ switches torque off without a question, and the arm falls.")
 ]
 AcceptSettings = Annotated[
-    bool, Option("--accept", help="Go on though the servos are set otherwise (P, I, D, torque limit, firmware …).")
+    bool,
+    Option(
+        "--accept",
+        help="Continue although the servos have other settings than before (P, I, D, torque limit, firmware …).",
+    ),
 ]
-Take = Annotated[bool, Option("--take", help="Take the arm over if another client has it.")]
+Take = Annotated[bool, Option("--take", help="Take command of the arm even if another client has it.")]

@@ -31,7 +31,12 @@ def measure(
     tracker: arg.TrackerName,
     output: Annotated[
         Path,
-        Option("-o", "--output", metavar="DATA", help="Measurements; an interrupted file goes on."),
+        Option(
+            "-o",
+            "--output",
+            metavar="DATA",
+            help="Where to write the measurements. The command continues an interrupted file.",
+        ),
         arg.CompanionFiles(appended=True),
     ],
     robot: arg.AnyRobot = "rover",
@@ -45,27 +50,28 @@ def measure(
     load_command: arg.LoadCommand = None,
     until: Annotated[
         str | None,
-        Option(metavar="LENGTH", help="Adaptive: until the held-out error is surely below this, such as 0.6mm."),
+        Option(metavar="LENGTH", help="Stop when the held-out error is below this with 95 % certainty, such as 0.6mm."),
     ] = None,
     explain: Annotated[
-        bool, Option("--explain", help="Adaptive: until what is missing has a name, and nothing is missing any more.")
+        bool, Option("--explain", help="Stop when nothing is missing any more and each added effect has one name.")
     ] = False,
     take: arg.Take = False,
     speed: arg.Speed = None,
     release: arg.Release = False,
     accept: arg.AcceptSettings = False,
 ) -> None:
-    """Drive the arm through POSES and measure its tip at each: DATA, one row as soon as it is known.
+    """Drive the arm through POSES and measure its tip at each. Every row is on disk before the arm moves on.
 
-    The arm must be armed. It takes planned ways, and pauses when a servo is warm. A rest in which a target is hidden,
-    the tracker is frozen, or a frame lies far off is repeated. Interrupted, it holds; the same command goes on.
+    Arm the robot first. The daemon plans collision-free ways, and pauses when a servo is warm. A measurement with a
+    hidden target, a frozen tracker or a far outlier is repeated. If interrupted, the arm holds; type the same command
+    again to continue.
 
-    With LeRobot (put the arm down before: connecting switches torque off for a moment) or bare servos (they
-    get torque where they stand) ways are straight, at 30 deg/s: keep them free of anything. Ctrl-C holds; so does
-    Ctrl-\\ with bare servos, and then takes their torque if told to (--release, or the answer to its question).
+    With LeRobot or bare servos the arm moves in straight lines at 30 deg/s: keep the way free. Put it down before
+    LeRobot connects, which switches torque off for a moment. Bare servos get torque where they stand. Ctrl-C holds.
+    With bare servos Ctrl-\\ holds too, and then asks whether to release the torque.
 
-    Adaptive (--until, --explain), it takes the most informative of POSES: after every batch it fits, diagnoses, and
-    chooses the next ones, until that is enough; some are measured twice.
+    With --until or --explain the command measures only as many of POSES as needed, the most informative first. After
+    every batch it fits, diagnoses, and chooses the next poses. It measures some of them twice.
     """
     from lrm_ident.design.adaptive_batch import StoppingGoal
     from lrm_ident.measuring.campaign.plan import load_plan
@@ -134,7 +140,7 @@ def conclude(result: CampaignResult, total: int | None, output: Path) -> None:
         raise LrmError(f"no pose was measured; {next(iter(result.failed.values()))}")
     for number, why in result.failed.items():
         show(f"not measured: pose {number}: {why}")
-    again = f"; {result.repeated} unfit rests were repeated" if result.repeated else ""
+    again = f"; {result.repeated} unfit stops were measured again" if result.repeated else ""
     count = "what was measured is" if total is None else f"{total - len(result.failed)} of {total} poses are"
     show(f"{count} in {output}{again}")
     if result.failed:
@@ -159,13 +165,13 @@ def verify(
     robot: arg.AnyRobot = "rover",
     connect: arg.Connect = None,
     goals: Annotated[
-        str, Option(help="How many random goals; a CSV of x_mm, y_mm, z_mm to visit in order; or hole-to-basket.")
+        str, Option(help="Number of random goals, or a CSV of x_mm, y_mm, z_mm to visit in order, or hole-to-basket.")
     ] = "50",
     arm: arg.ArmName = None,
-    payload_g: Annotated[float, Option(min=0, help="What the tool carries.")] = 0.0,
-    seed: Annotated[int, Option(help="Of the goals: the same goals before and after.")] = 0,
+    payload_g: Annotated[float, Option(min=0, help="Load that the tool carries.")] = 0.0,
+    seed: Annotated[int, Option(help="Seed of the random goals: use the same before and after.")] = 0,
     before: Annotated[
-        Path | None, Option(metavar="JSON", help="An earlier result (--json), of another model, to stand beside.")
+        Path | None, Option(metavar="JSON", help="An earlier result (--json) with another model, to compare with.")
     ] = None,
     tool: arg.ToolTarget = 1,
     base: arg.BaseTarget = 0,
@@ -174,7 +180,7 @@ def verify(
     take: arg.Take = False,
     model: Annotated[
         Path | None,
-        Option(metavar="MODEL", help="Corrects the commands, without a daemon. Default: none, the arm as drawn."),
+        Option(metavar="MODEL", help="Model that corrects the commands, without a daemon. Default: the nominal arm."),
     ] = None,
     speed: arg.Speed = None,
     accept: arg.AcceptSettings = False,
@@ -182,8 +188,8 @@ def verify(
 ) -> None:
     """Send the tip to goals through inverse kinematics with a model, and measure where it lands.
 
-    The model is the one that the daemon uses; with LeRobot or bare Feetech servos that of --model. Beside the measured
-    error stands what it predicts: rounding to counts, and the model's own uncertainty.
+    Uses the daemon's model, or --model with LeRobot or bare servos. Prints the measured error beside the predicted
+    one: rounding to counts, and the uncertainty of the model.
     """
     from lrm_ident.measuring.campaign.run import PoseTiming
     from lrm_ident.measuring.campaign.session import RealClock, connected

@@ -14,6 +14,7 @@ from typer import Option, Typer
 from lrm_ident.cli.app import app
 from lrm_ident.cli.arguments import CompanionFiles
 from lrm_ident.cli.examples import examples_of
+from lrm_ident.cli.help_sections import SectionedCommand
 from lrm_ident.data.atomic_write import check_outputs, is_something_else
 from lrm_ident.report.plots.style import check_format
 from lrm_math.errors import LrmError
@@ -23,13 +24,19 @@ OUTPUTS = {"output": "-o", "json": "--json", "figure": "--figure", "cross_figure
 """Parameters of commands that name files to be written; `arguments.CompanionFiles` says what is written beside them."""
 FIGURES = ("figure", "cross_figure")
 READING_OPTIONS: dict[str, Any] = {
-    "unit": Option("--unit", help="Unit of the positions: mm, m, cm, um or inch. Default: as the columns' names say."),
-    "angle_unit": Option("--angle-unit", help="Unit of the joint angles: deg or rad. Default: as the names say."),
+    "unit": Option(
+        "--unit", help="Unit of the positions: mm, m, cm, um or inch. Default: as the names of the columns state."
+    ),
+    "angle_unit": Option(
+        "--angle-unit", help="Unit of the joint angles: deg or rad. Default: as the names of the columns state."
+    ),
     "axes": Option("--axes", help="Which axes of the file are the arm's x, y, z, for instance x,y,-z or y,x,z."),
-    "frame": Option("--frame", help="unknown: find the frame of the positions too. arm: that of the arm file."),
-    "joint_sign": Option("--joint-sign", help="1 or -1 for each joint, for instance 1,1,-1,1,1,1."),
+    "frame": Option("--frame", help="Frame of the positions. unknown: the fit finds it. arm: that of the arm file."),
+    "joint_sign": Option("--joint-sign", help="Direction of each joint, 1 or -1, for instance 1,1,-1,1,1,1."),
     "joint_order": Option("--joint-order", help="For each joint of the arm, its number in the file: 1,3,2,4,5,6."),
-    "bad_rows": Option("--bad-rows", help="Rows with a cell that is no number: refuse (default), or skip them."),
+    "bad_rows": Option(
+        "--bad-rows", help="What to do with rows that have a cell without a number: refuse (default) or skip."
+    ),
 }
 """Options that a parameter `reading` of a command stands for."""
 
@@ -48,7 +55,7 @@ def command_of(group: Typer, name: str | None = None) -> Callable[[Callable[...,
         """Adds the function to the group under its own name."""
         own = name or function.__name__.rstrip("_").replace("_", "-")  # `import_` is the command `import`
         in_short = " ".join((inspect.getdoc(function) or "").partition("\n\n")[0].split())
-        group.command(own, short_help=in_short, epilog=examples_of(own))(_checked(function))
+        group.command(own, cls=SectionedCommand, short_help=in_short, epilog=examples_of(own))(_checked(function))
         return function
 
     return register

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from functools import partial
 from pathlib import Path
 from typing import TypeVar
@@ -42,7 +42,7 @@ def publish(
     result: Document,
     json: Path | None,
     figure: Path | None = None,
-    draw: Callable[[Path], None] | None = None,
+    draw: Callable[[Path], object] | None = None,
     in_full: bool = True,
 ) -> None:
     """Writes a result's JSON file, prints its conclusion or, `in_full`, all of it, and draws its figure."""
@@ -53,7 +53,7 @@ def publish(
         publish_figure(figure, draw, result.behind)
 
 
-def publish_figure(figure: Path, draw: Callable[[Path], None], behind: ResultTable | None) -> None:
+def publish_figure(figure: Path, draw: Callable[[Path], object], behind: ResultTable | None) -> None:
     """Draws a figure; the numbers behind it are written beside it as CSV."""
     draw(figure)
     if behind is None:
@@ -177,6 +177,26 @@ def bars() -> Iterator[Progress]:
             shown.update(tasks[what], completed=done, total=of or None)
 
         yield tick
+
+
+@contextmanager
+def pausing_bars() -> Iterator[tuple[Progress, Callable[[], None]]]:
+    """Bars for a work that prints between its parts: the progress, and what clears them before something is printed."""
+    with ExitStack() as stack:
+        shown: list[Progress] = []
+
+        def tick(what: str, done: int, of: int) -> None:
+            """Moves the bar of this name, and shows the bars again if they were cleared."""
+            if not shown:
+                shown.append(stack.enter_context(bars()))
+            shown[0](what, done, of)
+
+        def pause() -> None:
+            """Clears the bars."""
+            shown.clear()
+            stack.close()
+
+        yield tick, pause
 
 
 class TakesLonger(Exception):

@@ -48,7 +48,12 @@ def align(
         Path, Argument(metavar="FIXTURE", help="CSV of both targets: base_x_mm…, base_qw…base_qz, tcp_x_mm…")
     ],
     known_mm: Annotated[
-        str, Option("--known-mm", metavar="X,Y,Z", help="Where the fixture holds the TCP target on the base's.")
+        str,
+        Option(
+            "--known-mm",
+            metavar="X,Y,Z",
+            help="Where the fixture holds the TCP target, in the frame of the base target.",
+        ),
     ],
     raw: Annotated[Path | None, Option(metavar="RAW", help="Raw readings of an arm to turn into measurements.")] = None,
     arm: Annotated[str, Option(help="The arm that RAW was measured on.")] = "lrm-lab",

@@ -60,16 +60,14 @@ def choose_poses(
     parameters: Annotated[
         str,
         Option(
-            help="Which parameters: 'identifiable' (all that these data can tell), option1 to option5 of the thesis, "
+            help="Which parameters: 'identifiable' (all that these data determine), option1 to option5 of the thesis, "
             "or names and patterns by commas. Default: option1 if the arm has its parameters, else identifiable."
         ),
     ] = "",
     index: arg.IndexName = "O1",
     physical: Annotated[
         bool,
-        Option(
-            "--physical", help="Only sets whose own unbounded fit keeps physical signs (thesis Figure 6.3; O1 only)."
-        ),
+        Option("--physical", help="Only sets whose unbounded fit has physical signs (thesis Figure 6.3; O1 only)."),
     ] = False,
     seed: arg.Seed = 0,
     output: arg.PosesOutput = None,
@@ -79,8 +77,8 @@ def choose_poses(
 ) -> None:
     """Choose the best poses among measured ones: those that identify parameters best (thesis section 6.2).
 
-    Prints the five indices beside those of blind choices and, for O1, the value that no choice can exceed; then the
-    error on all poses and on those not chosen, fitted without bounds and with bounds.
+    Prints the five indices beside those of random choices and, for O1, the value that no choice can exceed. Then it
+    prints the error on all poses and on those not chosen, fitted without and with bounds.
     """
     arm_name, the_arm = arm_for(data, arm)
     measured = read_measurements(data, the_arm, arm_name, reading)
@@ -104,7 +102,11 @@ def design(
     arm: arg.ArmArgument,
     poses: Annotated[
         Path | None,
-        Option("--poses", metavar="CSV", help="Candidates; else all combinations of --levels that keep clear."),
+        Option(
+            "--poses",
+            metavar="CSV",
+            help="Candidate poses. Default: all combinations of --levels that keep clear of obstacles.",
+        ),
     ] = None,
     count: Annotated[
         int | None,
@@ -114,19 +116,19 @@ def design(
         bool,
         Option(
             "--installation",
-            help="Only how the arm is mounted: base, tool, gravity. The arm itself is known, from --model of a bench "
-            "with its standard errors (lrm-ident transfer).",
+            help="Choose poses that determine only base, tool and gravity. The arm is known from --model of a bench "
+            "(lrm-ident transfer).",
         ),
     ] = False,
     separate: Annotated[
-        str | None, Option(help="Effects to tell apart, by commas: backlash@joint2,nonlinear_stiffness@joint2.")
+        str | None, Option(help="Effects to distinguish, by commas: backlash@joint2,nonlinear_stiffness@joint2.")
     ] = None,
     model: arg.LinearizedAt = None,
     parameters: Annotated[
         str,
         Option(
-            help="What is to be known: 'identifiable' (all that the candidates can tell), option1 to option5, or names "
-            "and patterns by commas."
+            help="Parameters to determine: 'identifiable' (all that the candidates determine), option1 to option5, or "
+            "names and patterns by commas."
         ),
     ] = "identifiable",
     index: arg.IndexName = "O1",
@@ -134,29 +136,32 @@ def design(
         Path | None,
         Option(
             metavar="CSV",
-            help="Poses measured already, in the order measured. If the file says what was measured of them, they "
-            "weigh by it: standard deviations, orientations, joint feedback, distances.",
+            help="Poses measured already, in the order measured. They are weighted by what the file has of them: "
+            "standard deviations, orientations, joint feedback, distances.",
         ),
     ] = None,
     like: Annotated[
         Path | None,
-        Option(metavar="DATA", help="The poses will be measured as these were: weigh them so. Default: as --have."),
+        Option(
+            metavar="DATA",
+            help="Measurements like those to come: the poses are weighted like these. Default: as --have.",
+        ),
     ] = None,
     camera: Annotated[
         Path | None,
         Option(metavar="SESSION", help="Only poses that show the board to this camera (DATA.camera.toml)."),
     ] = None,
     levels: Annotated[
-        str, Option(help="Levels of the joints: a count, or deg, for instance '5; joint2=-50,0,50; joint6=3'.")
+        str, Option(help="Angles to combine for each joint: how many, or which (deg): '5; joint2=-50,0,50; joint6=3'.")
     ] = str(DEFAULT_LEVELS),
-    loads_g: Annotated[str, Option(help="Loads at the tool, by commas; each is offered with every pose.")] = "0",
+    loads_g: Annotated[str, Option(help="Loads at the tool, by commas. Every pose is offered with each load.")] = "0",
     repeats: Annotated[
         int | None,
         Option(min=0, help="How many of the poses to measure twice, for the noise. Default: 5, with --installation 0."),
     ] = None,
     noise_mm: arg.NoiseMm = 0.3,
-    apart_mm: Annotated[float, Option(min=0, help="Bodies stay this far from each other.")] = 30.0,
-    tip_mm: Annotated[float, Option(min=0, help="The TCP stays this far from the inner arm and boxes.")] = 160.0,
+    apart_mm: Annotated[float, Option(min=0, help="Smallest distance between two bodies.")] = 30.0,
+    tip_mm: Annotated[float, Option(min=0, help="Smallest distance of the TCP from the inner arm and boxes.")] = 160.0,
     floor_mm: Annotated[float | None, Option(help="Lowest z of joints and TCP; none if not given.")] = None,
     seed: arg.Seed = 0,
     output: arg.PosesOutput = None,
@@ -231,7 +236,7 @@ def identify_parameters(
     ] = "all",
     units: arg.UnitsName = "thesis",
     threshold: Annotated[
-        float, Option(min=1e-6, help="Smallest singular value that may stay, mm per unit.")
+        float, Option(min=1e-6, help="Smallest singular value that a kept parameter may have, mm per unit.")
     ] = PUBLISHED_THRESHOLD,
     noise_mm: arg.NoiseMm = 0.3,
     json: arg.JsonFile = None,
@@ -241,7 +246,7 @@ def identify_parameters(
     """List the parameters that a set of poses determines, before measuring: singular values, and collinear parameters.
 
     Builds the identification Jacobian at POSES, takes parameters out one by one until every singular value reaches the
-    threshold (thesis section 4.5), and says of each what it cannot be told from.
+    threshold (thesis section 4.5). Prints which combination of the others moves the tip as each of these does.
     """
     the_arm = load_arm(arm)
     start = start_model(the_arm, model)
@@ -262,7 +267,7 @@ def _parameters_of(model: Model, parameters: str, data: Measurements) -> tuple[s
 
 
 def _keys(model: Model, parameters: str) -> tuple[str, ...] | None:
-    """The parameters to choose poses for; None: all that the candidates can tell. Raises `UnknownName`."""
+    """The parameters to choose poses for; None: all that the candidates determine. Raises `UnknownName`."""
     return None if parameters == "identifiable" else select_parameters(model, parameters)
 
 

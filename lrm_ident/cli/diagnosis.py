@@ -15,7 +15,18 @@ from typer import Argument, Exit, Option
 
 from lrm_ident.cli import arguments as arg
 from lrm_ident.cli.command import command
-from lrm_ident.cli.common import TakesLonger, identifiable, notice, opened, progress, publish, read_poses, show, timed
+from lrm_ident.cli.common import (
+    TakesLonger,
+    identifiable,
+    notice,
+    opened,
+    pausing_bars,
+    progress,
+    publish,
+    read_poses,
+    show,
+    timed,
+)
 from lrm_ident.data.atomic_write import write_text
 from lrm_ident.data.wording import in_minutes
 from lrm_ident.diagnosis.auto import AutoStep
@@ -29,6 +40,7 @@ from lrm_ident.report.diagnosis.diagnosis import diagnosis_document
 from lrm_ident.report.diagnosis.selftest import selftest_document
 from lrm_ident.report.fit import error_blocks
 from lrm_ident.report.plots.diagnosis import draw_report
+from lrm_ident.report.story import story_of_file
 from lrm_ident.residual.error_breakdown import NestedResidual
 from lrm_ident.residual.thresholds import MAX_EFFECTS
 from lrm_ident.study.field_step import WHAT_IT_IS, NoBetterPrediction
@@ -68,7 +80,7 @@ def diagnose(
 def add(
     model: arg.ModelPath,
     data: arg.DataFile,
-    effect: Annotated[str, Argument(metavar="EFFECT[@PLACE]", help="For instance backlash@joint2.")],
+    effect: Annotated[str, Argument(metavar="EFFECT[@PLACE]", help="Effect to add, for instance backlash@joint2.")],
     output: arg.NewModel,
     json: arg.JsonFile = None,
     show_all: arg.ShowAll = False,
@@ -128,7 +140,7 @@ def auto(
     With --prior, effects that arms of this kind often have need less evidence, and at the end all parameters are fitted
     together with the prior. With --field, a black-box term also predicts the remaining error.
     """
-    read = read_study(model, data, effects_file, reading)  # without bars, which steps would be printed into
+    read = read_study(model, data, effects_file, reading)
     notice(*read.notices)
     if not force:
         check_replaces(output, len(read.file.history))
@@ -139,11 +151,13 @@ def auto(
     def on_step(step: AutoStep, now: Study) -> None:
         """Prints a step as soon as it is taken; the model of the last one is on disk whatever comes then."""
         taken.append(step)
+        pause()
         show(*step_blocks(next(numbers), step, taken[0]))
         now.save(output)
 
-    with kept_when_interrupted(output, taken):
-        course, after = study.auto(max_effects, rates, on_step)
+    with kept_when_interrupted(output, taken), pausing_bars() as (tick, pause):
+        course, then = replace(study, progress=tick).auto(max_effects, rates, on_step)
+    after = replace(then, progress=study.progress)
     title = f"{len(course.steps) - 1} effects added (held out: effects chosen on all poses)"
     show(*error_blocks(after.errors, title))
     with_prior: ErrorSummary | None = None
@@ -173,9 +187,11 @@ def auto(
         except TakesLonger as longer:
             least = in_minutes(longer.expected)
             whole = NestedResidual(None, f"it would take at least {least}; ask for it with --nested")
-    with_field = None if field_of(final.model) is None else final.errors
+    final = final.with_course(course, whole)
+    final.save(output)
+    names, with_field = names_of(study, output, data), None if field_of(final.model) is None else final.errors
     publish(
-        course_document(course, after.held_out, whole, with_prior, with_field, names_of(study, output, data)),
+        course_document(course, after.held_out, whole, with_prior, with_field, names, story_of_file(final.file)),
         json,
         in_full=show_all,
     )
@@ -211,7 +227,9 @@ def kept_when_interrupted(output: Path, taken: Sequence[AutoStep]) -> Iterator[N
 def propose(
     model: arg.ModelPath,
     data: arg.DataFile,
-    output: Annotated[Path | None, Option("-o", "--output", metavar="LAW.py", help="Where to write the law.")] = None,
+    output: Annotated[
+        Path | None, Option("-o", "--output", metavar="LAW.py", help="Where to write the formula, as a Python file.")
+    ] = None,
     json: arg.JsonFile = None,
     effects_file: arg.EffectsFile = None,
     reading: Reading = AS_NAMED,
@@ -245,7 +263,7 @@ def selftest(
     poses: arg.PosesFile,
     only: Annotated[str, Option(help="Only effects that match, for instance 'backlash@*'.")] = "*",
     noise_mm: arg.NoiseMm = 0.3,
-    seed: Annotated[int, Option(help="Of the arm's errors and the noise.")] = 0,
+    seed: Annotated[int, Option(help="Seed of the arm's errors and of the noise.")] = 0,
     json: arg.JsonFile = None,
     show_all: arg.ShowAll = False,
     effects_file: arg.EffectsFile = None,
@@ -253,7 +271,7 @@ def selftest(
 ) -> None:
     """Predict which effects a set of poses can detect, before measuring.
 
-    Injects each effect at its typical size into a simulated arm with random errors, and prints what would be named.
+    Injects each effect at its typical size into a simulated arm with random errors, and prints which ones it finds.
     """
     from lrm_ident.diagnosis.inject_recover import InjectionPlan, detectable_effects, run_trials
 

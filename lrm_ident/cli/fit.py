@@ -58,21 +58,26 @@ def fit(
     effects: Annotated[
         str | None,
         Option(
-            help="What the model is made of, by commas: offsets, compliance, lateral_compliance, backlash@joint2, … "
+            help="Effects of the model, by commas: offsets, compliance, lateral_compliance, backlash@joint2, … "
             "Default: offsets,compliance."
         ),
     ] = None,
     start: Annotated[
-        Path | None, Option(metavar="MODEL", help="Start from this model's values, and effects unless given.")
+        Path | None,
+        Option(
+            metavar="MODEL", help="Start from the values of this model, and from its effects unless --effects is given."
+        ),
     ] = None,
     parameters: Annotated[
         str,
         Option(
-            help="What to fit: 'identifiable' (everything, with typical sizes as prior), option1 to option5 of the "
+            help="Parameters to fit: 'identifiable' (all, with typical sizes as prior), option1 to option5 of the "
             "thesis, or names and patterns by commas, for instance 'compliance.*,offsets.base.?_mm'."
         ),
     ] = "identifiable",
-    loss: Annotated[str, Option(help="squared, huber or cauchy; the last two bear wrong measurements.")] = "squared",
+    loss: Annotated[
+        str, Option(help="squared, huber or cauchy. The last two limit the influence of wrong measurements.")
+    ] = "squared",
     leave_out: Annotated[
         str,
         Option(metavar="POSES", help="Numbers of poses to leave out, for instance 12,40-42; the model remembers them."),
@@ -83,8 +88,8 @@ def fit(
     prior: Annotated[
         str | None,
         Option(
-            help="What is known beforehand: a shipped prior (printed, vague) or the path of a prior file; shown beside "
-            "the fit with the typical sizes that are declared for every parameter, which is the default."
+            help="What is known before the fit: a shipped prior (printed, vague) or a prior file. Default: typical "
+            "sizes of the parameters."
         ),
     ] = None,
     output: Annotated[Path | None, Option("-o", "--output", metavar="MODEL", help="Where to write the model.")] = None,
@@ -161,7 +166,7 @@ def compare(
     figure: arg.FigureFile = None,
     mcap: Annotated[
         Path | None,
-        Option("--mcap", metavar="FILE", help="Also write arm and error arrows of each pose and step (Foxglove)."),
+        Option("--mcap", metavar="FILE", help="Also write the arm and the error arrows of each pose, for Foxglove."),
     ] = None,
     show_all: arg.ShowAll = False,
     left_out: Annotated[bool, Option("--left-out", help="Only the poses that the model's fit left out.")] = False,

@@ -14,6 +14,8 @@ from lrm_ident.cli.common import identifiable, opened, publish, read_model, show
 from lrm_ident.data.atomic_write import write_text
 from lrm_ident.fitting.effect_plugins import catalogue_with
 from lrm_ident.report.model_report import quick_report, with_comparison, with_diagnosis
+from lrm_ident.report.plots.story import draw_story
+from lrm_ident.report.story import story_of_file
 from lrm_ident.report.summary import summary_document
 from lrm_ident.workbench.html_report import html_report
 from lrm_math.errors import FileError
@@ -51,8 +53,18 @@ def show_model(
     model: arg.ModelPath,
     json: arg.JsonFile = None,
     show_all: arg.ShowAll = False,
+    figure: arg.FigureFile = None,
     effects_file: arg.EffectsFile = None,
 ) -> None:
     """Show a model file: how the error fell, step by step, and what the model consists of."""
     file, the_model = read_model(model, catalogue_with(effects_file))
-    publish(summary_document(file, the_model), json, in_full=show_all)
+    story = story_of_file(file)
+    if figure and story is None:
+        raise FileError(model, "history", "no nominal error, so the fall of the error cannot be drawn", "fit again")
+    publish(
+        summary_document(file, the_model),
+        json,
+        figure,
+        None if story is None else lambda path: draw_story(story, path),
+        in_full=show_all,
+    )

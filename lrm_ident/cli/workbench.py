@@ -26,7 +26,7 @@ def workbench(
         Argument(metavar="[MODEL] [DATA]", help="A model file, measurements, or both. Neither: the shipped data set."),
     ] = None,
     arm: arg.ArmName = None,
-    port: Annotated[int | None, Option(min=1, max=65535, help="Of this machine. Default: a free one.")] = None,
+    port: Annotated[int | None, Option(min=1, max=65535, help="Port of this machine. Default: a free one.")] = None,
     show_page: Annotated[bool, Option("--open/--no-open", help="Open the page in the browser.")] = True,
     effects_file: arg.EffectsFile = None,
     reading: Reading = AS_NAMED,

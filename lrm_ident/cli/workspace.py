@@ -34,16 +34,16 @@ def reach(
         list[str] | None,
         Option(
             "--variant",
-            help="The arm with something changed: base_beta_deg=45, tool_z_mm=100, joint3_d_mm=50, link2+20mm; several "
-            "changes of one variant by commas. May be given again. Default: the thesis's variants for lrm-rover, none "
-            "for others; 'none' for the arm alone.",
+            help="The arm with something changed: base_beta_deg=45, tool_z_mm=100, joint3_d_mm=50, link2+20mm. "
+            "Separate several changes by commas; repeat the option for several variants. 'none': the arm alone. "
+            "Default: the thesis's variants for lrm-rover, none for others.",
         ),
     ] = None,
     areas: Annotated[
         list[str] | None,
         Option(
             "--area",
-            help="A box of space that matters: NAME=X:X,Y:Y,Z:Z in mm. May be given again; all rank the variants. "
+            help="A box in which the tool has work to do: NAME=X:X,Y:Y,Z:Z in mm. Repeat the option for several. "
             "Default: the ground behind the rover and its basket for lrm-rover, none for others.",
         ),
     ] = None,
@@ -51,13 +51,15 @@ def reach(
     directions: Annotated[int, Option(help="Directions of the tool in every cell: 12, 42, 92, 162, ….")] = 42,
     rolls: Annotated[int, Option(help="Turns of the tool about each direction.")] = 4,
     collisions: Annotated[bool, Option(help="Leave out poses in which the arm's shapes come too close.")] = True,
-    margin_mm: Annotated[float | None, Option(help="How close is too close. Default: the arm file's.")] = None,
+    margin_mm: Annotated[
+        float | None, Option(help="Smallest distance between two shapes. Default: that of the arm file.")
+    ] = None,
     may_touch: Annotated[
         list[str] | None,
         Option(
             "--may-touch",
             metavar="A:B",
-            help="Two shapes that may touch. May be given again. Default: fingers:ground for lrm-rover.",
+            help="Two shapes that may touch; repeat the option for several. Default: fingers:ground for lrm-rover.",
         ),
     ] = None,
     json: arg.JsonFile = None,

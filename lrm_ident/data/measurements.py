@@ -18,7 +18,8 @@ from lrm_math.arm.servo_settings import ServoSettings
 from lrm_math.arrays import Array
 from lrm_math.errors import FileError
 from lrm_math.kinematics.poses import Poses
-from lrm_math.model.equilibrium import Equilibrium
+from lrm_math.model.equilibrium import Equilibrium, with_borne_loads
+from lrm_math.model.model import Model
 from lrm_math.model.reading import AS_NAMED, Reading
 from lrm_math.model.sensed import Sensed, encoder_angles, from_anchor, tool_rotation
 
@@ -226,6 +227,12 @@ class Measurements:
 
     def __len__(self) -> int:
         return len(self.pose)
+
+    def borne_by(self, model: Model) -> Measurements:
+        """The same, with the loads that this model's arm bore before each pose, if an effect of it follows them."""
+        if not model.remembers or self.poses.history is None:
+            return self
+        return replace(self, poses=with_borne_loads(model, self.poses))
 
     def take(self, rows: ArrayLike) -> Measurements:
         """The given rows (indices or a mask)."""

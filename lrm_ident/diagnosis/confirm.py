@@ -28,17 +28,19 @@ from lrm_ident.residual.deployment.carried_states import rows_as_deployed
 from lrm_ident.residual.deployment.deployed_error import DeployedError
 from lrm_ident.residual.thresholds import (
     EQUIVALENT_GAIN,
+    FLOOR_RATIO,
     MIN_GAIN,
     ONE_DEVIATION,
     WITHIN_TWO_DEVIATIONS,
 )
 from lrm_math.arrays import Array
-from lrm_math.effects import ModelPart
+from lrm_math.effects import Effect, ModelPart
 from lrm_math.errors import LrmError
 
 MOST_REFUSED = 8
 """Effects that are refused before the rest is left as structure: a bound on time."""
 DEPLOYED_WORSE = "it fits this session, but the model as deployed would be worse"
+CURVED_IN_PART = "a curve of the tracker that leaves more than the noise stands for something else"
 
 
 @dataclass(frozen=True, eq=False)
@@ -189,6 +191,8 @@ def _refit_trial(diagnosis: Diagnosis, scored: ScoredCandidate, blocks: tuple[He
             return _Trial(None, "refitted, its own parameters lie within two standard deviations of zero")
         if absurd := _absurd(diagnosis.fit, fitted):
             return _Trial(None, f"refitted, {absurd}")
+        if _bends_what_it_measures(effect) and _leaves_more_than_noise(diagnosis, fitted):
+            return _Trial(None, CURVED_IN_PART)
         refit = Refit(fitted, blocks_of_fit(fitted, data))
     except LrmError as error:
         return _Trial(None, f"it could not be refitted: {error}", fitted=False)
@@ -197,6 +201,16 @@ def _refit_trial(diagnosis: Diagnosis, scored: ScoredCandidate, blocks: tuple[He
         return _Trial(refit) if worse is None else _Trial(None, DEPLOYED_WORSE, worse_deployed=worse)
     before, after = in_mm(error_stats(held_out_residual(blocks)).rms), in_mm(refit.error.rms)
     return _Trial(None, f"refitted, it does not surely predict better: {before} mm held out, {after} with it")
+
+
+def _bends_what_it_measures(effect: Effect) -> bool:
+    """Whether it is a free form of an effect of the measurement: it imitates much that the arm does."""
+    return effect.part is ModelPart.MEASUREMENT and bool(effect.variant_of)
+
+
+def _leaves_more_than_noise(diagnosis: Diagnosis, fitted: Fit) -> bool:
+    """Whether a refit leaves more than a known noise, beyond what that may be misstated."""
+    return diagnosis.floor.sd is not None and fitted.sigma > FLOOR_RATIO * diagnosis.floor.sd
 
 
 def _worse_as_deployed(refit: Refit, blocks: tuple[HeldOutBlock, ...]) -> tuple[float, float] | None:

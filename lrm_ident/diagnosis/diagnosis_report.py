@@ -32,6 +32,7 @@ DISPLAY_UNITS = {
     "rad_per_Nm2": (1.0, " rad/Nm²"),
     "rad_per_rad_per_Nm2": (1.0, " /Nm²"),
     "per_turn": (1.0, ""),
+    "s_per_s": (1.0, ""),
     "rad_per_Nm3": (1.0, " rad/Nm³"),
     "Nm_per_rad": (1.0, " Nm/rad"),
     "mm_per_m": (1.0, " mm/m"),

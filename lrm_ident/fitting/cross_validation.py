@@ -155,7 +155,7 @@ def held_out_blocks(
 
     Raises `LrmError`: too few poses, or a fold that does not converge.
     """
-    field = field_of(model) if model.free else None
+    data, field = data.borne_by(model), field_of(model) if model.free else None
     named = model if field is None else named_part(model)
     splits = _splits(data, fold, MOST_TRAINING if field is None else len(data))
     folds: Iterator[Equilibrium]
@@ -174,6 +174,7 @@ def blocks_of_fit(fitted: Fit, data: Measurements) -> tuple[HeldOutBlock, ...]:
     """`held_out_blocks` of a model that was fitted to these data within the bounds that its effects state."""
     if len(data) <= MOST_REFITTED or not fitted.model.free:
         return held_out_blocks(fitted.model, data, loss=fitted.loss, prior=fitted.stated)
+    data = data.borne_by(fitted.model)
     splits = _splits(data)
     return _blocks(data, splits, one_step_fits(fitted, data, splits, prior=fitted.stated))
 

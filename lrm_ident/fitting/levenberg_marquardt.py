@@ -125,6 +125,7 @@ def fit(
     check_enough(len(data), len(model.free), prior)
     if field_of(model) is not None:
         raise LrmError("a residual field is fitted last, on what the causes leave; take it out first (undo)")
+    data = data.borne_by(model)
     start = solve_equilibrium(model, data.poses, near)
     known = None if prior is None else prior.within
     model = replace(model, within=known or measured_range(start), fitted_to=data.sha256)

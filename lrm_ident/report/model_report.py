@@ -8,8 +8,10 @@ from typing import Any, cast
 
 import numpy as np
 
+from lrm_ident.data.error_stats import error_stats
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.wording import decimals, enumerate_words
+from lrm_ident.diagnosis.attribution import TERMS, ExplainedStep, StepAttribution, attribute_steps
 from lrm_ident.diagnosis.diagnosis_report import DiagnosisReport
 from lrm_ident.report.diagnosis.conclusion import Conclusion
 from lrm_ident.report.diagnosis.diagnosis import diagnosis_document
@@ -17,7 +19,17 @@ from lrm_ident.report.document import Document, ResultTable
 from lrm_ident.report.fit import comparison_document, estimate_table
 from lrm_ident.report.plain_names import in_words
 from lrm_ident.report.plots.interactive.candidate_view import candidate_view
-from lrm_ident.report.step_card import EarlierDiagnosis, StepCard, judgement, step_cards
+from lrm_ident.report.step_card import (
+    EarlierDiagnosis,
+    ErrorFall,
+    StepCard,
+    error_fall,
+    judgement,
+    of_data,
+    step_cards,
+)
+from lrm_ident.report.story import Kind, Story, story_of
+from lrm_ident.residual.better_prediction import takes_little
 from lrm_ident.residual.covariates import Covariate, covariates
 from lrm_ident.residual.error_breakdown import ModelComparison
 from lrm_ident.residual.picture.error_field import ErrorField, error_field
@@ -166,6 +178,39 @@ class ModelReport:
         """Held-out mean square that stays unexplained, where there is a diagnosis."""
         return None if self.diagnosis is None else float(str(self.diagnosis.values["unexplained_mean_square_mm2"]))
 
+    @property
+    def falls(self) -> tuple[ErrorFall, ...]:
+        """Fall of the error of every card's step."""
+        return tuple(error_fall(self.file, self.field, card.number, self.poses.sha256) for card in self.cards)
+
+    @property
+    def attributions(self) -> tuple[StepAttribution | None, ...]:
+        """What the step of every card shows; of errors that are not held out, only that it shows no cause."""
+        left, floor, falls = self.unexplained_mean_square_mm2, self.floor_mm or 0.0, self.falls
+        if left is None or not all(fall.held_out for fall in falls):
+            return tuple(StepAttribution("description", 0.0) if card.no_cause else None for card in self.cards)
+        steps = [
+            ExplainedStep(
+                fall.explained, card.no_cause or takes_little(fall.after, fall.before, floor), card.of_present
+            )
+            for card, fall in zip(self.cards, falls, strict=True)
+        ]
+        return attribute_steps(steps, left)
+
+    @property
+    def story(self) -> Story | None:
+        """How the error fell on these data; None of a model without a history."""
+        if not self.file.history:
+            return None
+        held = [one.held_out_rms_mm if of_data(one, self.poses.sha256) else None for one in self.file.history]
+        known = None not in held
+        left = [one for one in held if one is not None] if known else [one.error.rms * 1e3 for one in self.field.steps]
+        shown = zip(self.cards, self.attributions, strict=True)
+        kinds: dict[int, Kind] = {card.number: TERMS[one.kind] for card, one in shown if one is not None}
+        nominal = error_stats(self.field.nominal_residual).rms * 1e3
+        bound = None if self.diagnosis is None else cast(float | None, self.diagnosis.values["noise_bound_rms_mm"])
+        return story_of(self.file.history, left, nominal, known, kinds, self.floor_mm, bound)
+
     def document(self) -> Document:
         """Result of `lrm-ident report`, schema `lrm/report/1`: those of `compare` and `diagnose`, and the history."""
         parts = [part for part in (self.diagnosis, self.comparison) if part is not None]
@@ -173,6 +218,7 @@ class ModelReport:
         values = {
             "comparison": None if self.comparison is None else self.comparison.values,
             "diagnosis": None if self.diagnosis is None else self.diagnosis.values,
+            "story": self.story,
             "history": history_values(self.file),
             "parameters": self.file.parameters,
             "sigma": self.file.sigma,

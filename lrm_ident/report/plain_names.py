@@ -49,6 +49,7 @@ PLAIN = {
     "bearing_curve": "bearing clearance of {place} (spline)",
     "base_curve": "base compliance (spline)",
     "friction_curve": "friction of {place} (spline)",
+    "creep_spectrum": "creep of {place} at several paces",
     "residual_field": "remaining error without a name",
 }
 OF_A_SESSION = ("drift", "drift_curve", "change_point", "second_change_point", "session")

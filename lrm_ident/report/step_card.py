@@ -15,7 +15,7 @@ from lrm_ident.diagnosis.diagnosis_report import with_unit
 from lrm_ident.report.diagnosis.conclusion import Conclusion
 from lrm_ident.report.document import Document
 from lrm_ident.report.plain_names import step_title
-from lrm_ident.report.plots.interactive.group_means import explained_by_means, joints_of, shown_most
+from lrm_ident.report.plots.interactive.group_means import explained_by_means, joints_of, of_law, shown_most
 from lrm_ident.residual.better_prediction import share_of_excess
 from lrm_ident.residual.covariates import Covariate
 from lrm_ident.residual.picture.error_field import ErrorField
@@ -157,7 +157,8 @@ def _card(
     added = [effect for name, effect in after.items() if name not in before]
     numbers = {name: words for effect in added for name, words in _estimates(effect, entry).items()}
     free = sum(key in entry.sigma for effect in added for key in effect.keys)
-    joint, driver = _shown(added[0].place if added else "", field, number, known)
+    followed = of_law(added[0], known) if added else known
+    joint, driver = _shown(added[0].place if added else "", field, number, followed)
     return StepCard(
         number=number,
         name=entry.step.removeprefix("add "),

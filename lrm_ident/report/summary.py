@@ -6,13 +6,14 @@ from collections import Counter
 from collections.abc import Iterator, Sequence
 
 from lrm_ident.data.wording import in_mm, in_percent
-from lrm_ident.report.document import Block, Document, Facts, ResultTable, heading
+from lrm_ident.report.document import Block, Document, Facts, heading
 from lrm_ident.report.fit import estimate_table
 from lrm_ident.report.model_report import history_table, history_values, provenance_table
-from lrm_ident.report.plain_names import in_words, plain_name, step_title
+from lrm_ident.report.plain_names import plain_name
+from lrm_ident.report.story import story_of_file
 from lrm_math.effects import EffectRef
 from lrm_math.model.model import Model
-from lrm_math.model.model_file import HistoryTable, ModelFile
+from lrm_math.model.model_file import ModelFile
 
 MM = 1e-3
 PARTS = (
@@ -28,6 +29,7 @@ def summary_document(file: ModelFile, model: Model) -> Document:
     details: list[Block] = [history_table(file), estimate_table(model, errors), provenance_table(file)]
     values = {
         "arm": file.arm,
+        "story": story_of_file(file),
         "effects": file.effects,
         "parts": file.parts,
         "history": history_values(file),
@@ -55,11 +57,11 @@ def _facts(file: ModelFile) -> Iterator[tuple[str, str]]:
         yield "fitted to", f"{known.poses} poses of {known.data}, {known.date[:10]}"
     if not file.history:
         return
-    first, last = file.history[0], file.history[-1]
-    if (fell := _fell(first.held_out_rms_mm, last.held_out_rms_mm)) is not None:
+    if (story := story_of_file(file)) is not None:
+        yield "error", story.sentence
+        yield from story.facts
+    elif (fell := _fell(file.history[0].held_out_rms_mm, file.history[-1].held_out_rms_mm)) is not None:
         yield "held-out error", fell
-    if (fell := _fell(first.deployed_rms_mm, last.deployed_rms_mm)) is not None:
-        yield "as deployed", fell
     if file.deployed is not None and file.deployed.carried:
         kept = ", ".join(f"{plain_name(name)}: {which}" for name, which in file.deployed.carried.items())
         yield "carried forward", kept
@@ -75,11 +77,10 @@ def _fell(before: float | None, after: float | None) -> str | None:
 
 
 def _effects(file: ModelFile) -> Iterator[Block]:
-    """The steps after the fit with what each left, and the parts that the model's effects belong to."""
-    rows = [_row(number, entry) for number, entry in enumerate(file.history)]
-    if len(rows) > 1:
-        columns = ("|", "step", "held-out RMS, mm|", "as deployed, mm|")
-        yield ResultTable(columns, rows, "How the error fell")
+    """How the error fell, and the parts that the model's effects belong to."""
+    story = story_of_file(file)
+    if story is not None:
+        yield story.table()
     yield Facts(tuple((part, _counted(names)) for part, names in file.parts.items() if names))
     yield PARTS
 
@@ -89,9 +90,3 @@ def _counted(names: Sequence[str]) -> str:
     places = Counter(EffectRef.parse(name).id for name in names)
     several = [f"{kind} at {count} places" for kind, count in places.items() if count > 1]
     return ", ".join([*several, *(plain_name(name) for name in names if places[EffectRef.parse(name).id] == 1)])
-
-
-def _row(number: int, entry: HistoryTable) -> tuple[object, ...]:
-    rivals = f" (or {', '.join(entry.indistinguishable[:2])})" if entry.indistinguishable else ""
-    errors = [None if rms is None else in_mm(rms * MM) for rms in (entry.held_out_rms_mm, entry.deployed_rms_mm)]
-    return (str(number), f"{step_title(entry.step)}{in_words(rivals)}", *errors)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from datetime import UTC, datetime
@@ -13,6 +14,7 @@ import tomli_w
 from lrm_ident.data.atomic_write import write_text
 from lrm_ident.data.error_stats import error_stats
 from lrm_ident.data.measurements import Measurements
+from lrm_ident.data.registration.set_up import nominal_arm
 from lrm_ident.data.wording import enumerate_words
 from lrm_ident.fitting.effect_plugins import file_of, sha256_of
 from lrm_ident.fitting.levenberg_marquardt import Fit
@@ -23,6 +25,7 @@ from lrm_math.arm.arm_file import arm_name_for
 from lrm_math.effects import effect_names, marked
 from lrm_math.errors import FileError, LrmError
 from lrm_math.model.covariance import CovarianceTable, covariance_table
+from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import Model
 from lrm_math.model.model_file import (
     HistoryTable,
@@ -38,6 +41,8 @@ from lrm_math.model.model_file import (
 from lrm_math.toml_file import read_toml
 
 LEFT_OUT_SHOWN = 12
+ARRAY = re.compile(r"^\S+ = \[\n(?:    .*\n)+\]$", re.MULTILINE)
+"""An array as the TOML writer puts it, an item to a line: of a covariance thousands."""
 
 
 def model_file(
@@ -66,6 +71,7 @@ def model_file(
     entry = HistoryTable(
         step=step,
         indistinguishable=list(equivalent),
+        nominal_rms_mm=None if before else _nominal_rms_mm(fit, data),
         fit_rms_mm=error_stats(fit.residual).rms * 1e3,
         held_out_rms_mm=None if held_out.error is None else held_out.error.rms * 1e3,
         deployed_rms_mm=None if held_out.deployed is None else held_out.deployed.now.rms * 1e3,
@@ -94,6 +100,10 @@ def model_file(
         ),
     )
     return _file_at(arm, [*before, entry])
+
+
+def _nominal_rms_mm(fit: Fit, data: Measurements) -> float:
+    return data.errors(solve_equilibrium(nominal_arm(fit.model.arm, data), data.poses)).rms * 1e3
 
 
 def models_of_history(file: ModelFile) -> list[tuple[str, ModelFile]]:
@@ -181,9 +191,13 @@ def check_replaces(path: Path, steps: int) -> None:
 
 
 def model_text(file: ModelFile) -> str:
-    """TOML text of a model file, with a comment for every effect that names no cause."""
+    """TOML text of a model file, an array to a line, with a comment for every effect that names no cause."""
     beside = [f"# {words}\n" for name in file.effects if (words := marked(name)) != name]
-    return "".join(beside) + tomli_w.dumps(as_tables(file))
+    return "".join(beside) + ARRAY.sub(_on_one_line, tomli_w.dumps(as_tables(file)))
+
+
+def _on_one_line(array: re.Match[str]) -> str:
+    return " ".join(line.strip() for line in array[0].split("\n")).replace("[ ", "[").replace(", ]", "]")
 
 
 def write_model(path: Path, file: ModelFile, arm: str) -> None:

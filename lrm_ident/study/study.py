@@ -200,6 +200,12 @@ class Study(ModelOnData, ShownInNotebook):
         run = run_auto(own.model, own.data, max_effects, own.catalogue, taken, own.loss, tick, rates, on_confirmed)
         return run, now
 
+    def with_course(self, course: AutoRun, nested: NestedResidual) -> Study:
+        """The study whose file also holds what the effects of a run are, and the nested held-out error."""
+        from lrm_ident.study.course_table import with_course
+
+        return replace(self, source=with_course(self.file, course, nested))
+
     def nested_held_out(
         self, executor: Executor, max_effects: int = MAX_EFFECTS, rates: EffectRates | None = None
     ) -> NestedResidual:

@@ -14,10 +14,11 @@ from lrm_ident.diagnosis.symbolic_regression.proposal import LawProposal
 from lrm_ident.fitting.levenberg_marquardt import Fit
 from lrm_ident.report.diagnosis.course import attribution_blocks, proposal_document, step_blocks
 from lrm_ident.report.diagnosis.diagnosis import diagnosis_document
-from lrm_ident.report.document import Block, blocks_html
+from lrm_ident.report.document import Block, blocks_html, heading
 from lrm_ident.report.fit import comparison_document, parameter_table
 from lrm_ident.report.model_report import history_table, quick_report, with_comparison, with_diagnosis
 from lrm_ident.report.plots.plot import plot
+from lrm_ident.report.story import story_of_file
 from lrm_ident.residual.error_breakdown import ModelComparison
 from lrm_ident.study.study import Study
 from lrm_ident.workbench.html_report import html_report
@@ -57,7 +58,9 @@ def html_of(result: object) -> str:
             return _tables([parameter_table(result)])
         case Study():
             try:
-                return _tables([history_table(result.file), *result.notices])
+                story = story_of_file(result.file)
+                told: list[Block] = [] if story is None else [heading(story.sentence), story.table()]
+                return _tables([*told, history_table(result.file), *result.notices])
             except LrmError as error:
                 return f"<p>{escape(str(error))}</p>"
     raise LrmError(f"no picture is known for a {type(result).__name__}")

@@ -68,6 +68,7 @@ ALL_EFFECTS: tuple[type[Effect], ...] = tuple(
         "moment_curves.TorqueCurve",
         "moment_curves.BaseCurve",
         "memory.friction.FrictionCurve",
+        "memory.creep.CreepSpectrum",
         "curves.AngleCurve",
         "curves.CouplingCurve",
         "curves.CableCurve",

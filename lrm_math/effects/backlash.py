@@ -36,8 +36,8 @@ class Backlash(_Play):
     id = "backlash"
     about = Description(
         cause="Gears have play; gravity pushes the joint to one end of it or, when the torque changes sign, the other.",
-        formula="δq = ½ b tanh(τ/τ0)",
-        source="form after Slamani, Nubiola & Bonev 2012, smoothed at the change of sign",
+        formula="δq = ½ b [(1 − w) tanh(τ/τ0) + w τ/√(τ² + τ0²)]",
+        source="form after Slamani, Nubiola & Bonev 2012, smoothed at the change of sign in either of two ways",
         claim="{place} has {b_rad} of backlash, end to end",
         needs="torque of both signs at the joint",
     )
@@ -51,7 +51,22 @@ class Backlash(_Play):
             fixed=0.02,
             scan=(0.003, 0.01, 0.02, 0.04, 0.08, 0.2),
         ),
+        Parameter(
+            "w_rad_per_rad",
+            "share of the play that is taken up slowly, as τ/√(τ² + τ0²)",
+            0.5,
+            0.0,
+            1.0,
+            0.0,
+            (0.0, 1.0),
+        ),
     )
+
+    def amounts(self, poses: Poses, tau: Amounts, p: Sequence[float]) -> Amounts:
+        """½ b (tanh (1 − w) + w slow), by the torque over τ0."""
+        play, scale, slow = p
+        x = tau[0] / scale
+        return (0.5 * play * ((1.0 - slow) * tanh(x) + slow * x / (1.0 + x * x) ** 0.5),)
 
     def missing_excitation(self, excitation: Excitation) -> str | None:
         """Backlash is identifiable only where the torque changes sign."""

@@ -32,6 +32,7 @@ UNIT_IN_SI = {
     "mm": 1e-3,
     "g": 1e-3,
     "s": 1.0,
+    "s_per_s": 1.0,
     "pose": 1.0,
     "per_turn": 1.0,
     "Hz": 1.0,
@@ -199,6 +200,8 @@ class Effect(ABC):
     """Ids of the effects of which this is another form, fitted beside them (`variants` gives their names); empty for an
     effect of its own."""
 
+    remembers: ClassVar[bool] = False
+    """Whether it follows the loads that were borne before a pose (`Poses.history`)."""
     names_a_cause: ClassVar[bool] = True
     """Whether it is physics. What is not is fitted last, on what the others leave, and no diagnosis looks at it."""
     extrapolation: ClassVar[Extrapolation] = Extrapolation.HELD

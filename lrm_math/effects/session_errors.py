@@ -106,7 +106,9 @@ class Drift(_SessionError):
                 Parameter(f"c{end}_{unit}_per_K", f"drift of {self.place}{end} with temperature", 0.1 * TYPICAL[unit])
                 for end, unit in ends
             ),
-            Parameter("T_s", "time constant", 1800.0, 30.0, fixed=1800.0, scan=(300.0, 900.0, 1800.0, 3600.0, 9000.0)),
+            Parameter(
+                "T_s", "time constant", 1800.0, 30.0, fixed=1800.0, scan=(60.0, 300.0, 900.0, 1800.0, 3600.0, 9000.0)
+            ),
         )
 
     def amounts(self, poses: Poses, tau: Amounts, p: Sequence[float]) -> Amounts:

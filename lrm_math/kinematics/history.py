@@ -1,9 +1,9 @@
 """History of a measurement: which load the arm held for how long before each pose.
 
-What an arm was sent to and when is known whatever the parameters are; so the loads before a pose are those of the
-nominal arm. The rows are put in the order of their times within each session; a session begins with nothing known of
-what was before it. Where no times were measured, poses follow each other in equal steps, and a number that is left out
-takes a step too.
+What an arm was sent to and when is known whatever the parameters are; the loads before a pose are those of the nominal
+arm, until they are known of a fitted one (`History.borne_by`). The rows are put in the order of their times within each
+session; a session begins with nothing known of what was before it. Where no times were measured, poses follow each
+other in equal steps, and a number that is left out takes a step too.
 """
 
 from __future__ import annotations
@@ -29,6 +29,21 @@ TINY = 1e-100
 
 
 @dataclass(frozen=True, eq=False)
+class LoadedArm:
+    """An arm under gravity at M poses.
+
+    Attributes:
+        amounts: of every slot of its chain, each a float or (M,) (rad, m). bodies: their weights, payload included.
+        gravity: in the frame of measurement (m/s²).
+    """
+
+    chain: Chain
+    amounts: Sequence[Number]
+    bodies: tuple[statics.Weight, ...]
+    gravity: statics.Gravity
+
+
+@dataclass(frozen=True, eq=False)
 class Visits:
     """All M poses that the arm was sent to, in the order of time.
 
@@ -36,7 +51,8 @@ class Visits:
         q: (M, n), commands (rad). payload: (M,), kg. step: (M,), time since the pose before (s), 0 where it begins.
         begins: (M,), whether nothing is known of what was before: the first pose of each session.
         gravity: (M, 3), unit vectors of gravity's direction, or None: as the arm file says.
-        timed: whether times were measured.
+        timed: whether times were measured. bore: the arm that bore the loads; None: the nominal one.
+        start: (n,), angles before the first pose (rad); None: not known.
     """
 
     q: Array
@@ -45,19 +61,38 @@ class Visits:
     begins: NDArray[np.bool_]
     gravity: Array | None = None
     timed: bool = True
+    bore: LoadedArm | None = None
+    start: Array | None = None
+
+    def reversals(self, joint: int) -> NDArray[np.bool_]:
+        """(M,), whether the move to each pose was against the last move of joint number `joint` from 0."""
+        first = self.q[:1] if self.start is None else self.start[None]
+        side, turned = 0.0, np.zeros(len(self.q), dtype=np.bool_)
+        for i, move in enumerate(np.sign(np.diff(self.q, axis=0, prepend=first)[:, joint]).tolist()):
+            turned[i] = move * side < 0.0
+            side = move or side
+        return turned
 
     def loads(self, chain: Chain, slots: Sequence[str]) -> Array:
-        """(M, len(slots)), gravity's load on slots, by their keys, of the nominal arm (N·m; N along a translation)."""
+        """(M, len(slots)), gravity's load on slots, by their keys (N·m; N along a translation).
+
+        `chain`: of the nominal arm.
+        """
         known, key = _LOADS.setdefault(self, {}), (chain, tuple(slots))
         if key not in known:
-            numbers = [chain.index[slot] for slot in slots]
-            values = chain.values(list(self.q.T))
-            x, y, z = chain.gravity if self.gravity is None else math.hypot(*chain.gravity) * self.gravity.T
-            bodies = statics.weights(chain, self.payload)
-            found = statics.loads(chain, values, trig(chain, values), bodies, (x, y, z), sorted(numbers))
+            arm = self.bore or self.nominal(chain)
+            numbers = [arm.chain.index[slot] for slot in slots]
+            turned = trig(arm.chain, arm.amounts)
+            found = statics.loads(arm.chain, arm.amounts, turned, arm.bodies, arm.gravity, sorted(numbers))
             columns = dict(zip(sorted(numbers), found, strict=True))
             known[key] = np.stack([np.broadcast_to(columns[k], len(self.q)) for k in numbers], axis=1)
         return known[key]
+
+    def nominal(self, chain: Chain) -> LoadedArm:
+        """The nominal arm at all visits."""
+        x, y, z = chain.gravity if self.gravity is None else math.hypot(*chain.gravity) * self.gravity.T
+        bodies = statics.weights(chain, self.payload)
+        return LoadedArm(chain, chain.values(list(self.q.T)), bodies, (x, y, z))
 
 
 _LOADS: WeakKeyDictionary[Visits, dict[tuple[Chain, tuple[str, ...]], Array]] = WeakKeyDictionary()
@@ -79,9 +114,21 @@ class History:
         return values[int(self.row[0])] if len(self.row) == 1 else values[self.row]
 
     def turned(self, rotation: Array) -> History:
-        """The same in a turned frame of measurement."""
+        """The same in a turned frame of measurement, of the nominal arm."""
         stated = self.visits.gravity
-        return self if stated is None else replace(self, visits=replace(self.visits, gravity=stated @ rotation.T))
+        if stated is None:
+            return self
+        return replace(self, visits=replace(self.visits, gravity=stated @ rotation.T, bore=None))
+
+    @property
+    def order(self) -> NDArray[np.int64] | None:
+        """(M,), the pose of each visit, where these are all visits; else None."""
+        order = np.argsort(self.row)
+        return order if np.array_equal(self.row[order], np.arange(len(self.visits.q))) else None
+
+    def borne_by(self, arm: LoadedArm) -> History:
+        """The same, with the loads that an arm bears at all visits."""
+        return replace(self, visits=replace(self.visits, bore=arm))
 
 
 def history_of(
@@ -91,8 +138,11 @@ def history_of(
     session: Array | None,
     number: NDArray[np.int64],
     gravity: Array | None = None,
+    start: Array | None = None,
 ) -> History:
     """The history of poses (N, n), rows in the order measured; their times (N,) in s, sessions and numbers (N,).
+
+    `start`: (n,), angles before the first of them (rad).
 
     Poses of equal times were measured at once; a pose that is repeated was held again.
     """
@@ -105,22 +155,28 @@ def history_of(
     begins = np.diff(of[order], prepend=-1.0) != 0.0
     step = np.where(begins, 0.0, np.diff(clock[order], prepend=0.0))
     stated = None if gravity is None else gravity[order]
-    return History(Visits(q[order], payload[order], step, begins, stated, t is not None), row)
+    return History(Visits(q[order], payload[order], step, begins, stated, t is not None, start=start), row)
 
 
 def followed(
-    history: History, driver: Array, constant: Number, stood: Number = np.inf, rest: Number = 0.0
+    history: History,
+    driver: Array,
+    constant: Number,
+    stood: Number = np.inf,
+    rest: Number = 0.0,
+    late: Number = 0.0,
 ) -> tuple[Number, Number]:
     """Memory dc/dt = (driver − c)/T at N poses: the part that is left of what was before, and the share of their own.
 
-    Between two poses the arm holds the first one, and the second one for the last `stood` seconds. The memory is the
-    first more the second times the pose's own `driver`; each is (N,), or a number for one pose.
+    Between two poses the arm holds the first one for the share `late` of the time or more, and the second one for the
+    last `stood` seconds at most. The memory is the first more the second times the pose's own `driver`; each is (N,),
+    or a number for one pose.
 
     Args:
         driver: (M,), what is followed, at all visits. constant: T (s). stood: s; they may carry derivatives, too.
         rest: s that the first pose of a session had been held before its reading; before that there was no load.
     """
-    past, own = differentiable(lambda *shapes: _followed(history.visits, driver, *shapes), constant, stood, rest)
+    past, own = differentiable(lambda *shapes: _followed(history.visits, driver, *shapes), constant, stood, rest, late)
     return history.own(past), history.own(own)
 
 
@@ -137,10 +193,10 @@ def differentiable(course: Callable[..., tuple[Any, ...]], *shapes: Any) -> tupl
     return tuple(v if s is None else Dual(v, s) for v, s in zip(values, slopes, strict=True))
 
 
-def _followed(visits: Visits, driver: Array, constant: Any, stood: Any, rest: Any) -> tuple[Array, Array]:
+def _followed(visits: Visits, driver: Array, constant: Any, stood: Any, rest: Any, late: Any) -> tuple[Array, Array]:
     """The same at all visits."""
-    step = np.where(visits.begins, rest, visits.step)
-    last = np.where((np.real(stood) < visits.step) & ~visits.begins, stood, step)
+    step, there = np.where(visits.begins, rest, visits.step), (1.0 - late) * visits.step
+    last = np.where(visits.begins, step, np.where(np.real(stood) < np.real(there), stood, there))
     kept, after = np.exp(-step / constant), np.exp(-last / constant)
     past, own = np.zeros_like(kept), 1.0 - after
     state = before = 0.0

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -14,7 +14,8 @@ from lrm_math.arrays import Array
 from lrm_math.effects.measured_range import MeasuredRange
 from lrm_math.errors import NoEquilibrium
 from lrm_math.kinematics import statics
-from lrm_math.kinematics.chain import Number, pull_back, trig
+from lrm_math.kinematics.chain import Number, chain_of, pull_back, trig
+from lrm_math.kinematics.history import LoadedArm
 from lrm_math.kinematics.poses import Poses
 from lrm_math.kinematics.scalar_or_array import ends_of, magnitude, maximum
 from lrm_math.model.effect_binding import distortion
@@ -109,6 +110,8 @@ def solve_equilibrium(
         NoEquilibrium: poses that do not converge, or where a slot deflects by more than `LARGEST_MOTION`, or
             `LARGEST_SLIDE`.
     """
+    if model.remembers and poses.history is not None and poses.history.visits.bore is None:
+        poses = with_borne_loads(model, poses)
     rigid = rigid_amounts(model, poses)
     first = list(rigid)
     near = start.slots if isinstance(start, Equilibrium) else start or rigid
@@ -120,6 +123,31 @@ def solve_equilibrium(
     true = _columns(pull_back(model.chain, found.slots, found.angles), len(poses))
     measured = _measured(model, poses, true)
     return Equilibrium(model, poses, tuple(found.slots), tuple(found.tau), measured, true, found.number)
+
+
+def with_borne_loads(model: Model, poses: Poses) -> Poses:
+    """The poses, with the loads before them those that the arm of this model bears at all visits of their history.
+
+    What a few poses of many need was found for all of them before, or is found at the commands alone. Poses without a
+    history stay as they are; where the arm has no equilibrium at some visit, the loads are those of the nominal one.
+    """
+    if (history := poses.history) is None:
+        return poses
+    visits, order = history.visits, history.order
+    if order is None and visits.bore is not None:
+        return poses
+    known = history if visits.bore else history.borne_by(visits.nominal(chain_of(model.arm)))
+    if order is not None:
+        visited = replace(poses, history=known).take(order)
+    else:
+        rows = np.arange(len(visits.q))
+        visited = Poses(visits.q, visits.payload, gravity=visits.gravity, history=replace(known, row=rows))
+    try:
+        settled = solve_equilibrium(model, visited)
+    except NoEquilibrium:
+        return replace(poses, history=known)
+    arm = LoadedArm(model.chain, settled.slots, settled.weights, settled.gravity)
+    return replace(poses, history=known.borne_by(arm))
 
 
 def measured_range(settled: Equilibrium) -> MeasuredRange:

@@ -136,6 +136,11 @@ class Model:
         bound = (replace(b, p=tuple(self.values[span].tolist()), within=self.within) for b, span in parts)
         return bind_effects(self.chain, tuple(bound))
 
+    @property
+    def remembers(self) -> bool:
+        """Whether some effect follows the loads that were borne before a pose."""
+        return any(effect.remembers for effect in self.effects)
+
     def parts(self) -> Iterator[tuple[Effect, list[float]]]:
         """Every effect with its parameters' values (SI)."""
         for effect, span in zip(self.effects, self.spans, strict=True):

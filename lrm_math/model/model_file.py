@@ -97,9 +97,23 @@ class DeployedTable(StrictSchema):
 SENTENCE = re.compile(r"(add \S+), or (.+): these data cannot tell")
 
 
+class CourseTable(StrictSchema):
+    """Table `[history.course]`: what is known once all steps up to this one were taken.
+
+    `shows`: what each effect that was added is, by its name. `noise_rms_mm`: of the measurement. `nested_rms_mm`,
+    `nested_deployed_rms_mm`: held out with the effects chosen anew in every fold, and the same as deployed.
+    """
+
+    shows: dict[str, Literal["identified cause", "candidate cause", "empirical term"]] = {}
+    noise_rms_mm: float | None = None
+    nested_rms_mm: float | None = None
+    nested_deployed_rms_mm: float | None = None
+
+
 class HistoryTable(StrictSchema):
     """One `[[history]]` entry: a step, its errors, and the whole model after it.
 
+    `nominal_rms_mm`: error of the nominal arm on the same data, of a fit.
     `deployed_rms_mm`: held-out error of the model as it is deployed, without what no rover can know.
     `indistinguishable`: effects (`id@place`) that these poses could not distinguish from the one that was added.
     `rivals_mm`: the held-out RMS that other effects alone would have left (linear), the least first; None: not known.
@@ -107,6 +121,7 @@ class HistoryTable(StrictSchema):
 
     step: str
     indistinguishable: list[str] = []
+    nominal_rms_mm: float | None = None
     fit_rms_mm: float
     held_out_rms_mm: float | None = None
     deployed_rms_mm: float | None = None
@@ -119,6 +134,7 @@ class HistoryTable(StrictSchema):
     deployed: DeployedTable | None = None
     parts: PartsTable = {}
     provenance: ProvenanceTable | None = None
+    course: CourseTable | None = None
 
     @model_validator(mode="before")
     @classmethod

@@ -19,18 +19,18 @@ from lrmd.messages.kinematics import IkRequest
 Handler: TypeAlias = Callable[[argparse.Namespace], int]
 OptionGroup: TypeAlias = Callable[[argparse.ArgumentParser], None]
 DESCRIPTION = """\
-Speaks to lrmd, the daemon that owns a robot arm. The usual course:
+Drive a robot arm through lrmd, the daemon that owns it. Usual commands:
 
-  lrm state --watch                            look (anybody may, at any time)
+  lrm state --watch                            show the state (always allowed)
   lrm arm --q 0,-60,0,0,0,0                    switch the servos on; the angles are where the arm stands NOW
-  lrm move --joint 2 30deg --joint 3 -10deg    move; it ends by itself, Ctrl-C holds
-  lrm move --q 0,-60,0,0,0,0                   all joints, ending together
+  lrm move --joint 2 30deg --joint 3 -10deg    move two joints; Ctrl-C stops and holds
+  lrm move --q 0,-60,0,0,0,0                   move all joints, ending together
   lrm disarm                                   switch the servos off: the arm falls
-  lrm estop                                    the same, at once, whoever is in command
+  lrm estop                                    emergency stop: off at once, whoever is in command
 
-RC servos jump to the first pulse they get, whatever software does. So arming wants to know where the arm stands: --q
-says it; --stored says that nobody touched the arm since the daemon left it; --board takes over a board that is still
-pulsing. Angles: 30, 30deg or 0.5rad.
+RC servos jump to the first pulse they get. So state where the arm stands when you arm it. --q gives its angles.
+--stored: nobody touched the arm since the daemon left it. --board: take over a board that is still sending pulses.
+Write angles as 30, 30deg or 0.5rad.
 """
 
 
@@ -67,10 +67,10 @@ class LrmArgumentParser(argparse.ArgumentParser):
 def parser() -> argparse.ArgumentParser:
     """The command line."""
     p = LrmArgumentParser("lrm", description=DESCRIPTION, formatter_class=argparse.RawDescriptionHelpFormatter)
-    p.add_argument("--robot", default="rover", help="whose daemon (default: %(default)s)")
-    p.add_argument("--connect", metavar="ENDPOINT", help="default: LRM_CONNECT, or tcp/127.0.0.1:7447")
+    p.add_argument("--robot", default="rover", help="name of the robot whose daemon to use (default: %(default)s)")
+    p.add_argument("--connect", metavar="ENDPOINT", help="zenoh endpoint (default: LRM_CONNECT, or tcp/127.0.0.1:7447)")
     p.add_argument("--zenoh-config", metavar="FILE", help="password or certificates (default: LRM_ZENOH_CONFIG)")
-    p.add_argument("--take", action="store_true", help="take the lease over if somebody else has it")
+    p.add_argument("--take", action="store_true", help="take command even if another client has it")
     commands = p.add_subparsers(title="commands", required=True, metavar="COMMAND")
 
     def command(name: str, run: Handler, text: str, *groups: OptionGroup) -> argparse.ArgumentParser:
@@ -81,37 +81,44 @@ def parser() -> argparse.ArgumentParser:
             add_options(sub)
         return sub
 
-    command("state", status.state, "mode, servos, temperatures and faults", _state)
-    command("info", status.info, "names, limits and rates")
-    command("arm", motion.arm, "switch servos on where they stand", _arm)
-    command("move", motion.move, "move servos and wait until they are there", _move)
+    command("state", status.state, "show mode, servos, temperatures and faults", _state)
+    command("info", status.info, "show names, limits and rates")
+    command("arm", motion.arm, "switch the servos on; state where they stand", _arm)
+    command("move", motion.move, "move servos, and wait until they arrive", _move)
     command("gripper", motion.gripper, "turn the gripper's servo", _motion).add_argument("angle", metavar="ANGLE")
     command("pan-tilt", motion.pan_tilt, "turn the camera", _motion, _pan_tilt)
-    command("ik", motion.ik, "commands that bring the bent arm's tool to a place (mm)", _goal)
-    command("goto", motion.goto, "bring the tool to a place (mm): plan a way, and go", _goal, _motion).add_argument(
-        "--line", action="store_true", help="straight, within 0.5 mm; without an orientation the tool keeps its own"
+    command("ik", motion.ik, "compute commands that bring the tool to a place (mm)", _goal)
+    command("goto", motion.goto, "move the tool to a place (mm) on a collision-free path", _goal, _motion).add_argument(
+        "--line",
+        action="store_true",
+        help="in a straight line, within 0.5 mm; the tool keeps the orientation it has, or takes yours",
     )
-    command("plan", motion.plan, "a way to joint angles, round what is between; with --go, take it", _plan, _motion)
-    command("fk", motion.fk, "where the bent arm's tool is for joint angles (mm)", _fk, _payload)
-    command("hold", motion.hold, "stop where it is, with pulses on; anybody may")
-    relax = command("relax", motion.relax, "stop the pulses: what they carried falls")
+    command("plan", motion.plan, "plan a collision-free path to joint angles; with --go, move", _plan, _motion)
+    command("fk", motion.fk, "predict where the tool is for joint angles (mm)", _fk, _payload)
+    command("hold", motion.hold, "stop and hold, with pulses on (always allowed)")
+    relax = command("relax", motion.relax, "stop the pulses of servos: what they carry falls")
     relax.add_argument("servo", nargs="*", metavar="SERVO", help="which (default: all)")
-    command("reload", status.reload, "take the model's file as it is now; nothing moves")
-    command("deploy", status.deploy, "give the daemon a model: checked, kept, used at once; nothing moves", _deploy)
+    command("reload", status.reload, "load the model file again; nothing moves")
+    command(
+        "deploy",
+        status.deploy,
+        "send a model to the daemon, which checks it and uses it at once; nothing moves",
+        _deploy,
+    )
     command("disarm", motion.disarm, "stop all pulses of an arm that stands still")
-    command("reset", motion.reset, "leave fault or estop; nothing moves")
-    estop = command("estop", motion.estop, "stop all pulses at the next tick; anybody may")
-    estop.add_argument("--why", default="", help="for the log")
-    logs = command("logs", status.logs, "the last events")
-    logs.add_argument("--follow", action="store_true", help="and those to come, until Ctrl-C")
+    command("reset", motion.reset, "leave the modes fault and estop; nothing moves")
+    estop = command("estop", motion.estop, "emergency stop: all pulses off at the next tick (always allowed)")
+    estop.add_argument("--why", default="", help="reason, for the log")
+    logs = command("logs", status.logs, "print the last events")
+    logs.add_argument("--follow", action="store_true", help="also print new events, until Ctrl-C")
     text = "calibrate one servo with a protractor and write its table into an arm file; or measure the board's clock"
     command("level1", motion.level1, text, _level1)
     return p
 
 
 def _state(c: argparse.ArgumentParser) -> None:
-    c.add_argument("--watch", action="store_true", help="again and again, until Ctrl-C")
-    c.add_argument("--metrics", action="store_true", help="and how well the ramp keeps its time")
+    c.add_argument("--watch", action="store_true", help="repeat until Ctrl-C")
+    c.add_argument("--metrics", action="store_true", help="also show how punctual the real-time process is")
 
 
 def _arm(c: argparse.ArgumentParser) -> None:
@@ -119,7 +126,7 @@ def _arm(c: argparse.ArgumentParser) -> None:
     where.add_argument("--q", metavar="Q1,Q2,...", help="the joints stand at these angles")
     where.add_argument("--at", action="append", nargs=2, metavar=("SERVO", "ANGLE"), help="this servo stands here")
     where.add_argument("--stored", action="store_true", help="nobody touched the arm since the daemon left it")
-    where.add_argument("--board", action="store_true", help="take over what the board is still putting out (default)")
+    where.add_argument("--board", action="store_true", help="take over a board that is still sending pulses (default)")
     c.add_argument("--servo", action="append", metavar="NAME", help="with --stored: only these")
 
 
@@ -129,7 +136,7 @@ def _move(c: argparse.ArgumentParser) -> None:
     c.add_argument("--servo", **pair, metavar=("NAME", "ANGLE"), help="any servo")
     c.add_argument("--q", metavar="Q1,Q2,...", help="all joints")
     _motion(c)
-    c.add_argument("--payload-g", type=float, metavar="G", help="what the gripper carries from now on")
+    c.add_argument("--payload-g", type=float, metavar="G", help="load that the gripper carries from now on")
 
 
 def _pan_tilt(c: argparse.ArgumentParser) -> None:
@@ -138,29 +145,29 @@ def _pan_tilt(c: argparse.ArgumentParser) -> None:
 
 
 def _plan(c: argparse.ArgumentParser) -> None:
-    c.add_argument("--q", required=True, metavar="Q1,Q2,...", help="where to")
-    c.add_argument("--seed", type=int, default=0, help="another seed finds another way")
-    c.add_argument("--go", action="store_true", help="and move there")
+    c.add_argument("--q", required=True, metavar="Q1,Q2,...", help="angles of the goal")
+    c.add_argument("--seed", type=int, default=0, help="seed of the search: another one finds another path")
+    c.add_argument("--go", action="store_true", help="also move there")
 
 
 def _fk(c: argparse.ArgumentParser) -> None:
-    c.add_argument("--q", metavar="Q1,Q2,...", help="default: the last commanded angles")
+    c.add_argument("--q", metavar="Q1,Q2,...", help="joint angles (default: the last commanded ones)")
 
 
 def _deploy(c: argparse.ArgumentParser) -> None:
     c.add_argument("model", nargs="?", type=Path, metavar="MODEL", help="a model file of lrm-ident")
-    c.add_argument("--undo", action="store_true", help="back to the model before the last one deployed")
-    accept = "though the tip moves by more than a fifth of the reach, or what the daemon leaves out of it matters"
+    c.add_argument("--undo", action="store_true", help="return to the model before the last one")
+    accept = "accept a model that moves the tip by more than a fifth of the reach, or loses much when deployed"
     c.add_argument("--accept", action="store_true", help=accept)
 
 
 def _level1(c: argparse.ArgumentParser) -> None:
     c.add_argument("servo", metavar="SERVO", help="joint1 ... or another servo")
-    clock = "measure the board's oscillator with this servo, before the first arming: a logic probe, or two angles"
+    clock = "measure the board's clock with this servo, by a logic probe or two angles, before the first arming"
     c.add_argument("--clock", action="store_true", help=clock)
     c.add_argument("--arm", metavar="ARM", help="the arm file to start from, or a shipped arm")
     c.add_argument("-o", "--output", type=Path, metavar="FILE", help="the new arm file")
-    text = "where to measure (default: %(default)s)"
+    text = "angles to measure at (default: %(default)s)"
     c.add_argument("--angles", default="-100,0,100", metavar="A1,A2,...", help=text)
 
 
@@ -171,13 +178,23 @@ def _goal(c: argparse.ArgumentParser) -> None:
     turn.add_argument("--rpy", metavar="R,P,Y", help="orientation: turns about the fixed x, then y, then z axis")
     turn.add_argument("--approach", metavar="X,Y,Z", help="direction that the tool points along")
     method = IkRequest.model_fields["method"]
-    c.add_argument("--method", choices=get_args(method.annotation), default=method.default, help="default: %(default)s")
-    c.add_argument("--round", choices=["each", "best"], default="best", help="how angles become counts")
+    c.add_argument(
+        "--method",
+        choices=get_args(method.annotation),
+        default=method.default,
+        help="method of the inverse (docs/ik.md; default: %(default)s)",
+    )
+    c.add_argument(
+        "--round",
+        choices=["each", "best"],
+        default="best",
+        help="round each joint alone, or the best combination (default)",
+    )
     _payload(c)
 
 
 def _payload(c: argparse.ArgumentParser) -> None:
-    c.add_argument("--payload-g", type=float, metavar="G", help="what the gripper carries (default: as before)")
+    c.add_argument("--payload-g", type=float, metavar="G", help="load that the gripper carries (default: as before)")
 
 
 def _motion(c: argparse.ArgumentParser) -> None:

@@ -119,11 +119,14 @@ def check_motion(s: ControllerState) -> None:
 
 
 def check_arming(s: ControllerState, servos: Iterable[int]) -> None:
-    """Raises `RequestError` if a servo that is to be switched on is too hot; it says when it will be cool enough."""
+    """Raises `RequestError` if a servo that is to be switched on is so hot that the arm would go to rest at once, or,
+    without a rest pose, too hot; it says when it will be cool enough."""
     hottest = s.thermal.hottest(sum(1 << i for i in servos))
-    if hottest is None or s.thermal.level(hottest) < ThermalLevel.TOO_HOT:
+    most = ThermalLevel.TOO_HOT if s.config.rest is None else ThermalLevel.HOT
+    if hottest is None or s.thermal.level(hottest) < most:
         return
-    limit, seconds = s.thermal.model.limits[ThermalLevel.TOO_HOT - 1], s.thermal.cooling_time(hottest)
+    limit = s.thermal.model.limits[most - 1]
+    seconds = s.thermal.cooling_time(hottest, limit)
     left = f"{math.ceil(seconds)} s" if seconds < 120 else f"{math.ceil(seconds / 60)} min"
     text = f"{_temperature(s, hottest)}: too hot to be switched on; it is cool enough, below {limit:g} degC, in {left}"
     raise RequestError("too_warm", text, retryable=True, servo=s.config.names[hottest], seconds=seconds)

@@ -127,9 +127,9 @@ class ThermalMonitor:
         chosen = [i for i in range(len(self.temperature)) if servos >> i & 1]
         return max(chosen, key=self.temperature.__getitem__, default=None)
 
-    def cooling_time(self, servo: int) -> float:
-        """Time (s) until a servo without pulses is no longer too hot."""
-        model, limit = self.model, self.model.limits[ThermalLevel.TOO_HOT - 1]
+    def cooling_time(self, servo: int, limit: float) -> float:
+        """Time (s) until a servo without pulses is below a limit (degC)."""
+        model = self.model
         warmer = (self.temperature[servo] - model.ambient) / (limit - model.ambient)
         return model.time_constant * math.log(max(1.0, warmer))
 

@@ -31,6 +31,18 @@ def refusal(tmp_path: Path, text: str, capsys: pytest.CaptureFixture[str]) -> st
     return lines[0]
 
 
+def test_simulated_needs_no_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The shipped configuration, with its state where its user may write; without --simulated a file is asked for."""
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
+    assert main(["--simulated", "--check"]) == 0
+    assert "lrmd.toml: in order" in capsys.readouterr().out
+    with pytest.raises(SystemExit):
+        main(["--check"])
+    assert "--config FILE" in capsys.readouterr().err
+
+
 def test_the_shipped_file_is_in_order(capsys: pytest.CaptureFixture[str]) -> None:
     config = load_config(CONFIG)
     assert config.names == (*(f"joint{i}" for i in range(1, 7)), "gripper", "pan", "tilt")

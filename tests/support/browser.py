@@ -117,6 +117,19 @@ def opened(
     return page
 
 
+def press(page: Any, name: str) -> None:
+    """Presses a button by its name, in the menu where it stands there."""
+    button = f"[data-name='{name}']"
+    if not page.is_visible(button):
+        page.click("#lrm-menu > summary")
+    page.click(button)
+
+
+def unfold(page: Any) -> None:
+    """Opens all that is folded but the menu."""
+    page.evaluate("for (const one of document.querySelectorAll('details:not(#lrm-menu)')) one.open = true")
+
+
 def idle(page: Any, also: str = "true") -> None:
     """Waits until the workbench has done its work and `also` holds in the page."""
     wait_for(page, f"document.querySelector('#lrm-work')?.checkVisibility() === false && ({also})")

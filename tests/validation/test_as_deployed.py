@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from validation.as_deployed.board.passing_world import PassingWorld
 from validation.as_deployed.catalogue import CATALOGUE, recording_of
 from validation.as_deployed.faults import FAULTS, fault_recording
 from validation.as_deployed.leaning import Lean, leaning_recording
@@ -15,6 +16,7 @@ from validation.as_deployed.pose_choice import HalfRange
 from validation.as_deployed.recording import FRESH, in_shown_frame
 from validation.as_deployed.results import line_of, read_cases, report, write_cases
 from validation.as_deployed.worlds import PARTS, SimulatedCase, keys_of
+from validation.synthetic import Schedule, true_state
 
 
 @pytest.mark.slow
@@ -37,7 +39,7 @@ def test_keys_name_their_cases_once() -> None:
     keys = [key for part in PARTS for key in keys_of(part, None, (300, 80))]
     assert len(set(keys)) == len(keys)
     for key in keys:
-        if key.partition("/")[0] not in ("board", "real"):
+        if key.partition("/")[0] not in ("loop", "board", "real"):
             case = SimulatedCase.of(key)
             assert (case.key, bool(case.hidden)) == (key, True)
 
@@ -84,3 +86,15 @@ def test_a_lean_changes_the_direction_of_gravity_alone() -> None:
     assert np.linalg.norm(tilted) == pytest.approx(9.81)
     assert np.degrees(np.arccos(-tilted[2] / 9.81)) == pytest.approx(5.0)
     assert Lean.of(0).words == "level"
+
+
+def test_the_world_of_the_loop_is_pushed_leans_and_ends_warm() -> None:
+    """What passes while measuring is over afterwards, and the floor knows it: the same arm on a level base."""
+    world = PassingWorld(3)
+    (leaning, passing), (_, lasting), (level, known) = world.passing, world.lasting, world.level
+    assert lasting == known
+    assert leaning.gravity_m_per_s2 != level.gravity_m_per_s2
+    q, load, late = np.full((1, 6), 0.3), np.zeros(1), Schedule(np.array([1e4]), np.ones(1), np.zeros(6))
+    ends = [true_state(leaning, truth, q, load, late).tcp_m for truth in (passing, lasting)]
+    np.testing.assert_allclose(ends[0], ends[1], atol=1e-9)
+    np.testing.assert_allclose(np.linalg.norm(np.diff(world.pushed(np.eye(3)), axis=0)), 2.0)

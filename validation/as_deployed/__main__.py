@@ -9,8 +9,9 @@ fresh poses with noise. Names: `?` a candidate cause, `~` an empirical term, `+`
 Parts: `catalogue` (the catalogues of hidden effects, ten pairs of effects of session or tracker, ten trackers and
 bases; 300 poses, then 80), `lean` (gravity tilted by 0 to 8 deg, 20 seeds), `beyond` (half of joint 2, 3 or 4
 measured, fresh poses in the other half), `absurd` (estimates that are absurd by construction), `board` (closed loop on
-the simulated board, 20 seeds, minutes each: distance from goals beside that with all causes known), `real` (the real
-arm in nested folds, with --real; a quarter of an hour each).
+the simulated board, 20 seeds, minutes each on an idle computer: distance from goals beside that with all causes known),
+`loop` (the same without board and daemon, seconds each), `real` (the real arm in nested folds, with --real; a quarter
+of an hour each).
 A case that is in the file of results is not run again.
 """
 

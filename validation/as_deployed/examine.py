@@ -7,6 +7,7 @@ from pathlib import Path
 from lrm_math.errors import LrmError
 from validation.as_deployed.absurd import said_by_auto
 from validation.as_deployed.board.loop import loop_record
+from validation.as_deployed.board.without_board import InstantLoop
 from validation.as_deployed.outcome import Record, examined
 from validation.as_deployed.real_arm import nested_record
 from validation.as_deployed.worlds import SimulatedCase, seed_of
@@ -15,6 +16,8 @@ from validation.as_deployed.worlds import SimulatedCase, seed_of
 def examine(key: str, real: Path | None = None) -> tuple[str, Record]:
     """The record of a case; `real`: folder of the real measurements. Never raises `LrmError`."""
     part = key.partition("/")[0]
+    if part == "loop":
+        return key, InstantLoop(seed_of(key)).record()
     if part == "board":
         return key, loop_record(seed_of(key))
     if part == "real" and real is not None:

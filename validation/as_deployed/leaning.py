@@ -1,4 +1,4 @@
-"""Bases that lean: gravity is tilted against the frame of measurement, and nothing else is hidden."""
+"""Bases that lean: gravity is tilted against the frame of measurement, alone or beside other hidden effects."""
 
 from __future__ import annotations
 
@@ -9,11 +9,12 @@ import numpy as np
 
 from validation.as_deployed.catalogue import continued_schedule
 from validation.as_deployed.recording import FRESH, WorldPlan, WorldRecording, recorded
-from validation.hidden_effects.case_generator import stable_seed
+from validation.hidden_effects.case_generator import Build, stable_seed
 from validation.hidden_effects.data import ARM_FILE, FLOOR_M, LOADS_KG
 from validation.synthetic import (
     ArmDescription,
     GroundTruth,
+    HiddenEffect,
     base_displacement_to_deviations,
     load_arm,
     random_poses,
@@ -50,11 +51,16 @@ class Lean:
         return replace(arm, gravity_m_per_s2=(x, y, z))
 
 
-def leaning_recording(seed: int, lean: Lean | None = None) -> WorldRecording:
-    """The world of a seed, or of another lean with its random arm."""
+def nothing_else(_arm: ArmDescription, _seed: int) -> tuple[HiddenEffect, ...]:
+    """No other effect."""
+    return ()
+
+
+def leaning_recording(seed: int, lean: Lean | None = None, build: Build = nothing_else) -> WorldRecording:
+    """The world of a seed, or of another lean with its random arm; `build` makes what else is hidden."""
     lean = lean or Lean.of(seed)
     arm = lean.tilted(load_arm(ARM_FILE))
-    truth = GroundTruth.random(arm, stable_seed("lean", seed, "arm"))
+    truth = GroundTruth.random(arm, stable_seed("lean", seed, "arm"), build(arm, seed))
     seeds = [stable_seed("lean", seed, what) for what in ("poses", "fresh", "loads", "noise")]
     counts = (lean.poses, FRESH)
     q = np.vstack([random_poses(arm, n, at, floor_m=FLOOR_M) for n, at in zip(counts, seeds[:2], strict=True)])

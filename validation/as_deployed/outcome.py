@@ -43,7 +43,7 @@ def examined(run: WorldRecording, floor: bool = False) -> Record:
         WHEN_mm, WHEN_max_mm: RMS and largest error as deployed at fresh poses, without noise.
         WHEN_aligned_mm: RMS after the best rigid alignment of those poses. WHEN_unsettled: poses without equilibrium.
         shown_WHEN_mm, stated_WHEN_mm: held-out RMS that the tool states, in the session and as deployed.
-        steps: see `_steps`. verdict: of `auto` in the end. seconds: of this record.
+        steps: see `steps_of`. verdict: of `auto` in the end. seconds: of this record.
     """
     began = time.perf_counter()
     with tempfile.TemporaryDirectory(prefix="as-deployed-") as folder:
@@ -67,7 +67,7 @@ def _examined(run: WorldRecording, folder: Path, floor: bool) -> Record:
     return record | {
         **_stated("before", found.steps[0]),
         **_stated("after", found.steps[-1]),
-        "steps": _steps(found),
+        "steps": steps_of(found),
         "verdict": found.verdict,
     }
 
@@ -93,7 +93,7 @@ def _stated(when: str, step: AutoStep) -> Record:
     return shown if stated is None else shown | {f"stated_{when}_mm": _short(1e3 * stated.now.rms)}
 
 
-def _steps(found: AutoRun) -> list[Record]:
+def steps_of(found: AutoRun) -> list[Record]:
     """Each step with its claim, all that it may stand for, and its estimates with how many times typical they are."""
     claims = [one.kind for one in found.attributions]
     return [

@@ -19,7 +19,7 @@ SCHEMA = "as-deployed/1"
 CLAIMS = {"finding": "", "possible_cause": "?", "description": "~"}
 OFF = 0.1
 IMPLAUSIBLE = "implausible"
-IN_MM = ("board/", "real/")
+IN_MM = ("loop/", "board/", "real/")
 Cases = dict[str, Record]
 
 
@@ -68,7 +68,7 @@ def report(cases: Cases, beside: Cases) -> str:
     if absurd := {key: one for key, one in simulated.items() if "says" in one and "steps" in one}:
         parts += ["## Absurd estimates", _claims(absurd)]
     others = {key: one for key, one in cases.items() if key not in simulated}
-    return "\n\n".join([*parts, *(["## Board and real arm, mm", _table_in_mm(others, beside)] if others else [])])
+    return "\n\n".join([*parts, *(["## Loop, board and real arm, mm", _table_in_mm(others, beside)] if others else [])])
 
 
 def group_of(key: str) -> str:

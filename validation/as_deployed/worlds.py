@@ -15,7 +15,7 @@ from validation.as_deployed.pose_choice import HalfRange
 from validation.as_deployed.real_arm import REAL
 from validation.as_deployed.recording import WorldRecording
 
-PARTS = ("catalogue", "lean", "beyond", "absurd", "board", "real")
+PARTS = ("catalogue", "lean", "beyond", "absurd", "loop", "board", "real")
 JOINTS = (2, 3, 4)
 COUNTS = (300, 80)
 
@@ -94,7 +94,7 @@ def keys_of(part: str, seeds: Sequence[int] | None, counts: Sequence[int]) -> li
     """Keys of all cases of a part."""
     if part == "real":
         return [f"{part}/{name}/{FOLDS}/0" for name in REAL]
-    if part == "board":
+    if part in ("loop", "board"):
         return [f"{part}/loop/{POSES}/{seed}" for seed in seeds or range(SEEDS)]
     return [one.key for one in cases_of(part, seeds, counts)]
 

@@ -45,7 +45,7 @@ class ViscoelasticJoint(HiddenEffect):
 
 @dataclass(frozen=True)
 class ViscoelasticBase(HiddenEffect):
-    """A base that tilts slowly under the moment on it, about both horizontal axes of its frame."""
+    """A base that tilts slowly under the moment on it, about the two horizontal axes of the world."""
 
     compliance_rad_per_nm: tuple[float, float]
     constant_s: float
@@ -56,12 +56,22 @@ class ViscoelasticBase(HiddenEffect):
         return (0,)
 
     def link_deflection(self, load: EndLoad) -> Array:
-        """Tilt about x and y."""
-        bend = np.zeros((len(load.force_n), 6))
+        """Tilt about x and y, which on this arm are not those of the base's own frame: that leans by 60 degrees."""
+        bend, moment = np.zeros((len(load.force_n), 6)), load.moment_nm @ self._turn(load).T
         for axis, compliance in enumerate(self.compliance_rad_per_nm):
-            followed = yielded(load.moment_nm[:, axis], load.poses.time_s, self.constant_s, self.late, False)
+            followed = yielded(moment[:, axis], load.poses.time_s, self.constant_s, self.late, False)
             bend[:, axis] = compliance * followed
+        bend[:, :3] = bend[:, :3] @ self._turn(load)
         return bend
+
+    @staticmethod
+    def _turn(load: EndLoad) -> Array:
+        """(3, 3), from the frame of the base as drawn to the world's."""
+        (cx, cy, cz), (sx, sy, sz) = np.cos(load.poses.arm.base.angles_rad), np.sin(load.poses.arm.base.angles_rad)
+        about_x = np.array([[1.0, 0.0, 0.0], [0.0, cx, -sx], [0.0, sx, cx]])
+        about_y = np.array([[cy, 0.0, sy], [0.0, 1.0, 0.0], [-sy, 0.0, cy]])
+        about_z = np.array([[cz, -sz, 0.0], [sz, cz, 0.0], [0.0, 0.0, 1.0]])
+        return np.asarray(about_x @ about_y @ about_z)
 
 
 @dataclass(frozen=True)
@@ -102,16 +112,37 @@ class SlippingHorn(HiddenEffect):
 
 
 @dataclass(frozen=True)
-class TwoPaceJoint(HiddenEffect):
-    """Creep with two time constants (written after the tool's effects): as polymers have, with a spectrum of them."""
+class ManyPaceJoint(HiddenEffect):
+    """Creep with several time constants (written after the tool's effects): polymers have a spectrum of them."""
 
     joint: int
     compliance_rad_per_nm: float
-    constants_s: tuple[float, float]
+    constants_s: tuple[float, ...]
     late: float = 0.0
 
     def added_angles(self, load: JointLoad) -> Array:
-        """Half of the compliance at either pace."""
+        """Equal parts of the compliance at each pace."""
         tau, time = load.tau_nm[:, self.joint - 1], load.poses.time_s
         states = [yielded(tau, time, constant, self.late, False) for constant in self.constants_s]
-        return at_joint(self.joint, 0.5 * self.compliance_rad_per_nm * (states[0] + states[1]), load.tau_nm)
+        return at_joint(self.joint, self.compliance_rad_per_nm * np.mean(states, axis=0), load.tau_nm)
+
+
+@dataclass(frozen=True)
+class PromptReading(HiddenEffect):
+    """Creep of a joint that is read a fixed time after each move, whatever the wait before it (written after the tool
+    knew a share of the wait)."""
+
+    joint: int
+    compliance_rad_per_nm: float
+    constant_s: float
+    after_s: float
+
+    def added_angles(self, load: JointLoad) -> Array:
+        """The pose before is held until the move, the new one for a few seconds."""
+        tau, time = load.tau_nm[:, self.joint - 1], load.poses.time_s
+        state = tau.copy()
+        for row in range(1, len(tau)):
+            held = max(time[row] - time[row - 1] - self.after_s, 0.0)
+            left = tau[row - 1] + (state[row - 1] - tau[row - 1]) * np.exp(-held / self.constant_s)
+            state[row] = tau[row] + (left - tau[row]) * np.exp(-self.after_s / self.constant_s)
+        return at_joint(self.joint, self.compliance_rad_per_nm * state, load.tau_nm)

@@ -9,7 +9,14 @@ import numpy as np
 
 from lrm_math.arm.arm_file import shipped_arms
 from validation.hidden_effects.case_generator import DEG, RandomSizes, stable_seed
-from validation.memory.effects import HeatedServo, SlippingHorn, TwoPaceJoint, ViscoelasticBase, ViscoelasticJoint
+from validation.memory.effects import (
+    HeatedServo,
+    ManyPaceJoint,
+    PromptReading,
+    SlippingHorn,
+    ViscoelasticBase,
+    ViscoelasticJoint,
+)
 from validation.synthetic import (
     Dataset,
     GroundTruth,
@@ -92,14 +99,27 @@ WORLDS: tuple[MemoryWorld, ...] = (
     _joint(3, 200.0, uneven, late=0.5),
     _joint(4, 60.0, with_breaks, fresh=True),
     _joint(2, 500.0, uneven, fresh=True),
-    MemoryWorld("two paces 2", ("creep@joint2",), lambda by: TwoPaceJoint(2, by.size(0.06), (30.0, 400.0)), even, True),
     MemoryWorld(
-        "two paces 3", ("creep@joint3",), lambda by: TwoPaceJoint(3, by.size(0.1), (25.0, 200.0), 0.9), uneven, True
+        "two paces 2", ("creep@joint2",), lambda by: ManyPaceJoint(2, by.size(0.06), (30.0, 400.0)), even, True
+    ),
+    MemoryWorld(
+        "two paces 3", ("creep@joint3",), lambda by: ManyPaceJoint(3, by.size(0.1), (25.0, 200.0), 0.9), uneven, True
     ),
     MemoryWorld(
         "creep base 400 s",
         ("creep@base",),
         lambda by: ViscoelasticBase((by.size(0.02), by.size(0.03)), 400.0),
+        uneven,
+        True,
+    ),
+    # written after the tool's second pace, its share of the wait and its loads of the fitted arm
+    MemoryWorld(
+        "read promptly 3", ("creep@joint3",), lambda by: PromptReading(3, by.size(0.08), 150.0, 4.0), uneven, True
+    ),
+    MemoryWorld(
+        "three paces 2",
+        ("creep@joint2",),
+        lambda by: ManyPaceJoint(2, by.size(0.06), (15.0, 120.0, 900.0)),
         uneven,
         True,
     ),
@@ -132,6 +152,8 @@ def true_parameters(hidden: HiddenEffect) -> dict[str, float]:
     """The tool's parameters, by key, that a hidden cause makes (SI); none of one that has another formula."""
     match hidden:
         case ViscoelasticJoint(joint, compliance):
+            return {f"creep.joint{joint}.k_rad_per_Nm": compliance}
+        case PromptReading(joint, compliance):
             return {f"creep.joint{joint}.k_rad_per_Nm": compliance}
         case ViscoelasticBase((about_x, about_y)):
             return {"creep.base.k_x_rad_per_Nm": about_x, "creep.base.k_y_rad_per_Nm": about_y}

@@ -24,7 +24,8 @@ class Source:
 
     Attributes:
         repository: owner/name. path, commit: of the file there. licence, author: of the data.
-        arm: shipped arm that was measured, or the path of its file. measurements: text of a measurement file, of its text.
+        arm: shipped arm that was measured, or the path of its file. measurements: makes a
+            measurement file's text of its text.
     """
 
     repository: str

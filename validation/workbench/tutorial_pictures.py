@@ -9,7 +9,7 @@ from typing import Any
 from PIL import Image
 
 from tests.conftest import ROOT
-from tests.support.browser import PATIENCE_MS, RunningWorkbench, chromium, idle, wait_for, workbench
+from tests.support.browser import PATIENCE_MS, RunningWorkbench, chromium, idle, press, unfold, wait_for, workbench
 
 PICTURES = ROOT / "docs" / "pictures" / "workbench"
 RANKED, SETTLE_MS, COLOURS = "lrm.state.values.ranking.length > 0", 4000, 256
@@ -27,12 +27,13 @@ def main() -> None:
         wait_for(page, "lrm.state.values.steps.length === 2")
         idle(page, RANKED)
         _take(page, "after")
+        unfold(page)
         page.select_option("#lrm-beside", "0")
         _take(page, "side-by-side")
         page.context.close()
         page = _opened(browser, running, "dark")
         idle(page, RANKED)
-        page.click("[data-name=undo]")
+        press(page, "undo")
         wait_for(page, "lrm.state.values.steps.length === 1 && lrm.state.candidate")
         _take(page, "dark")
 

@@ -37,8 +37,12 @@ from lrm_math.toml_file import schema_of
 group = command_group("arm", "Describe an arm: from a URDF, to a corrected URDF or MJCF, by hand.")
 arm_command = command_of(group)
 
-OwnUrdf = Annotated[Path | None, Option("--urdf", metavar="URDF", help="Your robot's own: corrected, meshes and all.")]
-OwnMjcf = Annotated[Path | None, Option("--mjcf", metavar="XML", help="Your robot's own: corrected, meshes and all.")]
+OwnUrdf = Annotated[
+    Path | None, Option("--urdf", metavar="URDF", help="URDF of your robot, to correct; all else stays.")
+]
+OwnMjcf = Annotated[
+    Path | None, Option("--mjcf", metavar="XML", help="MJCF of your robot, to correct; all else stays.")
+]
 OwnCalibration = Annotated[
     Path | None,
     Option(
@@ -71,7 +75,7 @@ XacroArguments = Annotated[
     Option("--xacro", metavar="NAME:=VALUE", help="An argument of a xacro file; give it once for each argument."),
 ]
 Accept = Annotated[
-    str, Option(metavar="RULE,…", help=f"Of {', '.join(RULES)}: what looks wrong and you know to be right.")
+    str, Option(metavar="RULE,…", help=f"Accept what looks wrong and you know to be right: {', '.join(RULES)}.")
 ]
 
 
@@ -121,10 +125,15 @@ def _arguments(written: Sequence[str]) -> dict[str, str]:
 
 @arm_command
 def export(
-    model: Annotated[str, Argument(metavar="MODEL", help="A model file written by fit, or an arm (as drawn).")],
+    model: Annotated[str, Argument(metavar="MODEL", help="A model file written by fit, or an arm (nominal).")],
     output: Annotated[
         Path,
-        Option("-o", "--output", metavar="FILE", help=".urdf; .xml for MJCF; .json for LeRobot; as the robot's own."),
+        Option(
+            "-o",
+            "--output",
+            metavar="FILE",
+            help="Where to write it: .urdf; .xml for MJCF; .json for LeRobot; the ending of your own file.",
+        ),
     ],
     urdf: OwnUrdf = None,
     mjcf: OwnMjcf = None,
@@ -135,12 +144,12 @@ def export(
     keep: Annotated[
         str,
         Option(
-            help="base, tool or base,tool: these stay as drawn. Their errors are those of the tracker's (or camera's) "
-            "frame and of the target's mount, if you measured with one."
+            help="base, tool or base,tool: these stay nominal. With a tracker or camera their errors are those of its "
+            "frame and of the mount of the target."
         ),
     ] = "",
     draws: Annotated[
-        int, Option(min=0, help="Write so many variants instead, drawn from the model's covariance: FILE-001 …")
+        int, Option(min=0, help="Write this many variants, drawn from the covariance of the model: FILE-001 …")
     ] = 0,
     seed: arg.Seed = 0,
     effects_file: arg.EffectsFile = None,

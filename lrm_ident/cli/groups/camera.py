@@ -55,7 +55,7 @@ def board(
     square_mm: SquareMm = 15.0,
     dictionary: DictionaryName = "4X4_50",
     legacy: Legacy = False,
-    paper: Annotated[str, Option(help="a4 or letter.")] = "a4",
+    paper: Annotated[str, Option(help="Paper: a4 or letter.")] = "a4",
 ) -> None:
     """Write a ChArUco board as a PDF at true scale, with a ruler to check the print."""
     the_board = _board(columns, rows, square_mm, dictionary, legacy)
@@ -130,7 +130,7 @@ def read(
     take: arg.Take = False,
     release: arg.Release = False,
 ) -> None:
-    """Turn photos of the board on the arm into measurements: its pose, with its covariance, for every commanded pose.
+    """Turn photos of the board on the arm into measurements: one pose of the board per commanded pose.
 
     Where the camera stands and how the board is mounted is found together with it. Written are DATA.csv, DATA.toml
     beside it, and DATA.camera.toml, with which `design --camera` offers only poses that the camera can see, and

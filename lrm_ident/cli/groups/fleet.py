@@ -26,7 +26,9 @@ def fleet(
     manifest: Annotated[
         Path, Argument(metavar="MANIFEST", help="A CSV, one row per arm: data, arm, name; other columns are tags.")
     ],
-    results: Annotated[Path, Option("-o", "--output", metavar="FOLDER", help="Where results go; made if need be.")],
+    results: Annotated[
+        Path, Option("-o", "--output", metavar="FOLDER", help="Folder for the results; created if it does not exist.")
+    ],
     cluster: arg.Cluster = None,
     json: arg.JsonFile = None,
     show_all: arg.ShowAll = False,

@@ -21,7 +21,8 @@ from lrm_math.toml_file import read_toml
 
 LEROBOT = "lerobot"
 Prefix = Annotated[
-    str | None, Option(metavar="WORD", help="Of a LeRobot dataset of two arms: before the joints' names, left_.")
+    str | None,
+    Option(metavar="WORD", help="Prefix of the joint names, such as left_, if a LeRobot dataset has two arms."),
 ]
 
 
@@ -30,43 +31,53 @@ def import_(
     recording: Annotated[
         Path,
         Argument(
-            metavar="RECORDING", help="CSV of OptiTrack Motive or Vicon, .mcap, or .mat with a position per pose."
+            metavar="RECORDING",
+            help="A CSV of OptiTrack Motive or Vicon, an .mcap, or a .mat with a position per pose.",
         ),
     ],
     poses: Annotated[
-        Path, Argument(metavar="POSES", help="What was driven to: a CSV as measure takes it, .mat, .txt, or .mcap.")
+        Path,
+        Argument(
+            metavar="POSES",
+            help="The commanded poses: a CSV as for measure, a log of the joints, .mat, .txt, or .mcap.",
+        ),
     ],
     output: Annotated[
         Path,
-        Option("-o", "--output", metavar="DATA", help="Measurements; a .toml file beside them."),
+        Option(
+            "-o", "--output", metavar="DATA", help="Where to write the measurements; a .toml file goes beside them."
+        ),
         arg.CompanionFiles({".toml": "metadata"}),
     ],
     arm: arg.ArmName = None,
     tool: Annotated[str | None, Option(help="Name of the body at the tip; not needed if there is only one.")] = None,
     base: Annotated[str | None, Option(help="Name of the body at the base. Default: the room's frame.")] = None,
-    every: Annotated[float | None, Option(min=0.1, help="Seconds from the end of one rest to the next.")] = None,
-    first: Annotated[float | None, Option(min=0, help="End of the first rest, seconds from the first frame.")] = None,
-    skip: Annotated[int, Option(min=0, help="Rests before the first pose; without --every they are looked for.")] = 0,
+    every: Annotated[
+        float | None, Option(min=0.1, help="Seconds from the end of one stop to the end of the next.")
+    ] = None,
+    first: Annotated[
+        float | None, Option(min=0, help="End of the first stop, in seconds from the first frame.")
+    ] = None,
+    skip: Annotated[int, Option(min=0, help="How many stops come before the first pose; they are left out.")] = 0,
     dwell: arg.Dwell = 1.0,
     axes: Annotated[str | None, Option(help="Which axes of the file are the arm's x, y, z: x,-z,y.")] = None,
-    rotation: Annotated[str | None, Option(help="Of Vicon's RX, RY, RZ: helical or euler-xyz.")] = None,
+    rotation: Annotated[str | None, Option(help="Meaning of Vicon's RX, RY, RZ: helical or euler-xyz.")] = None,
     angle_unit: Annotated[
-        str | None, Option(help="Unit of the joint angles: deg or rad. Default: as the names say.")
+        str | None, Option(help="Unit of the joint angles: deg or rad. Default: as the names of the columns state.")
     ] = None,
     prefix: Prefix = None,
 ) -> None:
     """Convert a tracker's or robot's recording to measurements: one row per pose, the mean over the end of its stop.
 
-    Rests are found where the tip stands still for twice --dwell, or taken at regular times (--every, --first). A rest
-    in which a body is hidden, frozen or jumps is left out, and said: a gap as long as a rest counts as one, where the
-    poses are as many.
+    A stop is where the tip stands still for twice --dwell, or at regular times (--every, --first). A stop in which a
+    body is hidden, frozen or jumps is left out and reported.
 
-    POSES has a row for each rest. Or it is a log, many rows with their times by any clock: the joints' rests are those
-    of the tip then, in order. An .mcap (extra: mcap) has bodies as topics of poses, or frames of tf; as POSES, its
-    JointState at the rests counts.
+    POSES has one row per stop, or is a log of the joints with many rows and their times, by any clock. The stops of
+    the joints then count as those of the tip, in order. An .mcap (extra: mcap) has bodies as topics of poses or
+    frames of tf. As POSES, its JointState is read at the stops.
 
-    With the word lerobot for RECORDING, POSES is a LeRobot dataset (v3; extra: lerobot), and DATA becomes poses: the
-    commanded angles of every rest and what the encoders read, for `camera read` or a tracker's recording.
+    For a LeRobot dataset (v3; extra: lerobot) type the word lerobot as RECORDING and the dataset as POSES. The output
+    is then poses for camera read or a tracker: the commanded angles of every stop and what the encoders read.
     """
     if recording == Path(LEROBOT):
         unit = stated_reading({"angle_unit": angle_unit}).angle_unit
@@ -123,7 +134,7 @@ def _import_lerobot(
 def checkup(
     dataset: Annotated[Path, Argument(metavar="DATASET", help="Folder of a LeRobot dataset, v2.1 or v3, in degrees.")],
     arm: Annotated[str, Option("--arm", metavar="ARM", help="A shipped arm or an arm file.")] = "so101",
-    dwell: Annotated[float, Option(min=0.2, help="Seconds that a rest lasts at least.")] = 0.5,
+    dwell: Annotated[float, Option(min=0.2, help="Seconds that a stop lasts at least.")] = 0.5,
     video: Annotated[
         str | None,
         Option(metavar="CAMERA", help="Camera of the dataset that sees the board: observation.images.front, or front."),
@@ -145,13 +156,13 @@ def checkup(
 ) -> None:
     """Check a LeRobot recording for faults of the arm: sag, dead band, leader offset, drift, a slipped horn.
 
-    Also a joint that is reversed, swapped with another, frozen, or past its encoder's seam, and what stays unexplained.
+    Also finds a joint that is reversed, swapped with another, frozen, or past its encoder's seam.
 
-    It looks at rests, where command (action) and encoder (observation.state) should agree, and finds what their
-    difference follows. Two minutes with a stop now and then are enough. The dataset is not changed.
+    Compares command (action) and encoder (observation.state) at the stops, where they should agree, and reports what
+    their difference depends on. Two minutes with a stop now and then are enough. The dataset is not changed.
 
-    With a board in the video (--video, --lens, -o; extras: camera, video) the frames of the rests are photos: where the
-    tip truly was, what the arm's parts and springs explain of it, and what is missing.
+    With a board in the video (--video, --lens, -o; extras: camera, video) the frames at the stops show where the tip
+    was. The command then also fits links and springs and diagnoses what is missing.
     """
     from lrm_ident.cli.groups.checkup_report import checkup_document, studied, with_video
     from lrm_ident.measuring.recordings.encoder_checkup import checkup as check

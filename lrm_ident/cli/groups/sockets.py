@@ -30,8 +30,8 @@ def board(
         Option("-o", "--output", metavar="STL|PDF", help="Where to write it: .stl to print, .pdf to drill a plate."),
         arg.CompanionFiles({".toml": "metadata"}),
     ],
-    length_mm: Annotated[float, Option(help="From socket A to B, and from D to C.")] = 120.0,
-    width_mm: Annotated[float, Option(help="From socket A to D, and from B to C.")] = 80.0,
+    length_mm: Annotated[float, Option(help="Distance from socket A to B, and from D to C.")] = 120.0,
+    width_mm: Annotated[float, Option(help="Distance from socket A to D, and from B to C.")] = 80.0,
     raised_mm: Annotated[float, Option(help="Height of socket E over the others; 0: none (a drilled plate).")] = 25.0,
     opening_mm: Annotated[float, Option(help="Diameter of the cones of 90 deg.")] = 12.0,
     paper: Annotated[str, Option(help="a4 or letter, for a PDF.")] = "a4",
@@ -62,13 +62,15 @@ def board(
 def record(
     output: Annotated[
         Path,
-        Option("-o", "--output", metavar="DATA", help="Touches; a file that is there goes on."),
+        Option(
+            "-o", "--output", metavar="DATA", help="Where to write the touches. The command continues an existing file."
+        ),
         arg.CompanionFiles({".toml": "metadata"}),
     ],
-    robot: Annotated[str, Option(help="feetech:/dev/ttyACM0,ids=1-5 or dynamixel:/dev/ttyUSB0,ids=1-5.")],
+    robot: Annotated[str, Option(help="The servos: feetech:/dev/ttyACM0,ids=1-5 or dynamixel:/dev/ttyUSB0,ids=1-5.")],
     board: Annotated[
         Path | None,
-        Option(metavar="TOML", help="Where its sockets are: the file that sockets board wrote."),
+        Option(metavar="TOML", help="The file with the places of the sockets, which sockets board wrote."),
     ] = None,
     arm: arg.ArmName = None,
     points: Annotated[str, Option(help="Names of the sockets by commas. Default: those of the board.")] = "",

@@ -26,7 +26,9 @@ def transfer(
         Path | None,
         Argument(metavar="FEW.csv", help="A few poses measured where the arm now stands; 6 of design --installation."),
     ] = None,
-    to: Annotated[str, Option("--to", metavar="ARM", help="Where it goes: a shipped arm, or an arm file.")] = "",
+    to: Annotated[
+        str, Option("--to", metavar="ARM", help="The arm at its new place: a shipped arm or an arm file.")
+    ] = "",
     output: Annotated[Path | None, Option("-o", "--output", metavar="MODEL", help="Where to write the model.")] = None,
     noise_mm: Annotated[
         float | None,

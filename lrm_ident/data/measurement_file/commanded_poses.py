@@ -60,7 +60,7 @@ def read_poses(
         number=number,
         friction=friction,
         gravity=down,
-        history=history_of(q, none if payload is None else payload, t, session, number, down),
+        history=history_of(q, none if payload is None else payload, t, session, number, down, start),
         running=None if t is None else _running(t, none if session is None else session),
         sha256=table.cells.sha256,
     )

@@ -107,12 +107,13 @@ def load_pose_table(
     path: Path, arm: Arm, reading: Reading = AS_NAMED, more: Collection[str] = ()
 ) -> tuple[Poses, NumberTable]:
     """Poses as `load_poses` reads them, and their table, with the quantities `more` as far as they are there."""
-    how = conventions_of(path, arm, reading).how
+    said = conventions_of(path, arm, reading)
+    how = said.how
     known = (*commanded_quantities(arm, how), *(replace(q, may_be_empty=False) for q in KNOWN if q.name in more))
     table = read_numbers(arm_columns(read_table(path), arm, how, known), known)
     if table.beyond is not None:
         raise table.beyond
-    return read_poses(table, arm, how).turned(motion_of(how)[0]), table
+    return read_poses(table, arm, how, said.start).turned(motion_of(how)[0]), table
 
 
 def says_measured(path: Path) -> bool:

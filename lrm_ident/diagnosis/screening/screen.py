@@ -6,7 +6,7 @@ Of thousands of poses a random subsample is screened, with those that the fit mi
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -31,6 +31,7 @@ from lrm_ident.residual.thresholds import SIGNIFICANCE
 from lrm_math.arrays import Array
 from lrm_math.effects import Effect
 from lrm_math.model.derivatives import Response, parameter_jacobian
+from lrm_math.model.equilibrium import with_borne_loads
 
 MOST_FAR = 200  # outliers of a fit that are screened beside the subsample
 
@@ -118,6 +119,7 @@ class Screening:
 
 def screen(whole: Fit, data: Measurements, kinds: Iterable[type[Effect]], progress: OnProgress) -> Screening:
     """Scores every effect on the residual of a fit to the data. Raises `LrmError`."""
+    whole = _with_borne_loads(whole)
     screened = rows_to_screen(whole)
     fitted, part = whole.take(screened), data.take(screened)
     weigh = RowWeights(part.whitening, fitted.weight)
@@ -128,6 +130,12 @@ def screen(whole: Fit, data: Measurements, kinds: Iterable[type[Effect]], progre
     found = [with_likely_shapes(one, fitted.residual) for one in every]
     scored, sets, undetectable = score_candidates(found, linear, weigh, progress)
     return Screening(whole, data, screened, weigh, linear, response, scored, sets, (*not_testable, *undetectable))
+
+
+def _with_borne_loads(fitted: Fit) -> Fit:
+    """The fit, its poses with the loads that its arm bore before them: what candidates with a memory follow."""
+    settled = fitted.equilibrium
+    return replace(fitted, equilibrium=replace(settled, poses=with_borne_loads(settled.model, settled.poses)))
 
 
 def rows_to_screen(fitted: Fit) -> NDArray[np.int64]:

@@ -92,6 +92,7 @@ class LevenbergMarquardt:
             first, smooth = self._reestimated(iterate, self.objective.linearise(iterate, noise).columns, free, noise)
             noise, problem = first.estimated, self.with_smoothness(smooth)
         before: NoiseUpdate | None = None
+        estimated_at: Iterate | None = None
         damping, change, idle = FIRST_DAMPING, np.inf, 0
         tolerance = PENALISED_TOLERANCE if self.smooth.penalties else POSTERIOR_TOLERANCE
         for steps in range(1, most_steps + 1):
@@ -108,9 +109,9 @@ class LevenbergMarquardt:
                 columns, off = quadratic.rows.columns, quadratic.free
                 return Optimum(problem.objective, iterate, columns, off, noise, steps, problem.smooth.stated)
             problem, noise, before = problem.with_smoothness(smooth), update.accelerated(before), update
-            if smooth.adapts:
+            if smooth.adapts and iterate is not estimated_at:  # where no step gains, a predicted gain is none
                 problem, noise = problem._performance_iteration(iterate, noise)
-            damping = min(damping, FIRST_DAMPING)
+            damping, estimated_at = min(damping, FIRST_DAMPING), iterate
         raise FitNotConverged(most_steps, change)
 
     def _start(self) -> Iterate:

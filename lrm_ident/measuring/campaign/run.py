@@ -136,7 +136,7 @@ class PoseCampaign:
                 rest = UnstableDwell(why)
             if isinstance(rest, RestMean):
                 file.append(pose, state, rest)
-                again = f", after {len(faults)} unfit rests ({faults[-1]})" if faults else ""
+                again = f", after {len(faults)} unfit stops ({faults[-1]})" if faults else ""
                 return f"pose {pose.number}: spread {in_mm(rest.sd)} mm over {rest.frames} frames{again}"
             faults.append(rest.why)
             result.repeated += 1

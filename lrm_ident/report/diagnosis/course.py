@@ -15,9 +15,10 @@ from lrm_ident.diagnosis.auto import AutoRun, AutoStep
 from lrm_ident.diagnosis.confirm import ConfirmedDiagnosis
 from lrm_ident.report.diagnosis.conclusion import UNKNOWN_FILES, CommandNames, conclude
 from lrm_ident.report.diagnosis.diagnosis import diagnosis_document, explains_words, left_values, no_cause
-from lrm_ident.report.document import Block, Document, ResultTable, heading
+from lrm_ident.report.document import Block, Document, Facts, ResultTable, heading
 from lrm_ident.report.fit import error_blocks, parameter_table
 from lrm_ident.report.plain_names import plain_name
+from lrm_ident.report.story import Story
 from lrm_ident.residual.error_breakdown import HeldOutResidual, NestedResidual
 from lrm_ident.residual.residual_structure import noise_floor
 from lrm_ident.residual.thresholds import MAX_UNEXPLAINED_RATIO
@@ -86,11 +87,13 @@ def course_document(
     with_prior: ErrorSummary | None,
     with_field: ErrorSummary | None = None,
     names: CommandNames = UNKNOWN_FILES,
+    story: Story | None = None,
 ) -> Document:
     """Result of `lrm-ident auto`, schema `lrm/course/1`: the nested held-out error and the last diagnosis.
 
     with_prior: errors of the last fit, together with a prior, if there was one. with_field: with a residual field, if
-    one was added. names: of the files in the commands to copy.
+    one was added. names: of the files in the commands to copy. story: of its
+    model file.
     """
     report, attributed = course.report, course.attributions
     last: list[Block] = [f"Cross-validated choice of effects (nested): none, because {nested.reason}"]
@@ -115,6 +118,7 @@ def course_document(
             for number, step in enumerate(course.steps)
         ],
         "verdict": report.verdict,
+        "story": story,
         "refused_as_deployed": {
             name: {"without_mm": before * 1e3, "with_mm": after * 1e3}
             for name, (before, after) in course.confirmed.worse_deployed.items()
@@ -128,7 +132,8 @@ def course_document(
         **({} if with_prior is None else {"with_prior": with_prior}),
         **({} if with_field is None else {"with_residual_field_not_a_cause": with_field}),
     }
-    told = [*last, *attribution_blocks(course), *refused_blocks(course.confirmed), ""]
+    fell: list[Block] = [] if story is None else [heading(f"The error fell: {story.sentence}"), Facts(story.facts), ""]
+    told = [*fell, *last, *attribution_blocks(course), *refused_blocks(course.confirmed), ""]
     rest = diagnosis_document(report, names)
     blocks = [*told, *conclude(report, names).blocks()]
     return Document(blocks, "lrm/course/1", values, details=rest.details, about=rest.about)

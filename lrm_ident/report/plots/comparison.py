@@ -8,24 +8,26 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lrm_ident.data.registration.set_up import nominal_arm
-from lrm_ident.report.plots.style import GREEN, HELD_OUT, MODEL, NOMINAL, figure_file, plain_number
+from lrm_ident.report.plots.style import GREEN, HELD_OUT, MODEL, NOMINAL, figure_file, legend_below, plain_number
 from lrm_ident.residual.error_breakdown import ModelComparison
 from lrm_math.arrays import Array
 from lrm_math.model.equilibrium import solve_equilibrium
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 FACTORS_DRAWN, GROUPS_DRAWN = 8, 10
 
 
-def draw_comparison(comparison: ModelComparison, path: Path) -> None:
+def draw_comparison(comparison: ModelComparison, path: Path | None) -> Figure:
     """Draws how far the error fell and what the rest follows. Raises `FileError` for an unknown format or place."""
     with figure_file(path, 13, 4.2) as figure:
         left, middle, right = figure.subplots(1, 3, width_ratios=(1.2, 1, 1.3))
         _draw_distribution(left, comparison)
         _draw_factors(middle, comparison)
         _draw_groups(right, comparison)
+    return figure
 
 
 def _draw_distribution(axes: Axes, comparison: ModelComparison) -> None:
@@ -35,12 +37,13 @@ def _draw_distribution(axes: Axes, comparison: ModelComparison) -> None:
     _cumulative(axes, comparison.residual, "model, as fitted", MODEL, "-")
     if comparison.held_out.residual is not None:
         _cumulative(axes, comparison.held_out.residual, "model, held out", HELD_OUT, "--")
-    axes.set(xlabel="TCP error, mm", ylabel="share of the poses below it, %", ylim=(0, 130), title=f"{len(data)} poses")
+    axes.set(xlabel="TCP error, mm", ylabel="share of the poses below it, %", ylim=(0, 103))
+    axes.set_title(f"How large the errors are ({len(data)} poses)", fontsize=11)
     axes.set_yticks(range(0, 101, 20))
     axes.set_xscale("log")
     axes.xaxis.set_major_formatter(plain_number)
     axes.grid(alpha=0.3, which="both")
-    axes.legend(loc="upper left", fontsize=9)
+    legend_below(axes)
 
 
 def _cumulative(axes: Axes, residual: Array, label: str, colour: str, line: str) -> None:
@@ -56,7 +59,7 @@ def _draw_factors(axes: Axes, comparison: ModelComparison) -> None:
     bars = axes.barh([factor.name for factor in factors], share, color=MODEL)
     axes.bar_label(bars, fmt="%.0f %%", padding=3)
     axes.set(xlabel="share of the residual that it explains, %", xlim=(0, max(max(share) * 1.25, 5)))
-    axes.set_title("What the residual follows")
+    axes.set_title("What the remaining error depends on", fontsize=11)
 
 
 def _draw_groups(axes: Axes, comparison: ModelComparison) -> None:
@@ -66,6 +69,19 @@ def _draw_groups(axes: Axes, comparison: ModelComparison) -> None:
     rotations = [group.equivalent_rotation for group in groups if group.equivalent_rotation is not None]
     if rotations:
         axes.bar(place, np.degrees(rotations), 0.6, color=MODEL)
+        for at, group, turn in zip(place, groups, np.degrees(rotations), strict=True):
+            words = f"{group.error.rms * 1e3:.2g} mm\n{group.count}"
+            axes.annotate(
+                words,
+                (float(at), turn),
+                xytext=(0, 3 if turn >= 0 else -3),
+                textcoords="offset points",
+                ha="center",
+                va="bottom" if turn >= 0 else "top",
+                fontsize=8,
+            )
+        axes.margins(y=0.22)
+        axes.set_title(f"Mean error by {factor.name}\n(at each bar: RMS error there, number of poses)", fontsize=11)
         axes.set(ylabel=f"acts like a turn of joint {factor.name.split()[-1]}, deg")
     else:
         for k, (hatch, colour) in enumerate((("", MODEL), ("//", HELD_OUT), ("..", GREEN))):
@@ -75,4 +91,5 @@ def _draw_groups(axes: Axes, comparison: ModelComparison) -> None:
         axes.legend(title="along")
     axes.set_xticks(place, [group.label for group in groups], rotation=35, ha="right")
     axes.axhline(0, color="black", linewidth=0.8)
-    axes.set_title(f"Residual by {factor.name}")
+    if not rotations:
+        axes.set_title(f"Mean error by {factor.name}", fontsize=11)

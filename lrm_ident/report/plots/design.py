@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from textwrap import fill
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -14,14 +15,24 @@ from lrm_ident.design.observability import INDICES, UNITS, Units
 from lrm_ident.design.parameter_elimination import ParameterElimination
 from lrm_ident.design.pose_design import CandidateSet, DesignProblem, ExpectedAccuracy, PoseDesign
 from lrm_ident.design.pose_selection import PoseSelection
-from lrm_ident.report.fit import screen_unit
-from lrm_ident.report.plots.style import GREEN, HELD_OUT, MODEL, NOMINAL, figure_file, finish, plain_number
+from lrm_ident.report.plain_names import plain_name, symbol
+from lrm_ident.report.plots.style import (
+    GREEN,
+    HELD_OUT,
+    MODEL,
+    NOMINAL,
+    figure_file,
+    finish,
+    legend_below,
+    plain_number,
+)
 from lrm_math.arrays import Array
 from lrm_math.model.equilibrium import solve_equilibrium
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
+RIVAL = 16  # letters in a line of a rival's name
 NEVER = 1e6  # height of a bar, off the figure, where a rival is never detectable
 TABLE_A_1 = (
     *(2.34e6, 1.13e6, 8.07e5, 2.93e5, 2.11e5, 1.95e4, 9.25e3, 1.71e3, 1.39e3, 1.02e3, 8.16e2, 7.28e2, 6.16e2, 4.79e2),
@@ -68,8 +79,9 @@ def draw_design(task: DesignProblem, offer: CandidateSet, found: PoseDesign, pat
     with figure_file(path, 14, 4.8) as figure:
         panels = figure.subplots(1, len(widths), width_ratios=widths)
         _draw_places(panels[0], everywhere, chosen, (0, 2))
-        _draw_errors(panels[1], [screen_unit(task.model, key)[0] for key in found.keys], sets)
-        panels[1].set_title(f"noise {task.noise * 1e3:g} mm per axis", fontsize=10)
+        _draw_errors(panels[1], list(map(symbol, found.keys)), sets)
+        title = f"Expected error of every parameter (noise {task.noise * 1e3:g} mm per axis)"
+        panels[1].set_title(title, fontsize=11)
         if found.after.discrimination is not None:
             _draw_rivals(panels[2], [rival.name for rival in found.after.discrimination.rivals], sets)
 
@@ -91,9 +103,9 @@ def _draw_errors(axes: Axes, names: Sequence[str], sets: Sequence[PlottedSet]) -
         label = f"{one.label}: TCP to {one.known.tcp:.3g} mm"
         axes.plot(place, one.known.standard_errors, one.marker, color=one.colour, label=label, markersize=6)
     _log(axes)
-    axes.set_xticks(place, names, rotation=90, fontsize=7)
-    axes.set_ylabel("expected standard error as TCP motion, mm")
-    axes.legend(fontsize=9)
+    axes.set_xticks(place, names, rotation=90, fontsize=8)
+    axes.set_ylabel("standard error, as motion of the tip, mm")
+    legend_below(axes, len(sets))
 
 
 def _draw_rivals(axes: Axes, names: Sequence[str], sets: Sequence[PlottedSet]) -> None:
@@ -113,8 +125,9 @@ def _draw_rivals(axes: Axes, names: Sequence[str], sets: Sequence[PlottedSet]) -
     sizes = [rival.detectable_size for rivals in known for rival in rivals if rival.detectable_size is not None]
     _log(axes)
     axes.set_ylim(0.5 * min(sizes, default=1.0), 3.0 * max(sizes, default=1.0))
-    axes.set_xticks(np.arange(len(names)), [name.replace("@", "\n@") for name in names], fontsize=8)
-    axes.set_ylabel("least size told apart, typical sizes")
+    axes.set_xticks(np.arange(len(names)), [fill(plain_name(name), RIVAL) for name in names], fontsize=8)
+    axes.set_ylabel("smallest size that would show, in typical sizes")
+    axes.set_title("What these poses distinguish", fontsize=11)
 
 
 def _log(axes: Axes) -> None:
@@ -135,8 +148,9 @@ def _draw_places(axes: Axes, every: Array, chosen: Array, pair: tuple[int, int])
     label = f"{len(chosen)} chosen"
     axes.plot(chosen[:, i] * 1e3, chosen[:, j] * 1e3, "o", color=GREEN, markersize=5, markeredgecolor="k", label=label)
     axes.set(xlabel=f"{'xyz'[i]}, mm", ylabel=f"{'xyz'[j]}, mm", aspect="equal")
+    axes.set_title(f"Positions of the tip, from {'the side' if j == 2 else 'above'}", fontsize=11)
     axes.grid(alpha=0.3)
-    axes.legend(fontsize=8, loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=2, frameon=False)
+    legend_below(axes, 2)
 
 
 def draw_elimination(found: ParameterElimination, path: Path) -> None:

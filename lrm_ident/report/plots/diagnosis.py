@@ -17,7 +17,7 @@ from lrm_ident.diagnosis.diagnosis_report import DiagnosisReport, RankedCandidat
 from lrm_ident.fitting.levenberg_marquardt import Fit
 from lrm_ident.report.diagnosis.conclusion import conclude
 from lrm_ident.report.plain_names import in_words, plain_name
-from lrm_ident.report.plots.style import GREEN, HELD_OUT, MODEL, NOMINAL, TITLE_LINE, figure_file, finish
+from lrm_ident.report.plots.style import GREEN, HELD_OUT, MODEL, NOMINAL, TITLE_LINE, figure_file, finish, legend_below
 from lrm_ident.residual.covariates import SYMBOLS, covariates
 from lrm_ident.residual.free_functions import FreeFunction
 from lrm_math.arrays import Array
@@ -31,8 +31,14 @@ from lrm_math.model.derivatives import respond
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 DRAWN = 9
+EVIDENCE = {
+    "supported": "improves the prediction",
+    "indistinguishable": "indistinguishable from others",
+    "no_evidence": "no evidence",
+}
 HATCH = {"supported": "", "indistinguishable": "//", "no_evidence": ".."}
 BANDS = ((MODEL, "o"), (HELD_OUT, "^"), (GREEN, "s"))
 GRID = 200
@@ -40,7 +46,7 @@ LEAST_LEVER = 0.3  # of the longest: shorter ones turn little motion of the TCP 
 DEGREES = 180.0 / np.pi
 
 
-def draw_report(report: DiagnosisReport, path: Path) -> None:
+def draw_report(report: DiagnosisReport, path: Path | None) -> Figure:
     """Draws a diagnosis. Raises `FileError` for an unknown format or a place that cannot be written."""
     first = report.first
     curve = None if first is None or first.fit is None else driver_curve(first.fit, first.scored.candidate.effect)
@@ -54,6 +60,7 @@ def draw_report(report: DiagnosisReport, path: Path) -> None:
             _draw_evidence(right, report.diagnosis, first)
         elif report.diagnosis.unexplained.ranking:
             _draw_anatomy(right, report.diagnosis, report.diagnosis.unexplained.ranking[0][0])
+    return figure
 
 
 def _draw_ranking(axes: Axes, report: DiagnosisReport) -> None:
@@ -71,8 +78,16 @@ def _draw_ranking(axes: Axes, report: DiagnosisReport) -> None:
     if floor is not None:
         axes.axvline(floor * 1e3, color="black", linestyle=":", linewidth=1.5, label=f"noise {floor * 1e3:.2f} mm")
     axes.set(xlabel="held-out RMS error with the effect added, mm", xlim=(0, 1.2 * now))
-    axes.legend(loc="upper right", fontsize=8)
-    axes.set_title(fill(conclude(report).headline, TITLE_LINE), fontsize=10)
+    verdicts = {advice.verdict for advice in shown}
+    for verdict, words in EVIDENCE.items():
+        if verdict in verdicts:
+            colour = MODEL if verdict != "no_evidence" else NOMINAL
+            axes.barh([-1], [0], color=colour, hatch=HATCH[verdict], edgecolor="white", label=words)
+    axes.set_ylim(-0.6, len(shown) - 0.4)
+    legend_below(axes, 2)
+    title = conclude(report).headline if report.first is None else plain_name(report.first.scored.name)
+    missing = title if report.first is None else f"Best candidate: {title}"
+    axes.set_title(fill(missing, TITLE_LINE), fontsize=11)
 
 
 def _draw_evidence(axes: Axes, found: Diagnosis, first: RankedCandidate) -> None:

@@ -10,9 +10,7 @@ from numpy.typing import NDArray
 
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.fitting.levenberg_marquardt import Fit, fit
-from lrm_ident.residual.better_prediction import vuong_z
 from lrm_ident.residual.data_audit import joints_of_order
-from lrm_ident.residual.thresholds import ONE_DEVIATION
 from lrm_math.arrays import Array
 from lrm_math.effects.session_errors import warms_with_the_arm
 from lrm_math.errors import LrmError
@@ -24,7 +22,7 @@ from lrm_math.model.session_state import CarriedState
 from lrm_math.model.state_after_session import passing_effects, state_after_session
 
 LAST_SHARE = 0.1
-"""Share of the poses, the last in order, that are predicted from those before them."""
+"""Share of the poses, the last in order, that are predicted from those before them; at least `FEWEST` poses."""
 SETTLED_SHARE = 0.1
 """Share of an effect's range by which it may differ from its end for the last state to hold."""
 FEWEST = 10
@@ -35,21 +33,20 @@ def with_carried_states(fitted: Fit, data: Measurements) -> Fit:
     """The fit, with the state that each session effect carries forward chosen: the mean, or of a law the end.
 
     The last tenth of the poses in order is predicted, as deployed, by a fit to those before. A law is deployed with its
-    end where that predicts better than its mean by more than a standard error. Free curves, poses without an order or
-    whose order follows a joint, and few poses are deployed with the mean: an end of the order that is the end of a
-    joint's range tells nothing of what follows. The drift of a joint follows the time since power-on, where that is
-    known later: see `_following`.
+    end where that predicts better than its mean. Free curves, poses without an order or whose order follows a joint,
+    and few poses are deployed with the mean: an end of the order that is the end of a joint's range tells nothing of
+    what follows. The drift of a joint follows the time since power-on, where that is known later: see `_following`.
     """
     model = fitted.model
     laws = [effect.name for effect in passing_effects(model) if not effect.variant_of]
     if not laws:
         return fitted
     carried: dict[str, CarriedState] = dict.fromkeys(laws, "mean")
-    cut = len(data) - round(LAST_SHARE * len(data))
+    cut = len(data) - max(round(LAST_SHARE * len(data)), FEWEST)
     ordered = data.poses.number is not None and not joints_of_order(data.poses.q)
-    if ordered and len(data) - cut >= FEWEST:
+    if ordered and cut >= FEWEST:
         rows = np.arange(len(data))
-        carried |= _surely_last(fitted, data.take(rows[:cut]), data.take(rows[cut:]), carried)
+        carried |= _predicting_better(fitted, data.take(rows[:cut]), data.take(rows[cut:]), carried)
     warming = _following(model, data.poses) if ordered else ()
     found = model.with_state(state_after_session(fitted.equilibrium, carried, warming))
     return replace(fitted, model=found, equilibrium=replace(fitted.equilibrium, model=found))
@@ -63,18 +60,18 @@ def _following(model: Model, poses: Poses) -> list[str]:
     return [effect.name for effect in model.effects if since_power_on(poses) and warms_with_the_arm(effect)]
 
 
-def _surely_last(
+def _predicting_better(
     fitted: Fit, before: Measurements, after: Measurements, means: Mapping[str, CarriedState]
 ) -> dict[str, CarriedState]:
-    """The effects whose end predicts later measurements surely better than their mean, chosen one by one; none where
-    the earlier ones cannot be fitted alone."""
+    """The state of each effect, its end or its mean, that predicts later measurements better, chosen one by one; none
+    where the earlier ones cannot be fitted alone."""
     try:
         earlier = fit(fitted.model, before, loss=fitted.loss, prior=fitted.stated).equilibrium
         chosen, least = dict(means), _squares(earlier, after, means)
         for name in means:
             other: dict[str, CarriedState] = chosen | {name: "last"}
             squares = _squares(earlier, after, other)
-            if vuong_z(least - squares) > ONE_DEVIATION:
+            if squares.mean() < least.mean():
                 chosen, least = other, squares
     except LrmError:
         return {}

@@ -8,12 +8,22 @@ from typing import NamedTuple
 
 from nicegui import ui
 
+from lrm_ident.report.plots.interactive.assets import TOLD
 from lrm_ident.workbench.session import WorkbenchSession
 from lrm_ident.workbench.work.tasks import WorkProgress
 
 ADD_FIELD = "Add a field (not a cause)"
 SURE_AFTER_S = 1.0
 """s of work after which its rate says how long the rest takes."""
+
+
+HINTS = {
+    "add": "add the chosen effect and refit everything (A)",
+    "diagnose": "find out which effect is missing",
+    "next poses": "what to measure next, to distinguish the candidates",
+    "save…": "write the model as a file (S)",
+}
+"""What the advised button does."""
 
 
 class ChosenEffect(NamedTuple):
@@ -24,9 +34,9 @@ class ChosenEffect(NamedTuple):
 
 
 class CommandBar:
-    """Commands of one tab. `button(text, action, hint)` makes a button, `add` adds the effect chosen in the tab.
+    """Commands of one tab: the one that is advised as a button, all others in a menu.
 
-    The buttons keep their places and widths whatever is going on, so that a second click meets the same button.
+    `button(text, action, hint)` makes a button, `add` adds the effect chosen in the tab, `save` asks for a file.
     """
 
     def __init__(
@@ -34,37 +44,50 @@ class CommandBar:
         session: WorkbenchSession,
         button: Callable[[str, Callable[[], object], str], ui.button],
         add: Callable[[], object],
+        save: Callable[[], object],
     ) -> None:
-        self.session = session
+        self.session, self.button = session, button
         self.task, self.begun = "", 0.0
-        with ui.element("div").classes("lrm-head lrm-commands"):
-            self.add = button("Add", add, "add the chosen effect and refit everything (A)")
-            with self.add:
-                self.name = ui.label().classes("lrm-name-of-effect")
-            self.undo = button("Undo", session.undo, "take the last step back (U)")
-            self.redo = button("Redo", session.redo, "take it again (R)")
-            self.propose = button("Propose a formula", session.propose, "where no known effect explains the error (P)")
-            self.poses = button("Next poses", session.next_poses, "what to measure next, to distinguish the candidates")
-            self.auto = button("Auto", session.auto, "add effects as advised until none is left")
-            self.field = button(
-                ADD_FIELD, session.add_field, "predict the remaining error without a name, where that surely helps"
-            )
-            self.diagnose = button("Diagnose", session.diagnose, "find out which effect is missing")
+        self.advised: dict[str, Callable[[], object]] = {
+            "add": add, "diagnose": session.diagnose, "next poses": session.next_poses, "save…": save
+        }  # fmt: skip
+        self.first = "diagnose"
+
+    def build_menu(self) -> None:
+        """The commands that change the model, and those that look for what is missing."""
+        session, button = self.session, self.button
+        self.auto = button("Auto", session.auto, "add effects as advised until none is left")
+        self.diagnose = button("Diagnose again", session.diagnose, "find out which effect is missing")
+        self.poses = button("Next poses", session.next_poses, "what to measure next, to distinguish the candidates")
+        self.propose = button("Propose a formula", session.propose, "where no known effect explains the error (P)")
+        self.field = button(
+            ADD_FIELD, session.add_field, "predict the remaining error without a name, where that surely helps"
+        )
+        self.undo = button("Undo", session.undo, "take the last step back (U)")
+        self.redo = button("Redo", session.redo, "take it again (R)")
+
+    def build_advice(self) -> None:
+        """The button that is advised; it keeps its place whatever the verdict above the panels says."""
+        self.primary = self.button("Diagnose", self._advise, "")
+        self.primary.props(remove="outline dense").classes("lrm-primary")
+        with self.primary:
+            self.name = ui.label().classes("lrm-name-of-effect")
+
+    def build_verdict(self) -> None:
+        """The work going on, why something failed, and the verdict."""
+        with ui.element("div").classes("lrm-do"):
             ui.html('<span id="lrm-asked" role="status" hidden></span>', sanitize=False)
-        with ui.element("div").classes("lrm-head lrm-told"):
-            ui.html(
-                '<p id="lrm-fall" class="lrm-fall"></p><p id="lrm-verdict" class="lrm-verdict" aria-live="polite"></p>'
-                '<div id="lrm-facts" class="lrm-small"></div><p id="lrm-next" class="lrm-small"></p>',
-                sanitize=False,
-            )
-            ui.element("div").classes("lrm-grow")
             with ui.element("div").classes("lrm-work").props('id="lrm-work" aria-live=polite') as self.work:
                 ui.spinner(size="18px")
                 self.what = ui.label()
                 bar = ui.linear_progress(0.0, show_value=False).classes("lrm-bar-of-work")
                 self.bar = bar.props('instant-feedback aria-label="progress"')
-                button("Cancel", session.cancel, "end this work (Esc)")
-            self.failure = ui.label().classes("lrm-failure").props('id="lrm-failure" role=alert')
+                self.button("Cancel", self.session.cancel, "end this work (Esc)")
+        self.failure = ui.label().classes("lrm-failure").props('id="lrm-failure" role=alert')
+        ui.html(TOLD.format(verdict="", sentence="", facts=""), sanitize=False)
+
+    def _advise(self) -> object:
+        return self.advised[self.first]()
 
     def show(self, chosen: ChosenEffect | None) -> None:
         """Shows the work going on, and what may be done; `chosen`: the effect that Add would add."""
@@ -75,17 +98,25 @@ class CommandBar:
             self.bar.set_visibility(now.of > 0)
             self.bar.set_value(now.done / now.of if now.of else 0.0)
         self.failure.set_text(session.failure)
-        ready = session.step is not None and not session.busy
-        self.add.set_text(f"Add: {chosen.title}" if chosen else "Add")
+        ready, shown = session.step is not None and not session.busy, session.shown
+        diagnosed = shown is not None and shown.diagnosed
+        if chosen is not None:
+            self.first, words = "add", f"Add: {chosen.title}"
+        elif not diagnosed:
+            self.first, words = "diagnose", "Diagnose" if session.can_diagnose else "Diagnosing…"
+        else:
+            complete = shown is not None and shown.complete
+            self.first, words = ("save…", "Save the model…") if complete else ("next poses", "Choose the next poses")
+        self.primary.set_text(words)
+        self.primary.props(f'data-name="{self.first}" title="{HINTS[self.first]}"')
         self.name.set_text(chosen.name if chosen else "")
-        self.add.set_enabled(ready and chosen is not None)
+        self.primary.set_enabled(session.can_diagnose if self.first == "diagnose" else ready)
         self.undo.set_enabled(session.can_undo)
         self.redo.set_enabled(session.can_redo)
         self.propose.set_enabled(ready)
-        self.poses.set_enabled(ready and session.shown is not None and session.shown.diagnosed)
+        self.poses.set_enabled(ready and diagnosed)
         self.auto.set_enabled(ready)
         self.field.set_enabled(ready)
-        self.diagnose.set_text("Diagnosed" if session.shown is not None and session.shown.diagnosed else "Diagnose")
         self.diagnose.set_enabled(session.can_diagnose)
 
     def _words(self, now: WorkProgress) -> str:

@@ -12,7 +12,7 @@ from nicegui import ui
 from lrm_ident.workbench.session import WorkbenchSession
 from lrm_ident.workbench.session_state import commands_text
 from lrm_ident.workbench.tab.rover_panel import RoverPanel
-from lrm_ident.workbench.work.tasks import LawResult, PosesResult
+from lrm_ident.workbench.work.tasks import LawResult, PosesResult, section_html
 from lrm_math.errors import LrmError
 
 Do = Callable[[Callable[[], object]], object]
@@ -31,15 +31,17 @@ def law_dialog(law: LawResult, session: WorkbenchSession, do: Do) -> None:
 
 def poses_dialog(poses: PosesResult) -> None:
     """Shows the next poses to measure and offers their file; or says why there are none."""
-    title = "No poses were chosen after those of" if poses.problem else "Poses to measure after those of"
+    title = f"No poses were chosen after those of {poses.data}" if poses.problem else poses.sentence
     with _dialog("lrm-next-poses", "next poses", "lrm-wide") as dialog:
-        ui.label(f"{title} {poses.data}").classes("lrm-verdict")
+        ui.label(title).classes("lrm-verdict")
+        ui.html('<div id="lrm-next-arms" class="lrm-arms"></div>', sanitize=False)
         with _buttons(dialog, "close-poses"):
             if poses.table:
                 _button("Download CSV", lambda: ui.run_javascript("window.location = '/lrm/poses'"))
         if poses.problem:
             ui.label(poses.problem).classes("lrm-failure").props("role=alert")
-        ui.html(poses.words, sanitize=False).classes("lrm-numbers")
+        ui.html(section_html("Figures of the design", poses.words), sanitize=False).classes("lrm-numbers")
+        ui.run_javascript(f"setTimeout(() => lrm.nextPoses({poses.arms}))")
 
 
 def save_dialog(session: WorkbenchSession, do: Do) -> None:
@@ -160,10 +162,10 @@ TOUR = (
         "is missing. Where points follow the line the formula fits; choose another candidate to see one that does not.",
     ),
     TourStop(
-        "panel-history",
+        "panel-story",
         "5 of 6: press Add",
-        "Press Add: everything is refitted with the effect. The error falls, fitted and held out, and the arrows "
-        "shrink, on the same scale. Undo takes the step back exactly; press a step to see it again.",
+        "Press Add, beside the verdict: everything is refitted with the effect. The error falls, the arrows shrink, "
+        "on the same scale. Undo takes the step back exactly; press a step to see it again.",
     ),
     TourStop(
         "panel-effect",

@@ -23,7 +23,10 @@ FILES = {
     "/lrm/tab": (FOLDER / "workbench.css", FOLDER / "workbench.js"),
 }
 """Files that the page fetches, by their folder in the address."""
-PANELS = FOLDER / "panels.html"
+BANNER = """<div id="lrm-banner" role="alert" hidden></div>
+<section class="lrm-panel lrm-row" id="lrm-rover" hidden aria-label="rover"><h2>Rover</h2>
+<div id="lrm-rover-arms" class="lrm-arms"></div><p id="lrm-rover-words" class="lrm-small" aria-live="off"></p>
+</section>"""
 REFRESH_S, ROVER_S = 0.1, 0.2
 SHOWN_MS = 300
 """Until the browser shows the numbers that it was sent."""
@@ -56,10 +59,15 @@ class WorkbenchPage:
         ui.add_head_html(head_html())
         ui.dark_mode(None)
         self.rover = RoverPanel(session)
+        self.bar = CommandBar(session, self._button, self._add, self._save)
         self._build_header()
-        self.bar = CommandBar(session, self._button, self._add)
         self.notice = FileNotice(session, self._button)
-        ui.html(PANELS.read_text(encoding="utf-8"), sanitize=False).classes("lrm-full")
+        ui.html(BANNER, sanitize=False).classes("lrm-full")
+        with ui.element("div").classes("lrm-hero"):
+            with ui.element("div").classes("lrm-told"):
+                self.bar.build_verdict()
+            ui.html(assets.BESIDE, sanitize=False).classes("lrm-contents")
+        ui.html(assets.BELOW, sanitize=False).classes("lrm-full")
         self.numbers = ui.html("", sanitize=False).classes("lrm-numbers")
         self.tour = dialogs.TourDialog()
         ui.on("lrm_choose", lambda event: self._choose(event.args))
@@ -76,17 +84,22 @@ class WorkbenchPage:
             ui.html('<h1 class="lrm-title">lrm-ident workbench</h1>', sanitize=False)
             self.files = ui.label().classes("lrm-files")
             ui.element("div").classes("lrm-grow")
-            self._button("Open…", lambda: ui.run_javascript("lrmPick()"), "open a CSV, a model, or both; or drop them")
-            self._button("Save…", self._save, "write the model as a file (S)")
-            self._button("Report", lambda: ui.run_javascript("window.open('/lrm/report')"), "everything in one file")
-            self._button("Commands", self._commands, "what was done, as commands (C)")
-            self._button(
-                "Live…",
-                lambda: dialogs.live_dialog(self.session, self.rover, self._do),
-                "follow a file that grows, or a rover",
-            )
-            self._button("Tour", lambda: self.tour.go_to(0), "six steps on the shipped data")
-            self._button("◐", lambda: ui.run_javascript("lrmTurnDark()"), "light or dark", name="light or dark")
+            self.bar.build_advice()
+            with ui.element("details").classes("lrm-menu").props('id="lrm-menu"'):
+                with ui.element("summary"):
+                    ui.label("Menu")
+                with ui.element("div").classes("lrm-menu-list"):
+                    self._button("Open…", lambda: ui.run_javascript("lrmPick()"), "open a CSV, a model, or both")
+                    self._button("Save…", self._save, "write the model as a file (S)")
+                    self._button("Report", lambda: ui.run_javascript("window.open('/lrm/report')"), "all in one file")
+                    self._button("Commands", self._commands, "what was done, as commands (C)")
+                    self._button("Live…", self._live, "follow a file that grows, or a rover")
+                    ui.element("hr")
+                    self.bar.build_menu()
+                    ui.element("hr")
+                    self._button("Tour", lambda: self.tour.go_to(0), "six steps on the shipped data")
+                    theme = "light or dark"
+                    self._button("Light or dark", lambda: ui.run_javascript("lrmTurnDark()"), theme, name=theme)
 
     def _button(self, text: str, action: Callable[[], object], hint: str, name: str = "") -> ui.button:
         button = ui.button(text, on_click=lambda: self._do(action)).props("no-caps unelevated dense outline")
@@ -166,6 +179,9 @@ class WorkbenchPage:
 
     def _save(self) -> None:
         dialogs.save_dialog(self.session, self._do)
+
+    def _live(self) -> None:
+        dialogs.live_dialog(self.session, self.rover, self._do)
 
     def _commands(self) -> None:
         dialogs.commands_dialog(self.session)

@@ -34,7 +34,8 @@
     if (typing || event.ctrlKey || event.metaKey || event.altKey) return;
     const key = event.key.toLowerCase();
     if ("aurplcs".includes(key) && key.length === 1) window.lrmEmit("lrm_key", key);
-    if (event.key === "Escape") window.lrmEmit("lrm_key", "escape");
+    if (event.key === "Escape" && menu()?.open) menu().open = false;
+    else if (event.key === "Escape") window.lrmEmit("lrm_key", "escape");
   });
 
   // A click is answered at once, before the server has heard of it; its answer takes the mark away.
@@ -59,23 +60,22 @@
   window.lrmTurnDark = () => paint(lrmTheme());
   lrmTheme.follow(paint);
 
+  // A stop of the tour: its panel is framed and in view below the head, and the card lies in the other half of the screen.
   window.lrmTour = (id) => {
     for (const one of document.querySelectorAll(".lrm-toured")) one.classList.remove("lrm-toured");
-    const panel = id && document.getElementById(id);
-    const card = document.querySelector(".lrm-tour");
-    if (card && panel) card.classList.toggle("lrm-left", panel.getBoundingClientRect().left > window.innerWidth / 2);
-    if (panel) { panel.classList.add("lrm-toured"); panel.scrollIntoView({ block: "nearest" }); }
+    const panel = id && document.getElementById(id), card = document.querySelector(".lrm-tour");
+    if (!panel || !card) return;
+    panel.classList.add("lrm-toured");
+    panel.scrollIntoView({ block: "start" });
+    const box = panel.getBoundingClientRect();
+    card.classList.toggle("lrm-left", box.left > innerWidth / 3 && box.width < innerWidth / 1.5);
   };
 
-  // The panels take what the head leaves of the screen, however long the verdict is.
-  let head = 0;
-  setInterval(() => {
-    const heads = [...document.querySelectorAll(".lrm-head")].reduce((sum, one) => sum + one.offsetHeight, 14);
-    if (heads === head) return;
-    head = heads;
-    document.documentElement.style.setProperty("--head", `${head}px`);
-    lrm.resize();
-  }, 300);
+  // The menu is shut by a choice of it, a click beside it, and Escape.
+  const menu = () => document.getElementById("lrm-menu");
+  document.addEventListener("click", (event) => {
+    if (menu()?.open && (!menu().contains(event.target) || event.target.closest("[data-name]"))) setTimeout(() => { menu().open = false; });
+  });
 
   let away = 0;
   setInterval(() => {

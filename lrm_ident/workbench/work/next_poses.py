@@ -5,34 +5,52 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from itertools import product
 from math import sqrt
 from typing import Any
 
+import numpy as np
+
 from lrm_ident.data.error_stats import error_stats
 from lrm_ident.data.weights.whitening import measured_alike
-from lrm_ident.design.candidate_poses import ClearanceRules, clear_poses, parse_levels
-from lrm_ident.design.pose_design import DesignProblem, design
+from lrm_ident.design.candidate_poses import (
+    DEFAULT_LEVELS,
+    MAX_COMBINATIONS,
+    ClearanceRules,
+    clear_poses,
+    parse_levels,
+)
+from lrm_ident.design.pose_design import CandidateSet, DesignProblem, PoseDesign, design
 from lrm_ident.fitting.progress import Progress
 from lrm_ident.report.design import design_document, pose_table
 from lrm_ident.report.document import Document
 from lrm_ident.report.model_report import ModelReport
-from lrm_ident.report.plain_names import in_words
+from lrm_ident.report.plain_names import in_words, plain_name
 from lrm_ident.study.study import Study
+from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_file import GRAM, MM
+from lrm_math.arrays import Array
 from lrm_math.effects import EffectRef, effects_at
 from lrm_math.errors import LrmError
+from lrm_math.kinematics.chain import chain_of
+from lrm_math.kinematics.forward import frames
 
 COUNT, REPEATS, SEED = 50, 5, 0
 """As `lrm-ident design` without options."""
+LEVELS = (5, 7, 4, 3)
+"""Counts of levels of every joint that are tried until the poses on offer can tell causes apart."""
 MOST_RIVALS = 4
 """That are tried, one after the other, until the poses on offer can tell one from the first candidate."""
 
 
 @dataclass(frozen=True, eq=False)
 class NextPoses:
-    """Poses to measure: a report on them, their file's text, and the arguments of `design` that choose the same."""
+    """Poses to measure: what they will tell, a report on them, their file's text, and the arguments of `design` that
+    choose the same. `arms`: (N, n + 2, 3), the nominal arm's frames at every pose, base to TCP (m)."""
 
+    sentence: str
     document: Document
+    arms: Array
     table: str
     arguments: tuple[str, ...]
 
@@ -41,7 +59,6 @@ def next_poses(study: Study, found: ModelReport, progress: Progress) -> NextPose
     """Chooses the next poses. Raises `LrmError`: no choice can tell any rivals apart, or there are too few poses."""
     noise_mm, arm, data = _noise_mm(found), study.model.arm, study.data
     loads_g = sorted({round(float(load) / GRAM, 3) for load in (data.poses.payload.min(), data.poses.payload.max())})
-    offer = clear_poses(arm, parse_levels(arm), [load * GRAM for load in loads_g], ClearanceRules(), SEED)
     problem = DesignProblem(
         model=study.model,
         keys=None,
@@ -58,10 +75,12 @@ def next_poses(study: Study, found: ModelReport, progress: Progress) -> NextPose
     )
     refused, ticked = list[str](), partial(progress, "choosing poses")
     ranking: Any = [] if found.diagnosis is None else found.diagnosis.values["ranking"]
-    for names in rival_pairs(ranking):
+    counts = [count for count in LEVELS if count**arm.dof <= MAX_COMBINATIONS]
+    for levels, names in product(counts, rival_pairs(ranking)):
         rivals = tuple(effect for name in names for effect in effects_at(arm, name, study.catalogue))
         task = replace(problem, rivals=rivals)
         try:
+            offer = _offer(arm, levels, loads_g)
             chosen = design(task, offer.poses, ticked)
         except LrmError as error:
             refused.append(str(error))
@@ -69,9 +88,32 @@ def next_poses(study: Study, found: ModelReport, progress: Progress) -> NextPose
         document = design_document(task, offer, chosen)
         arguments = (study.arm, *(("--separate", ",".join(names)) if names else ()))
         arguments += ("--noise-mm", f"{noise_mm:g}", "--loads-g", ",".join(f"{load:g}" for load in loads_g))
+        arguments += ("--levels", str(levels)) if levels != DEFAULT_LEVELS else ()
         blocks = [*(f"Not for a stronger rival: {in_words(words)}." for words in refused), *document.blocks]
-        return NextPoses(replace(document, blocks=blocks), pose_table(chosen).csv(), arguments)
-    raise LrmError("; ".join(refused))
+        arms = _arms(arm, chosen.poses.q)
+        table = pose_table(chosen).csv()
+        return NextPoses(_sentence(names, chosen), replace(document, blocks=blocks), arms, table, arguments)
+    raise LrmError("; ".join(dict.fromkeys(refused)))
+
+
+def _offer(arm: Arm, levels: int, loads_g: Sequence[float]) -> CandidateSet:
+    """Poses to choose from. Raises `LrmError` if none keeps the rules."""
+    return clear_poses(arm, parse_levels(arm, str(levels)), [load * GRAM for load in loads_g], ClearanceRules(), SEED)
+
+
+def _sentence(names: Sequence[str], chosen: PoseDesign) -> str:
+    """What the poses will tell, in one sentence."""
+    count = len(chosen.poses)
+    if len(names) > 1:
+        return f"These {count} poses will show whether it is {plain_name(names[0])} or {plain_name(names[1])}."
+    if names:
+        return f"These {count} poses will show more surely whether it is {plain_name(names[0])}."
+    return f"These {count} poses will make the model's parameters more certain; no effect is in doubt."
+
+
+def _arms(arm: Arm, q: Array) -> Array:
+    chain = chain_of(arm)
+    return frames(chain, chain.values(list(np.ascontiguousarray(q.T))), len(q))[:, :, :3, 3]
 
 
 def rival_pairs(ranking: Sequence[Mapping[str, Any]]) -> tuple[tuple[str, ...], ...]:

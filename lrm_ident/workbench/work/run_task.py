@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import pickle
 from collections.abc import Iterable
 from dataclasses import replace
@@ -22,13 +23,15 @@ from lrm_ident.fitting.effect_plugins import sha256_of
 from lrm_ident.fitting.levenberg_marquardt import check_enough
 from lrm_ident.fitting.progress import Progress
 from lrm_ident.report.diagnosis.course import proposal_document
-from lrm_ident.report.document import blocks_html, table_html
+from lrm_ident.report.document import blocks_html
 from lrm_ident.report.model_report import ModelReport, after_step, quick_report, with_comparison, with_diagnosis
+from lrm_ident.report.plots.interactive.candidate_view import rounded
 from lrm_ident.report.plots.interactive.values import figure_values, values_text
 from lrm_ident.residual.thresholds import MAX_EFFECTS
 from lrm_ident.study.inputs import read_measurements, read_study
 from lrm_ident.study.model_history import model_text, undo_step
 from lrm_ident.study.study import Study
+from lrm_ident.workbench.html_report import numbers_html
 from lrm_ident.workbench.work import tasks
 from lrm_ident.workbench.work.next_poses import next_poses
 from lrm_math.arm.arm import Arm
@@ -159,7 +162,8 @@ def choose_next(task: tasks.PosesTask, send: tasks.Send) -> None:
     write_text(task.kept, found.table)
     files: tuple[str | Path, ...] = ("--model", task.files.model, "--have", task.files.data, "-o", task.kept)
     command = ("design", *found.arguments, *files)
-    send(tasks.PosesResult(name, blocks_html(found.document.blocks), found.table, command=command))
+    words, arms = blocks_html(found.document.blocks), json.dumps(rounded(found.arms * 1e3, 0))
+    send(tasks.PosesResult(name, words, found.table, command=command, sentence=found.sentence, arms=arms))
 
 
 def step_found(files: tasks.OpenFiles, found: ModelReport) -> tasks.StepResult:
@@ -222,21 +226,9 @@ def step_shown(found: ModelReport) -> tasks.StepView:
         data_sha256=found.poses.sha256,
         verdict=found.verdict,
         diagnosed=found.diagnosis is not None,
+        complete=found.diagnosis is not None and found.diagnosis.values["verdict"] == "nothing_missing",
         values=values_text(figure_values(found)),
-        numbers=_numbers(found),
+        numbers=numbers_html(found),
         model=model_text(file),
         before=model_text(undo_step(file)) if len(file.history) > 1 else None,
     )
-
-
-def _numbers(found: ModelReport) -> str:
-    sections = {
-        "What is missing, and what these data cannot show": blocks_html(
-            found.diagnosis.whole if found.diagnosis else ()
-        ),
-        "Where it fails": blocks_html(found.comparison.whole if found.comparison else ()),
-        "Steps": table_html(found.history),
-        "Parameters": table_html(found.parameters),
-        "Provenance": table_html(found.provenance),
-    }
-    return "".join(tasks.section_html(title, text) for title, text in sections.items())

@@ -65,7 +65,8 @@ class StepView:
 
     Attributes:
         title: arm, file, and how many poses. data_sha256: of the measurements. verdict: of the diagnosis, or "".
-        diagnosed: whether there is a diagnosis. values: JSON of the figures. numbers: all tables, as HTML.
+        diagnosed: whether there is a diagnosis; complete: whether that finds nothing missing.
+        values: JSON of the figures. numbers: all tables, as HTML.
         model: text of the model file; before: that without the last step, or None if there is none to take back.
     """
 
@@ -77,6 +78,7 @@ class StepView:
     numbers: str
     model: str
     before: str | None
+    complete: bool = False
 
 
 @dataclass(frozen=True)
@@ -104,13 +106,16 @@ class LawResult:
 
 @dataclass(frozen=True)
 class PosesResult:
-    """The next poses to measure: what `design` prints, as HTML, or the `problem`; `command`: the words that do it."""
+    """The next poses to measure: what they will tell, what `design` prints, as HTML, or the `problem`; `command`: the
+    words that do it; `arms`: JSON of the arm's frames at every pose (mm)."""
 
     data: str
     words: str = ""
     table: str = ""
     problem: str = ""
     command: tuple[str | Path, ...] = ()
+    sentence: str = ""
+    arms: str = "[]"
 
 
 @dataclass(frozen=True)
@@ -207,5 +212,5 @@ def kept_name(number: int) -> str:
 
 
 def section_html(title: str, text: str) -> str:
-    """A section with a title around HTML; nothing where there is none."""
-    return f"<section><h2>{title}</h2>{text}</section>" if text else ""
+    """A folded section around HTML; nothing where there is none."""
+    return f'<details class="lrm-fold"><summary><h2>{title}</h2></summary>{text}</details>' if text else ""

@@ -19,25 +19,21 @@ LONG_S = 1e5
 """Longer than any wait, and than any memory."""
 CONSTANTS_S = (15.0, 30.0, 60.0, 120.0, 240.0, 480.0, 960.0, 1920.0)
 """A memory with one of them explains nearly all that one between two of them does."""
+PACES_S = {"fast": (8.0, 20.0, 50.0, 120.0), "slow": (200.0, 450.0, 1000.0, 2200.0)}
+"""Constants of two memories at once."""
 USUAL_WAITS_S, USUAL_RESTS_S = (0.0, 30.0), (0.0, 300.0)
 """Ranges that give the uncertainty of waits of which nothing else is known."""
+SHARES = (0.0, 0.5, 1.0)
 EVEN = 0.05
 """Share by which steps of time may differ and still be equal ones."""
 
 
-class Creep(Effect):
-    """Creep of a joint or of the base: deflection that lags behind the load that was held at the poses before."""
+class _SlowSpring(Effect):
+    """Deflection of a joint or of the base that lags behind the load that was held at the poses before."""
 
-    id = "creep"
     depends_on = ("time",)
+    remembers = True
     extrapolation = Extrapolation.PROPORTIONAL
-    about = Description(
-        cause="Plastic under a load yields slowly, and recovers slowly when the load is gone.",
-        formula="δ = k c, T dc/dt = τ − c, beside the spring that yields at once",
-        source="standard linear solid: Findley, Lai & Onaran 1976; Christensen 1982",
-        claim="{place} creeps under a load that is held, with a time constant of {T_s}",
-        needs="the measured order, best with times (t_s), and loads that do not run with it",
-    )
 
     @classmethod
     def places(cls, arm: Arm) -> tuple[str, ...]:
@@ -54,42 +50,127 @@ class Creep(Effect):
         """The loads on the slots that it moves."""
         return self.targets
 
-    @cached_property
-    def parameters(self) -> tuple[Parameter, ...]:
-        """Compliance of each motion in the long run; the time constant; the time at a pose before it was measured."""
-        axes = ("_x", "_y") if self.place == BASE else ("",)
-        return (
-            *(Parameter(f"k{axis}_rad_per_Nm", "compliance that yields slowly", 0.03, lower=0.0) for axis in axes),
-            Parameter("T_s", "time constant", 120.0, 1.0, fixed=120.0, scan=CONSTANTS_S),
-            Parameter("stood_s", "time at a pose before it was measured", 30.0, 0.0, fixed=LONG_S, scan=USUAL_WAITS_S),
-            Parameter("rest_s", "time under load before the first pose", 120.0, 0.0, fixed=LONG_S, scan=USUAL_RESTS_S),
-        )
+    @property
+    def axes(self) -> tuple[str, ...]:
+        """Suffix of the parameters of each motion."""
+        return ("_x", "_y") if self.place == BASE else ("",)
 
     def shapes_to_try(self, poses: Poses) -> dict[str, tuple[float, ...]]:
         """Time constants; whether the arm hung unloaded before; and, where the times between poses differ, where it
         waited: before a move or after it. With equal times the two differ by a spring only."""
-        found = {"T_s": CONSTANTS_S, "rest_s": (0.0, LONG_S)}
-        return (
-            found if poses.history is None or _even(poses.history.visits.step) else found | {"stood_s": (0.0, LONG_S)}
-        )
-
-    def amounts(self, poses: Poses, tau: Amounts, p: Sequence[float]) -> Amounts:
-        """k c; where nobody knows what was before, the load has been held for long: k τ."""
-        *k, constant, stood, rest = p
-        if poses.history is None:
-            return tuple(a * load for a, load in zip(k, tau, strict=True))
-        held = poses.history.visits.loads(chain_of(self.arm), self.load_slots)
-        out: list[Number] = []
-        for a, load, borne in zip(k, tau, held.T, strict=True):
-            past, own = (
-                followed(poses.history, borne, constant, stood, rest) if isinstance(a, Dual) or a else (0.0, 0.0)
-            )
-            out.append(a * (past + own * load))
-        return tuple(out)
+        found = {p.name: p.scan for p in self.parameters if p.scan and p.name != "stood_s"}
+        known = poses.history is None or _even(poses.history.visits.step)
+        return {name: scan for name, scan in found.items() if name != "late_s_per_s" or not known}
 
     def missing_excitation(self, excitation: Excitation) -> str | None:
         """The order must be known."""
         return "the order of measurement is not known" if excitation.poses.history is None else None
+
+    def yielded(
+        self,
+        poses: Poses,
+        tau: Amounts,
+        k: Sequence[float],
+        constant: Number,
+        stood: Number,
+        rest: Number,
+        late: Number,
+    ) -> list[Number]:
+        """k c of each motion; where nobody knows what was before, the load has been held for long: k τ."""
+        if poses.history is None:
+            return [a * load for a, load in zip(k, tau, strict=True)]
+        held = poses.history.visits.loads(chain_of(self.arm), self.load_slots)
+        out: list[Number] = []
+        for a, load, borne in zip(k, tau, held.T, strict=True):
+            past, own = (
+                followed(poses.history, borne, constant, stood, rest, late) if isinstance(a, Dual) or a else (0.0, 0.0)
+            )
+            out.append(a * (past + own * load))
+        return out
+
+
+STOOD = Parameter(
+    "stood_s", "longest time at a pose before it was measured", 30.0, 0.0, fixed=LONG_S, scan=USUAL_WAITS_S
+)
+REST = Parameter("rest_s", "time under load before the first pose", 120.0, 0.0, fixed=LONG_S, scan=USUAL_RESTS_S)
+LATE = Parameter(
+    "late_s_per_s", "share of the time between poses before the move", 0.3, 0.0, 1.0, fixed=0.0, scan=SHARES
+)
+
+
+class Creep(_SlowSpring):
+    """Creep of a joint or of the base: deflection that lags behind the load that was held at the poses before."""
+
+    id = "creep"
+    about = Description(
+        cause="Plastic under a load yields slowly, and recovers slowly when the load is gone.",
+        formula="δ = k c, T dc/dt = τ − c, beside the spring that yields at once",
+        source="standard linear solid: Findley, Lai & Onaran 1976; Christensen 1982",
+        claim="{place} creeps under a load that is held, with a time constant of {T_s}",
+        needs="the measured order, best with times (t_s), and loads that do not run with it",
+    )
+
+    @cached_property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """Compliance of each motion in the long run; the time constant; the time at a pose before it was measured."""
+        return (
+            *(Parameter(f"k{axis}_rad_per_Nm", "compliance that yields slowly", 0.03, lower=0.0) for axis in self.axes),
+            Parameter("T_s", "time constant", 120.0, 1.0, fixed=120.0, scan=CONSTANTS_S),
+            STOOD,
+            REST,
+            LATE,
+        )
+
+    def shapes_to_try(self, poses: Poses) -> dict[str, tuple[float, ...]]:
+        """As every slow spring; before the first pose it hung unloaded, or had been loaded for long."""
+        found = super().shapes_to_try(poses)
+        return found | {"rest_s": (0.0, LONG_S)}
+
+    def amounts(self, poses: Poses, tau: Amounts, p: Sequence[float]) -> Amounts:
+        """k c."""
+        *k, constant, stood, rest, late = p
+        return tuple(self.yielded(poses, tau, k, constant, stood, rest, late))
+
+
+class CreepSpectrum(_SlowSpring):
+    """Creep at several paces at once, as polymers have: two more beside that of the plain creep."""
+
+    id = "creep_spectrum"
+    variant_of = (Creep.id,)
+    about = Description(
+        cause="A polymer yields at many paces at once, from seconds to hours.",
+        formula="δ = Σ k_i c_i, T_i dc_i/dt = τ − c_i, a fast and a slow one",
+        source="Prony series of the generalised Kelvin-Voigt solid: Findley, Lai & Onaran 1976",
+        claim="{place} creeps at several paces at once, {T_fast_s} and {T_slow_s}",
+        needs="what creep needs, over longer",
+    )
+
+    @cached_property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """Compliance of each motion at each pace, beside that of the plain creep; the time constants;
+        the share of the time between poses before the move."""
+        return (
+            *(
+                Parameter(f"k_{pace}{axis}_rad_per_Nm", f"compliance that yields at the {pace} pace", 0.03, lower=0.0)
+                for pace in PACES_S
+                for axis in self.axes
+            ),
+            *(
+                Parameter(f"T_{pace}_s", f"time constant of the {pace} pace", some[1], 1.0, fixed=some[1], scan=some)
+                for pace, some in PACES_S.items()
+            ),
+            LATE,
+        )
+
+    def amounts(self, poses: Poses, tau: Amounts, p: Sequence[float]) -> Amounts:
+        """Σ k_i c_i."""
+        size = len(self.targets)
+        *k, fast, slow, late = p
+        one, other = (
+            self.yielded(poses, tau, some, constant, LONG_S, LONG_S, late)
+            for some, constant in ((k[:size], fast), (k[size:], slow))
+        )
+        return tuple(a + b for a, b in zip(one, other, strict=True))
 
 
 def _even(step: Array) -> bool:

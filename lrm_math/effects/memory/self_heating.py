@@ -15,6 +15,7 @@ class SelfHeating(JointEffect):
 
     id = "self_heating"
     depends_on = ("time", "angle")
+    remembers = True
     extrapolation = Extrapolation.PROPORTIONAL
     about = Description(
         cause="A servo's losses grow with the square of the torque that it holds; as it warms, its angle drifts.",

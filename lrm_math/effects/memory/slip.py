@@ -22,6 +22,7 @@ class Slip(JointEffect):
 
     id = "slip"
     depends_on = ("time",)
+    remembers = True
     extrapolation = Extrapolation.PROPORTIONAL
     about = Description(
         cause="A horn or a clamp that is not tight slips a little whenever its joint reverses under load.",
@@ -47,7 +48,7 @@ class Slip(JointEffect):
         if poses.history is None:
             return (0.0,)
         visits = poses.history.visits
-        load, turns = self._loads(visits), reversals(visits.q[:, self.joint])
+        load, turns = self._loads(visits), visits.reversals(self.joint)
         (slipped,) = differentiable(lambda scale: (_slipped(load, turns, scale),), p[1])
         z: Number = poses.history.own(slipped)
         return (p[0] * z,)
@@ -63,15 +64,6 @@ class Slip(JointEffect):
         if excitation.reversals(self.joint) < FEW_REVERSALS:
             return f"{self.place} (nearly) never reverses"
         return None
-
-
-def reversals(q: Array) -> NDArray[np.bool_]:
-    """(M,), whether the move to each pose was against the joint's last one. `q`: (M,), commands in order."""
-    side, turned = 0.0, np.zeros(len(q), dtype=np.bool_)
-    for i, move in enumerate(np.sign(np.diff(q, prepend=q[:1])).tolist()):
-        turned[i] = move * side < 0.0
-        side = move or side
-    return turned
 
 
 def _slipped(load: Array, turned: NDArray[np.bool_], scale: complex) -> Array:

@@ -324,7 +324,8 @@ static void joint_errors(const Arm *a, const double *gravity_load, const double 
         case SERVO_GAIN: out[j] += (x > 0 ? p[0] : p[1]) * x; break;
         case ECCENTRICITY:
             out[j] += p[0] * sin(x) + p[1] * (cos(x) - 1) + 2 * sin(x) * (p[2] * cos(x) - p[3] * sin(x)); break;
-        case BACKLASH: out[j] += 0.5 * p[0] * tanh(load / p[1]); break;
+        case BACKLASH:
+            out[j] += 0.5 * p[0] * ((1 - p[2]) * tanh(load / p[1]) + p[2] * load / hypot(load, p[1])); break;
         case NONLINEAR_STIFFNESS: out[j] += nonlinear_deflection(p, load); break;
         case HYSTERESIS: out[j] += 0.5 * p[0] * side[j]; break;
         case COUPLING: out[j] += p[0] * q[(int)p[1]]; break;

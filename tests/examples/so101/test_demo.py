@@ -75,7 +75,9 @@ def test_the_last_screen_has_the_fall_and_the_name_beside_the_truth(
         ("hysteresis@joint2", "the same cause in a simpler form", False),
         ("backlash@joint2", "NOT what was hidden", False),
     ):
-        conclude(tmp_path, truth, NamedEffect("effect_missing", name, (), 0.1), results, "corrected by", noise, 1.0)
+        conclude(
+            tmp_path, truth, NamedEffect("effect_missing", name, (), 0.1), results, "corrected by", noise, 1.0, "all"
+        )
         assert f"{name}: {words}." in capsys.readouterr().out
         found = json.loads((tmp_path / "demo.json").read_text())
         assert found["right"] is right

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import re
 import shlex
 from pathlib import Path
 
@@ -16,6 +15,7 @@ from examples.so101.launch import simulated_camera, simulated_so101, simulated_t
 from lrm_ident.data.measurement_file.number_table import numbers_of, read_csv
 from tests.conftest import ROOT
 from tests.support.commands import run_command
+from tests.support.page_commands import lines_of
 from validation.lerobot_robot.fitted_model import fit_hidden
 from validation.synthetic import load_arm
 
@@ -24,8 +24,8 @@ QUICK = ("--settle", "0.1", "--dwell", "0.2", "--speed", "120")
 
 
 def commands_of(page: Path) -> list[str]:
-    lines = re.findall(r"^    lrm-ident (.*)$", page.read_text(), re.MULTILINE)
-    return [line for line in lines if "feetech:" in line or line.startswith("design so101")]
+    """Those that drive bare servos."""
+    return [line for line in lines_of(page) if "feetech:" in line or line.startswith("design so101")]
 
 
 @pytest.mark.slow

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 from collections.abc import Callable
 from pathlib import Path
@@ -9,9 +10,10 @@ from time import monotonic
 from typing import Any
 
 import pytest
+from rich.console import Console
 
-from lrm_ident.cli import diagnosis
-from lrm_ident.cli.common import TakesLonger, timed
+from lrm_ident.cli import common, diagnosis
+from lrm_ident.cli.common import TakesLonger, pausing_bars, timed
 from lrm_ident.diagnosis.auto import AutoStep
 from lrm_ident.fitting.progress import TimeOfParts
 from lrm_ident.study.study import Study
@@ -106,3 +108,19 @@ def test_the_time_left_is_said_of_each_fold_and_what_nobody_asked_for_ends(capsy
     assert longer.value.expected == pytest.approx(300.0, rel=0.1)
     with pytest.raises(TakesLonger), timed(TimeOfParts(2, monotonic() - 121.0), 120.0) as shown:
         shown("choosing anew", 0, 10)
+
+
+def test_bars_of_a_long_work_are_gone_before_a_step_is_printed(monkeypatch: pytest.MonkeyPatch) -> None:
+    """`auto` prints its steps to the same terminal."""
+    terminal = Console(file=io.StringIO(), force_terminal=True, width=80)
+    monkeypatch.setattr(common, "log", terminal)
+    monkeypatch.setattr(common, "animated", lambda: True)
+    with pausing_bars() as (tick, pause):
+        for _ in range(2):
+            tick("looking for what is missing", 1, 4)
+            assert terminal._live_stack, "a bar is shown"
+            pause()
+            assert not terminal._live_stack
+    shown = terminal.file.getvalue()  # type: ignore[attr-defined]
+    assert "looking for what is missing" in shown
+    assert "25%" in shown

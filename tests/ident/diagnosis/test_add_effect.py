@@ -12,6 +12,8 @@ from lrm_ident.data.error_stats import error_stats
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.diagnosis.add_effect import add_effects
 from lrm_ident.fitting.levenberg_marquardt import fit
+from lrm_ident.fitting.parameter_sets import no_bounds
+from lrm_ident.fitting.priors import with_range_priors
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_file import load_arm
 from lrm_math.arrays import Array
@@ -21,6 +23,7 @@ from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import Model, model_of
 
 NOISE, POSES = 1e-4, 120
+SLOW = "backlash.joint2.w_rad_per_rad"
 PLAY, SOFTNESS, WIDTH = "backlash@joint2", "backlash.joint2.tau0_Nm", "backlash.joint2.b_rad"
 FREE = ("offsets.joint2.theta_rad", "compliance.joint2.k_rad_per_Nm", "compliance.joint3.k_rad_per_Nm")
 STANDARD_ERROR = 0.5 / (3 * POSES)  # of a parameter: so much may another value lower the RMS, relatively
@@ -65,8 +68,10 @@ def test_standard_errors_count_that_the_shape_is_unknown_too() -> None:
     held = add_effects(model, data, [effect])
     free = fit(held.model.with_free((*held.model.free, SOFTNESS)), data, prior=held.stated, near=held.equilibrium)
     assert held.standard_error == pytest.approx(free.standard_error[:-1], rel=0.03)
-    width, C = held.model.free.index(WIDTH), free.covariance
-    conditional = C[width, width] - C[width, -1] ** 2 / C[-1, -1]
+    both = held.model.with_free((*held.model.free, SOFTNESS, SLOW))
+    prior = with_range_priors(held.stated, both, (SOFTNESS, SLOW))
+    C, width = fit(both, data, no_bounds(both.free), prior=prior).covariance, held.model.free.index(WIDTH)
+    conditional = C[width, width] - C[width, -2:] @ np.linalg.solve(C[-2:, -2:], C[-2:, width])
     assert held.standard_error[width] > 1.05 * np.sqrt(conditional)
 
 

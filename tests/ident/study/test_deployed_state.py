@@ -68,6 +68,14 @@ def test_the_deployed_arm_is_the_one_at_the_end(name: str, size: float) -> None:
     assert off.max() < 5.0 * NOISE, "the cold arm, or the first session, would be millimetres off"
 
 
+def test_sixty_poses_suffice_to_see_that_the_arm_stays_warm() -> None:
+    """A tenth of them are six; ten are predicted."""
+    data = measured({"drift.joint1.A_rad": 0.05}).take(np.arange(0, COUNT, 2))
+    state = fitted(data, DRIFT).model.state
+    assert state is not None
+    assert state.carried == {DRIFT: "last"}
+
+
 def test_both_errors_are_shown_and_apart() -> None:
     """Warm the deployed model is at the noise; over the poses of the cold arm it is not, and that is said."""
     study = fitted(measured({"drift.joint1.A_rad": 0.05}), DRIFT)

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from tests.support.browser import SHOTS, RunningWorkbench, axe_violations, idle, opened, says, wait_for
+from tests.support.browser import SHOTS, RunningWorkbench, axe_violations, idle, opened, press, says, wait_for
 
 SIZE, WIDTHS = {"width": 1280, "height": 900}, (390, 1440)
 RANKED = "lrm.state.values.ranking.length > 0"
@@ -48,7 +48,7 @@ def test_axe_finds_nothing_in_any_dialog(browser: Any, small: RunningWorkbench) 
             one.click()
     look("what-if-and-explain")
     for name in ("save…", "commands", "live…", "tour"):
-        page.click(f"[data-name='{name}']")
+        press(page, name)
         page.wait_for_timeout(SETTLED_MS)
         look(name.strip("…"))
         page.get_by_role("button", name="Close").locator("visible=true").last.click()
@@ -57,7 +57,7 @@ def test_axe_finds_nothing_in_any_dialog(browser: Any, small: RunningWorkbench) 
         ("next poses", "#lrm-next-poses", "close-poses"),
         ("propose a formula", "#lrm-law", "close-law"),
     ):
-        page.click(f"[data-name='{name}']")
+        press(page, name)
         page.wait_for_selector(dialog)
         look(name)
         page.click(f"[data-name={closing}]")

@@ -13,7 +13,7 @@ from lrm_ident.data.measurement_file.write import measurements_csv
 from lrm_ident.workbench.tab.command_bar import ADD_FIELD
 from lrm_ident.workbench.work.tasks import FIELD
 from lrm_math.effects import FIELDS, NOT_A_CAUSE, marked
-from tests.support.browser import SHOTS, BrowserLog, RunningWorkbench, idle, opened, wait_for, workbench
+from tests.support.browser import SHOTS, BrowserLog, RunningWorkbench, idle, opened, press, wait_for, workbench
 from validation.residual_field.nameless_arm import measured
 
 SIZE = {"width": 1280, "height": 800}
@@ -48,11 +48,12 @@ def test_a_field_is_a_step_that_is_marked_and_taken_back(browser: Any, running: 
     seen = BrowserLog()
     page = opened(browser, running, SIZE, seen)
     wait_for(page, ONE_STEP)
+    page.click("#lrm-menu > summary")
     assert NOT_A_CAUSE in page.inner_text(BUTTON)
     assert page.eval_on_selector(f"{BUTTON} .block", "(one) => one.scrollWidth <= one.clientWidth"), "words cut off"
     idle(page, "lrm.state.values.history[0].held > 0")
     before = page.evaluate("lrm.state.values.history[0].held")
-    page.click(BUTTON)
+    press(page, ADD_FIELD.lower())
     wait_for(page, TWO_STEPS)
     idle(page, "lrm.state.values.ranking.length > 0")
     assert page.evaluate("lrm.state.values.history[1].held") < 0.7 * before
@@ -61,11 +62,11 @@ def test_a_field_is_a_step_that_is_marked_and_taken_back(browser: Any, running: 
     assert FIELD not in page.evaluate("lrm.state.values.ranking.map((one) => one.effect)")
     assert marked(FIELD) in page.text_content(".lrm-numbers")
     page.screenshot(path=SHOTS / "field.png")
-    page.click("[data-name=commands]")
+    press(page, "commands")
     assert f" {FIELD} -o " in page.inner_text("#lrm-commands")
     page.keyboard.press("Escape")
     page.wait_for_selector("#lrm-commands", state="hidden")
-    page.click("[data-name=undo]")
+    press(page, "undo")
     wait_for(page, ONE_STEP)
     assert page.evaluate("lrm.state.values.history[0].held") == pytest.approx(before)
     page.context.close()
@@ -77,7 +78,7 @@ def test_where_it_does_not_help_the_page_says_so(browser: Any, tmp_path: Path) -
     with workbench(nameless(tmp_path, 0.0), "--arm", "lrm-lab", cwd=tmp_path) as running:
         page = opened(browser, running, SIZE)
         wait_for(page, ONE_STEP)
-        page.click(BUTTON)
+        press(page, ADD_FIELD.lower())
         page.wait_for_function("document.getElementById('lrm-failure').textContent.includes('residual field')")
         assert "does not surely predict better" in page.inner_text("#lrm-failure")
         assert page.evaluate(ONE_STEP)

@@ -17,7 +17,9 @@ from tests.support.browser import (
     RunningWorkbench,
     idle,
     opened,
+    press,
     says,
+    unfold,
     wait_for,
     workbench,
 )
@@ -68,6 +70,7 @@ def test_from_the_shipped_data_to_nothing_missing(browser: Any, running: Running
     idle(page, RANKED)
     assert "No missing effect found" in page.inner_text("#lrm-verdict")
     page.screenshot(path=SHOTS / "after.png")
+    unfold(page)
     page.select_option("#lrm-beside", "0")
     page.wait_for_timeout(1500)
     page.screenshot(path=SHOTS / "side-by-side.png")
@@ -76,13 +79,13 @@ def test_from_the_shipped_data_to_nothing_missing(browser: Any, running: Running
     wait_for(page, ONE_STEP)
     assert page.evaluate(ARROWS) == pytest.approx(arrows)
     with page.context.expect_page() as other:
-        page.click("[data-name=report]")
+        press(page, "report")
     report = other.value
     seen.listen(report)
     report.wait_for_selector("#lrm-field canvas")
     assert "Missing effect: backlash in joint 2" in report.inner_text("#lrm-verdict")
     report.pdf(path=SHOTS / "report.pdf")
-    for figure in ("turn", "form", "added", "history"):
+    for figure in ("turn", "form", "added"):
         assert report.query_selector(f"#lrm-{figure} .main-svg"), f"{figure} is not on paper"
     page.context.close()
     assert not seen.errors, seen.errors
@@ -97,7 +100,8 @@ def test_pages_of_other_shapes(browser: Any, running: RunningWorkbench) -> None:
     dark.wait_for_timeout(1500)
     dark.screenshot(path=SHOTS / "dark.png")
     assert dark.evaluate("document.documentElement.dataset.theme") == "dark"
-    fits = "document.documentElement.scrollWidth <= innerWidth && [...document.querySelectorAll('[data-name]')].every("
+    fits = "document.documentElement.scrollWidth <= innerWidth && "
+    fits += "[...document.querySelectorAll('.lrm-head [data-name]')].every("
     fits += "(one) => { const r = one.getBoundingClientRect(); return r.bottom <= innerHeight || !r.height; })"
     assert dark.evaluate(fits), "buttons are off the screen, or the page is wider than it"
     dark.focus(".lrm-candidate")
@@ -105,6 +109,7 @@ def test_pages_of_other_shapes(browser: Any, running: RunningWorkbench) -> None:
     dark.keyboard.press("ArrowDown")
     chosen = dark.evaluate("lrm.state.candidate")
     says(dark, "[data-name=add]", chosen)
+    dark.evaluate("scrollTo(0, 0)")
     row, x, y = dark.evaluate(LONELY_DOT)
     dark.mouse.move(x, y)
     wait_for(dark, f"lrm.state.pose === lrm.state.values.pose[{row}]")
@@ -134,7 +139,8 @@ def test_same_numbers_everywhere(browser: Any, tmp_path: Path) -> None:
     with workbench(data, cwd=tmp_path) as running:
         page = opened(browser, running, SMALL_SIZE)
         wait_for(page, RANKED)
-        says(page, ".lrm-numbers", "Not testable")
+        wait_for(page, "document.querySelector('.lrm-numbers').textContent.includes('Not testable')")
+        unfold(page)
         on_page = page.inner_text(".lrm-numbers")
         ranked = dict(page.evaluate("lrm.state.values.ranking.map((one) => [one.name, one.heldOut])"))
         page.context.close()
@@ -172,12 +178,12 @@ def test_same_numbers_everywhere(browser: Any, tmp_path: Path) -> None:
 def test_auto_is_cancelled_and_a_law_is_proposed(browser: Any, small: RunningWorkbench) -> None:
     page = opened(browser, small, SMALL_SIZE)
     idle(page, RANKED)
-    page.click("[data-name=auto]")
+    press(page, "auto")
     says(page, "#lrm-work", "auto")
     page.click("[data-name=cancel]")
     says(page, "#lrm-failure", "cancelled")
     assert page.evaluate(ONE_STEP)
-    page.click('[data-name="propose a formula"]')
+    press(page, "propose a formula")
     says(page, "#lrm-work", "law")
     page.wait_for_selector("#lrm-law")
     assert "laws were tried" in page.inner_text("#lrm-law")
@@ -240,7 +246,7 @@ def test_a_growing_file_is_followed_and_a_stopped_server_is_told(browser: Any, t
     growing.with_suffix(".toml").write_text(EXAMPLE.with_suffix(".toml").read_text())
     with workbench(part_of_example(tmp_path, 100), cwd=tmp_path) as stopped:
         page = opened(browser, stopped, SMALL_SIZE)
-        page.click("[data-name='live…']")
+        press(page, "live…")
         page.get_by_label("Follow the file").fill(str(growing))
         page.get_by_role("button", name="Follow the file").click()
         wait_for(page, "lrm.state.values.poses === 40")

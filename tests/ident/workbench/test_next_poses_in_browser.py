@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from lrm_ident.workbench.work.next_poses import rival_pairs
-from tests.support.browser import SHOTS, BrowserLog, RunningWorkbench, idle, opened, workbench
+from tests.support.browser import SHOTS, BrowserLog, RunningWorkbench, idle, opened, press, unfold, wait_for, workbench
 from tests.support.commands import part_of_example, stdout_of
 
 SIZE = {"width": 1280, "height": 800}
@@ -21,8 +21,11 @@ def test_next_poses_are_those_of_the_command(browser: Any, small: RunningWorkben
     seen = BrowserLog()
     page = opened(browser, small, SIZE, seen)
     idle(page, RANKED)
-    page.click("[data-name='next poses']")
+    press(page, "next poses")
     page.wait_for_selector("#lrm-next-poses")
+    assert "poses will show whether it is backlash in joint 2 or " in page.inner_text("#lrm-next-poses .lrm-verdict")
+    wait_for(page, "document.querySelectorAll('#lrm-next-arms polyline').length === 2 * 55")
+    unfold(page)
     words = page.inner_text("#lrm-next-poses")
     assert "Cosine between the motions of backlash in joint 2 and " in words
     page.screenshot(path=SHOTS / "next-poses.png")
@@ -32,7 +35,7 @@ def test_next_poses_are_those_of_the_command(browser: Any, small: RunningWorkben
     poses = Path(download.value.path()).read_text(encoding="utf-8")
     assert len(poses.splitlines()) == 56, "a header, 50 poses, 5 of them again"
     page.click("[data-name=close-poses]")
-    page.click("[data-name=commands]")
+    press(page, "commands")
     done = page.inner_text("#lrm-commands").splitlines()[-1]
     *command, _, _ = shlex.split(done)[1:]
     stdout_of(*command, "-o", tmp_path / "again.csv")
@@ -50,7 +53,7 @@ def test_what_cannot_be_chosen_is_said_in_the_dialog_of_the_own_file(browser: An
         idle(page, RANKED)
         model = running.folder / "step-0.toml"
         model.write_text("schema = 'broken'")
-        page.click("[data-name='next poses']")
+        press(page, "next poses")
         page.wait_for_selector("#lrm-next-poses [role=alert]")
         assert data.name in page.inner_text("#lrm-next-poses")
         assert "schema" in page.inner_text("#lrm-next-poses [role=alert]")

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from lrm_ident.report.plots.interactive.group_means import fair_rows
 from lrm_ident.residual.picture.error_field import MOST_DRAWN, WORST_DRAWN, rows_to_draw
 from tests.conftest import EXAMPLE
-from tests.support.browser import SHOTS, BrowserLog, RunningWorkbench, idle, opened, wait_for, workbench
+from tests.support.browser import SHOTS, BrowserLog, RunningWorkbench, idle, opened, press, unfold, wait_for, workbench
 from tests.support.commands import stdout_of
 
 SIZE = {"width": 1440, "height": 900}
@@ -79,6 +79,7 @@ def test_views_scrubber_and_filter(browser: Any, small: RunningWorkbench) -> Non
     seen = BrowserLog()
     page = opened(browser, small, SIZE, seen)
     idle(page, RANKED)
+    unfold(page)
     shots = {}
     for name in ("top", "side", "tool", "oblique"):
         page.get_by_role("button", name=f"view from: {name}").click()
@@ -116,6 +117,7 @@ def test_views_scrubber_and_filter(browser: Any, small: RunningWorkbench) -> Non
 @pytest.mark.slow
 def test_links_are_solids_before_what_is_behind_them(browser: Any, small: RunningWorkbench) -> None:
     page = opened(browser, small, SIZE)
+    unfold(page)
     assert page.evaluate(BEFORE_AND_BEHIND) == ["before", "at the edge", "under the end", "over the end"]
     for view in ("top", "side", "oblique"):
         page.get_by_role("button", name=f"view from: {view}").click()
@@ -142,6 +144,7 @@ def test_many_poses_are_a_fair_sample_with_the_worst_at_hand(browser: Any, tmp_p
     stdout_of("fit", many, "-o", tmp_path / "m.toml")
     with workbench(tmp_path / "m.toml", many, cwd=tmp_path) as running:
         page = opened(browser, running, SIZE)
+        unfold(page)
         fair = page.evaluate("lrm.state.values.fair")
         assert page.evaluate("lrm.state.values.pose.length") == MOST_DRAWN
         assert page.evaluate(SEEN) == fair
@@ -171,7 +174,7 @@ def test_nothing_is_wider_than_the_screen(browser: Any, small: RunningWorkbench,
     idle(page, RANKED)
     page.wait_for_timeout(1500)
     with page.context.expect_page() as other:
-        page.click("[data-name=report]")
+        press(page, "report")
     other.value.wait_for_selector("#lrm-field canvas")
     for name, one in (("page", page), ("report", other.value)):
         one.wait_for_timeout(1500)

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from tests.support.browser import SHOTS, BrowserLog, RunningWorkbench, idle, opened, wait_for
+from tests.support.browser import SHOTS, BrowserLog, RunningWorkbench, idle, opened, press, unfold, wait_for
 
 SIZE = {"width": 1440, "height": 900}
 RANKED = "lrm.state.values.ranking.length > 0"
@@ -32,8 +32,9 @@ FOCUSED = """(() => {
 
 
 def floor_line(page: Any) -> Any:
-    """Height (mm) of the line of the noise in the chart of the steps."""
-    return page.evaluate("document.getElementById('lrm-history').layout.shapes[0]?.y0")
+    """Noise (mm) whose line the waterfall shows; None where it shows none."""
+    shown = "document.querySelector('.lrm-waterfall')?.style.getPropertyValue('--noise')"
+    return page.evaluate(f"parseFloat({shown}) > 0 ? lrm.state.values.story.noise_rms_mm : null")
 
 
 @pytest.mark.slow
@@ -42,12 +43,14 @@ def test_a_step_is_seen_to_happen(browser: Any, small: RunningWorkbench) -> None
     seen = BrowserLog()
     page = opened(browser, small, SIZE, seen)
     idle(page, RANKED)
-    wait_for(page, "document.getElementById('lrm-history').layout?.shapes?.length")
     floor = floor_line(page)
     page.click("[data-name=add]")
     wait_for(page, TWO_STEPS)
     assert page.evaluate("lrm.state.values.floor") == floor == floor_line(page), "it stays before the new diagnosis"
     idle(page, RANKED)
+    assert page.evaluate("lrm.state.beside") == 0, "before and after beside each other"
+    unfold(page)
+    page.select_option("#lrm-beside", "")
     first, second = page.evaluate("lrm.state.values.steps.map((one) => one.residual[0][0])")
     low, high = sorted((first, second))
     for number, end in ((0, first), (1, second)):
@@ -62,7 +65,7 @@ def test_a_step_is_seen_to_happen(browser: Any, small: RunningWorkbench) -> None
         page.select_option("#lrm-beside", beside)
         page.wait_for_timeout(300)
         left, right = page.evaluate("['field', 'field-b'].map((id) => lrm.scenes[id].content.title)")
-        assert (left[0], right[0]) == ("0", "1"), "before stands left, after right"
+        assert (left[:7], right[:6]) == ("before:", "after:"), "before stands left, after right"
     boxes = page.evaluate(
         "['field', 'field-b'].map((id) => document.getElementById('lrm-' + id).getBoundingClientRect())"
         ".map((box) => [box.top, box.height, box.left])"
@@ -88,7 +91,7 @@ def test_progress_says_the_round_the_error_and_how_far_it_is(browser: Any, small
       const work = document.querySelector('#lrm-work'), note = () => told.add(work.innerText);
       new MutationObserver(note).observe(work, { subtree: true, childList: true, characterData: true });
     })()""")
-    page.click("[data-name=auto]")
+    press(page, "auto")
     wait_for(page, TWO_STEPS)
     idle(page, RANKED)
     before = page.evaluate("lrm.state.values.history[0].held.toFixed(2)")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -17,6 +18,7 @@ from tests.support.browser import (
     axe_violations,
     idle,
     opened,
+    press,
     says,
     wait_for,
     workbench,
@@ -29,19 +31,19 @@ TWO_STEPS, RANKED = "lrm.state.values.steps.length === 2", "lrm.state.values.ran
 LINES = """[...document.querySelectorAll('.js-plotly-plot')].flatMap((figure) => figure.data.filter((trace) =>
   trace.mode.includes('lines')).map((trace) => [...trace.x]))"""
 """The abscissae of every line that is drawn."""
-BOXES = """Object.fromEntries([...document.querySelectorAll('.lrm-commands [data-name]')].map((one) => {
+BOXES = """Object.fromEntries([...document.querySelectorAll('.lrm-primary')].map((one) => {
   const box = one.getBoundingClientRect();
-  return [one.dataset.name, [box.left, box.top, box.width, box.height].map(Math.round)];
+  return ['advised', [box.left, box.top, box.width, box.height].map(Math.round)];
 }))"""
-"""Where each button of the bar is."""
+"""Where the advised button is."""
 
 
 def breaks_where_data_differ(page: Any) -> None:
-    """Asserts that no line of the chart of the steps joins errors of different data."""
-    history = page.evaluate("lrm.state.values.history.map((one) => [one.here, one.data])")
-    for trace in page.evaluate("document.getElementById('lrm-history').data.filter((t) => t.mode.includes('lines'))"):
-        shown = [data for (_, data), y in zip(history, trace["y"], strict=True) if y is not None]
-        assert len(set(shown)) <= 1, "a line joins errors of different data"
+    """Asserts that the waterfall joins no errors of different data, and says which step was fitted to others."""
+    here, held_out = page.evaluate("[lrm.state.values.history.map((one) => one.here), lrm.state.values.story.held_out]")
+    assert all(here) or not held_out, "held-out errors of different data"
+    rows = page.eval_on_selector_all(".lrm-fall-row button", "(all) => all.map((one) => one.innerText)")
+    assert ["fitted to other data" not in words for words in rows] == here
 
 
 @pytest.mark.slow
@@ -57,10 +59,8 @@ def test_every_error_carries_its_data_and_a_changed_file_is_told(browser: Any, t
         idle(page, RANKED)
         first = page.evaluate("lrm.state.values.history[0]")
         assert not first["here"]
-        other = page.evaluate(
-            "document.getElementById('lrm-history').data.find((t) => t.name.includes('other data')).y"
-        )
-        assert other == [pytest.approx(first["rms"])]
+        assert page.evaluate("lrm.state.values.story.steps[1].left_mm") == pytest.approx(first["rms"])
+        breaks_where_data_differ(page)
         page.click("[data-name=add]")
         wait_for(page, TWO_STEPS)
         page.wait_for_timeout(500)
@@ -68,7 +68,7 @@ def test_every_error_carries_its_data_and_a_changed_file_is_told(browser: Any, t
         idle(page, RANKED)
         data.write_text("".join(rows[:121]))
         page.wait_for_selector("#lrm-stale")
-        page.click("[data-name=auto]")
+        press(page, "auto")
         says(page, "body", "press Reload or Keep first")
         page.screenshot(path=SHOTS / "changed-on-disk.png")
         page.click("[data-name=reload]")
@@ -142,24 +142,24 @@ def test_buttons_stay_the_verdict_is_of_the_step_shown_and_redo_gives_back(
     idle(page, RANKED)
     assert page.inner_text("[data-name=add]").split("\n") == ["Add: backlash in joint 2", "backlash@joint2"]
     before = page.evaluate("lrm.state.values.history[0].held")
-    x, y = boxes["add"][0] + 20, boxes["add"][1] + 10
-    under = f"document.elementFromPoint({x}, {y}).closest('[data-name]').dataset.name"
+    x, y = boxes["advised"][0] + 20, boxes["advised"][1] + 10
+    under = f"document.elementFromPoint({x}, {y}).closest('.lrm-primary') !== null"
     page.mouse.click(x, y)
     while not page.evaluate(f"{TWO_STEPS} && {RANKED}"):
         assert page.evaluate(BOXES) == boxes
-        assert page.evaluate(under) == "add"
+        assert page.evaluate(under)
         page.wait_for_timeout(100)
     idle(page, RANKED)
     assert page.evaluate(BOXES) == boxes
     after = page.evaluate("lrm.state.values.history[1].held")
     fall = page.inner_text("#lrm-fall").replace("\xa0", " ")
-    assert fall.startswith("Backlash in joint 2")
-    assert f"{before:.2f} → {after:.2f} mm" in fall
+    assert re.search(rf"^nominal .* {before:.2f} → 1 \w+ cause {after:.2f} mm RMS held out$", fall), fall
     last = page.inner_text("#lrm-verdict")
+    page.click("#lrm-look > summary")
     page.select_option("#lrm-step", "0")
     assert last not in page.inner_text("#lrm-verdict")
     assert "Missing effect: backlash in joint 2" in page.inner_text("#lrm-verdict")
-    assert "nominal" in page.inner_text("#lrm-fall")
+    assert "Shown: step 0" in page.inner_text("#lrm-fall")
     drawn = "document.querySelector('#lrm-card-1 .legend')"
     wait_for(page, drawn)
     card = page.inner_text(".lrm-card-of-step").replace("\xa0", " ")
@@ -168,7 +168,7 @@ def test_buttons_stay_the_verdict_is_of_the_step_shown_and_redo_gives_back(
     wait_for(page, "document.querySelector('#lrm-card-1').data?.length === 4")
     page.keyboard.press("u")
     wait_for(page, "lrm.state.values.steps.length === 1")
-    page.click("[data-name=redo]")
+    press(page, "redo")
     wait_for(page, TWO_STEPS)
     assert page.evaluate("lrm.state.values.history[1].held") == after
     wait_for(page, drawn)
@@ -190,13 +190,13 @@ def test_the_report_on_paper(browser: Any, tmp_path: Path) -> None:
     stdout_of("report", tmp_path / "n.toml", data, "-o", tmp_path / "r.html")
     page = browser.new_context(viewport=SIZE, color_scheme="dark").new_page()
     page.goto((tmp_path / "r.html").as_uri())
-    wait_for(page, "document.querySelector('#lrm-history .main-svg')")
-    assert "nominal" in page.inner_text(".lrm-ladder")
-    above = "document.querySelector('.lrm-card-of-step').offsetTop < document.querySelector('#lrm-field').offsetTop"
-    assert page.evaluate(above)
+    wait_for(page, "document.querySelector('#lrm-card-1 .main-svg')")
+    assert "nominal" in page.inner_text("#lrm-fall")
     page.pdf(path=SHOTS / "paper.pdf")
     page.emulate_media(media="print")
     page.evaluate("lrm.print(true)")
+    top = "document.querySelector('{}').getBoundingClientRect().top"
+    assert page.evaluate(f"{top.format('.lrm-card-of-step')} < {top.format('#lrm-field')}"), "the cards come first"
     wide, right = page.evaluate("[document.body.clientWidth, document.body.getBoundingClientRect().right]")
     for svg in page.evaluate("[...document.querySelectorAll('.main-svg')].map((s) => s.getBoundingClientRect().width)"):
         assert svg <= wide
@@ -290,7 +290,7 @@ def test_the_page_on_a_phone_and_for_a_screen_reader(browser: Any, small: Runnin
     assert [name for name, height in sizes if height and height < 44] == []
     assert page.evaluate("document.documentElement.lang") == "en"
     assert page.evaluate("[document.querySelectorAll('main').length, document.querySelectorAll('h1').length]") == [1, 1]
-    page.click("[data-name='light or dark']")
+    press(page, "light or dark")
     wait_for(page, f"document.documentElement.dataset.theme && document.documentElement.dataset.theme !== '{scheme}'")
     turned = page.evaluate("document.documentElement.dataset.theme")
     page.reload()
@@ -324,7 +324,7 @@ def test_axe_finds_nothing(browser: Any, small: RunningWorkbench, scheme: str) -
     idle(page, RANKED)
     page.wait_for_timeout(1000)
     with page.context.expect_page() as other:
-        page.click("[data-name=report]")
+        press(page, "report")
     other.value.wait_for_selector("#lrm-field canvas")
     found = [*axe_violations(page), *axe_violations(other.value)]
     page.context.close()

@@ -16,6 +16,7 @@ from lrm_math.effects import ALL_EFFECTS, FREE_FORMS, Effect, Extrapolation, eff
 from lrm_math.effects.base import LinearEffect
 from lrm_math.effects.derivatives import amounts_within
 from lrm_math.effects.measured_range import FADE, MeasuredRange, held
+from lrm_math.effects.memory.creep import CreepSpectrum
 from lrm_math.effects.session_errors import SecondChangePoint
 from lrm_math.kinematics.poses import Poses
 from lrm_math.model.derivatives import joint_jacobian, parameter_jacobian
@@ -97,10 +98,17 @@ def test_a_periodic_law_is_the_same_after_a_turn(kind: type[Effect]) -> None:
         np.testing.assert_allclose(one, next_turn, atol=1e-12)
 
 
+SHAPED = (SecondChangePoint, CreepSpectrum)
+"""Forms with a moment or time constants that are searched: linear in all else."""
+
+
 def test_every_other_form_is_held_or_a_spring() -> None:
     """A free function is known where it was measured; what is linear in a load is a law."""
-    assert {kind.id for kind in FREE_FORMS if kind.extrapolation is not Extrapolation.HELD} == {"bending_ends"}
-    assert all(issubclass(kind, LinearEffect) for kind in FREE_FORMS if kind is not SecondChangePoint)
+    assert {kind.id for kind in FREE_FORMS if kind.extrapolation is not Extrapolation.HELD} == {
+        "bending_ends",
+        "creep_spectrum",
+    }
+    assert all(issubclass(kind, LinearEffect) for kind in FREE_FORMS if kind not in SHAPED)
 
 
 @given(st.floats(-2.0, 1.0), st.floats(0.01, 3.0), st.floats(-8.0, 8.0))

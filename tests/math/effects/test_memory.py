@@ -18,7 +18,7 @@ from lrm_math.effects.memory.creep import LONG_S
 from lrm_math.kinematics.history import history_of
 from lrm_math.kinematics.poses import Poses, poses_of
 from lrm_math.model.derivatives import parameter_jacobian
-from lrm_math.model.equilibrium import solve_equilibrium
+from lrm_math.model.equilibrium import solve_equilibrium, with_borne_loads
 from lrm_math.model.model import model_of
 
 COUNT = 30
@@ -44,15 +44,15 @@ def torque(effect: Effect, poses: Poses) -> Array:
     return solve_equilibrium(rigid, poses).joint_torque[:, 1]
 
 
-def crept(arm: Arm, poses: Poses, stood: float = LONG_S, rest: float = LONG_S) -> Array:
+def crept(arm: Arm, poses: Poses, stood: float = LONG_S, rest: float = LONG_S, late: float = 0.0) -> Array:
     """(N,), creep of joint 2 under the nominal loads."""
     [effect] = effects_at(arm, "creep@joint2")
     bare = replace(poses, history=None)
-    return np.asarray(effect.amounts(poses, (torque(effect, bare),), (K, T, stood, rest))[0])
+    return np.asarray(effect.amounts(poses, (torque(effect, bare),), (K, T, stood, rest, late))[0])
 
 
-@pytest.mark.parametrize("stood", [0.0, 10.0, LONG_S])
-def test_creep_follows_its_differential_equation(lab: Arm, stood: float) -> None:
+@pytest.mark.parametrize(("stood", "late"), [(0.0, 0.0), (10.0, 0.0), (LONG_S, 0.0), (LONG_S, 0.6), (LONG_S, 1.0)])
+def test_creep_follows_its_differential_equation(lab: Arm, stood: float, late: float) -> None:
     """Against many small steps of T dc/dt = τ − c, with the load of the pose that the arm stands at."""
     poses = some_poses(lab)
     assert poses.t is not None
@@ -62,10 +62,10 @@ def test_creep_follows_its_differential_equation(lab: Arm, stood: float) -> None
     for row in range(1, COUNT):
         step = poses.t[row] - poses.t[row - 1]
         for part in range(parts):
-            there = (parts - part) * step / parts <= stood
+            there = (parts - part) * step / parts <= min(stood, (1.0 - late) * step)
             state += step / parts / T * (tau[row if there else row - 1] - state)
         expected.append(state)
-    np.testing.assert_allclose(crept(lab, poses, stood), K * np.array(expected), rtol=0.0, atol=1e-3 * K)
+    np.testing.assert_allclose(crept(lab, poses, stood, late=late), K * np.array(expected), rtol=0.0, atol=1e-3 * K)
 
 
 def test_where_nothing_is_known_of_before_it_is_a_spring(lab: Arm) -> None:
@@ -119,13 +119,15 @@ def test_without_times_poses_follow_in_equal_steps_and_a_missing_number_takes_on
     np.testing.assert_allclose(crept(lab, with_history(poses)), crept(lab, with_history(timed)), atol=SOUND)
 
 
-@pytest.mark.parametrize("name", ["creep@joint2", "creep@base", "self_heating@joint3", "slip@joint2"])
+@pytest.mark.parametrize(
+    "name", ["creep@joint2", "creep@base", "creep_spectrum@joint3", "self_heating@joint3", "slip@joint2"]
+)
 @settings(max_examples=10, deadline=None)
 @given(seed=st.integers(0, 1000))
 def test_derivatives_are_those_of_the_amounts(lab: Arm, name: str, seed: int) -> None:
     [effect], rng, poses = effects_at(lab, name), np.random.default_rng(seed), some_poses(lab, seed)
     tau = tuple(rng.normal(0.0, 0.3, COUNT) for _ in effect.load_slots)
-    shapes = {"T_s": 80.0, "stood_s": rng.uniform(1.0, 4.0), "rest_s": 40.0, "tau0_Nm": 2.0}
+    shapes = {"T_s": 80.0, "stood_s": rng.uniform(1.0, 4.0), "rest_s": 40.0, "tau0_Nm": 2.0, "late_s_per_s": 0.3}
     p = [shapes.get(q.name, 0.4 * q.typical) for q in effect.parameters]
     for j, rows in enumerate(by_parameters(effect, poses, tau, p)):
         step = STEP * effect.parameters[j].typical
@@ -150,8 +152,41 @@ def test_derivatives_through_the_equilibrium(lab: Arm) -> None:
     for column, key in zip(J.transpose(2, 0, 1), keys, strict=True):
         h = 1e-4 * model.parameter(key).typical
         up, down = (model.with_values_of([key], [model.value(key) + s]) for s in (h, -h))
-        tips = [solve_equilibrium(one, poses, settled, 1e-14).tcp for one in (up, down)]
+        tips = [
+            solve_equilibrium(one, settled.poses, settled, 1e-14).tcp for one in (up, down)
+        ]  # the same loads before
         np.testing.assert_allclose(column, (tips[0] - tips[1]) / (2.0 * h), atol=1e-6 * np.abs(column).max() + 1e-13)
+
+
+def test_loads_before_a_pose_are_those_of_the_arm_itself(lab: Arm) -> None:
+    """A joint that gives way by degrees, with a payload: the nominal arm bears other loads."""
+    poses = with_history(replace(some_poses(lab), payload=np.full(COUNT, 0.3)))
+    model = model_of(lab, (*effects_at(lab, "compliance"), *effects_at(lab, "creep@joint2")))
+    model = model.with_values_of(["compliance.joint2.k_rad_per_Nm", "creep.joint2.k_rad_per_Nm"], [0.1, K])
+    settled = solve_equilibrium(model, poses)
+    [slot] = [model.load_slots.index(k) for k in model.load_slots if model.chain.slots[k].key == "joint2.theta"]
+    assert settled.poses.history is not None
+    borne = settled.poses.history.visits.loads(model.chain, ("joint2.theta",))[:, 0]
+    bare = solve_equilibrium(model_of(lab, ()), replace(poses, history=None)).joint_torque[:, 1]
+    own = np.asarray(settled.tau[slot])
+    assert np.abs(borne - own).max() < 0.05 * np.abs(bare - own).max()
+
+
+def test_loads_before_some_of_the_poses_are_known_from_all(lab: Arm) -> None:
+    poses, rows = some_poses(lab), np.array([4, 9, 20])
+    model = model_of(lab, (*effects_at(lab, "compliance"), *effects_at(lab, "creep@joint2")))
+    model = model.with_values_of(["compliance.joint2.k_rad_per_Nm", "creep.joint2.k_rad_per_Nm"], [0.1, K])
+    known = solve_equilibrium(model, with_borne_loads(model, poses).take(rows)).tcp
+    np.testing.assert_allclose(known, solve_equilibrium(model, poses).tcp[rows], atol=1e-8)
+    np.testing.assert_allclose(solve_equilibrium(model, poses.take(rows)).tcp, known, atol=1e-5)
+
+
+@pytest.mark.parametrize("side", [-1.0, 1.0])
+def test_the_way_to_the_first_pose_counts_where_it_is_known(lab: Arm, side: float) -> None:
+    q = np.zeros((2, lab.dof))
+    q[1, 1] = 0.2
+    of = history_of(q, np.zeros(2), None, None, np.arange(2), start=np.full(lab.dof, -0.1 * side))
+    assert of.visits.reversals(1).tolist() == [False, side < 0.0]
 
 
 @settings(max_examples=20, deadline=None)

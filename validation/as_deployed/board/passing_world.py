@@ -59,18 +59,37 @@ class PassingWorld:
 
     def measuring(self, board: Path) -> Iterator[TrackerFrame]:
         """Frames while it warms up and is pushed."""
-        joint, drift, *_ = self._sizes
-        effect = WarmUp(joint, drift, WARMS_S)
-        for frame in frames(board, self._leaning, self._truth(effect), self.seed):
+        for frame in frames(board, *self.passing, self.seed):
             yield self._pushed(frame) if frame.t >= PUSHED_AT_S else frame
 
     def afterwards(self, board: Path) -> Iterator[TrackerFrame]:
         """Frames of the world that goes on: warm, pushed, leaning."""
-        return map(self._pushed, frames(board, self._leaning, self._truth(self._warm), self.seed))
+        return map(self._pushed, frames(board, *self.lasting, self.seed))
 
     def known(self, board: Path) -> Iterator[TrackerFrame]:
         """The same on a level base: nothing passes while it is measured, so that a plain fit has all causes."""
-        return map(self._pushed, frames(board, load_arm(ARM_FILE), self._truth(self._warm), self.seed))
+        return map(self._pushed, frames(board, *self.level, self.seed))
+
+    @property
+    def passing(self) -> tuple[ArmDescription, GroundTruth]:
+        """The arm as it is measured, leaning and warming up."""
+        joint, drift, *_ = self._sizes
+        return self._leaning, self._truth(WarmUp(joint, drift, WARMS_S))
+
+    @property
+    def lasting(self) -> tuple[ArmDescription, GroundTruth]:
+        """The arm as it goes on: leaning and warm."""
+        return self._leaning, self._truth(self._warm)
+
+    @property
+    def level(self) -> tuple[ArmDescription, GroundTruth]:
+        """The warm arm on a level base."""
+        return load_arm(ARM_FILE), self._truth(self._warm)
+
+    def pushed(self, tips_m: Array) -> Array:
+        """(N, 3), tips (m) as seen beside the base target, after it was pushed."""
+        *_, turn, shift = self._sizes
+        return np.asarray(tips_m @ rotation_matrix(tuple(turn)).T + shift)
 
     @property
     def _axis(self) -> str:
@@ -93,9 +112,7 @@ class PassingWorld:
         """A frame whose tool stands elsewhere relative to the base target."""
         if TOOL not in frame.targets:
             return frame
-        *_, turn, shift = self._sizes
         seen, base = frame.targets[TOOL], BASE_IN_ROOM
-        tip = base.rotation.T @ (seen.position - base.position)
-        moved = rotation_matrix(tuple(turn)) @ tip + shift
+        moved = self.pushed(base.rotation.T @ (seen.position - base.position))
         targets = {**frame.targets, TOOL: TargetPose(base.position + base.rotation @ moved, seen.rotation)}
         return replace(frame, targets=targets)

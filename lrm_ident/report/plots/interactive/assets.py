@@ -16,9 +16,12 @@ FOLDER = Path(__file__).resolve().parent
 LIBRARY, STYLE = FOLDER / "plotly" / "plotly-basic.min.js", FOLDER / "page" / "figures.css"
 THEME = FOLDER / "page" / "theme.js"
 """Runs before anything is drawn."""
+TOLD, BESIDE, BELOW = (FOLDER / "page" / "panels.html").read_text(encoding="utf-8").split("<!-- next -->\n")
+"""Of page and report: the words of the verdict, to be formatted; the panels beside them; those below."""
 NAMES = (
     "charts/chart",
     "page/glossary",
+    "page/sketches",
     "scene/pen",
     "scene/axes",
     "scene/arrows",
@@ -26,6 +29,7 @@ NAMES = (
     "scene/scene",
     "page/brush",
     "charts/candidates",
+    "page/story",
     "page/steps",
     "scene/field",
     "page/pose",

@@ -19,7 +19,7 @@ from lrm_ident.data.weights.whitening import RowWeights
 from lrm_ident.diagnosis.diagnose import Diagnosis
 from lrm_ident.diagnosis.diagnosis_report import DISPLAY_UNITS, RankedCandidate
 from lrm_ident.diagnosis.screening.score_test import ScoredCandidate
-from lrm_ident.report.plots.interactive.group_means import explained_by_means, joints_of, shown_most
+from lrm_ident.report.plots.interactive.group_means import explained_by_means, joints_of, of_law, shown_most
 from lrm_ident.residual.covariates import Covariate, scaled
 from lrm_ident.residual.picture.error_field import joint_turns
 from lrm_math.arm.place_names import joint_numbers
@@ -28,7 +28,6 @@ from lrm_math.effects import Effect
 
 UM, ANGLE = 3, 4
 """Decimals of millimetres and degrees in the drawing only."""
-OF_TIME = ("order", "time", "temperature")
 SHARE = 0.2
 """Part of a joint's lever below which its turn cannot be observed at a pose, as a share of the RMS lever."""
 NO_FUNCTION, MUCH_BETTER = 0.1, 0.5
@@ -67,17 +66,15 @@ def candidate_view(
     joints = joints_of(scored.candidate.effect.place, len(lever))
     joint = max(joints, key=lambda one: float((turns[one] ** 2 * lever[one]).sum()))
     beyond = joint_turns(added, found.joint_jacobian)
-    explained = [explained_by_means(beyond, lever, one.values) for one in known]
+    lawful = of_law(scored.candidate.effect, known)
+    explained = [explained_by_means(beyond, lever, one.values) for one in lawful]
     around = turns[joint] + joint_turns(fitted.residual - added, found.joint_jacobian)[joint]
     observable = lever[joint] > SHARE**2 * lever[joint].mean()
     drawn = rows[rows >= 0]  # thousands of poses say no more of what a form follows
-    of_time = not {"time", "session"}.isdisjoint(
-        scored.candidate.effect.depends_on
-    )  # else it moves nothing in its course
-    followed = [one.take(drawn) for one in known if of_time or one.kind not in OF_TIME]
+    followed = [one.take(drawn) for one in of_law(scored.candidate.effect, known)]
     drivers = _drivers(scored.candidate.effect, turns[joint][drawn], followed, joint, observable[drawn])
     seen = observable[rows] & (rows >= 0)
-    joint_shown, driver_shown = shown_most(explained, known, joints)
+    joint_shown, driver_shown = shown_most(explained, lawful, joints)
     about = scored.candidate.effect.about
     return {
         "name": scored.name,

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lrm_ident.residual.covariates import Covariate, levels
 from lrm_ident.residual.picture.error_field import MOST_DRAWN, SEED, WORST_DRAWN
+from lrm_math.arm.place_names import joint_numbers
 from lrm_math.arrays import Array
+from lrm_math.effects import Effect
 
 GROUPS, DECIMALS = 12, 6
 """Groups of neighbours, as in `binned` of charts/chart.js; decimals (SI) to which values are one level."""
@@ -57,6 +59,31 @@ def shown_most(explained: Sequence[Array], known: Sequence[Covariate], joints: S
     ]
     *_, joint, name = min(near, default=(True, 0.0, joints[0], known[0].name))
     return joint, name
+
+
+FOLLOWED: Mapping[str, tuple[str, ...]] = {
+    "angle": ("angle",),
+    "direction": ("motion",),
+    "counts": ("angle",),
+    "time": ("order", "time", "temperature"),
+    "session": ("order", "time"),
+}
+"""Kinds of covariates that stand for what an effect's law depends on."""
+
+
+def of_law(effect: Effect, known: Sequence[Covariate]) -> Sequence[Covariate]:
+    """The covariates that an effect's law follows, of its own joints where it has any; of a constant all but time.
+
+    Hysteresis follows the last motion, a spring its torque, a warming the time.
+    """
+    kinds = {kind for what in effect.depends_on for kind in FOLLOWED.get(what, ())}
+    own = joint_numbers(effect.place)
+    joints = {None, *(own or range(effect.arm.dof))}
+    found = [one for one in known if one.kind in kinds and one.joint in joints]
+    if effect.load_slots:
+        turned = effect.load_slots == (f"{effect.place}.theta",)
+        found += [one for one in known if one.kind == "torque" and (not turned or one.joint in own)]
+    return found or [one for one in known if one.kind not in FOLLOWED["time"]] or known
 
 
 def fair_rows(residual: Array, poses: int) -> NDArray[np.int64] | None:

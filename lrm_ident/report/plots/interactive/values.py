@@ -8,17 +8,16 @@ from typing import Any
 
 import numpy as np
 
-from lrm_ident.data.error_stats import error_stats
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.wording import in_mm, p_words, quantity
-from lrm_ident.diagnosis.attribution import Attribution, ExplainedStep, StepAttribution, attribute_steps
+from lrm_ident.diagnosis.attribution import TERMS, StepAttribution
 from lrm_ident.report.document import plain
 from lrm_ident.report.model_report import ModelReport, data_of
 from lrm_ident.report.plain_names import plain_name, step_title
 from lrm_ident.report.plots.interactive.candidate_view import ANGLE, SHARE, UM, rounded
 from lrm_ident.report.plots.interactive.group_means import explained_by_means, fair_rows, shown_most
 from lrm_ident.report.step_card import AS_WELL, ErrorFall, StepCard, error_fall, of_data, rivals
-from lrm_ident.residual.better_prediction import takes_little
+from lrm_ident.report.story import GEOMETRY, Story
 from lrm_ident.residual.picture.error_field import COLOURS, ErrorField
 from lrm_ident.residual.thresholds import MIN_GAIN
 from lrm_math.effects.reference import EffectRef
@@ -36,11 +35,6 @@ STANDINGS = {
     "refused": "✕ cannot be the cause",
 }
 """What is to be made of a candidate, in the order of the list."""
-LABELS: Mapping[Attribution, str] = {
-    "finding": "identified cause",
-    "possible_cause": "candidate cause",
-    "description": "empirical term, no identified cause",
-}
 
 
 def figure_values(found: ModelReport) -> dict[str, Any]:
@@ -57,13 +51,14 @@ def figure_values(found: ModelReport) -> dict[str, Any]:
         "steps": [_step(found, number) for number in range(len(found.field.steps))],
         "fitted": len((found.file.history[0] if found.file.history else found.file).parameters),
         "history": [_entry(found, number) for number in range(len(found.file.history))],
+        "story": None if found.story is None else _story(found.story),
         "cards": _cards(found),
         "together": _together(found),
         "floor": found.floor_mm,
         "bound": known.get("noise_bound_rms_mm"),
         "marked": {why: list(numbers) for why, numbers in (found.marked or {}).items()},
         "where": _where(found),
-        "next": known.get("next_poses_hint", ""),
+        "next": _next(found, str(known.get("next_poses_hint", ""))),
         "ranking": _ranking(found, known.get("ranking", ())),
     }
 
@@ -100,7 +95,6 @@ def _arms(field: ErrorField) -> dict[str, Any]:
             "words": field.scale.words,
             "colours": COLOURS,
         },
-        "nominalRms": error_stats(field.nominal_residual).rms * 1e3,
     }
 
 
@@ -115,7 +109,7 @@ def _step(found: ModelReport, number: int) -> dict[str, Any]:
     judged = (found.judged or {}).get(number)
     return {
         "name": step.name,
-        "title": step_title(step.name),
+        "title": GEOMETRY if step.name == "fit" else step_title(step.name),
         "verdict": "" if judged is None else judged.verdict,
         "rms": in_mm(step.error.rms),
         "residual": rounded(step.residual * 1e3, UM),
@@ -138,44 +132,38 @@ def _entry(found: ModelReport, number: int) -> dict[str, Any]:
     }
 
 
+def _next(found: ModelReport, hint: str) -> str:
+    """What to do next, after the command that does it where the hint speaks of one."""
+    steps = () if found.conclusion is None else found.conclusion.next[:1]
+    return ": ".join([*(one.command for one in steps if one.words == hint and one.command), hint])
+
+
+def _story(story: Story) -> dict[str, Any]:
+    """The story in words of the screen; errors in mm."""
+    steps = [{**plain(one), "left": in_mm(one.left_mm * 1e-3)} for one in story.steps]
+    return {**plain(story), "steps": steps, "sentence": story.sentence, "facts": [[*fact] for fact in story.facts]}
+
+
 def _cards(found: ModelReport) -> list[dict[str, Any]]:
     """The cards with the errors of their steps, and what each step shows: an identified cause, a candidate, or none."""
-    falls = [error_fall(found.file, found.field, card.number, found.poses.sha256) for card in found.cards]
-    shown = [_shown(card.no_cause, None) for card in found.cards]
-    if found.unexplained_mean_square_mm2 is not None and all(fall.held_out for fall in falls):
-        floor, pairs = found.floor_mm or 0.0, zip(found.cards, falls, strict=True)
-        steps = [
-            ExplainedStep(
-                fall.explained, card.no_cause or takes_little(fall.after, fall.before, floor), card.of_present
-            )
-            for card, fall in pairs
-        ]
-        attributed = zip(attribute_steps(steps, found.unexplained_mean_square_mm2), steps, strict=True)
-        shown = [
-            {**_shown(step.describes, one), "ratio": one.unexplained / step.explained if step.explained > 0.0 else None}
-            for one, step in attributed
-        ]
-    return [_card(found, *each) for each in zip(found.cards, falls, shown, strict=True)]
+    return [_card(found, *each) for each in zip(found.cards, found.falls, found.attributions, strict=True)]
 
 
-def _shown(describes: bool, one: StepAttribution | None) -> dict[str, Any]:
-    """Attribution of a step and its label; without an attribution, as of errors that are not held out, what is sure."""
-    kind: Attribution | None = one.kind if one is not None else "description" if describes else None
-    return {"shows": kind, "label": "" if kind is None else LABELS[kind], "ratio": None}
-
-
-def _card(found: ModelReport, card: StepCard, fall: ErrorFall, shown: Mapping[str, Any]) -> dict[str, Any]:
-    floor = found.floor_mm
+def _card(found: ModelReport, card: StepCard, fall: ErrorFall, shown: StepAttribution | None) -> dict[str, Any]:
+    kind, floor = None if shown is None else shown.kind, found.floor_mm
+    known = shown is not None and found.diagnosis is not None and fall.explained > 0.0
     judged = (found.judged or {}).get(card.number - 1)
     return {
         **plain(card),
         **plain(fall),
         "share": fall.share_of_excess(floor),
-        **shown,
+        "shows": kind,
+        "label": "" if kind is None else TERMS[kind],
+        "ratio": shown.unexplained / fall.explained if shown is not None and known else None,
         "rivals": [{"name": name, "title": plain_name(name), "why": why} for name, why in rivals(card, judged)],
         "equivalent": [plain_name(name) for name in card.equivalent],
         "asked": judged is not None or card.rivals_mm is not None,
-        "unrivalled": shown["shows"] == "finding" and fall.held_out and card.unrivalled(fall.after),
+        "unrivalled": kind == "finding" and fall.held_out and card.unrivalled(fall.after),
     }
 
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import re
-import shlex
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -14,6 +12,7 @@ from lrm_math.arm.arm_file import load_arm
 from lrm_math.model.equilibrium import solve_equilibrium
 from tests.conftest import ROOT
 from tests.support.commands import run_command
+from tests.support.page_commands import commands_of
 
 pytest.importorskip("cv2", reason="OpenCV is not installed (extra 'camera')")
 
@@ -28,10 +27,6 @@ from validation.camera.rendered_photos import WEBCAM, PhotoScene
 from validation.camera.scene import HIDDEN, poses_in_view, rig, write_lens_photos, write_poses
 
 PHOTOS, NOISE = 60, 0.1
-
-
-def commands_of(page: Path) -> list[list[str]]:
-    return [shlex.split(line) for line in re.findall(r"^    lrm-ident (.*)$", page.read_text(), re.MULTILINE)]
 
 
 @pytest.mark.slow

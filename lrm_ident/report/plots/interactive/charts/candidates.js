@@ -38,7 +38,8 @@ function lrmCandidates(page) {
     return [
       { type: "scatter", mode: "markers", name: "data", x, y: at(one.around, rows), ...on, selectedpoints: selected(rows), ...poseOf(rows),
         hovertemplate: "%{text}: %{y:.3f} deg<extra></extra>", marker: { size: 5, color: colour("model"), opacity: 0.55 } },
-      { type: "scatter", mode: "markers", name: "its form", x, y: at(one.form, rows), ...on, hoverinfo: "skip",
+      { type: "scatter", mode: "markers", name: state.size ? `its form, ${state.size.toFixed(2)} times` : "its form", x,
+        y: at(one.form, rows).map((y) => (y === null ? y : size() * y)), ...on, hoverinfo: "skip",
         marker: { symbol: "diamond", size: 5, color: colour("held") } },
     ];
   }
@@ -151,6 +152,7 @@ function lrmCandidates(page) {
     if (part === null || value === null || (Array.isArray(part) && part.includes(null))) return value;
     return Array.isArray(value) ? value.map((c, k) => c - state.size * part[k]) : value - state.size * part;
   });
+  const size = () => state.size || 1; // times the estimate at which the form is drawn
   const square = (r) => r[0] ** 2 + r[1] ** 2 + r[2] ** 2;
   const rms = (residual) => Math.sqrt(page.sample().reduce((sum, row) => sum + square(residual[row]), 0) / page.sample().length);
   const active = (number, one) => state.size > 0 && one && number === state.values.steps.length - 1;
@@ -178,9 +180,13 @@ function lrmCandidates(page) {
     input.oninput = () => {
       state.size = Number(input.value);
       said.textContent = says(one);
-      page.drawField(); page.drawTurn();
+      page.drawField(); page.drawTurn(); drawCandidate();
     };
-    label.append(input);
+    const scale = element("span", "", "lrm-marks"), marks = ["none", "estimate", "twice"];
+    scale.append(...marks.map((text) => element("small", text)));
+    const track = element("span", "", "lrm-track");
+    track.append(input, scale);
+    label.append(track);
     box.replaceChildren(label, said);
   }
 
@@ -191,5 +197,5 @@ function lrmCandidates(page) {
     if (tried && !state.size) page.drawField();
   }
 
-  return { candidate, drawCandidate, drawRanking, drawWhatIf, whatIf: { without, active, rms } };
+  return { candidate, drawCandidate, drawRanking, drawWhatIf, whatIf: { without, active, rms, size } };
 }

@@ -19,7 +19,7 @@ function lrmTurn(page) {
         line: { color: colour("ink"), width: 2 }, marker: { symbol: "square", size: 6 } },
     ];
     if (one && state.step === v.steps.length - 1) {
-      const says = binned(at(driver.values, sample), at(one.turns[state.joint], sample));
+      const size = page.whatIf.size(), says = binned(at(driver.values, sample), at(one.turns[state.joint], sample).map((y) => y === null ? y : size * y));
       traces.push({ type: "scatter", mode: "lines+markers", name: `what ${one.title} would explain`, x: says.x, y: says.y,
         hoverinfo: "skip", line: { color: colour("held"), width: 3, dash: "dash" }, marker: { symbol: "diamond", size: 7 } });
     }

@@ -31,8 +31,8 @@ function lrmControls(page) {
     on("driver", (value) => { state.driver = value; page.drawTurn(); });
     on("step", (value) => showStep(Number(value)));
     on("beside", (value) => {
-      state.beside = value === "" ? null : Number(value);
-      page.drawField(); resize(); page.drawHistory(showStep);
+      [state.beside, state.paired] = [value === "" ? null : Number(value), true];
+      page.drawField(); resize(); page.drawStory(showStep);
     });
     on("marked", (value) => page.brush(value ? new Set(state.values.marked[value]) : null));
     on("pose", (value) => { const row = state.values.pose.indexOf(Number(value)); if (row >= 0) page.hover(row); });
@@ -57,7 +57,7 @@ function lrmControls(page) {
     page.drawCandidate();
     page.drawWhatIf();
     page.drawTurn();
-    page.drawHistory(showStep);
+    page.drawStory(showStep);
     tellChosen();
   }
 
@@ -67,7 +67,7 @@ function lrmControls(page) {
     state.step = number;
     fill();
     if (from) page.glide(from.residual);
-    page.drawWhatIf(); page.drawTurn(); page.drawHistory(showStep); page.tell();
+    page.drawWhatIf(); page.drawTurn(); page.drawStory(showStep); page.tell();
     emit("lrm_step", number);
   }
 

@@ -5,7 +5,7 @@
 // with what the scripts loaded before have added to it.
 function lrmShared() {
   const state = { values: null, step: 0, beside: null, joint: 0, driver: "", candidate: null, brushed: null, pose: null, size: 0,
-    worst: false };
+    worst: false, paired: false };
   const place = (id) => document.getElementById("lrm-" + id);
   const emit = (name, value) => { if (window.lrmEmit) window.lrmEmit(name, value); };
   const words = (value, digits = 2) => value === null ? "–" : value.toFixed(digits);
@@ -29,6 +29,9 @@ function lrmPrint(page) {
 
   function print(begin) {
     if (begin) print.theme = document.documentElement.dataset.theme;
+    const field = document.getElementById("panel-field"), cards = document.getElementById("panel-cards");
+    if (begin && cards) { [print.before, print.of] = [field.nextSibling, field.parentNode]; cards.after(field); } // paper: cards first
+    else if (cards && print.of) print.of.insertBefore(field, print.before);
     for (const one of Object.values(scenes)) one.ratio = begin ? PAPER_RATIO : 0;
     page.theme(begin ? "light" : print.theme);
     page.drawWaiting(() => true);
@@ -41,25 +44,31 @@ function lrmPrint(page) {
 }
 
 const lrm = (() => {
+  const PAIR_PX = 600;
   const page = lrmShared(), { state, norm } = page;
-  for (const part of [lrmQueue, lrmBrush, lrmCandidates, lrmSteps, lrmField, lrmPose, lrmPicture, lrmTurn,
+  for (const part of [lrmQueue, lrmBrush, lrmCandidates, lrmStory, lrmSteps, lrmField, lrmPose, lrmPicture, lrmTurn,
     lrmControls, lrmPrint]) Object.assign(page, part(page));
   const { choose, showStep, glide } = page;
 
   function redraw() {
     if (!state.values) return;
     page.fill(); page.drawRanking(choose); page.drawWhatIf(); page.drawField(); page.drawArm(); page.tell(); page.drawTurn();
-    page.drawHistory(showStep); page.drawCandidate(); page.drawCards(); page.tellSample();
+    page.drawStory(showStep); page.drawCandidate(); page.drawCards(); page.tellSample();
   }
 
   function show(values) {
     const before = state.values, known = new Set(values.drivers.map((d) => d.name));
     state.values = values;
     const same = before && before.data === values.data;
-    if (same && values.floor === null && values.bound === null) [values.floor, values.bound] = [before.floor, before.bound];
+    if (same && values.floor === null && values.bound === null) {
+      [values.floor, values.bound] = [before.floor, before.bound];
+      for (const key of ["noise_rms_mm", "noise_bound_rms_mm"]) if (values.story && before.story) values.story[key] = before.story[key];
+    }
     const last = values.steps.length - 1;
     if (!before || before.steps.length !== values.steps.length || state.step > last) state.step = last;
     if (state.beside !== null && state.beside > last) state.beside = null;
+    const room = page.place("field")?.parentElement.clientWidth || 0;
+    if (!state.paired) state.beside = last > 0 && room > PAIR_PX ? 0 : null; // before and after, until a person chooses
     if (!values.ranking.some((one) => one.name === state.candidate)) state.candidate = null;
     const other = !same;
     if (other || !known.has(state.driver)) {
@@ -94,7 +103,7 @@ const lrm = (() => {
     redraw();
   };
 
-  const { theme, print, rover, soon: ready, resize, brush, hover, scenes } = page;
-  return { show, load, theme, print, rover, ready, resize, choose, showStep, brush, hover, state, scenes };
+  const { theme, print, rover, nextPoses, soon: ready, resize, brush, hover, scenes } = page;
+  return { show, load, theme, print, rover, nextPoses, ready, resize, choose, showStep, brush, hover, state, scenes };
 })();
 window.lrm = lrm;

@@ -6,8 +6,8 @@ const lrmArrows = (() => {
 
   // Steps of one scale from light to dark (dark to light on a dark page) that keep their order without colour.
   function steps(count) {
-    const ends = document.documentElement.dataset.theme === "dark" ? [[110, 72, 170], [33, 145, 140], [253, 231, 37]]
-      : [[235, 200, 20], [33, 145, 140], [68, 1, 84]];
+    const ends = document.documentElement.dataset.theme === "dark" ? [[84, 110, 140], [70, 170, 200], [255, 190, 80]]
+      : [[150, 172, 196], [0, 114, 178], [110, 0, 70]];
     return Array.from({ length: count }, (_, i) => {
       const t = 2 * i / (count - 1), k = Math.min(Math.floor(t), 1);
       return `rgb(${ends[k].map((c, j) => Math.round(c + (t - k) * (ends[k + 1][j] - c)))})`;

@@ -16,11 +16,14 @@ function lrmField(page) {
   function glide(from) {
     const of = state.values, number = state.step, to = of.steps[number].residual, begun = performance.now();
     const still = window.matchMedia("(prefers-reduced-motion: reduce)").matches || document.hidden || !scenes.field;
-    if (still || state.beside !== null || from.length !== to.length) return drawField();
+    const paired = state.beside, id = paired === null ? "field" : "field-b";
+    if (still || number < paired || from.length !== to.length) return drawField();
+    document.documentElement.classList.toggle("lrm-beside", paired !== null);
+    if (paired !== null) drawStep("field", paired, false);
     const frame = (now) => {
       const t = Math.min(Math.max((now - begun) / GLIDE_MS, 0), 1), part = t * t * (3 - 2 * t);
-      if (state.values !== of || state.step !== number || state.beside !== null) return;
-      drawStep("field", number, true, to.map((r, row) => r.map((c, k) => from[row][k] + part * (c - from[row][k]))));
+      if (state.values !== of || state.step !== number || state.beside !== paired) return;
+      drawStep(id, number, true, to.map((r, row) => r.map((c, k) => from[row][k] + part * (c - from[row][k]))));
       if (t < 1) requestAnimationFrame(frame);
     };
     requestAnimationFrame(frame);
@@ -30,7 +33,7 @@ function lrmField(page) {
     const v = state.values, step = v.steps[number], box = place(id), chosen = page.marked();
     if (!box || !step) return;
     const title = page.whatIf.active(number, page.candidate())
-      ? `what if: RMS ${words(page.whatIf.rms(residual))} mm, before any refit` : `${number} ${step.title}: RMS ${step.rms} mm`;
+      ? `what if: RMS ${words(page.whatIf.rms(residual))} mm, before any refit` : `${state.beside === null ? number : number === Math.max(state.step, state.beside) ? "after:" : "before:"} ${step.title}: RMS ${step.rms} mm here`;
     const deed = { hover: page.hover, toggle: page.toggle, mark: (rows) => page.brush(new Set(rows.map((row) => v.pose[row]))) };
     scenes[id] = scenes[id] || lrmScene(box, deed);
     scenes[id].show({ title, box: boxOfField(), bar,

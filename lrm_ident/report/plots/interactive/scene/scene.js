@@ -6,6 +6,7 @@ const lrmScene = (() => {
   const scenes = new Set();
 
   // From where scenes are seen: one orthographic view for all, so that two fields beside each other turn together.
+  const THROUGH = 0.45;
   const FIRST = { azimuth: -45, elevation: 27, zoom: 1, shift: [0, 0] }, DEG = Math.PI / 180;
   const view = { ...FIRST, shift: [0, 0] };
   const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
@@ -95,6 +96,7 @@ const lrmScene = (() => {
         lrmSolids.outline(cleared(sheet, size, ratio), arm, drawn[i], at);
         laid(pen, sheet);
       });
+      laid(pen, still, THROUGH); // arrows behind the arm shine through it
       if (self.dots[c.row]) ring(pen, self.dots[c.row]);
       if (self.drag && self.drag.box) frame(pen, ...self.drag.box);
     }

@@ -1,0 +1,49 @@
+// Small sketches of what an effect is: play, a bent link, a leaning base. Lines on 96 × 64, in the ink of the page; what is
+// wrong is drawn in the colour of errors.
+"use strict";
+const lrmSketch = (() => {
+  const GROUND = "M8 58H40", LINK = "M24 56V34L70 20", JOINT = [24, 34];
+  // Lines in ink, lines in the colour of errors, dashed lines, circles [x, y, radius], words under it.
+  const KINDS = {
+    play: [["M14 44V22H34V44", "M58 44V22H82V44"], ["M34 33H42M38 29L34 33L38 37", "M58 33H50M54 29L58 33L54 37"], ["M42 22V44H50V22Z"], [], "free play"],
+    creep: [[GROUND, LINK], ["M70 26V42M66 38L70 42L74 38"], ["M24 34L70 28", "M24 34L68 38"], [JOINT.concat(4)], "sinks with time"],
+    bend: [[GROUND, "M24 56V34"], ["M24 34Q56 20 76 38"], ["M24 34L76 18"], [JOINT.concat(4)], "link bends"],
+    lean: [["M6 58H50"], ["M28 58L38 30L78 26"], ["M28 58V28L70 18"], [[38, 30, 4]], "base leans"],
+    gear: [[], ["M48 14V50", "M30 32H66"], [], [[48, 32, 22], [55, 28, 4]], "off-centre gear"],
+    gain: [["M16 52A34 34 0 0 1 80 52", "M48 52L30 26"], ["M48 52L22 34"], [], [[48, 52, 3]], "turns too far or too little"],
+    loop: [["M12 54H86M16 58V8"], ["M20 50C40 46 60 34 78 12C58 18 36 30 20 50", "M46 38L52 36L50 30"], [], [], "depends on the direction"],
+    cable: [[GROUND, LINK], ["M24 50C44 52 60 44 70 22"], [], [JOINT.concat(4)], "cable pulls"],
+    spring: [[GROUND, "M24 56V44", "M24 20L72 20", "M72 20V34"], ["M24 44L18 40L30 35L18 30L30 25L24 20"], [], [[72, 40, 6]], "gives under load"],
+    mass: [[GROUND, LINK], ["M50 32V50M46 46L50 50L54 46"], [], [[50, 26, 7], JOINT.concat(4)], "weight differs"],
+    step: [["M10 58H88"], ["M12 46H46V24H84"], ["M46 46H84"], [], "moved once"],
+    frame: [["M14 50V14H50"], ["M14 50L56 54L50 14"], ["M14 50H50V14"], [], "the instrument is off"],
+    length: [[GROUND, "M24 56V34"], ["M24 34L80 22"], ["M24 34L66 26"], [JOINT.concat(4)], "length or angle differs"],
+  };
+  const OF = { backlash: "play", bearing_curve: "play", axial_play: "play", creep: "creep", self_heating: "creep", drift: "creep",
+    drift_curve: "creep", bending_ends: "bend", lateral_compliance: "bend", base_compliance: "lean", base_curve: "lean", gravity: "lean",
+    eccentricity: "gear", gear_ripple: "gear", quantisation: "gear", servo_gain: "gain", common_gain: "gain", angle_curve: "gain",
+    hysteresis: "loop", friction_curve: "loop", cable_spring: "cable", cable_curve: "cable", coupling: "cable", coupling_curve: "cable",
+    nonlinear_stiffness: "spring", compliance: "spring", torque_curve: "spring", servo_droop: "spring", mass: "mass", payload: "mass",
+    slip: "step", change_point: "step", second_change_point: "step", session: "step", measurement_frame: "frame", frame_curve: "frame",
+    anchor: "frame", touched_point: "frame", touched_board: "frame", offsets: "length" };
+
+  // The sketch of `effect@place`; nothing of one that has none.
+  return function sketch(name) {
+    const kind = KINDS[OF[name.split("@")[0]]];
+    if (!kind) return "";
+    const [ink, wrong, dashed, circles, words] = kind;
+    const make = (tag, set) => {
+      const out = document.createElementNS("http://www.w3.org/2000/svg", tag);
+      for (const key in set) out.setAttribute(key, set[key]);
+      return out;
+    };
+    const svg = make("svg", { viewBox: "0 0 96 64", role: "img", "aria-label": words });
+    svg.append(...dashed.map((d) => make("path", { d, class: "dashed" })), ...ink.map((d) => make("path", { d })),
+      ...wrong.map((d) => make("path", { d, class: "wrong" })), ...circles.map(([cx, cy, r]) => make("circle", { cx, cy, r })));
+    const figure = document.createElement("figure"), caption = document.createElement("figcaption");
+    figure.className = "lrm-sketch";
+    caption.textContent = words;
+    figure.append(svg, caption);
+    return figure;
+  };
+})();

@@ -1,0 +1,70 @@
+"""Figure of a story: how the error fell from the nominal arm, by what, and what it is where the model is used."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from textwrap import fill
+from typing import TYPE_CHECKING, Any
+
+from lrm_ident.data.wording import in_mm
+from lrm_ident.report.plots.style import GREEN, HELD_OUT, MODEL, NOMINAL, figure_file
+from lrm_ident.report.story import MM, Kind, Story
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+COLOURS: Mapping[Kind, str] = {
+    "nominal": NOMINAL,
+    "fit": "#57606a",
+    "identified cause": MODEL,
+    "candidate cause": GREEN,
+    "empirical term": HELD_OUT,
+    "effect": "#57606a",
+}
+BESIDE: Any = {"xytext": (4, 0), "textcoords": "offset points", "va": "center"}
+TORN, ROOM, ROW, LABEL = 2.2, 1.4, 0.36, 34
+"""How much longer than all others a bar is cut short; room beside these; inches of a row; letters of a line."""
+
+
+def draw_story(story: Story, path: Path | None = None) -> Figure:
+    """Draws the waterfall. Raises `FileError` for an unknown format or place."""
+    later = max((one.left_mm for one in story.steps[1:]), default=story.steps[0].left_mm)
+    most = max(one.left_mm for one in story.steps)
+    scale = ROOM * later if most > TORN * later else 1.02 * most
+    ends = [
+        (name, value)
+        for name, value in (("as deployed", story.steps[-1].deployed_mm), ("nested", story.nested_mm))
+        if value is not None
+    ]
+    rows = len(story.steps) + len(ends)
+    with figure_file(path, 8.5, 1.3 + ROW * rows) as figure:
+        axes = figure.subplots()
+        for row, one in enumerate(story.steps):
+            colour = COLOURS[one.kind]
+            axes.barh(row, min(one.left_mm, scale), color=colour, alpha=0.3)
+            axes.barh(row, min(one.before_mm, scale) - min(one.left_mm, scale), left=one.left_mm, color=colour)
+            cut = " (bar cut short)" if one.left_mm > scale else ""
+            where = (min(one.before_mm, scale), row)
+            axes.annotate(
+                f"{in_mm(one.left_mm * MM)}{cut}", where, xytext=(4, 0), textcoords="offset points", va="center"
+            )
+        for row, (_, value) in enumerate(ends, len(story.steps)):
+            axes.barh(row, value, height=0.4, color="black", alpha=0.4)
+            axes.annotate(in_mm(value * MM), (value, row), **BESIDE)
+        noise = story.noise_mm if story.noise_mm is not None else story.bound_mm
+        if noise is not None:
+            words = "measurement noise" if story.noise_mm is not None else "measurement noise, at most"
+            axes.axvline(noise, color="black", linestyle=":", label=f"{words} {in_mm(noise * MM)} mm")
+            axes.legend(loc="upper left", bbox_to_anchor=(0.0, -0.16 - 0.3 / rows), frameon=False, fontsize=9)
+        kinds = [f"\n{one.kind}" if one.number and one.kind != "effect" else "" for one in story.steps]
+        names = [fill(one.title, LABEL) + kind for one, kind in zip(story.steps, kinds, strict=True)]
+        axes.set_yticks(range(rows), [*names, *(name for name, _ in ends)], fontsize=9)
+        axes.set(xlim=(0, 1.18 * scale), ylim=(rows - 0.4, -0.6))
+        axes.set_xlabel("RMS error of the tip, mm: pale what remains, solid what was taken away")
+        axes.set_title(
+            "How the error fell" + (", at poses that no fit has used" if story.held_out else ""), fontsize=11
+        )
+        axes.spines[["top", "right", "left"]].set_visible(False)
+        axes.tick_params(axis="y", length=0)
+    return figure

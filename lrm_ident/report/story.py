@@ -1,0 +1,158 @@
+"""The story of a model: how far the error fell from the nominal arm, by what, and what it is where the model is used.
+
+Terminal, page, report, notebook and figure show this one.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+from lrm_ident.data.wording import in_mm
+from lrm_ident.report.document import BAR, ResultTable
+from lrm_ident.report.plain_names import step_title
+from lrm_math.model.model_file import CourseTable, HistoryTable, ModelFile
+
+Kind = Literal["nominal", "fit", "identified cause", "candidate cause", "empirical term", "effect"]
+"""What made the error fall; "effect": added, and what it shows is not known."""
+GEOMETRY = "geometry and springs"
+BAR_WIDTH = 12
+MM = 1e-3
+
+
+@dataclass(frozen=True)
+class StoryStep:
+    """One fall of the error.
+
+    Attributes:
+        title: in plain words. kind: what made it fall. number: of the step in the history; None of the nominal arm.
+        before_mm, left_mm: RMS error before and after it. deployed_mm: after it, as deployed; None: not known.
+    """
+
+    title: str
+    kind: Kind
+    number: int | None
+    before_mm: float
+    left_mm: float
+    deployed_mm: float | None = None
+
+
+@dataclass(frozen=True)
+class Story:
+    """How the error fell.
+
+    Attributes:
+        steps: of the nominal arm, of the fit, of every effect that was added.
+        held_out: whether the errors are held out (of the nominal arm nothing was fitted), else on these data.
+        nested_mm, nested_deployed_mm: held out with the effects chosen anew in every fold.
+        noise_mm: of the measurement; bound_mm: where that is not known, what it is at most.
+    """
+
+    steps: tuple[StoryStep, ...]
+    held_out: bool
+    nested_mm: float | None = None
+    nested_deployed_mm: float | None = None
+    noise_mm: float | None = None
+    bound_mm: float | None = None
+
+    @property
+    def sentence(self) -> str:
+        """The whole course in one line."""
+        added = self.steps[2:]
+        left = [f"{one.title} {in_mm(one.left_mm * MM)}" for one in self.steps[:2]]
+        if added:
+            left.append(f"{_counted(added)} {in_mm(added[-1].left_mm * MM)}")
+        return f"{' → '.join(left)} mm RMS{' held out' if self.held_out else ''}"
+
+    @property
+    def facts(self) -> tuple[tuple[str, str], ...]:
+        """What else is known of the last error, labelled."""
+        return tuple((label, f"{in_mm(value * MM)} mm RMS{more}") for label, value, more in self._known if value)
+
+    @property
+    def _known(self) -> tuple[tuple[str, float | None, str], ...]:
+        nested = "" if self.nested_deployed_mm is None else f", as deployed {in_mm(self.nested_deployed_mm * MM)} mm"
+        return (
+            ("as deployed", self.steps[-1].deployed_mm if self.steps else None, ""),
+            ("nested", self.nested_mm, f", held out with the effects chosen anew in every fold{nested}"),
+            ("measurement noise", self.noise_mm, ""),
+            ("measurement noise", self.bound_mm if self.noise_mm is None else None, " at most"),
+        )
+
+    def table(self) -> ResultTable:
+        """The steps, the error of the fit with the longest bar: beside that of the nominal arm the others are dots."""
+        most = max((one.left_mm for one in self.steps[1:] or self.steps), default=1.0)
+        rows = [
+            (
+                one.title,
+                "" if one.kind in ("nominal", "fit", "effect") else one.kind,
+                in_mm(one.left_mm * MM),
+                None if one.deployed_mm is None else in_mm(one.deployed_mm * MM),
+                BAR * round(BAR_WIDTH * one.left_mm / most) if number else "",
+            )
+            for number, one in enumerate(self.steps)
+        ]
+        error = "held-out RMS, mm|" if self.held_out else "RMS, mm|"
+        return ResultTable(("step", "what it is", error, "as deployed, mm|", ""), rows, "How the error fell")
+
+    def as_json(self) -> dict[str, object]:
+        """The table `story`."""
+        return {
+            "sentence": self.sentence,
+            "held_out": self.held_out,
+            "steps": [
+                {"title": one.title, "kind": one.kind, "rms_mm": one.left_mm, "deployed_rms_mm": one.deployed_mm}
+                for one in self.steps
+            ],
+            "nested_rms_mm": self.nested_mm,
+            "nested_deployed_rms_mm": self.nested_deployed_mm,
+            "noise_rms_mm": self.noise_mm,
+            "noise_bound_rms_mm": self.bound_mm,
+        }
+
+
+def story_of_file(file: ModelFile) -> Story | None:
+    """The story that a model file tells of its own data; None where it has no history, or no nominal error."""
+    if not file.history or file.history[0].nominal_rms_mm is None:
+        return None
+    hashes = {None if one.provenance is None else one.provenance.data_sha256 for one in file.history}
+    held = [one.held_out_rms_mm for one in file.history]
+    known = len(hashes) == 1 and None not in held
+    left = [one for one in held if one is not None] if known else [one.fit_rms_mm for one in file.history]
+    return story_of(file.history, left, file.history[0].nominal_rms_mm, known)
+
+
+def story_of(
+    history: Sequence[HistoryTable],
+    left_mm: Sequence[float],
+    nominal_mm: float,
+    held_out: bool,
+    shows: Mapping[int, Kind] | None = None,
+    noise_mm: float | None = None,
+    bound_mm: float | None = None,
+) -> Story:
+    """A story.
+
+    Args:
+        left_mm: RMS error after each step; `held_out`: whether of poses that no fit has seen.
+        shows: what steps are by their number, where a diagnosis says it; else as the file says.
+    """
+    course = history[-1].course or CourseTable()
+    known = dict(shows or {})
+    steps = [StoryStep("nominal", "nominal", None, nominal_mm, nominal_mm)]
+    for number, (entry, left) in enumerate(zip(history, left_mm, strict=True)):
+        kind: Kind = known.get(number) or course.shows.get(entry.step.removeprefix("add ")) or "effect"
+        title = step_title(entry.step) if number else GEOMETRY
+        deployed = entry.deployed_rms_mm if held_out else None
+        steps.append(StoryStep(title, kind if number else "fit", number, steps[-1].left_mm, left, deployed))
+    noise = noise_mm if noise_mm is not None else course.noise_rms_mm
+    return Story(tuple(steps), held_out, course.nested_rms_mm, course.nested_deployed_rms_mm, noise, bound_mm)
+
+
+def _counted(steps: Sequence[StoryStep]) -> str:
+    """Steps by what they are: `1 identified cause and 2 empirical terms`."""
+    counts = Counter(one.kind for one in steps)
+    words = [f"{count} {kind}{'s' if count > 1 else ''}" for kind, count in counts.items()]
+    return " + ".join(words)

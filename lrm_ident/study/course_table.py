@@ -1,0 +1,22 @@
+"""What a run of `auto` found, kept beside the last step of its model: what each effect is, and the nested error."""
+
+from __future__ import annotations
+
+from lrm_ident.diagnosis.attribution import TERMS
+from lrm_ident.diagnosis.auto import AutoRun
+from lrm_ident.residual.error_breakdown import NestedResidual
+from lrm_math.model.model_file import CourseTable, ModelFile
+
+
+def with_course(file: ModelFile, course: AutoRun, nested: NestedResidual) -> ModelFile:
+    """The model file with what the effects of a run are, and the error with the effects chosen anew in every fold."""
+    noise, found = course.report.diagnosis.floor.rms, nested.error
+    shown = zip(course.steps[1:], course.attributions, strict=True)
+    table = CourseTable(
+        shows={step.added: TERMS[one.kind] for step, one in shown},
+        noise_rms_mm=None if noise is None else noise * 1e3,
+        nested_rms_mm=None if found is None else found.rms * 1e3,
+        nested_deployed_rms_mm=None if nested.deployed is None else nested.deployed.now.rms * 1e3,
+    )
+    last = file.history[-1].model_copy(update={"course": table})
+    return file.model_copy(update={"history": [*file.history[:-1], last]})

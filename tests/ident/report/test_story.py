@@ -1,0 +1,86 @@
+"""The story of a model: the same course of the error at every door, and never the last, smallest step alone."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from lrm_ident.report.plots.story import draw_story
+from lrm_ident.report.story import GEOMETRY, Story, story_of_file
+from lrm_ident.study.model_history import model_text, undo_step
+from lrm_math.model.model_file import CourseTable, HistoryTable, ModelFile
+from lrm_math.toml_file import read_toml
+
+COURSE = CourseTable(
+    shows={"cable_curve@joint1+joint2": "empirical term", "backlash@joint2": "identified cause"},
+    noise_rms_mm=0.5,
+    nested_rms_mm=2.1,
+    nested_deployed_rms_mm=2.3,
+)
+
+
+def step(name: str, fitted: float, held: float | None, **more: object) -> HistoryTable:
+    """An entry of a history."""
+    known = {"step": name, "fit_rms_mm": fitted, "held_out_rms_mm": held, "effects": ["offsets"], "parameters": {}}
+    return HistoryTable.model_validate({**known, "deployed_rms_mm": held, **more})
+
+
+def file_of(*history: HistoryTable) -> ModelFile:
+    """A model file of a history."""
+    return ModelFile(schema="lrm/model/1", arm="lrm-lab", effects=["offsets"], history=list(history))
+
+
+@pytest.fixture
+def file() -> ModelFile:
+    """Nominal 30, then 4.8, then two effects."""
+    return file_of(
+        step("fit", 4.6, 4.8, nominal_rms_mm=30.0),
+        step("add cable_curve@joint1+joint2", 2.4, 2.6),
+        step("add backlash@joint2", 1.7, 1.9, course=COURSE),
+    )
+
+
+def told(file: ModelFile) -> Story:
+    """The story of a file that has one."""
+    story = story_of_file(file)
+    assert story is not None
+    return story
+
+
+def test_the_course_begins_with_the_nominal_arm_and_says_what_each_step_is(file: ModelFile) -> None:
+    story = told(file)
+    fall = "nominal 30.0 → geometry and springs 4.80 → 1 empirical term + 1 identified cause 1.90 mm RMS held out"
+    assert story.sentence.replace("30.00", "30.0") == fall
+    assert [one.title for one in story.steps[:2]] == ["nominal", GEOMETRY]
+    assert [(one.before_mm, one.left_mm) for one in story.steps[1:]] == [(30.0, 4.8), (4.8, 2.6), (2.6, 1.9)]
+    assert dict(story.facts).keys() == {"as deployed", "nested", "measurement noise"}
+    assert story.as_json()["nested_rms_mm"] == 2.1
+
+
+def test_the_file_keeps_it_and_undo_forgets_what_is_no_longer_so(file: ModelFile, tmp_path: Path) -> None:
+    path = tmp_path / "m.toml"
+    path.write_text(model_text(file), encoding="utf-8")
+    assert read_toml(path, ModelFile) == file
+    before = told(undo_step(file))
+    assert [one.kind for one in before.steps] == ["nominal", "fit", "effect"]
+    assert before.nested_mm is None
+
+
+def test_errors_of_the_fit_where_some_are_not_held_out(file: ModelFile) -> None:
+    first, *rest = file.history
+    story = told(file_of(first, *rest, step("add mass@link5", 1.5, None)))
+    assert not story.held_out
+    assert [one.left_mm for one in story.steps[1:]] == [4.6, 2.4, 1.7, 1.5]
+    assert story_of_file(file_of(step("fit", 4.6, 4.8))) is None, "an older file does not know the nominal arm's error"
+
+
+def test_the_waterfall_is_a_figure_with_a_bar_for_each_step(file: ModelFile, tmp_path: Path) -> None:
+    pytest.importorskip("matplotlib")
+    figure = draw_story(told(file), tmp_path / "story.png")
+    assert (tmp_path / "story.png").is_file()
+    (axes,) = figure.axes
+    labels = [label.get_text().replace("\n", " ") for label in axes.get_yticklabels()]
+    assert labels[:2] == ["nominal", GEOMETRY]
+    assert labels[-2:] == ["as deployed", "nested"]
+    assert "identified cause" in labels[3]

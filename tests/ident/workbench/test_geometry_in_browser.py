@@ -1,0 +1,100 @@
+"""Nothing lies over anything, nothing is cut: page, report, dialogs, tour, on a desk, a tablet, a phone."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import lrm_ident as lrm
+from tests.support.browser import RunningWorkbench, idle, opened, press, wait_for
+from tests.support.commands import part_of_example, stdout_of
+from tests.support.geometry import faults_of_geometry
+
+RANKED = "lrm.state.values.ranking.length > 0"
+SETTLED_MS = 700
+WIDTHS = (1440, 1024, 390)
+EFFECTS = ("backlash@joint2", "cable_curve@joint1+joint2", "hysteresis@joint3", "base_curve@base")
+"""Of one joint, of two, of a direction, of the base."""
+
+PLACES = """(() => {
+  const [head, framed, card] = ["header.lrm-head", ".lrm-toured", ".lrm-tour"].map((one) =>
+    document.querySelector(one).getBoundingClientRect());
+  return [head.bottom, framed.top, card.top];
+})()"""
+"""px where the head ends, what the tour frames begins, its card begins."""
+
+
+@pytest.fixture(scope="module")
+def report(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A report of a model with four effects."""
+    folder = tmp_path_factory.mktemp("report")
+    data = part_of_example(folder, 100)
+    study = lrm.Study.of(lrm.load(data)).fit()
+    for effect in EFFECTS:
+        study = study.add(effect)
+    study.save(folder / "m.toml")
+    stdout_of("report", folder / "m.toml", data, "-o", folder / "r.html")
+    return folder / "r.html"
+
+
+@pytest.mark.slow
+def test_a_report_of_four_steps_at_three_widths(browser: Any, report: Path) -> None:
+    """The axis is that of the effect's law, before and after are seen to differ, every step has a sketch."""
+    for width in WIDTHS:
+        page = browser.new_context(viewport={"width": width, "height": 844}, color_scheme="light").new_page()
+        page.goto(report.as_uri())
+        page.wait_for_selector("#lrm-card-4 .main-svg", state="attached")
+        page.wait_for_timeout(SETTLED_MS)
+        assert faults_of_geometry(page) == [], width
+        if width == min(WIDTHS):
+            bottom = "document.querySelector('{}').getBoundingClientRect()"
+            assert page.evaluate(f"{bottom.format('#lrm-verdict')}.bottom < innerHeight / 2"), "the sentence is seen"
+            assert page.evaluate(f"{bottom.format('#lrm-field canvas')}.top < 0.75 * innerHeight"), "the arm is seen"
+        page.context.close()
+    page = browser.new_context(viewport={"width": 1440, "height": 844}).new_page()
+    page.goto(report.as_uri())
+    page.wait_for_selector("#lrm-card-4 .main-svg", state="attached")
+    drivers = dict(page.evaluate("lrm.state.values.cards.map((one) => [one.name, one.driver])"))
+    assert drivers["backlash@joint2"] == "torque of joint 2"
+    assert drivers["hysteresis@joint3"] == "last motion of joint 3"
+    assert drivers["cable_curve@joint1+joint2"] in ("angle of joint 1", "angle of joint 2")
+    assert len(page.query_selector_all(".lrm-card-of-step .lrm-sketch svg")) == len(EFFECTS)
+    assert page.inner_text("#lrm-fall").startswith("nominal "), "never the last, smallest step"
+    assert page.evaluate("lrm.state.beside") == 0
+    page.context.close()
+
+
+@pytest.mark.slow
+def test_tour_dialogs_and_what_if_on_a_desk_and_a_phone(browser: Any, small: RunningWorkbench) -> None:
+    for width in (1440, 390):
+        page = opened(browser, small, {"width": width, "height": 844})
+        idle(page, RANKED)
+        page.wait_for_timeout(SETTLED_MS)
+        assert faults_of_geometry(page) == [], width
+        press(page, "tour")
+        for _ in range(6):
+            page.wait_for_timeout(200)
+            head, top, card = page.evaluate(PLACES)
+            assert head > 0, "the head stays"
+            assert top < card, "what is framed is seen beside the card"
+            page.click("[data-name=next]")
+        for name, dialog in (("save…", "#lrm-save"), ("commands", "#lrm-done"), ("live…", "#lrm-live")):
+            press(page, name)
+            page.wait_for_selector(dialog)
+            page.wait_for_timeout(SETTLED_MS)
+            box = page.evaluate(f"(({{ left, right }}) => [left, right])"
+                                f"(document.querySelector('{dialog}').getBoundingClientRect())")  # fmt: skip
+            assert box[0] >= 0, name
+            assert box[1] <= width, name
+            page.keyboard.press("Escape")
+            page.wait_for_selector(dialog, state="hidden")
+        form = "lrm.state.values.ranking[0].form.find((y) => y !== null)"
+        trace = "document.getElementById('lrm-form').data?.find((t) => t.name.startsWith('its form'))"
+        shown = f"{trace}.y.find((y) => y !== null)"
+        wait_for(page, shown)
+        page.locator("#lrm-what-if-size").press("End")
+        wait_for(page, f"Math.abs({shown} - 2 * {form}) < 1e-6")
+        assert "estimate" in page.inner_text("#lrm-what-if")
+        page.context.close()

@@ -1,0 +1,164 @@
+"""Coverage of the confidence intervals of named effects: `python -m validation.hidden_effects.intervals` adds to each
+data set of the first catalogue the effects that are hidden in it, and counts the intervals that hold the truth."""
+
+from __future__ import annotations
+
+import argparse
+import math
+import warnings
+from collections import defaultdict
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+
+import lrm_ident as lrm
+from lrm_math.arrays import Array
+from lrm_math.errors import LrmError
+from validation.hidden_effects.case_generator import HiddenEffectCase
+from validation.hidden_effects.cases import SINGLE
+from validation.hidden_effects.data import ARM_FILE, dataset, true_arm
+from validation.synthetic import (
+    ArmDescription,
+    BaseRocking,
+    BaseWarmUp,
+    CoupledJoint,
+    EccentricShaft,
+    FastClock,
+    FrictionLag,
+    HiddenEffect,
+    JointSlip,
+    OneSidedGain,
+    SessionStep,
+    SkewTracker,
+    SoftPlay,
+    WarmUp,
+    WrongBody,
+    WrongLoad,
+    load_arm,
+    write,
+)
+
+TWO_SIDED_95 = 1.959964
+SPRINGS = ("joint2", "joint3", "joint4")
+"""Joints whose compliance every case tells."""
+
+
+def true_parameters(hidden: HiddenEffect, arm: ArmDescription, q: Array) -> dict[str, float]:
+    """The tool's parameters, by key, that a hidden effect makes (SI), as far as its formula has a counterpart.
+
+    `q`: (P, N), measured angles (rad): a bent law has the line that is nearest to it there.
+    """
+    match hidden:
+        case SoftPlay(joint, width):
+            return {f"backlash.joint{joint}.b_rad": width}
+        case OneSidedGain(joint, side, gain):
+            plus = gain if side > 0 else 0.0
+            return {
+                f"servo_gain.joint{joint}.g_plus_rad_per_rad": plus,
+                f"servo_gain.joint{joint}.g_minus_rad_per_rad": gain - plus,
+            }
+        case FastClock(part):
+            return {"common_gain.servos.g_rad_per_rad": part}
+        case EccentricShaft(joint, offset, phase):
+            return _waves(joint, offset, phase)
+        case FrictionLag(joint, width):
+            return {f"hysteresis.joint{joint}.h_rad": -width}
+        case CoupledJoint(joint, by, ratio, bend):
+            slope = float(np.polyfit(q[:, by - 1], ratio * bend * np.sin(q[:, by - 1] / bend), 1)[0])
+            return {f"coupling.joint{joint}<-joint{by}.c_rad_per_rad": slope}
+        case BaseRocking(compliance):
+            return {"base_compliance.base.k_x_rad_per_Nm": compliance}
+        case WrongLoad(extra, _):
+            return {"payload.tool.mass_g": extra}
+        case WrongBody(body, share, _):
+            [mass] = [one.mass_kg for one in arm.bodies if one.name == body]
+            return {f"mass.{body.replace(' ', '')}.mass_g": share * mass}
+        case WarmUp(joint, final):
+            return {f"drift.joint{joint}.A_rad": final}
+        case BaseWarmUp((_, about_y, _)):
+            return {"drift.base.A_beta_rad": about_y}
+        case JointSlip(joint, size):
+            return {f"change_point.joint{joint}.before_rad": -size}
+        case SessionStep(joint, steps):
+            return {f"session.joint{joint}.step{i}_rad": step for i, step in enumerate(steps[1:], start=2)}
+        case SkewTracker():
+            return _stretch(np.eye(3) + hidden.measurement_error(np.eye(3) + hidden.centre_m).T)
+        case _:
+            return {}
+
+
+def _stretch(seen: Array) -> dict[str, float]:
+    """Symmetric part of an affine map (3, 3), the rigid turn of the base taken off (left polar decomposition)."""
+    squares, axes = np.linalg.eigh(seen @ seen.T)
+    change = axes @ np.diag(np.sqrt(squares)) @ axes.T - np.eye(3)
+    names = {f"scale_{x}": change[i, i] for i, x in enumerate("xyz")}
+    names |= {f"shear_{'xyz'[i]}{'xyz'[j]}": change[i, j] for i, j in ((0, 1), (0, 2), (1, 2))}
+    return {f"measurement_frame.frame.{name}_mm_per_m": float(value) for name, value in names.items()}
+
+
+def _waves(joint: int, offset: float, phase: float) -> dict[str, float]:
+    """First two waves of an eccentric shaft: Σ offsetⁿ/n sin n(q − phase), less that at zero, and a sign."""
+    found = {}
+    for n in (1, 2):
+        size = -(offset**n) / n
+        found[f"eccentricity.joint{joint}.a{n}_rad"] = -size * math.cos(n * phase)
+        found[f"eccentricity.joint{joint}.b{n}_rad"] = size * math.sin(n * phase)
+    return found
+
+
+def deviations(case: HiddenEffectCase, seed: int, count: int, folder: Path) -> Iterator[tuple[str, str, float]]:
+    """Effect, key and (estimate − truth) / standard error of each parameter, of the hidden effect and of springs."""
+    arm = load_arm(ARM_FILE)
+    truth, made = true_arm(case, seed, arm), dataset(case, seed, count)
+    path, _, _ = write(folder / case.name, made, "coverage of intervals")
+    study = lrm.Study.of(lrm.load(path, ARM_FILE)).fit()
+    for name in case.truth or ():
+        study = study.add(name)
+    fitted = study.taken.fit
+    expected = {
+        key: value for effect in truth.effects for key, value in true_parameters(effect, arm, made.q_rad).items()
+    }
+    springs = {f"compliance.{j}.k_rad_per_Nm": truth.joint_compliance_rad_per_nm[int(j[-1]) - 1] for j in SPRINGS}
+    for key, true in (expected | springs).items():
+        if key in fitted.model.free and key not in fitted.at_bound:
+            error = float(fitted.standard_error[fitted.model.free.index(key)])
+            name = f"springs beside {(case.truth or ('nothing',))[0].split('@')[0]}" if key in springs else key
+            yield name.split(".")[0], key, (fitted.model.value(key) - true) / error
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Prints the share by effect."""
+    parser = argparse.ArgumentParser(prog="python -m validation.hidden_effects.intervals", description=__doc__)
+    parser.add_argument("--seeds", type=int, default=3)
+    parser.add_argument("--first", type=int, default=0, help="first seed")
+    parser.add_argument("--poses", type=int, default=150)
+    parser.add_argument("--only", default="", help="cases whose name contains this")
+    options = parser.parse_args(arguments)
+    warnings.simplefilter("ignore")
+    found = defaultdict[str, list[float]](list)
+    for seed in range(options.first, options.first + options.seeds):
+        for case in SINGLE.values():
+            if options.only not in case.name:
+                continue
+            with TemporaryDirectory() as folder:
+                try:
+                    rows = list(deviations(case, seed, options.poses, Path(folder)))
+                except LrmError as error:
+                    print(f"{seed} {case.name}: {error}", flush=True)
+                    continue
+            print(f"{seed} {case.name}: " + " ".join(f"{key} {z:+.1f}" for _, key, z in rows), flush=True)
+            for effect, _, z in rows:
+                found[effect].append(z)
+    for effect, every in sorted(found.items()):
+        held = np.abs(every) < TWO_SIDED_95
+        print(
+            f"{effect}: {held.sum()} of {len(every)} hold the truth; RMS of z {np.sqrt(np.mean(np.square(every))):.2f}"
+        )
+    everything = np.concatenate(list(found.values()))
+    print(f"all: {100 * np.mean(np.abs(everything) < TWO_SIDED_95):.1f} % of {len(everything)}")
+
+
+if __name__ == "__main__":
+    main()

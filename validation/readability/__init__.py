@@ -1,0 +1,1 @@
+"""How hard our texts are to read, as counts: words a sentence, passive sentences, rare words."""

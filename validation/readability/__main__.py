@@ -1,0 +1,52 @@
+"""`python -m validation.readability [--tree CHECKOUT]`: how hard README, docs, help and verdicts are to read.
+
+A passive sentence has a form of *to be* with a participle behind it, by a list of endings: about right, not exact.
+A rare word is neither among the 3000 most common (package wordfreq), nor an inflection of these, nor in the glossary;
+numbers, code and words with capitals do not count.
+"""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from validation.readability.measures import Counts, counts
+from validation.readability.texts import helps, pages, verdicts
+
+
+def row(name: str, found: Counts) -> str:
+    """A row of the table."""
+    rare = "–" if found.rare_share is None else f"{100 * found.rare_share:.1f} %"
+    return (
+        f"| {name} | {found.sentences} | {found.median:.0f} | {found.p95:.0f} | {found.longest} | "
+        f"{100 * found.passive_share:.0f} % | {rare} | {len(found.too_long)} |"
+    )
+
+
+def main() -> None:
+    """Prints the table, then the long sentences, then the most frequent rare words if they are wanted."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--tree", type=Path, default=Path(), help="a checkout of this project; default: this one")
+    parser.add_argument("--without-verdicts", action="store_true", help="leave out what takes a minute")
+    parser.add_argument("--rare", action="store_true", help="also print the most frequent rare words")
+    options = parser.parse_args()
+    tree = options.tree.resolve()
+    docs = pages(tree)
+    parts = {
+        "README": counts([each for each in docs if each.source == "README.md"]),
+        "docs": counts([each for each in docs if each.source != "README.md"]),
+        "help": counts(helps(tree)),
+        **({} if options.without_verdicts else {"verdicts": counts(verdicts(tree))}),
+    }
+    print("| texts | sentences | words a sentence: median | 95 % | longest | passive | rare words | over 35 words |")
+    print("|---|---|---|---|---|---|---|---|")
+    print(*(row(name, part) for name, part in parts.items()), sep="\n")
+    for name, part in parts.items():
+        print(f"\n{name}, over 35 words:" if part.too_long else "", end="")
+        print(*(f"\n  {s.source}:{s.line} ({len(s.words)}) {s.text[:90]}…" for s in part.too_long), sep="")
+        if options.rare:
+            print(f"{name}, rare:", ", ".join(f"{word} {times}" for word, times in part.rare))
+
+
+if __name__ == "__main__":
+    main()
