@@ -21,7 +21,7 @@ ONE_THREAD := OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 MKL_NUM_THREADS=1
 unexport PYTHONDONTWRITEBYTECODE  # with it every process of the daemon and of the tests compiles all sources anew
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo fetch test quick offline browser lint lint-github schemas docs site proofs benchmark sdist deb story check-tag bench soak wheels coverage camera confusion unfamiliar memory misreadings real-data touches touches-public tutorial closed-loop as-deployed readability json-numbers fleet transfer lerobot doors install uninstall clean
+.PHONY: help setup demo fetch test quick offline browser lint lint-github schemas docs site proofs benchmark sdist deb story check-tag bench soak wheels coverage camera confusion unfamiliar memory misreadings real-data vendor-arms newcomers touches touches-public tutorial closed-loop as-deployed readability json-numbers fleet transfer lerobot doors install uninstall clean
 
 help: ## what there is to make
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 12
@@ -159,6 +159,12 @@ misreadings: setup ## are misread measurements understood and healthy ones accep
 
 real-data: setup ## our held-out error on public measurements of real arms beside rigid least squares, a Gaussian process and boosting; skipped without a network (MIRROR= a folder of the files)
 	$(ONE_THREAD) $(BIN)/python -m validation.real_data $(if $(MIRROR),--mirror $(MIRROR))
+
+vendor-arms: setup ## import every robot's file below FOLDERS=, copies of vendors' repositories, and compare with MuJoCo
+	$(ONE_THREAD) $(BIN)/python -m validation.vendor_arms $(FOLDERS)
+
+newcomers: setup ## 2000 random single changes of healthy files, datasets and photos: is a wrong result ever silent? (half an hour)
+	$(ONE_THREAD) $(BIN)/python -m validation.newcomer_files --changes 2000
 
 touches: setup ## twelve simulated arms calibrated by touched sockets alone, against a tracker (ten minutes)
 	$(ONE_THREAD) $(BIN)/python -m validation.touched_points.simulated_arms

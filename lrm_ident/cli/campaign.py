@@ -14,7 +14,7 @@ from typer import Option
 from lrm_ident.cli import arguments as arg
 from lrm_ident.cli.arm_access import ArmAccess, load_changer, resumable, target_numbers
 from lrm_ident.cli.command import command
-from lrm_ident.cli.common import publish, show
+from lrm_ident.cli.common import notice, publish, show
 from lrm_ident.data.atomic_write import write_text
 from lrm_ident.data.measurement_file.conventions import LENGTH_UNITS
 from lrm_math.arm.arm_file import GRAM
@@ -96,6 +96,7 @@ def measure(
         plan, track = load_plan(poses, link.arm), partial(connected, link.daemon, tracker, numbers)
         if motion is not None:
             timing = _settled(motion, link.arm, plan, timing, speed)
+        notice(*plan.notices)
         changer = load_changer(load_command)
         order = CampaignOrder(
             link.drive, track, tracker, numbers, link.arm, link.name, timing, changer, _say, show, accept
@@ -135,6 +136,7 @@ def photo_poses(
 
     with access.connection(arm, "lrm-ident camera read") as link:
         plan = load_plan(plan_file, link.arm)
+        notice(*plan.notices)
 
         def keep(so_far: PhotographedPoses) -> None:
             """Writes the poses."""

@@ -13,6 +13,7 @@ from rich.progress import TaskID
 
 from lrm_ident.cli.consoles import animated, log, out
 from lrm_ident.data.atomic_write import write_text
+from lrm_ident.data.measurement_file.load import load_poses, pose_doubts
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.wording import in_minutes
 from lrm_ident.fitting.effect_plugins import Catalogue
@@ -23,6 +24,7 @@ from lrm_ident.study import inputs
 from lrm_ident.study.study import Study
 from lrm_math.arm.arm import Arm
 from lrm_math.errors import FileError, LrmError, UnknownName
+from lrm_math.kinematics.poses import Poses
 from lrm_math.model.model import Model
 from lrm_math.model.model_file import ModelFile, load_model
 from lrm_math.model.reading import AS_NAMED, Reading
@@ -132,6 +134,13 @@ def read_measurements(
     data = inputs.read_measurements(path, arm, arm_name, reading, usual)
     notice(*data.notices)
     return data
+
+
+def read_poses(path: Path, arm: Arm, reading: Reading = AS_NAMED) -> Poses:
+    """Commanded poses; what a person should know of the file goes to stderr. Raises `FileError`."""
+    poses = load_poses(path, arm, reading)
+    notice(*pose_doubts(path, arm, poses, reading))
+    return poses
 
 
 def notice(*notices: str) -> None:

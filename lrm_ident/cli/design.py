@@ -13,10 +13,10 @@ from typer import Option
 
 from lrm_ident.cli import arguments as arg
 from lrm_ident.cli.command import command
-from lrm_ident.cli.common import one_of, progress, publish, read_measurements, show, start_model
+from lrm_ident.cli.common import one_of, progress, publish, read_measurements, read_poses, show, start_model
 from lrm_ident.data.atomic_write import write_text
 from lrm_ident.data.measurement_file.conventions import arm_for
-from lrm_ident.data.measurement_file.load import load_poses, says_measured
+from lrm_ident.data.measurement_file.load import says_measured
 from lrm_ident.data.measurement_file.write import measurements_csv
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.registration.set_up import with_set_up
@@ -251,7 +251,7 @@ def identify_parameters(
     the_arm = load_arm(arm)
     start = start_model(the_arm, model)
     keys = fittable(start) if parameters == "all" else select_parameters(start, parameters)
-    settled = solve_equilibrium(start, load_poses(poses, the_arm))
+    settled = solve_equilibrium(start, read_poses(poses, the_arm))
     found = eliminate(settled, keys, one_of("units", units, UNITS), threshold, noise_mm * MM)
     publish(elimination_document(start, found), json, figure, partial(draw_elimination, found), show_all)
 
@@ -285,7 +285,7 @@ def _measured(path: Path, arm: Arm, arm_name: str) -> Measurements | None:
 
 def _commanded(path: Path, arm: Arm, measured: Measurements | None) -> Poses:
     """The commands of a file; those of its measured poses, if there are any. Raises `FileError`."""
-    return load_poses(path, arm) if measured is None else measured.poses
+    return read_poses(path, arm) if measured is None else measured.poses
 
 
 def _next_number(commanded: Poses | None, measured: Measurements | None) -> int:
@@ -315,7 +315,7 @@ def _offer(
     if min(payloads) < 0:
         raise LrmError(f"--loads-g {loads}: a negative load")
     if poses is not None:
-        given = replace(load_poses(poses, arm), direction=None, number=None)
+        given = replace(read_poses(poses, arm), direction=None, number=None)
         words = f"{len(given)} poses of {poses.name}"
         if camera is not None:
             given = given.take(visible(camera, arm, given))

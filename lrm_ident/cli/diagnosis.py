@@ -23,11 +23,11 @@ from lrm_ident.cli.common import (
     pausing_bars,
     progress,
     publish,
+    read_poses,
     show,
     timed,
 )
 from lrm_ident.data.atomic_write import write_text
-from lrm_ident.data.measurement_file.load import load_poses
 from lrm_ident.data.wording import in_minutes
 from lrm_ident.diagnosis.auto import AutoStep
 from lrm_ident.fitting.cross_validation import FOLDS
@@ -275,7 +275,7 @@ def selftest(
     """
     from lrm_ident.diagnosis.inject_recover import InjectionPlan, detectable_effects, run_trials
 
-    plan = InjectionPlan(arm, load_poses(poses, load_arm(arm)), noise_mm * MM, seed, effects_file)
+    plan = InjectionPlan(arm, read_poses(poses, load_arm(arm)), noise_mm * MM, seed, effects_file)
     names, refused = detectable_effects(plan, only)
     if not names:
         raise LrmError(f"no effect that these poses can show matches '{only}'")

@@ -21,12 +21,11 @@ from lrm_ident.cli.common import (
     publish,
     read_measurements,
     read_model,
+    read_poses,
     show,
 )
 from lrm_ident.data.atomic_write import write_bytes, write_text
-from lrm_ident.data.measurement_file.commanded_poses import perhaps_radians
 from lrm_ident.data.measurement_file.conventions import arm_for, metadata_of
-from lrm_ident.data.measurement_file.load import load_poses
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.fitting.effect_plugins import Catalogue, catalogue_with
 from lrm_ident.fitting.loss import loss_named
@@ -145,8 +144,7 @@ def predict(
             f"{poses.name}: angles read as the options, the file beside it or the model's fit say; "
             "those written are the arm file's own, in deg"
         )
-    asked = load_poses(poses, the_model.arm, how)
-    notice(*perhaps_radians(asked.q, how))
+    asked = read_poses(poses, the_model.arm, how)
     here, left_out = model_for_data(the_model, poses, asked.sha256 or "", asked)
     notice(*left_out)
     settled = solve_equilibrium(here, asked)

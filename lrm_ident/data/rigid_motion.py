@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from scipy.spatial.transform import Rotation
 
 GIMBAL = 1e-12
-"""Cosine of the pitch below which roll and yaw are one angle."""
+"""Cosine of the pitch below which roll and yaw are one angle; near it the last one is what the first one leaves."""
 
 
 def rotation_vectors(R: Array) -> Array:
@@ -96,19 +96,18 @@ def to_xyz_rpy(T: Array) -> tuple[list[float], list[float]]:
     """The inverse of `from_xyz_rpy`."""
     R = T[:3, :3]
     flat = math.hypot(R[0, 0], R[1, 0])
-    pitch = math.atan2(-R[2, 0], flat)
-    if flat < GIMBAL:
-        return T[:3, 3].tolist(), [0.0, pitch, math.atan2(-R[0, 1], R[1, 1])]
-    return T[:3, 3].tolist(), [math.atan2(R[2, 1], R[2, 2]), pitch, math.atan2(R[1, 0], R[0, 0])]
+    yaw = math.atan2(R[1, 0], R[0, 0]) if flat >= GIMBAL else math.atan2(-R[0, 1], R[1, 1])
+    cosine, minus_sine = R[1, 1:] * math.cos(yaw) - R[0, 1:] * math.sin(yaw)
+    roll = math.atan2(-minus_sine, cosine) if flat >= GIMBAL else 0.0
+    return T[:3, 3].tolist(), [roll, math.atan2(-R[2, 0], flat), yaw]
 
 
 def to_xyz_angles(R: Array) -> tuple[float, float, float]:
     """Angles alpha, beta, gamma of a rotation (3, 3) = Rx(alpha) Ry(beta) Rz(gamma), as our placements have them."""
     flat = math.hypot(R[0, 0], R[0, 1])
-    beta = math.atan2(R[0, 2], flat)
-    if flat < GIMBAL:
-        return math.atan2(R[2, 1], R[1, 1]), beta, 0.0
-    return math.atan2(-R[1, 2], R[2, 2]), beta, math.atan2(-R[0, 1], R[0, 0])
+    alpha = math.atan2(-R[1, 2], R[2, 2]) if flat >= GIMBAL else math.atan2(R[2, 1], R[1, 1])
+    sine, cosine = R[1, :2] * math.cos(alpha) + R[2, :2] * math.sin(alpha)
+    return alpha, math.atan2(R[0, 2], flat), math.atan2(sine, cosine) if flat >= GIMBAL else 0.0
 
 
 def placement_motion(p: Placement) -> Array:

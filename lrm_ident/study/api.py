@@ -108,10 +108,13 @@ def load_poses(file: str | Path, arm: Arm | str | Path, reading: Reading = AS_NA
         arm: itself, the name of a shipped one or the path of an arm file.
         reading: as in `load`.
 
-    Raises `FileError`.
+    Warns of what a person should know of the file. Raises `FileError`.
     """
-    own = arm if isinstance(arm, Arm) else load_arm(arm_named(arm))
-    return pose_files.load_poses(path_of(file), own, reading_of(reading))
+    own, path, how = arm if isinstance(arm, Arm) else load_arm(arm_named(arm)), path_of(file), reading_of(reading)
+    poses = pose_files.load_poses(path, own, how)
+    for words in pose_files.pose_doubts(path, own, poses, how):
+        warnings.warn(words, stacklevel=3)
+    return poses
 
 
 def fit(

@@ -111,7 +111,7 @@ def _is_right_angle_in_rad(degrees: float) -> bool:
 
 
 def _length(metres: float) -> str:
-    return f"{metres:.3g} m" if metres >= 1.0 else f"{metres * 1e3:.3g} mm"
+    return f"{metres:.3g} m" if metres >= 1.0 else f"{round(metres * 1e3, 6):.3g} mm"
 
 
 def _mass(kg: float) -> str:

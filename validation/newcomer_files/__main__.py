@@ -1,4 +1,4 @@
-"""`python -m validation.newcomer_files`: random single changes of healthy files, and what `fit` makes of them."""
+"""`python -m validation.newcomer_files`: random single changes of healthy files, and what the commands make of them."""
 
 from __future__ import annotations
 
@@ -6,14 +6,15 @@ import argparse
 import sys
 import tempfile
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
 
 from lrm_math.arm.arm_file import load_arm
 from lrm_math.arrays import Array
-from validation.newcomer_files.changes import CHANGES
+from validation.newcomer_files.boards import board
+from validation.newcomer_files.changes import CHANGES, Change
 from validation.newcomer_files.healthy import ARMS, NewcomerFiles, healthy_files
 from validation.newcomer_files.outcome import (
     OUTCOMES,
@@ -26,6 +27,12 @@ from validation.newcomer_files.outcome import (
     predictions,
     probes,
 )
+from validation.newcomer_files.readings import READINGS
+from validation.newcomer_files.recordings import recording
+
+FITTED: dict[str, Change] = {**CHANGES, **READINGS}
+OTHERS: dict[str, Callable[[np.random.Generator], ChangeOutcome]] = {"recording": recording, "board": board}
+KINDS = (*FITTED, *OTHERS)
 
 
 def main() -> None:
@@ -38,18 +45,21 @@ def main() -> None:
     for outcome in run(range(options.first, options.first + options.changes)):
         found.append(outcome)
         if outcome.outcome in (SILENT, TRACEBACK, VAGUE):
-            far = "" if outcome.difference is None else f" ({outcome.difference * 1e3:.2f} mm)"
+            far = "" if outcome.difference is None else f" ({outcome.difference:.3g})"
             print(f"{outcome.outcome}{far}: {outcome.arm}: {outcome.what}: {outcome.said}", file=sys.stderr, flush=True)
     print(table(found))
 
 
 def run(numbers: range) -> Iterator[ChangeOutcome]:
     """The outcomes of the changes of these numbers, each the same in every run."""
-    kinds, before = list(CHANGES), healthy_fits()
+    before = healthy_fits()
     for number in numbers:
-        rng, kind = np.random.default_rng([number, 32]), kinds[number % len(kinds)]
-        files, healthy = before[ARMS[number // len(kinds) % len(ARMS)]]
-        yield classify(kind, CHANGES[kind](files, rng), healthy)
+        rng, kind = np.random.default_rng([number, 32]), KINDS[number % len(KINDS)]
+        if kind in OTHERS:
+            yield OTHERS[kind](rng)
+            continue
+        files, healthy = before[ARMS[number // len(KINDS) % len(ARMS)]]
+        yield classify(kind, FITTED[kind](files, rng), healthy)
 
 
 def healthy_fits() -> dict[str, tuple[NewcomerFiles, Array]]:
@@ -69,7 +79,7 @@ def table(found: list[ChangeOutcome]) -> str:
     counts = Counter((one.kind, one.outcome) for one in found)
     totals = Counter(one.outcome for one in found)
     lines = [f"| change | {' | '.join(OUTCOMES)} |", "|---" * (len(OUTCOMES) + 1) + "|"]
-    for kind in CHANGES:
+    for kind in KINDS:
         lines.append(f"| {kind} | {' | '.join(str(counts[kind, outcome]) for outcome in OUTCOMES)} |")
     lines.append(f"| all {len(found)} | {' | '.join(str(totals[outcome]) for outcome in OUTCOMES)} |")
     return "\n".join(lines)

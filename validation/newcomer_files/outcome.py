@@ -32,7 +32,7 @@ TOLERANCE = 3e-4
 
 @dataclass(frozen=True)
 class ChangeOutcome:
-    """Outcome of a change; `difference`: of the predictions from those of the healthy fit (m), if there is one."""
+    """Outcome of a change; `difference`: of the result from the healthy one (m, or deg of angles)."""
 
     kind: str
     arm: str
@@ -45,9 +45,15 @@ class ChangeOutcome:
 def fit_files(files: NewcomerFiles, folder: Path) -> tuple[int, str, Path]:
     """Exit code (−1: a traceback), what was said, and the model's path."""
     data, arm = files.write(folder)
-    model, stdout, stderr, code = folder / "model.toml", io.StringIO(), io.StringIO(), 0
+    model = folder / "model.toml"
     model.unlink(missing_ok=True)
-    words = ["lrm-ident", "fit", str(data), "--arm", str(arm), "-o", str(model), "--all"]
+    return *said_by("fit", data, "--arm", arm, "-o", model, "--all"), model
+
+
+def said_by(*command: object) -> tuple[int, str]:
+    """Exit code (−1: a traceback) of a command of `lrm-ident`, and what it said."""
+    stdout, stderr, code = io.StringIO(), io.StringIO(), 0
+    words = ["lrm-ident", *map(str, command)]
     with mock.patch.object(sys, "argv", words), contextlib.redirect_stdout(stdout), contextlib.redirect_stderr(stderr):
         try:
             main()
@@ -56,8 +62,16 @@ def fit_files(files: NewcomerFiles, folder: Path) -> tuple[int, str, Path]:
         except Exception as error:  # what a person would see as a traceback is what is counted here
             code = -1
             stderr.write(f"{type(error).__name__}: {error}")
-    said = " ".join(f"{stderr.getvalue()} {stdout.getvalue()}".split())
-    return code, said, model
+    return code, " ".join(f"{stderr.getvalue()} {stdout.getvalue()}".split())
+
+
+def outcome_of(code: int, named: bool, wrong: bool) -> str:
+    """The outcome by a command's exit code, whether it named the change, and whether its result is a wrong one."""
+    if code not in (0, 2):
+        return TRACEBACK
+    if code == 2:
+        return REFUSED if named else VAGUE
+    return HEALTHY if not wrong else SAID if named else SILENT
 
 
 def predictions(model: Path, angles: Array) -> Array:
@@ -76,14 +90,12 @@ def classify(kind: str, change: FileChange, healthy: Array) -> ChangeOutcome:
     with tempfile.TemporaryDirectory() as scratch:
         code, said, model = fit_files(change.files, Path(scratch))
         named = any(word.lower() in said.lower() for word in change.words)
-        difference, outcome = None, TRACEBACK
-        if code == 2:
-            outcome = REFUSED if named else VAGUE
-        elif code == 0:
+        difference = None
+        if code == 0:
             try:
                 q = probes(load_arm(change.files.arm_name))
                 difference = float(np.sqrt(((predictions(model, q) - healthy) ** 2).sum(axis=1).mean()))
             except LrmError:
                 difference = float("inf")
-            outcome = HEALTHY if difference < TOLERANCE else SAID if named else SILENT
+        outcome = outcome_of(code, named, difference is not None and not difference < TOLERANCE)
     return ChangeOutcome(kind, change.files.arm_name, change.what, outcome, said[:300], difference)

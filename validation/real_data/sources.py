@@ -24,7 +24,8 @@ class Source:
 
     Attributes:
         repository: owner/name. path, commit: of the file there. licence, author: of the data.
-        arm: shipped arm that was measured. measurements: makes the text of a measurement file of its text.
+        arm: shipped arm that was measured, or the path of its file. measurements: makes a
+            measurement file's text of its text.
     """
 
     repository: str
@@ -61,6 +62,7 @@ def nominal_and_difference(text: str) -> str:
     return "\n".join(lines) + "\n"
 
 
+WAM = str(Path(__file__).with_name("wam.toml"))
 SOURCES = (
     Source(
         repository="pauljac7700/serial_robots_datasets",
@@ -69,6 +71,15 @@ SOURCES = (
         licence="MIT",
         author="P. Jacobi, Tsinghua University, 2025",
         arm="ur5",
+        measurements=nominal_and_difference,
+    ),
+    Source(
+        repository="pauljac7700/serial_robots_datasets",
+        path="WAM/3D_WAM_uncalibrated_grid_cleaned.csv",
+        commit="759068d85a8b95183cd71ff96d9dfc5173bc57fc",
+        licence="MIT",
+        author="P. Jacobi, Tsinghua University, 2025",
+        arm=WAM,
         measurements=nominal_and_difference,
     ),
 )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -26,7 +27,7 @@ from lrm_math.arm.arm import BASE, TOOL
 from lrm_math.arm.arm_file import load_arm
 from lrm_math.arm.plausible_arm import RULES
 from lrm_math.effects import marked
-from lrm_math.errors import FileError
+from lrm_math.errors import FileError, LrmError
 from lrm_math.model.covariance import drawn_models
 from lrm_math.model.deployed_model import as_deployed, of_a_session
 from lrm_math.model.model import Model, model_of
@@ -71,6 +72,10 @@ RootGravity = Annotated[
         help="Gravity in the root link's frame, m/s2. Default for a URDF: the root is level, 0,0,-9.81.",
     ),
 ]
+XacroArguments = Annotated[
+    list[str] | None,
+    Option("--xacro", metavar="NAME:=VALUE", help="An argument of a xacro file; give it once for each argument."),
+]
 Accept = Annotated[
     str, Option(metavar="RULE,…", help=f"Accept what looks wrong and you know to be right: {', '.join(RULES)}.")
 ]
@@ -84,6 +89,7 @@ def import_urdf(
     tip: Tip = None,
     name: Annotated[str | None, Option(help="Name of the arm. Default: the robot's name in the URDF.")] = None,
     gravity: RootGravity = None,
+    xacro: XacroArguments = None,
     accept: Accept = "",
     json: arg.JsonFile = None,
 ) -> None:
@@ -92,7 +98,7 @@ def import_urdf(
     The arm is compared with the URDF's own kinematics at 200 random poses before it is written.
     """
     rules = [one_of("rule", word.strip(), RULES) for word in accept.split(",") if word.strip()]
-    robot = read_robot(urdf)
+    robot = read_robot(urdf, _arguments(xacro or []))
     if gravity is not None:
         x, y, z = parse_numbers("--gravity", gravity, "three components in m/s2 by commas", 3)
         robot = replace(robot, gravity=(x, y, z))
@@ -109,6 +115,14 @@ def import_urdf(
     notice(*found.notices)
     write_text(output, text)
     show(f"Arm written to {output}")
+
+
+def _arguments(written: Sequence[str]) -> dict[str, str]:
+    """Arguments of xacro by name. Raises `LrmError`."""
+    for word in written:
+        if ":=" not in word:
+            raise LrmError(f"--xacro {word}: should be NAME:=VALUE, as ur_type:=ur5e")
+    return {name: value for name, _, value in (word.partition(":=") for word in written)}
 
 
 @arm_command

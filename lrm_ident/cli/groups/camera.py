@@ -15,7 +15,7 @@ from lrm_ident.cli import arguments as arg
 from lrm_ident.cli.arm_access import ArmAccess
 from lrm_ident.cli.campaign import photo_poses
 from lrm_ident.cli.command import command_group, command_of
-from lrm_ident.cli.common import notice, one_of, progress, show
+from lrm_ident.cli.common import notice, one_of, progress, read_poses, show
 from lrm_ident.data.atomic_write import write_bytes, write_text
 from lrm_ident.data.measurement_file.load import load_poses, read_pose_feedback
 from lrm_ident.data.measurement_file.write import measurements_csv, write_with_metadata
@@ -148,7 +148,7 @@ def read(
     """
     session_file, folder = output.with_suffix(".camera.toml"), output.with_suffix(".photos")
     the_arm, file = load_arm(arm), read_toml(lens, Lens)
-    commanded = load_poses(poses, the_arm)
+    commanded = read_poses(poses, the_arm)
     if robot is not None:
         if not is_camera(photos):
             raise LrmError(f"--robot {robot}: it goes with a camera; {photos} is a folder of photos")

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from lrm_ident.data.measurement_file.column_names import arm_columns, named_columns, stated_units
-from lrm_ident.data.measurement_file.commanded_poses import pose_notices, read_poses
+from lrm_ident.data.measurement_file.commanded_poses import perhaps_radians, pose_notices, read_poses
 from lrm_ident.data.measurement_file.conventions import conventions_of, motion_of
 from lrm_ident.data.measurement_file.known_columns import (
     DISTANCE,
@@ -96,6 +96,11 @@ def load_poses(file: str | Path, arm: Arm, reading: Reading = AS_NAMED) -> Poses
     Raises `FileError`.
     """
     return load_pose_table(Path(file), arm, reading)[0]
+
+
+def pose_doubts(path: Path, arm: Arm, poses: Poses, reading: Reading = AS_NAMED) -> tuple[str, ...]:
+    """What a person should know of poses that were read so, in words. Raises `FileError`."""
+    return perhaps_radians(poses.q, conventions_of(path, arm, reading).how)
 
 
 def load_pose_table(

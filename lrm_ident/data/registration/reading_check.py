@@ -17,6 +17,7 @@ from lrm_ident.data.measurement_file.conventions import axes_matrix, axes_words,
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.registration.coarse_fit import coarse_fit, trimmed_rms
 from lrm_ident.data.registration.column_imputation import imputed_angles, imputed_coordinate
+from lrm_ident.data.registration.gravity_directions import hung_otherwise
 from lrm_ident.data.registration.hypotheses import (
     COMPOUND,
     SIMPLE,
@@ -61,6 +62,9 @@ IMPROVED, AGREED = 0.33, 0.8
 """If a column holds another quantity: the most that is left of the score with it imputed from the others, and the most
 that both agree: of angles the mean resultant length of their difference (Mardia & Jupp 2000), of a coordinate the
 coefficient of determination. After a push or a slip meanwhile they agree to more than 0.9."""
+SAGS_SO = 0.75
+"""Share of the score below which an arm sags as gravity of another direction makes it: of five arms at 60 poses the
+true direction leaves 0.02 to 0.66 of what the others do."""
 SCALE_TOLERANCE = 0.35
 RIGHT_ANGLED = 0.5  # Frobenius norm of a rotation less a signed permutation: about 20 deg
 REGISTRATIONS = 2
@@ -145,9 +149,10 @@ def check_reading(arm: Arm, data: Measurements) -> ReadingCheck | None:
     if one_pose or _spread(nominal_tcp(arm, points.poses)) == 0.0:
         return None
     read = points.scored(points.as_read)
+    hung = min(_hung_otherwise(points), key=lambda scored: scored.score, default=read)
     if read.share <= FLOOR:
-        return ReadingCheck(read, (read,))
-    every = [read, *_alternatives(points)]
+        return ReadingCheck(read, (hung if _sags_so(points, read, hung) else read,))
+    every = [read, *_alternatives(points), hung]
     if min(scored.share for scored in every) > GOOD:
         every += _other_arms(points)
     if read.overdetermined and min(scored.share for scored in every) > DOUBTFUL:
@@ -237,6 +242,22 @@ def _other_arms(points: PointSet) -> Iterator[Scored]:
         if other.dof == points.arm.dof and other != points.arm:
             words = f"these look like measurements of {name}"
             yield replace(points, arm=other).scored(points.as_read.also(words, COMPOUND, f"--arm {name}"))
+
+
+def _hung_otherwise(points: PointSet) -> Iterator[Scored]:
+    """The data as read, of the arm with gravity in each other direction, where the data do not state it."""
+    if points.poses.gravity is None:
+        for arm, words in hung_otherwise(points.arm):
+            said = "gravity looks to act in another direction on the arm"
+            yield replace(points, arm=arm).scored(points.as_read.also(said, COMPOUND, f"state {words} in the arm file"))
+
+
+def _sags_so(points: PointSet, read: Scored, hung: Scored) -> bool:
+    """Whether an arm with gravity in another direction explains what neither the stated one nor a rigid arm does."""
+    if not read.overdetermined or hung.score >= SAGS_SO * read.score:
+        return False
+    weightless = replace(points, arm=replace(points.arm, gravity=(0.0, 0.0, 0.0)))
+    return hung.score < SAGS_SO * weightless.scored(points.as_read).score
 
 
 def _unrelated_columns(points: PointSet, read: Scored) -> Iterator[Scored]:

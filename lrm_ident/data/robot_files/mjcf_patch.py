@@ -18,10 +18,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from lrm_ident.data.rigid_motion import inverse, quaternions
+from lrm_ident.data.robot_files.arm_end import choose_tip
 from lrm_ident.data.robot_files.mjcf import SPRINGS, led_places, play_of_leaders, slot_motions, spring_stiffness
 from lrm_ident.data.robot_files.mjcf_robot import MjcfRobot
 from lrm_ident.data.robot_files.urdf import Urdf, UrdfJoint, parse_urdf
-from lrm_ident.data.robot_files.urdf_arm import choose_tip
 from lrm_ident.data.robot_files.urdf_export import CALIBRATED, ExportedFile, corrected_urdf, left_out, rigid_part
 from lrm_math.arrays import Array
 from lrm_math.errors import FileError

@@ -6,7 +6,7 @@ zero elsewhere (`ref`).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -23,16 +23,19 @@ from lrm_math.errors import FileError, LrmError
 
 KINDS = ("floating", "ball", "prismatic", "revolute")
 """Types of joints, in MuJoCo's order."""
+NO_MASS = 1e-12
+"""kg, and kg·m²: what a body has whose mass is not known."""
 MUJOCO_READS = ".xml", ".urdf"
 
 
 @dataclass(frozen=True, eq=False)
 class MjcfRobot:
-    """A robot as MuJoCo has it: `spec` and `compiled` are MuJoCo's own."""
+    """A robot as MuJoCo has it: `spec` and `compiled` are MuJoCo's own; `unweighed`: bodies without a mass."""
 
     path: Path
     spec: Any
     compiled: Any
+    unweighed: str = ""
 
     @cached_property
     def robot(self) -> Urdf:
@@ -95,11 +98,14 @@ class MjcfRobot:
         return str(self.compiled.joint(joint).name or f"joint{joint + 1}")
 
 
-def read_robot(path: Path) -> Urdf:
-    """Links, joints and masses of a URDF, a xacro file or an MJCF, whatever its ending. Raises as their readers do."""
+def read_robot(path: Path, arguments: Mapping[str, str] | None = None) -> Urdf:
+    """Links, joints and masses of a URDF, a xacro file (`arguments`) or an MJCF, whatever its ending.
+
+    Raises as their readers do.
+    """
     if parse_xml(path, read_xml_text(path).text).tag == "mujoco":
-        return _read(path, _forget_meshes).robot
-    return read_urdf(path)
+        return read_bare(path).robot
+    return read_urdf(path, arguments)
 
 
 def read_mjcf(path: Path) -> MjcfRobot:
@@ -107,7 +113,12 @@ def read_mjcf(path: Path) -> MjcfRobot:
     return _read(path, _as_it_is)
 
 
-def _read(path: Path, prepare: Callable[[Any], None]) -> MjcfRobot:
+def read_bare(path: Path) -> MjcfRobot:
+    """Reads an MJCF without its pictures and meshes. Raises as `read_mjcf`."""
+    return _read(path, _bare)
+
+
+def _read(path: Path, prepare: Callable[[Path, Any], str]) -> MjcfRobot:
     try:
         import mujoco
     except ImportError:
@@ -118,29 +129,58 @@ def _read(path: Path, prepare: Callable[[Any], None]) -> MjcfRobot:
         raise FileError(path, "", f"MuJoCo reads no {path.suffix or 'nameless'} file", "name it .xml")
     try:
         spec = mujoco.MjSpec.from_file(str(path))
-        prepare(spec)
+        unweighed = prepare(path, spec)
         compiled = spec.compile()
     except (ValueError, mujoco.FatalError) as error:
         raise FileError(path, "", f"MuJoCo: {' '.join(str(error).split())}") from None
-    return MjcfRobot(path, spec, compiled)
+    return MjcfRobot(path, spec, compiled, unweighed)
 
 
-def _as_it_is(_: Any) -> None:
+def _as_it_is(_path: Path, _spec: Any) -> str:
     """Changes nothing."""
+    return ""
 
 
-def _forget_meshes(spec: Any) -> None:
-    """Leaves out the meshes of bodies whose mass is written: their files need not exist."""
+def _bare(path: Path, spec: Any) -> str:
+    """Leaves out pictures and meshes, whose files need not exist; gives the bodies without a mass then, in words.
+
+    Meshes stay that a body's mass is computed from, where they are all there. A shape keeps its name: contacts and
+    tendons may refer to it.
+    """
     import mujoco
 
-    if spec.compiler.inertiafromgeom == mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_TRUE:
-        return
-    meshes = [geom for geom in spec.geoms if geom.type == mujoco.mjtGeom.mjGEOM_MESH]
-    needed = {geom.meshname for geom in meshes if not geom.parent.explicitinertial}
-    for element in [geom for geom in meshes if geom.parent.explicitinertial]:
+    for element in (*spec.keys, *spec.hfields, *spec.skins, *spec.textures):
         spec.delete(element)
-    for mesh in [mesh for mesh in spec.meshes if mesh.name not in needed]:
+    for material in spec.materials:
+        material.textures = [""] * len(material.textures)
+    from_shapes = spec.compiler.inertiafromgeom == mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_TRUE
+    shapes = [shape for shape in spec.geoms if shape.meshname or shape.hfieldname]
+    weighed = [shape for shape in shapes if from_shapes or not shape.parent.explicitinertial]
+    missing = [mesh for mesh in spec.meshes if mesh.file and not _is_there(path, spec, mesh)]
+    lost = {shape.parent.name for shape in weighed if shape.meshname in {_mesh_name(mesh) for mesh in missing}}
+    for shape in shapes:
+        if missing or shape not in weighed:
+            shape.type, shape.size = mujoco.mjtGeom.mjGEOM_SPHERE, [0.001, 0.0, 0.0]
+            shape.meshname = shape.hfieldname = ""
+            shape.mass = 0.0 if shape in weighed else shape.mass
+    needed = {shape.meshname for shape in shapes}
+    for mesh in [mesh for mesh in spec.meshes if _mesh_name(mesh) not in needed]:
         spec.delete(mesh)
+    if not lost:
+        return ""
+    spec.compiler.boundmass = spec.compiler.boundinertia = NO_MASS
+    return f"no mesh {missing[0].file}, of which the mass of {', '.join(sorted(lost))} is computed"
+
+
+def _mesh_name(mesh: Any) -> str:
+    """Name of a mesh; without one it has that of its file."""
+    return str(mesh.name or Path(mesh.file).stem)
+
+
+def _is_there(path: Path, spec: Any, mesh: Any) -> bool:
+    """Whether a mesh's file exists, from where the file lies or its folder of meshes."""
+    folder = Path(spec.meshdir or spec.compiler.meshdir or "")
+    return any((path.parent / place / mesh.file).is_file() for place in (folder, Path()))
 
 
 def _as_links(own: MjcfRobot) -> Urdf:
@@ -158,7 +198,7 @@ def _as_links(own: MjcfRobot) -> Urdf:
             append_joint(tree, f"{name}_site", "fixed", own.link(body), name, origin)
     robot = urdf_of(own.path, tree)
     x, y, z = compiled.opt.gravity.tolist()
-    return replace(robot, gravity=(x, y, z), notices=tuple(_closed_loops(own)))
+    return replace(robot, gravity=(x, y, z), notices=tuple(_closed_loops(own)), unweighed=own.unweighed)
 
 
 def _closed_loops(own: MjcfRobot) -> Iterator[str]:
@@ -224,7 +264,7 @@ def _add_coupling(element: ElementTree.Element, own: MjcfRobot, joint: int) -> N
 
 def _add_mass(link: ElementTree.Element, own: MjcfRobot, body: int) -> None:
     mass = float(own.compiled.body_mass[body])
-    if mass > 0.0:
+    if mass > 10.0 * NO_MASS:
         inertial = ElementTree.SubElement(link, "inertial")
         com = own.compiled.body_ipos[body] - own.anchor(body)[:3, 3]
         ElementTree.SubElement(inertial, "origin", xyz=numbers(com))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -91,7 +91,7 @@ class Urdf:
     """A robot: its links (None: without mass), and for each child link the joint that carries it.
 
     `gravity`: in the frame of its root link (m/s²); a URDF stands upright on that.
-    `notices`: what was wrong with its file and is overlooked.
+    `notices`: what was wrong with its file and is overlooked. `unweighed`: links without a known mass, in words.
     """
 
     path: Path
@@ -101,6 +101,7 @@ class Urdf:
     tree: ElementTree.Element
     gravity: Vector3 = GRAVITY
     notices: tuple[str, ...] = ()
+    unweighed: str = ""
 
     @property
     def root(self) -> str:
@@ -165,24 +166,24 @@ def tip_pose(chain: Sequence[UrdfJoint], q: Sequence[float]) -> Array:
     return pose
 
 
-def read_urdf(path: Path) -> Urdf:
+def read_urdf(path: Path, arguments: Mapping[str, str] | None = None) -> Urdf:
     """Reads the links, joints and masses of a URDF or a xacro file; what else xacro refers to need not exist.
 
-    Raises `FileError`; where there is xacro to expand, the package `xacrodoc` does it.
+    `arguments`: of xacro, by name. Raises `FileError`; where there is xacro to expand, the package `xacrodoc` does it.
     """
-    return _read(path, SHAPES)
+    return _read(path, SHAPES, arguments or {})
 
 
 def read_whole_urdf(path: Path) -> Urdf:
     """Reads a URDF or a xacro file with all that it has, to be written again. Raises `FileError`."""
-    return _read(path, ())
+    return _read(path, (), {})
 
 
-def _read(path: Path, without: Collection[str]) -> Urdf:
+def _read(path: Path, without: Collection[str], arguments: Mapping[str, str]) -> Urdf:
     file = read_xml_text(path)
     tree = parse_xml(path, file.text)
-    robot = urdf_of(path, expanded(path, tree, without) if to_expand(tree) else tree)
-    return replace(robot, notices=file.notices)
+    robot = urdf_of(path, expanded(path, tree, without, arguments) if to_expand(tree) else tree)
+    return replace(robot, notices=(*file.notices, *robot.notices))
 
 
 def parse_urdf(path: Path, text: str) -> Urdf:
@@ -196,8 +197,12 @@ def urdf_of(path: Path, tree: ElementTree.Element) -> Urdf:
         raise FileError(path, "", f"the first element is <{tree.tag}>", "a URDF begins with <robot>")
     elements = tree.findall("link")
     links = {_named(path, link): _mass(path, link) for link in elements}
-    if not links or len(links) < len(elements):
-        raise FileError(path, "", "two links of one name" if links else "has no <link>")
+    if not links:
+        raise FileError(path, "", "has no <link>", _where_links_are(tree))
+    if len(links) < len(elements):
+        names = [_named(path, link) for link in elements]
+        twice = next(name for name in names if names.count(name) > 1)
+        raise FileError(path, "", f"two links of one name: {twice}")
     joints: dict[str, UrdfJoint] = {}
     for element in tree.findall("joint"):
         joint = _joint(path, element)
@@ -209,11 +214,22 @@ def urdf_of(path: Path, tree: ElementTree.Element) -> Urdf:
             raise FileError(path, f"joint {joint.name}", what, "a link has one parent")
         joints[joint.child] = joint
     joints = _resolved(joints)
-    robot = Urdf(path, tree.get("name") or path.stem, links, joints, tree)
+    parents = {joint.parent for joint in joints.values()}
+    loose = [link for link in links if joints and link not in joints and link not in parents]
+    notices = tuple(f"link '{link}' hangs on no joint and carries none: it is not read" for link in loose)
+    links = {link: mass for link, mass in links.items() if link not in loose}
+    robot = Urdf(path, tree.get("name") or path.stem, links, joints, tree, notices=notices)
     roots = [link for link in links if link not in joints]
     if len(roots) != 1:
         raise FileError(path, "", f"{len(roots)} links have no parent: {', '.join(roots) or 'it is a ring'}", "one has")
     return robot
+
+
+def _where_links_are(tree: ElementTree.Element) -> str:
+    macros = [element.get("name") for element in tree.iter() if element.tag == "xacro:macro"]
+    return (
+        f"it defines the xacro macro {macros[0]}: import the file that calls it" if macros else "is it a robot's file?"
+    )
 
 
 def _resolved(joints: dict[str, UrdfJoint]) -> dict[str, UrdfJoint]:

@@ -8,13 +8,13 @@ rest (Hayati & Mirmirani 1985).
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from lrm_ident.data.rigid_motion import inverse, placement, placement_motion, shift, turn
+from lrm_ident.data.robot_files.arm_end import choose_tip, gripper_notices
 from lrm_ident.data.robot_files.heavy_masses import signs_of_heavy_masses
 from lrm_ident.data.robot_files.urdf import Urdf, UrdfJoint, UrdfMass, tip_pose, with_followers
 from lrm_math.arm.arm import MOST_JOINTS, NEARLY_PARALLEL, Arm, Body, Joint, MimicJoint, within_mimics
@@ -31,7 +31,6 @@ CHECKED = 200
 """Random poses at which the imported arm is compared with the URDF's own kinematics."""
 AGREES = 1e-9
 """m and rad: a larger difference is a fault of the import, and refused."""
-JAW = re.compile("gripper|jaw|finger", re.IGNORECASE)
 SAME = 1e-14
 """m or rad: what round-off alone makes of a zero."""
 
@@ -70,37 +69,6 @@ class ImportedArm:
     notices: tuple[str, ...]
 
 
-def choose_tip(robot: Urdf, base: str) -> str:
-    """The only tip of a robot. Raises `FileError` if there are several: they are listed with their joints."""
-    counts = {}
-    for tip in robot.tips:
-        try:
-            counts[tip] = sum(joint.turns for joint in robot.chain(base, tip))
-        except FileError:
-            continue
-    moving = {tip: count for tip, count in counts.items() if count} or counts
-    if len(moving) != 1:
-        listed = ", ".join(f"{tip} ({count} joints)" for tip, count in moving.items())
-        raise FileError(robot.path, "", f"has {len(moving)} tips", f"name the measured one with --tip: {listed}")
-    return next(iter(moving))
-
-
-def without_jaw(robot: Urdf, base: str, tip: str) -> tuple[str, list[str]]:
-    """The link before a gripper's jaw, where the only tip is that jaw, else the tip; and what a person should know.
-
-    A jaw opens and closes: it does not move the tip of the arm, and recordings give it in percent.
-    """
-    path, notices = robot.chain(base, tip), list(robot.notices)
-    turning = [joint for joint in path if joint.turns]
-    if len(turning) < 2 or not JAW.search(turning[-1].name) or turning[-1] is not path[-1]:
-        return tip, notices
-    jaw = turning[-1]
-    return jaw.parent, [
-        *notices,
-        f"joint {jaw.name} is the gripper's: the arm ends at {jaw.parent} (else: --tip {tip})",
-    ]
-
-
 def import_arm(
     robot: Urdf,
     base: str | None = None,
@@ -108,14 +76,17 @@ def import_arm(
     name: str | None = None,
     accept: Collection[str] = (),
 ) -> ImportedArm:
-    """The arm from the link `base` (None: the root) to the link `tip` (None: the only one, without a gripper's jaw).
+    """The arm from the link `base` (None: the root) to the link `tip` (None: the only one, without a gripper).
 
     `accept`: rules of plausibility that a person knows it to break.
     Raises `FileError`: an implausible arm, a chain that is not one of revolute joints, or one that the import does not
     reproduce.
     """
     base = base or robot.root
-    tip, notices = (tip, list(robot.notices)) if tip else without_jaw(robot, base, choose_tip(robot, base))
+    notices = list(robot.notices)
+    if not tip:
+        tip = choose_tip(robot, base)
+        notices.extend(gripper_notices(robot, tip))
     path = robot.chain(base, tip)
     check_serial(robot, path)
     turning = [joint for joint in path if joint.turns]
@@ -139,7 +110,15 @@ def import_arm(
     notices.extend(_rods(robot, path))
     if not bodies:
         notices.append("no link has a mass: what bends under its own weight cannot be found")
-    broken = [*implausible(arm, "metres"), *_limits_in_degrees(turning), *_heavy(arm, robot, path, notices)]
+    unweighed = [ImplausibleArm("mass", robot.unweighed, "put it there")] if robot.unweighed else []
+    notices.extend(found.what for found in unweighed)
+    broken = [
+        *unweighed,
+        *implausible(arm, "metres"),
+        *_limits_in_degrees(turning),
+        *_angles_in_degrees(robot, path),
+        *_heavy(arm, robot, path, notices),
+    ]
     faults = [found for found in broken if found.rule not in accept]
     raise_faults(robot.path, [FileError(robot.path, "", found.what, _right(found)) for found in faults])
     arm = replace(arm, accepted=tuple(dict.fromkeys(found.rule for found in broken)))
@@ -180,6 +159,18 @@ def _limits_in_degrees(turning: Sequence[UrdfJoint]) -> Iterator[ImplausibleArm]
         if MOST_TURN < most <= math.degrees(MOST_TURN):
             what = f"joint {joint.name}: limits {joint.lower:g} to {joint.upper:g} rad look like degrees"
             yield ImplausibleArm("limits", what, "limits are in radians")
+            return
+
+
+def _angles_in_degrees(robot: Urdf, path: Sequence[UrdfJoint]) -> Iterator[ImplausibleArm]:
+    """The first joint whose place is turned by more than a full turn, as in degrees."""
+    names = {joint.name for joint in path}
+    for element in robot.tree.findall("joint"):
+        origin = element.find("origin")
+        rpy = "" if origin is None or element.get("name") not in names else origin.get("rpy", "")
+        if any(abs(float(angle)) > MOST_TURN for angle in rpy.split()):
+            what = f'joint {element.get("name")}: rpy="{rpy}" looks like degrees'
+            yield ImplausibleArm("angles", what, "angles are in radians")
             return
 
 

@@ -17,8 +17,9 @@ from xml.etree import ElementTree
 import numpy as np
 
 from lrm_ident.data.rigid_motion import inverse, shift, turn
+from lrm_ident.data.robot_files.arm_end import choose_tip
 from lrm_ident.data.robot_files.urdf import Urdf, UrdfJoint, append_joint, numbers, parse_urdf, set_origin
-from lrm_ident.data.robot_files.urdf_arm import axis_to_z, check_serial, choose_tip, largest_difference
+from lrm_ident.data.robot_files.urdf_arm import axis_to_z, check_serial, largest_difference
 from lrm_ident.data.wording import joint_labels
 from lrm_math.arm.arm import Arm
 from lrm_math.arrays import Array, Vector3

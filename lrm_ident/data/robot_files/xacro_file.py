@@ -7,7 +7,7 @@ which kinematics and masses do not need.
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -20,6 +20,7 @@ PREFIX = "xacro:"
 NAMESPACE = "http://www.ros.org/wiki/xacro"
 DEFINITIONS = ("xacro:property", "xacro:arg", "xacro:macro")
 EXPAND_FIRST = "expand it first: xacro IN.xacro -o OUT.urdf"
+MANIFEST, PACKAGE_NAME = "package.xml", re.compile(r"<name>\s*(\S+?)\s*</name>")
 MISSING_PACKAGE = re.compile(r"ackage not found: (\S+)")
 EXPRESSIONS = ("${", "$(")
 SHAPES = ("visual", "collision", "gazebo", "transmission", "ros2_control", "sensor", "material")
@@ -44,10 +45,13 @@ def _live(element: ElementTree.Element) -> Iterator[str]:
         yield from _live(child)
 
 
-def expanded(path: Path, tree: ElementTree.Element, without: Collection[str]) -> ElementTree.Element:
+def expanded(
+    path: Path, tree: ElementTree.Element, without: Collection[str], arguments: Mapping[str, str]
+) -> ElementTree.Element:
     """The tree of a file with its xacro elements expanded; `without`: elements that are left out first, everywhere.
 
-    What they refer to (meshes of a package, say) need not exist then. Raises `FileError`.
+    What they refer to (meshes of a package, say) need not exist then. `arguments`: of xacro, by name. Packages
+    are found around the file and beside it, as in a workspace of ROS. Raises `FileError`.
     """
     try:
         from xacrodoc import XacroDoc, packages
@@ -56,10 +60,14 @@ def expanded(path: Path, tree: ElementTree.Element, without: Collection[str]) ->
         raise FileError(path, "", what, f"pip install 'lrm-arm[xacro]', or {EXPAND_FIRST}") from None
     tree.attrib.setdefault(f"xmlns:{PREFIX[:-1]}", NAMESPACE)
     text = ElementTree.tostring(tree, encoding="unicode")
+    packages.reset()
+    packages.update_package_cache(packages_beside(path.resolve()))
     packages.walk_up_from(path.resolve())
     try:
         with _leaving_out(path, without):
-            document = XacroDoc.from_string(text, resolve_packages=False, rootdir=path.parent)
+            document = XacroDoc.from_string(
+                text, resolve_packages=False, rootdir=path.parent, subargs=dict(arguments) or None
+            )
         return parse_xml(path, str(document.to_urdf_string()))
     except FileError:
         raise
@@ -67,17 +75,35 @@ def expanded(path: Path, tree: ElementTree.Element, without: Collection[str]) ->
         raise _fault(path, error) from None
 
 
+def packages_beside(path: Path) -> dict[str, Path]:
+    """Folders of the packages in the workspace of a file, by name: the nearest of a name counts.
+
+    A package is a folder with a `package.xml`, up to two folders below the three around the file's own package; else a
+    folder of that name there, as people copy it.
+    """
+    own = next((folder for folder in path.parents if (folder / MANIFEST).is_file()), path.parent)
+    found: dict[str, Path] = {}
+    for around in own.parents[:3]:
+        for pattern in (f"*/{MANIFEST}", f"*/*/{MANIFEST}"):
+            for manifest in sorted(around.glob(pattern)):
+                name = PACKAGE_NAME.search(manifest.read_text(encoding="utf-8", errors="replace"))
+                if name:
+                    found.setdefault(name[1], manifest.parent)
+    for around in own.parents[:3]:
+        for folder in sorted(entry for entry in around.iterdir() if entry.is_dir()):
+            found.setdefault(folder.name, folder)
+    return found
+
+
 def _fault(path: Path, error: Exception) -> FileError:
     """An error of xacro in one line, with what helps."""
     said = next(iter(str(error).splitlines()), type(error).__name__)
     missing = MISSING_PACKAGE.search(said)
     if missing:
-        right = f"put the file where it was in its package: in or below a folder with the package.xml of {missing[1]}"
+        right = f"put the file in or beside the folder {missing[1]}, or one with the package.xml of {missing[1]}"
         return FileError(path, "", f"xacro: package not found: {missing[1]}", right)
-    undefined = "substitution argument" in said or "missing attribute 'default'" in said
-    return FileError(
-        path, "", f"xacro: {said}", f"give it a default, or {EXPAND_FIRST} NAME:=VALUE" if undefined else ""
-    )
+    remedies = {"missing attribute 'default'": "give it a default", "substitution argument": "--xacro NAME:=VALUE"}
+    return FileError(path, "", f"xacro: {said}", next((remedies[words] for words in remedies if words in said), ""))
 
 
 @contextmanager

@@ -19,6 +19,7 @@ from lrm_math.text_file import read_content
 UTF16 = "utf-16-le", "utf-16-be"
 BYTE_ORDER_MARKS = (codecs.BOM_UTF8, "utf-8-sig"), (codecs.BOM_UTF16_LE, "utf-16"), (codecs.BOM_UTF16_BE, "utf-16")
 DECLARED = re.compile(rb"""<\?xml[^>]*?encoding\s*=\s*["']([\w.-]+)["']""")
+CONFLICT = re.compile("<{7} |={7}$|>{7} ")
 DECLARATION = re.compile(r"\A(\s*)<\?xml.*?\?>", re.DOTALL)
 
 
@@ -76,5 +77,9 @@ def parse_xml(path: Path, text: str) -> ElementTree.Element:
     try:
         parser.Parse(DECLARATION.sub(r"\1", text, count=1).encode(), True)
     except expat.ExpatError as error:
-        raise FileError(path, "", f"not valid XML: {error}") from None
+        line = text.splitlines()[error.lineno - 1 : error.lineno]
+        merge = f"line {error.lineno} is a conflict that git left there: keep one of its two versions"
+        raise FileError(
+            path, "", f"not valid XML: {error}", merge if line and CONFLICT.match(line[0]) else ""
+        ) from None
     return tree.close()

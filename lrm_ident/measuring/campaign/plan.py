@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from lrm_ident.data.measurement_file.load import load_pose_table
+from lrm_ident.data.measurement_file.load import load_pose_table, pose_doubts
 from lrm_math.arm.arm import Arm
 from lrm_math.errors import FileError
 from lrm_math.kinematics.poses import poses_of
@@ -33,10 +33,11 @@ class PlannedPose:
 
 @dataclass(frozen=True)
 class CampaignPlan:
-    """Poses in order, and the SHA-256 of their file."""
+    """Poses in order, the SHA-256 of their file, and what a person should know of it."""
 
     poses: tuple[PlannedPose, ...]
     sha256: str
+    notices: tuple[str, ...] = ()
 
 
 def lightest(poses: Sequence[PlannedPose], arm: Arm) -> PlannedPose:
@@ -59,4 +60,4 @@ def load_plan(path: Path, arm: Arm) -> CampaignPlan:
         PlannedPose(int(n), tuple(q.tolist()), float(load), tuple(map(int, sides)), int(of))
         for n, q, load, sides, of in zip(*columns, strict=True)
     )
-    return CampaignPlan(tuple(planned), table.cells.sha256)
+    return CampaignPlan(tuple(planned), table.cells.sha256, pose_doubts(path, arm, poses))

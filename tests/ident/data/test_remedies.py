@@ -145,14 +145,15 @@ def the_folder(folder: Path, said: str) -> Words:
 
 
 def several_tips(folder: Path) -> Words:
-    put(folder / "arm.urdf", f'<robot name="v">{vendor_parts(1)}</robot>')
+    camera = '<link name="camera"/><joint name="c" type="fixed"><parent link="l2"/><child link="camera"/></joint>'
+    put(folder / "arm.urdf", f'<robot name="v">{vendor_parts(1)}{camera}</robot>')
     return ("arm", "import", folder / "arm.urdf", "-o", folder / "arm.toml")
 
 
 def one_tip(folder: Path, said: str) -> Words:
     named = re.findall(r"(\w+) \(\d joints\)", said.partition("--tip: ")[2])
     assert named, said
-    return (*several_tips(folder), "--tip", next(one for one in named if one != "jaw"))
+    return (*several_tips(folder), "--tip", next(one for one in named if one != "camera"))
 
 
 def there_already(folder: Path) -> Words:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -118,15 +119,46 @@ def test_an_export_of_a_xacro_keeps_its_meshes(tmp_path: Path) -> None:
 
 def test_the_remedy_for_a_package_that_is_not_found_works(tmp_path: Path) -> None:
     pytest.importorskip("xacrodoc", reason="xacrodoc is not installed (extra 'xacro')")
-    folder = tmp_path / "own_arm" / "urdf"
+    folder = tmp_path / "copied" / "urdf"
     folder.mkdir(parents=True)
     (folder / "parts.xacro").write_text(f"<robot{XACRO}>{vendor_parts(4)}</robot>")
     path = folder / "arm.xacro"
     include = '<xacro:include filename="$(find own_arm)/urdf/parts.xacro"/>'
     path.write_text(f'<robot name="v"{XACRO}>{include}</robot>')
     assert "package.xml of own_arm" in stderr_of("arm", "import", path, "--tip", "tip", "-o", tmp_path / "arm.toml")
-    (tmp_path / "own_arm" / "package.xml").write_text("<package><name>own_arm</name></package>")
+    (tmp_path / "copied" / "package.xml").write_text("<package><name>own_arm</name></package>")
     stdout_of("arm", "import", path, "--tip", "tip", "-o", tmp_path / "arm.toml")
+
+
+@pytest.mark.parametrize("manifest", ["resources/package.xml", "stack/resources/package.xml", None])
+def test_a_package_beside_the_files_own_is_found(manifest: str | None, tmp_path: Path) -> None:
+    """As in a workspace of ROS: by its package.xml, whatever its folder is called; else by the folder's name."""
+    pytest.importorskip("xacrodoc", reason="xacrodoc is not installed (extra 'xacro')")
+    urdf, beside = tmp_path / "arm" / "urdf", (tmp_path / (manifest or "other_arm/x")).parent
+    urdf.mkdir(parents=True)
+    beside.mkdir(parents=True)
+    (tmp_path / "arm" / "package.xml").write_text("<package><name>arm</name></package>")
+    if manifest:
+        (tmp_path / manifest).write_text("<package><name> other_arm </name></package>")
+    (beside / "parts.xacro").write_text(f"<robot{XACRO}>{vendor_parts(4)}</robot>")
+    include = '<xacro:include filename="$(find other_arm)/parts.xacro"/>'
+    (urdf / "arm.xacro").write_text(f'<robot name="v"{XACRO}>{include}</robot>')
+    assert_agrees(import_arm(read_urdf(urdf / "arm.xacro"), tip="tip"), vendor_parts(4), 4)
+
+
+def test_arguments_of_xacro_are_given_by_an_option(tmp_path: Path) -> None:
+    pytest.importorskip("xacrodoc", reason="xacrodoc is not installed (extra 'xacro')")
+    path, arm = tmp_path / "arm.xacro", tmp_path / "arm.toml"
+    head = f'<robot name="v"{XACRO}>'
+    path.write_text(f"{head}{vendor_parts(2)}</robot>".replace('"l1"', '"l1_$(arg side)$(arg far)"'))
+    said = stderr_of("arm", "import", path, "-o", arm)
+    option = re.search(r"--xacro NAME:=VALUE", said)
+    assert option, said
+    stdout_of("arm", "import", path, "-o", arm, "--xacro", "side:=left", "--xacro", "far:=_arm")
+    assert "l1_left" in arm.read_text()
+    assert "should be NAME:=VALUE" in stderr_of(
+        "arm", "import", path, "-o", tmp_path / "b.toml", "--xacro", "side=left"
+    )
 
 
 @pytest.mark.parametrize(
