@@ -158,7 +158,8 @@ def auto(
     with kept_when_interrupted(output, taken), pausing_bars() as (tick, pause):
         course, then = replace(study, progress=tick).auto(max_effects, rates, on_step)
     after = replace(then, progress=study.progress)
-    title = f"{len(course.steps) - 1} effects added (held out: effects chosen on all poses)"
+    added = len(course.steps) - 1
+    title = f"{added} effect{'' if added == 1 else 's'} added (held out: effects chosen on all poses)"
     show(*error_blocks(after.errors, title))
     with_prior: ErrorSummary | None = None
     final = after

@@ -39,7 +39,9 @@ have it by that count (95 % interval); hollow: one of several causes that this a
 </section>
 <section>
 <h2>In words and numbers</h2>
+<div class="lrm-numbers">
 {blocks}
+</div>
 </section>
 </main>
 """

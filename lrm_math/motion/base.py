@@ -23,6 +23,7 @@ from lrm_math.arm.arm import Arm
 from lrm_math.arm.place_names import joint_number
 from lrm_math.arrays import Array
 from lrm_math.effects.base import Description, Parameter
+from lrm_math.effects.reference import EffectRef, ParameterRef
 from lrm_math.kinematics.chain import Number
 
 Values = Sequence[Array]
@@ -77,7 +78,7 @@ class MotionEffect(ABC):
     @property
     def name(self) -> str:
         """`id@place`."""
-        return f"{self.id}@{self.place}"
+        return str(EffectRef(self.id, self.place))
 
     @property
     def joint(self) -> int:
@@ -87,7 +88,7 @@ class MotionEffect(ABC):
     @property
     def keys(self) -> tuple[str, ...]:
         """Names of its parameters in model files: `id.place.parameter`."""
-        return tuple(f"{self.id}.{self.place}.{parameter.name}" for parameter in self.parameters)
+        return tuple(str(ParameterRef(self.id, self.place, parameter.name)) for parameter in self.parameters)
 
     def set_point(self, u: Array, drive: JointDrive, p: Values) -> Array:
         """(M, P, S), set-point u (rad) as it leaves this effect."""

@@ -49,6 +49,8 @@ def _cell(value: object) -> str:
         return "–"
     if isinstance(value, list):
         return "<br>".join(_test(str(one)) for one in value)
+    if str(value).endswith(".png"):
+        return f"![First view of the report of {Path(str(value)).stem}](../pictures/gallery/{value})"
     return str(value).replace("|", "\\|")
 
 

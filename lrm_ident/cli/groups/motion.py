@@ -196,6 +196,7 @@ def settle(
     """Predict how long the tip swings after each move of a list of poses, driven in order."""
     moves = load_motion(model)[1]
     plan, labels = load_plan(poses, moves.arm), joint_labels(moves.arm)
+    notice(*plan.notices)
     found = settling_times(moves, [pose.q for pose in plan.poses], speed, 1e-3 * within_mm)
     rows = [(pose.number, one.seconds, labels[one.joint]) for pose, one in zip(plan.poses[1:], found, strict=True)]
     title = f"Time after a move until the tip stays within {within_mm:g} mm of its rest"

@@ -16,6 +16,7 @@ from lrm_ident.report.diagnosis.conclusion import Conclusion, NextStep
 from lrm_ident.report.document import Block, Document, ResultTable, section
 from lrm_ident.report.plain_names import plain_name
 from lrm_ident.residual.thresholds import FLOOR_RATIO, MAX_UNEXPLAINED_RATIO
+from lrm_math.effects.reference import ParameterRef
 from lrm_math.motion.base import MotionEffect
 
 KINDS: dict[Attribution, str] = {
@@ -268,7 +269,9 @@ def _candidate(found: Sequence[JointScreening], one: MotionCandidate) -> dict[st
         "before_deg": np.degrees(_before(found, one)),
         "p_value": one.p_value,
         "indistinguishable": one.effect.name in _screening(found, one).equivalent,
-        "parameters": {key.split(".")[-1]: {"value": values[key], "se": sigma[key]} for key in one.effect.keys},
+        "parameters": {
+            ParameterRef.parse(key).name: {"value": values[key], "se": sigma[key]} for key in one.effect.keys
+        },
     }
 
 

@@ -26,6 +26,7 @@ from lrm_ident.measuring.motion.screening import (
 )
 from lrm_ident.residual.thresholds import FLOOR_RATIO
 from lrm_math.arrays import Array
+from lrm_math.effects.reference import ParameterRef
 from lrm_math.errors import LrmError
 from lrm_math.motion.base import MotionEffect
 from lrm_math.motion.effects import MOTION_EFFECTS, RestOffset
@@ -213,6 +214,6 @@ def _path(fits: Iterable[JointFit]) -> Array:
     out = []
     for fit in fits:
         predicted = fit.data.predicted(fit.effects, fit.values[None])[0]
-        offset = sum(value for key, value in fit.by_key.items() if key.startswith(f"{RestOffset.id}."))
+        offset = sum(value for key, value in fit.by_key.items() if ParameterRef.parse(key).id == RestOffset.id)
         out.append(predicted - offset)
     return np.stack(out, axis=2)

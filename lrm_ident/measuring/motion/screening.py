@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
-from scipy.stats import norm, wilcoxon
+from scipy.special import ndtr
 
 from lrm_ident.measuring.motion.joint_fit import SCREENING_EVALUATIONS, JointFit, fit_joint
 from lrm_ident.residual.thresholds import (
@@ -24,7 +24,7 @@ from lrm_ident.residual.thresholds import (
 from lrm_math.motion.base import MotionEffect
 from lrm_math.motion.motion_model import MotionCatalogue
 
-BY_CHANCE = float(norm.sf(Z_THRESHOLD))
+BY_CHANCE = float(ndtr(-Z_THRESHOLD))
 Verdict = Literal["supported", "no_evidence", "implausible"]
 
 
@@ -124,6 +124,8 @@ def p_of_gain(before: JointFit, after: JointFit) -> float:
     """One-sided p value that `after` predicts no better than `before`.
 
     By signed ranks of the moves (Wilcoxon 1945): a few quick ones hold most of the error."""
+    from scipy.stats import wilcoxon  # takes a second to load
+
     return float(wilcoxon(before.held_out, after.held_out, alternative="greater").pvalue)
 
 

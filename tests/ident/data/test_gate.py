@@ -190,6 +190,7 @@ POSE_DOORS: dict[str, Door] = {
     "import": lambda poses, _: said_by(
         "import", motive(poses.parent / "take.csv"), poses, *IN_TAKE, "-o", poses.parent / "out.csv"
     ),
+    "motion settle": lambda poses, _: planned(poses),
     "lrm.load_poses": lambda poses, _: said_of(lambda: lrm.load_poses(poses, "two-joint")),
 }
 """Ways in for poses that are to be driven to, or were: the path of poses and of a model, and what is said."""

@@ -31,7 +31,7 @@ def test_an_identified_cause_is_named_with_its_figures(fitted: Study) -> None:
     facts = dict(found.facts)
     assert found.headline == "Missing effect: backlash in joint 2 (backlash@joint2)"
     assert facts["certainty"].startswith("identified cause; the next best one, ")
-    assert "3.03 → 0.58 mm RMS" in facts["held-out error"]
+    assert "3.03 → 0.57 mm RMS" in facts["held-out error"]
     assert "as deployed" not in facts, "the arm gets the same error"
     assert not found.reasons
 

@@ -65,7 +65,7 @@ def test_every_command_of_the_page(tmp_path: Path, monkeypatch: pytest.MonkeyPat
         code, stdout, stderr = run_command(*words)
         assert code == 0, (words, stderr)
         said[" ".join(words[:2])] = stdout
-    assert len(said) == 10
+    assert len(said) == 11
     assert "servo_gain@joint3" in said["diagnose model.toml"]
     assert "servo_gain@joint3" in said["arm export"]
     assert read_urdf(tmp_path / "corrected.urdf").tips == ["gripper_frame_link"]

@@ -164,7 +164,7 @@ def test_poses_beyond_the_limits_and_other_robots() -> None:
 
 def test_without_lerobot_one_line_says_so(tmp_path: Any) -> None:
     poses = tmp_path / "poses.csv"
-    poses.write_text("pose,q1_deg,q2_deg,q3_deg,q4_deg,q5_deg\n1,0,0,0,0,0\n2,5,0,0,0,0\n")
+    poses.write_text("pose,q1_deg,q2_deg,q3_deg,q4_deg,q5_deg\n1,0,0,0,0,0\n2,30,0,0,0,0\n")
     words = [
         "measure",
         poses,
