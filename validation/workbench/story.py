@@ -68,7 +68,7 @@ def _frames(page: Any) -> Iterator[tuple[bytes, int]]:
     page.evaluate("scrollTo(0, 0)")
     page.evaluate(CAPTION, "The arm bends and has play: every arrow is an error of its tip")
     yield page.screenshot(), HOLD_MS
-    page.evaluate(CAPTION, "The list on the right names the cause, and how sure that is")
+    page.evaluate(CAPTION, "The sentence on the left names the cause; the list below has its rivals")
     page.wait_for_timeout(300)
     yield page.screenshot(), HOLD_MS
     page.evaluate(CAPTION, "Add it …")
