@@ -189,7 +189,8 @@ def compare(
         from lrm_ident.report.plots.comparison_scene import scene_file
 
         write_bytes(mcap, scene_file(comparison, models_on_data(study)))
-    publish(comparison_document(comparison), json, figure, partial(draw_comparison, comparison), show_all)
+    files = str(model), str(data)
+    publish(comparison_document(comparison, files), json, figure, partial(draw_comparison, comparison), show_all)
 
 
 @command

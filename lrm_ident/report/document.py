@@ -165,7 +165,7 @@ class Document:
         """Blocks for a terminal: everything, or the conclusion and what `--all` would add to it."""
         if in_full or not self.details:
             return self.whole
-        return [*self.blocks, f"Details with --all: {self.about}"]
+        return [*self.blocks, f"The same command with --all also prints {self.about}."]
 
     def text(self, width: int = 100) -> str:
         """The conclusion as plain text of so many columns."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
@@ -12,7 +13,7 @@ from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.wording import change_words, decimals, in_mm, in_percent
 from lrm_ident.fitting.identifiability import FEW_OUTLIERS
 from lrm_ident.fitting.levenberg_marquardt import Fit, implausible_of
-from lrm_ident.report.document import Block, Document, ResultTable, heading, section
+from lrm_ident.report.document import Block, CommandLine, Document, ResultTable, heading, section
 from lrm_ident.report.effects import field_blocks, field_values
 from lrm_ident.report.plain_names import in_words
 from lrm_ident.residual.deployment.deployed_error import DeployedError
@@ -112,8 +113,8 @@ def _outlier_words(outliers: Sequence[tuple[int, float]]) -> Iterator[str]:
         far = sorted(outliers, key=lambda one: -one[1])
         shown = wording.enumerate_words([f"{pose} ({in_mm(error * 1e-3)} mm)" for pose, error in far], OUTLIERS_SHOWN)
         yield (
-            f"{len(far)} outliers, beyond 5 standard deviations (as the median estimates them): poses {shown}. Either "
-            "these measurements are wrong, or the model fails most there."
+            f"{len(far)} fitted poses are outliers, more than 5 robust standard deviations off: {shown}. Either these "
+            "measurements are wrong, or the model fails most there."
         )
 
 
@@ -122,7 +123,7 @@ def _told_words(fit: Fit) -> Iterator[str]:
     if fit.stated is not None:
         few = int((fit.told < MOSTLY_TOLD).sum())
         count = len(fit.told)
-        yield f"The measurements determine {count - few} of {count} parameters; their typical sizes hold the others."
+        yield f"The measurements determine {count - few} of {count} parameters; the others stay near usual values."
 
 
 def _without_outliers(fit: Fit, data: Measurements) -> list[Block]:
@@ -137,8 +138,8 @@ def _without_outliers(fit: Fit, data: Measurements) -> list[Block]:
     return [f"If these measurements are wrong: --leave-out {numbers}; or give them less weight: --loss huber"]
 
 
-def comparison_document(found: ModelComparison) -> Document:
-    """Result of `lrm-ident compare`, schema `lrm/comparison/1`."""
+def comparison_document(found: ModelComparison, files: Sequence[str] = ()) -> Document:
+    """Result of `lrm-ident compare`, schema `lrm/comparison/1`. `files`: model and data, for the next command."""
     data = found.data
     free = len(found.equilibrium.model.free)
     errors = ErrorSummary(found.nominal, found.error, found.held_out, found.predictable)
@@ -151,6 +152,7 @@ def comparison_document(found: ModelComparison) -> Document:
         *([said] if (said := _outside(found)) else []),
         *black_box,
         _factor_table(found.factors[:FACTORS_SHOWN]),
+        *_diagnose_next(files),
     ]
     details = [
         *(_group_table(factor) for factor in found.factors[:2]),
@@ -182,13 +184,25 @@ def comparison_document(found: ModelComparison) -> Document:
     return Document(blocks, "lrm/comparison/1", values, details=details, about=about)
 
 
+def _diagnose_next(files: Sequence[str]) -> list[Block]:
+    """The command that names what is missing, where the files are known."""
+    if not files:
+        return []
+    words = "      It finds out which effect is missing, and how certain that is."
+    return ["", CommandLine(f"Next: lrm-ident diagnose {shlex.join(files)}"), words]
+
+
 def _fails_where(found: ModelComparison) -> str:
     """How large the error is, and what it depends on most."""
     held_out = found.held_out.error
     unseen = "" if held_out is None else f", held out {in_mm(held_out.rms)} mm"
     most = found.factors[0] if found.factors else None
-    depends = "" if most is None or most.share < LITTLE else f"; it depends most on the {most.name}"
+    depends = "" if most is None or most.share < LITTLE else _share_words(most)
     return f"The RMS error is {in_mm(found.error.rms)} mm{unseen}{depends}."
+
+
+def _share_words(factor: Factor) -> str:
+    return f"; {in_percent(factor.share)} % of the squared error depends on the {factor.name}"
 
 
 def _rows_outside(found: ModelComparison) -> list[int]:

@@ -276,8 +276,8 @@ def _may_hide(report: DiagnosisReport) -> str:
         return ""
     name = next(iter(bounds))
     return (
-        f"{in_mm(bounds[name])} mm RMS: so far could an effect of the catalogue move the tip without being detected "
-        f"here (95 % bound; the largest is {plain_name(name)})"
+        f"{in_mm(bounds[name])} mm RMS: a known effect that these poses do not show moves the tip by less (95 % bound, "
+        f"that of {plain_name(name)})"
     )
 
 
