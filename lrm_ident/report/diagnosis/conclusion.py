@@ -15,12 +15,13 @@ from lrm_ident.data.wording import enumerate_words, in_mm, in_percent
 from lrm_ident.diagnosis.attribution import Attribution, attribution_of, unexplained_ratio
 from lrm_ident.diagnosis.contradiction import can_be_contradicted
 from lrm_ident.diagnosis.diagnosis_report import DiagnosisReport, RankedCandidate
+from lrm_ident.fitting.model_fit import DEFAULT_EFFECTS
 from lrm_ident.report.document import Block, CommandLine, Facts, heading, section
 from lrm_ident.report.plain_names import in_words, plain_name
 from lrm_ident.residual.data_audit import where_it_holds
 from lrm_ident.residual.thresholds import MAX_UNEXPLAINED_RATIO, MIN_GAIN
 from lrm_math.arm.arm import JointLimits
-from lrm_math.effects import variants
+from lrm_math.effects import CATALOGUE, variants
 
 LISTED, REASONS, POSES_TO_MEASURE = 4, 4, 40
 HEADLINES = {
@@ -31,6 +32,8 @@ HEADLINES = {
     "noise_unknown": "No missing effect found, but the measurement noise is not known, so one may be hidden in it.",
 }
 """First lines of the verdicts that name no effect to add as a cause."""
+NOTHING_FOUND, BESIDE = "No missing effect found", 3
+"""Words of two of them, and how many effects of the model they name at most."""
 
 
 @dataclass(frozen=True)
@@ -102,10 +105,19 @@ def conclude(report: DiagnosisReport, names: CommandNames = UNKNOWN_FILES) -> Co
     )
 
 
+def _beside(report: DiagnosisReport) -> str:
+    """The causes that the model has already, in words: nothing *else* is missing."""
+    here = [effect for effect in report.diagnosis.fit.model.effects if type(effect) in CATALOGUE]
+    names = dict.fromkeys(effect.name for effect in here if effect.id not in DEFAULT_EFFECTS)
+    if not names or len(names) > BESIDE:
+        return ""
+    return f" beside {enumerate_words([plain_name(name) for name in names], BESIDE)}"
+
+
 def _headline(report: DiagnosisReport, attribution: Attribution | None) -> str:
     first = report.first
     if first is None or attribution is None:
-        return HEADLINES[report.verdict]
+        return HEADLINES[report.verdict].replace(NOTHING_FOUND, f"{NOTHING_FOUND}{_beside(report)}")
     if attribution == "description":
         return _empirical_headline(report, first)
     what = _titled(first.name)
