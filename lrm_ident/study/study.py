@@ -198,7 +198,7 @@ class Study(ModelOnData, ShownInNotebook):
 
         tick = partial(self.progress, "looking for what is missing")
         run = run_auto(own.model, own.data, max_effects, own.catalogue, taken, own.loss, tick, rates, on_confirmed)
-        return run, now.with_course(run, NestedResidual(None))
+        return run, now if now._filed is None else now.with_course(run, NestedResidual(None))
 
     def with_course(self, course: AutoRun, nested: NestedResidual) -> Study:
         """The study whose file also holds what the effects of a run are, and the nested held-out error."""

@@ -38,7 +38,8 @@ def test_an_identified_cause_is_named_with_its_figures(fitted: Study) -> None:
 
 def test_without_a_missing_effect_the_noise_is_the_reason(fitted: Study) -> None:
     found = conclude(fitted.add("backlash@joint2").diagnose())
-    assert found.headline == HEADLINES["nothing_missing"]
+    beside = "No missing effect found beside backlash in joint 2:"
+    assert found.headline == HEADLINES["nothing_missing"].replace("No missing effect found:", beside)
     assert [step.command for step in found.next] == ["lrm deploy MODEL"]
 
 
