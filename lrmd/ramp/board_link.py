@@ -6,6 +6,9 @@ answer to one of them: of its number, and of the type that belongs to the frame'
 struck off: they were answered or lost. Hence a frame is answered at most once, and an old or repeated reply is none. A
 number is given to another frame after 255 frames (1.7 s); the frame that had it is struck off then.
 
+What the board is found to do in a handshake counts once two answers to two frames agree: a reply that is replayed fits
+one frame in 255 by chance, but not two in a row.
+
 A reply shows that the board lived when the frame was sent, however late it is read; the time without a sign of life
 counts from the tick after that frame. The clock of this wait is the ramp's, but a single late tick counts at most
 half of the timeout, since it may come before a reply that was in time.
@@ -144,6 +147,7 @@ class BoardLink:
         self.state = LinkState.CLOSED
         self._timeout = timeout
         self._outstanding: deque[SentFrame] = deque(maxlen=NUMBERS)
+        self._said: object = None
         self._last_sent = self._clock = self._alive = self._answered = 0
 
     @property
@@ -153,7 +157,7 @@ class BoardLink:
 
     def begin(self, state: LinkState, now: int | None = None) -> None:
         """Begins anew in `state`: nothing sent before is waited for. `now`: ns, if the port was opened just now."""
-        self.state, self._alive = state, self._clock
+        self.state, self._alive, self._said = state, self._clock, None
         self._outstanding.clear()
         self._last_sent = self._last_sent if now is None else now
 
@@ -189,6 +193,11 @@ class BoardLink:
             while self._outstanding.popleft() is not answered:
                 pass
         return answered
+
+    def agrees(self, content: object) -> bool:
+        """Whether an answer of the handshake says the same as the one before it, to another frame."""
+        same, self._said = content == self._said, content
+        return same
 
     def sign_of_life(self, sent: SentFrame) -> None:
         """The board lived when this frame was sent."""

@@ -168,7 +168,8 @@ class RampCore:
                 self._pulses_changed, self._pulses_confirmed = False, True
 
     def _read(self, frame: Frame, sent: SentFrame) -> tuple[BoardReply | None, dict[int, int]]:
-        """The kind of an answer, None if it is of a board that is not ours, and the counts of a STATE."""
+        """The kind of an answer, and the counts of a STATE; None if it is of a board that is not ours, or if it is of a
+        handshake and no other answer has said the same."""
         match frame.type:
             case FrameType.ACK:
                 answer = protocol.ack_of(frame)
@@ -176,13 +177,17 @@ class RampCore:
                 return reply_of_ack(answer.status, sent), {}
             case FrameType.INFO:
                 info = protocol.info_of(frame)
+                kind = reply_of_info(info, self._board)
                 if self._board.simulated and not info.simulated:
+                    return None, {}
+                if self.link is LinkState.GREETING and not self._link.agrees((kind, info.boot)):
                     return None, {}
                 self._check_board(info.status, info.boot)
                 self.other_version = 0
-                return reply_of_info(info, self._board), {}
+                return kind, {}
             case FrameType.STATE:
-                return BoardReply.REGISTERS, protocol.state_of(frame)
+                counts = protocol.state_of(frame)
+                return (BoardReply.REGISTERS if self._link.agrees(counts) else None), counts
         return reply_of_error(frame), {}
 
     def _check_board(self, status: BoardStatus, boot: int) -> None:
