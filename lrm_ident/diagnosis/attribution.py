@@ -8,7 +8,7 @@ as unexplained too, unless they are forms of effects that are there.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -18,12 +18,17 @@ from lrm_ident.residual.thresholds import MAX_UNEXPLAINED_RATIO
 Attribution = Literal["finding", "possible_cause", "description"]
 """A cause that is shown; one that may stand for another; an effect that predicts better and shows no cause."""
 
-TERMS: Mapping[Attribution, Literal["identified cause", "candidate cause", "empirical term"]] = {
-    "finding": "identified cause",
-    "possible_cause": "candidate cause",
-    "description": "empirical term",
-}
+AttributionTerm = Literal["identified cause", "indistinguishable cause", "candidate cause", "empirical term"]
 """The same in the words that people and files read."""
+
+
+def term_of(kind: Attribution, equivalent: Collection[str]) -> AttributionTerm:
+    """The word for an effect; `equivalent`: those that the data cannot distinguish from it."""
+    if kind == "description":
+        return "empirical term"
+    if kind == "possible_cause":
+        return "candidate cause"
+    return "indistinguishable cause" if equivalent else "identified cause"
 
 
 @dataclass(frozen=True)

@@ -100,7 +100,7 @@ TERMS = (
         "indistinguishable",
         "Two effects that make the same error at these poses. Other poses may distinguish them: `lrm-ident "
         "design --separate` chooses such poses.",
-        ("class", "cannot be told from"),
+        ("class", "cannot be told from", "indistinguishable cause"),
     ),
     Term(
         "measurement noise",

@@ -11,7 +11,7 @@ import numpy as np
 from lrm_ident.data.error_stats import error_stats
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.wording import decimals, enumerate_words
-from lrm_ident.diagnosis.attribution import TERMS, ExplainedStep, StepAttribution, attribute_steps
+from lrm_ident.diagnosis.attribution import ExplainedStep, StepAttribution, attribute_steps, term_of
 from lrm_ident.diagnosis.diagnosis_report import DiagnosisReport
 from lrm_ident.report.diagnosis.conclusion import Conclusion
 from lrm_ident.report.diagnosis.diagnosis import diagnosis_document
@@ -206,7 +206,9 @@ class ModelReport:
         known = None not in held
         left = [one for one in held if one is not None] if known else [one.error.rms * 1e3 for one in self.field.steps]
         shown = zip(self.cards, self.attributions, strict=True)
-        kinds: dict[int, Kind] = {card.number: TERMS[one.kind] for card, one in shown if one is not None}
+        kinds: dict[int, Kind] = {
+            card.number: term_of(one.kind, card.equivalent) for card, one in shown if one is not None
+        }
         nominal = error_stats(self.field.nominal_residual).rms * 1e3
         bound = None if self.diagnosis is None else cast(float | None, self.diagnosis.values["noise_bound_rms_mm"])
         return story_of(self.file.history, left, nominal, known, kinds, self.floor_mm, bound)

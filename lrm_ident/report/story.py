@@ -11,11 +11,12 @@ from dataclasses import dataclass
 from typing import Literal
 
 from lrm_ident.data.wording import in_mm
+from lrm_ident.diagnosis.attribution import AttributionTerm
 from lrm_ident.report.document import BAR, ResultTable
 from lrm_ident.report.plain_names import step_title
 from lrm_math.model.model_file import CourseTable, HistoryTable, ModelFile
 
-Kind = Literal["nominal", "fit", "identified cause", "candidate cause", "empirical term", "effect"]
+Kind = Literal["nominal", "fit", "effect"] | AttributionTerm
 """What made the error fall; "effect": added, and what it shows is not known."""
 GEOMETRY = "geometry and springs"
 BAR_WIDTH = 12

@@ -104,7 +104,7 @@ class CourseTable(StrictSchema):
     `nested_deployed_rms_mm`: held out with the effects chosen anew in every fold, and the same as deployed.
     """
 
-    shows: dict[str, Literal["identified cause", "candidate cause", "empirical term"]] = {}
+    shows: dict[str, Literal["identified cause", "indistinguishable cause", "candidate cause", "empirical term"]] = {}
     noise_rms_mm: float | None = None
     nested_rms_mm: float | None = None
     nested_deployed_rms_mm: float | None = None

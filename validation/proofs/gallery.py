@@ -16,6 +16,7 @@ from PIL import Image
 
 import lrm_ident as lrm
 from lrm_ident.data.error_stats import error_stats
+from lrm_ident.diagnosis.attribution import term_of
 from lrm_ident.report.diagnosis.conclusion import conclude
 from lrm_ident.report.plain_names import plain_name
 from lrm_math.effects.reference import EffectRef
@@ -41,7 +42,6 @@ HIDDEN = {
     "nothing": "nothing",
 }
 """By case: what is hidden, in words."""
-KINDS = {"finding": "identified cause", "possible_cause": "candidate cause", "description": "empirical term"}
 COLUMNS = (
     "hidden", "what the tool says", "fit, held out, mm RMS", "with it, held out, mm RMS", "as deployed, mm RMS",
     "report",
@@ -75,7 +75,7 @@ def lines() -> Iterator[tuple[object, ...]]:
 
 def _said(run: Any) -> str:
     found = [
-        f"{plain_name(step.added)}: {KINDS[attribution.kind]}"
+        f"{plain_name(step.added)}: {term_of(attribution.kind, step.equivalent)}"
         for step, attribution in zip(run.steps[1:], run.attributions, strict=True)
         if step.added and EffectRef.parse(step.added).id not in ALWAYS_TRUE
     ]

@@ -8,7 +8,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from lrm_ident.data.wording import enumerate_words, in_percent, joint_labels
-from lrm_ident.diagnosis.attribution import Attribution
+from lrm_ident.diagnosis.attribution import term_of
 from lrm_ident.measuring.motion.motion_study import JudgedEffect, MotionStudy
 from lrm_ident.measuring.motion.regimes import worst_regimes
 from lrm_ident.measuring.motion.screening import JointScreening, MotionCandidate
@@ -19,11 +19,6 @@ from lrm_ident.residual.thresholds import FLOOR_RATIO, MAX_UNEXPLAINED_RATIO
 from lrm_math.effects.reference import ParameterRef
 from lrm_math.motion.base import MotionEffect
 
-KINDS: dict[Attribution, str] = {
-    "finding": "identified cause",
-    "possible_cause": "candidate cause",
-    "description": "empirical term",
-}
 SHOWN, BAR, LISTED = 8, 24, 4
 UNITS = {"rad": (180.0 / np.pi, "deg"), "rad_per_s": (180.0 / np.pi, "deg/s"), "rad_per_s2": (180.0 / np.pi, "deg/s²"),
          "s": (1e3, "ms"), "Hz": (1.0, "Hz"), "ratio": (1.0, ""), "rad_per_rad": (100.0, "%"),
@@ -133,7 +128,7 @@ def auto_document(study: MotionStudy, judged: Sequence[JudgedEffect], output: st
         "effects": [
             {
                 "effect": one.effect.name,
-                "kind": KINDS[one.kind],
+                "kind": term_of(one.kind, one.rivals),
                 "identified": one.identified,
                 "indistinguishable_from": one.rivals,
                 "held_out_without_deg": np.degrees(one.without),
@@ -224,7 +219,8 @@ def _in_unit(unit: str, value: float, error: float) -> str:
 
 def _kind(one: JudgedEffect) -> str:
     beside = enumerate_words([plain_name(name) for name in one.rivals], LISTED)
-    return f"{KINDS[one.kind]}, or {beside}" if beside else KINDS[one.kind]
+    term = term_of(one.kind, one.rivals)
+    return f"{term}, or {beside}" if beside else term
 
 
 def _errors(study: MotionStudy, title: str) -> ResultTable:

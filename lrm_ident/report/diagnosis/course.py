@@ -10,7 +10,7 @@ from rich.text import Text
 
 from lrm_ident.data.error_stats import error_stats
 from lrm_ident.data.wording import change_words, enumerate_words, in_mm, p_words
-from lrm_ident.diagnosis.attribution import Attribution
+from lrm_ident.diagnosis.attribution import AttributionTerm, term_of
 from lrm_ident.diagnosis.auto import AutoRun, AutoStep
 from lrm_ident.diagnosis.confirm import ConfirmedDiagnosis
 from lrm_ident.report.diagnosis.conclusion import UNKNOWN_FILES, CommandNames, conclude
@@ -149,17 +149,20 @@ def refused_blocks(confirmed: ConfirmedDiagnosis) -> Iterator[Block]:
 
 
 def attribution_blocks(course: AutoRun) -> Iterator[Block]:
-    """The identified causes, the candidate causes, and the empirical terms."""
-    steps = list(zip([step.added for step in course.steps[1:]], course.attributions, course.explained, strict=True))
+    """The identified causes, those that the data cannot distinguish, the candidate causes, and the empirical terms."""
+    steps = list(zip(course.steps[1:], course.attributions, course.explained, strict=True))
 
-    def named(kind: Attribution) -> list[str]:
-        return [name for name, one, _ in steps if one.kind == kind]
+    def named(term: AttributionTerm) -> list[AutoStep]:
+        return [step for step, one, _ in steps if term_of(one.kind, step.equivalent) == term]
 
-    if found := named("finding"):
-        yield heading(f"Identified causes: {enumerate_words(found, len(found))}")
+    if found := named("identified cause"):
+        yield heading(f"Identified causes: {enumerate_words([step.added for step in found], len(found))}")
+    for step in named("indistinguishable cause"):
+        others = enumerate_words(list(step.equivalent), SHOWN)
+        yield heading(f"Indistinguishable with these poses: {step.added}, or {others}")
     ratios = [
-        f"{name} ({one.unexplained / explained if explained > 0.0 else np.inf:.1f})"
-        for name, one, explained in steps
+        f"{step.added} ({one.unexplained / explained if explained > 0.0 else np.inf:.1f})"
+        for step, one, explained in steps
         if one.kind == "possible_cause"
     ]
     if ratios:
@@ -168,8 +171,8 @@ def attribution_blocks(course: AutoRun) -> Iterator[Block]:
             f"unexplained, divided by what the effect explains; above {MAX_UNEXPLAINED_RATIO:.2f} another cause may "
             "stand behind it."
         )
-    if terms := named("description"):
-        listed = enumerate_words(terms, len(terms))
+    if terms := named("empirical term"):
+        listed = enumerate_words([step.added for step in terms], len(terms))
         yield f"Empirical terms, which improve the prediction without an identified cause: {listed}"
 
 

@@ -18,6 +18,7 @@ COLOURS: Mapping[Kind, str] = {
     "nominal": NOMINAL,
     "fit": "#57606a",
     "identified cause": MODEL,
+    "indistinguishable cause": GREEN,
     "candidate cause": GREEN,
     "empirical term": HELD_OUT,
     "effect": "#57606a",

@@ -3,11 +3,17 @@
 from __future__ import annotations
 
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import pytest
 
+from lrm_ident.diagnosis.attribution import StepAttribution, term_of
+from lrm_ident.report.diagnosis.course import attribution_blocks
 from lrm_ident.report.plots.story import draw_story
 from lrm_ident.report.story import GEOMETRY, Story, story_of_file
+from lrm_ident.residual.error_breakdown import NestedResidual
+from lrm_ident.study.course_table import with_course
 from lrm_ident.study.model_history import model_text, undo_step
 from lrm_math.model.model_file import CourseTable, HistoryTable, ModelFile
 from lrm_math.toml_file import read_toml
@@ -84,3 +90,22 @@ def test_the_waterfall_is_a_figure_with_a_bar_for_each_step(file: ModelFile, tmp
     assert labels[:2] == ["nominal", GEOMETRY]
     assert labels[-2:] == ["as deployed", "nested"]
     assert "identified cause" in labels[3]
+
+
+def test_one_of_a_class_is_no_identified_cause_at_any_door() -> None:
+    """Else the card says *identified* where the verdict says that these poses cannot distinguish it."""
+    one, other = "servo_gain@joint1", "cable_spring@joint1"
+    course: Any = SimpleNamespace(
+        steps=[None, SimpleNamespace(added=one, equivalent=(other,))],
+        attributions=[StepAttribution("finding", 0.0)],
+        explained=[1.0],
+        report=SimpleNamespace(diagnosis=SimpleNamespace(floor=SimpleNamespace(rms=None))),
+    )
+    words = " ".join(map(str, attribution_blocks(course)))
+    assert f"Indistinguishable with these poses: {one}, or {other}" in words
+    assert "Identified" not in words
+    fitted = file_of(step("fit", 4.6, 4.8, nominal_rms_mm=30.0), step(f"add {one}", 1.7, 1.9))
+    story = told(with_course(fitted, course, NestedResidual(None)))
+    assert story.sentence.endswith("1 indistinguishable cause 1.90 mm RMS held out")
+    assert term_of("finding", ()) == "identified cause"
+    assert term_of("description", (other,)) == "empirical term"

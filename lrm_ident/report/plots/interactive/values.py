@@ -10,7 +10,7 @@ import numpy as np
 
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.wording import in_mm, p_words, quantity
-from lrm_ident.diagnosis.attribution import TERMS, StepAttribution
+from lrm_ident.diagnosis.attribution import StepAttribution, term_of
 from lrm_ident.report.document import plain
 from lrm_ident.report.model_report import ModelReport, data_of
 from lrm_ident.report.plain_names import plain_name, step_title
@@ -158,7 +158,7 @@ def _card(found: ModelReport, card: StepCard, fall: ErrorFall, shown: StepAttrib
         **plain(fall),
         "share": fall.share_of_excess(floor),
         "shows": kind,
-        "label": "" if kind is None else TERMS[kind],
+        "label": "" if kind is None else term_of(kind, card.equivalent),
         "ratio": shown.unexplained / fall.explained if shown is not None and known else None,
         "rivals": [{"name": name, "title": plain_name(name), "why": why} for name, why in rivals(card, judged)],
         "equivalent": [plain_name(name) for name in card.equivalent],

@@ -5,6 +5,7 @@ function lrmStory(page) {
   const { state, place, element, words } = page;
   const ROOM = 1.4, TORN = 2.2; // the longest bar beside the others; the nominal one is torn off where it is so much longer
   const SOLID = { nominal: "nominal arm", fit: "geometry and springs", "identified cause": "identified cause",
+    "indistinguishable cause": "indistinguishable cause",
     "candidate cause": "candidate cause", "empirical term": "empirical term", effect: "effect" };
   const slug = (kind) => kind.replace(" ", "-");
 
