@@ -3,8 +3,8 @@
 Candidates are ranked by held-out error. Among those that prediction cannot separate, a refinement of an effect of the
 model comes before a plain effect, and that before another form of an effect that the model does not have; of each rank
 the arm and its installation come before what measures them, so a tracker is named only where it leaves two standard
-errors less than they do, and than pairs of them (`blame`). Where a plain effect helps most, candidates with so many
-more parameters that Schwarz's criterion is very strong evidence against them are left out (Kass and Raftery 1995).
+errors less than they do, and than pairs of them (`effect_pairs`). Where a plain effect helps most, candidates with so
+many more parameters that Schwarz's criterion is very strong evidence against them are left out (Kass and Raftery 1995).
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lrm_ident.diagnosis.blame import Blame, Pair
+from lrm_ident.diagnosis.effect_pairs import EffectPairs, Pair
 from lrm_ident.diagnosis.screening.candidates import FORM, REFINEMENT
 from lrm_ident.diagnosis.screening.column_sets import ColumnSets
 from lrm_ident.diagnosis.screening.column_spaces import cosine_of_bases
@@ -88,8 +88,8 @@ def forward_select(
         steps.append(step)
         progress(1 + len(selected), MOST_SELECTED)
         full = len(selected) == MOST_SELECTED
-        blame = Blame(screened, sets, fit, step.beside)
-        chosen = None if full else _next_effect(ranked, selected, step, linear.baseline, weights or {}, blame)
+        pairs = EffectPairs(screened, sets, fit, step.beside)
+        chosen = None if full else _next_effect(ranked, selected, step, linear.baseline, weights or {}, pairs)
         if chosen is None:
             return Selection(tuple(selected), tuple(steps))
         selected.append(chosen)
@@ -104,7 +104,7 @@ def _next_effect(
     step: SelectionStep,
     start: LinearEstimate,
     expected: Mapping[str, float],
-    blame: Blame,
+    pairs: EffectPairs,
 ) -> ScoredCandidate | None:
     """The effect to add, if any."""
     priority = {one.name: _priority(one, selected) for one in ranked}
@@ -115,7 +115,7 @@ def _next_effect(
         simple = _parsimonious(choices, priority, len(step.fit.residual))
         best = _most_helpful(simple, step.fit.baseline, priority, expected)
         choice = best if priority[best.scored.name] < FORM else _plain_effect_of(best, choices)
-        if pair := _pair_instead_of(choice.scored, blame):
+        if pair := _pair_instead_of(choice.scored, pairs):
             choices = [one for one in choices if one.scored is not choice.scored]
             if not (members := [one for one in choices if one.scored in pair]):
                 continue
@@ -136,9 +136,9 @@ def _next_effect(
     return None
 
 
-def _pair_instead_of(one: ScoredCandidate, blame: Blame) -> Pair | None:
+def _pair_instead_of(one: ScoredCandidate, pairs: EffectPairs) -> Pair | None:
     """The pair of effects of arm and installation that predicts as well as one of the measurement, if it is one."""
-    return blame.pair_instead_of(one) if one.candidate.effect.part is ModelPart.MEASUREMENT else None
+    return pairs.pair_instead_of(one) if one.candidate.effect.part is ModelPart.MEASUREMENT else None
 
 
 def _significant(

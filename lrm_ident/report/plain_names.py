@@ -61,7 +61,7 @@ PLAIN = {
     "motion_gain": "scale error of {place}",
     "velocity_feedforward": "velocity feedforward of {place}",
     "gravity_sag": "gravity sag of the servo of {place}",
-    "reaction": "push of other joints on {place}",
+    "inertial_coupling": "push of other joints on {place}",
     "link_inertia": "inertia of the links on {place}",
     "viscous_friction": "viscous friction of {place}",
     "coulomb_friction": "Coulomb friction of {place}",

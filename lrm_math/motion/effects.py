@@ -228,10 +228,10 @@ class GravitySag(MotionEffect):
         return None if np.std(drive.gravity) > LEAST_TORQUE else "gravity's torque on it hardly varies"
 
 
-class Reaction(MotionEffect):
+class InertialCoupling(MotionEffect):
     """Other joints' acceleration pushes a joint: coupled swing."""
 
-    id = "reaction"
+    id = "inertial_coupling"
     about = Description(
         cause="The links are one mass: what accelerates one joint pushes the others.",
         formula="push = k Σ_j M_ij q̈_j and centrifugal terms",
@@ -440,7 +440,7 @@ MOTION_EFFECTS: tuple[type[MotionEffect], ...] = (
     MotionGain,
     VelocityFeedforward,
     GravitySag,
-    Reaction,
+    InertialCoupling,
     LinkInertia,
     ViscousFriction,
     CoulombFriction,

@@ -63,7 +63,7 @@ FIRST = (
         "speed limit", _put("speed", 0.6, 1.5), true=("speed_limit",), known=(("speed_limit.v_rad_per_s", "speed"),),
     ),
     MotionCase(
-        "gravity sag", _put("compliance", 0.02, 0.06), (1, 2), ("gravity_sag", "reaction", "link_inertia"),
+        "gravity sag", _put("compliance", 0.02, 0.06), (1, 2), ("gravity_sag", "inertial_coupling", "link_inertia"),
         (("gravity_sag.k_rad_per_Nm", "compliance"),),
     ),
     MotionCase(
@@ -92,7 +92,7 @@ LATER = (
         "velocity feedforward", _put("lead", 0.02, 0.06), true=("velocity_feedforward",),
         known=(("velocity_feedforward.t_s", "lead"),),
     ),
-    MotionCase("links heavier than the motor", _linked, (1, 2), ("gravity_sag", "reaction", "link_inertia")),
+    MotionCase("links heavier than the motor", _linked, (1, 2), ("gravity_sag", "inertial_coupling", "link_inertia")),
     MotionCase(
         "load friction", _put("load_friction", 0.02, 0.06), (1, 2), ("load_friction",),
         (("load_friction.m_rad_per_Nm", "load_friction"),),

@@ -10,11 +10,11 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from validation.readability.measures import Counts, counts
+from validation.readability.measures import SentenceStatistics, counts
 from validation.readability.texts import helps, pages, verdicts
 
 
-def row(name: str, found: Counts) -> str:
+def row(name: str, found: SentenceStatistics) -> str:
     """A row of the table."""
     rare = "–" if found.rare_share is None else f"{100 * found.rare_share:.1f} %"
     return (

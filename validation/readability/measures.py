@@ -1,4 +1,4 @@
-"""Counts over sentences. Both shares are estimates, by rules that are stated where they are applied."""
+"""Statistics of sentences. Both shares are estimates, by rules that are stated where they are applied."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ ENDINGS = ("'s", "s", "es", "ed", "d", "ing", "ly", "er", "r", "est", "n", "en",
 
 
 @dataclass(frozen=True)
-class Counts:
+class SentenceStatistics:
     """Of one set of texts; `rare_share` is None where no list of common words is installed."""
 
     sentences: int
@@ -37,13 +37,13 @@ class Counts:
     rare: tuple[tuple[str, int], ...]
 
 
-def counts(found: Sequence[Sentence]) -> Counts:
+def counts(found: Sequence[Sentence]) -> SentenceStatistics:
     """Words a sentence, share of passive sentences, share of rare words, sentences over 35 words."""
     lengths = [len(each.words) for each in found] or [0]
     words = [word for each in found for word in plain_words(each)]
     known = common_words()
     rare = Counter(word for word in words if known and not is_common(word, known))
-    return Counts(
+    return SentenceStatistics(
         sentences=len(found),
         median=float(np.median(lengths)),
         p95=float(np.quantile(lengths, 0.95)),

@@ -24,7 +24,7 @@ from lrm_math.errors import LrmError
 from lrm_math.kinematics.poses import poses_of
 from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import model_of
-from validation.vendor_arms.peer import Peer
+from validation.vendor_arms.mujoco_robot import MujocoRobot
 
 ENDINGS = ".urdf", ".xacro", ".xml"
 ROBOT = re.compile(rb"<(robot|mujoco)[\s>]")
@@ -99,7 +99,7 @@ def imported(path: Path, arguments: Mapping[str, str], accept: Collection[str] =
             found = import_arm(robot, tip=tip, accept=accept)
     except LrmError as error:
         return VendorArm(path, " ".join(str(error).replace(f"{path}: ", "").split()))
-    peer, q = Peer.of(path, robot, found), np.random.default_rng(1).uniform(-1.0, 1.0, (POSES, found.arm.dof))
+    peer, q = MujocoRobot.of(path, robot, found), np.random.default_rng(1).uniform(-1.0, 1.0, (POSES, found.arm.dof))
     ours = solve_equilibrium(model_of(found.arm, ()), poses_of(q))
     positions, torques = zip(*(peer.moved(angles) for angles in q), strict=True)
     apart = float(np.abs(ours.tcp - np.array(positions)).max())

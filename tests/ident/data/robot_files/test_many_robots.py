@@ -13,7 +13,7 @@ from lrm_math.kinematics.poses import poses_of
 from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import model_of
 from tests.support.many_robots import many_robots
-from validation.vendor_arms.peer import Peer
+from validation.vendor_arms.mujoco_robot import MujocoRobot
 
 ROBOTS = many_robots()
 
@@ -30,7 +30,7 @@ def test_an_imported_arm_moves_and_sags_as_in_mujoco(name: str, tmp_path: Path) 
     written.write_bytes(robot.content)
     plain.write_text(robot.plain)
     found = import_arm(read_robot(written), base=robot.base, tip="tip")
-    peer = Peer.of(plain, read_robot(plain), found)
+    peer = MujocoRobot.of(plain, read_robot(plain), found)
     q = np.random.default_rng(len(name)).uniform(-1.2, 1.2, (5, found.arm.dof))
     ours = solve_equilibrium(model_of(found.arm, ()), poses_of(q))
     tips, torques = map(np.array, zip(*(peer.moved(angles) for angles in q), strict=True))

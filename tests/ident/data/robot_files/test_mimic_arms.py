@@ -27,7 +27,7 @@ from tests.support.commands import stderr_of
 from tests.support.mimic_robots import chain_mjcf, palletiser
 
 
-class Peer:
+class MujocoMechanism:
     """A robot in MuJoCo, its equalities of joints met exactly."""
 
     def __init__(self, model: Any, motors: list[str]) -> None:
@@ -66,7 +66,7 @@ def test_an_mjcf_with_joint_equalities_moves_as_in_mujoco(seed: int, tmp_path: P
     path = tmp_path / "arm.xml"
     path.write_text(chain_mjcf(seed))
     found = import_arm(read_robot(path), tip="tip")
-    peer = Peer(mujoco.MjModel.from_xml_path(str(path)), [joint.name for joint in found.arm.joints])
+    peer = MujocoMechanism(mujoco.MjModel.from_xml_path(str(path)), [joint.name for joint in found.arm.joints])
     assert len(found.arm.mimics) == 1 + seed % 3
     for q in np.random.default_rng(seed).uniform(-1.0, 1.0, (5, found.arm.dof)):
         ours, (tip, torque) = at_rest(found.arm, q), peer.moved(q)
@@ -85,7 +85,7 @@ def test_a_palletiser_moves_as_in_mujoco() -> None:
     for leader, follower in (("rear", "rod"), ("front", "level")):
         spec.add_equality(type=mujoco.mjtEq.mjEQ_JOINT, name1=follower, name2=leader, data=[0.0, -1.0] + [0.0] * 10)
     assert arm.link_places == ("joint1", "joint2", "mimic1", "joint3", "mimic2", "joint4")
-    peer = Peer(spec.compile(), [joint.name for joint in arm.joints])
+    peer = MujocoMechanism(spec.compile(), [joint.name for joint in arm.joints])
     for q in np.random.default_rng(0).uniform(-0.3, 1.2, (5, 4)):
         ours, (tip, torque) = at_rest(arm, q), peer.moved(q)
         np.testing.assert_allclose(ours.tcp[0], tip, atol=1e-9)

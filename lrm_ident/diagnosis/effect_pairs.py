@@ -26,7 +26,7 @@ Pair = tuple[ScoredCandidate, ScoredCandidate]
 
 
 @dataclass(frozen=True, eq=False)
-class Blame:
+class EffectPairs:
     """Pairs of effects of arm and installation beside a fit.
 
     Attributes:

@@ -20,7 +20,7 @@ NO_MASS = "1e-14"
 
 
 @dataclass
-class Peer:
+class MujocoRobot:
     """A robot in MuJoCo.
 
     Attributes:
@@ -36,12 +36,12 @@ class Peer:
     couplings: dict[str, tuple[str, float, float]]
 
     @staticmethod
-    def of(path: Path, robot: Urdf, found: ImportedArm) -> Peer:
+    def of(path: Path, robot: Urdf, found: ImportedArm) -> MujocoRobot:
         """The peer of an imported arm: MuJoCo reads an MJCF itself, of a URDF the tree that xacro expanded."""
         motors = [joint.name for joint in found.arm.joints]
         if robot.tree.find("link") is not None and path.suffix.lower() != ".xml":
-            return Peer(_urdf(robot.tree), found.base, found.tip, motors, _couplings(robot.tree))
-        return Peer(_mjcf(path), found.base, found.tip, motors, _couplings(robot.tree))
+            return MujocoRobot(_urdf(robot.tree), found.base, found.tip, motors, _couplings(robot.tree))
+        return MujocoRobot(_mjcf(path), found.base, found.tip, motors, _couplings(robot.tree))
 
     def moved(self, q: Array) -> tuple[Array, Array]:
         """Position of the tip in the base (3,), m, and gravity's torques on the motors (n,), N·m, by virtual work."""

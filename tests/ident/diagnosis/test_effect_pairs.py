@@ -8,9 +8,9 @@ from tempfile import TemporaryDirectory
 
 import pytest
 
-from lrm_ident.diagnosis.blame import Blame
 from lrm_ident.diagnosis.confirm import CURVED_IN_PART, _refit_trial
 from lrm_ident.diagnosis.diagnose import Diagnosis, diagnose
+from lrm_ident.diagnosis.effect_pairs import EffectPairs
 from lrm_ident.diagnosis.forward_selection import forward_select
 from lrm_ident.diagnosis.screening.score_test import ScoredCandidate
 from lrm_ident.fitting.cross_validation import blocks_of_fit
@@ -54,7 +54,9 @@ def pair_instead(found: Diagnosis) -> set[str]:
     """Names of the pair that predicts as well as the tracker."""
     screening = found.screening
     alone = {one.name: one.alone for one in screening.scored}
-    pair = Blame(screening.scored, screening.sets, screening.linear, alone).pair_instead_of(one_of(found, TRACKER))
+    pair = EffectPairs(screening.scored, screening.sets, screening.linear, alone).pair_instead_of(
+        one_of(found, TRACKER)
+    )
     return {one.name for one in pair or ()}
 
 
