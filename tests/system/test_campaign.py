@@ -17,7 +17,7 @@ from lrm_ident.data.measurements import Measurements
 from lrm_ident.measuring.tracker.dtrack import UdpTracker
 from lrm_math.arm.arm_file import load_arm
 from lrmd.client import Rover
-from tests.support.daemon.daemon_harness import connected, wait_for_link
+from tests.support.daemon.daemon_harness import arm_when_ready, connected, wait_for_link
 from tests.support.daemon.daemon_process import SLOW_BOARD, BoardProcess, DaemonSetup, running_daemon, wait_for
 from tests.support.daemon.tracker_of_board import tracker_of
 
@@ -75,7 +75,7 @@ def arm_at(rover: Rover, degrees: Sequence[float]) -> None:
     with rover.control("test"):
         if rover.mode().mode == "estop":
             rover.reset_fault()
-        rover.arm("given", dict(zip(rover.info().names[:6], np.radians(degrees).tolist(), strict=True)))
+        arm_when_ready(rover, "given", dict(zip(rover.info().names[:6], np.radians(degrees).tolist(), strict=True)))
 
 
 def test_killed_the_arm_holds_and_resumed_no_pose_is_lost_or_doubled(tmp_path: Path) -> None:
@@ -139,7 +139,7 @@ def test_a_daemon_that_was_killed_and_armed_anew_begins_another_session(tmp_path
         with connected(bench.setup) as (_, rover):
             wait_for_link(rover)
             with rover.control("test"):
-                rover.arm("board")
+                arm_when_ready(rover, "board")
             again = subprocess.run(bench.command(0.8), capture_output=True, text=True, timeout=120)
             assert again.returncode == 0, again.stdout + again.stderr
     session = bench.measured().poses.session

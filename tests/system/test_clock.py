@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from lrmd.config import load_config
-from tests.support.daemon.daemon_harness import HOME, connected
+from tests.support.daemon.daemon_harness import HOME, arm_when_ready, connected
 from tests.support.daemon.daemon_process import ROOT, BoardProcess, DaemonSetup, wait_for
 from tests.support.daemon.pulse_invariants import read_frames
 
@@ -114,6 +114,6 @@ def test_the_clock_is_measured_before_arming_and_joints_stand_at_zero(
         setup.config.write_text(re.sub(r"oscillator_hz = \S+", line[0], text), encoding="utf-8")
         time.sleep(1.2)  # `silence_ms`: the board stops its pulses
         with connected(setup) as (_, rover), rover.control("operator"):
-            rover.arm("given", HOME)
+            arm_when_ready(rover, "given", HOME)
             allowed = COUNT_DEG + FULL_PULSE_DEG * abs(hz / TRUE_HZ - 1)
             assert {n: q for n, q in shafts(board, HOME).items() if abs(q) > allowed} == {}

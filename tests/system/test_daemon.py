@@ -25,7 +25,7 @@ from lrmd.messages.codec import pack
 from lrmd.messages.control import Event, JointsState, LeaseRequest, MoveRequest
 from lrmd.messages.zenoh_session import client
 from lrmd.persistence.state_file import load
-from tests.support.daemon.daemon_harness import DaemonHarness, connected
+from tests.support.daemon.daemon_harness import DaemonHarness, arm_when_ready, connected
 from tests.support.daemon.daemon_process import (
     SECOND,
     BoardProcess,
@@ -207,7 +207,7 @@ def test_a_daemon_that_is_killed_falls_silent_and_the_next_one_knows_where_the_a
         assert not info.stored_still
         assert info.stored_rad["joint1"] == pytest.approx(there, abs=0.3)
         with rover.control("test"), pytest.raises(RequestRefused, match="was moving when its pose was last stored"):
-            rover.arm("stored")
+            arm_when_ready(rover, "stored")
         time.sleep(0.2)
         assert harness.pulses() == []
 
@@ -232,7 +232,7 @@ def _left_standing_and_killed(harness: MovingHarness, bears: bool) -> None:
             wait_for(lambda: harness.pulses() == [], "the board stops by itself", 3.0)
             assert not rover.info().stored_still
             with rover.control("test"), pytest.raises(RequestRefused, match="the arm fell"):
-                rover.arm("stored")
+                arm_when_ready(rover, "stored")
             time.sleep(0.2)
             assert harness.pulses() == []
             return
@@ -253,7 +253,7 @@ def test_a_new_daemon_takes_a_pulsing_board_over_without_a_step(tmp_path: Path) 
         there = harness.pulses()
         with connected(harness.setup) as (_, rover), rover.control("test"):
             assert rover.mode().mode == "disarmed"
-            rover.arm("board")
+            arm_when_ready(rover, "board")
             assert rover.mode().mode == "armed"
             assert harness.pulses() == there
             assert harness.stands_still()
@@ -462,7 +462,7 @@ def test_a_damaged_state_file_is_set_aside(tmp_path: Path, content: str) -> None
         assert harness.rover.info().stored_rad == {}
         assert [e.level for e in harness.rover.events() if e.code == "state_damaged"] == ["error"]
         with harness.rover.control("test"), pytest.raises(RequestRefused, match="no pose was stored"):
-            harness.rover.arm("stored")
+            arm_when_ready(harness.rover, "stored")
     assert (setup.state / "state.damaged").read_text(encoding="utf-8") == content
 
 

@@ -19,7 +19,7 @@ from lrmd.messages.kinematics import FkRequest, GoalEntry, IkRequest
 from lrmd.messages.zenoh_session import ACCEPT_TIMEOUT_MS, client
 from lrmd.persistence import state_file
 from lrmd.persistence.state_file import StoredState
-from tests.support.daemon.daemon_harness import DaemonHarness, connected
+from tests.support.daemon.daemon_harness import DaemonHarness, arm_when_ready, connected
 from tests.support.daemon.daemon_process import BoardProcess, DaemonProcess, DaemonSetup, wait_for
 
 BAD_MESSAGES, TAKES = 600, 400
@@ -153,7 +153,7 @@ def test_foreign_pulses_are_not_taken_for_the_stored_pose(tmp_path: Path, whose:
         assert rover.info().stored_rad == {}
         assert [words in e.text for e in rover.events() if e.code == "state_foreign"] == [True]
         with rover.control("test"), pytest.raises(RequestRefused, match="no pose was stored"):
-            rover.arm("stored")
+            arm_when_ready(rover, "stored")
         time.sleep(0.2)
         assert board.pulses() == []
     assert (setup.state / "state.foreign").exists()

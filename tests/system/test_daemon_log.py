@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from tests.support.broken_output import BROKEN_OUTPUTS
-from tests.support.daemon.daemon_harness import HOME, wait_for_link
+from tests.support.daemon.daemon_harness import HOME, arm_when_ready, wait_for_link
 from tests.support.daemon.daemon_process import (
     START_TIMEOUT,
     BoardProcess,
@@ -31,7 +31,7 @@ def test_a_log_that_nobody_reads_stops_nothing(tmp_path: Path, output: Callable[
         with setup.rover() as rover:
             wait_for_link(rover)
             with rover.control("test"):
-                rover.arm("given", HOME)
+                arm_when_ready(rover, "given", HOME)
                 rover.move({"joint1": 0.05})
             assert "link_up" in [event.code for event in rover.events()]
         daemon.signal(signal.SIGTERM)

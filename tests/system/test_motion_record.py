@@ -12,6 +12,7 @@ from lrm_ident.study.api import predict
 from lrm_math.model.model import Model
 from lrm_math.model.model_file import load_model
 from lrmd.client import FkRequest
+from tests.support.daemon.daemon_harness import arm_when_ready
 from tests.support.daemon.daemon_process import DaemonSetup, running_daemon, wait_for
 
 FRICTION = {"hysteresis.joint2.h_rad": "0.02", "friction_curve.joint2.c_8deg_rad": "0.01"}
@@ -36,7 +37,7 @@ def test_rpc_fk_over_zenoh_is_what_predict_says_of_the_same_order(tmp_path: Path
     with running_daemon(setup) as _, setup.rover() as rover:
         names = rover.info().names[:6]
         with rover.control("test"):
-            rover.arm("given", dict.fromkeys(rover.info().names, 0.0))
+            arm_when_ready(rover, "given", dict.fromkeys(rover.info().names, 0.0))
             wait_for(lambda: rover.mode().mode == "armed", "armed")
             q, tips = [rover.commanded_q()], [rover.fk(FkRequest(q_rad=[rover.commanded_q()])).places[0]]
             for goal in AWAY:

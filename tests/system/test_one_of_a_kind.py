@@ -20,7 +20,7 @@ from lrmd.link.frames import Frame, FrameDecoder, FrameType, encode
 from lrmd.messages.codec import ErrorReply, pack, unpack
 from lrmd.messages.control import ArmRequest
 from lrmd.messages.zenoh_session import client
-from tests.support.daemon.daemon_harness import HOME, wait_for_link
+from tests.support.daemon.daemon_harness import HOME, arm_when_ready, wait_for_link
 from tests.support.daemon.daemon_process import BoardProcess, DaemonProcess, DaemonSetup, wait_for
 
 
@@ -74,7 +74,7 @@ def test_a_board_with_another_protocol_is_named_once_with_what_to_flash(
                 assert "flash the firmware/" in text
             assert told[0].detail == {"board": protocol.VERSION + 1, "needed": protocol.VERSION}
             with rover.control("test"), pytest.raises(RequestRefused, match="flash the firmware/") as refused:
-                rover.arm("given", HOME)
+                arm_when_ready(rover, "given", HOME)
             assert refused.value.code == "link"
         assert app.main(["--connect", setup.endpoint, "state"]) == 0
         assert told[0].text in capsys.readouterr().out
@@ -120,4 +120,4 @@ def test_a_second_daemon_of_the_name_is_noticed_by_both_at_start_and_when_it_goe
         wait_for(lambda: rover.mode().troubles == [], "the other is gone")
         assert [event.code for event in rover.events() if event.code.startswith("name")] == ["name_taken", "name_free"]
         with rover.control("test"):
-            rover.arm("given", HOME)
+            arm_when_ready(rover, "given", HOME)

@@ -11,6 +11,7 @@ from lrmd.client import RequestRefused, Rover
 from lrmd.messages.kinematics import FkRequest, GoalEntry, IkRequest, PlanRequest
 from lrmd.messages.surroundings import ContactEntry, ObstacleEntry
 from tests.conftest import TABLE_B2
+from tests.support.daemon.daemon_harness import arm_when_ready
 from tests.support.daemon.daemon_process import SLOW_BOARD, DaemonSetup, running_daemon, wait_for
 
 START = [0.2, 0.3, -0.4, 0.9, 0.3, 0.2]
@@ -21,7 +22,7 @@ def rover(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Rover]:
     model = {'# model = "/etc/lrm/model.toml"': f'model = "{TABLE_B2}"'}
     setup = DaemonSetup.make(tmp_path_factory.mktemp("daemon"), {**SLOW_BOARD, **model})
     with running_daemon(setup) as (_, _), setup.rover() as rover, rover.control("test"):
-        rover.arm("given", {f"joint{i}": q for i, q in enumerate(START, start=1)})
+        arm_when_ready(rover, "given", {f"joint{i}": q for i, q in enumerate(START, start=1)})
         yield rover
 
 

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from tests.conftest import ROOT
-from tests.support.daemon.daemon_harness import HOME, wait_for_link
+from tests.support.daemon.daemon_harness import HOME, arm_when_ready, wait_for_link
 from tests.support.daemon.daemon_process import SLOW_BOARD, DaemonSetup, is_alive, running_daemon, wait_for
 
 
@@ -25,7 +25,7 @@ def test_an_ik_process_that_cannot_start_lets_no_arm_fall(tmp_path: Path, monkey
     with running_daemon(setup) as (board, daemon), setup.rover() as rover:
         wait_for_link(rover)
         with rover.control("test"):
-            rover.arm("given", HOME)
+            arm_when_ready(rover, "given", HOME)
             before, broken = board.pulses(), program / "lrmd" / "ik" / "process.py"
             broken.write_text("raise SystemExit('another release')\n", encoding="utf-8")
             os.kill(daemon.child("ik"), signal.SIGKILL)

@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from typing import Literal
 
 from lrmd.client.rover import Rover
+from lrmd.client.session import RequestRefused
 from lrmd.config import load_config
 from tests.support.daemon.daemon_process import BoardProcess, DaemonProcess, DaemonSetup, wait_for
 from tests.support.daemon.pulse_invariants import PulseInvariants, pulse_invariants, read_frames
 
 HOME = {f"joint{i}": 0.0 for i in range(1, 7)}
+Where = Literal["given", "stored", "board"]
 
 
 class DaemonHarness:
@@ -24,10 +26,10 @@ class DaemonHarness:
         self.board_started = board.started_at()
         self.armed_at: list[int] = []
 
-    def arm(self, rover: Rover | None = None, where: Literal["given", "stored"] = "given") -> None:
-        """Arms at home, or at the stored pose."""
+    def arm(self, rover: Rover | None = None, where: Where = "given") -> None:
+        """Arms at home, or where `where` says, once the board is ready."""
         self.armed_at.append(time.monotonic_ns())
-        (rover or self.rover).arm(where, HOME if where == "given" else None)
+        arm_when_ready(rover or self.rover, where, HOME if where == "given" else None)
 
     def mode(self) -> str:
         """The controller's mode."""
@@ -61,3 +63,21 @@ def connected(setup: DaemonSetup) -> Iterator[tuple[DaemonProcess, Rover]]:
 def wait_for_link(rover: Rover) -> None:
     """Waits until the board answers. Raises `WaitTimeout`."""
     wait_for(lambda: rover.mode().link == "ready", "the board answers")
+
+
+def arm_when_ready(rover: Rover, where: Where = "given", q_rad: Mapping[str, float] | None = None) -> None:
+    """Arms, asking again as long as the refusal says that this may help: a machine's stall costs the link a handshake.
+
+    Raises `RequestRefused` with any other refusal, `WaitTimeout`.
+    """
+
+    def armed() -> bool:
+        try:
+            rover.arm(where, q_rad)
+        except RequestRefused as refused:
+            if not refused.retryable:
+                raise
+            return False
+        return True
+
+    wait_for(armed, "the arm is armed")
