@@ -74,7 +74,7 @@ def test_a_board_with_another_protocol_is_named_once_with_what_to_flash(
                 assert "flash the firmware/" in text
             assert told[0].detail == {"board": protocol.VERSION + 1, "needed": protocol.VERSION}
             with rover.control("test"), pytest.raises(RequestRefused, match="flash the firmware/") as refused:
-                arm_when_ready(rover, "given", HOME)
+                rover.arm("given", HOME)
             assert refused.value.code == "link"
         assert app.main(["--connect", setup.endpoint, "state"]) == 0
         assert told[0].text in capsys.readouterr().out
