@@ -21,7 +21,7 @@ ONE_THREAD := OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 MKL_NUM_THREADS=1
 unexport PYTHONDONTWRITEBYTECODE  # with it every process of the daemon and of the tests compiles all sources anew
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo fetch test quick offline browser lint lint-github schemas docs site proofs gallery benchmark sdist deb story check-tag bench soak wheels coverage camera confusion unfamiliar memory misreadings real-data vendor-arms newcomers touches touches-public tutorial closed-loop as-deployed readability json-numbers fleet transfer lerobot doors install uninstall clean
+.PHONY: help setup demo fetch test quick offline browser lint lint-github schemas docs site proofs history gallery benchmark sdist deb story check-tag bench soak wheels coverage camera confusion unfamiliar memory misreadings real-data vendor-arms newcomers touches touches-public tutorial closed-loop as-deployed readability json-numbers fleet transfer lerobot doors install uninstall clean
 
 help: ## what there is to make
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 12
@@ -100,6 +100,9 @@ proofs: setup ## tables of the docs' proofs, computed anew: real arms if DATA= n
 	$(ONE_THREAD) $(BIN)/python -m validation.proofs.guarantees
 	$(ONE_THREAD) $(BIN)/python -m bench --json docs/proofs/speed.json
 	$(BIN)/python -m validation.proofs
+
+history: ## the page of speed and soak week by week, from the branch that keeps them; SPEED=FILE SOAK=RESULT add a line and push it
+	packaging/history.sh $(SPEED) $(SOAK)
 
 gallery: setup ## ten arms with something hidden, what the tool says of each, and their reports as files in out/gallery
 	$(ONE_THREAD) $(BIN)/python -m validation.proofs.gallery

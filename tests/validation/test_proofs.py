@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import ast
 import re
+import shutil
+import subprocess
 from pathlib import Path
 
 import pytest
 
 from tests.conftest import ROOT
 from validation.proofs.guarantees import guarantees
+from validation.proofs.history import continued, line_of
 from validation.proofs.pages import PAGES, pages
 from validation.proofs.result_file import FOLDER, ProofResult, computed, read, write
 
@@ -79,3 +82,40 @@ def test_the_committed_guarantees_are_those_stated_and_none_failed() -> None:
         assert passed + skipped == tests, says  # type: ignore[operator]
         assert tests >= len(named), says  # type: ignore[operator, arg-type]
         assert passed > 0, says  # type: ignore[operator]
+
+
+def test_a_line_of_the_history_has_the_ratios_to_peers_and_a_commit_has_one_a_day() -> None:
+    speed = ProofResult(
+        ("what", "by", "ratio"), (("fk", "lrm_math", "1.00"), ("fk", "pinocchio", "4.9")), "c", "2026-01-02", "a", "m"
+    )
+    line = line_of(speed, "success")
+    assert line == {"date": "2026-01-02", "commit": "a", "soak": "success", "fk: pinocchio": "4.9"}
+    first = continued(None, line)
+    assert continued(first, line).rows == first.rows
+    other = {"date": "2026-01-09", "commit": "b", "soak": "failure", "fit: scipy": "1.2"}
+    assert continued(first, other).rows == (
+        ("2026-01-02", "a", "success", "4.9", None),
+        ("2026-01-09", "b", "failure", None, "1.2"),
+    )
+
+
+def test_the_history_is_kept_in_a_branch_of_its_own(tmp_path: Path) -> None:
+    """The script that the weekly workflow and the site run, twice, against a remote of this machine."""
+    remote, work = tmp_path / "remote.git", tmp_path / "work"
+    subprocess.run(["git", "init", "--quiet", "--bare", remote], check=True)
+    for part in ("packaging/history.sh", "validation/__init__.py", "validation/proofs"):
+        copy = shutil.copytree if (ROOT / part).is_dir() else shutil.copyfile
+        (work / part).parent.mkdir(parents=True, exist_ok=True)
+        copy(ROOT / part, work / part)
+    (work / "docs" / "proofs").mkdir(parents=True)
+    subprocess.run(["git", "init", "--quiet", work], check=True)
+    subprocess.run(["git", "remote", "add", "origin", remote], cwd=work, check=True)
+    for soak in ("success", "failure"):
+        script = ["sh", "packaging/history.sh", str(FOLDER / "speed.json"), soak]
+        subprocess.run(script, cwd=work, check=True, capture_output=True)
+        (work / "docs" / "proofs" / "history.json").unlink()
+    subprocess.run(["sh", "packaging/history.sh"], cwd=work, check=True, capture_output=True)
+    assert [row[2] for row in read(work / "docs" / "proofs" / "history.json").rows] == ["failure"]
+    log = ["git", "log", "--oneline", "history"]
+    assert len(subprocess.run(log, cwd=remote, check=True, capture_output=True).stdout.splitlines()) == 2
+    assert "| failure |" in (work / "docs" / "proofs" / "history.md").read_text(encoding="utf-8")
