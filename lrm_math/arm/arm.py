@@ -115,7 +115,7 @@ class Arm:
     """A serial arm. `gravity` (m/s²) is given in the frame that TCP positions are measured in.
 
     `joints`: those with a motor, whose angles are commanded. `mimics`: those between them that follow one of these.
-    `accepted`: rules of plausibility that a person knows this arm to break.
+    `accepted`: rules of plausibility that a person knows this arm to break. `table`: z (m) of the plane it stands on.
     """
 
     name: str
@@ -129,6 +129,7 @@ class Arm:
     typical_sizes: TypicalSizes = TypicalSizes()
     accepted: tuple[str, ...] = ()
     mimics: tuple[MimicJoint, ...] = ()
+    table: float | None = None
 
     def __post_init__(self) -> None:
         for number, mimic in enumerate(self.mimics, start=1):
