@@ -6,7 +6,6 @@ The tip is seen at rest only; every rest has an error of its own, every frame a 
 from __future__ import annotations
 
 import socket
-import sys
 import time
 from collections.abc import Iterator
 from contextlib import suppress
@@ -25,6 +24,7 @@ from examples.demo.simulated_tracker import (
     dtrack_text,
     in_room,
 )
+from examples.so101.command_line import OneLineParser
 from lrm_ident.measuring.tracker.frames import TrackerFrame
 from lrmd.sim.control_socket import ControlError, query_board
 
@@ -45,7 +45,13 @@ def frames(link: Path, seed: int) -> Iterator[TrackerFrame]:
 
 def main() -> None:
     """Sends frames."""
-    link, port, seed = Path(sys.argv[1]), int(sys.argv[2]), int(sys.argv[3])
+    usage = "python -m examples.so101.tracker LINK PORT SEED"
+    parser = OneLineParser("python -m examples.so101.tracker", usage, "A tracker beside the simulated SO-101.")
+    parser.add_argument("link", metavar="LINK", type=Path, help="device of the simulated arm, such as /tmp/so101")
+    parser.add_argument("port", metavar="PORT", type=int, help="to which it sends: 5000 for --tracker dtrack:5000")
+    parser.add_argument("seed", metavar="SEED", type=int, help="whole number that draws its noise")
+    given = parser.parse_args()
+    link, port, seed = given.link, given.port, given.seed
     sender = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
     with suppress(ControlError, KeyboardInterrupt):
         for frame in frames(link, seed):

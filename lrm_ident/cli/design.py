@@ -360,8 +360,8 @@ def _say_floor(arm: Arm, q: Array, floor: float | None) -> None:
     lowest, plane = lowest_point(arm, q), arm.table or 0.0
     if lowest < plane - NEGLIGIBLE and not arm.shapes.boxes:
         notice(
-            f"some poses go down to z = {lowest / MM:.1f} mm. If the arm stands on a table at z = {plane / MM:g} mm, it "
-            "would hit that: choose them with --floor-mm 30"
+            f"some poses go down to z = {lowest / MM:.1f} mm. If the arm stands on a table at z = {plane / MM:g} mm, "
+            "it would hit that: choose them with --floor-mm 30"
         )
 
 

@@ -263,7 +263,9 @@ def to_arm(tables: ArmFile) -> Arm:
     sizes = tables.typical_sizes
     typical = TypicalSizes(sizes.length_mm * MM, math.radians(sizes.angle_deg), sizes.compliance)
     table = None if tables.table_z_mm is None else tables.table_z_mm * MM
-    return replace(arm, shapes=_shapes(tables, places), typical_sizes=typical, accepted=tuple(tables.accepted), table=table)
+    return replace(
+        arm, shapes=_shapes(tables, places), typical_sizes=typical, accepted=tuple(tables.accepted), table=table
+    )
 
 
 def _mimics(tables: Sequence[JointTable], links: Sequence[Joint], places: Sequence[str]) -> Iterator[MimicJoint]:
