@@ -18,6 +18,7 @@ from lrmd.api.children import ChildProcesses
 from lrmd.api.model_reload import ActiveModel
 from lrmd.api.presence import IkProbe, Presence
 from lrmd.api.publisher import EventRing, EventThrottle, StatePublisher
+from lrmd.api.skill_questions import SkillQuestions
 from lrmd.api.supervisor import ChildProcess, RestartLimitExceeded, silence
 from lrmd.api.systemd_notify import notify, watchdog_s
 from lrmd.api.zenoh_server import ZenohServer
@@ -27,7 +28,7 @@ from lrmd.control.state import ControllerEvent, Level
 from lrmd.control.state_machine import Mode
 from lrmd.errors import RequestError
 from lrmd.ik.deployed_model import DeployedModel
-from lrmd.messages.codec import Message, error_reply, pack
+from lrmd.messages.codec import Header, Message, error_reply, pack
 from lrmd.messages.control import DeployRequest, HoldRequest, JogRequest, MoveRequest, ReloadRequest, UndeployRequest
 from lrmd.messages.surroundings import packed
 from lrmd.messages.zenoh_session import own_client
@@ -73,6 +74,7 @@ class ApiProcess:
         self._ik_due = now
         self._server: ZenohServer | None = None
         self._presence: Presence | None = None
+        self._questions: SkillQuestions | None = None
         self._tick_seen, self._ticked_at = 0, now
         self._saving = SaveSchedule(config.save)
         self._knowledge: ArmKnowledge | None = None
@@ -92,6 +94,7 @@ class ApiProcess:
             with zenoh.open(own_client(self._config.zenoh)) as session:
                 self._children.wait_for_ramp(START_TIMEOUT)
                 self._server = ZenohServer(session, self._config.robot, self, tuple(self._publisher.states))
+                self._questions = SkillQuestions(session, self._config.robot, self.boot_id, self._answered)
                 self._presence = Presence(session, self._config.robot, self.boot_id)
                 self._loop(IkProbe(session, self._config.robot))
                 notify("STOPPING=1")
@@ -197,6 +200,8 @@ class ApiProcess:
         self._supervise(now)
         if self._presence is not None:
             self._controller.others_seen(self._presence.others)
+        if self._questions is not None:
+            self._questions.ask(self._controller.question)
         if self._server is not None:
             self._server.stand_in_for_ik(self._shared.ik[0] == 0)
             for tail in filter(self._server.has_subscriber, self._publisher.due(now)):
@@ -257,6 +262,11 @@ class ApiProcess:
         self._emit(f"{child.name}_died", level, f"the {child.name} process ended ({ended}); restarting it")
         child.start(now)
         return True
+
+    def _answered(self, number: int, reply: Header | LrmError) -> None:
+        """Takes the answer to a question of the skill under way."""
+        with self._lock:
+            self._controller.answer(number, reply, time.monotonic_ns())
 
     def _save(self, now: int, at_once: bool = False) -> None:
         c = self._controller

@@ -97,6 +97,7 @@ class OrderScheduler:
 
     `goal`: target pulse (ns) of each servo, `HOLD_PULSE` for one that stays. `way`: what the ramp makes of the newest
     order, tick by tick. `jog`: the one under way. `contacts`: those that the motion's own request permits.
+    `motions`: how many have begun.
     """
 
     def __init__(self, config: Config, now: int) -> None:
@@ -108,6 +109,7 @@ class OrderScheduler:
         self.arming: deque[int] = deque()
         self.jog: Jog | None = None
         self.contacts: tuple[Contact, ...] = ()
+        self.motions = 0
         self._next_on = now
 
     @property
@@ -160,6 +162,7 @@ class OrderScheduler:
     def start(self, legs: Sequence[Leg], departure: Departure, now: int, contacts: Sequence[Contact] = ()) -> None:
         """Moves the servos along legs from a departure, with the contacts that its request permits."""
         self.legs, self.jog, self.contacts = deque(legs), None, tuple(contacts)
+        self.motions += 1
         self.next_leg(departure, now)
 
     def next_leg(self, departure: Departure, now: int) -> None:

@@ -6,15 +6,17 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from lrm_math.errors import LrmError
 from lrmd.config import SECOND
 from lrmd.control import thermal_protection, updates
 from lrmd.control.arming_pose import arming_pulses
 from lrmd.control.jogging import request_jog
 from lrmd.control.ramp_orders import Departure, Leg, overlaid, pulses_of
+from lrmd.control.skill_run import SkillReport, SkillRun, begun
 from lrmd.control.state import ControllerState, RequestResult
 from lrmd.control.state_machine import LIVE, InvalidTransition, Mode, Trigger, next_mode
 from lrmd.errors import RequestError
-from lrmd.messages.codec import Message
+from lrmd.messages.codec import Header, Message
 from lrmd.messages.control import (
     ArmRequest,
     CommandRequest,
@@ -30,6 +32,8 @@ from lrmd.messages.control import (
     ResetRequest,
     SceneCommand,
 )
+from lrmd.messages.kinematics import KinematicsRequest
+from lrmd.messages.skills import SenseCommand, SkillRequest
 from lrmd.messages.surroundings import contacts_of
 from lrmd.ramp.shared_memory import LinkState
 from lrmd.ramp.stepping import Pace
@@ -190,10 +194,21 @@ def _scene(s: ControllerState, request: SceneCommand, now: int) -> RequestResult
     return RequestResult()
 
 
+def _skill(s: Controller, request: SkillRequest, _: int) -> RequestResult:
+    s.skill = begun(s, s.skill, request)
+    return RequestResult(skill=s.skill.report.number)
+
+
+def _sense(s: Controller, command: SenseCommand, now: int) -> RequestResult:
+    if s.skill is not None:
+        s.skill.sense(s, command, now)
+    return RequestResult()
+
+
 HANDLERS: dict[type[Message], Callable[..., RequestResult]] = {
     LeaseRequest: _lease, HoldRequest: _hold, ArmRequest: _arm, MoveRequest: _move, JogRequest: request_jog,
     RelaxRequest: _relax, DisarmRequest: _disarm, ResetRequest: _reset, GravityCommand: _gravity,
-    SceneCommand: _scene, PayloadRequest: _payload,
+    SceneCommand: _scene, PayloadRequest: _payload, SkillRequest: _skill, SenseCommand: _sense,
 }  # fmt: skip
 
 
@@ -205,9 +220,30 @@ class Controller(ControllerState):
     """
 
     observe = updates.observe
-    tick = updates.tick
     others_seen = updates.others_seen
     adopt_guard = updates.adopt_guard
+    skill: SkillRun | None = None
+
+    @property
+    def skill_report(self) -> SkillReport:
+        """What is known of the last skill."""
+        return SkillReport() if self.skill is None else self.skill.report
+
+    @property
+    def question(self) -> tuple[int, KinematicsRequest] | None:
+        """What the skill under way waits for the answer to, with its number."""
+        return None if self.skill is None else self.skill.question
+
+    def tick(self, now: int) -> None:
+        """One cycle of the daemon: see `updates.tick`; the skill under way goes on."""
+        updates.tick(self, now)
+        if self.skill is not None:
+            self.skill.advance(self, now, self.handle)
+
+    def answer(self, number: int, reply: Header | LrmError, now: int) -> None:
+        """Takes the answer to the question of the skill under way; any other is ignored."""
+        if self.skill is not None:
+            self.skill.answer(self, number, reply, now)
 
     def handle(self, request: Message, now: int) -> RequestResult:
         """Carries out a request. Raises an `LrmError` if it cannot; then nothing has changed but an expired lease."""

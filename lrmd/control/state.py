@@ -42,12 +42,13 @@ class ControllerEvent:
 
 @dataclass(frozen=True)
 class RequestResult:
-    """Result of a request: expected duration (s) where it is known, the lease it granted, and why the motion that it
-    began was not checked for collisions."""
+    """Result of a request: expected duration (s) where it is known, the lease it granted, why the motion that it began
+    was not checked for collisions, and the number of the skill that it began."""
 
     seconds: float | None = None
     lease: Lease | None = None
     unchecked: str = ""
+    skill: int | None = None
 
 
 LEAD = 12

@@ -344,7 +344,7 @@ class Event(Header):
 class Reply(Header):
     """Reply to a request that was carried out: the resulting mode. `model_sha256`: empty for the nominal arm;
     `unchecked`: why the motion that `rpc/move` began was not checked for collisions, empty if it was. `stops`: as in
-    `state/mode`; None from `rpc/estop`, whose process does not count."""
+    `state/mode`; None from `rpc/estop`, whose process does not count. `skill`: number of the skill that began."""
 
     mode: str
     stops: int | None = None
@@ -353,6 +353,7 @@ class Reply(Header):
     seconds: float | None = None
     model_sha256: str = ""
     unchecked: str = ""
+    skill: int | None = None
 
 
 class FieldPart(Part):
