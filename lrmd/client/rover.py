@@ -234,7 +234,12 @@ class Rover(RoverSession):
             )
         number = self._query(Reply, "rpc/skill", request).skill
         state = self._query(SkillState, "state/skill")
-        while wait and state.number == number and state.outcome == "running":
+        return self.await_skill(state) if wait and state.number == number else state
+
+    def await_skill(self, begun: SkillState) -> SkillState:
+        """Waits for what comes of a skill that was begun without waiting; see `skill`."""
+        state, number, name = begun, begun.number, begun.skill
+        while state.number == number and state.outcome == "running":
             time.sleep(LOOK_S)
             self._check_restart()
             state = self._query(SkillState, "state/skill")
