@@ -46,8 +46,8 @@ else
 	$(BIN)/python -m lrmd.demo
 endif
 
-fetch: setup ## stones into the basket of a simulated rover with hidden errors, as drawn and calibrated (STONES=, SEED=)
-	$(ONE_THREAD) $(BIN)/python -m examples.fetch --out $(OUT) --stones $(or $(STONES),8) --seed $(or $(SEED),1)
+fetch: setup ## 20 stones, on level ground and slopes, into the basket of a simulated rover with hidden errors, as drawn and calibrated (ten minutes; STONES=, SEED=)
+	$(ONE_THREAD) $(BIN)/python -m examples.fetch --out $(OUT) --stones $(or $(STONES),20) --seed $(or $(SEED),1)
 
 test: setup lint ## all tests, two at a time, after the linters: first all that compute, then the system's, which wait
 	$(ONE_THREAD) $(BIN)/python -m pytest $(SIDE_BY_SIDE) -rs --ignore tests/system

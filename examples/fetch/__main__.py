@@ -31,9 +31,7 @@ def main(argv: list[str] | None = None) -> int:
     p = argparse.ArgumentParser("examples.fetch", description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
     p.add_argument("--stones", type=int, default=20)
     p.add_argument("--seed", type=int, default=1, help="of the hidden errors and the stones")
-    p.add_argument(
-        "--out", type=Path, default=Path("out"), help="where fetch.json and fetch.png go (default: out)"
-    )
+    p.add_argument("--out", type=Path, default=Path("out"), help="where fetch.json and fetch.png go (default: out)")
     options = p.parse_args(argv)
     try:
         found = run(options.stones, options.seed)

@@ -68,8 +68,7 @@ def fetch(world: FetchWorld, stone: Stone) -> Fetched:
     except LrmError as error:
         return Fetched(f"refused: {error}", None if tip is None else tip.tolist(), missed)
     finally:
-        there.load(0.0)
-        there.rover.carry(0.0)
+        there.put_down()
 
 
 def do(world: FetchWorld, name: SkillName, **fields: Any) -> None:

@@ -26,8 +26,9 @@ from lrmd.sim.launch import simulated_board
 from validation import synthetic
 
 ARM_FILE = Path(__file__).resolve().parents[2] / "config" / "arms" / f"{ARM}.toml"
-ADOPTED_S, FEEL_S = 1.5, 0.03
-"""s until the daemon has adopted a direction of gravity, and between two looks of the switch in the fingers."""
+ADOPTED_S, FEEL_S, AGAIN_S = 1.5, 0.03, 5.0
+"""s until a direction of gravity is adopted, between two looks of the switch in the fingers, and for which a
+lease that was lost may be taken anew."""
 POSES, NOISE_M = 150, 0.0005
 """Measured positions of the calibration, and the spread of each coordinate (m)."""
 CONFIG = """\
@@ -84,6 +85,19 @@ class FetchWorld:
         while not ended.wait(FEEL_S):
             if self.tip()[2] < 0.0:
                 self.rover.tell_sensed("touch")
+
+    def put_down(self) -> None:
+        """Nothing is in the gripper any more; asked again where a lease that was lost is just being taken anew."""
+        self.load(0.0)
+        end = time.monotonic() + AGAIN_S
+        while True:
+            try:
+                self.rover.carry(0.0)
+                return
+            except RequestRefused as refused:
+                if not refused.retryable or time.monotonic() > end:
+                    raise
+            time.sleep(FEEL_S)
 
     def time(self) -> float:
         """The board's clock (s)."""

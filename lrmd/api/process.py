@@ -29,7 +29,15 @@ from lrmd.control.state_machine import Mode
 from lrmd.errors import RequestError
 from lrmd.ik.deployed_model import DeployedModel
 from lrmd.messages.codec import Header, Message, error_reply, pack
-from lrmd.messages.control import DeployRequest, HoldRequest, JogRequest, MoveRequest, ReloadRequest, UndeployRequest
+from lrmd.messages.control import (
+    DeployRequest,
+    HoldRequest,
+    JogRequest,
+    LeaseRequest,
+    MoveRequest,
+    ReloadRequest,
+    UndeployRequest,
+)
 from lrmd.messages.surroundings import packed
 from lrmd.messages.zenoh_session import own_client
 from lrmd.persistence.state_file import BackgroundWriter, SaveSchedule, restored_state
@@ -38,6 +46,8 @@ from lrmd.safety.thermal_model import gravity_torques
 
 PERIOD, STANDBY_PERIOD = SECOND // 50, 4 * SECOND // 50
 """ns between cycles: the longer one while the servos are off and nobody subscribes to the joints."""
+LEAST_PAUSE = SECOND // 1000
+"""ns: after a long cycle, the requests that waited come before the next one."""
 RAMP_TIMEOUT = SECOND // 2
 """ns without a tick after which the ramp process is restarted: half of the board's own timeout."""
 START_TIMEOUT = 20 * SECOND
@@ -132,7 +142,7 @@ class ApiProcess:
                 notified_at = now
                 notify(f"WATCHDOG=1\nSTATUS={self._controller.mode}")
             due = max(due + (STANDBY_PERIOD if self._was_ready and self._standing_by else PERIOD), now)
-            time.sleep(max(0, due - time.monotonic_ns()) / SECOND)
+            time.sleep(max(LEAST_PAUSE, due - time.monotonic_ns()) / SECOND)
 
     @property
     def _standing_by(self) -> bool:
@@ -291,12 +301,14 @@ class ApiProcess:
             deployed = self._changed_model(request)
             self._model.wait_for_ik(deployed)
             return self._publisher.reloaded(tail, deployed)
+        arrived = time.monotonic_ns()
         if isinstance(request, MoveRequest | JogRequest):
             self._shared.wait_for_order(self._controller.order.number, SETTLING_TIME)
         with self._lock:
             now = time.monotonic_ns()
             self._observe(now)
-            result = self._controller.handle(request, now)
+            # a renewal counts from when it came, not from when the daemon had time for it
+            result = self._controller.handle(request, arrived if isinstance(request, LeaseRequest) else now)
             self._write_order()
             self._flush()
             reply, order = self._publisher.reply(tail, result), self._controller.order.number

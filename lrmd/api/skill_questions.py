@@ -72,5 +72,5 @@ def _refusal(data: bytes) -> LrmError:
     try:
         refused = unpack(ErrorReply, data)
     except LrmError:
-        return RequestError("deadline", "the ik process gave no answer in time")
+        return RequestError("deadline", "the ik process gave no answer in time", retryable=True)
     return RequestError(refused.code, refused.msg)

@@ -162,12 +162,13 @@ def _goal(o: argparse.Namespace) -> GoalEntry:
     """The goal in the options."""
     return GoalEntry(
         position_m=[v / 1000 for v in (o.x, o.y, o.z)],
-        rpy_rad=_three_angles(o.rpy) if o.rpy else None,
+        rpy_rad=three_angles(o.rpy) if o.rpy else None,
         approach=parse_numbers("--approach", o.approach, "three numbers by commas", 3) if o.approach else None,
     )
 
 
-def _three_angles(text: str) -> list[float]:
+def three_angles(text: str) -> list[float]:
+    """Three angles (rad) of a text. Raises `LrmError`."""
     angles = parse_angles(text)
     if len(angles) != 3:
         raise LrmError(f"--rpy has {len(angles)} numbers; should be three with commas between them")

@@ -185,6 +185,22 @@ def test_metrics_show_how_late_the_ticks_were(daemon: InMemoryDaemon, does: Call
     assert {bar[0]: bar[3] for bar in bars if bar[0] in ("60", "80", "100")} == {"60": "0", "80": "30", "100": "9"}
 
 
+def test_a_skill(daemon: InMemoryDaemon, typed: Typed) -> None:
+    typed("arm", "--at", "gripper", "0")
+    assert "lrm: drop: the gripper carries nothing" in typed("skill", "drop", "--gripper", "10")[2]
+    code, said, _ = typed("skill", "grasp", "--gripper", "-5", "--payload-g", "20")
+    assert (code, said) == (0, "grasp: reached: carries 20 g\n")
+    code, said, _ = typed("skill", "drop", "--gripper", "500")
+    assert code == 1
+    assert said.startswith("drop: refused: gripper: 500.0 deg is outside its limits")
+    assert daemon.sim.core.payload == 0.02
+    assert "payload_kg is missing" in typed("skill", "grasp", "--gripper", "3")[2]
+    assert (
+        "'x' should be a number of mm"
+        in typed("skill", "touch_down", "--goal", "1", "2", "3", "--touch", "a", "b", "x")[2]
+    )
+
+
 def test_gripper_pan_and_tilt(daemon: InMemoryDaemon, does: Callable[..., str]) -> None:
     does("arm", "--at", "gripper", "0", "--at", "pan", "0", "--at", "tilt", "-.1rad")
     does("gripper", "-5")
