@@ -26,7 +26,7 @@ from lrmd.sim.launch import simulated_board
 from validation import synthetic
 
 ARM_FILE = Path(__file__).resolve().parents[2] / "config" / "arms" / f"{ARM}.toml"
-ADOPTED_S, FEEL_S, AGAIN_S = 1.5, 0.03, 5.0
+ADOPTED_S, FEEL_S, AGAIN_S = 1.5, 0.1, 5.0
 """s until a direction of gravity is adopted, between two looks of the switch in the fingers, and for which a
 lease that was lost may be taken anew."""
 POSES, NOISE_M = 150, 0.0005

@@ -232,17 +232,24 @@ class Rover(RoverSession):
             request = SkillRequest(
                 lease=self._token(), stops=self._stops if stops is None else stops, skill=name, **fields
             )
-        number = self._query(Reply, "rpc/skill", request).skill
-        state = self._query(SkillState, "state/skill")
-        return self.await_skill(state) if wait and state.number == number else state
+        state = self._followed(self._query(Reply, "rpc/skill", request).skill, name)
+        return self.await_skill(state) if wait else state
 
     def await_skill(self, begun: SkillState) -> SkillState:
         """Waits for what comes of a skill that was begun without waiting; see `skill`."""
-        state, number, name = begun, begun.number, begun.skill
-        while state.number == number and state.outcome == "running":
+        state = begun
+        while state.outcome == "running":
             time.sleep(LOOK_S)
-            self._check_restart()
-            state = self._query(SkillState, "state/skill")
+            state = self.follow_skill(begun)
+        return state
+
+    def follow_skill(self, begun: SkillState) -> SkillState:
+        """What a skill that was begun does now, or what came of it. Raises `LrmError` if another was begun since."""
+        return self._followed(begun.number, begun.skill)
+
+    def _followed(self, number: int | None, name: str) -> SkillState:
+        self._check_restart()
+        state = self._query(SkillState, "state/skill")
         if state.number != number:
             raise LrmError(f"{name}: another skill, {state.skill}, was begun meanwhile")
         if state.outcome == "stopped":

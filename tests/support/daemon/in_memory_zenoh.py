@@ -128,7 +128,7 @@ class FakeZenohSession:
 
 
 class InMemoryDaemon:
-    """The request handler behind the zenoh server. When a client looks at its motion, time passes, which renews a lease."""
+    """The request handler behind the zenoh server. Time passes when a client looks at its motion, its lease renewed."""
 
     def __init__(self, sim: SimulatedDaemon, boot_id: str = "b00710000000000d") -> None:
         self.sim, self.session, self.boot_id = sim, FakeZenohSession(), boot_id
