@@ -94,7 +94,7 @@ def write_library(folder: Path) -> list[Path]:
     """Writes each skill as a library state; the folders that RAFCON's `LIBRARY_PATHS` may name."""
     paths = [folder / skill for skill in get_args(SkillName)]
     for path in paths:
-        storage.save_state_machine_to_path(StateMachine(skill_state(path.name)), str(path))  # type: ignore[arg-type]
+        storage.save_state_machine_to_path(StateMachine(skill_state(path.name)), str(path))
     return paths
 
 

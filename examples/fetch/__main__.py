@@ -60,8 +60,9 @@ def run(count: int, seed: int) -> dict[str, object]:
             result[model] = [_values(*pair) for pair in zip(found, outcomes, strict=True)]
             _summary(model, found, outcomes)
         distances = world.distances()
-        result["distances"] = asdict(distances)
+        result |= {"distances": asdict(distances), "asked_again": world.again}
     print(
+        f"{len(world.again)} skills were asked for again, as the computer was too busy\n"
         f"independent distance check: {distances.ticks} ticks, {distances.violations} nearer than is required; least "
         f"spare {distances.least_spare * 1e3:.2f} mm, {distances.pair} (rounding to counts: "
         f"{distances.tolerance * 1e3:.2f} mm at most)"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from dataclasses import dataclass
 from typing import Any
 
@@ -10,6 +11,8 @@ import numpy as np
 from examples.fetch.places import HOME, HOVER, Stone, areas, basket_pose, quaternion
 from examples.fetch.world import FetchWorld
 from lrm_math.errors import LrmError
+from lrmd.client import RequestRefused
+from lrmd.messages.control import LEASE_LOST
 from lrmd.messages.kinematics import GoalEntry
 from lrmd.messages.skills import SkillName, SkillState
 
@@ -17,6 +20,9 @@ GRASP = 0.008
 """m: a stone that is further from the tip than this is not between the fingers."""
 OPEN, CLOSED = 0.6, -0.2
 """rad, of the gripper."""
+TRIES, PAUSE_S = 5, 1.0
+BUSY = (LEASE_LOST, "no sign of life of the daemon")
+"""Ends of a skill on a computer that is too busy to keep the lease, or the ramp, alive: the arm holds."""
 LISTEN_S = 0.5
 """s after closing in which the switch in the fingers says whether something is there."""
 
@@ -51,7 +57,7 @@ def fetch(world: FetchWorld, stone: Stone) -> Fetched:
         do(there, "stow", q_rad=list(HOME))
         do(there, "approach", goal=goal, height_m=HOVER, gripper_rad=OPEN, may_touch=contacts)
         with there.touching(stone):
-            down = there.rover.skill("touch_down", goal=goal, may_touch=contacts)
+            down = tried(there, "touch_down", goal=goal, may_touch=contacts)
             tip = there.tip()
             missed = float(np.linalg.norm(tip - stone.place))
             if down.outcome not in ("reached", "touched_early"):
@@ -73,9 +79,26 @@ def fetch(world: FetchWorld, stone: Stone) -> Fetched:
 
 def do(world: FetchWorld, name: SkillName, **fields: Any) -> None:
     """Carries out a skill. Raises `SkillEnded` if it does not reach its end, `LrmError`."""
-    state = world.rover.skill(name, **fields)
+    state = tried(world, name, **fields)
     if state.outcome != "reached":
         raise SkillEnded(state)
+
+
+def tried(world: FetchWorld, name: SkillName, **fields: Any) -> SkillState:
+    """Carries out a skill, and asks for it again where only a busy computer ended it, not a person. Raises
+    `LrmError`."""
+    for _ in range(TRIES - 1):
+        try:
+            state = world.rover.skill(name, **fields)
+        except RequestRefused as refused:
+            if refused.code != "lease":
+                raise
+        else:
+            if not any(words in state.text for words in BUSY):
+                return state
+        world.again.append(name)
+        time.sleep(PAUSE_S)
+    return world.rover.skill(name, **fields)
 
 
 def grasp(world: FetchWorld, mass: float, between: bool) -> SkillState:

@@ -49,7 +49,8 @@ servo.gripper.channel = 6
 @dataclass(frozen=True)
 class FetchWorld:
     """A simulated rover: the link of its `board`, a client, and the true arm. `log`: every frame of the board;
-    `permitted`: when the fingers were permitted to touch the ground, and where."""
+    `permitted`: when the fingers were permitted to touch the ground, and where. `again`: skills that were asked for
+    again, as the computer was too busy."""
 
     board: Path
     rover: Rover
@@ -58,6 +59,7 @@ class FetchWorld:
     config: Config
     log: Path
     permitted: list[PermittedTime] = field(default_factory=list)
+    again: list[str] = field(default_factory=list)
 
     def under(self, stone: Stone) -> FetchWorld:
         """The rover on the ground of a stone, whose slope its accelerometer tells."""
