@@ -70,6 +70,9 @@ def measure(
             "place of --pause.",
         ),
     ] = None,
+    orientation: Annotated[
+        bool, Option("--orientation", help="Also write the orientation of the tool's target, for fit to use.")
+    ] = False,
 ) -> None:
     """Drive the arm through POSES and measure its tip at each. Every row is on disk before the arm moves on.
 
@@ -99,7 +102,7 @@ def measure(
         notice(*plan.notices)
         changer = load_changer(load_command)
         order = CampaignOrder(
-            link.drive, track, tracker, numbers, link.arm, link.name, timing, changer, _say, show, accept
+            link.drive, track, tracker, numbers, link.arm, link.name, timing, changer, _say, show, accept, orientation
         )
         with resumable(f"What is measured is in {output}; the same command goes on"):
             result = run(order, plan, output, goal)
@@ -191,7 +194,8 @@ def verify(
     robot: arg.AnyRobot = "rover",
     connect: arg.Connect = None,
     goals: Annotated[
-        str, Option(help="Number of random goals, or a CSV of x_mm, y_mm, z_mm to visit in order, or hole-to-basket.")
+        str,
+        Option(help="Number of random goals, or a CSV of x_mm, y_mm, z_mm (and qw, qx, qy, qz), or hole-to-basket."),
     ] = "50",
     arm: arg.ArmName = None,
     payload_g: Annotated[float, Option(min=0, help="Load that the tool carries.")] = 0.0,

@@ -12,12 +12,16 @@ from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import Self
 
+import numpy as np
+
+from lrm_ident.data.rigid_motion import quaternions
 from lrm_ident.measuring.campaign.data_file import ArmState
 from lrm_ident.measuring.campaign.plan import PlannedPose
 from lrm_ident.measuring.campaign.run import Clock, Unreachable
 from lrm_ident.measuring.verification.goal_commands import NOMINAL, GoalCommand
 from lrm_math.arm.servo_table import ServoTable
 from lrm_math.errors import LrmError
+from lrm_math.ik.goal import Goal
 from lrmd.client import (
     LEASE_LOST,
     GoalEntry,
@@ -219,6 +223,14 @@ def last_directions(way: Sequence[Sequence[float]], before: Sequence[int]) -> tu
     return tuple(directions)
 
 
+def _entry(goal: Goal) -> GoalEntry:
+    """A goal as the daemon takes it."""
+    if goal.rotation is None:
+        return GoalEntry(position_m=list(goal.position))
+    w, x, y, z = quaternions(np.array(goal.rotation)[None])[0].tolist()
+    return GoalEntry(position_m=list(goal.position), quaternion_xyzw=[x, y, z, w])
+
+
 @dataclass(frozen=True)
 class DaemonSolver:
     """See `GoalSolver`: with the model that a daemon uses."""
@@ -233,10 +245,10 @@ class DaemonSolver:
         info = rover.info()
         return cls(rover, info.model or NOMINAL, info.model_sha256)
 
-    def solve(self, goal: Sequence[float], near: Sequence[float], payload: float) -> GoalCommand | str:
+    def solve(self, goal: Goal, near: Sequence[float], payload: float) -> GoalCommand | str:
         """See `GoalSolver`."""
         request = IkRequest(
-            goals=[GoalEntry(position_m=list(goal))],
+            goals=[_entry(goal)],
             near_rad=list(near),
             payload_kg=payload,
             round="best",

@@ -92,7 +92,7 @@ class CampaignOrder:
 
     `drive`, `track`: open the arm and the tracker, whose name is `tracker`. `arm_name` as the metadata will have it;
     `on_findings`: called with what is known after a batch, if measuring is adaptive. `accept`: whether rows may be
-    added with other settings of the servos.
+    added with other settings of the servos. `orientation`: whether the tool's orientation is written, too.
     """
 
     drive: OpenArm
@@ -106,6 +106,7 @@ class CampaignOrder:
     on_progress: Callable[[CampaignProgress], object]
     on_findings: Callable[[str], object]
     accept: bool = False
+    orientation: bool = False
 
 
 def measure(order: CampaignOrder, plan: CampaignPlan, output: Path, goal: StoppingGoal | None = None) -> CampaignResult:
@@ -113,7 +114,7 @@ def measure(order: CampaignOrder, plan: CampaignPlan, output: Path, goal: Stoppi
 
     Raises `LrmError`; the file stays resumable.
     """
-    file = DataFile(output, order.arm.dof)
+    file = DataFile(output, order.arm.dof, order.orientation)
     file.check_plan(plan.sha256)
     clock: Clock = RealClock()
     with order.track() as tracker, order.drive(clock, order.loads) as driven, file:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -245,3 +246,20 @@ def test_a_plan_is_read_as_design_writes_it(tmp_path: Path) -> None:
     path.write_text(head + "1,0,10,20,30,40,50,66.3,1,1\n1,0,10,20,30,40,51,66.3,-1,1\n")
     with pytest.raises(FileError, match="stands twice"):
         load_plan(path, ARM)
+
+
+def test_the_orientation_reaches_the_file_where_it_is_asked_for(tmp_path: Path) -> None:
+    """A row has the rotation's quaternion, or empty cells where the tracker did not see it."""
+    turned = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+    seen = RestMean(np.zeros(3), 1e-4, 1000.0, 30, turned, math.radians(0.05))
+    state = ArmState((0.0,) * 6, (0,) * 6, 25.0, 1)
+    with DataFile(path := tmp_path / "data.csv", 6, orientation=True) as file:
+        file.begin("power", "lrm-lab", "test", start_q_deg=[0.0] * 6, poses_sha256="plan", t0_s=0.0)
+        file.append(POSES[0], state, seen)
+        file.append(POSES[1], state, replace(seen, rotation=None, turn_sd=None))
+    header, first, second = (line.split(",") for line in path.read_text().splitlines())
+    assert header[-5:] == ["qw", "qx", "qy", "qz", "srot_deg"]
+    assert [float(cell) for cell in first[-5:]] == pytest.approx([0.5**0.5, 0.0, 0.0, 0.5**0.5, 0.05], abs=1e-6)
+    assert second[-5:-1] == [""] * 4
+    with pytest.raises(FileError, match="is not that of this campaign"):
+        DataFile(path, 6)
