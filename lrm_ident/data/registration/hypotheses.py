@@ -68,7 +68,7 @@ def joint_hypotheses(read: Hypothesis, arm: Arm) -> Iterator[Hypothesis]:
     yield from units
     yield from _servo_units(read, arm)
     for unit in (read, *(other for other in units if other.reading.angle_unit != read.reading.angle_unit)):
-        yield from _other_signs(unit)
+        yield from other_signs(unit)
         yield from _other_orders(unit)
     for joint in range(read.q.shape[1]):
         for turn in RIGHT_ANGLES:
@@ -129,7 +129,8 @@ def one_axis(read: Hypothesis, nominal: Array, tolerance: float) -> Iterator[Hyp
             yield replace(read.also(words, SIMPLE, f"name its column {'xyz'[axis]}_{unit[0]}"), tcp=read.tcp * scale)
 
 
-def _other_signs(read: Hypothesis) -> Iterator[Hypothesis]:
+def other_signs(read: Hypothesis) -> Iterator[Hypothesis]:
+    """The angles with the sign of one joint, of two, or of all turned."""
     n = read.q.shape[1]
     sets = [*combinations(range(n), 1), *combinations(range(n), 2), *([tuple(range(n))] if n > 2 else [])]
     before = np.array(read.reading.joint_sign or [1] * n)

@@ -76,18 +76,21 @@ def _alone(joint: int, command: Array, state: Array) -> tuple[Misreading, Array,
         return None
     if np.std(state + command) < PART * missed:
         return Misreading(joint, "reversed", largest, count), -command, state
+    still = np.std(state) < STILL and np.std(command) > MOVING
+    left, what, command_so, state_so = min(_other_units(command, state, still), key=lambda found: found[0])
+    if left < PART * missed:
+        return Misreading(joint, "unit", largest, count, what=what), command_so, state_so
+    return (Misreading(joint, "frozen", largest, count), command, command) if still else None
+
+
+def _other_units(command: Array, state: Array, still: bool) -> Iterator[tuple[float, str, Array, Array]]:
+    """Angles (R,) in other units: the deviation that each leaves, words, and command and state so; `still`: no moves."""
     for unit, factor in UNITS.items():
         zero = -0.5 * FULL_TURN if unit.startswith("counts") else 0.0
-        if min(np.std(state), np.std(factor * state - command)) > 0.0:
-            if np.std(factor * state - command) < PART * missed:
-                found = Misreading(joint, "unit", largest, count, what=f"its encoder's angles look like {unit}")
-                return found, command, factor * state + zero
-            if np.std(state - factor * command) < PART * missed:
-                found = Misreading(joint, "unit", largest, count, what=f"its commands look like {unit}")
-                return found, factor * command + zero, state
-    if np.std(state) < STILL and np.std(command) > MOVING:
-        return Misreading(joint, "frozen", largest, count), command, command
-    return None
+        read, sent = factor * state + zero, factor * command + zero
+        yield float(np.std(read - command)), f"its encoder's angles look like {unit}", command, read
+        if not still:
+            yield float(np.std(state - sent)), f"its commands look like {unit}", sent, state
 
 
 def _exchanged(command: Array, state: Array) -> Iterator[Misreading]:

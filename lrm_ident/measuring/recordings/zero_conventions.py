@@ -14,10 +14,9 @@ import numpy as np
 
 from lrm_ident.measuring.recordings.misread_joints import BEYOND, FULL_TURN
 from lrm_math.arm.arm import Arm
+from lrm_math.arm.standing import FAR, beyond_limits
 from lrm_math.arrays import Array
 
-FAR = float(np.radians(20.0))
-"""rad beyond a limit: no zero that was set by hand is off by so much."""
 EXTENDED = {"shoulder_lift": (-1.0, np.pi / 2.0), "elbow_flex": (1.0, -np.pi / 2.0)}
 """Sign, and what is added (rad), from the zeros of the arm that is stretched out level to the middles of the ranges."""
 
@@ -70,9 +69,8 @@ def convention_of(arm: Arm, angles: Array) -> ZeroConvention | None:
 
 def _beyond(arm: Arm, angles: Array) -> float:
     """How far angles are beyond the limits at most (rad), each taken by whole turns to where it is within them."""
-    low, high = np.array([(joint.lower, joint.upper) for joint in arm.joints]).T
     read = angles[np.isfinite(angles).all(axis=1)]
     if not len(read):
         return 0.0
-    turns = [np.maximum(low - at, at - high) for at in (read, read + FULL_TURN, read - FULL_TURN)]
+    turns = [beyond_limits(arm, at) for at in (read, read + FULL_TURN, read - FULL_TURN)]
     return float(np.minimum.reduce(turns).max())

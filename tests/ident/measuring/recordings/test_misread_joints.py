@@ -47,6 +47,7 @@ KINDS: dict[str, tuple[str, Callable[[Array], Array]]] = {
     "a full turn at some rests": ("full turn", past_the_seam),
     "a full turn everywhere": ("full turn", lambda q: q + 2.0 * np.pi),
     "frozen": ("frozen", lambda q: 0.0 * q + 0.3),
+    "frozen, but for a count that flickers": ("frozen", lambda q: 0.3 + np.radians(0.05) * np.sign(np.sin(1e3 * q))),
     "radians in one joint": ("unit", lambda q: np.radians(q)),
     "a gain": ("gain", lambda q: 1.3 * q),
     "a small gain": ("gain", lambda q: 0.97 * q),
@@ -62,6 +63,15 @@ def test_each_kind_is_named_at_its_joint_alone(kind: str, joint: int) -> None:
     assert {one.joint for one in found.findings} == {joint}
     assert name in {one.cause for one in found.findings}
     assert name == "unexplained" or found.after.max() < MATTERS
+
+
+@pytest.mark.parametrize(("joint", "factor"), [(1, np.pi / 180.0), (3, 4096.0 / 360.0)])
+def test_commands_in_another_unit_are_told_from_an_encoder_that_stands_still(joint: int, factor: float) -> None:
+    frames = recording()
+    command = frames.command.copy()
+    command[:, joint] *= factor
+    found = checkup(replace(frames, command=command), ARM, 0.5)
+    assert [(one.cause, one.joint) for one in found.findings if one.cause != "offset"] == [("unit", joint)]
 
 
 @pytest.mark.parametrize("order", [(1, 0, 2, 3, 4), (0, 3, 2, 1, 4), (1, 2, 0, 3, 4)])
