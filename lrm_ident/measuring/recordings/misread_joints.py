@@ -76,7 +76,7 @@ def _alone(joint: int, command: Array, state: Array) -> tuple[Misreading, Array,
         return None
     if np.std(state + command) < PART * missed:
         return Misreading(joint, "reversed", largest, count), -command, state
-    still = np.std(state) < STILL and np.std(command) > MOVING
+    still = bool(np.std(state) < STILL and np.std(command) > MOVING)
     left, what, command_so, state_so = min(_other_units(command, state, still), key=lambda found: found[0])
     if left < PART * missed:
         return Misreading(joint, "unit", largest, count, what=what), command_so, state_so
@@ -84,7 +84,7 @@ def _alone(joint: int, command: Array, state: Array) -> tuple[Misreading, Array,
 
 
 def _other_units(command: Array, state: Array, still: bool) -> Iterator[tuple[float, str, Array, Array]]:
-    """Angles (R,) in other units: the deviation that each leaves, words, and command and state so; `still`: no moves."""
+    """Angles (R,) in other units: the deviation that each leaves, words, command and state; `still`: none moves."""
     for unit, factor in UNITS.items():
         zero = -0.5 * FULL_TURN if unit.startswith("counts") else 0.0
         read, sent = factor * state + zero, factor * command + zero
