@@ -9,13 +9,13 @@ from itertools import combinations
 import numpy as np
 
 from lrm_ident.data.measurement_file.conventions import ANGLE_UNITS, LENGTH_UNITS, axes_matrix, axes_words
+from lrm_ident.data.registration.zero_conventions import FULL_TURN, conventions
 from lrm_math.arm.arm import Arm
 from lrm_math.arrays import Array
 from lrm_math.model.reading import Reading
 
 UNIT_NAMES = {"um": "micrometres", "mm": "millimetres", "cm": "centimetres", "inch": "inches", "m": "metres"}
 RIGHT_ANGLES = (90.0, -90.0, 180.0)
-FULL_TURN = 2.0 * np.pi
 COUNTS, MOST_DEG, MOST_SHARE = 4096, 720.0, 100.5
 """Of an encoder of 12 bits in a turn; what degrees and shares of a range are at most."""
 SIMPLE, COMPOUND, FREE = 1.0, 1.5, 2.0
@@ -67,6 +67,7 @@ def joint_hypotheses(read: Hypothesis, arm: Arm) -> Iterator[Hypothesis]:
     units = list(_other_units(read))
     yield from units
     yield from _servo_units(read, arm)
+    yield from _other_zeros(read, arm)
     for unit in (read, *(other for other in units if other.reading.angle_unit != read.reading.angle_unit)):
         yield from other_signs(unit)
         yield from _other_orders(unit)
@@ -105,6 +106,14 @@ def _servo_units(read: Hypothesis, arm: Arm) -> Iterator[Hypothesis]:
         remedy = "record with use_degrees=true, or convert them by range_min and range_max of LeRobot's calibration: "
         remedy += "deg = value / 100 * (range_max - range_min) / 2 * 360 / 4095"
         yield replace(read.also(words, COMPOUND, remedy), q=numbers / 100.0 * half)
+
+
+def _other_zeros(read: Hypothesis, arm: Arm) -> Iterator[Hypothesis]:
+    """Angles from the zeros of a recording that are not those of the arm's file."""
+    if read.reading.joint_sign is None and read.reading.joint_order is None:
+        for rule in conventions(arm):
+            words = f"the joint angles look counted from {rule.words}"
+            yield replace(read.also(words, COMPOUND, f"convert them: {rule.formula(arm)}"), q=rule.applied(read.q))
 
 
 def _one_joint(read: Hypothesis, joint: int, unit: str, factor: float) -> Hypothesis:

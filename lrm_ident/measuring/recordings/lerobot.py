@@ -19,9 +19,9 @@ from lrm_ident.data.measurement_file.column_names import BEFORE_JOINTS, SIDES
 from lrm_ident.data.measurement_file.conventions import ANGLE_UNITS
 from lrm_ident.data.measurement_file.write import StatedQuantity, csv_text, quantity_columns
 from lrm_ident.data.registration.hypotheses import COUNTS, MOST_DEG
+from lrm_ident.data.registration.zero_conventions import convention_of
 from lrm_ident.data.wording import joint_labels
 from lrm_ident.measuring.recordings.misread_joints import Misreading, read_alike, within_limits
-from lrm_ident.measuring.recordings.zero_conventions import convention_of
 from lrm_math.arm.arm import Arm
 from lrm_math.arrays import Array
 from lrm_math.errors import FileError, LrmError
@@ -140,19 +140,13 @@ def _as_the_arm_counts(arm: Arm, frames: LeRobotFrames, percent: NDArray[np.bool
     rule = rules[0]
     if rule is None or any(one is None or one.words != rule.words for one in rules):
         return frames
-    command, feedback = (
-        np.where(percent, angles, rule.applied(angles)) for angles in (frames.command, frames.feedback)
-    )
-    changed = [
-        f"{name} = {'' if sign > 0 else '-'}recorded {added:+.4g} deg"
-        for name, sign, added, jaw in zip(
-            joint_labels(arm), rule.sign, np.degrees(rule.added), percent.tolist(), strict=True
-        )
-        if not jaw and (sign < 0 or abs(added) > 0.01)
-    ]
+    own = replace(rule, sign=np.where(percent, 1.0, rule.sign), added=np.where(percent, 0.0, rule.added))
     words = f"angles lie beyond the limits of {arm.name}, and within them if they count from {rule.words}: read so"
     return replace(
-        frames, command=command, feedback=feedback, notices=(*frames.notices, f"{words} ({', '.join(changed)})")
+        frames,
+        command=own.applied(frames.command),
+        feedback=own.applied(frames.feedback),
+        notices=(*frames.notices, f"{words} ({own.formula(arm)})"),
     )
 
 

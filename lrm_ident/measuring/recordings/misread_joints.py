@@ -12,6 +12,7 @@ from typing import Literal, get_args
 
 import numpy as np
 
+from lrm_ident.data.registration.zero_conventions import BEYOND, FULL_TURN
 from lrm_math.arm.arm import Arm
 from lrm_math.arrays import Array
 
@@ -23,9 +24,6 @@ PART = 0.2
 """What another reading leaves of that at most: a servo that yields follows its command, a misread one does not."""
 STILL, MOVING = float(np.radians(1.0)), float(np.radians(3.0))
 """rad, standard deviations over the rests: of an encoder that stands still, while it is commanded to move."""
-BEYOND = float(np.radians(2.0))
-"""rad beyond a limit: play and a calibration by hand stay below."""
-FULL_TURN = 2.0 * np.pi
 COUNT = FULL_TURN / 4096
 DEG = float(np.radians(1.0))
 UNITS = {"radians": 1.0 / DEG, "counts of an encoder": COUNT / DEG}
