@@ -23,6 +23,7 @@ from lrm_ident.data.registration.zero_conventions import convention_of
 from lrm_ident.data.wording import joint_labels
 from lrm_ident.measuring.recordings.misread_joints import Misreading, read_alike, within_limits
 from lrm_math.arm.arm import Arm
+from lrm_math.arm.arm_file import shipped_arms
 from lrm_math.arrays import Array
 from lrm_math.errors import FileError, LrmError
 from lrm_math.model.reading import AngleUnit
@@ -126,9 +127,17 @@ def read_frames(
     command, feedback = (_angles(values, arm, percent, angle_unit or "deg") for values in numbers.values())
     t, episode = np.array(table["timestamp"], dtype=np.float64), np.array(table["episode_index"], dtype=np.int64)
     notices = (f"{GRIPPER}: read as percent of its range, as LeRobot records it",) if percent.any() else ()
-    frames = LeRobotFrames(command, feedback, t, episode, notices)
+    frames = LeRobotFrames(command, feedback, t, episode, (*notices, *_of_another_arm(info, arm)))
     _refuse_unread(folder, arm, frames)
     return _as_the_arm_counts(arm, frames, percent)
+
+
+def _of_another_arm(info: Mapping[str, Any], arm: Arm) -> Iterator[str]:
+    """A notice where a dataset says that it was recorded with another arm that is shipped."""
+    kind = str(info.get("robot_type"))
+    said = kind.removeprefix("bi_").partition("_")[0]
+    if {said, arm.name} <= {*shipped_arms()} and said != arm.name:
+        yield f"recorded with {kind}, read as {arm.name}: is it --arm {said}?"
 
 
 def _as_the_arm_counts(arm: Arm, frames: LeRobotFrames, percent: NDArray[np.bool_]) -> LeRobotFrames:

@@ -14,7 +14,7 @@ from lrm_ident.measuring.recordings.encoder_checkup import MATTERS, checkup
 from lrm_ident.measuring.recordings.lerobot import LeRobotFrames
 from lrm_math.arm.arm_file import load_arm
 from lrm_math.arrays import Array
-from tests.support.commands import stderr_of, stdout_of
+from tests.support.commands import run_command, stderr_of, stdout_of
 
 FPS, RESTS, REST_FRAMES = 30, 24, 40
 ARM = load_arm("so101")
@@ -151,6 +151,18 @@ def test_other_units_of_all_angles_are_refused_and_the_remedy_helps(tmp_path: Pa
     counts = recording()
     shifted = replace(counts, command=counts.command + np.pi, feedback=counts.feedback + np.pi)
     assert "counts of encoders" in stderr_of("checkup", written(tmp_path / "n", shifted, JOINTS, 4096 / 360))
+
+
+@pytest.mark.parametrize(("kind", "said"), [("koch_follower", "is it --arm koch?"), ("so101_follower", "")])
+def test_an_arm_that_the_dataset_does_not_name_is_asked_about(kind: str, said: str, tmp_path: Path) -> None:
+    """Their joints have the same names, and its poses may be within the limits of both."""
+    folder = written(tmp_path / "data", recording(), JOINTS)
+    about = folder / "meta" / "info.json"
+    about.write_text(json.dumps(json.loads(about.read_text()) | {"robot_type": kind}))
+    _, out, err = run_command("checkup", folder, "--arm", "so101")
+    heard = " ".join(f"{out} {err}".split())
+    assert said in heard
+    assert said or "is it --arm" not in heard
 
 
 def test_import_passes_the_same_gate(tmp_path: Path) -> None:
