@@ -37,7 +37,7 @@ WORDS: dict[Cause, str] = {
     "full turn": "reads a full turn beside {turned}: the seam of its encoder; calibrate it in the middle",
     "reversed": "turns the other way round than its command: set drive_mode of its motor, or calibrate both again",
     "swapped": "follows the command of {other}: are the ids or the plugs of the two motors swapped?",
-    "frozen": "stands still while it is commanded to move, up to {size} off: does its motor answer, is its torque on?",
+    "frozen": "stands still at {rests}, up to {size} off its command: does its motor answer, is its torque on?",
     "unit": "is off by up to {size}: {what}; record with use_degrees=true",
     "limits": "rests up to {size} beyond its limits at {rests}: is this its arm file, and its zero?",
     "not read": "has no number in {frames}, which are left out: a loose cable, or a motor that does not answer",

@@ -20,6 +20,8 @@ Mistake = Literal["full turn", "reversed", "unit", "frozen", "swapped", "limits"
 MISTAKES: tuple[Mistake, ...] = get_args(Mistake)
 MISSED = float(np.radians(1.0))
 """rad RMS between command and encoder below which nothing was misread."""
+FEWEST_STILL = 4
+"""Rests at which an encoder that followed before has to stand still."""
 PART = 0.2
 """What another reading leaves of that at most: a servo that yields follows its command, a misread one does not."""
 STILL, MOVING = float(np.radians(1.0)), float(np.radians(3.0))
@@ -78,7 +80,19 @@ def _alone(joint: int, command: Array, state: Array) -> tuple[Misreading, Array,
     left, what, command_so, state_so = min(_other_units(command, state, still), key=lambda found: found[0])
     if left < PART * missed:
         return Misreading(joint, "unit", largest, count, what=what), command_so, state_so
-    return (Misreading(joint, "frozen", largest, count), command, command) if still else None
+    stuck = 0 if still else _still_from(command, state)
+    if stuck is None:
+        return None
+    return Misreading(joint, "frozen", largest, count - stuck), command, np.append(state[:stuck], command[stuck:])
+
+
+def _still_from(command: Array, state: Array) -> int | None:
+    """Number of the rest from which an encoder stands still to the end, if it followed its command (R,) before."""
+    for rest in range(1, len(state) - FEWEST_STILL + 1):
+        if np.std(state[rest:]) < STILL:
+            error, moves = (state - command), np.std(command[rest:]) > MOVING
+            return rest if moves and np.std(error[:rest]) < PART * error.std() else None
+    return None
 
 
 def _other_units(command: Array, state: Array, still: bool) -> Iterator[tuple[float, str, Array, Array]]:

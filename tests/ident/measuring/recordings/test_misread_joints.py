@@ -48,6 +48,7 @@ KINDS: dict[str, tuple[str, Callable[[Array], Array]]] = {
     "a full turn everywhere": ("full turn", lambda q: q + 2.0 * np.pi),
     "frozen": ("frozen", lambda q: 0.0 * q + 0.3),
     "frozen, but for a count that flickers": ("frozen", lambda q: 0.3 + np.radians(0.05) * np.sign(np.sin(1e3 * q))),
+    "frozen from the middle on": ("frozen", lambda q: np.where(np.arange(len(q)) < len(q) // 2, q, q[len(q) // 2])),
     "radians in one joint": ("unit", lambda q: np.radians(q)),
     "a gain": ("gain", lambda q: 1.3 * q),
     "a small gain": ("gain", lambda q: 0.97 * q),
