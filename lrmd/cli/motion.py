@@ -75,8 +75,9 @@ def run_motion(
         raise LrmError(f"--speed {o.speed:g}: should be more than 0, at most 1")
     with rover.control(lease_holder(), o.take):
         try:
-            pace = "each" if o.each else "together"
-            seconds = rover.move(*waypoints, pace=pace, speed=o.speed, payload_kg=payload, stops=stops)
+            seconds = rover.move(
+                *waypoints, pace="each" if o.each else "together", speed=o.speed, payload_kg=payload, stops=stops
+            )
         except KeyboardInterrupt:
             rover.hold()
             print("held", file=sys.stderr)

@@ -225,8 +225,8 @@ def test_a_stop_while_a_way_is_planned_is_not_followed_by_the_motion(
     pulses = daemon.sim._pulses()
     with (
         mock.patch.object(Rover, "plan", plan),
-        mock.patch("lrmd.cli.motion._solve_goal", lambda *_: answer),
-        mock.patch("lrmd.cli.text.ik_text", lambda *_: ""),
+        mock.patch("lrmd.cli.motion._solve_goal", return_value=answer),
+        mock.patch("lrmd.cli.text.ik_text", return_value=""),
     ):
         code, _, said = typed(*words)
     assert (code, "stopped since" in said) == (2, True), said
