@@ -9,22 +9,13 @@ import pytest
 from examples.so101.feetech_bus import FeetechBus
 from examples.so101.feetech_servo import FeetechServo
 from lrm_ident.measuring.campaign.session import torque_named
-from lrm_ident.measuring.servo_bus import feetech as table
 from lrm_ident.measuring.servo_bus.feetech import FEETECH
 from lrm_math.errors import LrmError
 from tests.doors.servos_door import CampaignDoor, campaign_over_bus
+from tests.ident.measuring.feetech.test_torque_on import EagerServo
 
 FALL = 0.3
 """rad, less than that by which a joint that is held up may be behind."""
-
-
-class EagerServo(FeetechServo):
-    """One whose firmware switches torque on with a goal: nothing forbids it to."""
-
-    def write(self, address: int, data: bytes) -> None:
-        super().write(address, data)
-        if address <= table.GOAL_POSITION.address < address + len(data):
-            table.TORQUE_ENABLE.write(self.memory, 1)
 
 
 @pytest.fixture
