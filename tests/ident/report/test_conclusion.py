@@ -29,8 +29,8 @@ def fitted() -> Study:
 def test_an_identified_cause_is_named_with_its_figures(fitted: Study) -> None:
     found = conclude(fitted.diagnose())
     facts = dict(found.facts)
-    assert found.headline == "Missing effect: backlash in joint 2 (backlash@joint2)"
-    assert facts["certainty"].startswith("identified cause; the next best one, ")
+    assert found.headline == "Missing from the model: backlash in joint 2 (backlash@joint2)"
+    assert facts["certainty"].startswith("identified: no other cause explains the error as well; the next best, ")
     assert "3.03 → 0.57 mm RMS" in facts["held-out error"]
     assert "as deployed" not in facts, "the arm gets the same error"
     assert not found.reasons
@@ -38,8 +38,8 @@ def test_an_identified_cause_is_named_with_its_figures(fitted: Study) -> None:
 
 def test_without_a_missing_effect_the_noise_is_the_reason(fitted: Study) -> None:
     found = conclude(fitted.add("backlash@joint2").diagnose())
-    beside = "No missing effect found beside backlash in joint 2:"
-    assert found.headline == HEADLINES["nothing_missing"].replace("No missing effect found:", beside)
+    besides = "No missing effect found besides backlash in joint 2, which the model has:"
+    assert found.headline == HEADLINES["nothing_missing"].replace("No missing effect found:", besides)
     assert [step.command for step in found.next] == ["lrm deploy MODEL"]
 
 
