@@ -18,7 +18,7 @@ from lrm_ident.report.effects import field_blocks, field_values
 from lrm_ident.report.plain_names import in_words
 from lrm_ident.residual.deployment.deployed_error import DeployedError
 from lrm_ident.residual.error_breakdown import Factor, ModelComparison, PoseGroup
-from lrm_ident.residual.residual_structure import noise_floor
+from lrm_ident.residual.noise_floor import noise_floor
 from lrm_ident.study.model_history import fit_words
 from lrm_ident.study.model_on_data import ErrorSummary
 from lrm_ident.study.parameter_estimates import parameter_estimates

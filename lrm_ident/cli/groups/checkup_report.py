@@ -61,11 +61,12 @@ def checkup_document(found: EncoderCheckup, arm: Arm, name: str) -> Document:
     title = f"Command minus encoder at {found.rests} stops of {name}"
     table = ResultTable(("joint", "rms_deg|.2f", "unexplained_deg|.2f"), rows)
     shown = ResultTable(("joint", "RMS, deg|.2f", "unexplained by these faults, deg|.2f"), rows, title)
+    again: tuple[Block, ...] = ("", CommandLine(f"Next: lrm-ident checkup {NEW}"), f"      {AGAIN}")
     also = " or" if found.findings else "Next"
     blocks: list[Block] = [
         heading(_headline(found)),
         *(f"  {_words(one, names, found)}." for one in found.findings),
-        *(["", CommandLine(f"Next: lrm-ident checkup {NEW}"), f"      {AGAIN}"] if found.findings else []),
+        *(again if found.findings else ()),
         "",
         shown,
         *section("What they cannot see", UNSEEN),

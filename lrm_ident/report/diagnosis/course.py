@@ -22,7 +22,7 @@ from lrm_ident.report.fit import error_blocks, parameter_table
 from lrm_ident.report.plain_names import in_words, plain_name
 from lrm_ident.report.story import ANEW, Story
 from lrm_ident.residual.error_breakdown import HeldOutResidual, NestedResidual
-from lrm_ident.residual.residual_structure import noise_floor
+from lrm_ident.residual.noise_floor import noise_floor
 from lrm_ident.residual.thresholds import MAX_UNEXPLAINED_RATIO
 from lrm_ident.study.field_step import WHAT_IT_IS
 from lrm_ident.study.model_on_data import ErrorSummary
