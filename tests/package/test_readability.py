@@ -12,7 +12,7 @@ from validation.readability.measures import PASSIVE, is_common, long_ones
 from validation.readability.prose import Sentence, sentences
 from validation.readability.texts import of_helps, page
 
-NOT_YET = {"bridges", "confusion", "daemon", "effects", "results"}
+NOT_YET = {"results"}
 """Pages that have longer sentences still: a list that only shrinks."""
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
 
