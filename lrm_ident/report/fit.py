@@ -18,7 +18,7 @@ from lrm_ident.report.effects import field_blocks, field_values
 from lrm_ident.report.plain_names import in_words
 from lrm_ident.residual.deployment.deployed_error import DeployedError
 from lrm_ident.residual.error_breakdown import Factor, ModelComparison, PoseGroup
-from lrm_ident.residual.noise_floor import noise_floor
+from lrm_ident.residual.noise_floor import NoiseFloor, noise_floor
 from lrm_ident.study.model_history import fit_words
 from lrm_ident.study.model_on_data import ErrorSummary
 from lrm_ident.study.parameter_estimates import parameter_estimates
@@ -85,7 +85,7 @@ def fit_document(fit: Fit, errors: ErrorSummary, data: Measurements) -> Document
     unseen = "" if held_out is None else f" At poses not used in the fit it is {in_mm(held_out.rms)} mm."
     blocks = [
         heading(f"The RMS error {change_words(before, fitted)}.{unseen}"),
-        *_beside_noise(noise_floor(data, fit.equilibrium).rms, None if held_out is None else held_out.rms),
+        *_beside_noise(noise_floor(data, fit.equilibrium), None if held_out is None else held_out.rms),
         *error_blocks(errors, f"{len(data)} poses, {len(model.free)} parameters{how and '; ' + how}"),
         *section(IMPLAUSIBLE, (one.sentence for one in implausible_of(fit))),
         *_outlier_words(outliers),
@@ -126,13 +126,17 @@ def _outlier_words(outliers: Sequence[tuple[int, float]]) -> Iterator[str]:
         )
 
 
-def _beside_noise(noise: float | None, held_out: float | None) -> Iterator[str]:
-    """How the held-out error compares with the noise of the measurement, where both are known (m)."""
-    if noise is None or held_out is None:
+def _beside_noise(floor: NoiseFloor, held_out: float | None) -> Iterator[str]:
+    """How the held-out error (m) compares with the noise of the measurement, where both are known.
+
+    By repeated poses the noise is at most so large: what the model lacks can make repeats differ, too.
+    """
+    if (noise := floor.rms) is None or held_out is None:
         return
     times = held_out / noise
     if times < MUCH:
-        yield f"That is about the measurement noise ({in_mm(noise)} mm RMS)."
+        noise_words = "by which repeated poses differ" if floor.source == "replicates" else "of the measurement noise"
+        yield f"That is about the size {noise_words} ({in_mm(noise)} mm RMS)."
     else:
         noise_mm = f"the measurement noise ({in_mm(noise)} mm RMS)"
         yield f"That is {times:.1f} times {noise_mm}, so the model still lacks something."
@@ -168,7 +172,7 @@ def comparison_document(found: ModelComparison, files: Sequence[str] = ()) -> Do
     black_box = [] if box is None else [f"Black-box model: {in_words(box.sentence)}"]
     blocks = [
         heading(_fails_where(found)),
-        *_beside_noise(noise_floor(data, found.equilibrium).rms, _held_out_rms(found)),
+        *_beside_noise(noise_floor(data, found.equilibrium), _held_out_rms(found)),
         *_depends_on(found.factors),
         *error_blocks(errors, f"{len(data)} poses, {free} parameters"),
         *(() if field is None else field_blocks(found, field)),
