@@ -135,8 +135,9 @@ def _beside_noise(floor: NoiseFloor, held_out: float | None) -> Iterator[str]:
         return
     times = held_out / noise
     if times < MUCH:
-        noise_words = "by which repeated poses differ" if floor.source == "replicates" else "of the measurement noise"
-        yield f"That is about the size {noise_words} ({in_mm(noise)} mm RMS)."
+        repeats = floor.source == "replicates"
+        like = "as much as repeated poses differ" if repeats else "as large as the measurement noise"
+        yield f"That is about {like} ({in_mm(noise)} mm RMS)."
     else:
         noise_mm = f"the measurement noise ({in_mm(noise)} mm RMS)"
         yield f"That is {times:.1f} times {noise_mm}, so the model still lacks something."
