@@ -21,7 +21,7 @@ ONE_THREAD := OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 MKL_NUM_THREADS=1
 unexport PYTHONDONTWRITEBYTECODE  # with it every process of the daemon and of the tests compiles all sources anew
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo fetch test quick offline browser lint lint-github schemas docs site proofs history gallery benchmark sdist deb story check-tag bench soak wheels coverage camera confusion unfamiliar memory misreadings real-data vendor-arms newcomers touches touches-public tutorial closed-loop as-deployed readability json-numbers fleet transfer lerobot doors hashes install uninstall clean
+.PHONY: help setup demo fetch test quick offline browser lint lint-github schemas docs site proofs history gallery benchmark sdist deb story check-tag bench soak wheels coverage camera confusion unfamiliar memory misreadings real-data vendor-arms newcomers touches touches-public tutorial closed-loop as-deployed readability json-numbers fleet transfer lerobot doors hashes pictures install uninstall clean
 
 help: ## what there is to make
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 12
@@ -182,6 +182,9 @@ touches-public: setup ## public touches as a file: DATA=clone/data/ARM ARM=arm.t
 tutorial: setup ## the pictures of docs/tutorial.md and the speed of the workbench, in a headless Chromium
 	$(BIN)/python -m validation.workbench.tutorial_pictures
 	$(BIN)/python -m validation.workbench.speed
+
+pictures: setup ## the pictures of the docs that commands draw (DATA= the real measurements, which three of them need)
+	$(ONE_THREAD) $(BIN)/python -m validation.doc_pictures $(DATA)
 
 story: setup ## the moving picture of README and site, and the social card, in a headless Chromium
 	$(BIN)/python -m validation.workbench.story
