@@ -17,7 +17,7 @@ ARMS = "so101", "so100", "lekiwi"
 RESTS, FPS, REST_S, MOVE_S = 16, 10, 2.0, 0.5
 NEAR_DEG = 0.3
 SAID = {
-    "sign": "turns the other way round", "turn": "reads a full turn", "swapped": "follows the command of",
+    "sign": "turns against its command", "turn": "reads a full turn", "swapped": "follows the command of",
     "frozen": "stands still",
 }  # fmt: skip
 """How a checkup names what happens to one joint, after its name."""
