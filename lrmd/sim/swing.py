@@ -70,7 +70,8 @@ class Swing:
         self._stiffness, self._damping, self._friction = (
             np.array([getattr(spring, field) for spring in chosen]) for field in ("stiffness", "damping", "friction")
         )
-        self._z, self._speed = np.zeros(len(chosen)), np.zeros(len(chosen))
+        self._z: Array = np.zeros(len(chosen))
+        self._speed: Array = np.zeros(len(chosen))
         self._turning = np.zeros(len(names))
         self._own: Array = np.eye(len(chosen))
         self._inverse: Array = np.eye(len(chosen))
@@ -94,12 +95,12 @@ class Swing:
         M = inertia(self._chain, q, payload)
         self._led = M[self._soft]
         self._own = self._led[:, self._soft]
-        self._inverse = np.linalg.inv(self._own)
+        self._inverse = np.asarray(np.linalg.inv(self._own))
 
     def follow(self, before: Array, after: Array, dt: float) -> None:
         """The servos turn evenly from angles to angles (n,), rad, within dt (s)."""
         turning = (after - before) / dt
-        momentum = self._own @ self._speed + self._led @ self._turning
+        momentum: Array = self._own @ self._speed + self._led @ self._turning
         self._turning = turning
         steps = max(1, math.ceil(dt / STEP - 1e-9))
         h = dt / steps

@@ -75,7 +75,7 @@ def test_a_tracker_sees_the_tip_swing_after_a_move_and_come_to_rest() -> None:
                     [float(str(answer_query(rig.link, "tcp", rig.now, Random(1), 0.0)[k])) for k in ("x_mm", "z_mm")]
                 )
             seen.append(float(np.ptp(np.array(z), axis=0).max()))
-            rig.wait(7.0)
+            rig.wait(3.0)
             assert not rig.arm.moving
         return seen
 
