@@ -10,7 +10,7 @@ from dataclasses import dataclass, field, replace
 from lrm_math.collision.contact import Contact
 from lrmd.config import Config, ServoConfig
 from lrmd.errors import RequestError
-from lrmd.ramp.shared_memory import AT_ONCE, HOLD_PULSE, RampOrder
+from lrmd.ramp.shared_memory import AT_ONCE, HOLD_PULSE, IMPULSES, RampOrder
 from lrmd.ramp.stepping import Impulses, Move, Pace, Way, move
 
 Pulses = tuple[int, ...]
@@ -175,7 +175,8 @@ class OrderScheduler:
         self.issue(now, branch_at=departure.remaining)
 
     def _shape(self, impulses: Impulses) -> None:
-        delay, share = (tuple(one[k] for one in impulses) for k in (0, 1))
+        padded = (*impulses, *((0, 0),) * (IMPULSES - len(impulses)))
+        delay, share = (tuple(one[k] for one in padded) for k in (0, 1))
         self.newest = replace(self.newest, delay=delay, share=share)
 
     def set_heartbeat(self, now: int) -> None:

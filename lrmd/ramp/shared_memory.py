@@ -112,8 +112,8 @@ class RampOrder(Record):
     stride: Annotated[tuple[int, ...], ctypes.c_uint16 * SERVOS] = NONE
     after: Count = 0
     branch_at: Count = AT_ONCE
-    delay: Row = ()
-    share: Row = ()
+    delay: Row = (0,) * IMPULSES
+    share: Row = (0,) * IMPULSES
 
     @property
     def impulses(self) -> Impulses:

@@ -27,8 +27,8 @@ from lrmd.messages.control import (
     ResetRequest,
 )
 from lrmd.ramp.shared_memory import LinkState
-from tests.math.motion.test_shaping import swinging
 from tests.support.daemon.in_memory_daemon import CONFIG, SimulatedDaemon, config_at
+from tests.support.motion_models import swinging
 
 SECOND = 1_000_000_000
 TICK = 6_500_000

@@ -9,8 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from lrm_math.arm.arm_file import load_arm
-from lrm_math.errors import FileError, LrmError
+from lrm_math.errors import FileError
 from lrmd.config import load_config
 from lrmd.control.known_motion import KnownMotion
 from lrmd.control.state_machine import Mode
@@ -20,8 +19,8 @@ from lrmd.messages.surroundings import ContactEntry
 from lrmd.ramp.shared_memory import RampFault, RampOrder
 from lrmd.ramp.stepping import MOST_DELAY, SHARES, Pace, move, valid_impulses
 from tests.daemon.control.test_motion_laws import armed, commanded, keep
-from tests.math.motion.test_shaping import swinging
 from tests.support.daemon.in_memory_daemon import CONFIG, SimulatedDaemon, config_at
+from tests.support.motion_models import swinging, write_motion_model
 
 MODEL = swinging(joint1=(3.0, 0.03), joint2=(4.0, 0.05))
 GOAL = {"joint1": 0.5, "joint2": -0.3}
@@ -153,14 +152,9 @@ def test_the_configuration_names_a_model_of_this_arm(tmp_path) -> None:
     assert KnownMotion.of(config) is None
     with pytest.raises(FileError, match="needs a model"):
         configured(tmp_path, '\n[motion]\nshaping = "zv"\n')
-    model = tmp_path / "motion.toml"
-    effects = ", ".join(f'"{effect.name}"' for effect in MODEL.effects)
-    numbers = "\n".join(f'"{key}" = {value}' for key, value in MODEL.values.items())
-    text = f'schema = "lrm/motion/1"\narm = "lrm-rover"\neffects = [{effects}]\n[parameters]\n{numbers}\n'
-    model.write_text(text)
+    model = write_motion_model(MODEL, tmp_path / "motion.toml")
     config = configured(tmp_path, f'\n[motion]\nmodel = "{model}"\nshaping = "zv"\n')
     assert KnownMotion.of(config) is not None
-    model.write_text(text.replace("lrm-rover", "lrm-lab"))
-    assert load_arm("lrm-lab").dof == 6
+    model.write_text(model.read_text().replace("lrm-rover", "lrm-lab"))
     with pytest.raises(FileError, match="lrm-lab"):
         KnownMotion.of(config)

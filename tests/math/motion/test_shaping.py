@@ -13,24 +13,14 @@ from lrm_math.arm.arm_file import load_arm
 from lrm_math.kinematics.chain import chain_of
 from lrm_math.kinematics.forward import chain_geometry
 from lrm_math.motion.modes import GYRATION, Modes, links_inertia, mean_inertia, modes_at
-from lrm_math.motion.motion_model import MotionModel, effect_of
+from lrm_math.motion.motion_model import MotionModel
 from lrm_math.motion.shaping import one_mode, shaper
+from tests.support.motion_models import swinging
 
 ARM = load_arm("lrm-rover")
 WHOLE, MOST, TICK = 1 << 15, 64, 0.0065
 kinds = st.sampled_from(["zv", "zvd", "zvdd"])
 frequencies, dampings = st.floats(0.6, 10.0), st.floats(0.0, 0.4)
-
-
-def swinging(**joints: tuple[float, float]) -> MotionModel:
-    """A rover arm of which some joints swing: frequency (Hz) and damping ratio."""
-    model = MotionModel.nominal(ARM)
-    for place, values in joints.items():
-        effect = effect_of(ARM, f"swing@{place}")
-        known = {key: v for key, v in model.values.items() if key.split(".")[1] == place}
-        both = (*model.of_joint(effect.joint), effect)
-        model = model.with_joint(both, {**known, **dict(zip(effect.keys, values, strict=True))}, {})
-    return model
 
 
 def modes(*pairs: tuple[float, float]) -> Modes:
