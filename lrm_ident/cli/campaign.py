@@ -55,8 +55,8 @@ def measure(
         str,
         Option(
             metavar="SECONDS|auto",
-            help="Seconds that the arm stands at least, before the averaging. auto: as long as the daemon's motion model "
-            "says that the tip swings, in place of --pause.",
+            help="Seconds that the arm stands at least, before the averaging. auto: as long as the tip swings by the "
+            "daemon's motion model, in place of --pause.",
         ),
     ] = "0.5",
     dwell: arg.Dwell = 1.0,

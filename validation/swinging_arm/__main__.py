@@ -17,7 +17,7 @@ from lrm_ident.measuring.tracker.frames import TargetNumbers
 from lrm_math.arrays import Array
 from validation.swinging_arm.rig import SwingingRover, tip_of
 
-WITHIN_MM, FOLLOWED, RESIDUAL = 0.5, 1500, slice(30, 330)
+WITHIN_MM, FOLLOWED, RESIDUAL = 0.5, 1000, slice(30, 330)
 """Distance of a rest; ticks for which a tip is followed, and those after a move of which its swing is taken, 2 s from
 0.2 s on."""
 KINDS = ("off", "zv", "zvd")
