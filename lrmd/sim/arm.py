@@ -20,7 +20,7 @@ from lrm_math.model.equilibrium import Equilibrium, solve_equilibrium
 from lrm_math.model.model import Model
 from lrmd.sim.pca9685_chip import Pca9685Chip
 from lrmd.sim.servo import LARGE_SERVO, SMALL_SERVO, SimulatedServo
-from lrmd.sim.swing import JointSpring, Swing
+from lrmd.sim.swing import JointSpring, SwingingLinks
 
 LARGE_SERVOS = 3
 """The first joints of the arm have the big servos (Conenna 2024, section 1)."""
@@ -73,7 +73,7 @@ class SimulatedArm:
         self.session = 1
         self.servos = _servos(truth, channels, start, dead_band)
         self.joints = self.servos[: truth.arm.dof]
-        self._swing = Swing(truth, springs) if springs else None
+        self._swing = SwingingLinks(truth, springs) if springs else None
         self._now = self._warm_until = 0
         self._count_s = 0.0
         self._changes = -1

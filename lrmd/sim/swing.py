@@ -55,7 +55,7 @@ class JointSpring:
         return JointSpring(*numbers)
 
 
-class Swing:
+class SwingingLinks:
     """Deflection of every joint's spring (rad) as `deflection`, (n,); joints without a spring are rigid."""
 
     def __init__(self, truth: Model, springs: Mapping[str, JointSpring]) -> None:

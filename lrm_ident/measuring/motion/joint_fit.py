@@ -133,28 +133,14 @@ def fit_joint(
     free = np.array([p.lower < v < p.upper for p, v in zip(parameters, values.tolist(), strict=True)])
     covariance = np.zeros((len(values), len(values)))
     scale = np.array([p.typical for p in parameters])[free]
-    move = np.nonzero(data.counted)[0]
-    covariance[np.ix_(free, free)] = clustered_covariance(J[:, free] * scale, residual, move) * np.outer(scale, scale)
+    normal = (J[:, free] * scale).T @ (J[:, free] * scale)
+    variance = float(residual @ residual) / max(len(residual) - len(values), 1)
+    covariance[np.ix_(free, free)] = (
+        variance * np.linalg.pinv(normal, rcond=1e-12, hermitian=True) * np.outer(scale, scale)
+    )
     error = np.full(data.reading.shape, np.nan)
     error[data.counted] = residual
     return JointFit(own, data, values, covariance, error)
-
-
-def clustered_covariance(J: Array, residual: Array, move: NDArray[np.int64]) -> Array:
-    """(p, p), of least squares with derivatives J (N, p), whose residual (N,) is correlated within each move (N,).
-
-    Between two counts an encoder errs the same way frame after frame, and a move's start is read once: neighbouring
-    residuals are alike, and the usual formula counts them as new information. The sandwich estimator of moves does not
-    (Liang & Zeger 1986; with its correction for few of them). It is not below the usual one.
-    """
-    bread = np.linalg.pinv(J.T @ J, rcond=1e-12, hermitian=True)
-    usual = float(residual @ residual) / max(len(residual) - J.shape[1], 1) * bread
-    score = np.zeros((int(move.max()) + 1, J.shape[1]))
-    np.add.at(score, move, J * residual[:, None])
-    moves = len(np.unique(move))
-    clustered = bread @ (score.T @ score) @ bread * moves / max(moves - 1, 1)
-    more = np.sqrt(np.maximum(np.diag(clustered) / np.maximum(np.diag(usual), 1e-300), 1.0))
-    return np.asarray(usual * np.outer(more, more))
 
 
 def _best_start(effects: Sequence[MotionEffect], data: JointMoves, known: Mapping[str, float]) -> Array:

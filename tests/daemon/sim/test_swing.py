@@ -15,7 +15,7 @@ from lrmd.sim.arm import SimulatedArm
 from lrmd.sim.control_socket import answer_query
 from lrmd.sim.launch import simulated_board
 from lrmd.sim.process import springs_of
-from lrmd.sim.swing import JointSpring, Swing, inertia
+from lrmd.sim.swing import JointSpring, SwingingLinks, inertia
 from tests.daemon.sim.test_simulated_arm import BoardOnBench
 
 ARM = load_arm("lrm-rover")
@@ -26,7 +26,7 @@ STIFF = 20.0
 
 def swung(spring: JointSpring, seconds: float = 4.0) -> np.ndarray:
     """Deflections of joint 2 (rad), every ms, after its servo stopped at once from 0.3 rad/s."""
-    swing = Swing(TRUTH, {"joint2": spring})
+    swing = SwingingLinks(TRUTH, {"joint2": spring})
     swing.weigh(HERE, 0.0)
     step, out = np.array([0.0, 0.0003, 0.0, 0.0, 0.0, 0.0]), []
     for k in range(3000):
@@ -110,4 +110,4 @@ def test_bad_springs_are_refused() -> None:
         with pytest.raises(LrmError, match="spring"):
             springs_of([text])
     with pytest.raises(UnknownName, match="joint9"):
-        Swing(TRUTH, {"joint9": JointSpring(1.0, 0.1)})
+        SwingingLinks(TRUTH, {"joint9": JointSpring(1.0, 0.1)})
