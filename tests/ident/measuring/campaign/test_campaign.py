@@ -12,6 +12,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from lrm_ident.cli.campaign import _timing
 from lrm_ident.data.measurement_file.load import load_measurements
 from lrm_ident.measuring.campaign.data_file import ArmState, DataFile, after_midnight
 from lrm_ident.measuring.campaign.plan import PlannedPose, lightest, load_plan
@@ -174,6 +175,16 @@ def test_a_stop_lasts_as_long_as_the_arm_says_that_its_tip_swings(tmp_path: Path
     assert "1.2 s after its motion" in told[0].words
     with pytest.raises(LrmError, match="does not know how long its tip swings"):
         run(FakeWorld(), tmp_path / "other.csv", told, TimingByArm(15.0, 0.5, 1.0))
+
+
+def test_settle_takes_seconds_or_auto() -> None:
+    assert _timing(15.0, "0.7", 1.0, None) == PoseTiming(15.0, 0.7, 1.0)
+    assert isinstance(_timing(15.0, "auto", 1.0, None), TimingByArm)
+    with pytest.raises(LrmError, match="leave out --motion"):
+        _timing(15.0, "auto", 1.0, Path("motion.toml"))
+    for text in ("soon", "-1", "nan", "inf"):
+        with pytest.raises(LrmError, match="should be seconds, 0 or more, or auto"):
+            _timing(15.0, text, 1.0, None)
 
 
 def test_an_unfit_rest_is_repeated_and_one_that_stays_unfit_is_said(tmp_path: Path) -> None:
