@@ -118,8 +118,7 @@ class ServoArm:
 
     def disturbed(self) -> str:
         """See `CampaignArm`."""
-        limp = [name for name, powered in self._with_retries(self.servos.powered).items() if not powered]
-        if limp:
+        if limp := self._limp():
             return f"{limp[0]} has no torque"
         off = [abs(a - b) for a, b in zip(self.seen(), self._rest, strict=True)]
         return f"{self.servos.joints[off.index(max(off))]} was moved" if max(off) > MOVED else ""
@@ -158,6 +157,7 @@ class ServoArm:
 
     def _move(self, goal: Sequence[float]) -> None:
         """Straight there, each joint in time with the slowest. Raises `LrmError` and holds if one is held up."""
+        self._check_torque()
         start = self._target
         far = max(abs(b - a) for a, b in zip(start, goal, strict=True))
         steps = max(1, math.ceil(far / (self.speed * TICK_S)))
@@ -169,8 +169,18 @@ class ServoArm:
                 self._check_follows()
         self.direction = last_directions([start, self._target], self.direction)
 
+    def _check_torque(self) -> None:
+        """Raises `LrmError` if a joint has lost its torque: it has fallen, and nothing may pull it back from there."""
+        if limp := self._limp():
+            raise LrmError(f"{', '.join(limp)} lost torque: was the supply off? Look where the arm stands, start again")
+
+    def _limp(self) -> list[str]:
+        return [name for name, powered in self._with_retries(self.servos.powered).items() if not powered]
+
     def _check_follows(self) -> None:
-        """Raises `LrmError` and holds if a joint is far behind its command, and still is a glance later."""
+        """Raises `LrmError` if a joint lost its torque, and holds if one is far behind its command, and still is a
+        glance later."""
+        self._check_torque()
         seen, behind = self._behind()
         if max(behind) > BEHIND:
             self.clock.sleep(GLANCE_S)

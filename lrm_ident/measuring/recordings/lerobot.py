@@ -213,7 +213,9 @@ def read_lerobot(folder: Path, arm: Arm, frames: LeRobotFrames, dwell: float) ->
     for one in beyond:
         if one.mistake == "limits":
             joint, worst = arm.joints[one.joint], np.degrees(one.size)
-            what = f"{joint_labels(arm)[one.joint]} rests up to {worst:.0f} deg beyond its limits, at {one.rests} rests"
+            what = (
+                f"{joint_labels(arm)[one.joint]} stands up to {worst:.0f} deg beyond its limits, at {one.rests} stops"
+            )
             right = (
                 f"{np.degrees(joint.lower):g} to {np.degrees(joint.upper):g} deg; is this its arm file and its zero?"
             )

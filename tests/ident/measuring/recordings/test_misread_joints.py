@@ -130,14 +130,14 @@ def test_of_two_arms_one_is_asked_for(tmp_path: Path) -> None:
     said = stderr_of("checkup", folder)
     assert "--prefix left_ or --prefix right_" in said
     assert "no joint is off" in stdout_of("checkup", folder, "--prefix", "right_")
-    assert "24 rests" in stdout_of("import", "lerobot", folder, "--prefix", "left_", "-o", tmp_path / "poses.csv")
+    assert "24 stops" in stdout_of("import", "lerobot", folder, "--prefix", "left_", "-o", tmp_path / "poses.csv")
 
 
 def test_other_units_of_all_angles_are_refused_and_the_remedy_helps(tmp_path: Path) -> None:
     folder = written(tmp_path / "rad", recording(), JOINTS, np.radians(1.0))
     for command in (("checkup", folder), ("import", "lerobot", folder, "-o", tmp_path / "poses.csv")):
         assert "look like radians" in stderr_of(*command)
-        assert "24 rests" in stdout_of(*command, "--angle-unit", "rad")
+        assert "24 stops" in stdout_of(*command, "--angle-unit", "rad")
     counts = recording()
     shifted = replace(counts, command=counts.command + np.pi, feedback=counts.feedback + np.pi)
     assert "counts of encoders" in stderr_of("checkup", written(tmp_path / "n", shifted, JOINTS, 4096 / 360))
