@@ -42,7 +42,7 @@ WORDS: dict[Cause, str] = {
     "middle of its range",
     "reversed": "turns against its command. Set drive_mode of its motor, or calibrate both again",
     "swapped": "follows the command of {other}. Check whether the ids or the plugs of the two motors are swapped",
-    "frozen": "stands still while it is commanded to move, up to {size} off. Check that its motor "
+    "frozen": "stands still at {rests} while it is commanded to move, up to {size} off. Check that its motor "
     "answers and that its torque is on",
     "unit": "is off by up to {size}: {what}. Record with use_degrees=true",
     "limits": "stands up to {size} beyond its limits at {rests}. Check that this is its arm file, and its zero",

@@ -10,6 +10,8 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Protocol, TypeVar
 
+import numpy as np
+
 from lrm_ident.measuring.campaign.data_file import ArmState
 from lrm_ident.measuring.campaign.plan import PlannedPose
 from lrm_ident.measuring.campaign.rover_arm import APPROACH, last_directions
@@ -17,6 +19,7 @@ from lrm_ident.measuring.campaign.run import Clock, Unreachable
 from lrm_ident.measuring.servo_bus.torque_on import TORQUE
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.servo_settings import ServoSettings
+from lrm_math.arm.standing import require_standing
 from lrm_math.errors import LrmError
 
 SPEED = math.radians(30.0)
@@ -92,6 +95,7 @@ class ServoArm:
     def __post_init__(self) -> None:
         self.direction = (0,) * self.arm.dof
         self._target = self._rest = self.seen()
+        require_standing(self.arm, np.array(self._target))
         self.temperature()
         self._with_retries(lambda: self.servos.bound_torque(TORQUE))
 
