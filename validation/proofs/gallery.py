@@ -21,10 +21,10 @@ from lrm_ident.report.diagnosis.conclusion import conclude
 from lrm_ident.report.plain_names import plain_name
 from lrm_math.effects.reference import EffectRef
 from tests.support.browser import PATIENCE_MS, chromium
-from validation.hidden_effects.auto_outcome import ALWAYS_TRUE
 from validation.hidden_effects.cases import CASES
-from validation.hidden_effects.confusion import run_tool
 from validation.hidden_effects.data import ARM_FILE, write_case
+from validation.hidden_effects.examine import run_tool
+from validation.hidden_effects.outcome import ALWAYS_TRUE
 from validation.proofs.result_file import FOLDER, ROOT, computed, write
 
 PICTURES, REPORTS = FOLDER.parent / "pictures" / "gallery", ROOT / "out" / "gallery"

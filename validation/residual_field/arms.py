@@ -18,8 +18,8 @@ from lrm_ident.data.measurements import Measurements
 from lrm_ident.fitting.cross_validation import joint_space_folds
 from lrm_math.arm.arm_file import load_arm
 from lrm_math.model.reading import Reading
-from validation.hidden_effects.unfamiliar_cases import UNFAMILIAR
-from validation.hidden_effects.unfamiliar_data import write_data
+from validation.hidden_effects.catalogue import UNFAMILIAR
+from validation.hidden_effects.data import write_data
 from validation.residual_field.nested import lines
 
 CASES = (

@@ -14,8 +14,9 @@ from lrm_ident.fitting.loss import SQUARED
 from lrm_ident.fitting.model_fit import fit_model
 from lrm_ident.residual.thresholds import MAX_UNEXPLAINED_RATIO
 from tests.support.upright_arm import upright_measurements
-from validation.hidden_effects.unforeseen_cases import CatchingCable, OccludedMarker, SharedSupply
 from validation.synthetic import FrictionLag, HiddenEffect, SoftPlay
+from validation.synthetic.hidden_joints import CatchingCable, SharedSupply
+from validation.synthetic.hidden_tracker import OccludedMarker
 
 UNKNOWN: tuple[HiddenEffect, ...] = (
     OccludedMarker(3e-3),

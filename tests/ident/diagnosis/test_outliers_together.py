@@ -14,7 +14,7 @@ from lrm_ident.diagnosis.diagnosis_report import DiagnosisReport, build_report
 from lrm_ident.fitting.identifiability import fit_identifiable
 from lrm_math.model.model import Model
 from tests.support.upright_arm import upright_measurements
-from validation.hidden_effects.unforeseen_cases import DeadBand
+from validation.synthetic.hidden_joints import DeadBand
 
 NOISE = 3e-4
 
