@@ -26,5 +26,6 @@ def asked(description: str | None, *positional: str, **options: Any) -> argparse
         default, words, choices = (*stated, None, None)[:3] if isinstance(stated, tuple) else (stated, None, None)
         of_type: Any = Path if default is None else type(default)
         how: dict[str, Any] = {"action": "store_true"} if default is False else {"type": of_type, "choices": choices}
-        parser.add_argument(f"--{option.replace('_', '-')}", default=default, help=words, **how)
+        names = (*(("-o",) if option == "out" else ()), f"--{option.replace('_', '-')}")
+        parser.add_argument(*names, default=default, help=words, **how)
     return parser.parse_args()

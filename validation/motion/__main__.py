@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import argparse
 import json
 from collections import Counter
 from dataclasses import asdict
-from pathlib import Path
 
 import numpy as np
 
@@ -14,16 +12,18 @@ from validation.encoder_checkup.dataset_files import write_dataset
 from validation.motion.cases import FIRST, LATER, arm_of
 from validation.motion.outcome import answered
 from validation.motion.world import recorded
+from validation.options import asked
 
 
 def main() -> None:
     """Makes the recordings of all cases at once, and answers one after the other."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--only", default="", help="first, later, or a part of a case's name")
-    parser.add_argument("--json", type=Path)
-    parser.add_argument("--write", type=Path, help="only write the recording of the first chosen case, as a dataset")
-    given = parser.parse_args()
+    given = asked(
+        __doc__,
+        seed=0,
+        only=("", "first, later, or a part of a case's name"),
+        json=None,
+        write=(None, "only write the recording of the first chosen case, as a dataset"),
+    )
     written = [("first", case) for case in FIRST] + [("later", case) for case in LATER]
     chosen = [(when, case) for when, case in written if given.only in ("", when) or given.only in case.name]
     rng = np.random.default_rng(given.seed)

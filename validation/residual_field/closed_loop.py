@@ -7,7 +7,6 @@ that were never measured, and the true arm says where its tip lands. Exit code 1
 
 from __future__ import annotations
 
-import argparse
 import sys
 import tempfile
 from dataclasses import dataclass
@@ -30,6 +29,7 @@ from lrm_math.model.model import Model
 from validation.hidden_effects.case import Case, together
 from validation.hidden_effects.cases import OUTSIDE
 from validation.hidden_effects.data import ARM_FILE, true_arm, write_case
+from validation.options import asked
 from validation.synthetic import load_arm, true_state
 
 POSES, GOALS = 400, 50
@@ -111,10 +111,7 @@ def _rms(error: Array) -> float:
 
 def main() -> int:
     """Prints one line a seed."""
-    asked = argparse.ArgumentParser("validation.residual_field.closed_loop", description=__doc__)
-    asked.add_argument("--seeds", type=int, default=10)
-    asked.add_argument("--poses", type=int, default=POSES)
-    known, nearer = asked.parse_args(), 0
+    known, nearer = asked(__doc__, seeds=10, poses=POSES), 0
     print("| seed | hidden | fit mm | and field | named mm | and field | goals without a command |")
     print("|---|---|---|---|---|---|---|")
     for seed in range(known.seeds):

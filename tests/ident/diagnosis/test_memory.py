@@ -22,7 +22,7 @@ by_name = {world.name: world for world in WORLDS}
 
 
 def data_of(world: str, folder: Path, seed: int = 0) -> tuple[Measurements, synthetic.Dataset]:
-    seen, _ = dataset(by_name[world], seed, POSES)
+    seen = dataset(by_name[world], seed, POSES)
     return lrm.load(synthetic.write(folder / "measured", seen, world)[0], LAB), seen
 
 
