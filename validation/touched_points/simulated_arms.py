@@ -60,7 +60,7 @@ Tips = Callable[[Array, int], Array]
 
 
 @dataclass(frozen=True)
-class TouchedCase:
+class Cause:
     """A hidden effect: what it is, names that are right, and the arm that has it, by a seed."""
 
     words: str
@@ -115,30 +115,30 @@ def of_model(name: str, values: dict[str, float], springs: tuple[float, float] =
 
 
 CASES = (
-    TouchedCase("play in joint 3 (generator)", ("backlash@joint3",), of_generator(synthetic.SoftPlay(3, 2.0 * DEG, 0.05))),
-    TouchedCase(
+    Cause("play in joint 3 (generator)", ("backlash@joint3",), of_generator(synthetic.SoftPlay(3, 2.0 * DEG, 0.05))),
+    Cause(
         "friction that remembers in joint 2 (generator)", ("hysteresis@joint2", "friction_curve@joint2"),
         of_generator(synthetic.FrictionLag(2, 1.6 * DEG, 8.0 * DEG)),
     ),
-    TouchedCase(
+    Cause(
         "gain of servo 3 on one side (generator)", ("servo_gain@joint3", "angle_curve@joint3"),
         of_generator(synthetic.OneSidedGain(3, 1, 0.04, 6.0 * DEG)),
     ),
-    TouchedCase("sag (generator)", (NOTHING,), of_generator(compliance=(0.08, 0.12))),
-    TouchedCase(
+    Cause("sag (generator)", (NOTHING,), of_generator(compliance=(0.08, 0.12))),
+    Cause(
         "joint 2 slips (generator)", ("change_point@joint2", "change_point@base"),
         of_generator(synthetic.JointSlip(2, 1.5 * DEG, 32.0)),
     ),
-    TouchedCase("alien: gear ripple in joint 2 (generator)", ("angle_curve@joint2",), of_generator(RIPPLE)),
-    TouchedCase("play in joint 2", ("backlash@joint2",), of_model("backlash@joint2", {"backlash.joint2.b_rad": 2.0 * DEG})),
-    TouchedCase("hysteresis in joint 3", ("hysteresis@joint3", "friction_curve@joint3"),
+    Cause("alien: gear ripple in joint 2 (generator)", ("angle_curve@joint2",), of_generator(RIPPLE)),
+    Cause("play in joint 2", ("backlash@joint2",), of_model("backlash@joint2", {"backlash.joint2.b_rad": 2.0 * DEG})),
+    Cause("hysteresis in joint 3", ("hysteresis@joint3", "friction_curve@joint3"),
          of_model("hysteresis@joint3", {"hysteresis.joint3.h_rad": 1.6 * DEG})),
-    TouchedCase("gain of servo 2", ("servo_gain@joint2", "angle_curve@joint2"),
+    Cause("gain of servo 2", ("servo_gain@joint2", "angle_curve@joint2"),
          of_model("servo_gain@joint2", dict.fromkeys(BOTH_GAINS, 0.03))),
-    TouchedCase("sag", (NOTHING,), of_model("", {}, springs=(0.08, 0.12))),
-    TouchedCase("re-seated tip, 4 mm", ("change_point@tool",),
+    Cause("sag", (NOTHING,), of_model("", {}, springs=(0.08, 0.12))),
+    Cause("re-seated tip, 4 mm", ("change_point@tool",),
          of_model("change_point@tool", {"change_point.tool.before_x_mm": 4e-3, "change_point.tool.last_pose": 30.0})),
-    TouchedCase("re-seated tip, 3 mm askew", ("change_point@tool",),
+    Cause("re-seated tip, 3 mm askew", ("change_point@tool",),
          of_model("change_point@tool", {"change_point.tool.before_y_mm": 2e-3, "change_point.tool.before_z_mm": 2.3e-3,
                                         "change_point.tool.last_pose": 38.0})),
 )  # fmt: skip
@@ -227,7 +227,7 @@ def tip_error_mm(study: Study, tips: Tips, seed: int) -> float:
     return 1e3 * float(np.sqrt(((motion.apply(found) - true) ** 2).sum(axis=1).mean()))
 
 
-def of_case(number: int, case: TouchedCase, seed: int, most: int) -> tuple[bool, float]:
+def of_case(number: int, case: Cause, seed: int, most: int) -> tuple[bool, float]:
     """Prints one row; whether the name is right or nothing wrong was claimed, and the ratio of tip errors."""
     tips = case.tips(seed)
     q, names, where, seen = touched(tips, seed)
