@@ -51,7 +51,10 @@ def main() -> None:
         f"{FEW} poses {best.few:.3f}, {MANY} poses {best.many:.3f}",
         flush=True,
     )
-    with executor_for(options.cluster or None, most=options.jobs) as pool, TemporaryDirectory(prefix="fleet-") as scratch:
+    with (
+        executor_for(options.cluster or None, most=options.jobs) as pool,
+        TemporaryDirectory(prefix="fleet-") as scratch,
+    ):
         folder = Path(scratch)
         prior = _make_prior(sisters, folder, pool)
         ways = {

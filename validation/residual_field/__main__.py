@@ -13,11 +13,14 @@ from rich.console import Console
 from lrm_ident.data.measurement_file.load import load_measurements
 from lrm_math.arm.arm_file import load_arm
 from validation.options import asked
-from validation.residual_field.apart import apart_table
-from validation.residual_field.arms import CASES, arms_table, held_out, hidden, two_joint
 from validation.residual_field.nameless_arm import measured
-from validation.residual_field.nested import tables
-from validation.residual_field.promises import refused_on_null_data, worst_on_null_data, worst_on_other_half
+from validation.residual_field.nested import CASES, arms_table, held_out, hidden, tables, two_joint
+from validation.residual_field.promises import (
+    apart_table,
+    refused_on_null_data,
+    worst_on_null_data,
+    worst_on_other_half,
+)
 
 ROOT = Path(__file__).resolve().parents[2]
 SHARED = ROOT.parent / "shared" / "data"

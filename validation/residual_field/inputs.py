@@ -28,7 +28,7 @@ from lrm_math.effects.field.residual_field import WAVES, ResidualField, wave_num
 from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import Model
 from validation.options import asked
-from validation.residual_field.arms import hidden
+from validation.residual_field.nested import hidden
 
 BOUNDS = Bounds((-6.0, -16.0, -8.0), (6.0, 2.0, 2.0))
 """Logarithms of the field's scale, the further variance, and the noise, in mean squares of the residual."""
