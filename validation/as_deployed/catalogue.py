@@ -16,13 +16,11 @@ from validation.as_deployed.recording import FRESH, WorldPlan, WorldRecording, r
 from validation.hidden_effects.case import DEG, FIRST_SEED, Case, hidden, of_part, stable_seed, together
 from validation.hidden_effects.cases import CASES, SINGLE
 from validation.hidden_effects.catalogue import UNFAMILIAR
-from validation.hidden_effects.data import BREAK_S, OUTLIER_M
+from validation.hidden_effects.data import BREAK_S, true_arm, with_outliers_of
 from validation.synthetic import (
-    GroundTruth,
     LiftingBase,
     Schedule,
     SkewTracker,
-    base_displacement_to_deviations,
     load_arm,
 )
 from validation.synthetic.hidden_links import LooseBase
@@ -36,9 +34,7 @@ PHYSICAL = (FoamMat,)
 def recording_of(case: Case, seed: int, poses: int, choice: PoseChoice = ANY_POSES) -> WorldRecording:
     """The world of a case, measured at so many poses; its true arm as in the catalogue with this seed."""
     number, arm = FIRST_SEED[case.part] + seed, load_arm(case.arm_file)
-    truth = base_displacement_to_deviations(
-        arm, GroundTruth.random(arm, stable_seed(case.name, number, "arm"), case.build(arm, number))
-    )
+    truth = true_arm(case, number, arm)
     seeds = [stable_seed(case.name, number, what) for what in ("poses", "fresh", "loads", "noise")]
     q = np.vstack([choice.measured(case, arm, seeds[0], poses), choice.fresh(case, arm, seeds[1], FRESH)])
     load = np.random.default_rng(seeds[2]).choice(case.loads_kg, size=len(q))
@@ -60,12 +56,9 @@ def _with_outliers(run: WorldRecording, share: float, seed: int) -> WorldRecordi
     """The recording with a share of its measured positions out by some millimetres, and a fit that expects it."""
     if not share:
         return run
-    rng = np.random.default_rng(seed)
-    rows = rng.permutation(run.measured)[: round(share * run.measured)]
-    out = rng.normal(size=(len(rows), 3))
-    out *= (rng.uniform(*OUTLIER_M, len(rows)) / np.linalg.norm(out, axis=1))[:, None]
     tcp = run.whole.tcp_m.copy()
-    tcp[rows] += out
+    rng = np.random.default_rng(seed)
+    tcp[: run.measured] = with_outliers_of(tcp[: run.measured], round(share * run.measured), rng)
     return replace(run, whole=replace(run.whole, tcp_m=tcp), loss="huber")
 
 

@@ -4,12 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-import numpy as np
-
 from lrm_math.arrays import Array
 from validation.hidden_effects.case import Case
-from validation.hidden_effects.data import FLOOR_M
-from validation.synthetic import ArmDescription, GroundTruth, random_poses, true_state
+from validation.hidden_effects.data import drawn_poses
+from validation.synthetic import ArmDescription
 
 
 class PoseChoice:
@@ -20,11 +18,11 @@ class PoseChoice:
 
     def measured(self, case: Case, arm: ArmDescription, seed: int, count: int) -> Array:
         """(count, N), measured poses."""
-        return drawn(case, arm, seed, self.many * count)[:count]
+        return drawn_poses(case, arm, seed, self.many * count)[:count]
 
     def fresh(self, case: Case, arm: ArmDescription, seed: int, count: int) -> Array:
         """(count, N), fresh poses."""
-        return drawn(case, arm, seed, self.many * count)[:count]
+        return drawn_poses(case, arm, seed, self.many * count)[:count]
 
 
 @dataclass(frozen=True)
@@ -47,7 +45,7 @@ class HalfRange(PoseChoice):
         return self._on(-self.side, case, arm, seed, count)
 
     def _on(self, side: int, case: Case, arm: ArmDescription, seed: int, count: int) -> Array:
-        q, (low, high) = drawn(case, arm, seed, self.many * count), arm.links[self.joint - 1].limits_rad
+        q, (low, high) = drawn_poses(case, arm, seed, self.many * count), arm.links[self.joint - 1].limits_rad
         return q[side * (q[:, self.joint - 1] - 0.5 * (low + high)) >= 0.0][:count]
 
 
@@ -60,7 +58,7 @@ class TiedJoints(PoseChoice):
     words = "two joints tied"
 
     def measured(self, case: Case, arm: ArmDescription, seed: int, count: int) -> Array:
-        q = drawn(case, arm, seed, count)
+        q = drawn_poses(case, arm, seed, count)
         q[:, self.other - 1] = -q[:, self.joint - 1]
         return q
 
@@ -72,12 +70,4 @@ class BetweenLevels(PoseChoice):
     words = "fresh poses between the measured levels"
 
     def fresh(self, case: Case, arm: ArmDescription, seed: int, count: int) -> Array:
-        return drawn(replace(case, levels_deg=()), arm, seed, count)
-
-
-def drawn(case: Case, arm: ArmDescription, seed: int, count: int) -> Array:
-    """(count, N), at any angle or at the case's levels, the nominal TCP above the floor."""
-    if not case.levels_deg:
-        return random_poses(arm, count, seed, floor_m=FLOOR_M)
-    q = np.random.default_rng(seed).choice(np.radians(case.levels_deg), size=(20 * count, len(arm.links)))
-    return q[true_state(arm, GroundTruth.nominal(arm), q).tcp_m[:, 2] > FLOOR_M][:count]
+        return drawn_poses(replace(case, levels_deg=()), arm, seed, count)
