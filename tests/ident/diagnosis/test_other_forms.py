@@ -13,10 +13,10 @@ from hypothesis import strategies as st
 from lrm_math.arm.arm_file import load_arm as load_tool_arm
 from lrm_math.effects import CATALOGUE
 from validation.hidden_effects.case import Case
-from validation.hidden_effects.catalogue import UNFAMILIAR
+from validation.hidden_effects.catalogue import EVERY, PARTS, UNFAMILIAR
 from validation.hidden_effects.data import ARM_FILE, dataset, unseen
 from validation.hidden_effects.outcome import Outcome
-from validation.hidden_effects.tables import section
+from validation.hidden_effects.tables import faults, memories, section
 from validation.synthetic import (
     CreepingJoint,
     DahlLoop,
@@ -170,3 +170,29 @@ def test_nothing_hidden_is_the_bare_arm() -> None:
     assert case.build(load_arm(ARM_FILE), 0) == ()
     assert GroundTruth.nominal(load_arm(ARM_FILE)).effects == ()
     assert Path(case.arm_file) == ARM_FILE
+
+
+def test_faults_and_memories_are_counted() -> None:
+    """A false name of a fault is one whose class is not right; a world with a memory is right by its first name."""
+    of, right = "the board's clock is wrong/faults", ("common_gain@servos",)
+    named = Outcome(of, 0, (right,), "nothing_missing", 1.0, findings=(True,), right=right)
+    wrong = Outcome(of, 1, (("backlash@joint2",),), "nothing_missing", 1.0, findings=(False,), right=right)
+    quiet = Outcome("healthy/faults", 0, verdict="nothing_missing", ratio=1.3, right=())
+    assert [one.honest for one in (named, wrong, quiet)] == [True, False, True]
+    assert [one.honest_findings for one in (named, wrong, quiet)] == [True, True, True]
+    text = faults([named, wrong, quiet])
+    assert "| faulty | 2 | 1 (50 %) | 0 (0 %) | 1 (50 %) | 2 (100 %) | 2 (100 %) |" in text
+    assert "! (backlash@joint2) ×1" in text
+    slipped = Outcome(
+        "slip2/memory", 0, (("slip@joint2",),), "", 1.1, findings=(True,), right=("slip@joint2",), z=(0.5,)
+    )
+    idle = Outcome("nothing, even/memory", 0, (("offsets@joint2",),), "", 1.2, findings=(True,), right=())
+    text = memories([slipped, idle])
+    assert "| written before | 1 | 1 | 1 | 0 | +0.5 |" in text
+    assert "| nothing hidden | 1 | 1 | 0 | 0 | – |" in text
+
+
+def test_every_case_has_a_key_of_its_own_and_a_part() -> None:
+    assert sum(map(len, PARTS.values())) == len(EVERY)
+    assert all(PARTS.values())
+    assert all(EVERY[key].key == key for key in EVERY)
