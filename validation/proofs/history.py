@@ -5,7 +5,9 @@ A line has the ratios of one run, a peer's time over ours, so that lines of mach
 
 from __future__ import annotations
 
-from validation.options import asked
+import argparse
+from pathlib import Path
+
 from validation.proofs.result_file import FOLDER, ProofResult, computed, read, write
 
 FIRST = ("date", "commit", "soak")
@@ -30,9 +32,11 @@ def continued(history: ProofResult | None, line: dict[str, object]) -> ProofResu
 
 def main() -> None:
     """Adds a line."""
-    given = asked(
-        __doc__, "speed", soak=("not run", "how `make soak` ended: success or failure"), history=FOLDER / "history.json"
-    )
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("speed", type=Path, help="what `python -m bench --json` wrote")
+    parser.add_argument("--soak", default="not run", help="how `make soak` ended: success or failure")
+    parser.add_argument("--history", type=Path, default=FOLDER / "history.json")
+    given = parser.parse_args()
     before = read(given.history) if given.history.exists() else None
     write(given.history, continued(before, line_of(read(given.speed), given.soak)))
 
