@@ -226,7 +226,7 @@ def faults(outcomes: Found) -> str:
         "faulty": [one for one in outcomes if "healthy" not in one.of.name],
         "all": outcomes,
     }
-    words = "*Left*: residual over the noise. In brackets: steps that only describe; !: not right."
+    words = "*Left* is the residual over the noise; in brackets are empirical terms; ! marks what is not right."
     cases = table("fault", by_case(outcomes), FAULTS)
     return "\n\n".join([table("data sets", groups, FAULTS_TOTALS), words, cases])
 
