@@ -21,7 +21,7 @@ ONE_THREAD := OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 MKL_NUM_THREADS=1
 unexport PYTHONDONTWRITEBYTECODE  # with it every process of the daemon and of the tests compiles all sources anew
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo fetch test quick offline browser lint lint-github schemas docs site proofs history gallery benchmark sdist deb story check-tag bench soak wheels coverage camera confusion unfamiliar memory misreadings real-data vendor-arms newcomers touches touches-public tutorial closed-loop as-deployed readability json-numbers fleet transfer lerobot doors hashes pictures install uninstall clean
+.PHONY: help setup demo fetch test quick offline browser lint lint-github schemas docs site proofs history gallery benchmark sdist deb story check-tag bench soak wheels coverage camera confusion unfamiliar memory misreadings real-data vendor-arms newcomers touches touches-public tutorial closed-loop motion swing as-deployed readability json-numbers fleet transfer lerobot doors hashes pictures install uninstall clean
 
 help: ## what there is to make
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 12
@@ -205,6 +205,15 @@ confusion: setup ## confusion matrix: hidden effects against named ones, both ta
 camera: setup ## 60 rendered photos of a board on an SO-101 with a hidden effect: is it named, how well is the tip known
 	$(ONE_THREAD) $(BIN)/python -m validation.camera
 	$(ONE_THREAD) $(BIN)/python -m validation.camera.pose_coverage
+
+motion: setup ## hidden effects of motion in 19 simulated recordings through auto, and the 95 % intervals (20 minutes; ONLY=, SEED=)
+	@mkdir -p $(OUT)
+	$(ONE_THREAD) $(BIN)/python -m validation.motion --seed $(or $(SEED),0) --only "$(ONLY)" --json $(OUT)/motion.json
+
+swing: setup ## the simulated rover's arm swings: settling as predicted, moves shaped and not, a campaign with --settle auto (20 minutes; PWM=)
+	@mkdir -p $(OUT)
+	$(ONE_THREAD) $(BIN)/python -m validation.swinging_arm --pwm $(or $(PWM),50 330) --json $(OUT)/swing.json
+	$(ONE_THREAD) $(BIN)/python -m validation.swinging_arm.picture docs/pictures/swing.png
 
 memory: setup ## worlds that creep, warm under load and slip, and worlds that do not, through auto (10 minutes)
 	$(BIN)/python -m validation.hidden_effects --part memory,memory-blind --seeds 3 --poses 150 --jobs 2

@@ -113,6 +113,11 @@ class RoverArm:
             raise LrmError(f"{self.info.robot} is {mode.mode} ({mode.why}); arm it first: lrm arm --q ...")
 
     @property
+    def settle_s(self) -> float | None:
+        """See `CampaignArm`."""
+        return self.rover.settle_s
+
+    @property
     def names(self) -> list[str]:
         """Names of the joints."""
         return self.info.names[: self.info.joints]

@@ -87,6 +87,7 @@ class ServoArm:
     change_payload: Callable[[float], object]
     speed: float = SPEED
     session: int = 1
+    settle_s: float | None = None
     direction: tuple[int, ...] = field(init=False)
     _target: tuple[float, ...] = field(init=False)
     _rest: tuple[float, ...] = field(init=False)
