@@ -1,4 +1,4 @@
-"""Empirical terms whose size changes with a joint's angle: beyond its range the model goes back to that without them."""
+"""Empirical terms whose size changes with a joint's angle: beyond its range the model goes back to one without them."""
 
 from __future__ import annotations
 
