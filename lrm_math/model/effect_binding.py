@@ -198,7 +198,8 @@ def _returning(bound: Sequence[BoundEffect]) -> Iterator[BoundEffect]:
             rows = tuple(k for k in range(len(one.slots)) if not isinstance(one.effect, Offsets) or changes[k])
             away = tuple(value + change for value, change in zip(one.p, changes, strict=True))
             effect = Returning(one.effect.arm, one.effect.place, one.effect, rows, one.p, away, within, reversion)
-            slots, encoders = (tuple(of[row] for row in rows) for of in (one.slots, one.encoders))
+            slots = tuple(one.slots[row] for row in rows)
+            encoders = tuple(one.encoders[row] for row in rows)
             yield replace(one, effect=effect, p=(), slots=slots, encoders=encoders, constant=False, bases=Bases())
 
 

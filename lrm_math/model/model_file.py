@@ -16,16 +16,7 @@ from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_digest import WHAT_COUNTS, arm_sha256
 from lrm_math.arm.arm_file import load_arm, shipped_arms
 from lrm_math.arm.servo_settings import ServoSettings
-from lrm_math.effects import (
-    CATALOGUE,
-    Effect,
-    EffectRef,
-    ModelPart,
-    Parameter,
-    ParameterRef,
-    effect_names,
-    effects_at,
-)
+from lrm_math.effects import CATALOGUE, Effect, EffectRef, ModelPart, Parameter, ParameterRef, effects_at
 from lrm_math.effects.compliance import SPRINGS
 from lrm_math.effects.measured_range import MeasuredRange, UnmeasuredAngles
 from lrm_math.effects.offsets import Offsets
@@ -363,7 +354,7 @@ def _reversion_of(path: Path, table: ReversionTable | None, model: Model) -> Rev
     """The reversion of a file (SI). Raises `FileError`: an effect, a joint or a parameter that the model has not."""
     if table is None:
         return None
-    names, joints = effect_names(model.effects), model.arm.joint_names
+    names, joints = [effect.name for effect in model.effects], model.arm.joint_names
     try:
         for known, what, given in (
             (names, "effect of this model", table.terms),
