@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from lrm_ident.data.measurements import Measurements
+from lrm_ident.fitting.identifiability import MAX_VARIANCE_INFLATION
 from lrm_ident.fitting.levenberg_marquardt import Fit, fit
 from lrm_ident.fitting.typical_prior import typical_prior
 from lrm_ident.residual.thresholds import Z_THRESHOLD
@@ -25,8 +26,6 @@ from lrm_math.model.model import Model
 
 HALF = 0.5
 """Size of a term, over that within the range, below which the model errs less without it."""
-EMPTY = 1e-6
-"""Part of a column that is round-off."""
 
 
 def with_reverting_terms(fitted: Fit, data: Measurements) -> Fit:
@@ -76,7 +75,8 @@ def _ends(fitted: Fit, term: Effect) -> Array:
         angle = poses.q[seen, joint]
         over = moved * (angle - angle.mean())[:, None]
         column = _beside(independent, over.ravel())
-        if (size := float(np.linalg.norm(column))) <= EMPTY * np.linalg.norm(over):
+        whole, size = (float(np.linalg.norm(each)) for each in (over, column))
+        if whole**2 >= MAX_VARIANCE_INFLATION * size**2:  # it follows this angle itself
             continue
         slope, error = float(column @ residual) / size**2, fitted.sigma / size
         for side, (limit, end) in enumerate(zip((limits.lower, limits.upper), measured, strict=True)):
