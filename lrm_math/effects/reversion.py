@@ -51,6 +51,17 @@ class Reversion:
             left = left * correlation(positive_part(angle - upper) + positive_part(lower - angle))
         return left
 
+    @property
+    def sentence(self) -> str:
+        """Where the terms end, for a person."""
+        ends = [
+            f"{word} {math.degrees(end):.0f}° of joint {joint + 1}"
+            for joint, pair in self.limiting.items()
+            for word, end in zip(("below", "above"), pair, strict=True)
+            if math.isfinite(end)
+        ]
+        return f"{', '.join(self.terms)} is no longer used {' and '.join(ends)}: it varies with that angle."
+
     @cached_property
     def limiting(self) -> dict[int, tuple[float, float]]:
         """The ends of the joints, by number from 0, that have a finite one."""
