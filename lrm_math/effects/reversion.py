@@ -57,10 +57,12 @@ class Reversion:
         ends = [
             f"{word} {math.degrees(end):.0f}° of joint {joint + 1}"
             for joint, pair in self.limiting.items()
-            for word, end in zip(("below", "above"), pair, strict=True)
+            for word, end in zip(("Below", "Above"), pair, strict=True)
             if math.isfinite(end)
         ]
-        return f"{', '.join(self.terms)} is no longer used {' and '.join(ends)}: it varies with that angle."
+        names = ", ".join(self.terms)
+        what = f"the model goes back to one without empirical terms whose size varies with that angle: {names}"
+        return f"{' and '.join(ends)} {what}."
 
     @cached_property
     def limiting(self) -> dict[int, tuple[float, float]]:
