@@ -128,7 +128,7 @@ class MeasuredRange:
         joints = ", ".join(map(str, beyond.tolist()))
         what = f"{poses} of {len(q)} poses lie outside the range that the model was fitted on (joint {joints})"
         held = f"{what}: there its curves stay as at the range's edge, and its error is not known"
-        return held if self.reversion is None else f"{held}; {self.reversion.sentence.rstrip('.')}"
+        return held if self.reversion is None else f"{held}. {self.reversion.sentence.rstrip('.')}"
 
     def poses(self, poses: Poses) -> Poses:
         """The poses as a held form sees them."""
