@@ -222,7 +222,7 @@ $(LEROBOT_VENV)/.ready: pyproject.toml lerobot_robot_lrm/pyproject.toml hatch_bu
 	@touch $@
 
 doors: setup ## every door to a motor at 500 random instants, and 10000 random paths of LeRobot's corrected commands over 200 fitted models (an hour)
-	$(ONE_THREAD) $(BIN)/python -m tests.soak.doors --instants 500
+	PYTHONPATH=lerobot_robot_lrm/src $(ONE_THREAD) $(BIN)/python -m tests.soak.doors --instants 500
 	PYTHONPATH=lerobot_robot_lrm/src $(ONE_THREAD) $(BIN)/python -m validation.lerobot_robot.paths
 
 install: ## the daemon on this rover, as root (DESTDIR=, PYTHON=)

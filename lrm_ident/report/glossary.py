@@ -1,10 +1,11 @@
 """Terms that the commands and the documentation use, in plain words: `python -m lrm_ident.report.glossary`.
 
-`docs/glossary.md` and `lrm-ident explain WORD` show them.
+`docs/glossary.md`, `lrm-ident explain WORD`, the page and the report show them.
 """
 
 from __future__ import annotations
 
+import json
 import re
 import sys
 from dataclasses import dataclass
@@ -170,11 +171,21 @@ TERMS = (
         ("measurement_frame",),
     ),
     Term(
+        "turn of joint",
+        "The error as the angle by which one joint alone would have to turn to make it.",
+    ),
+    Term(
         "untrusted input",
         "What another program sends. The daemon checks it before anything uses it.",
     ),
 )
 """In the order of the alphabet."""
+ON_PAGE = (
+    "as deployed", "black-box model", "candidate cause", "empirical term", "held-out", "held out", "identified cause",
+    "indistinguishable cause", "measurement noise", "Moran's I", "RMS", "turn of joint",
+)  # fmt: skip
+"""Words that page and report explain where they first stand."""
+SCRIPT = Path(__file__).parent / "plots" / "interactive" / "page" / "terms.js"
 
 
 def term_named(word: str) -> Term:
@@ -193,6 +204,12 @@ def glossary_page() -> str:
     return "\n".join([HEAD, *entries])
 
 
+def terms_script() -> str:
+    """JavaScript with the meaning of each word of `ON_PAGE`."""
+    meanings = {word: term_named(word).meaning for word in ON_PAGE}
+    return f"const lrmTerms = {json.dumps(meanings, indent=1, ensure_ascii=False)};\n"
+
+
 def _also(term: Term) -> str:
     return f" ({', '.join(term.others)})" if term.others else ""
 
@@ -203,3 +220,4 @@ def _plain(word: str) -> str:
 
 if __name__ == "__main__":
     Path(sys.argv[1]).write_text(glossary_page(), encoding="utf-8")
+    SCRIPT.write_text(terms_script(), encoding="utf-8")

@@ -6,7 +6,7 @@ import re
 
 import pytest
 
-from lrm_ident.report.glossary import TERMS, glossary_page, term_named
+from lrm_ident.report.glossary import SCRIPT, TERMS, glossary_page, term_named, terms_script
 from tests.conftest import ROOT
 from tests.support.commands import stderr_of, stdout_of
 
@@ -14,6 +14,7 @@ from tests.support.commands import stderr_of, stdout_of
 def test_the_page_is_the_codes() -> None:
     """`make schemas` writes it."""
     assert (ROOT / "docs" / "glossary.md").read_text(encoding="utf-8") == glossary_page()
+    assert SCRIPT.read_text(encoding="utf-8") == terms_script()
 
 
 def test_every_word_leads_to_one_term() -> None:

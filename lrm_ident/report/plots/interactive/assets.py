@@ -20,6 +20,7 @@ TOLD, BESIDE, BELOW = (FOLDER / "page" / "panels.html").read_text(encoding="utf-
 """Of page and report: the words of the verdict, to be formatted; the panels beside them; those below."""
 NAMES = (
     "charts/chart",
+    "page/terms",
     "page/glossary",
     "page/sketches",
     "scene/pen",
