@@ -51,17 +51,20 @@ class NoiseFloor:
         return float(fdtrc(lack, pure, max(0.0, (degrees_of_freedom * ratio - pure) / lack))) if lack > 0 else 1.0
 
 
-def noise_floor(data: Measurements, equilibrium: Equilibrium) -> NoiseFloor:
+def noise_floor(data: Measurements, equilibrium: Equilibrium, explained: Array | float = 0.0) -> NoiseFloor:
     """Noise of the measurements: pooled standard deviation of a model's residuals at repeated poses (pure error, Draper
     and Smith 1998, section 2.1), else as the file states it, else unknown.
 
     Residuals are taken, not positions, since a repetition from the other side or under another load differs by what the
     model knows of friction and springs. Repetitions that are all equal to the last digit were copied, and do not count.
+
+    Args:
+        explained: (N, R), what an effect that the model lacks would explain of the residuals.
     """
     alone = data.distance is not None and not len(data.positions)
     measured = data.distance[:, None] if alone and data.distance is not None else data.tcp
     axes = measured.shape[1]
-    left = data.residual(equilibrium)
+    left = data.residual(equilibrium) - explained
     left = left[:, -1:] if alone else left[:, :axes]
     rows = np.flatnonzero(~np.isnan(measured[:, 0]))
     numbers, count = np.unique(data.repeat_of[rows], return_counts=True)
