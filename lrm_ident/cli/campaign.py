@@ -28,6 +28,9 @@ if TYPE_CHECKING:
     from lrm_math.arm.arm import Arm
 
 
+AUTO = "auto"
+
+
 @command
 def measure(
     poses: arg.PosesFile,
@@ -48,7 +51,14 @@ def measure(
     tool: arg.ToolTarget = 1,
     base: arg.BaseTarget = 0,
     pause: arg.Pause = 15.0,
-    settle: arg.Settle = 0.5,
+    settle: Annotated[
+        str,
+        Option(
+            metavar="SECONDS|auto",
+            help="Seconds that the arm stands at least, before the averaging. auto: as long as the tip swings by the "
+            "daemon's motion model, in place of --pause.",
+        ),
+    ] = "0.5",
     dwell: arg.Dwell = 1.0,
     load_command: arg.LoadCommand = None,
     until: Annotated[
@@ -86,12 +96,11 @@ def measure(
     """
     from lrm_ident.design.adaptive_batch import StoppingGoal
     from lrm_ident.measuring.campaign.plan import load_plan
-    from lrm_ident.measuring.campaign.run import PoseTiming
     from lrm_ident.measuring.campaign.session import CampaignOrder, connected
     from lrm_ident.measuring.campaign.session import measure as run
 
     goal = StoppingGoal(None if until is None else _length(until), explain) if until or explain else None
-    numbers, timing = target_numbers(tool, base, tracker), PoseTiming(pause, settle, dwell)
+    numbers, timing = target_numbers(tool, base, tracker), _timing(pause, settle, dwell, motion)
     with ArmAccess(robot, connect, speed, take, release).connection(arm, "lrm-ident measure") as link:
         plan, track = load_plan(poses, link.arm), partial(connected, link.daemon, tracker, numbers)
         if motion is not None:
@@ -104,6 +113,24 @@ def measure(
         with resumable(f"What is measured is in {output}; the same command goes on"):
             result = run(order, plan, output, goal)
     conclude(result, len(plan.poses) if goal is None else None, output)
+
+
+def _timing(pause: float, settle: str, dwell: float, motion: Path | None) -> PoseTiming:
+    """The timing of the options; `settle`: seconds or auto. Raises `LrmError`."""
+    from lrm_ident.measuring.campaign.run import PoseTiming, TimingByArm
+
+    if settle == AUTO:
+        if motion is not None:
+            raise LrmError("--settle auto asks the daemon's motion model; leave out --motion, or give seconds")
+        show("Each stop lasts as long as the daemon says that the tip swings (--settle auto); no pause")
+        return TimingByArm(0.0, 0.0, dwell)
+    try:
+        seconds = float(settle)
+    except ValueError:
+        seconds = -1.0
+    if not 0.0 <= seconds < 1e6:
+        raise LrmError(f"--settle '{settle}': should be seconds, 0 or more, or auto")
+    return PoseTiming(pause, seconds, dwell)
 
 
 def _settled(motion: Path, arm: Arm, plan: CampaignPlan, timing: PoseTiming, speed: float | None) -> PoseTiming:

@@ -31,7 +31,8 @@ from lrm_ident.fitting.loss import SQUARED, Loss, robust_scale
 from lrm_ident.fitting.priors import EffectRates
 from lrm_ident.fitting.progress import OnProgress, silent
 from lrm_ident.fitting.typical_prior import typical_prior
-from lrm_ident.residual.residual_structure import NoiseFloor, ResidualStructure
+from lrm_ident.residual.noise_floor import NoiseFloor
+from lrm_ident.residual.residual_structure import ResidualStructure
 from lrm_ident.residual.significance import benjamini_yekutieli
 from lrm_ident.residual.thresholds import FLOOR_RATIO, MORAN_THRESHOLD, NOT_NOISE
 from lrm_math.arrays import Array

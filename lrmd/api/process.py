@@ -22,13 +22,22 @@ from lrmd.api.supervisor import ChildProcess, RestartLimitExceeded, silence
 from lrmd.api.systemd_notify import notify, watchdog_s
 from lrmd.api.zenoh_server import ZenohServer
 from lrmd.config import SECOND, Config
+from lrmd.control.known_motion import Arrival, KnownMotion
 from lrmd.control.requests import Controller
 from lrmd.control.state import ControllerEvent, Level
 from lrmd.control.state_machine import Mode
 from lrmd.errors import RequestError
 from lrmd.ik.deployed_model import DeployedModel
 from lrmd.messages.codec import Message, error_reply, pack
-from lrmd.messages.control import DeployRequest, HoldRequest, JogRequest, MoveRequest, ReloadRequest, UndeployRequest
+from lrmd.messages.control import (
+    DeployRequest,
+    HoldRequest,
+    JogRequest,
+    MoveRequest,
+    ReloadRequest,
+    Reply,
+    UndeployRequest,
+)
 from lrmd.messages.surroundings import packed
 from lrmd.messages.zenoh_session import own_client
 from lrmd.persistence.state_file import BackgroundWriter, SaveSchedule, restored_state
@@ -64,6 +73,7 @@ class ApiProcess:
         guard, stored = self._model.guard, restored_state(config, self._emit)
         torques = gravity_torques(config.arm, self._model.gravity)
         self._controller = Controller(config, torques, stored, guard, now, time.time_ns())
+        self._controller.motion = KnownMotion.of(config)
         if self._controller.unchecked:
             self._emit("no_shapes", "warning", f"{self._controller.unchecked}; no move is checked")
         self._publisher = StatePublisher(config, self._controller, self._shared, self._ramp, self._ik, self.boot_id)
@@ -293,7 +303,17 @@ class ApiProcess:
         if isinstance(request, HoldRequest) and not self._shared.wait_for_order(order, SETTLING_TIME):
             text = "the ramp did not confirm the hold in time; it reads the order as soon as it ticks"
             raise RequestError("hold_unconfirmed", text, retryable=True)
-        return reply
+        return self._with_settling(tail, reply, result.arrival)
+
+    def _with_settling(self, tail: str, reply: Reply, arrival: Arrival | None) -> Reply:
+        """The reply, and how long the tip swings after the motion that it is of, where that is known.
+
+        That takes some tens of milliseconds, without the lock.
+        """
+        if tail != "rpc/move" or arrival is None or (known := self._controller.motion) is None:
+            return reply
+        within = self._config.motion.within_mm * 1e-3
+        return reply.model_copy(update={"settle_s": known.settle_s(arrival), "within_m": within})
 
     def _changed_model(self, request: ReloadRequest | DeployRequest | UndeployRequest) -> DeployedModel:
         if isinstance(request, DeployRequest):

@@ -68,10 +68,12 @@ class Rover(RoverSession):
     Methods raise `NoReply` without a reply of the daemon, `RequestRefused` on its error reply, `SeveralDaemons` if more
     than one program answers, and, if they command, `DaemonRestarted` when the daemon is not that of the lease any more.
 
-    `unchecked`: why the last move was not checked for collisions; empty if it was.
+    `unchecked`: why the last move was not checked for collisions; empty if it was. `settle_s`: how long after its end
+    the tip swings, None where the daemon has no motion model.
     """
 
     unchecked: str = ""
+    settle_s: float | None = None
 
     # ---- commands
 
@@ -117,7 +119,7 @@ class Rover(RoverSession):
                 speed=speed, payload_kg=payload_kg, may_touch=list(may_touch),
             )  # fmt: skip
         reply = self._query(Reply, "rpc/move", request)
-        seconds, self.unchecked = reply.seconds or 0.0, reply.unchecked
+        seconds, self.unchecked, self.settle_s = reply.seconds or 0.0, reply.unchecked, reply.settle_s
         if wait:
             self._wait(("armed",), ("moving",), 2 * seconds + 5.0)
         return seconds

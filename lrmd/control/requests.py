@@ -10,7 +10,8 @@ from lrmd.config import SECOND
 from lrmd.control import thermal_protection, updates
 from lrmd.control.arming_pose import arming_pulses
 from lrmd.control.jogging import request_jog
-from lrmd.control.ramp_orders import Departure, Leg, overlaid, pulses_of
+from lrmd.control.known_motion import Arrival
+from lrmd.control.ramp_orders import Departure, Leg, Pulses, overlaid, pulses_of
 from lrmd.control.state import ControllerState, RequestResult
 from lrmd.control.state_machine import LIVE, InvalidTransition, Mode, Trigger, next_mode
 from lrmd.errors import RequestError
@@ -32,7 +33,7 @@ from lrmd.messages.control import (
 )
 from lrmd.messages.surroundings import contacts_of
 from lrmd.ramp.shared_memory import LinkState
-from lrmd.ramp.stepping import Pace
+from lrmd.ramp.stepping import Move, Pace
 from lrmd.safety.collision_guard import CollisionGuard
 
 BEARABLE_S = 60.0
@@ -99,11 +100,38 @@ def _move(s: ControllerState, request: MoveRequest, now: int) -> RequestResult:
     payload = s.payload if request.payload_kg is None else request.payload_kg
     legs, departure, contacts = _legs(s, request), s.departure(), contacts_of(request.may_touch)
     s.motion_check.check(departure.start, legs, payload, contacts)
+    legs = _shaped(s, request, legs, departure.start, payload)
     s.transition(Trigger.MOVE, "move", now)
     s.payload, s.rest_goal = payload, None
     s.motion_check.touch(contacts)
     s.orders.start(legs, departure, now, contacts)
-    return RequestResult(seconds=_seconds(s, legs, departure), unchecked=s.unchecked)
+    arrival = Arrival(_moves(legs, departure.start)[-1], payload)
+    return RequestResult(seconds=_seconds(s, legs, departure), unchecked=s.unchecked, arrival=arrival)
+
+
+def _shaped(s: ControllerState, request: MoveRequest, legs: list[Leg], start: Pulses, payload: float) -> list[Leg]:
+    """Legs from pulses (ns), shaped as the request or the configuration says. Raises `RequestError` without a model."""
+    kind = request.shaping or s.config.motion.shaping
+    if kind == "off" or (request.may_touch and request.shaping is None):
+        return legs
+    if s.motion is None:
+        raise RequestError("no_motion_model", f"shaping = '{kind}' needs a motion model: lrmd.toml, [motion] model")
+    if request.may_touch:
+        raise RequestError("contact", "a motion that may touch something is not shaped; leave out shaping")
+    out = []
+    for leg in legs:
+        out.append(s.motion.shaped(start, leg, kind, payload))
+        start = overlaid(start, leg.target)
+    return out
+
+
+def _moves(legs: Sequence[Leg], start: Pulses) -> list[Move]:
+    """The ramp's moves along legs from pulses (ns)."""
+    out = []
+    for leg in legs:
+        out.append(leg.move(start))
+        start = out[-1].at(out[-1].length)
+    return out
 
 
 def _legs(s: ControllerState, request: MoveRequest) -> list[Leg]:
@@ -119,10 +147,7 @@ def _legs(s: ControllerState, request: MoveRequest) -> list[Leg]:
 
 def _seconds(s: ControllerState, legs: Sequence[Leg], departure: Departure) -> float:
     """Time until the end of the last leg (s)."""
-    ticks, here = departure.way.remaining - departure.remaining, departure.start
-    for leg in legs:
-        ramp = leg.move(here)
-        ticks, here = ticks + ramp.length, ramp.at(ramp.length)
+    ticks = departure.way.remaining - departure.remaining + sum(one.length for one in _moves(legs, departure.start))
     return ticks * s.config.tick / SECOND
 
 

@@ -126,7 +126,7 @@ def _import_lerobot(
     off = np.degrees(rests.feedback - rests.command)
     worst = int(np.abs(off).mean(axis=0).argmax())
     show(
-        f"{len(rests.t)} rests of {len(np.unique(rests.episode))} episodes written to {output}.",
+        f"{len(rests.t)} stops of {len(np.unique(rests.episode))} episodes written to {output}.",
         *(["The angles are taken for degrees (LeRobot's use_degrees=true)."] if unit is None else []),
         f"The servo of {labels[worst]} is off its command most: by {np.abs(off[:, worst]).mean():.2f} deg on average.",
     )

@@ -26,7 +26,8 @@ from lrm_ident.fitting.loss import robust_scale
 from lrm_ident.fitting.priors import EffectRates
 from lrm_ident.fitting.progress import OnProgress
 from lrm_ident.residual.free_functions import FreeFunction, free_functions, lagged
-from lrm_ident.residual.residual_structure import NoiseFloor, ResidualStructure, noise_floor, residual_structure
+from lrm_ident.residual.noise_floor import NoiseFloor, noise_floor
+from lrm_ident.residual.residual_structure import ResidualStructure, residual_structure
 from lrm_ident.residual.thresholds import FLOOR_RATIO, SIGNIFICANCE
 from lrm_math.arrays import Array
 from lrm_math.effects import Effect

@@ -44,8 +44,8 @@ MOVED = 1e-9
 """rad; a joint that turns less has not moved."""
 ATTEMPTS, LEASE_BACK_S = 5, 1.0
 """Attempts at a motion whose lease expires, and s until it is back: a busy computer, a slow network."""
-OVER = ("lease", "wrong_mode", "name_taken", "link", "not_armed")
-"""Codes of refusals that end a campaign: the arm is somebody else's, or not armed any more."""
+OVER = ("lease", "wrong_mode", "name_taken", "link", "not_armed", "overtaken")
+"""Codes of refusals that end a campaign: the arm is somebody else's, not armed any more, or somebody stopped it."""
 DEADLINE_MS = 10_000.0
 
 
@@ -89,7 +89,11 @@ class ControlState:
 
 @dataclass
 class RoverArm:
-    """See `CampaignArm`. `change_payload`: has somebody change it (kg). `session`: of the servos' power."""
+    """See `CampaignArm`. `change_payload`: has somebody change it (kg). `session`: of the servos' power.
+
+    `stops`: how often the arm had been stopped when the campaign began. After another stop, at a rest too, it moves
+    nothing any more.
+    """
 
     rover: Rover
     clock: Clock
@@ -98,13 +102,20 @@ class RoverArm:
     info: InfoState = field(init=False)
     direction: tuple[int, ...] = field(init=False)
     at_pose: ControlState | None = field(init=False, default=None)
+    stops: int = field(init=False)
 
     def __post_init__(self) -> None:
         self.info = self.rover.info()
         self.direction = (0,) * self.info.joints
         mode = self.rover.mode()
+        self.stops = mode.stops
         if mode.mode not in STILL:
             raise LrmError(f"{self.info.robot} is {mode.mode} ({mode.why}); arm it first: lrm arm --q ...")
+
+    @property
+    def settle_s(self) -> float | None:
+        """See `CampaignArm`."""
+        return self.rover.settle_s
 
     @property
     def names(self) -> list[str]:
@@ -201,7 +212,8 @@ class RoverArm:
             if not plan.found:
                 raise Unreachable(f"no way: {plan.text}")
             way = plan.waypoints_rad[1:]
-            self.rover.move(*(dict(zip(self.names, q, strict=True)) for q in way), payload_kg=payload)
+            waypoints = [dict(zip(self.names, q, strict=True)) for q in way]
+            self.rover.move(*waypoints, payload_kg=payload, stops=self.stops)
         except RequestRefused as error:
             if error.code in OVER:
                 raise

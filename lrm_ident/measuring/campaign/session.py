@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager, ExitStack, contextmanager
+from contextlib import AbstractContextManager, ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -173,11 +173,18 @@ def by_servos(text: str, arm: Arm, speed: float, release: bool, clock: Clock, lo
 
 @contextmanager
 def torque_named(servos: Servos) -> Iterator[None]:
-    """Adds to an error which joints have torque when it ends a campaign: servos hold whatever becomes of the host."""
+    """Adds to an error which joints have torque when it ends a campaign: servos hold whatever becomes of the host.
+
+    All of them, where they do not answer.
+    """
     try:
         yield
     except LrmError as error:
-        raise LrmError(f"{error}; torque is on, as far as is known, at {', '.join(servos.joints)}") from error
+        on = list(servos.joints)
+        with suppress(OSError, RuntimeError, LrmError):
+            on = [joint for joint, powered in servos.powered().items() if powered]
+        words = f"torque is on, as far as is known, at {', '.join(on)}" if on else "no joint has torque"
+        raise LrmError(f"{error}; {words}") from error
 
 
 def drives_servos(robot: str) -> bool:

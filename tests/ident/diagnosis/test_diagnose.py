@@ -36,14 +36,8 @@ from lrm_ident.fitting.parameter_sets import select_parameters
 from lrm_ident.report.plots.diagnosis import draw_report
 from lrm_ident.residual.better_prediction import paired_z
 from lrm_ident.residual.data_audit import audit
-from lrm_ident.residual.residual_structure import (
-    NEIGHBOURS,
-    NoiseFloor,
-    ResidualStructure,
-    neighbours,
-    noise_floor,
-    residual_structure,
-)
+from lrm_ident.residual.noise_floor import NoiseFloor, noise_floor
+from lrm_ident.residual.residual_structure import NEIGHBOURS, ResidualStructure, neighbours, residual_structure
 from lrm_ident.residual.thresholds import SIGNIFICANCE
 from lrm_math.arm.arm import Arm
 from lrm_math.effects import CATALOGUE, Effect, effects_at

@@ -37,10 +37,10 @@ def table(outcomes: Sequence[FaultOutcome]) -> str:
         for name, of in by_case.items()
     ]
     head = (
-        f"{len(outcomes)} runs: a false name in {false}, as a finding in {said}; first name or verdict right in "
-        f"{honest}, first finding or verdict in {honest_said}; within {NEAR_NOISE} of the noise {near} of "
-        f"{len(faulty)} that are not healthy (*left*: residual over the noise; in brackets: steps that only "
-        "describe; !: not right)."
+        f"{len(outcomes)} runs: a false name in {false}, as an identified cause in {said}. The first name or verdict "
+        f"is right in {honest}, the first identified cause or verdict in {honest_said}. Of {len(faulty)} that are not "
+        f"healthy {near} end within {NEAR_NOISE} of the noise. *Left* is the residual over the noise; in brackets are "
+        "empirical terms; ! marks what is not right."
     )
     return f"{head}\n\n{markdown_table(('fault', 'named', 'verdict', 'left'), rows)}"
 

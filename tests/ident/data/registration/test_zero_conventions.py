@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from lrm_ident.data.measurement_file.load import load_poses
-from lrm_ident.measuring.recordings.zero_conventions import EXTENDED, convention_of
+from lrm_ident.data.registration.zero_conventions import EXTENDED, convention_of
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_file import load_arm
 from lrm_math.arrays import Array

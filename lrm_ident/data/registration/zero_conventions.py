@@ -12,12 +12,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lrm_ident.measuring.recordings.misread_joints import BEYOND, FULL_TURN
+from lrm_ident.data.wording import joint_labels
 from lrm_math.arm.arm import Arm
+from lrm_math.arm.standing import FAR, beyond_limits
 from lrm_math.arrays import Array
 
-FAR = float(np.radians(20.0))
-"""rad beyond a limit: no zero that was set by hand is off by so much."""
+BEYOND = float(np.radians(2.0))
+"""rad beyond a limit: play and a calibration by hand stay below."""
+FULL_TURN = 2.0 * np.pi
 EXTENDED = {"shoulder_lift": (-1.0, np.pi / 2.0), "elbow_flex": (1.0, -np.pi / 2.0)}
 """Sign, and what is added (rad), from the zeros of the arm that is stretched out level to the middles of the ranges."""
 
@@ -36,6 +38,14 @@ class ZeroConvention:
     def applied(self, angles: Array) -> Array:
         """(N, n), the angles as the arm's file counts them (rad)."""
         return self.sign * angles + self.added
+
+    def formula(self, arm: Arm) -> str:
+        """How the angles of the arm's file follow from those recorded, joint by joint, where they are others."""
+        each = zip(joint_labels(arm), self.sign, np.degrees(self.added), strict=True)
+        changed = [
+            (name, "" if sign > 0 else "-", added) for name, sign, added in each if sign < 0 or abs(added) > 0.01
+        ]
+        return ", ".join(f"{name} = {sign}recorded {added:+.4g} deg" for name, sign, added in changed)
 
     def then(self, after: ZeroConvention) -> ZeroConvention:
         """This rule, and another one on its result."""
@@ -70,9 +80,8 @@ def convention_of(arm: Arm, angles: Array) -> ZeroConvention | None:
 
 def _beyond(arm: Arm, angles: Array) -> float:
     """How far angles are beyond the limits at most (rad), each taken by whole turns to where it is within them."""
-    low, high = np.array([(joint.lower, joint.upper) for joint in arm.joints]).T
     read = angles[np.isfinite(angles).all(axis=1)]
     if not len(read):
         return 0.0
-    turns = [np.maximum(low - at, at - high) for at in (read, read + FULL_TURN, read - FULL_TURN)]
+    turns = [beyond_limits(arm, at) for at in (read, read + FULL_TURN, read - FULL_TURN)]
     return float(np.minimum.reduce(turns).max())
