@@ -107,9 +107,13 @@ class GoalVisits:
         rng = np.random.default_rng([seed, 8])
         return cls(draw_goals(arm, count, seed), tuple(clear_poses(arm, count, rng) for _ in range(VISITS)))
 
-    def visit(self, world: World, number: int) -> Array:
-        """(goals,), squared distances of the tip from the goals (m²); NaN where one was not reached."""
-        arm, targets, timing = load_arm(ARM), TargetNumbers(TOOL, BASE), PoseTiming(0.0, SETTLE_S, DWELL_S)
+    def visit(self, world: World, number: int, slower: float = 1.0) -> Array:
+        """(goals,), squared distances of the tip from the goals (m²); NaN where one was not reached.
+
+        `slower`: how many times longer the arm rests.
+        """
+        arm, targets = load_arm(ARM), TargetNumbers(TOOL, BASE)
+        timing = PoseTiming(0.0, slower * SETTLE_S, slower * DWELL_S)
         goals = [tuple(goal) for goal in self.goals.tolist()]
         start = {goal: tuple(q) for goal, q in zip(goals, self.starts[number].tolist(), strict=True)}
         with (
