@@ -199,8 +199,8 @@ as-deployed: setup ## the error of the deployed model in worlds that go on, befo
 confusion: setup ## confusion matrix: hidden effects against named ones, both tables of the docs (an hour)
 	$(BIN)/python -m validation.hidden_effects --seeds 5 --jobs 2 --out docs/confusion.md
 	$(ONE_THREAD) $(BIN)/python -m validation.hidden_effects.other_seeds
-	$(BIN)/python -m validation.hidden_effects.unfamiliar --half report --seeds 2 --jobs 2 --out docs/confusion.md
-	$(ONE_THREAD) $(BIN)/python -m validation.hidden_effects.proposed_laws
+	$(BIN)/python -m validation.hidden_effects --part report --seeds 2 --jobs 2 --out docs/confusion.md
+	$(ONE_THREAD) $(BIN)/python -m validation.hidden_effects.laws
 
 camera: setup ## 60 rendered photos of a board on an SO-101 with a hidden effect: is it named, how well is the tip known
 	$(ONE_THREAD) $(BIN)/python -m validation.camera
@@ -216,11 +216,11 @@ swing: setup ## the simulated rover's arm swings: settling as predicted, moves s
 	$(ONE_THREAD) $(BIN)/python -m validation.swinging_arm.picture docs/pictures/swing.png
 
 memory: setup ## worlds that creep, warm under load and slip, and worlds that do not, through auto (10 minutes)
-	$(ONE_THREAD) $(BIN)/python -m validation.memory --seeds 3
+	$(BIN)/python -m validation.hidden_effects --part memory,memory-blind --seeds 3 --poses 150 --jobs 2
 
 unfamiliar: setup ## the second catalogue, other forms, arms and awkward data through auto, on the half for tuning (20 minutes)
-	$(BIN)/python -m validation.hidden_effects.unfamiliar --half tune --jobs 2
-	$(ONE_THREAD) $(BIN)/python -m validation.hidden_effects.proposed_laws --half tune
+	$(BIN)/python -m validation.hidden_effects --part tune --seeds 1 --jobs 2
+	$(ONE_THREAD) $(BIN)/python -m validation.hidden_effects.laws --half tune
 
 lerobot: $(LEROBOT_VENV)/.ready ## the plug-in's tests with LeRobot itself (LEROBOT=0.6.1, or 0.4.4) in an environment of its own, its follower from both sides, and its record_loop on simulated arms (LEROBOT_PYTHON=)
 	PYTHONPATH=. $(ONE_THREAD) $(LEROBOT_VENV)/bin/python -m pytest -rs -m "not slow" tests/lerobot tests/examples/so101

@@ -12,12 +12,11 @@ from hypothesis import strategies as st
 
 from lrm_math.arm.arm_file import load_arm as load_tool_arm
 from lrm_math.effects import CATALOGUE
-from validation.hidden_effects.auto_outcome import AutoOutcome
-from validation.hidden_effects.data import ARM_FILE
-from validation.hidden_effects.unfamiliar import section
-from validation.hidden_effects.unfamiliar_cases import UNFAMILIAR
-from validation.hidden_effects.unfamiliar_data import arm_file, measured, unseen
-from validation.hidden_effects.unfamiliar_effects import UnfamiliarCase
+from validation.hidden_effects.case import Case
+from validation.hidden_effects.catalogue import EVERY, PARTS, UNFAMILIAR
+from validation.hidden_effects.data import ARM_FILE, dataset, unseen
+from validation.hidden_effects.outcome import Outcome
+from validation.hidden_effects.tables import faults, memories, section
 from validation.synthetic import (
     CreepingJoint,
     DahlLoop,
@@ -112,14 +111,14 @@ def test_a_hinge_at_the_end_is_a_short_stiff_end_and_at_the_root_a_lever() -> No
 
 @pytest.mark.parametrize("name", sorted({case.arm for case in UNFAMILIAR.values()}))
 def test_arms_are_read_alike_by_generator_and_tool(name: str) -> None:
-    path = arm_file(next(case for case in UNFAMILIAR.values() if case.arm == name))
+    path = next(case for case in UNFAMILIAR.values() if case.arm == name).arm_file
     arm, tool = load_arm(path), load_tool_arm(str(path))
     assert len(arm.links) == tool.dof
     assert sum(body.mass_kg for body in arm.bodies) == pytest.approx(sum(body.mass for body in tool.bodies))
 
 
 def test_the_halves_share_no_case_and_name_only_effects_of_the_tool() -> None:
-    halves = {half: [c for c in UNFAMILIAR.values() if c.half == half] for half in ("tune", "report")}
+    halves = {half: [c for c in UNFAMILIAR.values() if c.part == half] for half in ("tune", "report")}
     assert min(len(cases) for cases in halves.values()) >= 25
     shared = {case.name for case in halves["tune"]} & {case.name for case in halves["report"]}
     assert shared <= {"nothing"}
@@ -133,12 +132,12 @@ def test_the_halves_share_no_case_and_name_only_effects_of_the_tool() -> None:
 @pytest.mark.parametrize("name", ["play2, outliers/tune", "shaft2, five levels/tune", "nothing, one load/tune"])
 def test_data_are_as_the_case_asks(name: str) -> None:
     case = UNFAMILIAR[name]
-    data, again = measured(case, 0, 60), measured(case, 0, 60)
+    data, again = dataset(case, 0, 60), dataset(case, 0, 60)
     np.testing.assert_array_equal(data.tcp_m, again.tcp_m)
     assert set(data.payload_kg) <= set(case.loads_kg)
     if case.levels_deg:
         assert set(np.round(np.degrees(data.q_rad), 6).reshape(-1)) <= set(case.levels_deg)
-    clean = measured(replace(case, outliers=0.0), 0, 60)
+    clean = dataset(replace(case, outliers=0.0), 0, 60)
     moved = np.linalg.norm(data.tcp_m - clean.tcp_m, axis=1)
     assert (moved > 0.004).sum() == (moved > 0.0).sum() == round(60 * case.outliers)
     assert not np.array_equal(unseen(case, 0, 60).q_rad, data.q_rad)
@@ -146,13 +145,13 @@ def test_data_are_as_the_case_asks(name: str) -> None:
 
 def test_counts_of_a_run() -> None:
     one, two = "unequal-play2/tune", "unequal-play2+gear1/tune"
-    right = AutoOutcome(one, 0, (("backlash@joint2",),), "nothing_missing", 1.05, findings=(True,))
-    in_class = AutoOutcome(one, 0, (("mass@link2", "backlash@joint2"),), "nothing_missing", 1.3, findings=(True,))
+    right = Outcome(one, 0, (("backlash@joint2",),), "nothing_missing", 1.05, findings=(True,))
+    in_class = Outcome(one, 0, (("mass@link2", "backlash@joint2"),), "nothing_missing", 1.3, findings=(True,))
     names = (("backlash@joint2",), ("mass@link2",), ("compliance@joint5",))
-    false = AutoOutcome(one, 0, names, "", 1.02, findings=(True, True, True))
+    false = Outcome(one, 0, names, "", 1.02, findings=(True, True, True))
     described = replace(false, findings=(True, False, True))
-    half = AutoOutcome(two, 0, (("backlash@joint2",),), "unexplained_structure", 3.0, findings=(True,))
-    failed = AutoOutcome(one, 0, trouble="CommandFailed")
+    half = Outcome(two, 0, (("backlash@joint2",),), "unexplained_structure", 3.0, findings=(True,))
+    failed = Outcome(one, 0, trouble="CommandFailed")
     assert right.all_named and in_class.all_named and false.all_named  # noqa: PT018
     assert not half.all_named
     assert half.truths_named == 1
@@ -167,7 +166,33 @@ def test_counts_of_a_run() -> None:
 
 
 def test_nothing_hidden_is_the_bare_arm() -> None:
-    case: UnfamiliarCase = UNFAMILIAR["nothing/tune"]
+    case: Case = UNFAMILIAR["nothing/tune"]
     assert case.build(load_arm(ARM_FILE), 0) == ()
     assert GroundTruth.nominal(load_arm(ARM_FILE)).effects == ()
-    assert Path(arm_file(case)) == ARM_FILE
+    assert Path(case.arm_file) == ARM_FILE
+
+
+def test_faults_and_memories_are_counted() -> None:
+    """A false name of a fault is one whose class is not right; a world with a memory is right by its first name."""
+    of, right = "the board's clock is wrong/faults", ("common_gain@servos",)
+    named = Outcome(of, 0, (right,), "nothing_missing", 1.0, findings=(True,), right=right)
+    wrong = Outcome(of, 1, (("backlash@joint2",),), "nothing_missing", 1.0, findings=(False,), right=right)
+    quiet = Outcome("healthy/faults", 0, verdict="nothing_missing", ratio=1.3, right=())
+    assert [one.honest for one in (named, wrong, quiet)] == [True, False, True]
+    assert [one.honest_findings for one in (named, wrong, quiet)] == [True, True, True]
+    text = faults([named, wrong, quiet])
+    assert "| faulty | 2 | 1 (50 %) | 0 (0 %) | 1 (50 %) | 2 (100 %) | 2 (100 %) |" in text
+    assert "! (backlash@joint2) ×1" in text
+    slipped = Outcome(
+        "slip2/memory", 0, (("slip@joint2",),), "", 1.1, findings=(True,), right=("slip@joint2",), z=(0.5,)
+    )
+    idle = Outcome("nothing, even/memory", 0, (("offsets@joint2",),), "", 1.2, findings=(True,), right=())
+    text = memories([slipped, idle])
+    assert "| written before | 1 | 1 | 1 | 0 | +0.5 |" in text
+    assert "| nothing hidden | 1 | 1 | 0 | 0 | – |" in text
+
+
+def test_every_case_has_a_key_of_its_own_and_a_part() -> None:
+    assert sum(map(len, PARTS.values())) == len(EVERY)
+    assert all(PARTS.values())
+    assert all(EVERY[key].key == key for key in EVERY)
