@@ -21,7 +21,7 @@ ONE_THREAD := OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 MKL_NUM_THREADS=1
 unexport PYTHONDONTWRITEBYTECODE  # with it every process of the daemon and of the tests compiles all sources anew
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo fetch test quick offline browser lint lint-github schemas docs site proofs history gallery benchmark sdist deb story check-tag bench soak wheels coverage camera confusion unfamiliar memory misreadings real-data vendor-arms newcomers touches touches-public tutorial closed-loop as-deployed readability json-numbers fleet transfer lerobot doors install uninstall clean
+.PHONY: help setup demo fetch test quick offline browser lint lint-github schemas docs site proofs history gallery benchmark sdist deb story check-tag bench soak wheels coverage camera confusion unfamiliar memory misreadings real-data vendor-arms newcomers touches touches-public tutorial closed-loop motion swing as-deployed readability json-numbers fleet transfer lerobot doors hashes pictures install uninstall clean
 
 help: ## what there is to make
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 12
@@ -46,8 +46,8 @@ else
 	$(BIN)/python -m lrmd.demo
 endif
 
-fetch: setup ## stones into the basket of a simulated rover with hidden errors, as drawn and calibrated (STONES=, SEED=)
-	$(ONE_THREAD) $(BIN)/python -m examples.fetch --out $(OUT) --stones $(or $(STONES),8) --seed $(or $(SEED),1)
+fetch: setup ## 20 stones, on level ground and slopes, into the basket of a simulated rover with hidden errors, as drawn and calibrated (ten minutes; STONES=, SEED=)
+	$(ONE_THREAD) $(BIN)/python -m examples.fetch --out $(OUT) --stones $(or $(STONES),20) --seed $(or $(SEED),1)
 
 test: setup lint ## all tests, two at a time, after the linters: first all that compute, then the system's, which wait
 	$(ONE_THREAD) $(BIN)/python -m pytest $(SIDE_BY_SIDE) -rs --ignore tests/system
@@ -183,6 +183,9 @@ tutorial: setup ## the pictures of docs/tutorial.md and the speed of the workben
 	$(BIN)/python -m validation.workbench.tutorial_pictures
 	$(BIN)/python -m validation.workbench.speed
 
+pictures: setup ## the pictures of the docs that commands draw (DATA= the real measurements, which three of them need)
+	$(ONE_THREAD) $(BIN)/python -m validation.doc_pictures $(DATA)
+
 story: setup ## the moving picture of README and site, and the social card, in a headless Chromium
 	$(BIN)/python -m validation.workbench.story
 
@@ -196,19 +199,28 @@ as-deployed: setup ## the error of the deployed model in worlds that go on, befo
 confusion: setup ## confusion matrix: hidden effects against named ones, both tables of the docs (an hour)
 	$(BIN)/python -m validation.hidden_effects --seeds 5 --jobs 2 --out docs/confusion.md
 	$(ONE_THREAD) $(BIN)/python -m validation.hidden_effects.other_seeds
-	$(BIN)/python -m validation.hidden_effects.unfamiliar --half report --seeds 2 --jobs 2 --out docs/confusion.md
-	$(ONE_THREAD) $(BIN)/python -m validation.hidden_effects.proposed_laws
+	$(BIN)/python -m validation.hidden_effects --part report --seeds 2 --jobs 2 --out docs/confusion.md
+	$(ONE_THREAD) $(BIN)/python -m validation.hidden_effects.laws
 
 camera: setup ## 60 rendered photos of a board on an SO-101 with a hidden effect: is it named, how well is the tip known
 	$(ONE_THREAD) $(BIN)/python -m validation.camera
 	$(ONE_THREAD) $(BIN)/python -m validation.camera.pose_coverage
 
+motion: setup ## hidden effects of motion in 19 simulated recordings through auto, and the 95 % intervals (20 minutes; ONLY=, SEED=)
+	@mkdir -p $(OUT)
+	$(ONE_THREAD) $(BIN)/python -m validation.motion --seed $(or $(SEED),0) --only "$(ONLY)" --json $(OUT)/motion.json
+
+swing: setup ## the simulated rover's arm swings: settling as predicted, moves shaped and not, a campaign with --settle auto (20 minutes; PWM=)
+	@mkdir -p $(OUT)
+	$(ONE_THREAD) $(BIN)/python -m validation.swinging_arm --pwm $(or $(PWM),50 330) --json $(OUT)/swing.json
+	$(ONE_THREAD) $(BIN)/python -m validation.swinging_arm.picture docs/pictures/swing.png
+
 memory: setup ## worlds that creep, warm under load and slip, and worlds that do not, through auto (10 minutes)
-	$(ONE_THREAD) $(BIN)/python -m validation.memory --seeds 3
+	$(BIN)/python -m validation.hidden_effects --part memory,memory-blind --seeds 3 --poses 150 --jobs 2
 
 unfamiliar: setup ## the second catalogue, other forms, arms and awkward data through auto, on the half for tuning (20 minutes)
-	$(BIN)/python -m validation.hidden_effects.unfamiliar --half tune --jobs 2
-	$(ONE_THREAD) $(BIN)/python -m validation.hidden_effects.proposed_laws --half tune
+	$(BIN)/python -m validation.hidden_effects --part tune --seeds 1 --jobs 2
+	$(ONE_THREAD) $(BIN)/python -m validation.hidden_effects.laws --half tune
 
 lerobot: $(LEROBOT_VENV)/.ready ## the plug-in's tests with LeRobot itself (LEROBOT=0.6.1, or 0.4.4) in an environment of its own, its follower from both sides, and its record_loop on simulated arms (LEROBOT_PYTHON=)
 	PYTHONPATH=. $(ONE_THREAD) $(LEROBOT_VENV)/bin/python -m pytest -rs -m "not slow" tests/lerobot tests/examples/so101
@@ -224,6 +236,12 @@ $(LEROBOT_VENV)/.ready: pyproject.toml lerobot_robot_lrm/pyproject.toml hatch_bu
 doors: setup ## every door to a motor at 500 random instants, and 10000 random paths of LeRobot's corrected commands over 200 fitted models (an hour)
 	PYTHONPATH=lerobot_robot_lrm/src $(ONE_THREAD) $(BIN)/python -m tests.soak.doors --instants 500
 	PYTHONPATH=lerobot_robot_lrm/src $(ONE_THREAD) $(BIN)/python -m validation.lerobot_robot.paths
+
+HASHED = uv pip compile --quiet --constraints constraints.txt --generate-hashes --universal --python-version 3.11 \
+	--no-annotate --custom-compile-command "make hashes"
+hashes: ## what install.sh may fetch, after a change of constraints.txt (with uv)
+	echo hatchling | $(HASHED) pyproject.toml - -o systemd/requirements.txt
+	echo ziglang | $(HASHED) - -o systemd/compiler.txt
 
 install: ## the daemon on this rover, as root (DESTDIR=, PYTHON=)
 	PYTHON=$(PYTHON) DESTDIR=$(DESTDIR) systemd/install.sh

@@ -92,6 +92,28 @@ class StateTable(StrictSchema):
     save_ms: Milliseconds = 500.0
 
 
+class MotionTable(StrictSchema):
+    """`[motion]`: a motion model of the arm, the distance within which its tip is at rest, and how moves are shaped."""
+
+    model: str | None = None
+    within_mm: Annotated[float, Field(ge=0.001, le=100)] = 0.1
+    shaping: Literal["off", "zv", "zvd", "zvdd"] = "off"
+
+
+class SpringEntry(StrictSchema):
+    """`[simulation.spring.JOINT]`: the link swings on a spring behind its servo, and sticks and slips by friction."""
+
+    stiffness_nm_per_rad: Annotated[float, Field(ge=0.1, le=1e5)]
+    damping_nm_s_per_rad: Annotated[float, Field(ge=0, le=1e3)]
+    friction_nm: Annotated[float, Field(ge=0, le=1e3)] = 0.0
+
+
+class SimulationTable(StrictSchema):
+    """`[simulation]`: what the arm of `lrmd --simulated` is like; without springs its links stand as its servos do."""
+
+    spring: dict[str, SpringEntry] = {}
+
+
 class ZenohTable(StrictSchema):
     """`[zenoh]`: endpoints, and a configuration file of zenoh's own."""
 
@@ -114,6 +136,8 @@ class DaemonFile(StrictSchema):
     thermal: ThermalTable = ThermalTable()
     gravity: GravityTable = GravityTable()
     state: StateTable
+    motion: MotionTable = MotionTable()
+    simulation: SimulationTable = SimulationTable()
     zenoh: ZenohTable = ZenohTable()
 
 
@@ -170,6 +194,8 @@ class Config:
     state: Path
     save: int
     zenoh: ZenohTable
+    motion: MotionTable
+    simulation: SimulationTable
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -214,6 +240,11 @@ def _config(t: DaemonFile, arm: Arm) -> Config:
         raise LrmError(f"link: silence_ms = {t.link.silence_ms} must be more than twice reply_ms = {t.link.reply_ms:g}")
     if t.link.reply_ms < 2 * t.ramp.tick_ms:
         raise LrmError(f"link: reply_ms = {t.link.reply_ms:g} must be at least twice tick_ms = {t.ramp.tick_ms:g}")
+    if t.motion.shaping != "off" and t.motion.model is None:
+        raise LrmError(f"motion: shaping = '{t.motion.shaping}' needs a model: its frequencies are not known")
+    for name in t.simulation.spring:
+        if name not in arm.joint_names:
+            raise LrmError(f"simulation: unknown joint {name}; {name_suggestion(name, arm.joint_names)}")
     clock = PwmClock(t.link.pwm_hz, t.link.oscillator_hz)
     for servo in servos:
         _check_fits(servo, clock)
@@ -226,7 +257,8 @@ def _config(t: DaemonFile, arm: Arm) -> Config:
         unpowered=t.safety.unpowered_nm,
         thermal=t.thermal, rise=tuple(t.thermal.rise_k_per_nm2.get(servo.name, 0.0) for servo in servos),
         gravity_age=round(t.gravity.max_age_s * SECOND), gravity_keeps_last=t.gravity.fallback == "last",
-        state=Path(t.state.directory), save=round(t.state.save_ms * MS), zenoh=t.zenoh,
+        state=Path(t.state.directory), save=round(t.state.save_ms * MS), zenoh=t.zenoh, motion=t.motion,
+        simulation=t.simulation,
     )  # fmt: skip
 
 

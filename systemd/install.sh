@@ -116,7 +116,12 @@ put_program() {
     mkdir -p "$PROGRAM"
     trap 'rm -rf "$folder"' EXIT # unless all of it is there
     "$PYTHON" -m venv "$folder"
-    "$folder/bin/python" -m pip install --quiet --disable-pip-version-check -c "$SOURCE/constraints.txt" "$SOURCE"
+    # pip runs as root: nothing that it fetches is run or kept unless its hash is known
+    pip() { "$folder/bin/python" -m pip install --quiet --disable-pip-version-check "$@"; }
+    pip --require-hashes -r "$SOURCE/systemd/requirements.txt"
+    command -v "${CC:-cc}" >/dev/null || command -v gcc >/dev/null || command -v clang >/dev/null ||
+        pip --require-hashes -r "$SOURCE/systemd/compiler.txt"
+    pip --no-deps --no-build-isolation "$SOURCE"
     [ -x "$folder/bin/lrmd" ] || fail "the project was installed to $folder, but brought no program lrmd"
     trap - EXIT
     ln -sfn "${folder##*/}" "$PROGRAM/current.part"

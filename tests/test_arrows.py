@@ -25,6 +25,7 @@ LAYERS = {
     "main demo",
     "lrm_ros2": "diagnostics action_types message_types trajectory client_watch arrivals ros_endpoints ros_node "
     "bridge action command",
+    "lrm_skills": "behaviours rafcon_library",
 }
 """Folders and modules of each package; each imports only from those before it, so there is no cycle between them."""
 

@@ -11,7 +11,6 @@ Exit code 1 unless the median share of poses is at most a half.
 
 from __future__ import annotations
 
-import argparse
 import sys
 import time
 from collections.abc import Sequence
@@ -33,6 +32,7 @@ from lrm_math.arrays import Array
 from lrm_math.kinematics.poses import Poses, poses_of
 from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import Model
+from validation.options import asked
 from validation.synthetic import ArmDescription, load_arm, true_state
 from validation.synthetic.example import ARM_FILE
 
@@ -104,10 +104,7 @@ def adaptive_run(rig: SimulatedRig, every: Poses, goals: Poses, mark: float, see
 
 def main() -> int:
     """Prints one line a seed."""
-    parser = argparse.ArgumentParser("validation.adaptive_measuring", description=__doc__)
-    parser.add_argument("--seeds", type=int, default=20)
-    parser.add_argument("--first", type=int, default=0)
-    options = parser.parse_args()
+    options = asked(__doc__, seeds=20, first=0)
     arm, described, shares = model_arm(ARM), load_arm(ARM_FILE), []
     print("| seed | hidden | random poses | error at goals mm | adaptive poses | error mm | share | s |")
     print("|---|---|---|---|---|---|---|---|")

@@ -6,7 +6,6 @@ own equilibrium, settled anew from the start for every branch.
 
 from __future__ import annotations
 
-import argparse
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -36,6 +35,7 @@ from lrm_math.model.deployed_model import COMPENSATED
 from lrm_math.model.equilibrium import batch_equilibrium
 from lrm_math.model.model import Model, model_of
 from lrm_math.model.model_file import load_model
+from validation.options import asked
 
 ROOT = Path(__file__).resolve().parents[1]
 TABLE_B2 = ROOT / "tests" / "models" / "thesis-table-b2-option-1.toml"
@@ -231,10 +231,9 @@ def goals_met(direct: list[IkAccuracy]) -> str:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--goals", type=int, default=2000, help="goals per model for the direct method")
-    parser.add_argument("--cube-goals", type=int, default=400, help="goals per model for the cube")
-    options = parser.parse_args()
+    options = asked(
+        __doc__, goals=(2000, "goals per model for the direct method"), cube_goals=(400, "goals per model for the cube")
+    )
     console, table = Console(width=140), Table(title="Calibrated inverse, one goal at a time", title_justify="left")
     shares: list[str] = []
     direct_figures: list[IkAccuracy] = []

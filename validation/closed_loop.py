@@ -6,7 +6,6 @@ or in a group, in all but one of fifteen seeds, and the error at goals is at mos
 
 from __future__ import annotations
 
-import argparse
 import json
 import subprocess
 import sys
@@ -15,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from lrm_math.errors import LrmError
+from validation.options import asked
 
 RATIO = 1.5
 
@@ -32,10 +32,7 @@ def demo_document(seed: int) -> dict[str, Any]:
 
 def main() -> int:
     """Prints one line a seed."""
-    p = argparse.ArgumentParser("validation.closed_loop", description=__doc__)
-    p.add_argument("--seeds", type=int, default=30)
-    p.add_argument("--first", type=int, default=0)
-    options = p.parse_args()
+    options = asked(__doc__, seeds=30, first=0)
     named = near = 0
     print("| seed | hidden | named | with it | nominal mm | fitted mm | deployed mm | floor mm | ratio | s |")
     print("|---|---|---|---|---|---|---|---|---|---|")

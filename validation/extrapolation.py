@@ -8,7 +8,6 @@ whose joints are all in the upper half, and poses anywhere.
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -26,6 +25,7 @@ from lrm_math.kinematics.poses import Poses
 from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import Model, model_of
 from validation import synthetic
+from validation.options import asked
 from validation.synthetic.generate import directions
 
 ARM_FILE = Path(__file__).resolve().parent / "hidden_effects" / "arms" / "ur5-like.toml"
@@ -136,10 +136,7 @@ def table(outcomes: Sequence[ExtrapolationOutcome]) -> str:
 
 def main() -> None:
     """Read the options, run, print the table."""
-    parser = argparse.ArgumentParser(prog="python -m validation.extrapolation", description=__doc__)
-    parser.add_argument("--arms", type=int, default=ARMS, help="how many arms")
-    parser.add_argument("--poses", type=int, default=POSES, help="poses of each fit")
-    options = parser.parse_args()
+    options = asked(__doc__, arms=(ARMS, "how many arms"), poses=(POSES, "poses of each fit"))
     print(table([examine(seed, options.poses) for seed in range(options.arms)]))
 
 

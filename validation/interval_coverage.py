@@ -3,7 +3,6 @@ generator. `python -m validation.interval_coverage` prints the shares."""
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -19,6 +18,7 @@ from lrm_math.arrays import Array
 from lrm_math.effects import effects_at
 from lrm_math.model.model import Model, model_of
 from validation import synthetic
+from validation.options import asked
 from validation.synthetic_measurements import NOISE, measured
 
 ARM, POSES, SEEDS = "lrm-lab", 100, 100
@@ -141,9 +141,7 @@ def _prior(model: Model) -> Prior:
 
 def main() -> None:
     """Prints the shares of all runs."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--seeds", type=int, default=SEEDS)
-    seeds = range(parser.parse_args().seeds)
+    seeds = range(asked(__doc__, seeds=SEEDS).seeds)
     print(f"{len(seeds)} arms, {POSES} random poses each, noise {NOISE * 1e3:g} mm per axis")
     runs = (
         ("option 1, least squares", option_1),

@@ -5,7 +5,6 @@ real measurements also how far the printed parameters miss them."""
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -23,6 +22,7 @@ from lrm_math.arm.arm_file import load_arm, shipped_arms
 from lrm_math.errors import LrmError
 from lrm_math.model.model import Model
 from validation import synthetic, two_loads
+from validation.options import asked
 from validation.synthetic_measurements import measured
 from validation.thesis.thesis_options import cross_apply, nominal_model, option_named, residual_of, run_options
 from validation.thesis.thesis_results import NO_LOAD
@@ -88,9 +88,7 @@ def _rms_mm(model: Model, data: Measurements) -> float:
 
 def main() -> None:
     """Prints them all."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("measurements", type=Path, nargs="?")
-    path = parser.parse_args().measurements
+    path = asked(__doc__, "measurements?").measurements
     for count in COUNTS:
         with_prior, eliminated = poses_needed(count)
         alone = "none" if eliminated is None else f"{eliminated:.2f}"

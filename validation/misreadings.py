@@ -6,7 +6,6 @@ were chosen on the first half, the second one is the report.
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
@@ -21,6 +20,7 @@ from lrm_math.arrays import Array
 from lrm_math.kinematics.poses import poses_of
 from lrm_math.model.reading import Reading
 from validation import synthetic
+from validation.options import asked
 from validation.synthetic_measurements import measured
 
 ARMS = ("lrm-lab", "so101", "ur5")
@@ -192,10 +192,7 @@ def print_healthy(seeds: Sequence[int]) -> None:
 
 def main() -> None:
     """Prints both, by halves."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--seeds", type=int, default=1, help="of every misreading and arm")
-    parser.add_argument("--half", choices=sorted(HALVES), default="report")
-    options = parser.parse_args()
+    options = asked(__doc__, seeds=(1, "of every misreading and arm"), half=("report", None, sorted(HALVES)))
     first = HALVES[options.half]
     print(f"{options.half} (shares of the spread of the positions):")
     print_misreadings(range(first, first + options.seeds))

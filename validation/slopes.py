@@ -7,7 +7,6 @@ direction of gravity that `cmd/gravity` tells, exactly and by an accelerometer t
 
 from __future__ import annotations
 
-import argparse
 import math
 import tempfile
 from dataclasses import replace
@@ -26,6 +25,7 @@ from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import Model
 from validation import synthetic
 from validation.hidden_effects.data import ARM_FILE, FLOOR_M, LOADS_KG, NOISE_M
+from validation.options import asked
 from validation.synthetic.screws import rotation_matrix
 
 POSES, FRESH = 300, 200
@@ -35,9 +35,7 @@ IMU_DEG = 0.5
 
 def main() -> None:
     """Prints the mean and the largest RMS of some arms on each slope."""
-    parser = argparse.ArgumentParser("python -m validation.slopes", description=__doc__)
-    parser.add_argument("--seeds", type=int, default=8, help="number of arms")
-    seeds = range(parser.parse_args().seeds)
+    seeds = range(asked(__doc__, seeds=(8, "number of arms")).seeds)
     errors = np.array([of_arm(seed) for seed in seeds])
     print("slope deg | level model: mean, max mm | cmd/gravity | with an accelerometer off by 0.5 deg")
     for row, slope in enumerate(SLOPES_DEG):

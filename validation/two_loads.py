@@ -3,11 +3,11 @@
 
 from __future__ import annotations
 
-import argparse
 from pathlib import Path
 
 from lrm_math.arm.arm_file import shipped_arms
 from validation import synthetic
+from validation.options import asked
 
 ARM, POSES, SEED, NOISE = "lrm-lab", 393, 2024, 3e-4
 LOADS = {"no-load": 0.0, "loaded": 0.0663}
@@ -29,9 +29,7 @@ def write(folder: Path) -> list[Path]:
 
 def main() -> None:
     """Writes them and says where."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("folder", type=Path)
-    for path in write(parser.parse_args().folder):
+    for path in write(asked(__doc__, "folder").folder):
         print(path)
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -35,15 +35,29 @@ SPARE = 0.004
 """m: stones that the arm as drawn reaches with less to spare are not drawn."""
 FORCE = 3.0
 """N."""
+STEEPEST = np.radians(15.0)
+G = 9.81
+"""m/s²."""
 
 
 @dataclass(frozen=True)
 class Stone:
-    """A stone at a measured `place` (m), of a mass (kg); `tilt`: rotation of the tool that grasps it (3, 3)."""
+    """A stone at a measured `place` (m), of a mass (kg); `tilt`: rotation of the tool that grasps it (3, 3).
+
+    `slope`: of the ground under rover and stone (rad), and which way it leans `towards` (rad).
+    """
 
     place: Array
     mass: float
     tilt: Array
+    slope: float = 0.0
+    towards: float = 0.0
+
+    @property
+    def gravity(self) -> list[float]:
+        """m/s², in the frame of a rover that stands on that slope."""
+        level = np.array([np.cos(self.towards), np.sin(self.towards)]) * np.sin(self.slope)
+        return [float(G * x) for x in (*level, -np.cos(self.slope))]
 
     def contacts(self) -> list[ContactEntry]:
         """Contacts with the ground that it takes to grasp it, there and only there."""
@@ -63,7 +77,8 @@ def areas() -> dict[str, Area]:
 def stones(count: int, seed: int) -> list[Stone]:
     """Stones in the author's ground area that the arm as drawn can grasp from above.
 
-    Each with a tool that points nearly down. Which ones is the same whatever the model.
+    Each with a tool that points nearly down; every other one, from the second on, on a slope. Which ones is the same
+    whatever the model.
     """
     rng, ground = np.random.default_rng([seed, 63]), areas()["ground"]
     found: list[Stone] = []
@@ -83,7 +98,14 @@ def stones(count: int, seed: int) -> list[Stone]:
             if min(room) > scene.margin + SPARE and any(_leads_down(drawn, q, place, tilt) for q in poses[1]):
                 found.append(Stone(place, mass, tilt))
                 break
-    return found
+    return [replace(stone, slope=s, towards=a) for stone, (s, a) in zip(found, slopes(count, seed), strict=True)]
+
+
+def slopes(count: int, seed: int) -> list[tuple[float, float]]:
+    """Slope and its direction (rad) under each stone: level, and up to the steepest, by turns."""
+    rng = np.random.default_rng([seed, 64])
+    steep = rng.uniform(0.0, STEEPEST, count) * (np.arange(count) % 2)
+    return list(zip(steep.tolist(), rng.uniform(0.0, 2.0 * np.pi, count).tolist(), strict=True))
 
 
 def basket_pose() -> tuple[Array, Array, Array]:

@@ -1,30 +1,38 @@
-"""Skills that a state machine calls to fetch a stone: approach, touch down, grasp, retreat, carry, drop, stow."""
+"""A stone into the basket by the daemon's skills: approach, touch down, grasp, retreat, stow, carry, drop, stow."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import time
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
-from examples.fetch.places import HOME, Stone, above, areas, basket_pose, quaternion
+from examples.fetch.places import HOME, HOVER, Stone, areas, basket_pose, quaternion
 from examples.fetch.world import FetchWorld
-from lrm_math.arrays import Array
 from lrm_math.errors import LrmError
-from lrmd.messages.kinematics import GoalEntry, IkRequest, PlanRequest
-from lrmd.messages.surroundings import ContactEntry
+from lrmd.client import RequestRefused
+from lrmd.messages.control import LEASE_LOST
+from lrmd.messages.kinematics import GoalEntry
+from lrmd.messages.skills import SkillName, SkillState
 
 GRASP = 0.008
 """m: a stone that is further from the tip than this is not between the fingers."""
 OPEN, CLOSED = 0.6, -0.2
 """rad, of the gripper."""
+TRIES, PAUSE_S = 5, 1.0
+BUSY = (LEASE_LOST, "no sign of life of the daemon")
+"""Ends of a skill on a computer that is too busy to keep the lease, or the ramp, alive: the arm holds."""
+LISTEN_S = 0.5
+"""s after closing in which the switch in the fingers says whether something is there."""
 
 
 @dataclass(frozen=True)
 class Fetched:
-    """Outcome for a stone, in words, and how far the tip missed the place of its grasp (m); None: never there."""
+    """Outcome for a stone, in words, and where the tip was when the gripper closed (3,), m; None: never there."""
 
     what: str
+    tip: list[float] | None = None
     missed: float | None = None
 
     @property
@@ -33,115 +41,84 @@ class Fetched:
         return self.what == "in the basket"
 
 
-class Refused(LrmError):
-    """A skill that cannot be carried out, and why."""
+class SkillEnded(LrmError):
+    """A skill that did not reach what it should; carries its `outcome`."""
+
+    def __init__(self, state: SkillState) -> None:
+        self.outcome = state.outcome
+        super().__init__(f"{state.skill}: {state.outcome}: {state.text}")
 
 
 def fetch(world: FetchWorld, stone: Stone) -> Fetched:
     """Brings a stone into the basket."""
-    missed = None
+    there, goal = world.under(stone), goal_of(stone)
+    contacts, tip, missed = stone.contacts(), None, None
     try:
-        approach(world, stone)
-        touch_down(world, stone)
-        missed = float(np.linalg.norm(world.tip() - stone.place))
-        if missed > GRASP:
-            retreat(world, stone)
-            return Fetched("nothing between the fingers", missed)
-        grasp(world, stone)
-        retreat(world, stone)
-        carry(world)
-        return Fetched("in the basket" if drop(world) else "beside the basket", missed)
+        do(there, "stow", q_rad=list(HOME))
+        do(there, "approach", goal=goal, height_m=HOVER, gripper_rad=OPEN, may_touch=contacts)
+        with there.touching(stone):
+            down = tried(there, "touch_down", goal=goal, may_touch=contacts)
+            tip = there.tip()
+            missed = float(np.linalg.norm(tip - stone.place))
+            if down.outcome not in ("reached", "touched_early"):
+                raise SkillEnded(down)
+            closed = grasp(there, stone.mass, missed < GRASP)
+            do(there, "retreat", height_m=HOVER, may_touch=contacts)
+        if closed.outcome != "reached":
+            return Fetched(f"{down.outcome}, {closed.outcome}", tip.tolist(), missed)
+        do(there, "stow", q_rad=list(HOME))
+        middle, direction, near = basket_pose()
+        above = GoalEntry(position_m=middle.tolist(), approach=direction.tolist())
+        do(there, "carry", goal=above, near_rad=near.tolist())
+        return Fetched("in the basket" if drop(there) else "beside the basket", tip.tolist(), missed)
     except LrmError as error:
-        return Fetched(f"refused: {error}", missed)
+        return Fetched(f"refused: {error}", None if tip is None else tip.tolist(), missed)
     finally:
-        world.load(0.0)
-        world.rover.carry(0.0)
+        there.put_down()
 
 
-def approach(world: FetchWorld, stone: Stone) -> None:
-    """To a place above the stone, in a pose from which a straight line leads down to it. Raises `LrmError`."""
-    stow(world)
-    world.rover.move({"gripper": OPEN})
-    here = world.rover.commanded_q()
-    hover = entry(above(stone.place), stone.tilt)
-    answer = world.rover.ik(IkRequest(goals=[hover], near_rad=here, deadline_ms=5000.0)).answers[0]
-    if answer.q_rad is None:
-        raise Refused(f"approach: {answer.text}")
-    reasons = []
-    for q in answer.branches_rad:
-        down = PlanRequest(from_rad=q, goal=entry(stone.place, stone.tilt), line=True, may_touch=stone.contacts())
-        line = world.rover.plan(down)
-        if not line.found:
-            reasons.append(f"approach: {line.text}")
-            continue
-        go(world, q)
-        return
-    raise Refused(reasons[0])
+def do(world: FetchWorld, name: SkillName, **fields: Any) -> None:
+    """Carries out a skill. Raises `SkillEnded` if it does not reach its end, `LrmError`."""
+    state = tried(world, name, **fields)
+    if state.outcome != "reached":
+        raise SkillEnded(state)
 
 
-def touch_down(world: FetchWorld, stone: Stone) -> None:
-    """Straight down to where it is grasped; fingers may touch the ground there. Raises `LrmError`."""
-    straight(world, stone.place, stone.tilt, stone.contacts())
+def tried(world: FetchWorld, name: SkillName, **fields: Any) -> SkillState:
+    """Carries out a skill, and asks for it again where only a busy computer ended it, not a person. Raises
+    `LrmError`."""
+    for _ in range(TRIES - 1):
+        try:
+            state = world.rover.skill(name, **fields)
+        except RequestRefused as refused:
+            if refused.code != "lease":
+                raise
+        else:
+            if not any(words in state.text for words in BUSY):
+                return state
+        world.again.append(name)
+        time.sleep(PAUSE_S)
+    return world.rover.skill(name, **fields)
 
 
-def grasp(world: FetchWorld, stone: Stone) -> None:
-    """Closes the gripper, which from then on carries the stone. Raises `LrmError`."""
-    world.rover.move({"gripper": CLOSED})
-    world.load(stone.mass)
-    world.rover.carry(stone.mass)
-
-
-def retreat(world: FetchWorld, stone: Stone) -> None:
-    """Straight up again. Raises `LrmError`."""
-    straight(world, above(stone.place), stone.tilt, stone.contacts())
-
-
-def carry(world: FetchWorld) -> None:
-    """To a place above the basket. Raises `LrmError`."""
-    stow(world)
-    middle, direction, near = basket_pose()
-    goal = GoalEntry(position_m=middle.tolist(), approach=direction.tolist())
-    answer = world.rover.ik(IkRequest(goals=[goal], near_rad=near.tolist(), deadline_ms=5000.0)).answers[0]
-    if answer.q_rad is None:
-        raise Refused(f"carry: {answer.text}")
-    go(world, answer.q_rad)
-
-
-def stow(world: FetchWorld) -> None:
-    """To where the arm has room on all sides. Raises `LrmError`."""
-    go(world, list(HOME))
+def grasp(world: FetchWorld, mass: float, between: bool) -> SkillState:
+    """Closes the gripper on a stone (kg) that is `between` the fingers, or on nothing; the switch there tells."""
+    closing = world.rover.skill("grasp", gripper_rad=CLOSED, payload_kg=mass, listen_s=LISTEN_S, wait=False)
+    if not between:
+        world.rover.tell_sensed("empty")
+    closed = world.rover.await_skill(closing)
+    if closed.outcome == "reached":
+        world.load(mass)
+    return closed
 
 
 def drop(world: FetchWorld) -> bool:
     """Opens the gripper; whether the stone falls into the basket."""
     tip, basket = world.tip(), areas()["basket"]
-    world.rover.move({"gripper": OPEN})
+    do(world, "drop", gripper_rad=OPEN)
     return bool((np.array(basket.low[:2]) < tip[:2]).all() and (tip[:2] < np.array(basket.high[:2])).all())
 
 
-def go(world: FetchWorld, q: list[float]) -> None:
-    """Round what is between to commands (rad). Raises `LrmError`."""
-    way = world.rover.plan(PlanRequest(from_rad=world.rover.commanded_q(), to_rad=q, deadline_ms=30_000.0))
-    if not way.found:
-        raise Refused(way.text)
-    move(world, way.waypoints_rad)
-
-
-def straight(world: FetchWorld, place: Array, tilt: Array, contacts: list[ContactEntry]) -> None:
-    """Along a straight line to a place (m). Raises `LrmError`."""
-    here = world.rover.commanded_q()
-    line = world.rover.plan(PlanRequest(from_rad=here, goal=entry(place, tilt), line=True, may_touch=contacts))
-    if not line.found:
-        raise Refused(line.text)
-    move(world, line.waypoints_rad, contacts)
-
-
-def move(world: FetchWorld, path: Sequence[Sequence[float]], contacts: Sequence[ContactEntry] = ()) -> None:
-    """Through commands (rad), but the first. Raises `LrmError`."""
-    names = world.rover.info().names
-    world.rover.move(*(dict(zip(names, q, strict=False)) for q in path[1:]), may_touch=contacts)
-
-
-def entry(place: Array, tilt: Array) -> GoalEntry:
-    """The goal of a tool at a place (m), with a rotation (3, 3)."""
-    return GoalEntry(position_m=[float(x) for x in place], quaternion_xyzw=quaternion(tilt))
+def goal_of(stone: Stone) -> GoalEntry:
+    """Where the tool grasps a stone."""
+    return GoalEntry(position_m=[float(x) for x in stone.place], quaternion_xyzw=quaternion(stone.tilt))

@@ -31,6 +31,7 @@ from lrm_ident.cli.common import show
 from lrm_ident.measuring.verification.goal_commands import GoalCommand, ModelSolver
 from lrm_ident.report.document import heading
 from lrm_math.arrays import Array
+from lrm_math.ik.goal import point
 from lrm_math.kinematics.poses import poses_of
 from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import model_of
@@ -119,7 +120,7 @@ def goals_in_view(poses: Array, count: int, seed: int) -> Array:
 
 def _seen_all_the_way(solver: ModelSolver, goals: Sequence[Array], near: Array) -> bool:
     for goal in goals:
-        command = solver.solve(goal.tolist(), near.tolist(), 0.0)
+        command = solver.solve(point(goal), near.tolist(), 0.0)
         if not isinstance(command, GoalCommand):
             return False
         near = np.array(command.q)

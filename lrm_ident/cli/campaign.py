@@ -28,6 +28,9 @@ if TYPE_CHECKING:
     from lrm_math.arm.arm import Arm
 
 
+AUTO = "auto"
+
+
 @command
 def measure(
     poses: arg.PosesFile,
@@ -48,7 +51,14 @@ def measure(
     tool: arg.ToolTarget = 1,
     base: arg.BaseTarget = 0,
     pause: arg.Pause = 15.0,
-    settle: arg.Settle = 0.5,
+    settle: Annotated[
+        str,
+        Option(
+            metavar="SECONDS|auto",
+            help="Seconds that the arm stands at least, before the averaging. auto: as long as the tip swings by the "
+            "daemon's motion model, in place of --pause.",
+        ),
+    ] = "0.5",
     dwell: arg.Dwell = 1.0,
     load_command: arg.LoadCommand = None,
     until: Annotated[
@@ -70,6 +80,9 @@ def measure(
             "place of --pause.",
         ),
     ] = None,
+    orientation: Annotated[
+        bool, Option("--orientation", help="Also write the orientation of the tool's target, for fit to use.")
+    ] = False,
 ) -> None:
     """Drive the arm through POSES and measure its tip at each. Every row is on disk before the arm moves on.
 
@@ -86,12 +99,11 @@ def measure(
     """
     from lrm_ident.design.adaptive_batch import StoppingGoal
     from lrm_ident.measuring.campaign.plan import load_plan
-    from lrm_ident.measuring.campaign.run import PoseTiming
     from lrm_ident.measuring.campaign.session import CampaignOrder, connected
     from lrm_ident.measuring.campaign.session import measure as run
 
     goal = StoppingGoal(None if until is None else _length(until), explain) if until or explain else None
-    numbers, timing = target_numbers(tool, base, tracker), PoseTiming(pause, settle, dwell)
+    numbers, timing = target_numbers(tool, base, tracker), _timing(pause, settle, dwell, motion)
     with ArmAccess(robot, connect, speed, take, release).connection(arm, "lrm-ident measure") as link:
         plan, track = load_plan(poses, link.arm), partial(connected, link.daemon, tracker, numbers)
         if motion is not None:
@@ -102,11 +114,29 @@ def measure(
             show(f"{len(plan.poses)} poses, at least {timing.pause:g} s each (--pause): {least} for all")
         changer = load_changer(load_command)
         order = CampaignOrder(
-            link.drive, track, tracker, numbers, link.arm, link.name, timing, changer, _say, show, accept
+            link.drive, track, tracker, numbers, link.arm, link.name, timing, changer, _say, show, accept, orientation
         )
         with resumable(f"What is measured is in {output}; the same command goes on"):
             result = run(order, plan, output, goal)
     conclude(result, len(plan.poses) if goal is None else None, output)
+
+
+def _timing(pause: float, settle: str, dwell: float, motion: Path | None) -> PoseTiming:
+    """The timing of the options; `settle`: seconds or auto. Raises `LrmError`."""
+    from lrm_ident.measuring.campaign.run import PoseTiming, TimingByArm
+
+    if settle == AUTO:
+        if motion is not None:
+            raise LrmError("--settle auto asks the daemon's motion model; leave out --motion, or give seconds")
+        show("Each stop lasts as long as the daemon says that the tip swings (--settle auto); no pause")
+        return TimingByArm(0.0, 0.0, dwell)
+    try:
+        seconds = float(settle)
+    except ValueError:
+        seconds = -1.0
+    if not 0.0 <= seconds < 1e6:
+        raise LrmError(f"--settle '{settle}': should be seconds, 0 or more, or auto")
+    return PoseTiming(pause, seconds, dwell)
 
 
 def _settled(motion: Path, arm: Arm, plan: CampaignPlan, timing: PoseTiming, speed: float | None) -> PoseTiming:
@@ -194,7 +224,8 @@ def verify(
     robot: arg.AnyRobot = "rover",
     connect: arg.Connect = None,
     goals: Annotated[
-        str, Option(help="Number of random goals, or a CSV of x_mm, y_mm, z_mm to visit in order, or hole-to-basket.")
+        str,
+        Option(help="Number of random goals, or a CSV of x_mm, y_mm, z_mm (and qw, qx, qy, qz), or hole-to-basket."),
     ] = "50",
     arm: arg.ArmName = None,
     payload_g: Annotated[float, Option(min=0, help="Load that the tool carries.")] = 0.0,

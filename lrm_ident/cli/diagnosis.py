@@ -40,6 +40,7 @@ from lrm_ident.report.diagnosis.diagnosis import diagnosis_document
 from lrm_ident.report.diagnosis.selftest import selftest_document
 from lrm_ident.report.fit import error_blocks
 from lrm_ident.report.plots.diagnosis import draw_report
+from lrm_ident.report.step_card import of_data
 from lrm_ident.report.story import story_of_file
 from lrm_ident.residual.error_breakdown import NestedResidual
 from lrm_ident.residual.thresholds import MAX_EFFECTS
@@ -152,15 +153,14 @@ def auto(
         """Prints a step as soon as it is taken; the model of the last one is on disk whatever comes then."""
         taken.append(step)
         pause()
-        show(*step_blocks(next(numbers), step, taken[0]))
+        show(*step_blocks(next(numbers), step, taken[0], nominal_rms(study)))
         now.save(output)
 
     with kept_when_interrupted(output, taken), pausing_bars() as (tick, pause):
         course, then = replace(study, progress=tick).auto(max_effects, rates, on_step)
     after = replace(then, progress=study.progress)
     added = len(course.steps) - 1
-    title = f"{added} effect{'' if added == 1 else 's'} added (held out: effects chosen on all poses)"
-    show(*error_blocks(after.errors, title))
+    tables = error_blocks(after.errors, f"{added} effect{'' if added == 1 else 's'} added, chosen on all poses")
     with_prior: ErrorSummary | None = None
     final = after
     if prior is not None:
@@ -192,10 +192,20 @@ def auto(
     final.save(output)
     names, with_field = names_of(study, output, data), None if field_of(final.model) is None else final.errors
     publish(
-        course_document(course, after.held_out, whole, with_prior, with_field, names, story_of_file(final.file)),
+        course_document(
+            course, after.held_out, whole, with_prior, with_field, names, story_of_file(final.file), tables
+        ),
         json,
         in_full=show_all,
     )
+
+
+def nominal_rms(study: Study) -> float | None:
+    """RMS error (m) of the nominal arm on a study's data, where its model file has it of these."""
+    first = study.file.history[0] if study.file.history else None
+    if first is None or first.nominal_rms_mm is None or not of_data(first, study.data.sha256):
+        return None
+    return first.nominal_rms_mm * MM
 
 
 def names_of(study: Study, model: Path, data: Path) -> CommandNames:

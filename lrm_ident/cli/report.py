@@ -13,6 +13,7 @@ from lrm_ident.cli.command import command, command_of
 from lrm_ident.cli.common import identifiable, opened, publish, read_model, show
 from lrm_ident.data.atomic_write import write_text
 from lrm_ident.fitting.effect_plugins import catalogue_with
+from lrm_ident.report.diagnosis.conclusion import CommandNames
 from lrm_ident.report.model_report import quick_report, with_comparison, with_diagnosis
 from lrm_ident.report.plots.story import draw_story
 from lrm_ident.report.story import story_of_file
@@ -41,11 +42,13 @@ def report(
         raise FileError(output, "", f"a page is no {output.suffix or 'nameless'} file", f"name it {PAGES[0]}")
     with opened(model, data, effects_file, reading) as study:
         found = with_comparison(quick_report(study), study.compare())
-        found = with_diagnosis(found, identifiable(study).diagnose())
+        names = CommandNames(str(model), str(data), study.file.arm)
+        found = with_diagnosis(found, identifiable(study).diagnose(), names)
     write_text(output, html_report(found))
     if json:
         write_text(json, found.document().json())
-    show(found.verdict, f"Report written to {output}")
+    told = [] if found.conclusion is None else found.conclusion.blocks()
+    show(*told, "", f"Report written to {output}. Open it in a browser; it needs no network.")
 
 
 @command_of(app, "show")

@@ -22,6 +22,7 @@ from lrm_ident.fitting.model_fit import DEFAULT_EFFECTS
 from lrm_ident.fitting.parameter_sets import Bounds, bounds_of
 from lrm_ident.fitting.typical_prior import typical_prior
 from lrm_ident.residual.deployment.carried_states import with_carried_states
+from lrm_ident.residual.deployment.reverting_terms import with_reverting_terms
 from lrm_ident.residual.deployment.unmeasured_angles import with_unmeasured_angles
 from lrm_math.effects import Effect, Parameter, ParameterRef, effect_of
 from lrm_math.errors import LrmError
@@ -64,7 +65,7 @@ def add_effects(
     for key, parameter, _ in _searched(effects, data):
         if parameter.unit == MOMENT:
             best = _fit_moment(best, data, key, loss)
-    return with_unmeasured_angles(with_carried_states(best, data))
+    return with_reverting_terms(with_unmeasured_angles(with_carried_states(best, data)), data)
 
 
 def _with_shapes(model: Model, data: Measurements, effects: Sequence[Effect], new: Sequence[str], loss: Loss) -> Fit:

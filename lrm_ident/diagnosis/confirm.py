@@ -36,6 +36,7 @@ from lrm_ident.residual.thresholds import (
 from lrm_math.arrays import Array
 from lrm_math.effects import Effect, ModelPart
 from lrm_math.errors import LrmError
+from lrm_math.model.deployed_model import of_a_session
 
 MOST_REFUSED = 8
 """Effects that are refused before the rest is left as structure: a bound on time."""
@@ -197,7 +198,7 @@ def _refit_trial(diagnosis: Diagnosis, scored: ScoredCandidate, blocks: tuple[He
     except LrmError as error:
         return _Trial(None, f"it could not be refitted: {error}", fitted=False)
     if predicts_better(refit.squares, held_out_squares(blocks), MIN_GAIN):
-        worse = None if effect.part is ModelPart.MEASUREMENT else _worse_as_deployed(refit, blocks)
+        worse = None if effect.part is ModelPart.MEASUREMENT else _worse_as_deployed(effect, refit, blocks)
         return _Trial(refit) if worse is None else _Trial(None, DEPLOYED_WORSE, worse_deployed=worse)
     before, after = in_mm(error_stats(held_out_residual(blocks)).rms), in_mm(refit.error.rms)
     return _Trial(None, f"refitted, it does not surely predict better: {before} mm held out, {after} with it")
@@ -213,14 +214,17 @@ def _leaves_more_than_noise(diagnosis: Diagnosis, fitted: Fit) -> bool:
     return diagnosis.floor.sd is not None and fitted.sigma > FLOOR_RATIO * diagnosis.floor.sd
 
 
-def _worse_as_deployed(refit: Refit, blocks: tuple[HeldOutBlock, ...]) -> tuple[float, float] | None:
-    """Held-out RMS (m) as deployed before and after a refit that is surely worse there; None if it is not.
+def _worse_as_deployed(effect: Effect, refit: Refit, blocks: tuple[HeldOutBlock, ...]) -> tuple[float, float] | None:
+    """Held-out RMS (m) as deployed before and after a refit that is surely worse there, or of a form not better; else
+    None.
 
-    What it explains passes with the session, and what was traded against it would stay behind in the arm.
+    What it explains passes with the session, and what was traded against it would stay behind in the arm. A form of
+    the arm shows no cause: it is worth its prediction alone.
     """
     rows = rows_as_deployed(refit.fit.model, refit.fit.equilibrium.poses)
     before, after = deployed_residual(blocks)[rows], deployed_residual(refit.blocks)[rows]
-    if paired_z((before**2).sum(axis=1), (after**2).sum(axis=1)) <= ONE_DEVIATION:
+    allowed = 0.0 if effect.variant_of and not of_a_session(effect) else ONE_DEVIATION
+    if paired_z((before**2).sum(axis=1), (after**2).sum(axis=1)) <= allowed:
         return None
     return error_stats(before).rms, error_stats(after).rms
 

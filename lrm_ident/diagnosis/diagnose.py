@@ -31,7 +31,8 @@ from lrm_ident.fitting.loss import SQUARED, Loss, robust_scale
 from lrm_ident.fitting.priors import EffectRates
 from lrm_ident.fitting.progress import OnProgress, silent
 from lrm_ident.fitting.typical_prior import typical_prior
-from lrm_ident.residual.residual_structure import NoiseFloor, ResidualStructure
+from lrm_ident.residual.noise_floor import NoiseFloor
+from lrm_ident.residual.residual_structure import ResidualStructure
 from lrm_ident.residual.significance import benjamini_yekutieli
 from lrm_ident.residual.thresholds import FLOOR_RATIO, MORAN_THRESHOLD, NOT_NOISE
 from lrm_math.arrays import Array
@@ -75,10 +76,10 @@ class Diagnosis:
     outliers: tuple[int, ...] = ()
     shifted: tuple[ShiftedRows, ...] = ()
 
-    @property
+    @cached_property
     def floor(self) -> NoiseFloor:
-        """Noise of the measurements."""
-        return self.screening.floor
+        """Noise of the measurements, if the model had the first of the supported effects."""
+        return self.screening.floor_beside(self.supported[0]) if self.supported else self.screening.floor
 
     @property
     def structure(self) -> ResidualStructure:
@@ -208,7 +209,7 @@ def _select(screening: Screening, progress: OnProgress, refused: Collection[str]
     """Selects effects; where all of them are spurious, their other forms are tried instead: a plain effect is selected
     before its form, and must not hide that."""
     possible = [one for one in screening.ranked if one.name not in refused]
-    tried = [one for one in possible if not screening.like_noise or one.candidate.priority == REFINEMENT]
+    tried = [one for one in possible if one.candidate.priority == REFINEMENT or not screening.like_noise(one)]
     found = _diagnosis_of(screening, progress, possible, tried)
     if found.supported:
         return found

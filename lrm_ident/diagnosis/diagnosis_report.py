@@ -46,7 +46,7 @@ NEXT_STEP: Mapping[str, str] = {
     "cause (docs/effects.md). More poses in random order, with two loads, show more of it.",
     "unpredictable": "Measure some of these poses again in another order. An error that repeats belongs to the arm; "
     "one that does not is a loose part, creep or noise.",
-    "nothing_missing": "It sends the model to the arm's daemon; then lrm-ident verify measures the tip at new goals.",
+    "nothing_missing": "Sends the model to the arm's daemon. Then lrm-ident verify measures the tip at new goals.",
     "noise_unknown": "Measure five poses twice or more (column repeat_of), or state the noise of the instrument "
     "(noise_sd_mm), and diagnose again.",
 }

@@ -22,6 +22,7 @@ OPEN = 6
 SENTENCE = 40
 """Letters of a cell from which a last column holds sentences, which stand below their row on a narrow screen."""
 BAR = "█"
+RMS = "RMS: root mean square, the typical size of an error. For other words: lrm-ident explain WORD"
 WHOLE_WORDS: Mapping[str, Any] = {"break_long_words": False, "break_on_hyphens": False}
 MOST_ROWS = 40  # of a table that is not folded
 
@@ -164,8 +165,9 @@ class Document:
     def printed(self, in_full: bool) -> list[Block]:
         """Blocks for a terminal: everything, or the conclusion and what `--all` would add to it."""
         if in_full or not self.details:
-            return self.whole
-        return [*self.blocks, f"The same command with --all also prints {self.about}."]
+            return [*self.whole, *_rms_words(self.whole)]
+        more = f"The same command with --all also prints {self.about}."
+        return [*self.blocks, *_rms_words(self.blocks), more]
 
     def text(self, width: int = 100) -> str:
         """The conclusion as plain text of so many columns."""
@@ -176,6 +178,21 @@ class Document:
     def json(self) -> str:
         """JSON text of schema and values, without NaN."""
         return json.dumps(plain({"schema": self.schema, **self.values}), indent=1, allow_nan=False) + "\n"
+
+
+def _rms_words(blocks: Sequence[Block]) -> Iterator[str]:
+    """What RMS means, once below an output that uses it."""
+    if any("RMS" in _words_of(block) for block in blocks):
+        yield RMS
+
+
+def _words_of(block: Block) -> str:
+    """All text of a block but the cells of a table."""
+    if isinstance(block, ResultTable):
+        return " ".join((block.title, *block.names))
+    if isinstance(block, ListSection):
+        return " ".join((block.title, *block.lines))
+    return " ".join(words for _, words in block.rows) if isinstance(block, Facts) else str(block)
 
 
 def plain(value: Any) -> Any:

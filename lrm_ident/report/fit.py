@@ -18,6 +18,7 @@ from lrm_ident.report.effects import field_blocks, field_values
 from lrm_ident.report.plain_names import in_words
 from lrm_ident.residual.deployment.deployed_error import DeployedError
 from lrm_ident.residual.error_breakdown import Factor, ModelComparison, PoseGroup
+from lrm_ident.residual.noise_floor import NoiseFloor, noise_floor
 from lrm_ident.study.model_history import fit_words
 from lrm_ident.study.model_on_data import ErrorSummary
 from lrm_ident.study.parameter_estimates import parameter_estimates
@@ -31,19 +32,20 @@ FROM_DATA = (
     "size: these poses cannot distinguish it from others, or do not show it."
 )
 IMPLAUSIBLE = "Implausible: something is missing in the model, or wrong in the data or in the arm file"
-MOSTLY_TOLD, OUTLIERS_SHOWN = 0.5, 6
+MOSTLY_TOLD, OUTLIERS_SHOWN, MUCH = 0.5, 4, 1.5
 
 
 def error_blocks(errors: ErrorSummary, title: str) -> list[Block]:
     """A table of a model's errors, or the reason why there is no held-out error."""
-    stats = [("nominal arm", errors.nominal), ("model", errors.fitted)]
-    if errors.held_out.error is not None:
-        stats.append(("held out (not used in the fit)", errors.held_out.error))
-    stats += deployed_rows(errors.held_out.deployed)
+    held_out = errors.held_out.error
+    stats = [("nominal arm, before any fit", errors.nominal), ("model, at the poses of its fit", errors.fitted)]
+    if held_out is not None:
+        stats.append(("held out: at poses not used in the fit", held_out))
+    stats += [row for row in deployed_rows(errors.held_out.deployed) if held_out is None or differ(row[1], held_out)]
     if errors.nameless is not None:
         stats.append(("held out, with a black-box model", errors.nameless.error))
     spec = f".{decimals(*(error.rms * 1e3 for _, error in stats))}f"
-    columns = ["TCP error, mm", *(f"{name}|{spec}" for name in ("mean", "RMS", "max", "SD"))]
+    columns = ["error of the tip, mm", *(f"{name}|{spec}" for name in ("mean", "RMS", "max", "SD"))]
     turns = [None if error.turn_rms is None else float(np.degrees(error.turn_rms)) for _, error in stats]
     known = [turn for turn in turns if turn is not None]
     rows: list[tuple[object, ...]] = [(name, *stats_in_mm(error)) for name, error in stats]
@@ -57,13 +59,18 @@ def error_blocks(errors: ErrorSummary, title: str) -> list[Block]:
     return [table, *none, *(words for words in state if words)]
 
 
+def differ(one: ErrorStats, other: ErrorStats) -> bool:
+    """Whether two errors differ as they are printed."""
+    return any(in_mm(a * 1e-3) != in_mm(b * 1e-3) for a, b in zip(stats_in_mm(one), stats_in_mm(other), strict=True))
+
+
 def deployed_rows(deployed: DeployedError | None) -> list[tuple[str, ErrorStats]]:
     """Rows of a table of errors for a model as it is deployed."""
     if deployed is None:
         return []
     rows = {
-        "as deployed, held out": deployed.now,
-        "as deployed, earlier poses": deployed.otherwise,
+        "held out, as deployed on the arm": deployed.now,
+        "as deployed, at earlier poses": deployed.otherwise,
         "as deployed, power-on time unknown": deployed.time_unknown,
     }
     return [(name, error) for name, error in rows.items() if error is not None]
@@ -75,9 +82,10 @@ def fit_document(fit: Fit, errors: ErrorSummary, data: Measurements) -> Document
     fitted, before, held_out = errors.fitted.rms, errors.nominal.rms, errors.held_out.error
     outliers = [(data.pose[row], float(np.linalg.norm(fit.residual[row]) * 1e3)) for row in fit.outliers]
     how = fit_words(fit.loss.name, data.left_out)
-    unseen = "" if held_out is None else f"; at poses that the fit did not use it is {in_mm(held_out.rms)} mm"
+    unseen = "" if held_out is None else f" At poses not used in the fit it is {in_mm(held_out.rms)} mm."
     blocks = [
-        heading(f"The RMS error {change_words(before, fitted)}{unseen}."),
+        heading(f"The RMS error {change_words(before, fitted)}.{unseen}"),
+        *_beside_noise(noise_floor(data, fit.equilibrium), None if held_out is None else held_out.rms),
         *error_blocks(errors, f"{len(data)} poses, {len(model.free)} parameters{how and '; ' + how}"),
         *section(IMPLAUSIBLE, (one.sentence for one in implausible_of(fit))),
         *_outlier_words(outliers),
@@ -113,9 +121,26 @@ def _outlier_words(outliers: Sequence[tuple[int, float]]) -> Iterator[str]:
         far = sorted(outliers, key=lambda one: -one[1])
         shown = wording.enumerate_words([f"{pose} ({in_mm(error * 1e-3)} mm)" for pose, error in far], OUTLIERS_SHOWN)
         yield (
-            f"{len(far)} fitted poses are outliers, more than 5 robust standard deviations off: {shown}. Either these "
-            "measurements are wrong, or the model fails most there."
+            f"{len(far)} poses fit much worse than the others (outliers): {shown}. Either these measurements are "
+            "wrong, or the model lacks an effect that shows there."
         )
+
+
+def _beside_noise(floor: NoiseFloor, held_out: float | None) -> Iterator[str]:
+    """How the held-out error (m) compares with the noise of the measurement, where both are known.
+
+    By repeated poses the noise is at most so large: what the model lacks can make repeats differ, too.
+    """
+    if (noise := floor.rms) is None or held_out is None:
+        return
+    times = held_out / noise
+    if times < MUCH:
+        repeats = floor.source == "replicates"
+        like = "as much as repeated poses differ" if repeats else "as large as the measurement noise"
+        yield f"That is about {like} ({in_mm(noise)} mm RMS)."
+    else:
+        noise_mm = f"the measurement noise ({in_mm(noise)} mm RMS)"
+        yield f"That is {times:.1f} times {noise_mm}, so the model still lacks something."
 
 
 def _told_words(fit: Fit) -> Iterator[str]:
@@ -123,7 +148,7 @@ def _told_words(fit: Fit) -> Iterator[str]:
     if fit.stated is not None:
         few = int((fit.told < MOSTLY_TOLD).sum())
         count = len(fit.told)
-        yield f"The measurements determine {count - few} of {count} parameters; the others stay near usual values."
+        yield f"The poses determine {count - few} of {count} parameters; the others stay near their usual values."
 
 
 def _without_outliers(fit: Fit, data: Measurements) -> list[Block]:
@@ -144,9 +169,12 @@ def comparison_document(found: ModelComparison, files: Sequence[str] = ()) -> Do
     free = len(found.equilibrium.model.free)
     errors = ErrorSummary(found.nominal, found.error, found.held_out, found.predictable)
     field = field_of(found.equilibrium.model)
-    black_box = [] if found.predictable is None else [f"Black-box model: {in_words(found.predictable.sentence)}"]
+    box = found.predictable
+    black_box = [] if box is None else [f"Black-box model: {in_words(box.sentence)}"]
     blocks = [
         heading(_fails_where(found)),
+        *_beside_noise(noise_floor(data, found.equilibrium), _held_out_rms(found)),
+        *_depends_on(found.factors),
         *error_blocks(errors, f"{len(data)} poses, {free} parameters"),
         *(() if field is None else field_blocks(found, field)),
         *([said] if (said := _outside(found)) else []),
@@ -188,21 +216,26 @@ def _diagnose_next(files: Sequence[str]) -> list[Block]:
     """The command that names what is missing, where the files are known."""
     if not files:
         return []
-    words = "      It finds out which effect is missing, and how certain that is."
+    words = "      Finds the physical effect behind this error, and how certain that is."
     return ["", CommandLine(f"Next: lrm-ident diagnose {shlex.join(files)}"), words]
 
 
+def _held_out_rms(found: ModelComparison) -> float | None:
+    return None if found.held_out.error is None else found.held_out.error.rms
+
+
 def _fails_where(found: ModelComparison) -> str:
-    """How large the error is, and what it depends on most."""
+    """How large the error is."""
     held_out = found.held_out.error
-    unseen = "" if held_out is None else f", held out {in_mm(held_out.rms)} mm"
-    most = found.factors[0] if found.factors else None
-    depends = "" if most is None or most.share < LITTLE else _share_words(most)
-    return f"The RMS error is {in_mm(found.error.rms)} mm{unseen}{depends}."
+    unseen = "" if held_out is None else f", at poses not used in the fit {in_mm(held_out.rms)} mm"
+    return f"The RMS error is {in_mm(found.error.rms)} mm{unseen}."
 
 
-def _share_words(factor: Factor) -> str:
-    return f"; {in_percent(factor.share)} % of the squared error depends on the {factor.name}"
+def _depends_on(factors: Sequence[Factor]) -> Iterator[str]:
+    """What the error depends on most, if on anything."""
+    if factors and factors[0].share >= LITTLE:
+        share = in_percent(factors[0].share)
+        yield f"The error depends most on the {factors[0].name}, which explains {share} % of the squared error."
 
 
 def _rows_outside(found: ModelComparison) -> list[int]:
@@ -299,12 +332,12 @@ def _correlated(fit: Fit) -> Iterator[str]:
 
 def _factor_table(factors: Sequence[Factor]) -> ResultTable:
     spec = f".{decimals(*(factor.worst.error.rms * 1e3 for factor in factors))}f"
-    columns = ("grouped by", "explains|", "", "worst group", f"RMS mm|{spec}", "poses|")
+    columns = ("grouped by", "explains|", "0 to 100 %", "worst group", f"RMS mm|{spec}", "poses|")
     rows = [
         (f.name, _share(f.share), "█" * round(BAR * f.share), w.label, w.error.rms * 1e3, w.count)
         for f, w in ((factor, factor.worst) for factor in factors)
     ]
-    return ResultTable(columns, rows, "Where the model fails: what the error depends on")
+    return ResultTable(columns, rows, "Where the model fails: share of the squared error that each quantity explains")
 
 
 def _share(share: float) -> str:

@@ -115,6 +115,12 @@ TERMS = (
         ("spatial autocorrelation of the residuals", "likeness of neighbours", "spatial autocorrelation"),
     ),
     Term(
+        "nested cross-validation",
+        "A stricter held-out error: not only the parameters but also the choice of effects is made anew, each time "
+        "without the poses that are predicted. A choice that few of these searches repeat is unstable.",
+        ("nested",),
+    ),
+    Term(
         "nominal",
         "As the arm file or the URDF states it, before any fit.",
         ("as drawn",),
@@ -123,6 +129,12 @@ TERMS = (
         "nonlinear joint stiffness",
         "A joint that becomes stiffer the further it bends.",
         ("nonlinear_stiffness", "uneven spring"),
+    ),
+    Term(
+        "outlier",
+        "A pose that fits much worse than the others: its measurement is wrong, or the model lacks an effect that "
+        "shows there. The limit is five robust standard deviations.",
+        ("outliers", "robust standard deviation"),
     ),
     Term(
         "remaining error",
@@ -149,6 +161,12 @@ TERMS = (
         "A smooth curve through a few knots. As a free-form version of an effect it shows the shape of an "
         "error whose formula is not known.",
         ("free curve", "free-form version", "free form"),
+    ),
+    Term(
+        "standard error",
+        "The uncertainty of an estimate, written behind ±. The true value lies within two standard errors in about 95 "
+        "of 100 cases, if the model is right.",
+        ("±",),
     ),
     Term(
         "stop",

@@ -13,7 +13,7 @@ from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.wording import decimals, enumerate_words
 from lrm_ident.diagnosis.attribution import ExplainedStep, StepAttribution, attribute_steps, term_of
 from lrm_ident.diagnosis.diagnosis_report import DiagnosisReport
-from lrm_ident.report.diagnosis.conclusion import Conclusion
+from lrm_ident.report.diagnosis.conclusion import UNKNOWN_FILES, CommandNames, Conclusion
 from lrm_ident.report.diagnosis.diagnosis import diagnosis_document
 from lrm_ident.report.document import Document, ResultTable
 from lrm_ident.report.fit import comparison_document, estimate_table
@@ -273,8 +273,8 @@ def with_comparison(found: ModelReport, compared: ModelComparison) -> ModelRepor
     return replace(found, comparison=comparison_document(compared), marked=marked)
 
 
-def with_diagnosis(found: ModelReport, report: DiagnosisReport) -> ModelReport:
-    """Adds the result of `diagnose`."""
+def with_diagnosis(found: ModelReport, report: DiagnosisReport, names: CommandNames = UNKNOWN_FILES) -> ModelReport:
+    """Adds the result of `diagnose`. `names`: of the files in the commands to copy."""
     diagnosis = report.diagnosis
     fitted, data = diagnosis.screened_subset
     row_of = {number: row for row, number in enumerate(data.pose.tolist())}
@@ -285,4 +285,4 @@ def with_diagnosis(found: ModelReport, report: DiagnosisReport) -> ModelReport:
     regimes = {f"regime {one.where}": tuple(report.left.pose[one.rows].tolist()) for one in report.left.regimes}
     far = tuple(int(numbers[row]) for row in report.far_rows)
     marked = {**(found.marked or {}), "outliers": diagnosis.outliers, "far poses": far, **regimes}
-    return replace(found, diagnosis=diagnosis_document(report), candidates=views, marked=marked)
+    return replace(found, diagnosis=diagnosis_document(report, names), candidates=views, marked=marked)

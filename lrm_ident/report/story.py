@@ -21,6 +21,7 @@ Kind = Literal["nominal", "fit", "effect"] | AttributionTerm
 GEOMETRY = "geometry and springs"
 BAR_WIDTH = 12
 MM = 1e-3
+ANEW = "if the effects, too, are chosen without the held-out poses"
 
 
 @dataclass(frozen=True)
@@ -74,10 +75,13 @@ class Story:
 
     @property
     def _known(self) -> tuple[tuple[str, float | None, str], ...]:
-        nested = "" if self.nested_deployed_mm is None else f", as deployed {in_mm(self.nested_deployed_mm * MM)} mm"
+        last = self.steps[-1] if self.steps else None
+        deployed = None if last is None or _alike(last.deployed_mm, last.left_mm) else last.deployed_mm
+        nested, on_arm = self.nested_mm, self.nested_deployed_mm
+        more = "" if on_arm is None or _alike(on_arm, nested) else f"; as deployed {in_mm(on_arm * MM)} mm"
         return (
-            ("as deployed", self.steps[-1].deployed_mm if self.steps else None, ""),
-            ("nested", self.nested_mm, f", held out with the effects chosen anew in every fold{nested}"),
+            ("as deployed", deployed, ", on the arm: effects of this session alone do not go along"),
+            ("nested", nested, f", {ANEW}{more}"),
             ("measurement noise", self.noise_mm, ""),
             ("measurement noise", self.bound_mm if self.noise_mm is None else None, " at most"),
         )
@@ -150,6 +154,11 @@ def story_of(
         steps.append(StoryStep(title, kind if number else "fit", number, steps[-1].left_mm, left, deployed))
     noise = noise_mm if noise_mm is not None else course.noise_rms_mm
     return Story(tuple(steps), held_out, course.nested_rms_mm, course.nested_deployed_rms_mm, noise, bound_mm)
+
+
+def _alike(one: float | None, other: float | None) -> bool:
+    """Whether two errors (mm) are the same as they are printed: then one of them is enough."""
+    return one is not None and other is not None and in_mm(one * MM) == in_mm(other * MM)
 
 
 def _counted(steps: Sequence[StoryStep]) -> str:

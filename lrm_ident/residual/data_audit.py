@@ -67,7 +67,10 @@ def joints_of_order(q: Array) -> dict[int, float]:
 def _reversals(excitation: Excitation) -> Iterator[str]:
     never = [i + 1 for i in range(excitation.torque.shape[1]) if excitation.reversals(i) < FEW_REVERSALS]
     if never and excitation.poses.direction is not None:
-        yield f"no reversal: {_joints(never)} (almost) never reversed, so hysteresis there cannot show"
+        yield (
+            f"no reversal: {_joints(never)} (almost) never reversed, so hysteresis cannot show; approach poses from "
+            "both sides"
+        )
 
 
 def _signs(excitation: Excitation) -> Iterator[str]:

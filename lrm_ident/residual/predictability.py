@@ -15,13 +15,16 @@ import numpy as np
 from lrm_ident.data.error_stats import ErrorStats, error_stats
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.registration.row_choice import spaced_rows
-from lrm_ident.data.wording import in_mm
+from lrm_ident.data.wording import enumerate_words, in_mm
 from lrm_ident.fitting.held_out import HeldOutBlock, held_out_residual
 from lrm_ident.residual.better_prediction import falls_by_share, vuong_z
 from lrm_ident.residual.covariates import covariates, distinct
 from lrm_ident.residual.thresholds import MIN_NAMELESS_GAIN, Z_THRESHOLD
 from lrm_math.arrays import Array
 
+WHAT_IT_IS = "a Gaussian process, which predicts the error from the pose without knowing causes,"
+NAMED = 3  # inputs in a sentence
+IN_WORDS = {"order": "the order of measurement", **{f"position {axis}": f"{axis} of the tip" for axis in "xyz"}}
 SEARCH_ROWS = 250  # training rows of a block from which its kernel is estimated
 RELEVANT, MOST_FOLLOWED = 0.1, 5  # least relevance of an input that is named, in parts of the largest; most inputs
 
@@ -85,10 +88,11 @@ class PredictableError:
         """Prediction of the residual in words, and the inputs that it follows."""
         before, after = in_mm(error_stats(self.before).rms), in_mm(self.error.rms)
         if not self.more_to_find:
-            return f"a Gaussian process on the residuals cannot predict the rest ({after} mm with it)"
+            return f"{WHAT_IT_IS} predicts no better ({after} mm RMS with it)"
+        inputs = enumerate_words([IN_WORDS.get(name, name) for name in self.follows], NAMED)
         return (
-            f"a Gaussian process on the residuals lowers the error from {before} to {after} mm, so that part is "
-            f"systematic. It uses {', '.join(self.follows)}."
+            f"{WHAT_IT_IS} lowers the error from {before} to {after} mm RMS. So that part is systematic: it has a "
+            f"cause. It depends on {inputs}."
         )
 
     def as_json(self) -> dict[str, object]:

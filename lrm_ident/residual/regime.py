@@ -67,6 +67,8 @@ class Regime:
     def where(self) -> str:
         """Interval in words, for instance `q2 < -40°`."""
         name, unit = self.name, UNITS[self.quantity.kind]
+        if self.quantity.kind == "order":
+            return _numbers(self.low, self.high)
         if self.low is None:
             return f"{name} < {self.high:.4g}{unit}"
         if self.high is None:
@@ -85,8 +87,8 @@ class Regime:
         """Sentence on the concentration of the error in the interval, and on possible causes."""
         hint = HINTS[self.quantity.kind, "middle" if self.low is not None and self.high is not None else "end"]
         return (
-            f"{in_percent(self.share)} % of the squared error lies in {self.poses} poses ({self.where}): RMS "
-            f"{in_mm(self.inside)} mm there, {in_mm(self.outside)} mm elsewhere. {hint}"
+            f"{in_mm(self.inside)} mm RMS in {self.poses} poses ({self.where}), {in_mm(self.outside)} mm elsewhere; "
+            f"{in_percent(self.share)} % of the squared error lies there. {hint}"
         )
 
     def as_json(self) -> dict[str, object]:
@@ -103,6 +105,15 @@ class Regime:
             "p_value": self.p_value,
             "sentence": self.sentence,
         }
+
+
+def _numbers(low: float | None, high: float | None) -> str:
+    """Poses between two of their numbers in the order of measurement, in words."""
+    if high is None:
+        return f"measured after number {int(low or 0.0)}"
+    if low is None:
+        return f"measured up to number {int(high)}"
+    return f"measured as numbers {int(low) + 1} to {int(high)}"
 
 
 def studentised_squares(residual: Array, columns: Array) -> Array:

@@ -1,78 +1,18 @@
-"""Noise floor of the measurements, and autocorrelation of the residual in joint space and in order of measurement."""
+"""Autocorrelation of the residual in joint space and in order of measurement."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import chdtrc, fdtrc, ndtr
+from scipy.special import ndtr
 
-from lrm_ident.data.measurements import Measurements
 from lrm_ident.residual.thresholds import SIGNIFICANCE
 from lrm_math.arrays import Array
-from lrm_math.model.equilibrium import Equilibrium
 
 NEIGHBOURS, DRAWS, SEED = 6, 400, 0
 PAIRS_AT_ONCE = 200
-
-
-@dataclass(frozen=True)
-class NoiseFloor:
-    """Noise of the measurements: standard deviation `sd` per axis (m), or None, and its `source`.
-
-    `axes`: number of measured axes of a position, three unless distances alone were measured.
-    `degrees_of_freedom`: of `sd` as an estimate; infinite where a file states it.
-    """
-
-    sd: float | None
-    source: Literal["replicates", "metadata", "unknown"]
-    axes: float = 3.0
-    degrees_of_freedom: float = np.inf
-
-    @property
-    def rms(self) -> float | None:
-        """RMS of the 3-D distance that the noise alone makes (m)."""
-        return None if self.sd is None else float(np.sqrt(self.axes) * self.sd)
-
-    def p_value(self, sigma: float, degrees_of_freedom: float) -> float:
-        """p value of the lack-of-fit F test of a residual (m per axis) (Draper and Smith 1998, section 2.1).
-
-        With replicates the pure error is subtracted from the residual's squares, and the rest compared with it; with a
-        stated noise this becomes the χ² test. NaN where the noise is unknown.
-        """
-        if self.sd is None:
-            return np.nan
-        ratio, pure = (sigma / self.sd) ** 2, self.degrees_of_freedom
-        if np.isinf(pure):
-            return float(chdtrc(degrees_of_freedom, degrees_of_freedom * ratio))
-        lack = degrees_of_freedom - pure
-        return float(fdtrc(lack, pure, max(0.0, (degrees_of_freedom * ratio - pure) / lack))) if lack > 0 else 1.0
-
-
-def noise_floor(data: Measurements, equilibrium: Equilibrium) -> NoiseFloor:
-    """Noise of the measurements: pooled standard deviation of a model's residuals at repeated poses (pure error, Draper
-    and Smith 1998, section 2.1), else as the file states it, else unknown.
-
-    Residuals are taken, not positions, since a repetition from the other side or under another load differs by what the
-    model knows of friction and springs. Repetitions that are all equal to the last digit were copied, and do not count.
-    """
-    alone = data.distance is not None and not len(data.positions)
-    measured = data.distance[:, None] if alone and data.distance is not None else data.tcp
-    axes = measured.shape[1]
-    left = data.residual(equilibrium)
-    left = left[:, -1:] if alone else left[:, :axes]
-    rows = np.flatnonzero(~np.isnan(measured[:, 0]))
-    numbers, count = np.unique(data.repeat_of[rows], return_counts=True)
-    repeats = [rows[data.repeat_of[rows] == number] for number in numbers[count > 1]]
-    if any(np.ptp(measured[rows], axis=0).any() for rows in repeats):
-        squares = sum(float(((left[rows] - left[rows].mean(axis=0)) ** 2).sum()) for rows in repeats)
-        degrees_of_freedom = axes * sum(len(rows) - 1 for rows in repeats)
-        return NoiseFloor(float(np.sqrt(squares / degrees_of_freedom)), "replicates", axes, degrees_of_freedom)
-    if data.sd is not None:
-        return NoiseFloor(float(np.sqrt(np.mean(data.sd**2))), "metadata", axes)
-    return NoiseFloor(data.noise_sd, "unknown" if data.noise_sd is None else "metadata", axes)
 
 
 @dataclass(frozen=True)

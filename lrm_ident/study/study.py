@@ -22,6 +22,7 @@ from lrm_ident.fitting.priors import EffectRates, load_prior, prior_name_for
 from lrm_ident.fitting.progress import Progress, silent
 from lrm_ident.fitting.typical_prior import TYPICAL
 from lrm_ident.residual.deployment.carried_states import with_carried_states
+from lrm_ident.residual.deployment.reverting_terms import with_reverting_terms
 from lrm_ident.residual.deployment.unmeasured_angles import with_unmeasured_angles
 from lrm_ident.residual.error_breakdown import HeldOutResidual, ModelComparison, NestedResidual
 from lrm_ident.residual.thresholds import MAX_EFFECTS
@@ -101,7 +102,8 @@ class Study(ModelOnData, ShownInNotebook):
         result = fit_model(named_part(self.model), self.data, ",".join(names_of(parameters)), loss, unbounded, known)
         name = None if prior is None else prior_name_for(prior)
         bounds = fit_bounds(result.fit.model, unbounded)
-        deployable = with_unmeasured_angles(with_carried_states(result.fit, result.data))
+        stated = with_unmeasured_angles(with_carried_states(result.fit, result.data))
+        deployable = with_reverting_terms(stated, result.data)
         step = StudyStep("fit", deployable, bounds=bounds, stated_prior=known, prior_name=name)
         begun = replace(self, data=result.data, loss=loss, source=None)
         return replace(begun, notices=(*self.notices, *model_error_words(result.data)))._after(step, None)

@@ -22,13 +22,13 @@ BODY = """<header>
 </header>
 <main>
 <section>
-<h2>How far off, as drawn and as identified</h2>
+<h2>Error of the tip, nominal and identified</h2>
 <div id="lrm-errors" class="lrm-figure medium"></div>
 </section>
 <section>
 <h2>Which effect is missing in which arm</h2>
 <p class="lrm-soft">beside each name: in how many of the arms that could show it it was found, and how many of the kind
-have it by that count (95 % interval); hollow: one of several causes that this arm's data cannot tell apart</p>
+have it by that count (95 % interval); hollow: one of several causes that this arm's data cannot distinguish</p>
 <div id="lrm-effects" class="lrm-figure"></div>
 </section>
 <section>

@@ -11,6 +11,7 @@ import numpy as np
 
 from lrm_math.arm.collision_shapes import Shapes
 from lrm_math.arm.servo_table import ServoTable
+from lrm_math.arm.vehicle import Vehicle
 from lrm_math.arrays import Array, Vector3
 from lrm_math.errors import LrmError
 
@@ -115,7 +116,8 @@ class Arm:
     """A serial arm. `gravity` (m/s²) is given in the frame that TCP positions are measured in.
 
     `joints`: those with a motor, whose angles are commanded. `mimics`: those between them that follow one of these.
-    `accepted`: rules of plausibility that a person knows this arm to break. `table`: z (m) of the plane it stands on.
+    `accepted`: rules of plausibility that a person knows this arm to break. `vehicle`: what it stands on, if that may
+    tip over. `table`: z (m) of the plane that it stands on.
     """
 
     name: str
@@ -129,6 +131,7 @@ class Arm:
     typical_sizes: TypicalSizes = TypicalSizes()
     accepted: tuple[str, ...] = ()
     mimics: tuple[MimicJoint, ...] = ()
+    vehicle: Vehicle | None = None
     table: float | None = None
 
     def __post_init__(self) -> None:

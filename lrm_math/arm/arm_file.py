@@ -26,6 +26,7 @@ from lrm_math.arm.arm import (
 from lrm_math.arm.collision_shapes import Box, Capsule, Shapes
 from lrm_math.arm.plausible_arm import ImplausibleArm, Rule, implausible
 from lrm_math.arm.servo_table import ServoTable
+from lrm_math.arm.vehicle import Vehicle
 from lrm_math.arrays import Vector3
 from lrm_math.errors import FileError, LrmError, name_suggestion, raise_faults
 from lrm_math.toml_file import S, StrictSchema, parse_toml, schema_faults
@@ -132,6 +133,14 @@ class CollisionTable(StrictSchema):
     ignore: list[Annotated[list[Name], Field(min_length=2, max_length=2)]] = []
 
 
+class VehicleTable(StrictSchema):
+    """Table `[vehicle]`: what the arm stands on, without the arm; its wheels' contacts in order round it."""
+
+    mass_g: Annotated[float, Field(gt=0.0, le=1e7)]
+    com_mm: Point
+    contacts_mm: Annotated[list[Point], Field(min_length=3, max_length=16)]
+
+
 class TypicalSizesTable(StrictSchema):
     """Table `[typical_sizes]`: how far an arm of this make usually is from its drawing, and gives way."""
 
@@ -158,6 +167,7 @@ class ArmFile(StrictSchema):
     box: list[BoxTable] = []
     collision: CollisionTable = CollisionTable()
     typical_sizes: TypicalSizesTable = TypicalSizesTable()
+    vehicle: VehicleTable | None = None
 
 
 def shipped_arms() -> dict[str, Path]:
@@ -262,10 +272,9 @@ def to_arm(tables: ArmFile) -> Arm:
     )
     sizes = tables.typical_sizes
     typical = TypicalSizes(sizes.length_mm * MM, math.radians(sizes.angle_deg), sizes.compliance)
+    arm = replace(arm, shapes=_shapes(tables, places), vehicle=_vehicle(tables.vehicle))
     table = None if tables.table_z_mm is None else tables.table_z_mm * MM
-    return replace(
-        arm, shapes=_shapes(tables, places), typical_sizes=typical, accepted=tuple(tables.accepted), table=table
-    )
+    return replace(arm, typical_sizes=typical, accepted=tuple(tables.accepted), table=table)
 
 
 def _mimics(tables: Sequence[JointTable], links: Sequence[Joint], places: Sequence[str]) -> Iterator[MimicJoint]:
@@ -324,6 +333,12 @@ def _body(t: BodyTable, places: Sequence[str]) -> Body:
         near_end=t.com_from == "near_end",
         carries_payload=t.carries_payload,
     )
+
+
+def _vehicle(t: VehicleTable | None) -> Vehicle | None:
+    if t is None:
+        return None
+    return Vehicle(t.mass_g * GRAM, _vector(t.com_mm, MM), tuple(_vector(contact, MM) for contact in t.contacts_mm))
 
 
 def _shapes(tables: ArmFile, places: Sequence[str]) -> Shapes:

@@ -11,7 +11,6 @@ wind up.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -21,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lrm_math.arrays import Array
+from lrm_math.effects.reversion import Reversion, correlation
 from lrm_math.kinematics.chain import Number
 from lrm_math.kinematics.dual import Dual
 from lrm_math.kinematics.poses import Poses
@@ -30,9 +30,6 @@ Interval: TypeAlias = tuple[float, float]
 FADE = 0.05
 """Width of the way to the held value, as a part of the range's width."""
 NARROWEST = 1e-9
-CORRELATED = math.radians(25.0)
-"""rad: angles of a joint that are so far apart have errors that tell something of each other, by half (a convention:
-a quarter of a wave of what gears, teeth and poles do to the angle, three to five times a turn)."""
 SLACK = 1e-6
 """Part of a range's width that round-off of a file may lie beyond it."""
 
@@ -83,14 +80,9 @@ class UnmeasuredAngles:
 
 def _left_open(angle: Array, known: Array) -> Array:
     """(N,), share of the process's variance that is left at angles (rad) when it is known at others."""
-    between = _correlation(angle[:, None] - known)
-    told = np.linalg.solve(_correlation(known[:, None] - known), between.T).T
+    between = np.asarray(correlation(np.abs(angle[:, None] - known)))
+    told = np.linalg.solve(np.asarray(correlation(np.abs(known[:, None] - known))), between.T).T
     return np.asarray(np.clip(1.0 - (between * told).sum(axis=1), 0.0, 1.0))
-
-
-def _correlation(apart: Array) -> Array:
-    scaled = math.sqrt(3.0) * np.abs(apart) / CORRELATED
-    return np.asarray((1.0 + scaled) * np.exp(-scaled))
 
 
 @dataclass(frozen=True)
@@ -104,6 +96,7 @@ class MeasuredRange:
         tcp: of the TCP's x, y and z (m); None where it is not known.
         centre: mean position of the TCP (m), about which a tracker's frame distorts; None: about the base's origin.
         unmeasured: what is left open between the measured angles and beyond them; None where it is not known.
+        reversion: to the model without its empirical terms; None where all of them hold.
     """
 
     angle: tuple[Interval, ...]
@@ -114,6 +107,7 @@ class MeasuredRange:
     tcp: tuple[Interval, ...] | None = None
     centre: tuple[float, ...] | None = None
     unmeasured: UnmeasuredAngles | None = None
+    reversion: Reversion | None = None
 
     def outside(self, q: Array) -> NDArray[np.bool_]:
         """(N, n), joints that stand outside their range at commands q (N, n) (rad)."""
@@ -133,7 +127,8 @@ class MeasuredRange:
             return ""
         joints = ", ".join(map(str, beyond.tolist()))
         what = f"{poses} of {len(q)} poses lie outside the range that the model was fitted on (joint {joints})"
-        return f"{what}: there its curves stay as at the range's edge, and its error is not known"
+        held = f"{what}: there its curves stay as at the range's edge, and its error is not known"
+        return held if self.reversion is None else f"{held}. {self.reversion.sentence.rstrip('.')}"
 
     def poses(self, poses: Poses) -> Poses:
         """The poses as a held form sees them."""

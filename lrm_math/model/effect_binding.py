@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from typing import Any
 from weakref import WeakKeyDictionary
@@ -16,6 +16,8 @@ from lrm_math.effects.base import Amounts, Effect, Extrapolation, LinearEffect
 from lrm_math.effects.compliance import Spring
 from lrm_math.effects.derivatives import Rows, amounts_within, by_angles, by_loads, by_parameters
 from lrm_math.effects.measured_range import MeasuredRange, held
+from lrm_math.effects.offsets import Offsets
+from lrm_math.effects.returning import Returning
 from lrm_math.effects.targets import BODY, BODY_AMOUNTS, FRAME, RADIAL, SCALE, SERVO, Kind, kind_of, slot_of
 from lrm_math.errors import UnknownName
 from lrm_math.kinematics.chain import Chain, Number
@@ -145,8 +147,9 @@ class EffectBinding:
 
 
 def bind_effects(chain: Chain, bound: tuple[BoundEffect, ...]) -> EffectBinding:
-    """The binding of a model's effects, each bound to the chain."""
-    of_kind = {kind: tuple(b for b in bound if b.kind is kind) for kind in Kind}
+    """The binding of a model's effects, each bound to the chain; what returns beyond their range among what acts."""
+    acting = (*bound, *_returning(bound))
+    of_kind = {kind: tuple(b for b in acting if b.kind is kind) for kind in Kind}
     motions = of_kind[Kind.MOTION]
     elastic = tuple(b for b in motions if b.loads)
     moving = tuple(sorted({k for b in elastic for k in b.slots}))
@@ -180,6 +183,24 @@ def bind_effect(
     encoders = tuple(chain.slots[k].joint if t.endswith(SERVO) else None for k, t in zip(slots, targets, strict=False))
     loads = tuple(load_slots.index(chain.index[key]) for key in effect.load_slots)
     return BoundEffect(effect, tuple(p), kind, slots, encoders, loads, constant(effect), within)
+
+
+def _returning(bound: Sequence[BoundEffect]) -> Iterator[BoundEffect]:
+    """Changes of effects beyond the range in which the model's empirical terms hold; none where one of these is not in
+    the model."""
+    within = next((b.within for b in bound), None)
+    reversion = None if within is None else within.reversion
+    if within is None or reversion is None or not {*reversion.terms} <= {b.effect.name for b in bound}:
+        return
+    for one in bound:
+        changes = [reversion.changes.get(key, 0.0) for key in one.effect.keys]
+        if any(changes) and one.kind in (Kind.MOTION, Kind.LOAD):
+            rows = tuple(k for k in range(len(one.slots)) if not isinstance(one.effect, Offsets) or changes[k])
+            away = tuple(value + change for value, change in zip(one.p, changes, strict=True))
+            effect = Returning(one.effect.arm, one.effect.place, one.effect, rows, one.p, away, within, reversion)
+            slots = tuple(one.slots[row] for row in rows)
+            encoders = tuple(one.encoders[row] for row in rows)
+            yield replace(one, effect=effect, p=(), slots=slots, encoders=encoders, constant=False, bases=Bases())
 
 
 def changes_of(effect: Effect, amounts: Amounts) -> Iterator[tuple[int, WeightChange]]:

@@ -20,6 +20,7 @@ from lrm_math.effects import CATALOGUE, Effect, EffectRef, ModelPart, Parameter,
 from lrm_math.effects.compliance import SPRINGS
 from lrm_math.effects.measured_range import MeasuredRange, UnmeasuredAngles
 from lrm_math.effects.offsets import Offsets
+from lrm_math.effects.reversion import Reversion
 from lrm_math.effects.servo_errors import ServoGain
 from lrm_math.effects.session_errors import warms_with_the_arm
 from lrm_math.effects.targets import FRAME_PLACE
@@ -62,6 +63,19 @@ class ProvenanceTable(StrictSchema):
     servos: ServoSettings | None = None
 
 
+class ReversionTable(StrictSchema):
+    """Table `[range.reversion]`: beyond an angle of a joint the model goes back to that without some empirical terms.
+
+    `terms`: these effects, `id@place`. `below_deg`, `above_deg`: angles beyond which they hold less and less, by joint.
+    `changes`: what is added to parameters far beyond, by their keys, in the keys' units.
+    """
+
+    terms: Annotated[list[str], Field(min_length=1)]
+    below_deg: dict[str, float] = {}
+    above_deg: dict[str, float] = {}
+    changes: dict[str, float] = {}
+
+
 class RangeTable(StrictSchema):
     """Table `[range]`, lowest and highest value of what was fitted: joints' commands, loads on slots by key and unit
     (`joint2.theta_Nm`, `joint3.d_N`), times, the TCP's x, y and z. Beyond it curves stay as at its edge; without it
@@ -79,6 +93,7 @@ class RangeTable(StrictSchema):
     measured_deg: list[Annotated[list[float], Field(min_length=1, max_length=MOST_ANGLES)]] | None = None
     open_deg: list[Annotated[float, Field(ge=0.0)]] | None = None
     loads: dict[str, Ends] = {}
+    reversion: ReversionTable | None = None
 
 
 class DeployedTable(StrictSchema):
@@ -331,7 +346,46 @@ def _range_of(path: Path, table: RangeTable | None, model: Model) -> MeasuredRan
     t, running = (None if ends is None else (ends[0], ends[1]) for ends in (table.t_s, table.running_s))
     tcp = None if table.tcp_mm is None else tuple((1e-3 * lower, 1e-3 * upper) for lower, upper in table.tcp_mm)
     centre = None if table.centre_mm is None else tuple(1e-3 * value for value in table.centre_mm)
-    return MeasuredRange(angle, (1e-3 * lightest, 1e-3 * heaviest), slots, t, running, tcp, centre, unmeasured)
+    payload, reversion = (1e-3 * lightest, 1e-3 * heaviest), _reversion_of(path, table.reversion, model)
+    return MeasuredRange(angle, payload, slots, t, running, tcp, centre, unmeasured, reversion)
+
+
+def _reversion_of(path: Path, table: ReversionTable | None, model: Model) -> Reversion | None:
+    """The reversion of a file (SI). Raises `FileError`: an effect, a joint or a parameter that the model has not."""
+    if table is None:
+        return None
+    names, joints = [effect.name for effect in model.effects], model.arm.joint_names
+    try:
+        for known, what, given in (
+            (names, "effect of this model", table.terms),
+            (joints, "joint", (*table.below_deg, *table.above_deg)),
+            (model.keys, "parameter", table.changes),
+        ):
+            if unknown := next((name for name in given if name not in known), None):
+                raise UnknownName(what, unknown, known)
+    except UnknownName as error:
+        raise FileError(path, "range.reversion", str(error)) from None
+    ends = tuple(
+        (math.radians(table.below_deg.get(joint, -math.inf)), math.radians(table.above_deg.get(joint, math.inf)))
+        for joint in joints
+    )
+    changes = {key: value * model.parameter(key).si for key, value in table.changes.items()}
+    return Reversion(tuple(table.terms), ends, changes)
+
+
+def _reversion_table(model: Model, known: Reversion | None) -> ReversionTable | None:
+    if known is None:
+        return None
+    below, above = (
+        {
+            joint: math.degrees(ends[side])
+            for joint, ends in zip(model.arm.joint_names, known.ends, strict=True)
+            if math.isfinite(ends[side])
+        }
+        for side in (0, 1)
+    )
+    changes = {key: value / model.parameter(key).si for key, value in known.changes.items()}
+    return ReversionTable(terms=[*known.terms], below_deg=below, above_deg=above, changes=changes)
 
 
 def range_table(model: Model) -> RangeTable | None:
@@ -353,6 +407,7 @@ def range_table(model: Model) -> RangeTable | None:
         else [[round(math.degrees(angle), 4) for angle in row] for row in far.measured],
         open_deg=None if far is None else [math.degrees(sd) for sd in far.sd],
         loads={f"{key}_{unit[key]}": [*ends] for key, ends in known.load.items()},
+        reversion=_reversion_table(model, known.reversion),
     )
 
 

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lrm_math.arrays import Array
 from lrm_math.effects.field.residual_field import BEYOND
+from lrm_math.effects.measured_range import MeasuredRange
+from lrm_math.effects.reversion import Reversion
 from lrm_math.kinematics.poses import poses_of
 from lrm_math.model.covariance import Covariance
 from lrm_math.model.deployed_model import field_of
@@ -64,12 +66,29 @@ def position_covariance(
 
 
 def open_covariance(settled: Equilibrium) -> Array:
-    """(N, 3, 3), m², of what the measured angles leave open (`UnmeasuredAngles`); zero where that is not known."""
-    unmeasured = None if settled.model.within is None else settled.model.within.unmeasured
-    if unmeasured is None:
-        return np.zeros((len(settled.poses), 3, 3))
-    J = joint_jacobian(settled) * unmeasured.spread(settled.poses.q)[:, None, :]
-    return np.asarray(J @ J.transpose(0, 2, 1))
+    """(N, 3, 3), m², of what the measured angles leave open (`UnmeasuredAngles`), and of empirical terms that no longer
+    hold (`Reversion`); zero where that is not known."""
+    within, out = settled.model.within, np.zeros((len(settled.poses), 3, 3))
+    if within is not None and within.unmeasured is not None:
+        J = joint_jacobian(settled) * within.unmeasured.spread(settled.poses.q)[:, None, :]
+        out += J @ J.transpose(0, 2, 1)
+    if within is not None and within.reversion is not None:
+        out += _reverted_covariance(settled, within, within.reversion)
+    return out
+
+
+def _reverted_covariance(settled: Equilibrium, within: MeasuredRange, reversion: Reversion) -> Array:
+    """(N, 3, 3), m²: variance of a Gaussian process that is known with the terms, and is without them far away."""
+    left = np.broadcast_to(np.asarray(reversion.share(settled.poses)), len(settled.poses))
+    rows, out = np.flatnonzero(left < 1.0), np.zeros((len(left), 3, 3))
+    if len(rows):
+        there, poses = replace(settled.model, within=replace(within, reversion=None)), settled.poses.take(rows)
+        away = there.with_values_of(
+            [*reversion.changes], [there.value(key) + change for key, change in reversion.changes.items()]
+        )
+        apart = solve_equilibrium(there, poses).true_tcp - solve_equilibrium(away, poses).true_tcp
+        out[rows] = (1.0 - left[rows] ** 2)[:, None, None] * apart[:, :, None] * apart[:, None, :]
+    return out
 
 
 def expected_tip_error(model: Model, covariance: Covariance) -> float:

@@ -27,7 +27,7 @@ from lrm_math.effects.reference import EffectRef, ParameterRef
 from lrm_math.kinematics.chain import Number
 
 Values = Sequence[Array]
-"""Values of an effect's parameters (SI), each (P, 1): P sets of parameters are simulated at once."""
+"""Values of an effect's parameters (SI), each (P, 1): P sets of them are simulated at once; or (P, S), by moves."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,7 +38,7 @@ class JointDrive:
         command: (M, S), commanded angle, constant over each step (rad).
         gravity, reaction: (M, S), torque of gravity, and that of the other joints' acceleration (N·m).
         inertia: (M, S), moment of inertia of the links about the axis (kg m²).
-        reference: that in the middle of all joints' ranges, where J is J₀ (kg m²).
+        reference: float or (S,), that in the middle of all joints' ranges, where J is J₀ (kg m²).
         start, speed: (S,), reading and its speed at the beginning (rad, rad/s).
     """
 
@@ -47,7 +47,7 @@ class JointDrive:
     gravity: Array
     reaction: Array
     inertia: Array
-    reference: float
+    reference: float | Array
     start: Array
     speed: Array
 

@@ -269,7 +269,7 @@ class LinkInertia(MotionEffect):
 
     def missing_excitation(self, drive: JointDrive) -> str | None:
         """The moment of inertia must vary."""
-        enough = drive.reference > 0.0 and np.std(drive.inertia) > LEAST_INERTIA * drive.reference
+        enough = np.all(drive.reference > 0.0) and np.std(drive.inertia) > LEAST_INERTIA * np.mean(drive.reference)
         return None if enough else "its links' moment of inertia hardly varies"
 
 
@@ -394,9 +394,13 @@ class Swing(MotionEffect):
     )
 
     def reading(self, q: Array, drive: JointDrive, p: Values) -> Array:
-        """The swing about q, by the midpoint rule."""
-        omega, h = 2.0 * np.pi * p[0], drive.h
-        damped, stiff = p[1] * omega * h, (omega * h) ** 2
+        """The swing about q."""
+        return self.swung(q, 2.0 * np.pi * p[0], p[1], drive.h)
+
+    @staticmethod
+    def swung(q: Array, omega: Array, ratio: Array, h: float) -> Array:
+        """(M + 1, P, S), where a mass is on a spring that q leads, at steps of h (s); midpoint rule, from rest."""
+        damped, stiff = ratio * omega * h, (omega * h) ** 2
         scale, kept = 1.0 / (1.0 + damped + 0.25 * stiff), 1.0 - damped - 0.25 * stiff
         out = np.empty_like(q)
         out[0] = away = np.zeros_like(q[0])
@@ -418,7 +422,9 @@ def _begun(goal: Array, drive: JointDrive, ahead: Array) -> Array:
 
 
 def delayed(u: Array, steps: Array) -> Array:
-    """(M, P, S), values of u that many steps earlier (P, 1), straight between; before the first it stood still."""
+    """(M, P, S), values of u that many steps earlier, (P, 1) or (P, S), straight between; before the first it stood."""
+    if np.shape(steps)[-1] > 1:
+        return np.concatenate([delayed(u[..., [k]], steps[:, [k]]) for k in range(steps.shape[1])], axis=-1)
     out = np.empty_like(u)
     for row, count in enumerate(np.asarray(steps, dtype=np.float64).reshape(-1).tolist()):
         whole = int(count)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import defaultdict
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,13 +10,17 @@ import numpy as np
 from lrm_math.arrays import Array
 from lrm_math.kinematics.chain import chain_of
 from lrm_math.kinematics.forward import chain_geometry
-from lrm_math.motion.base import JointDrive
+from lrm_math.motion.base import JointDrive, MotionEffect
+from lrm_math.motion.effects import ServoResponse, Swing
 from lrm_math.motion.loads import joint_loads, reference_inertia
+from lrm_math.motion.modes import Modes, modes_at
 from lrm_math.motion.motion_model import MotionModel
 from lrm_math.motion.simulation import simulate
 
-STEP_S, LONGEST_S = 0.005, 8.0
-"""s: of the simulation, and how long after its end a move is followed."""
+STEP_S = 0.005
+"""s, of the simulation."""
+FADED, SHORTEST_S, LONGEST_S = 8.0, 2.0, 30.0
+"""A move is followed after its end until what fades most slowly has faded by exp(−8), within these bounds (s)."""
 
 
 @dataclass(frozen=True)
@@ -30,39 +35,78 @@ class Settling:
 def settling(model: MotionModel, start: Array, goal: Array, speed: float, within: float) -> Settling:
     """Of a straight move in joint space at a speed (rad/s of the fastest joint) from `start` to `goal` (n,), rad.
 
-    `within`: m. The joints' deviations from their rest are added as if they all moved the tip the same way, a bound.
+    `within`: m.
     """
     ramp = max(int(np.ceil(np.abs(goal - start).max() / speed / STEP_S)), 1)
-    share = np.minimum(np.arange(1, ramp + round(LONGEST_S / STEP_S) + 1) / ramp, 1.0)
-    path = start + share[:, None] * (goal - start)
-    moved = _moved(model, path, start)
-    away = np.abs(moved - moved[-1]) * _levers(model, goal)
-    far = np.flatnonzero(away[ramp:].sum(axis=1) > within)
+    share = np.arange(1, ramp + 1)[:, None] / ramp
+    return settling_after(model, start, start + share * (goal - start), STEP_S, within)
+
+
+def settling_after(
+    model: MotionModel, start: Array, path: Array, step: float, within: float, payload: float = 0.0
+) -> Settling:
+    """Of commanded angles `path` (M, n), rad, each constant over a step (s), from rest at `start` (n,).
+
+    `within`: m; `payload`: kg. The tip's deviation is that of the joints' by the Jacobian at the end of the path.
+    """
+    goal = path[-1]
+    modes = modes_at(model, goal, payload)
+    after = float(np.clip(FADED / _slowest_fading(model, modes), SHORTEST_S, LONGEST_S))
+    moved = _moved(model, np.concatenate([path, np.tile(goal, (round(after / step), 1))]), start, step)
+    away = moved - moved[-1]
+    if modes is not None:
+        away = away + modes.deflections(moved, step)
+    parts = away[:, :, None] * _jacobian(model, goal)
+    far = np.flatnonzero(np.linalg.norm(parts[len(path) :].sum(axis=1), axis=1) > within)
     last = int(far[-1]) if len(far) else 0
-    seconds = (last + 1) * STEP_S if len(far) else 0.0
-    return Settling(seconds, int(np.argmax(away[ramp + last])))
+    seconds = (last + 1) * step if len(far) else 0.0
+    ends = parts[len(path) + last : len(path) + last + max(1, round(0.5 / step))]
+    return Settling(seconds, int(np.argmax(np.linalg.norm(ends, axis=2).max(axis=0))))
 
 
-def _moved(model: MotionModel, path: Array, start: Array) -> Array:
-    """(M + 1, n), angles (rad) of all joints that are commanded along a path (M, n), at the steps of the simulation."""
-    loads = joint_loads(model.arm, np.concatenate([start[None], path])[None], STEP_S)
-    reference, out = reference_inertia(model.arm), []
+def _slowest_fading(model: MotionModel, modes: Modes | None) -> float:
+    """Smallest rate (1/s) at which a servo or a mode comes to rest."""
+    rates = [] if modes is None else (modes.omega * modes.damping).tolist()
+    for effect in model.effects:
+        if isinstance(effect, ServoResponse):
+            omega, ratio = 2.0 * np.pi * model.values[effect.keys[0]], model.values[effect.keys[1]]
+            rates.append(omega * (ratio - np.sqrt(max(ratio**2 - 1.0, 0.0))))
+    return float(min(rates))
+
+
+def _moved(model: MotionModel, path: Array, start: Array, step: float) -> Array:
+    """(M + 1, n), angles (rad) at which the servos of all joints are, commanded along a path (M, n).
+
+    Joints with the same effects are simulated at once.
+    """
+    loads = joint_loads(model.arm, np.concatenate([start[None], path])[None], step)
+    reference, out = reference_inertia(model.arm), np.empty((len(path) + 1, len(start)))
+    alike: dict[tuple[type[MotionEffect], ...], list[int]] = defaultdict(list)
     for joint in range(model.arm.dof):
-        gravity, reaction, inertia = (x[0, 1:, [joint]].T for x in (loads.gravity, loads.reaction, loads.inertia))
-        effects = model.of_joint(joint)
-        values = [[np.array([[model.values[key]]]) for key in effect.keys] for effect in effects]
-        at = start[[joint]]
+        alike[tuple(type(effect) for effect in _led(model, joint))].append(joint)
+    for joints in alike.values():
+        gravity, reaction, inertia = (x[0, 1:, joints].T for x in (loads.gravity, loads.reaction, loads.inertia))
+        effects = [_led(model, joint) for joint in joints]
+        values = [
+            [np.array([[model.values[of_joint[i].keys[k]] for of_joint in effects]]) for k in range(len(effect.keys))]
+            for i, effect in enumerate(effects[0])
+        ]
         drive = JointDrive(
-            STEP_S, path[:, [joint]], gravity, reaction, inertia, float(reference[joint]), at, np.zeros(1)
+            step, path[:, joints], gravity, reaction, inertia, reference[joints], start[joints], np.zeros(len(joints))
         )
-        out.append(simulate(effects, values, drive)[:, 0, 0])
-    return np.stack(out, axis=1)
+        out[:, joints] = simulate(effects[0], values, drive)[:, 0]
+    return out
 
 
-def _levers(model: MotionModel, q: Array) -> Array:
-    """(n,), m of the tip for each rad of a joint at a posture."""
+def _led(model: MotionModel, joint: int) -> tuple[MotionEffect, ...]:
+    """Effects between a joint's command and its servo's angle."""
+    return tuple(effect for effect in model.of_joint(joint) if not isinstance(effect, Swing))
+
+
+def _jacobian(model: MotionModel, q: Array) -> Array:
+    """(n, 3), m of the tip for each rad of a joint at a posture."""
     chain = chain_of(model.arm)
     geometry = chain_geometry(chain, chain.values([np.array([angle]) for angle in q.tolist()]), 1)
     slots = list(chain.joint_slots)
     axis, origin = geometry.axis[slots, :, 0], geometry.origin[slots, :, 0]
-    return np.asarray(np.linalg.norm(np.cross(axis, geometry.tcp[:, 0] - origin), axis=1))
+    return np.asarray(np.cross(axis, geometry.tcp[:, 0] - origin))

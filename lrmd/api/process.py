@@ -18,17 +18,28 @@ from lrmd.api.children import ChildProcesses
 from lrmd.api.model_reload import ActiveModel
 from lrmd.api.presence import IkProbe, Presence
 from lrmd.api.publisher import EventRing, EventThrottle, StatePublisher
+from lrmd.api.skill_questions import SkillQuestions
 from lrmd.api.supervisor import ChildProcess, RestartLimitExceeded, silence
 from lrmd.api.systemd_notify import notify, watchdog_s
 from lrmd.api.zenoh_server import ZenohServer
 from lrmd.config import SECOND, Config
+from lrmd.control.known_motion import Arrival, KnownMotion
 from lrmd.control.requests import Controller
 from lrmd.control.state import ControllerEvent, Level
 from lrmd.control.state_machine import Mode
 from lrmd.errors import RequestError
 from lrmd.ik.deployed_model import DeployedModel
-from lrmd.messages.codec import Message, error_reply, pack
-from lrmd.messages.control import DeployRequest, HoldRequest, JogRequest, MoveRequest, ReloadRequest, UndeployRequest
+from lrmd.messages.codec import Header, Message, error_reply, pack
+from lrmd.messages.control import (
+    DeployRequest,
+    HoldRequest,
+    JogRequest,
+    LeaseRequest,
+    MoveRequest,
+    ReloadRequest,
+    Reply,
+    UndeployRequest,
+)
 from lrmd.messages.surroundings import packed
 from lrmd.messages.zenoh_session import own_client
 from lrmd.persistence.state_file import BackgroundWriter, SaveSchedule, restored_state
@@ -37,6 +48,8 @@ from lrmd.safety.thermal_model import gravity_torques
 
 PERIOD, STANDBY_PERIOD = SECOND // 50, 4 * SECOND // 50
 """ns between cycles: the longer one while the servos are off and nobody subscribes to the joints."""
+LEAST_PAUSE = SECOND // 1000
+"""ns: after a long cycle, the requests that waited come before the next one."""
 RAMP_TIMEOUT = SECOND // 2
 """ns without a tick after which the ramp process is restarted: half of the board's own timeout."""
 START_TIMEOUT = 20 * SECOND
@@ -64,6 +77,7 @@ class ApiProcess:
         guard, stored = self._model.guard, restored_state(config, self._emit)
         torques = gravity_torques(config.arm, self._model.gravity)
         self._controller = Controller(config, torques, stored, guard, now, time.time_ns())
+        self._controller.motion = KnownMotion.of(config)
         if self._controller.unchecked:
             self._emit("no_shapes", "warning", f"{self._controller.unchecked}; no move is checked")
         self._publisher = StatePublisher(config, self._controller, self._shared, self._ramp, self._ik, self.boot_id)
@@ -73,6 +87,7 @@ class ApiProcess:
         self._ik_due = now
         self._server: ZenohServer | None = None
         self._presence: Presence | None = None
+        self._questions: SkillQuestions | None = None
         self._tick_seen, self._ticked_at = 0, now
         self._saving = SaveSchedule(config.save)
         self._knowledge: ArmKnowledge | None = None
@@ -92,6 +107,7 @@ class ApiProcess:
             with zenoh.open(own_client(self._config.zenoh)) as session:
                 self._children.wait_for_ramp(START_TIMEOUT)
                 self._server = ZenohServer(session, self._config.robot, self, tuple(self._publisher.states))
+                self._questions = SkillQuestions(session, self._config.robot, self.boot_id, self._answered)
                 self._presence = Presence(session, self._config.robot, self.boot_id)
                 self._loop(IkProbe(session, self._config.robot))
                 notify("STOPPING=1")
@@ -129,7 +145,7 @@ class ApiProcess:
                 notified_at = now
                 notify(f"WATCHDOG=1\nSTATUS={self._controller.mode}")
             due = max(due + (STANDBY_PERIOD if self._was_ready and self._standing_by else PERIOD), now)
-            time.sleep(max(0, due - time.monotonic_ns()) / SECOND)
+            time.sleep(max(LEAST_PAUSE, due - time.monotonic_ns()) / SECOND)
 
     @property
     def _standing_by(self) -> bool:
@@ -197,6 +213,8 @@ class ApiProcess:
         self._supervise(now)
         if self._presence is not None:
             self._controller.others_seen(self._presence.others)
+        if self._questions is not None:
+            self._questions.ask(self._controller.question)
         if self._server is not None:
             self._server.stand_in_for_ik(self._shared.ik[0] == 0)
             for tail in filter(self._server.has_subscriber, self._publisher.due(now)):
@@ -258,6 +276,11 @@ class ApiProcess:
         child.start(now)
         return True
 
+    def _answered(self, number: int, reply: Header | LrmError) -> None:
+        """Takes the answer to a question of the skill under way."""
+        with self._lock:
+            self._controller.answer(number, reply, time.monotonic_ns())
+
     def _save(self, now: int, at_once: bool = False) -> None:
         c = self._controller
         levels = map(c.thermal.model.level, c.thermal.temperature)
@@ -281,19 +304,31 @@ class ApiProcess:
             deployed = self._changed_model(request)
             self._model.wait_for_ik(deployed)
             return self._publisher.reloaded(tail, deployed)
+        arrived = time.monotonic_ns()
         if isinstance(request, MoveRequest | JogRequest):
             self._shared.wait_for_order(self._controller.order.number, SETTLING_TIME)
         with self._lock:
             now = time.monotonic_ns()
             self._observe(now)
-            result = self._controller.handle(request, now)
+            # a renewal counts from when it came, not from when the daemon had time for it
+            result = self._controller.handle(request, arrived if isinstance(request, LeaseRequest) else now)
             self._write_order()
             self._flush()
             reply, order = self._publisher.reply(tail, result), self._controller.order.number
         if isinstance(request, HoldRequest) and not self._shared.wait_for_order(order, SETTLING_TIME):
             text = "the ramp did not confirm the hold in time; it reads the order as soon as it ticks"
             raise RequestError("hold_unconfirmed", text, retryable=True)
-        return reply
+        return self._with_settling(tail, reply, result.arrival)
+
+    def _with_settling(self, tail: str, reply: Reply, arrival: Arrival | None) -> Reply:
+        """The reply, and how long the tip swings after the motion that it is of, where that is known.
+
+        That takes some tens of milliseconds, without the lock.
+        """
+        if tail != "rpc/move" or arrival is None or (known := self._controller.motion) is None:
+            return reply
+        within = self._config.motion.within_mm * 1e-3
+        return reply.model_copy(update={"settle_s": known.settle_s(arrival), "within_m": within})
 
     def _changed_model(self, request: ReloadRequest | DeployRequest | UndeployRequest) -> DeployedModel:
         if isinstance(request, DeployRequest):

@@ -10,7 +10,7 @@ import math
 import time
 from collections import defaultdict, deque
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from functools import partial
 from importlib.metadata import version
 from typing import Any
@@ -21,6 +21,7 @@ from lrmd.api.supervisor import ChildProcess
 from lrmd.config import SECOND, Config
 from lrmd.control.arming_pose import stored_angles
 from lrmd.control.requests import Controller
+from lrmd.control.skill_run import SkillReport
 from lrmd.control.state import ControllerEvent, RequestResult
 from lrmd.ik.deployed_model import DeployedModel
 from lrmd.messages.codec import Header, HeaderSource
@@ -39,6 +40,7 @@ from lrmd.messages.control import (
     SceneState,
     ThermalState,
 )
+from lrmd.messages.skills import SkillState
 from lrmd.ramp.shared_memory import BUCKET_NS, NO_MODEL, NOMINAL, SharedRecords
 
 EDGES = (1, 2, 3, 4, 5, 6, 8, 10, 12, 16, 20, 25, 30, 40, 50, 60, 80, 100, 120, 160, 200, 250, 300, 400, 511)
@@ -106,6 +108,7 @@ class StatePublisher:
         self.boot_id, self._header = boot_id, HeaderSource(boot_id).next
         self._published_at = 0
         self._published: tuple[Any, ...] = ()
+        self._skill_published: SkillReport | None = None
         self.states: dict[str, Callable[[], Header]] = {
             "state/joints": self._joints,
             "state/mode": self._mode,
@@ -113,6 +116,7 @@ class StatePublisher:
             "state/thermal": self._thermal,
             "state/gravity": self._gravity,
             "state/scene": self._scene,
+            "state/skill": self._skill,
             "state/metrics": self._metrics,
             "info": self._info,
         }
@@ -126,6 +130,9 @@ class StatePublisher:
         if due or published != self._published:
             self._published = published
             keys += ["state/mode", "state/faults"]
+        if due or c.skill_report != self._skill_published:
+            self._skill_published = c.skill_report
+            keys.append("state/skill")
         if due:
             self._published_at = now
             keys += ["state/thermal", "state/gravity", "state/scene", "state/metrics", "info"]
@@ -138,7 +145,7 @@ class StatePublisher:
             **self._header(tail), mode=self._controller.mode.value, stops=self._controller.stops,
             seconds=result.seconds,
             lease=None if lease is None else lease.token, lease_ms=None if lease is None else self._config.lease / 1e6,
-            model_sha256=self._model_sha256, unchecked=result.unchecked,
+            model_sha256=self._model_sha256, unchecked=result.unchecked, skill=result.skill,
         )  # fmt: skip
 
     def reloaded(self, tail: str, deployed: DeployedModel) -> ReloadReply:
@@ -209,6 +216,10 @@ class StatePublisher:
             for name, one in self._controller.obstacles.known.items()
         ]  # fmt: skip
         return SceneState(**self._header("state/scene"), obstacles=found)
+
+    def _skill(self) -> SkillState:
+        c = self._controller
+        return SkillState(**self._header("state/skill"), **asdict(c.skill_report), stops=c.stops)
 
     def _metrics(self) -> MetricsState:
         report, duty = self._controller.report, self._shared.values.duty

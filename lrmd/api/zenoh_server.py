@@ -12,12 +12,16 @@ from zenoh.handlers import Callback
 
 from lrm_math.errors import LrmError
 from lrmd.errors import RequestError
+from lrmd.messages import control, skills
 from lrmd.messages.codec import Message, pack
-from lrmd.messages.control import COMMANDS, MODELS, REQUESTS
+from lrmd.messages.control import MODELS
 from lrmd.messages.inbox import PLACES, Inbox
 from lrmd.messages.kinematics import CANCEL
 from lrmd.messages.kinematics import REQUESTS as KINEMATICS
 from lrmd.messages.zenoh_session import addresses, key, reply_error, serve, subscribe
+
+REQUESTS: dict[str, type[Message]] = {**control.REQUESTS, **skills.REQUESTS}
+COMMANDS: dict[str, type[Message]] = {**control.COMMANDS, **skills.COMMANDS}
 
 
 class RequestHandler(Protocol):

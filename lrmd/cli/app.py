@@ -11,10 +11,11 @@ from pathlib import Path
 from typing import Any, NoReturn, TypeAlias, get_args
 
 from lrm_math.errors import LrmError
-from lrmd.cli import motion, status
+from lrmd.cli import motion, skill, status
 from lrmd.client import MotionInterrupted
 from lrmd.messages.codec import field_named
 from lrmd.messages.kinematics import IkRequest
+from lrmd.messages.skills import SkillName
 
 Handler: TypeAlias = Callable[[argparse.Namespace], int]
 OptionGroup: TypeAlias = Callable[[argparse.ArgumentParser], None]
@@ -93,6 +94,7 @@ def parser() -> argparse.ArgumentParser:
         action="store_true",
         help="in a straight line, within 0.5 mm; the tool keeps the orientation it has, or takes yours",
     )
+    command("skill", skill.skill, "carry out a step of a fetch: go above something, down, grasp it, bring it", _skill)
     command("plan", motion.plan, "plan a collision-free path to joint angles; with --go, move", _plan, _motion)
     command("fk", motion.fk, "predict where the tool is for joint angles (mm)", _fk, _payload)
     command("hold", motion.hold, "stop and hold, with pulses on (always allowed)")
@@ -148,6 +150,28 @@ def _plan(c: argparse.ArgumentParser) -> None:
     c.add_argument("--q", required=True, metavar="Q1,Q2,...", help="angles of the goal")
     c.add_argument("--seed", type=int, default=0, help="seed of the search: another one finds another path")
     c.add_argument("--go", action="store_true", help="also move there")
+
+
+def _skill(c: argparse.ArgumentParser) -> None:
+    c.add_argument("name", choices=get_args(SkillName), metavar="SKILL", help=", ".join(get_args(SkillName)))
+    c.add_argument("--goal", nargs=3, type=float, metavar=("X", "Y", "Z"), help="place of the tool (mm)")
+    turn = c.add_mutually_exclusive_group()
+    turn.add_argument("--rpy", metavar="R,P,Y", help="orientation there: turns about the fixed x, then y, then z axis")
+    turn.add_argument("--approach", metavar="X,Y,Z", help="direction that the tool points along there")
+    c.add_argument("--height-mm", type=float, metavar="MM", help="above the goal, or up from here")
+    c.add_argument("--q", metavar="Q1,Q2,...", help="pose to stow in")
+    c.add_argument("--gripper", metavar="ANGLE", help="where the gripper's servo turns to")
+    c.add_argument("--payload-g", type=float, metavar="G", help="load that is grasped")
+    c.add_argument("--listen", type=float, metavar="S", help="time after closing to tell that nothing is there")
+    c.add_argument(
+        "--touch",
+        nargs=3,
+        action="append",
+        default=[],
+        metavar=("SHAPE", "OTHER", "MM"),
+        help="let these two shapes touch near the goal and overlap by so much (below zero: a gap)",
+    )
+    c.add_argument("--speed", type=float, default=1.0, help="share of the full rate (default: %(default)s)")
 
 
 def _fk(c: argparse.ArgumentParser) -> None:

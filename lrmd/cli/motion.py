@@ -64,14 +64,20 @@ def pan_tilt(o: argparse.Namespace) -> int:
 
 
 def run_motion(
-    o: argparse.Namespace, rover: Rover, waypoints: Sequence[Mapping[str, float]], payload: float | None = None
-) -> int:
-    """Moves through `waypoints` (rad) with the motion options and waits; Ctrl-C holds. Returns the exit code."""
+    o: argparse.Namespace, rover: Rover, waypoints: Sequence[Mapping[str, float]], payload: float | None = None,
+    stops: int | None = None,
+) -> int:  # fmt: skip
+    """Moves through `waypoints` (rad) with the motion options and waits; Ctrl-C holds. Returns the exit code.
+
+    `stops`: of the mode when the person asked, if that was before now: a stop since then stops this, too.
+    """
     if not 0 < o.speed <= 1:
         raise LrmError(f"--speed {o.speed:g}: should be more than 0, at most 1")
     with rover.control(lease_holder(), o.take):
         try:
-            seconds = rover.move(*waypoints, pace="each" if o.each else "together", speed=o.speed, payload_kg=payload)
+            seconds = rover.move(
+                *waypoints, pace="each" if o.each else "together", speed=o.speed, payload_kg=payload, stops=stops
+            )
         except KeyboardInterrupt:
             rover.hold()
             print("held", file=sys.stderr)
@@ -162,12 +168,13 @@ def _goal(o: argparse.Namespace) -> GoalEntry:
     """The goal in the options."""
     return GoalEntry(
         position_m=[v / 1000 for v in (o.x, o.y, o.z)],
-        rpy_rad=_three_angles(o.rpy) if o.rpy else None,
+        rpy_rad=three_angles(o.rpy) if o.rpy else None,
         approach=parse_numbers("--approach", o.approach, "three numbers by commas", 3) if o.approach else None,
     )
 
 
-def _three_angles(text: str) -> list[float]:
+def three_angles(text: str) -> list[float]:
+    """Three angles (rad) of a text. Raises `LrmError`."""
     angles = parse_angles(text)
     if len(angles) != 3:
         raise LrmError(f"--rpy has {len(angles)} numbers; should be three with commas between them")
@@ -177,19 +184,21 @@ def _three_angles(text: str) -> list[float]:
 def goto(o: argparse.Namespace) -> int:
     """`lrm goto`: solves, plans and moves."""
     with open_rover(o) as rover:
+        stops = rover.mode().stops
         if o.line:
-            return run_motion(o, rover, _plan_line(o, rover), payload_kg(o))
+            return run_motion(o, rover, _plan_line(o, rover), payload_kg(o), stops)
         answer = _solve_goal(o, rover)
         print(text.ik_text(answer, rover.info().names))
         waypoints = _plan_path(rover, answer.rounded_q_rad or answer.q_rad or [], payload_kg(o), 0)
-        return run_motion(o, rover, waypoints, payload_kg(o))
+        return run_motion(o, rover, waypoints, payload_kg(o), stops)
 
 
 def plan(o: argparse.Namespace) -> int:
     """`lrm plan`: plans a path to joint angles, and moves with `--go`."""
     with open_rover(o) as rover:
+        stops = rover.mode().stops
         waypoints = _plan_path(rover, list(joint_angles(rover, o.q).values()), None, o.seed)
-        return run_motion(o, rover, waypoints) if o.go else 0
+        return run_motion(o, rover, waypoints, stops=stops) if o.go else 0
 
 
 def _plan_path(rover: Rover, q: list[float], payload: float | None, seed: int) -> list[dict[str, float]]:

@@ -34,7 +34,8 @@ class Deployment:
     """A model as its file has it and as the daemon will use it.
 
     Attributes:
-        state: sentence on the state of session effects that is deployed; empty where there is none.
+        state: sentences on the state of session effects that is deployed, and on terms that end with the measured
+            range; empty where there are none.
         difference: RMS distance (m) between the predictions of both over the measured range and session.
         time_unknown: the same where no time since power-on is known, as after pulses without a daemon.
         standard_error: of the predicted tip over that range (m); None: the file has no covariance.
@@ -60,7 +61,12 @@ class Deployment:
         if words := unknown_state(model):
             raise FileError(path, "deployed", words, FIT_STATE)
         known, last = covariance_of(path, file, model), file.history[-1] if file.history else None
-        state = "" if model.state is None else model.state.sentence
+        reversion = None if model.within is None else model.within.reversion
+        parts = (
+            None if model.state is None else model.state.sentence,
+            None if reversion is None else reversion.sentence,
+        )
+        state = " ".join(filter(None, parts))
         absurd = tuple(one.sentence for one in implausible_estimates(model, known))
         return cls(state, *left_out_differences(model), _standard_error(model, known), last, absurd)
 

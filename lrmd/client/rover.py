@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping, Sequence
-from typing import Literal
+from typing import Any, Literal
 
 from lrm_math.errors import LrmError
 from lrmd.client.session import NoReply, RoverSession, S
@@ -46,10 +46,13 @@ from lrmd.messages.kinematics import (
     PlanReply,
     PlanRequest,
 )
+from lrmd.messages.skills import SenseCommand, SkillName, SkillRequest, SkillState
 from lrmd.messages.surroundings import ContactEntry, ObstacleEntry
 from lrmd.messages.zenoh_session import key
 
 RELOAD_S = 10.0
+LOOK_S = 0.05
+"""s between two looks at the skill under way."""
 STOP_S, ONCE_S, AGAIN_S = 5.0, 0.5, 0.02
 """s: how long a stop is repeated, how long its answer is waited for, and from that to the next one."""
 
@@ -68,10 +71,12 @@ class Rover(RoverSession):
     Methods raise `NoReply` without a reply of the daemon, `RequestRefused` on its error reply, `SeveralDaemons` if more
     than one program answers, and, if they command, `DaemonRestarted` when the daemon is not that of the lease any more.
 
-    `unchecked`: why the last move was not checked for collisions; empty if it was.
+    `unchecked`: why the last move was not checked for collisions; empty if it was. `settle_s`: how long after its end
+    the tip swings, None where the daemon has no motion model.
     """
 
     unchecked: str = ""
+    settle_s: float | None = None
 
     # ---- commands
 
@@ -117,7 +122,7 @@ class Rover(RoverSession):
                 speed=speed, payload_kg=payload_kg, may_touch=list(may_touch),
             )  # fmt: skip
         reply = self._query(Reply, "rpc/move", request)
-        seconds, self.unchecked = reply.seconds or 0.0, reply.unchecked
+        seconds, self.unchecked, self.settle_s = reply.seconds or 0.0, reply.unchecked, reply.settle_s
         if wait:
             self._wait(("armed",), ("moving",), 2 * seconds + 5.0)
         return seconds
@@ -216,6 +221,55 @@ class Rover(RoverSession):
 
     def _put(self, tail: str, command: Message) -> None:
         self._session.put(key(self.robot, tail), pack(command), express=True)
+
+    # ---- skills
+
+    def skill(self, name: SkillName, *, wait: bool = True, stops: int | None = None, **fields: Any) -> SkillState:
+        """Begins a skill, with the fields of `SkillRequest`, and waits for what comes of it.
+
+        Returns its state, whose `outcome` says what happened: reached, touched_early, nothing_there, refused, stopped
+        or replaced, or running without `wait`. Raises `RequestRefused` if it does not begin. `stops`: as in `move`.
+        """
+        with field_named():
+            request = SkillRequest(
+                lease=self._token(), stops=self._stops if stops is None else stops, skill=name, **fields
+            )
+        state = self._followed(self._query(Reply, "rpc/skill", request).skill, name)
+        return self.await_skill(state) if wait else state
+
+    def await_skill(self, begun: SkillState) -> SkillState:
+        """Waits for what comes of a skill that was begun without waiting; see `skill`."""
+        state = begun
+        while state.outcome == "running":
+            time.sleep(LOOK_S)
+            state = self.follow_skill(begun)
+        return state
+
+    def follow_skill(self, begun: SkillState) -> SkillState:
+        """What a skill that was begun does now, or what came of it. Raises `LrmError` if another was begun since."""
+        return self._followed(begun.number, begun.skill)
+
+    def _followed(self, number: int | None, name: str) -> SkillState:
+        self._check_restart()
+        state = self._query(SkillState, "state/skill")
+        if state.number != number:
+            raise LrmError(f"{name}: another skill, {state.skill}, was begun meanwhile")
+        if state.outcome == "stopped":
+            self._stops = state.stops
+        return state
+
+    def skill_state(self) -> SkillState:
+        """What the last skill does, or what came of it; who looks knows of the stops before."""
+        state = self._query(SkillState, "state/skill")
+        self._stops = state.stops
+        return state
+
+    def tell_sensed(self, what: Literal["touch", "empty"]) -> None:
+        """Tells that the tool touches something, or that nothing is between the fingers: it can only end a skill. Needs
+        no lease; no reply."""
+        with field_named():
+            command = SenseCommand(what=what)
+        self._put("cmd/sense", command)
 
     # ---- kinematics
 

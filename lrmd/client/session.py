@@ -103,7 +103,8 @@ class RoverSession:
         """Holds the command lease during the block, renewed by a thread.
 
         Raises `RequestRefused` if another client has it (unless `take`). Losing it ends a motion in hold; a lease that
-        expired, because this computer was busy or the network slow, is acquired anew unless another client had it.
+        expired, because this computer was busy or the network slow, is acquired anew, within 10 s and unless another
+        client had it.
         """
         with field_named():
             request = LeaseRequest(action="acquire", holder=holder, take=take)

@@ -2,8 +2,9 @@
 
 Theory of operation: a lease is free, held, or expired. It expires by time alone, which the controller looks at before
 every request and in every cycle, so that nobody finds it held by a client that is gone. The holder of an expired lease
-may acquire it anew with its old token as proof, as long as nobody else has had it; it gets a new token, so that
-commands under way with the old one stay refused. What is not in the table is refused.
+may acquire it anew with its old token as proof, as long as nobody else has had it, within `LATE`; it gets a new token,
+so that commands under way with the old one stay refused. A computer that wakes up hours later, and a program on it that
+goes on, have to ask as everybody does. What is not in the table is refused.
 """
 
 from __future__ import annotations
@@ -12,7 +13,11 @@ import secrets
 from dataclasses import dataclass, replace
 from enum import StrEnum
 
+from lrmd.config import SECOND
 from lrmd.errors import RequestError
+
+LATE = 10 * SECOND
+"""ns after which a client is not late any more, but was away."""
 
 
 class LeaseError(RequestError):
@@ -80,6 +85,8 @@ class Lease:
         """
         if proof is not None and (self.state is not LeaseState.EXPIRED or proof != self.token):
             raise LeaseError("this lease has not expired, or another client had one since: acquire without it")
+        if proof is not None and now - self.until > LATE:
+            raise LeaseError(f"this lease expired more than {LATE // SECOND} s ago: acquire without it")
         event = LeaseEvent.TAKE if take else LeaseEvent.ACQUIRE
         after = self._after(LeaseEvent.PROVE if proof is not None else event)
         return replace(after, holder=holder, token=secrets.token_hex(8), until=now + lifetime)

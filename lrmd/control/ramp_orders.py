@@ -10,8 +10,8 @@ from dataclasses import dataclass, field, replace
 from lrm_math.collision.contact import Contact
 from lrmd.config import Config, ServoConfig
 from lrmd.errors import RequestError
-from lrmd.ramp.shared_memory import AT_ONCE, HOLD_PULSE, RampOrder
-from lrmd.ramp.stepping import Move, Pace, Way, move
+from lrmd.ramp.shared_memory import AT_ONCE, HOLD_PULSE, IMPULSES, RampOrder
+from lrmd.ramp.stepping import Impulses, Move, Pace, Way, move
 
 Pulses = tuple[int, ...]
 
@@ -64,15 +64,17 @@ def overlaid(under: Sequence[int], over: Sequence[int]) -> Pulses:
 
 @dataclass(frozen=True)
 class Leg:
-    """A part of a motion: `target` (ns, or `HOLD_PULSE`) and `stride` (ns per tick) of every servo."""
+    """A part of a motion: `target` (ns, or `HOLD_PULSE`) and `stride` (ns per tick) of every servo, shaped by
+    `impulses`."""
 
     target: Pulses
     stride: Pulses
     pace: Pace
+    impulses: Impulses = ()
 
     def move(self, start: Pulses) -> Move:
         """The ramp's staircase along this leg from pulses (ns)."""
-        return move(start, overlaid(start, self.target), self.stride, self.pace)
+        return move(start, overlaid(start, self.target), self.stride, self.pace, self.impulses)
 
 
 @dataclass(frozen=True)
@@ -97,6 +99,7 @@ class OrderScheduler:
 
     `goal`: target pulse (ns) of each servo, `HOLD_PULSE` for one that stays. `way`: what the ramp makes of the newest
     order, tick by tick. `jog`: the one under way. `contacts`: those that the motion's own request permits.
+    `motions`: how many have begun.
     """
 
     def __init__(self, config: Config, now: int) -> None:
@@ -108,6 +111,7 @@ class OrderScheduler:
         self.arming: deque[int] = deque()
         self.jog: Jog | None = None
         self.contacts: tuple[Contact, ...] = ()
+        self.motions = 0
         self._next_on = now
 
     @property
@@ -132,6 +136,7 @@ class OrderScheduler:
     def stop(self, now: int, outputs: int | None = None) -> None:
         """Orders the servos to stay where they are, with pulses for `outputs` (bits; None: as before)."""
         self.clear()
+        self._shape(())
         self.issue(now, outputs)
 
     def arm(self, pose: Pulses, outputs: int, one_by_one: Sequence[int], now: int) -> None:
@@ -160,6 +165,7 @@ class OrderScheduler:
     def start(self, legs: Sequence[Leg], departure: Departure, now: int, contacts: Sequence[Contact] = ()) -> None:
         """Moves the servos along legs from a departure, with the contacts that its request permits."""
         self.legs, self.jog, self.contacts = deque(legs), None, tuple(contacts)
+        self.motions += 1
         self.next_leg(departure, now)
 
     def next_leg(self, departure: Departure, now: int) -> None:
@@ -167,8 +173,14 @@ class OrderScheduler:
         leg = self.legs.popleft()
         self.goal = leg.target
         self.way = departure.way.branch(departure.remaining, leg.move(departure.start))
+        self._shape(leg.impulses)
         self.newest = replace(self.newest, stride=leg.stride, pace=leg.pace)
         self.issue(now, branch_at=departure.remaining)
+
+    def _shape(self, impulses: Impulses) -> None:
+        padded = (*impulses, *((0, 0),) * (IMPULSES - len(impulses)))
+        delay, share = (tuple(one[k] for one in padded) for k in (0, 1))
+        self.newest = replace(self.newest, delay=delay, share=share)
 
     def set_heartbeat(self, now: int) -> None:
         """Renews the heartbeat."""

@@ -6,15 +6,18 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from lrm_math.errors import LrmError
 from lrmd.config import SECOND
 from lrmd.control import thermal_protection, updates
 from lrmd.control.arming_pose import arming_pulses
 from lrmd.control.jogging import request_jog
-from lrmd.control.ramp_orders import Departure, Leg, overlaid, pulses_of
+from lrmd.control.known_motion import Arrival
+from lrmd.control.ramp_orders import Departure, Leg, Pulses, overlaid, pulses_of
+from lrmd.control.skill_run import SkillReport, SkillRun, begun
 from lrmd.control.state import ControllerState, RequestResult
 from lrmd.control.state_machine import LIVE, InvalidTransition, Mode, Trigger, next_mode
 from lrmd.errors import RequestError
-from lrmd.messages.codec import Message
+from lrmd.messages.codec import Header, Message
 from lrmd.messages.control import (
     ArmRequest,
     CommandRequest,
@@ -30,9 +33,11 @@ from lrmd.messages.control import (
     ResetRequest,
     SceneCommand,
 )
+from lrmd.messages.kinematics import KinematicsRequest
+from lrmd.messages.skills import SenseCommand, SkillRequest
 from lrmd.messages.surroundings import contacts_of
 from lrmd.ramp.shared_memory import LinkState
-from lrmd.ramp.stepping import Pace
+from lrmd.ramp.stepping import Move, Pace
 from lrmd.safety.collision_guard import CollisionGuard
 
 BEARABLE_S = 60.0
@@ -99,11 +104,38 @@ def _move(s: ControllerState, request: MoveRequest, now: int) -> RequestResult:
     payload = s.payload if request.payload_kg is None else request.payload_kg
     legs, departure, contacts = _legs(s, request), s.departure(), contacts_of(request.may_touch)
     s.motion_check.check(departure.start, legs, payload, contacts)
+    legs = _shaped(s, request, legs, departure.start, payload)
     s.transition(Trigger.MOVE, "move", now)
     s.payload, s.rest_goal = payload, None
     s.motion_check.touch(contacts)
     s.orders.start(legs, departure, now, contacts)
-    return RequestResult(seconds=_seconds(s, legs, departure), unchecked=s.unchecked)
+    arrival = Arrival(_moves(legs, departure.start)[-1], payload)
+    return RequestResult(seconds=_seconds(s, legs, departure), unchecked=s.unchecked, arrival=arrival)
+
+
+def _shaped(s: ControllerState, request: MoveRequest, legs: list[Leg], start: Pulses, payload: float) -> list[Leg]:
+    """Legs from pulses (ns), shaped as the request or the configuration says. Raises `RequestError` without a model."""
+    kind = request.shaping or s.config.motion.shaping
+    if kind == "off" or (request.may_touch and request.shaping is None):
+        return legs
+    if s.motion is None:
+        raise RequestError("no_motion_model", f"shaping = '{kind}' needs a motion model: lrmd.toml, [motion] model")
+    if request.may_touch:
+        raise RequestError("contact", "a motion that may touch something is not shaped; leave out shaping")
+    out = []
+    for leg in legs:
+        out.append(s.motion.shaped(start, leg, kind, payload))
+        start = overlaid(start, leg.target)
+    return out
+
+
+def _moves(legs: Sequence[Leg], start: Pulses) -> list[Move]:
+    """The ramp's moves along legs from pulses (ns)."""
+    out = []
+    for leg in legs:
+        out.append(leg.move(start))
+        start = out[-1].at(out[-1].length)
+    return out
 
 
 def _legs(s: ControllerState, request: MoveRequest) -> list[Leg]:
@@ -119,10 +151,7 @@ def _legs(s: ControllerState, request: MoveRequest) -> list[Leg]:
 
 def _seconds(s: ControllerState, legs: Sequence[Leg], departure: Departure) -> float:
     """Time until the end of the last leg (s)."""
-    ticks, here = departure.way.remaining - departure.remaining, departure.start
-    for leg in legs:
-        ramp = leg.move(here)
-        ticks, here = ticks + ramp.length, ramp.at(ramp.length)
+    ticks = departure.way.remaining - departure.remaining + sum(one.length for one in _moves(legs, departure.start))
     return ticks * s.config.tick / SECOND
 
 
@@ -190,10 +219,21 @@ def _scene(s: ControllerState, request: SceneCommand, now: int) -> RequestResult
     return RequestResult()
 
 
+def _skill(s: Controller, request: SkillRequest, _: int) -> RequestResult:
+    s.skill = begun(s, s.skill, request)
+    return RequestResult(skill=s.skill.report.number)
+
+
+def _sense(s: Controller, command: SenseCommand, now: int) -> RequestResult:
+    if s.skill is not None:
+        s.skill.sense(s, command, now)
+    return RequestResult()
+
+
 HANDLERS: dict[type[Message], Callable[..., RequestResult]] = {
     LeaseRequest: _lease, HoldRequest: _hold, ArmRequest: _arm, MoveRequest: _move, JogRequest: request_jog,
     RelaxRequest: _relax, DisarmRequest: _disarm, ResetRequest: _reset, GravityCommand: _gravity,
-    SceneCommand: _scene, PayloadRequest: _payload,
+    SceneCommand: _scene, PayloadRequest: _payload, SkillRequest: _skill, SenseCommand: _sense,
 }  # fmt: skip
 
 
@@ -205,9 +245,30 @@ class Controller(ControllerState):
     """
 
     observe = updates.observe
-    tick = updates.tick
     others_seen = updates.others_seen
     adopt_guard = updates.adopt_guard
+    skill: SkillRun | None = None
+
+    @property
+    def skill_report(self) -> SkillReport:
+        """What is known of the last skill."""
+        return SkillReport() if self.skill is None else self.skill.report
+
+    @property
+    def question(self) -> tuple[int, KinematicsRequest] | None:
+        """What the skill under way waits for the answer to, with its number."""
+        return None if self.skill is None else self.skill.question
+
+    def tick(self, now: int) -> None:
+        """One cycle of the daemon: see `updates.tick`; the skill under way goes on."""
+        updates.tick(self, now)
+        if self.skill is not None:
+            self.skill.advance(self, now, self.handle)
+
+    def answer(self, number: int, reply: Header | LrmError, now: int) -> None:
+        """Takes the answer to the question of the skill under way; any other is ignored."""
+        if self.skill is not None:
+            self.skill.answer(self, number, reply, now)
 
     def handle(self, request: Message, now: int) -> RequestResult:
         """Carries out a request. Raises an `LrmError` if it cannot; then nothing has changed but an expired lease."""

@@ -13,6 +13,7 @@ from typing import Any, Literal
 from lrmd.config import Config
 from lrmd.control.fallen_servos import FallenServos
 from lrmd.control.gravity import KnownGravity
+from lrmd.control.known_motion import Arrival, KnownMotion
 from lrmd.control.known_obstacles import KnownObstacles
 from lrmd.control.lease import Lease
 from lrmd.control.motion_check import MotionCheck
@@ -43,11 +44,13 @@ class ControllerEvent:
 @dataclass(frozen=True)
 class RequestResult:
     """Result of a request: expected duration (s) where it is known, the lease it granted, and why the motion that it
-    began was not checked for collisions."""
+    began was not checked for collisions. `arrival`: the last leg of that motion. `skill`: number of one it began."""
 
     seconds: float | None = None
     lease: Lease | None = None
     unchecked: str = ""
+    arrival: Arrival | None = None
+    skill: int | None = None
 
 
 LEAD = 12
@@ -60,7 +63,8 @@ class ControllerState:
     Attributes: `mode`, `why`, `since` (monotonic ns), `faults` by code, the lease as `leasehold`, `orders` for the
     ramp, its `report`, `thermal` monitor, `motion_check`, `motion_record`, `payload` (kg), the known `gravity`,
     `obstacles`, told of at `obstacles_told_at` (monotonic ns), `guard` without them,
-    unpublished `events`, and the state file as `stored`. `fallen`: servos without pulses whose position is not known.
+    unpublished `events`, the model of `motion` or None, and the state file as `stored`.
+    `fallen`: servos without pulses whose position is not known.
     `stops`: number of holds, emergency stops, disarmings and faults so far. Of the thermal protection: `held_at`,
     `rest_tried_at` (monotonic ns) of the last hold and attempt to go to rest, `rest_goal` (pulses, ns) of the last
     motion to rest, and `rest_blocked` while its path is not free.
@@ -96,6 +100,7 @@ class ControllerState:
         self.obstacles_told_at: int | None = None
         self.fallen = FallenServos(config, self.motion_check, stored)
         self.orders = OrderScheduler(config, now)
+        self.motion: KnownMotion | None = None
         self.gravity = KnownGravity(config)
         self.held_at: int | None = None
         self.rest_goal: Pulses | None = None

@@ -16,7 +16,7 @@ from lrm_math.arm.pulse_rounding import Rounding
 from lrm_math.arrays import Array, Vector3
 from lrm_math.collision.contact import Contact
 from lrm_math.collision.scene import Clearance, ClosestPair, Scene, clearance_of
-from lrm_math.errors import LrmError
+from lrm_math.errors import LrmError, NoEquilibrium
 from lrm_math.ik.answer import SAME, Branch, CalibratedReply, NoAllowedBranch, Solved, Unsolved, apart
 from lrm_math.ik.calibrated import CalibratedSolver
 from lrm_math.ik.calibrated_arm import CalibratedArm, Method, friction_of
@@ -24,8 +24,11 @@ from lrm_math.ik.goal import Goal, IkQuery, point, point_along, pose_rpy
 from lrm_math.ik.methods import QUICKEST, method_named
 from lrm_math.kinematics.known import Known
 from lrm_math.kinematics.motion import Motion
+from lrm_math.kinematics.poses import poses_of
 from lrm_math.model.deployed_model import under_gravity, warming_offsets
+from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import Model
+from lrm_math.model.tip_over import tip_over_angles
 from lrmd.config import Config
 from lrmd.errors import RequestError
 from lrmd.ik.deployed_model import DeployedModel
@@ -232,6 +235,7 @@ class IkService:
         command = content.get("q_rad") or content.get("nearest_rad")
         if command is not None:
             content["outside_range"] = self._outside(command)
+            content["tip_over_rad"] = self._tip_over(command, payload)
         return IkAnswer(**content, elapsed_ms=(time.perf_counter() - started) * 1e3)
 
     def _goal(self, number: int, entry: GoalEntry) -> Goal:
@@ -258,7 +262,7 @@ class IkService:
             yield FkAnswer(
                 tcp_m=list(f.tcp), rotation=[list(row) for row in f.rotation], tau_nm=list(f.joint_torque),
                 sd_m=None if f.uncertainty is None else f.uncertainty.sd, outside_range=self._outside(q),
-                direction=arrival.side.astype(int).tolist(),
+                direction=arrival.side.astype(int).tolist(), tip_over_rad=self._tip_over(q, request.payload_kg or 0.0),
             )  # fmt: skip
 
     def _arrival(self, request: FkRequest, number: int, known: Known) -> Motion:
@@ -275,6 +279,17 @@ class IkService:
         """Joints, from 1, that a command (rad) puts outside the range that the model was fitted on."""
         within = self.deployed.model.within
         return [] if within is None else list(within.joints_outside(np.array(q)))
+
+    def _tip_over(self, q: Sequence[float], payload: float) -> float | None:
+        """How far (rad) the vehicle is from tipping over at commands (rad); None where the arm file has none."""
+        vehicle = self._config.arm.vehicle
+        if vehicle is None or not any(gravity := self._model.constant_gravity):
+            return None
+        try:
+            settled = solve_equilibrium(self._model, poses_of(np.array([q]), payload))
+        except NoEquilibrium:
+            return None
+        return float(tip_over_angles(settled, payload, vehicle, gravity)[0])
 
     def plan(
         self, request: PlanRequest, check_cancelled: CancellationCheck, known: Known = UNKNOWN

@@ -73,7 +73,8 @@ class MoveRequest(MotionRequest):
 
     `pace` = "together": all end at once; "each": each at its own full rate. `speed`: share of the full rate.
     `payload_kg`: what the gripper carries from now on. `may_touch`: contacts that this motion is permitted, at a tenth
-    of the full rate.
+    of the full rate. `shaping`: of the daemon's motion model against swing: "zv", or the more robust "zvd", "zvdd";
+    None: as configured. Only motions together are shaped.
     """
 
     waypoints: Annotated[list[Angles], FailFast(), Field(min_length=1, max_length=1000)]
@@ -81,6 +82,7 @@ class MoveRequest(MotionRequest):
     speed: Annotated[float, Field(gt=0, le=1)] = 1.0
     payload_kg: Annotated[float, Field(ge=0, le=2)] | None = None
     may_touch: Annotated[list[ContactEntry], Field(max_length=8)] = []
+    shaping: Literal["off", "zv", "zvd", "zvdd"] | None = None
 
 
 class PayloadRequest(CommandRequest):
@@ -344,7 +346,9 @@ class Event(Header):
 class Reply(Header):
     """Reply to a request that was carried out: the resulting mode. `model_sha256`: empty for the nominal arm;
     `unchecked`: why the motion that `rpc/move` began was not checked for collisions, empty if it was. `stops`: as in
-    `state/mode`; None from `rpc/estop`, whose process does not count."""
+    `state/mode`; None from `rpc/estop`, whose process does not count. `settle_s`: from `rpc/move` with a motion model:
+    time after `seconds` until the tip stays within `within_m` of its rest. `skill`: number of the skill that
+    began."""
 
     mode: str
     stops: int | None = None
@@ -353,6 +357,9 @@ class Reply(Header):
     seconds: float | None = None
     model_sha256: str = ""
     unchecked: str = ""
+    skill: int | None = None
+    settle_s: float | None = None
+    within_m: float | None = None
 
 
 class FieldPart(Part):

@@ -17,6 +17,7 @@ from pydantic.json_schema import models_json_schema
 from lrmd.messages.codec import ErrorReply, Header, Message
 from lrmd.messages.control import Reply
 from lrmd.messages.kinematics import IkReply
+from lrmd.messages.skills import SkillState
 
 FILE = Path(__file__).with_name("schemas.json")
 DESCRIPTION = "Messages of lrmd on zenoh, as msgpack maps; which key carries which, and units: docs/api.md"
@@ -37,7 +38,7 @@ def _definitions(kinds: Iterable[type[BaseModel]], mode: Literal["validation", "
 
 def schemas() -> dict[str, Any]:
     """One schema document with every message under `$defs`."""
-    replies: set[type[BaseModel]] = {*_kinds(Header), Reply, IkReply, ErrorReply}
+    replies: set[type[BaseModel]] = {*_kinds(Header), Reply, IkReply, SkillState, ErrorReply}
     requests = _definitions(set(_kinds(Message)) - replies, "validation")
     answers = _definitions(replies, "serialization")
     for definition in answers.values():

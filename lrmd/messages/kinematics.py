@@ -122,7 +122,7 @@ class IkAnswer(Part):
     turn while the tool hardly moves, the others following: a singular pose, the branch is one of a family; 0: none.
     Else `nearest_rad`, the command nearest to the goal, or the two `bodies` of a collision and their `clearance_m`
     (overlap below 0). `outside_range`: joints, from 1, that `q_rad` or `nearest_rad` puts outside the range that the
-    model was fitted on; there its error is not known.
+    model was fitted on; there its error is not known. `tip_over_rad`: as of `FkAnswer`, at the same commands.
     """
 
     verdict: Literal["solved", "out_of_reach", "outside_limits", "not_converged", "collision"]
@@ -145,6 +145,7 @@ class IkAnswer(Part):
     bodies: list[str] = []
     clearance_m: float | None = None
     outside_range: list[int] = []
+    tip_over_rad: float | None = None
     elapsed_ms: float
 
 
@@ -180,7 +181,8 @@ class FkAnswer(Part):
     """Tool pose: position, rows of its rotation matrix; gravity torque on every joint; standard deviation.
 
     `outside_range`: joints, from 1, outside the range that the model was fitted on. `direction`: the sign of each
-    joint's last move that the answer is for, 0 where it is not known.
+    joint's last move that the answer is for, 0 where it is not known. `tip_over_rad`: how far gravity may turn until
+    the vehicle tips over; None where the arm file has no vehicle.
     """
 
     tcp_m: list[float]
@@ -189,6 +191,7 @@ class FkAnswer(Part):
     sd_m: float | None
     outside_range: list[int] = []
     direction: list[int] = []
+    tip_over_rad: float | None = None
 
 
 class FkReply(KinematicsReply):

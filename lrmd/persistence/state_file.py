@@ -3,6 +3,9 @@
 It is saved on change, at least once a minute, and during a motion only at an interval, in a thread of its own, so that
 a slow disk does not block the daemon.
 
+Where it cannot be saved, for instance because the disk is full, the last one is renamed, which takes no room: its pose
+is not that of the arm any more.
+
 At a start it is set aside, with an event, if it is damaged or of another arm: its pulses are a pose of the arm and the
 servos that it was written for, and of no others.
 """
@@ -14,6 +17,7 @@ import json
 import os
 import threading
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import astuple
 from pathlib import Path
 from typing import Annotated, Literal
@@ -27,7 +31,7 @@ from lrmd.config import Config, LinkTable
 
 HOTTEST = 300.0
 """degC: higher modelled temperatures are stored as this one."""
-NAME = "state.json"
+NAME, OUTDATED = "state.json", "state.outdated.json"
 Emit = Callable[[str, Literal["error"], str], object]
 """Called with an event's code, level and text."""
 
@@ -72,8 +76,20 @@ def save(folder: Path, state: StoredState) -> None:
 
 
 def load(folder: Path) -> StoredState | None:
-    """The stored state, or None if there is none. Raises `FileError` if the file is damaged."""
-    path = folder / NAME
+    """The stored state, an outdated one without its pose, or None. Raises `FileError` if the file is damaged."""
+    state = _read(folder / NAME)
+    if state is None and (old := _read(folder / OUTDATED)) is not None:
+        return old.model_copy(update={"still": False, "fallen": None})
+    return state
+
+
+def outdate(folder: Path) -> None:
+    """Renames the file, whose pose is not that of the arm any more. Raises `OSError`."""
+    with suppress(FileNotFoundError):
+        os.replace(folder / NAME, folder / OUTDATED)
+
+
+def _read(path: Path) -> StoredState | None:
     try:
         return StoredState.model_validate_json(path.read_bytes())
     except FileNotFoundError:
@@ -210,10 +226,13 @@ class BackgroundWriter:
 
     def _save(self, state: StoredState) -> None:
         failure = None
-        try:
-            save(self._folder, state)
-        except FileError as error:
-            failure = error
+        with suppress(OSError):
+            try:
+                save(self._folder, state)
+                (self._folder / OUTDATED).unlink(missing_ok=True)
+            except FileError as error:
+                failure = error
+                outdate(self._folder)
         if self._broken is (failure is None):
             self._on_change(failure)
         self._broken = failure is not None

@@ -15,10 +15,12 @@ from enum import IntEnum
 from functools import cache
 from typing import Annotated, Any, Self, TypeAlias, get_type_hints
 
-from lrmd.ramp.stepping import Pace
+from lrmd.ramp.stepping import Impulses, Pace
 
 SERVOS = 16
 NONE = (0,) * SERVOS
+IMPULSES = 64
+"""The most impulses of a shaped motion."""
 FRICTION_ELEMENTS = 3
 """Elements of friction of each joint, as many as `lrm_math.kinematics.motion` has."""
 HOLD_PULSE = -(2**31)
@@ -85,6 +87,7 @@ Bits: TypeAlias = Annotated[int, ctypes.c_uint16]
 Flag: TypeAlias = Annotated[bool, ctypes.c_bool]
 Time: TypeAlias = Annotated[int, ctypes.c_int64]
 Pulses: TypeAlias = Annotated[tuple[int, ...], ctypes.c_int32 * SERVOS]
+Row: TypeAlias = Annotated[tuple[int, ...], ctypes.c_uint16 * IMPULSES]
 Numbers: TypeAlias = Annotated[tuple[float, ...], ctypes.c_double * SERVOS]
 
 
@@ -96,6 +99,7 @@ class RampOrder(Record):
     that this order switches on. `target`: ns, or `HOLD_PULSE`. `stride`: ns per tick. `heartbeat`: monotonic ns.
     `branch_at`: where the motion begins: when so many ticks of the motion of order `after` remain, so that it begins
     at the pulses from which it was checked. If they are over by then, or that order was never read, the servos stop.
+    `delay`, `share`: impulses of a shaped motion (`stepping.Impulses`); no shares: it is not shaped.
     """
 
     number: Count = 0
@@ -108,6 +112,13 @@ class RampOrder(Record):
     stride: Annotated[tuple[int, ...], ctypes.c_uint16 * SERVOS] = NONE
     after: Count = 0
     branch_at: Count = AT_ONCE
+    delay: Row = (0,) * IMPULSES
+    share: Row = (0,) * IMPULSES
+
+    @property
+    def impulses(self) -> Impulses:
+        """Delay and share of each impulse."""
+        return tuple((delay, share) for delay, share in zip(self.delay, self.share, strict=True) if share)
 
 
 @dataclass(frozen=True, slots=True)

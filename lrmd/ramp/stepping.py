@@ -1,6 +1,7 @@
 """Integer interpolation of a move: every pulse after each tick.
 
-A tick changes a pulse by at most one step (1 us in Conenna 2024, section 5.4).
+A tick changes a pulse by at most one step (1 us in Conenna 2024, section 5.4). A shaped move is the sum of delayed
+shares of the same move (`lrm_math.motion.shaping`): it takes the same way, and no tick of it is longer.
 """
 
 from __future__ import annotations
@@ -8,6 +9,20 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import IntEnum
+from typing import TypeAlias
+
+Impulses: TypeAlias = tuple[tuple[int, int], ...]
+"""Delay (ticks) and share (of `SHARES`, their sum) of each part of a shaped move; empty: it is not shaped."""
+SHARES = 1 << 15
+MOST_DELAY = 1000
+
+
+def valid_impulses(impulses: Impulses) -> bool:
+    """Whether a move may be shaped so: positive shares that add up to the whole, and no long delay."""
+    return not impulses or (
+        sum(share for _, share in impulses) == SHARES
+        and all(0 <= delay <= MOST_DELAY and share > 0 for delay, share in impulses)
+    )
 
 
 class Pace(IntEnum):
@@ -19,32 +34,42 @@ class Pace(IntEnum):
 
 @dataclass(frozen=True, slots=True)
 class Move:
-    """A staircase per servo: from `start` over `distance` (ns of pulse) in `ticks` ticks."""
+    """A staircase per servo: from `start` over `distance` (ns of pulse) in `ticks` ticks, shaped by `impulses`."""
 
     start: tuple[int, ...]
     distance: tuple[int, ...]
     ticks: tuple[int, ...]
+    impulses: Impulses = ()
 
     @property
     def length(self) -> int:
-        """Ticks until the last servo arrives."""
-        return max(self.ticks, default=0)
+        """Ticks until the last servo arrives; 0 where none moves."""
+        longest = max(self.ticks, default=0)
+        return longest + max((delay for delay, _ in self.impulses), default=0) if longest else 0
 
     def at(self, k: int) -> tuple[int, ...]:
         """Pulses (ns) after `k` ticks. Consecutive values differ by at most the stride of the move."""
+        if self.impulses:
+            done = {n: sum(share * min(max(k - delay, 0), n) for delay, share in self.impulses) for n in {*self.ticks}}
+            return tuple(
+                s + (d * done[n] // (SHARES * n) if n else d)
+                for s, d, n in zip(self.start, self.distance, self.ticks, strict=True)
+            )
         return tuple(
             s + (d * k // n if k < n else d) for s, d, n in zip(self.start, self.distance, self.ticks, strict=True)
         )
 
 
-def move(start: Sequence[int], target: Sequence[int], stride: Sequence[int], pace: Pace) -> Move:
-    """The move from `start` to `target` (ns per servo) with at most `stride` (ns, > 0) per tick."""
+def move(
+    start: Sequence[int], target: Sequence[int], stride: Sequence[int], pace: Pace, impulses: Impulses = ()
+) -> Move:
+    """The move from `start` to `target` (ns per servo) with at most `stride` (ns, > 0) per tick, shaped by impulses."""
     distance = tuple(t - s for s, t in zip(start, target, strict=True))
     ticks = tuple(-(-abs(d) // s) for d, s in zip(distance, stride, strict=True))
     if pace is Pace.TOGETHER:
         longest = max(ticks, default=0)
         ticks = tuple(longest if n else 0 for n in ticks)
-    return Move(tuple(start), distance, ticks)
+    return Move(tuple(start), distance, ticks, impulses)
 
 
 @dataclass(frozen=True, slots=True)

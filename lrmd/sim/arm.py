@@ -2,7 +2,7 @@
 
 Its true errors are a model (`lrm/model/1`, the *truth*) unknown to the daemon, on an arm file with the servos' true
 servo tables. Servos move in their own coordinate, the angle by their own sensor; the model gives the TCP in static
-equilibrium under gravity, computed on request only.
+equilibrium under gravity, computed on request only. With `springs` the links swing behind the servos (`swing.py`).
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ from lrm_math.model.equilibrium import Equilibrium, solve_equilibrium
 from lrm_math.model.model import Model
 from lrmd.sim.pca9685_chip import Pca9685Chip
 from lrmd.sim.servo import LARGE_SERVO, SMALL_SERVO, SimulatedServo
+from lrmd.sim.swing import JointSpring, SwingingLinks
 
 LARGE_SERVOS = 3
 """The first joints of the arm have the big servos (Conenna 2024, section 1)."""
@@ -27,6 +28,8 @@ END_STOP = math.radians(5.0)
 """rad from a joint's limit to its end stop."""
 STEP = 20_000_000
 """ns, the longest integration step in motion."""
+SWING_STEP = 2_000_000
+"""ns: the same of servos behind which links swing, whose speed it takes as constant."""
 HEAT_STEP = 1_000_000_000
 """ns, the longest step of the thermal model."""
 LOAD_STEP = math.radians(2.0)
@@ -46,6 +49,7 @@ class SimulatedArm:
         dead_band: s of pulse, overrides that of the servo kinds.
         speed: ratio of the board's clock to the one by which the servos warm up. The daemon's model of their
             temperatures runs on the computer's clock, so a board whose clock is faster must not heat them faster.
+        springs: by joint, those on which its links swing; none: they stand as their servos do.
 
     Raises:
         LrmError: a joint without servo table or channel, a channel given twice, or a truth with the effect
@@ -60,6 +64,7 @@ class SimulatedArm:
         start: Sequence[float] | None = None,
         dead_band: float | None = None,
         speed: float = 1.0,
+        springs: Mapping[str, JointSpring] | None = None,
     ) -> None:
         if clock_of(truth) is not None:
             raise LrmError("truth: leave out the effect quantisation; the simulated chip rounds the pulses itself")
@@ -68,6 +73,7 @@ class SimulatedArm:
         self.session = 1
         self.servos = _servos(truth, channels, start, dead_band)
         self.joints = self.servos[: truth.arm.dof]
+        self._swing = SwingingLinks(truth, springs) if springs else None
         self._now = self._warm_until = 0
         self._count_s = 0.0
         self._changes = -1
@@ -76,8 +82,9 @@ class SimulatedArm:
 
     def advance(self, chip: Pca9685Chip, now: int) -> None:
         """Integrates the servos until `now` under their present pulses, then applies the chip's outputs to them."""
+        longest = STEP if self._swing is None else SWING_STEP
         while self._moving and self._now < now:
-            step = min(now - self._now, STEP)
+            step = min(now - self._now, longest)
             self._now += step
             self._step(step * 1e-9)
         self._now = max(now, self._now)
@@ -93,13 +100,20 @@ class SimulatedArm:
 
     @property
     def moving(self) -> bool:
-        """Whether a servo turned in the last step or has a new target."""
+        """Whether a servo turned in the last step or has a new target, or a link swings."""
         return self._moving
 
     @property
     def q(self) -> list[float]:
         """Joint angles (rad) in the servos' own coordinate."""
         return [servo.angle for servo in self.joints]
+
+    @property
+    def link_angles(self) -> list[float]:
+        """Joint angles (rad) of the links, which may swing behind the servos."""
+        if self._swing is None:
+            return self.q
+        return [q + z for q, z in zip(self.q, self._swing.deflection.tolist(), strict=True)]
 
     def temperature(self, servo: SimulatedServo) -> float:
         """Winding temperature, °C."""
@@ -115,7 +129,7 @@ class SimulatedArm:
         self._moving = True
 
     def equilibrium(self) -> Equilibrium:
-        """Static equilibrium of the true arm at the present servo angles: the last pose of the result.
+        """Static equilibrium of the true arm at the present angles of servos and springs: the last pose of the result.
 
         Session effects are relative to the first pose of a batch, so a pose of each earlier session precedes it.
         Raises `NoEquilibrium`.
@@ -124,7 +138,7 @@ class SimulatedArm:
         seconds = np.zeros(n)
         seconds[-1] = self._now * 1e-9
         poses = Poses(
-            q=np.tile(self.q, (n, 1)),
+            q=np.tile(self.link_angles, (n, 1)),
             payload=np.full(n, self.payload),
             direction=np.tile([float(servo.direction) for servo in self.joints], (n, 1)),
             t=seconds,
@@ -133,9 +147,13 @@ class SimulatedArm:
         return solve_equilibrium(self.truth, poses)
 
     def _step(self, dt: float) -> None:
+        before = self.q
         furthest = max(abs(servo.move(dt)) for servo in self.servos)
         self._travel += furthest
         self._moving = furthest > 0.0
+        if self._swing is not None:
+            self._swing.follow(np.array(before), np.array(self.q), dt)
+            self._moving = self._moving or not self._swing.still
         if self._travel > (LOAD_STEP if self._moving else 0.0):
             self._update_loads()
             self._moving = True
@@ -160,6 +178,8 @@ class SimulatedArm:
         self._update_temperatures()
         for servo, torque in zip(self.joints, self._torques(), strict=True):
             servo.torque = torque
+        if self._swing is not None:
+            self._swing.weigh(np.array(self.q), self.payload)
         self._travel = 0.0
 
     def _torques(self) -> list[float]:

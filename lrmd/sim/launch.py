@@ -32,7 +32,16 @@ def simulated_board(config: Config, speed: float = 1.0, *options: str) -> Iterat
     with tempfile.TemporaryDirectory(prefix="lrmd-") as folder:
         port = Path(folder) / "board"
         command = [sys.executable, "-m", "lrmd.sim.process", "--link", str(port), "--arm", config.arm_file]
-        command += ["--channels", channels, "--speed", str(speed), "--osc-hz", str(config.link.oscillator_hz), *options]
+        command += [
+            "--channels",
+            channels,
+            "--speed",
+            str(speed),
+            "--osc-hz",
+            str(config.link.oscillator_hz),
+            *_springs(config),
+            *options,
+        ]
         board = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, preexec_fn=ENDS_WITH_US)
         try:
             if board.stdout is None or not board.stdout.readline():
@@ -42,3 +51,11 @@ def simulated_board(config: Config, speed: float = 1.0, *options: str) -> Iterat
         finally:
             board.terminate()
             board.wait()
+
+
+def _springs(config: Config) -> list[str]:
+    """The springs of the configuration as options."""
+    return [
+        f"--spring={name}={one.stiffness_nm_per_rad}:{one.damping_nm_s_per_rad}:{one.friction_nm}"
+        for name, one in config.simulation.spring.items()
+    ]

@@ -31,6 +31,7 @@ from lrmd.sim.faults import parse_fault
 from lrmd.sim.pca9685_chip import Pca9685Chip
 from lrmd.sim.pty_port import PtyPort
 from lrmd.sim.simulation import SECOND, Simulation
+from lrmd.sim.swing import JointSpring
 
 COLUMNS = ("t_ns", "event", "prescale", "silence_ms", *(f"ch{channel}" for channel in range(CHANNELS)))
 HELP = """\
@@ -137,6 +138,12 @@ def channels_of(text: str | None, truth: Model) -> dict[str, int]:
     return {name.strip(): int(channel) for name, _, channel in pairs}
 
 
+def springs_of(texts: Sequence[str]) -> dict[str, JointSpring]:
+    """`joint2=20:0.1` -> spring by joint. Raises `LrmError`."""
+    pairs = [text.partition("=") for text in texts]
+    return {joint.strip(): JointSpring.parse(spring) for joint, _, spring in pairs}
+
+
 def truth_of(arm: str, truth: Path | None) -> Model:
     """The true model of the arm; the nominal arm by default. Raises `LrmError`."""
     nominal = load_arm(arm)
@@ -174,6 +181,13 @@ def parser() -> argparse.ArgumentParser:
         "--osc-hz", type=partial(_number, 20e6, 30e6), default=25e6, help="the chip's true oscillator (default: 25e6)"
     )
     p.add_argument("--dead-band-us", type=number, help="of every servo (default: 1)")
+    p.add_argument(
+        "--spring",
+        action="append",
+        default=[],
+        metavar="JOINT=K:D[:F]",
+        help="the link swings behind its servo: stiffness (N m/rad), damping (N m s/rad), dry friction (N m)",
+    )
     p.add_argument("--noise-mm", type=number, default=0.3, help="of `measure`, per coordinate (default: %(default)s)")
     p.add_argument("--fault", action="append", default=[], metavar="'FAULT [at T]'", help="may be repeated")
     p.add_argument("--seed", type=int, help="makes boot numbers, faults and noise repeat")
@@ -202,7 +216,8 @@ def simulation_of(options: argparse.Namespace) -> Simulation:
     truth = truth_of(options.arm, options.truth)
     band = None if options.dead_band_us is None else options.dead_band_us * 1e-6
     channels = channels_of(options.channels, truth)
-    arm = SimulatedArm(truth, channels, options.start_deg, dead_band=band, speed=options.speed)
+    springs = springs_of(options.spring)
+    arm = SimulatedArm(truth, channels, options.start_deg, dead_band=band, speed=options.speed, springs=springs)
     random = Random(options.seed)
     board = SimulatedBoard(Pca9685Chip(options.osc_hz), random)
     return Simulation(board, arm, random, [parse_fault(text) for text in options.fault])

@@ -27,12 +27,18 @@ from lrmd.messages.control import (
     MoveRequest,
     Reply,
 )
+from lrmd.messages.skills import SenseCommand, SkillRequest
 from tests.doors.door import Angles, DoorKind
 from tests.support.daemon.in_memory_daemon import SimulatedDaemon, config_at
 from tests.support.daemon.in_memory_zenoh import InMemoryDaemon
 
 JOINTS, RENEWED, UNDER_WAY_S, ARMING_S = 6, 15, 0.3, 4.0
 """Ticks between two renewals of the lease; s that a request takes at most; s that arming may take."""
+
+
+KEYS: dict[type[Message], str] = {
+    MoveRequest: "rpc/move", JogRequest: "cmd/jog", SkillRequest: "rpc/skill", SenseCommand: "cmd/sense"
+}  # fmt: skip
 
 
 @cache
@@ -69,15 +75,16 @@ class DaemonDoor:
             raise LrmError(f"the motion ended before its goal: {self._sim.core.mode}; with pulses: {on}")
 
     def ask(self, wish: Sequence[float]) -> None:
-        request: MotionRequest
+        late = round(self._rng.uniform(0.0, UNDER_WAY_S) * 1e9)
+        self._under_way.append((self._sim.now + late, self._wished(wish)))
+
+    def _wished(self, wish: Sequence[float]) -> MotionRequest:
+        """The request for a motion to angles (n,), rad."""
         if self._rng.random() < 0.3:
             rates = {self._rng.choice(self.joints): self._rng.uniform(-0.2, 0.2)}
-            request = JogRequest(lease=self._lease or "none", stops=self._stops, rate_rad_per_s=rates)
-        else:
-            goal = dict(zip(self.joints, wish, strict=True))
-            request = MoveRequest(lease=self._lease or "none", stops=self._stops, waypoints=[goal])
-        late = round(self._rng.uniform(0.0, UNDER_WAY_S) * 1e9)
-        self._under_way.append((self._sim.now + late, request))
+            return JogRequest(lease=self._lease or "none", stops=self._stops, rate_rad_per_s=rates)
+        goal = dict(zip(self.joints, wish, strict=True))
+        return MoveRequest(lease=self._lease or "none", stops=self._stops, waypoints=[goal])
 
     def stop(self) -> None:
         if self._rng.random() < 0.2:
@@ -101,10 +108,14 @@ class DaemonDoor:
                     self._ask("rpc/lease", LeaseRequest(action="renew", lease=self._lease))
             for request in [r for due, r in self._under_way if due <= self._sim.now]:
                 with suppress(LrmError):
-                    self._ask("rpc/move" if isinstance(request, MoveRequest) else "cmd/jog", request)
+                    self._ask(KEYS[type(request)], request)
             self._under_way = [one for one in self._under_way if one[0] > self._sim.now]
             self._sim.tick()
+            self._ticked()
             self.commanded()
+
+    def _ticked(self) -> None:
+        """What else happens in a tick."""
 
     def commanded(self) -> Angles:
         pulses = self._sim.board.chip

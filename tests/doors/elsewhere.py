@@ -4,12 +4,13 @@ A door that registers (`tests/doors/NAME_door.py`) takes its modules from here.
 """
 
 ELSEWHERE = {
-    "lrm_ident.measuring.campaign.rover_arm": "tests/system/test_campaign.py",
+    "lrm_skills.behaviours": "tests/skills/test_state_machines.py",
+    "lrm_skills.rafcon_library": "tests/skills/test_state_machines.py",
     "lrmd.api.router_process": "tests/system/test_estop_path.py",
     "lrmd.cli.clock_calibration": "tests/daemon/cli/test_clock_calibration.py",
     "lrmd.cli.motion": "tests/daemon/cli/test_lrm_cli.py",
     "lrmd.cli.servo_calibration": "tests/daemon/cli/test_servo_calibration.py",
-    "lrmd.client.rover": "tests/system/test_daemon.py",
+    "lrmd.cli.skill": "tests/daemon/cli/test_lrm_cli.py",
     "lrmd.demo": "tests/system/test_demo.py",
     "lrmd.link.serial_port": "tests/daemon/ramp",
 }

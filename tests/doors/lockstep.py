@@ -50,19 +50,28 @@ class Lockstep:
 
     def interrupts(self) -> None:
         """Interrupts the program where it sleeps, as Ctrl-C does, and comes back when it has ended."""
-        if self._running:
+        if self.running:
             self._interrupted = True
             self._resume()
-            assert not self._running
+            assert not self.running
 
     def passes(self, seconds: float) -> None:
         """Lets time pass (s)."""
         end = self._t + seconds
-        while self._t < end or (self._running and self._wake <= end):
-            self._t = min(end, max(self._t, self._wake)) if self._running else end
+        while self._t < end or (self.running and self._wake <= end):
+            self._t = min(end, max(self._t, self._wake)) if self.running else end
             self._on_time(self._t)
-            if self._running and self._wake <= self._t:
+            if self.running and self._wake <= self._t:
                 self._resume()
+
+    def abandons(self) -> None:
+        """Never wakes the program again, as if it had been killed."""
+        self._done = True
+
+    @property
+    def running(self) -> bool:
+        """Whether there is a program that sleeps."""
+        return self._program is not None and self._program.is_alive() and not self._done
 
     @contextmanager
     def ended(self) -> Iterator[None]:
@@ -71,10 +80,6 @@ class Lockstep:
             yield
         finally:
             self.interrupts()
-
-    @property
-    def _running(self) -> bool:
-        return self._program is not None and self._program.is_alive() and not self._done
 
     _done = True
 

@@ -12,12 +12,12 @@ from tests.conftest import ROOT
 from tests.doors.door import DoorKind
 from tests.support.source_files import files, imported_names, syntax_tree
 
-SHIPPED = ("lrm_math", "lrmd", "lrm_ident", "lrm_ros2", "lerobot_robot_lrm/src/lerobot_robot_lrm")
+SHIPPED = ("lrm_math", "lrmd", "lrm_ident", "lrm_ros2", "lrm_skills", "lerobot_robot_lrm/src/lerobot_robot_lrm")
 WRITERS = {"serial", "scservo_sdk", "dynamixel_sdk", "smbus", "smbus2", "can"}
 """Packages that a motor is reached by."""
 CALLS = {
     "send_action", "sync_write", "write_with_retries", "enable_torque", "disable_torque", "move", "jog", "hold", "arm",
-    "relax", "estop", "put", "write",
+    "relax", "estop", "put", "write", "skill",
 }  # fmt: skip
 """Methods by which an arm moves, stops, or gets torque, of an object whose last name is one of `MOVERS`."""
 ACTION_STEPS = ("ActionProcessorStep",)

@@ -103,6 +103,8 @@ class CalibratedRobotDoor(ServosDoor):
 class CampaignDoor(ServosDoor):
     """A campaign that drives servos: `connect` gives them torque. Who asks is interrupted, as by Ctrl-C."""
 
+    follower: SimulatedFollower
+
     def __init__(
         self, servos: Sequence[FeetechServo], bus: FeetechBus, connect: Callable[[], Servos],
         break_off: Callable[[], None], lose_answer: Callable[[], None],
@@ -217,6 +219,7 @@ def campaign_over_lerobot(seed: int) -> Iterator[CampaignDoor]:
         robot.bus.lost += 1
 
     door = CampaignDoor(servos, FeetechBus(servos), connect, unplug, lose)
+    door.follower = robot
     with door.time.ended():
         yield door
 

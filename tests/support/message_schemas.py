@@ -12,6 +12,7 @@ from pydantic import ValidationError
 
 from lrmd import messages
 from lrmd.messages.codec import Part
+from lrmd.messages.skills import ALLOWED, CHOSEN, NEEDED
 from lrmd.messages.surroundings import WANTED
 
 Content = dict[str, Any]
@@ -60,6 +61,16 @@ def _of_its_shape(content: Content) -> Content:
     return {**{key: value for key, value in given.items() if key in wanted}, **kept}
 
 
+def _of_the_skill(content: Content) -> Content:
+    """The fields that a skill has, and no others."""
+    needed, more = NEEDED[content["skill"]], ALLOWED.get(content["skill"], ())
+    given = {
+        "goal": {"position_m": [0.1, 0.2, 0.3]}, "height_m": 0.1, "q_rad": [0.1], "gripper_rad": 0.1, "payload_kg": 0.1
+    }  # fmt: skip
+    kept = {key: value for key, value in content.items() if key not in CHOSEN or key in more}
+    return {**{key: content.get(key) or given[key] for key in needed}, **kept}
+
+
 def _ascending(content: Content) -> Content:
     """A box whose low corner is below its high one."""
     ends = [sorted(pair) for pair in zip(content["low_m"], content["high_m"], strict=True)]
@@ -71,6 +82,7 @@ TOGETHER: dict[str, Callable[[Content], Content]] = {
     "MetricsState": _one_histogram,
     "ObstacleEntry": _of_its_shape,
     "ContactEntry": _ascending,
+    "SkillRequest": _of_the_skill,
 }
 
 

@@ -92,3 +92,20 @@ def test_a_contact_names_shapes_of_the_arm_file_and_a_load_is_a_state(rover: Rov
     assert rover.mode().payload_kg == 0.06
     wait_for(lambda: tip(rover)[2] < before[2] - 1e-4, "the arm sags under it")
     rover.carry(0.0)
+
+
+def test_a_skill_is_planned_by_the_ik_process_and_a_hold_ends_it(rover: Rover) -> None:
+    here = rover.commanded_q()
+    there = [q + 0.05 for q in here]
+    state = rover.skill("stow", q_rad=there)
+    assert (state.outcome, state.text) == ("reached", "stowed")
+    assert rover.commanded_q() == pytest.approx(there, abs=1e-3)
+    rover.carry(0.0)
+    refused = rover.skill("approach", goal=GoalEntry(position_m=[5.0, 0.0, 0.1]), height_m=0.05)
+    assert refused.outcome == "refused"
+    begun = rover.skill("stow", q_rad=[0.3 + here[0], *here[1:]], wait=False)
+    wait_for(lambda: rover.mode().mode == "moving", "the skill moves the arm")
+    rover.hold()
+    stood = rover.commanded_q()
+    assert rover.await_skill(begun).outcome == "stopped"
+    assert rover.commanded_q() == stood

@@ -6,6 +6,7 @@ import os
 import re
 import shutil
 import subprocess
+import tomllib
 from collections import defaultdict
 from pathlib import Path
 
@@ -353,6 +354,31 @@ def test_whoever_stages_with_whatever_umask_all_may_enter_the_folders(tmp_path: 
         os.umask(before)
     closed = [path for path in (tmp_path / "root").rglob("*") if path.is_dir() and path.stat().st_mode & 0o055 != 0o055]
     assert closed == []
+
+
+def pinned(path: Path) -> dict[str, str]:
+    """Versions by package."""
+    found = re.findall(r"^([\w.-]+)==([^\s;]+)", path.read_text(encoding="utf-8"), re.MULTILINE)
+    return {re.sub(r"[-_.]+", "-", name).lower(): version for name, version in found}
+
+
+def test_pip_as_root_fetches_nothing_without_a_known_hash() -> None:
+    """Each call of pip checks hashes, or fetches nothing; the files have all that the daemon needs, as it is tested."""
+    text = (SYSTEMD / "install.sh").read_text(encoding="utf-8")
+    calls = re.findall(r"^ +pip (.*)$", text, re.MULTILINE)
+    hashed = [call for call in calls if call.startswith("--require-hashes -r ")]
+    assert [call for call in calls if call not in hashed] == ['--no-deps --no-build-isolation "$SOURCE"']
+    assert text.count("pip install") == 1, "in the function that all calls go through"
+    tested, found = pinned(ROOT / "constraints.txt"), dict[str, str]()
+    for name in ("requirements.txt", "compiler.txt"):
+        lines = (SYSTEMD / name).read_text(encoding="utf-8").replace("\\\n", " ").splitlines()
+        assert all("--hash=sha256:" in line for line in lines if line and not line.startswith("#"))
+        found |= pinned(SYSTEMD / name)
+    assert found == {name: tested[name] for name in found}
+    with (ROOT / "pyproject.toml").open("rb") as file:
+        project = tomllib.load(file)
+    needed = [*project["project"]["dependencies"], *project["build-system"]["requires"]]
+    assert {re.split(r"[^\w-]", one)[0] for one in needed} <= found.keys()
 
 
 def test_the_program_is_checked_as_the_daemons_user() -> None:

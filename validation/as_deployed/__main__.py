@@ -23,6 +23,7 @@ from collections.abc import Iterator, Sequence
 from functools import partial
 from pathlib import Path
 
+from examples.demo.world import SPEED
 from lrm_ident.fitting.executors import as_finished, executor_for
 from lrm_math.errors import FileError
 from validation.as_deployed.examine import examine
@@ -46,7 +47,7 @@ def main() -> int:
     asked = [key for key in asked if not options.only or any(word in key for word in options.only)]
     asked = asked[:: options.every]
     keys = [key for key in asked if key not in cases]
-    for number, (key, record) in enumerate(examined(keys, options.real, options.jobs), start=1):
+    for number, (key, record) in enumerate(examined(keys, options.real, options.jobs, options.speed), start=1):
         cases[key] = record
         write_cases(options.out, cases)
         print(f"{number}/{len(keys)} {line_of(key, record)}", file=sys.stderr, flush=True)
@@ -55,9 +56,9 @@ def main() -> int:
     return 0
 
 
-def examined(keys: Sequence[str], real: Path | None, jobs: int) -> Iterator[tuple[str, Record]]:
+def examined(keys: Sequence[str], real: Path | None, jobs: int, speed: float) -> Iterator[tuple[str, Record]]:
     """Keys with their records, as they are done; one after the other in this process, or side by side."""
-    of_key = partial(examine, real=real)
+    of_key = partial(examine, real=real, speed=speed)
     if jobs == 1:
         yield from map(of_key, keys)
         return
@@ -77,6 +78,8 @@ def _options() -> argparse.Namespace:
     parser.add_argument("--seeds", type=int, nargs="+", help="seeds (default: those of each part)")
     parser.add_argument("--only", action="append", help="only cases whose key contains this; may be repeated")
     parser.add_argument("--every", type=int, default=1, help="only every so many of the cases")
+    words = "speed of the simulated board's clock, for --part board; less for a busy computer (default: %(default)g)"
+    parser.add_argument("--speed", type=float, default=SPEED, help=words)
     parser.add_argument("--jobs", type=int, default=1, help="processes side by side")
     parser.add_argument("--beside", type=Path, help="results of other code, shown beside these")
     parser.add_argument("-o", "--out", type=Path, default=Path("out/as-deployed.json"), help="file of results")

@@ -15,9 +15,9 @@ from validation.as_deployed.catalogue import recording_of
 from validation.as_deployed.leaning import Lean, leaning_recording
 from validation.as_deployed.pose_choice import BetweenLevels, HalfRange, TiedJoints
 from validation.as_deployed.recording import WorldRecording
-from validation.hidden_effects.case_generator import coupled
-from validation.hidden_effects.confusion import COMMAND_TIMEOUT_S, ROOT
-from validation.hidden_effects.unfamiliar_effects import UnfamiliarCase, from_first_catalogue, gear_ripple
+from validation.hidden_effects.case import Case, of_part
+from validation.hidden_effects.causes import coupled, gear_ripple
+from validation.hidden_effects.examine import COMMAND_TIMEOUT_S, ROOT
 
 
 @dataclass(frozen=True)
@@ -29,7 +29,7 @@ class AbsurdCase:
     record: Callable[[int], WorldRecording]
 
 
-def _of(case: UnfamiliarCase, poses: int, choice: HalfRange | TiedJoints | BetweenLevels) -> AbsurdCase:
+def _of(case: Case, poses: int, choice: HalfRange | TiedJoints | BetweenLevels) -> AbsurdCase:
     return AbsurdCase(f"{case.name}, {choice.words}", poses, lambda seed: recording_of(case, seed, poses, choice))
 
 
@@ -38,12 +38,12 @@ def _leaning(axis: str, tilt_deg: int, poses: int) -> AbsurdCase:
     return AbsurdCase(lean.words, poses, lambda seed: leaning_recording(seed, lean))
 
 
-def _ripple(waves: int, degrees: float) -> UnfamiliarCase:
+def _ripple(waves: int, degrees: float) -> Case:
     return gear_ripple("report", 2, waves, degrees)
 
 
 LOWER, UPPER = HalfRange(2, -1), HalfRange(2, 1)
-TIED = from_first_catalogue("report", coupled(4, 2, 0.02))
+TIED = of_part("report", coupled(4, 2, 0.02))
 ABSURD = {
     "4 waves, lower half": _of(_ripple(4, 0.3), 300, LOWER),
     "4 waves, upper half": _of(_ripple(4, 0.3), 300, UPPER),

@@ -13,39 +13,33 @@ import numpy as np
 from validation.as_deployed import effects
 from validation.as_deployed.pose_choice import PoseChoice
 from validation.as_deployed.recording import FRESH, WorldPlan, WorldRecording, recorded
-from validation.hidden_effects.case_generator import DEG, HiddenEffectCase, combined, stable_seed
+from validation.hidden_effects.case import DEG, FIRST_SEED, Case, hidden, of_part, stable_seed, together
 from validation.hidden_effects.cases import CASES, SINGLE
-from validation.hidden_effects.data import BREAK_S
-from validation.hidden_effects.second_unforeseen.effects import FoamMat
-from validation.hidden_effects.unfamiliar_cases import UNFAMILIAR
-from validation.hidden_effects.unfamiliar_data import FIRST_SEED, OUTLIER_M, arm_file
-from validation.hidden_effects.unfamiliar_effects import UnfamiliarCase, both, from_first_catalogue, hidden
-from validation.hidden_effects.unforeseen_cases import LooseBase
+from validation.hidden_effects.catalogue import UNFAMILIAR
+from validation.hidden_effects.data import BREAK_S, true_arm, with_outliers_of
 from validation.synthetic import (
-    GroundTruth,
     LiftingBase,
     Schedule,
     SkewTracker,
-    base_displacement_to_deviations,
     load_arm,
 )
+from validation.synthetic.hidden_links import LooseBase
+from validation.synthetic.hidden_tracker import FoamMat
 
 MEASURING_S, PACE_S = 4500.0, 15.0
 ANY_POSES = PoseChoice()
 PHYSICAL = (FoamMat,)
 
 
-def recording_of(case: UnfamiliarCase, seed: int, poses: int, choice: PoseChoice = ANY_POSES) -> WorldRecording:
+def recording_of(case: Case, seed: int, poses: int, choice: PoseChoice = ANY_POSES) -> WorldRecording:
     """The world of a case, measured at so many poses; its true arm as in the catalogue with this seed."""
-    number, arm = FIRST_SEED[case.half] + seed, load_arm(arm_file(case))
-    truth = base_displacement_to_deviations(
-        arm, GroundTruth.random(arm, stable_seed(case.name, number, "arm"), case.build(arm, number))
-    )
+    number, arm = FIRST_SEED[case.part] + seed, load_arm(case.arm_file)
+    truth = true_arm(case, number, arm)
     seeds = [stable_seed(case.name, number, what) for what in ("poses", "fresh", "loads", "noise")]
     q = np.vstack([choice.measured(case, arm, seeds[0], poses), choice.fresh(case, arm, seeds[1], FRESH)])
     load = np.random.default_rng(seeds[2]).choice(case.loads_kg, size=len(q))
     plan = WorldPlan(q, load, continued_schedule(poses, case.sessions, q.shape[1]), poses)
-    run = recorded(arm_file(case), arm, truth, plan, seeds[3], PHYSICAL)
+    run = recorded(case.arm_file, arm, truth, plan, seeds[3], PHYSICAL)
     return _with_outliers(run, case.outliers, stable_seed(case.name, number, "outliers"))
 
 
@@ -62,30 +56,27 @@ def _with_outliers(run: WorldRecording, share: float, seed: int) -> WorldRecordi
     """The recording with a share of its measured positions out by some millimetres, and a fit that expects it."""
     if not share:
         return run
-    rng = np.random.default_rng(seed)
-    rows = rng.permutation(run.measured)[: round(share * run.measured)]
-    out = rng.normal(size=(len(rows), 3))
-    out *= (rng.uniform(*OUTLIER_M, len(rows)) / np.linalg.norm(out, axis=1))[:, None]
     tcp = run.whole.tcp_m.copy()
-    tcp[rows] += out
+    rng = np.random.default_rng(seed)
+    tcp[: run.measured] = with_outliers_of(tcp[: run.measured], round(share * run.measured), rng)
     return replace(run, whole=replace(run.whole, tcp_m=tcp), loss="huber")
 
 
-def _first(case: HiddenEffectCase) -> UnfamiliarCase:
-    taken = from_first_catalogue("tune", case)
+def _first(case: Case) -> Case:
+    taken = of_part("tune", case)
     return replace(taken, truths=None) if case.truth is None else taken
 
 
-def _pairs() -> dict[str, UnfamiliarCase]:
+def _pairs() -> dict[str, Case]:
     """Ten worlds with two effects of session or tracker together."""
     names = (
         "warm2+restart1 warm4+slip2 slip4+restart3 warm-base+warm2 warm-base+restart1 "
         "stretched+warm2 leaning+restart3 stretched+slip2 warm2+warm4 stretched+warm-base"
     )
-    return {name: _first(combined(*(SINGLE[part] for part in name.split("+")))) for name in names.split()}
+    return {name: _first(together(*(SINGLE[part] for part in name.split("+")))) for name in names.split()}
 
 
-def _trackers_and_bases() -> dict[str, UnfamiliarCase]:
+def _trackers_and_bases() -> dict[str, Case]:
     """Ten worlds with a distorted tracker, or a base that rocks between its feet."""
     zero = (0.0, 0.0, 0.0)
     frame, base = "measurement_frame@frame", "base_compliance@base"
@@ -106,11 +97,11 @@ def _trackers_and_bases() -> dict[str, UnfamiliarCase]:
         "report", "feet-xy", base, lambda by: effects.RockingFeet((0.6, 0.8, 0.0), by.size(0.4 * DEG), 0.1)
     )
     lifts = hidden("report", "lifts-y", base, lambda by: LiftingBase((0.0, 1.0, 0.0), by.size(0.04), 0.05, 0.05))
-    ten = (long_z, wide, sheared, lens, depth, loose, rocks_x, rocks_d, lifts, both(wide, rocks_x))
+    ten = (long_z, wide, sheared, lens, depth, loose, rocks_x, rocks_d, lifts, together(wide, rocks_x))
     return {case.name: case for case in ten}
 
 
-CATALOGUE: dict[str, UnfamiliarCase] = (
+CATALOGUE: dict[str, Case] = (
     {f"first/{name}": _first(case) for name, case in CASES.items()}
     | {f"second/{name}": case for name, case in UNFAMILIAR.items()}
     | {f"pair/{name}": case for name, case in _pairs().items()}

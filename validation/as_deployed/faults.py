@@ -14,31 +14,23 @@ import numpy as np
 from lrm_math.arrays import Array
 from validation.as_deployed.catalogue import continued_schedule
 from validation.as_deployed.recording import FRESH, WorldRecording, in_shown_frame
-from validation.hidden_effects.case_generator import stable_seed
+from validation.hidden_effects.case import FAULTS_REPORT, FIRST_SEED, Case, stable_seed
 from validation.hidden_effects.data import ARM_FILE, FLOOR_M, LOADS_KG, NOISE_M
-from validation.hidden_effects.faults import loose_parts, people, trackers, transmissions, written_later
-from validation.hidden_effects.faults.cases import CASES, WRITTEN_LATER
-from validation.hidden_effects.faults.measurement import FaultCase, HealthyMeasurement, SpoiledMeasurement
-from validation.hidden_effects.faults.outcome import FIRST_SEED
-from validation.synthetic import (
-    Dataset,
-    GroundTruth,
-    base_displacement_to_deviations,
-    load_arm,
-    measure,
-    random_poses,
-)
+from validation.hidden_effects.faults import blind, loose_parts, people, trackers, transmissions
+from validation.hidden_effects.faults.cases import BLIND_FAULTS, FAULT_CASES
+from validation.hidden_effects.faults.measurement import HealthyMeasurement, SpoiledMeasurement
+from validation.synthetic import Dataset, GroundTruth, base_displacement_to_deviations, load_arm, measure, random_poses
 from validation.synthetic.generate import rounded
 
 OF_ARM = (
     people.other_tool,
-    written_later.wears_where_it_works,
-    written_later.gives_way_beyond_a_torque,
-    written_later.stands_off_beyond_zero,
-    written_later.overshoots_by_the_way,
-    written_later.servo_replaced,
-    written_later.load_written_wrongly,
-    written_later.follows_a_square,
+    blind.wears_where_it_works,
+    blind.gives_way_beyond_a_torque,
+    blind.stands_off_beyond_zero,
+    blind.overshoots_by_the_way,
+    blind.servo_replaced,
+    blind.load_written_wrongly,
+    blind.follows_a_square,
 )
 OF_ARM_MODULES = (loose_parts.__name__, transmissions.__name__)
 TRACKER = (
@@ -46,15 +38,15 @@ TRACKER = (
     trackers.perspective,
     trackers.azimuth_wave,
     trackers.sheared,
-    written_later.two_cameras,
+    blind.two_cameras,
     trackers.grows,
     trackers.creeping_tripod,
     trackers.wandering,
 )
 PUSHED_TRACKER = (trackers.moved_between, trackers.moved_meanwhile, trackers.moved_twice)
-WITHOUT_END = (written_later.rows_sorted_afterwards,)
+WITHOUT_END = (blind.rows_sorted_afterwards,)
 """Its order of rows is not that of time: no pose comes after it."""
-FAULTS = {f"fault/{one.name}": one for one in (*CASES, *WRITTEN_LATER) if one.spoil not in WITHOUT_END}
+FAULTS = {f"fault/{one.name}": one for one in (*FAULT_CASES, *BLIND_FAULTS) if one.spoil not in WITHOUT_END}
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,9 +71,9 @@ class EndOfMeasurement(FaultyMeasurement):
         return np.ones(len(self.q))
 
 
-def fault_recording(case: FaultCase, seed: int, poses: int) -> WorldRecording:
+def fault_recording(case: Case, seed: int, poses: int) -> WorldRecording:
     """The world of a fault on the lab arm."""
-    number, arm = FIRST_SEED["report"] + seed, load_arm(ARM_FILE)
+    number, arm = FIRST_SEED[FAULTS_REPORT] + seed, load_arm(ARM_FILE)
     truth = base_displacement_to_deviations(arm, GroundTruth.random(arm, number))
     counts, drawn = (poses, FRESH), (number, stable_seed(case.name, number, "fresh"))
     q = np.vstack([random_poses(arm, n, at, floor_m=FLOOR_M) for n, at in zip(counts, drawn, strict=True)])

@@ -9,7 +9,7 @@ import numpy as np
 
 from validation.as_deployed.catalogue import continued_schedule
 from validation.as_deployed.recording import FRESH, WorldPlan, WorldRecording, recorded
-from validation.hidden_effects.case_generator import Build, stable_seed
+from validation.hidden_effects.case import Build, stable_seed
 from validation.hidden_effects.data import ARM_FILE, FLOOR_M, LOADS_KG
 from validation.synthetic import (
     ArmDescription,

@@ -4,12 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-import numpy as np
-
 from lrm_math.arrays import Array
-from validation.hidden_effects.data import FLOOR_M
-from validation.hidden_effects.unfamiliar_effects import UnfamiliarCase
-from validation.synthetic import ArmDescription, GroundTruth, random_poses, true_state
+from validation.hidden_effects.case import Case
+from validation.hidden_effects.data import drawn_poses
+from validation.synthetic import ArmDescription
 
 
 class PoseChoice:
@@ -18,13 +16,13 @@ class PoseChoice:
     many = 1
     """Poses drawn for one that is wanted."""
 
-    def measured(self, case: UnfamiliarCase, arm: ArmDescription, seed: int, count: int) -> Array:
+    def measured(self, case: Case, arm: ArmDescription, seed: int, count: int) -> Array:
         """(count, N), measured poses."""
-        return drawn(case, arm, seed, self.many * count)[:count]
+        return drawn_poses(case, arm, seed, self.many * count)[:count]
 
-    def fresh(self, case: UnfamiliarCase, arm: ArmDescription, seed: int, count: int) -> Array:
+    def fresh(self, case: Case, arm: ArmDescription, seed: int, count: int) -> Array:
         """(count, N), fresh poses."""
-        return drawn(case, arm, seed, self.many * count)[:count]
+        return drawn_poses(case, arm, seed, self.many * count)[:count]
 
 
 @dataclass(frozen=True)
@@ -40,14 +38,14 @@ class HalfRange(PoseChoice):
         """The half that is measured, in words."""
         return f"{'upper' if self.side > 0 else 'lower'} half of joint {self.joint} measured"
 
-    def measured(self, case: UnfamiliarCase, arm: ArmDescription, seed: int, count: int) -> Array:
+    def measured(self, case: Case, arm: ArmDescription, seed: int, count: int) -> Array:
         return self._on(self.side, case, arm, seed, count)
 
-    def fresh(self, case: UnfamiliarCase, arm: ArmDescription, seed: int, count: int) -> Array:
+    def fresh(self, case: Case, arm: ArmDescription, seed: int, count: int) -> Array:
         return self._on(-self.side, case, arm, seed, count)
 
-    def _on(self, side: int, case: UnfamiliarCase, arm: ArmDescription, seed: int, count: int) -> Array:
-        q, (low, high) = drawn(case, arm, seed, self.many * count), arm.links[self.joint - 1].limits_rad
+    def _on(self, side: int, case: Case, arm: ArmDescription, seed: int, count: int) -> Array:
+        q, (low, high) = drawn_poses(case, arm, seed, self.many * count), arm.links[self.joint - 1].limits_rad
         return q[side * (q[:, self.joint - 1] - 0.5 * (low + high)) >= 0.0][:count]
 
 
@@ -59,8 +57,8 @@ class TiedJoints(PoseChoice):
     other: int
     words = "two joints tied"
 
-    def measured(self, case: UnfamiliarCase, arm: ArmDescription, seed: int, count: int) -> Array:
-        q = drawn(case, arm, seed, count)
+    def measured(self, case: Case, arm: ArmDescription, seed: int, count: int) -> Array:
+        q = drawn_poses(case, arm, seed, count)
         q[:, self.other - 1] = -q[:, self.joint - 1]
         return q
 
@@ -71,13 +69,5 @@ class BetweenLevels(PoseChoice):
 
     words = "fresh poses between the measured levels"
 
-    def fresh(self, case: UnfamiliarCase, arm: ArmDescription, seed: int, count: int) -> Array:
-        return drawn(replace(case, levels_deg=()), arm, seed, count)
-
-
-def drawn(case: UnfamiliarCase, arm: ArmDescription, seed: int, count: int) -> Array:
-    """(count, N), at any angle or at the case's levels, the nominal TCP above the floor."""
-    if not case.levels_deg:
-        return random_poses(arm, count, seed, floor_m=FLOOR_M)
-    q = np.random.default_rng(seed).choice(np.radians(case.levels_deg), size=(20 * count, len(arm.links)))
-    return q[true_state(arm, GroundTruth.nominal(arm), q).tcp_m[:, 2] > FLOOR_M][:count]
+    def fresh(self, case: Case, arm: ArmDescription, seed: int, count: int) -> Array:
+        return drawn_poses(replace(case, levels_deg=()), arm, seed, count)

@@ -5,7 +5,6 @@
 
 from __future__ import annotations
 
-import argparse
 import tempfile
 from pathlib import Path
 
@@ -19,14 +18,12 @@ from lrm_math.effects.reference import effect_of
 from lrm_math.model.equilibrium import solve_equilibrium
 from validation.camera.rendered_photos import PhotoScene
 from validation.camera.scene import BOARD, HIDDEN, poses_in_view, rig, tip_error, write_arm_photos, write_lens_photos
+from validation.options import asked
 
 
 def main() -> None:
     """Prints the figures."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--photos", type=int, default=60)
-    parser.add_argument("--seeds", type=int, default=2)
-    given = parser.parse_args()
+    given = asked(__doc__, photos=60, seeds=2)
     with tempfile.TemporaryDirectory() as name:
         folder, scene = Path(name), PhotoScene()
         write_lens_photos(folder / "lens", scene, 20)

@@ -6,7 +6,6 @@ each way how well the tip is known at other poses, and how often the 95 % interv
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -30,6 +29,7 @@ from lrm_math.model.model import Model, model_of
 from lrm_math.model.sensed import tool_rotation
 from validation.camera.rendered_photos import WEBCAM
 from validation.camera.scene import CameraRig, poses_in_view, rig
+from validation.options import asked
 
 TWELVE = CharucoBoard(columns=5, rows=4, square_mm=20.0)
 LARGER = {name: 1.5 * getattr(WEBCAM, name) for name in ("focal_x_px", "focal_y_px", "centre_x_px", "centre_y_px")}
@@ -109,9 +109,7 @@ def compare(count: int, seeds: int) -> list[EstimatorErrors]:
 
 def main() -> None:
     """Prints the table."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--seeds", type=int, default=30)
-    seeds = parser.parse_args().seeds
+    seeds = asked(__doc__, seeds=30).seeds
     print(f"{seeds} arms each; RMS error of the tip (mm), and share of the 95 % intervals that hold the truth")
     for count in (25, 60, 150):
         for name, way in zip(WAYS, compare(count, seeds), strict=True):

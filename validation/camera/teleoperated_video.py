@@ -15,8 +15,7 @@ import pyarrow.parquet as parquet
 from lrm_math.arrays import Array
 from validation.camera.rendered_photos import PhotoScene
 from validation.camera.scene import BOARD
-from validation.encoder_checkup.dataset_files import write_dataset
-from validation.encoder_checkup.teleoperation import COUNT_DEG, FLICKER_COUNTS, Recording
+from validation.encoder_checkup.teleoperation import COUNT_DEG, FLICKER_COUNTS, Recording, write_dataset
 
 CAMERA = "observation.images.front"
 

@@ -11,8 +11,15 @@ import numpy as np
 from lrm_ident.measuring.recordings.encoder_checkup import EncoderFinding, checkup
 from lrm_ident.measuring.recordings.lerobot import read_frames
 from lrm_math.arm.arm_file import load_arm
-from validation.encoder_checkup.dataset_files import VERSIONS, write_dataset
-from validation.encoder_checkup.teleoperation import CAUSES, FollowingArm, ailing_arm, recorded, sound_arm
+from validation.encoder_checkup.teleoperation import (
+    CAUSES,
+    VERSIONS,
+    FollowingArm,
+    ailing_arm,
+    recorded,
+    sound_arm,
+    write_dataset,
+)
 
 OFFSETS_DEG = (17.0, 2.0, None, None)
 DWELL_S = 0.5

@@ -34,6 +34,7 @@ from lrm_math.toml_file import read_toml
 from validation.fleet.expected_errors import expected_errors
 from validation.fleet.held_out_arm import identify
 from validation.fleet.simulated_fleet import ArmOfKind, simulated_fleet, write_fleet
+from validation.options import asked
 
 FEW, MANY = 60, 150
 
@@ -50,7 +51,10 @@ def main() -> None:
         f"{FEW} poses {best.few:.3f}, {MANY} poses {best.many:.3f}",
         flush=True,
     )
-    with executor_for(options.cluster, most=options.jobs) as pool, TemporaryDirectory(prefix="fleet-") as scratch:
+    with (
+        executor_for(options.cluster or None, most=options.jobs) as pool,
+        TemporaryDirectory(prefix="fleet-") as scratch,
+    ):
         folder = Path(scratch)
         prior = _make_prior(sisters, folder, pool)
         ways = {
@@ -111,14 +115,15 @@ def _make_prior(sisters: Sequence[ArmOfKind], folder: Path, pool: Executor) -> P
 
 
 def _options() -> argparse.Namespace:
-    parser = argparse.ArgumentParser(prog="python -m validation.fleet", description=__doc__)
-    parser.add_argument("--arms", type=int, default=12, help="arms in all")
-    parser.add_argument("--share", type=float, default=2 / 3, help="part of them that is the fleet")
-    parser.add_argument("--seed", type=int, default=1, help="of the kind and its arms")
-    parser.add_argument("--own", type=float, default=0.03, help="factor of the errors that differ from arm to arm")
-    parser.add_argument("--jobs", type=int, default=2, help="worker processes of this machine")
-    parser.add_argument("--cluster", help="address of a Dask scheduler, or its scheduler file")
-    return parser.parse_args()
+    return asked(
+        __doc__,
+        arms=(12, "arms in all"),
+        share=(2 / 3, "part of them that is the fleet"),
+        seed=(1, "of the kind and its arms"),
+        own=(0.03, "factor of the errors that differ from arm to arm"),
+        jobs=(2, "worker processes of this machine"),
+        cluster=("", "address of a Dask scheduler, or its scheduler file"),
+    )
 
 
 if __name__ == "__main__":

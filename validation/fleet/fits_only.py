@@ -6,7 +6,6 @@ true population would give at best (`expected_errors`).
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -24,17 +23,19 @@ from lrm_math.arm.arm_file import load_arm
 from validation.fleet.expected_errors import expected_errors
 from validation.fleet.held_out_arm import ARM, tip_error
 from validation.fleet.simulated_fleet import ArmOfKind, simulated_fleet
+from validation.options import asked
 
 FEW, MANY = 60, 150
 
 
 def main() -> None:
     """Prints the comparison."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--arms", type=int, default=18, help="arms in all; two thirds are the fleet")
-    parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--own", type=float, default=1.0, help="factor of the errors that differ from arm to arm")
-    options = parser.parse_args()
+    options = asked(
+        __doc__,
+        arms=(18, "arms in all; two thirds are the fleet"),
+        seed=1,
+        own=(1.0, "factor of the errors that differ from arm to arm"),
+    )
     arms = simulated_fleet(options.arms, options.seed, options.own, ())
     count = round(options.arms * 2 / 3)
     best = expected_errors(arms[0], FEW, MANY, options.own, ())

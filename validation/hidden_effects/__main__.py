@@ -1,8 +1,13 @@
-"""`python -m validation.hidden_effects`: hide effects, let the tool name them, print truth against named."""
+"""`python -m validation.hidden_effects [--part PART …]`: hide effects, let the tool name them, print truth and names.
+
+Parts: `named`, effects as the tool has them, through `diagnose`; `tune` and `report`, other forms, arms and awkward
+data, `unforeseen`, `blind` and `fresh`, causes thought of by others, through `auto`; `memory` and `memory-blind`, what
+creeps, warms and slips; `faults` to `faults-blind-report`, what goes wrong in a measurement. Thresholds are set by
+`named`, `tune`, `memory` and `faults`; the others were written, or have other sizes, places and seeds, for a report.
+"""
 
 from __future__ import annotations
 
-import argparse
 import sys
 from collections.abc import Sequence
 from concurrent.futures import Executor
@@ -10,61 +15,75 @@ from functools import partial
 from pathlib import Path
 
 from lrm_ident.fitting.executors import as_finished, executor_for
-from validation.hidden_effects.cases import CASES
-from validation.hidden_effects.confusion import CaseOutcome, examine
-from validation.hidden_effects.tables import report
+from validation.hidden_effects.case import NAMED
+from validation.hidden_effects.catalogue import PARTS
+from validation.hidden_effects.examine import Task, examine
+from validation.hidden_effects.outcome import Outcome
+from validation.hidden_effects.tables import TITLE, faults, memories, report, section
+from validation.options import asked
 
 
 def main() -> None:
-    """Read the options, run, print."""
-    options = _options()
-    with executor_for(options.cluster, most=options.jobs) as pool:
-        outcomes = run(options.cases, options.seeds, options.poses, pool, options.keep)
-    text = report(outcomes, options.poses)
+    """Read the options, run, print; write the tables, or replace their section of a file."""
+    options = asked(
+        __doc__,
+        part=(NAMED, f"{', '.join(PARTS)}; several by commas"),
+        only=("", "only cases whose name contains one of these, by commas"),
+        arm=("", "other arms for faults, by commas"),
+        first=(0, "first seed"),
+        seeds=(5, "data sets per case"),
+        poses=(300, "poses per data set"),
+        jobs=(2, "worker processes"),
+        cluster=("", "Dask scheduler; its workers need this repository on their path"),
+        out=(None, "write the tables to this Markdown file too"),
+        keep=(None, "keep data, models and diagnoses in this folder"),
+    )
+    unknown = set(options.part.split(",")) - set(PARTS)
+    if unknown:
+        sys.exit(f"no such part: {', '.join(sorted(unknown))}; there are {', '.join(PARTS)}")
+    parts, only = options.part.split(","), options.only.split(",")
+    keys = [key for part in parts for key in PARTS[part] if any(word in key for word in only)]
+    if not keys:
+        sys.exit(f"no case of {options.part} has {options.only} in its name")
+    seeds = range(options.first, options.first + options.seeds)
+    tasks = [(key, seed, arm) for key in keys for arm in options.arm.split(",") for seed in seeds]
+    with executor_for(options.cluster or None, most=options.jobs) as pool:
+        outcomes = run(tasks, options.poses, pool, options.keep)
+    text = tables(outcomes, parts[0], options.poses, options.seeds)
     print(text)
     if options.out:
-        options.out.write_text(text, encoding="utf-8")
+        before = options.out.read_text(encoding="utf-8").partition(TITLE)[0].rstrip() if options.out.exists() else ""
+        kept = f"{before}\n\n" if text.startswith(TITLE) else ""
+        options.out.write_text(f"{kept}{text}".lstrip(), encoding="utf-8")
 
 
-def run(
-    names: Sequence[str], seeds: int, poses: int, executor: Executor, keep: Path | None = None
-) -> list[CaseOutcome]:
-    """Every case with every seed, side by side; progress goes to stderr. In the order of cases and seeds."""
-    tasks = [(name, seed) for name in names for seed in range(seeds)]
-    done: dict[tuple[str, int], CaseOutcome] = {}
-    for number, (_, outcome) in enumerate(
-        as_finished(executor, partial(examine, poses=poses, keep=keep), tasks), start=1
-    ):
-        done[outcome.case, outcome.seed] = outcome
-        print(f"{number}/{len(tasks)} {_line(outcome)}", file=sys.stderr, flush=True)
-    return [done[task] for task in tasks]
+def run(tasks: Sequence[Task], poses: int, executor: Executor, keep: Path | None = None) -> list[Outcome]:
+    """Every task, side by side; progress goes to stderr. In the order of the tasks."""
+    done: dict[int, Outcome] = {}
+    for number, one in as_finished(executor, partial(examine, poses=poses, keep=keep), tasks):
+        done[number] = one
+        print(f"{len(done)}/{len(tasks)} {line(one)}", file=sys.stderr, flush=True)
+    return [done[number] for number in range(len(tasks))]
 
 
-def _line(outcome: CaseOutcome) -> str:
-    mark = "hit " if outcome.hit else "MISS"
-    ratio = "" if outcome.ratio is None else f" ratio {outcome.ratio:.2f}"
-    others = f" (or {', '.join(outcome.first_class[1:])})" if len(outcome.first_class) > 1 else ""
-    return f"{mark} {outcome.case} seed {outcome.seed}: {outcome.named}{others}{ratio} {outcome.trouble}".rstrip()
+def tables(outcomes: Sequence[Outcome], part: str, poses: int, seeds: int) -> str:
+    """The tables of a part."""
+    if part == NAMED:
+        return report(outcomes, poses)
+    if part.startswith("faults"):
+        return faults(outcomes)
+    return memories(outcomes) if part.startswith("memory") else section(outcomes, part, poses, seeds)
 
 
-def _options() -> argparse.Namespace:
-    parser = argparse.ArgumentParser(prog="python -m validation.hidden_effects", description=__doc__)
-    parser.add_argument("--seeds", type=int, default=5, help="data sets per case")
-    parser.add_argument("--poses", type=int, default=300, help="poses per data set")
-    parser.add_argument("--cases", type=_names, default=list(CASES), help=f"comma-separated: {', '.join(CASES)}")
-    parser.add_argument("--jobs", type=int, default=2, help="worker processes")
-    parser.add_argument("--cluster", help="Dask scheduler; its workers need this repository on their path")
-    parser.add_argument("--out", type=Path, help="write the tables to this Markdown file too")
-    parser.add_argument("--keep", type=Path, help="keep data, models and diagnoses in this folder")
-    return parser.parse_args()
-
-
-def _names(text: str) -> list[str]:
-    names = [name.strip() for name in text.split(",") if name.strip()]
-    unknown = [name for name in names if name not in CASES]
-    if unknown or not names:
-        raise argparse.ArgumentTypeError(f"no such case: {', '.join(unknown)}; there are {', '.join(CASES)}")
-    return names
+def line(one: Outcome) -> str:
+    """Progress in one line."""
+    right = one.hit if one.of.part == NAMED else one.honest if one.of.spoil else one.all_named
+    names = " > ".join("=".join(step) for step in one.steps) or "no step"
+    ratio = "" if one.ratio is None else f"ratio {one.ratio:.2f} "
+    false = f"FALSE {', '.join(one.false_names)} " if one.false_names else ""
+    z = " ".join(f"{z:+.1f}" for z in one.z)
+    mark = "right" if right else "MISSED"
+    return f"{mark} {one.case} {one.arm} {one.seed}: {names} {ratio}{one.verdict} {false}{z}{one.trouble}".rstrip()
 
 
 if __name__ == "__main__":

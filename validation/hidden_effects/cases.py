@@ -1,23 +1,18 @@
-"""The cases: which effects are hidden, and what the tool should name them."""
+"""The catalogue of effects that have names: which are hidden, and what the tool should name them."""
 
 from __future__ import annotations
 
-from validation.hidden_effects.case_generator import (
-    GRAM,
-    MM,
-    HiddenEffectCase,
+from validation.hidden_effects.case import GRAM, MM, NAMED, by_key, hidden, nothing, together
+from validation.hidden_effects.causes import (
     base_roll,
     base_warms,
     bending,
     bracket,
     cable,
-    case,
-    combined,
     coupled,
     gain,
     lag,
     leaning,
-    named,
     play,
     restart,
     shaft,
@@ -28,8 +23,8 @@ from validation.hidden_effects.case_generator import (
 )
 from validation.synthetic import EntangledJoint, FastClock, WrongBody, WrongLoad
 
-NOTHING = HiddenEffectCase("nothing", (), lambda *_: ())
-SINGLE = named(
+NOTHING = nothing(NAMED)
+SINGLE = by_key(
     play(2, 1.2, 0.04),
     play(3, 1.6, 0.03),
     play(4, 1.6, 0.02),
@@ -37,7 +32,7 @@ SINGLE = named(
     lag(3, 1.2),
     gain(1, 1, 0.02),
     gain(4, -1, 0.025),
-    case("clock", "common_gain@servos", lambda by: FastClock(by.sign() * by.size(0.002), 2.6)),
+    hidden(NAMED, "clock", "common_gain@servos", lambda by: FastClock(by.sign() * by.size(0.002), 2.6)),
     shaft(2, 0.015),
     shaft(5, 0.05),
     spring(1, 0.006, 0.15),
@@ -48,40 +43,37 @@ SINGLE = named(
     coupled(5, 4, 0.03),
     bending(2, 0.1, 6.0, 12.0),
     bending(4, 0.1, 1.5, 3.5),
-    case("base-roll", "base_compliance@base", base_roll),
-    case("load", "payload@tool", lambda by: WrongLoad(by.size(15.0 * GRAM))),
-    case("load-hung", "payload@tool", lambda by: WrongLoad(by.size(10.0 * GRAM), (0.01, 0.0, by.size(25.0 * MM)))),
-    case("heavy5", "mass@link5", lambda by: WrongBody("link 5", by.size(0.35))),
+    hidden(NAMED, "base-roll", "base_compliance@base", base_roll),
+    hidden(NAMED, "load", "payload@tool", lambda by: WrongLoad(by.size(15.0 * GRAM))),
+    hidden(
+        NAMED,
+        "load-hung",
+        "payload@tool",
+        lambda by: WrongLoad(by.size(10.0 * GRAM), (0.01, 0.0, by.size(25.0 * MM))),
+    ),
+    hidden(NAMED, "heavy5", "mass@link5", lambda by: WrongBody("link 5", by.size(0.35))),
     bracket(2, 10.0),
     bracket(4, 10.0),
     warms(2, 0.7),
     warms(4, 1.1),
-    case("warm-base", "drift@base", base_warms),
+    hidden(NAMED, "warm-base", "drift@base", base_warms),
     slip(2, 0.6),
     slip(4, 1.0),
     restart(1, 3, 0.6),
     restart(3, 2, 0.8),
-    case("stretched", "measurement_frame@frame", stretched),
-    case("leaning", "measurement_frame@frame", leaning),
+    hidden(NAMED, "stretched", "measurement_frame@frame", stretched),
+    hidden(NAMED, "leaning", "measurement_frame@frame", leaning),
 )
-DOUBLE = named(
-    combined(SINGLE["play2"], SINGLE["gain1"]),
-    combined(SINGLE["warm2"], SINGLE["coupled3-2"]),
-    combined(SINGLE["load"], SINGLE["lag1"]),
-    combined(SINGLE["bending2"], SINGLE["shaft5"]),
-    combined(SINGLE["stretched"], SINGLE["play3"]),
-    combined(SINGLE["spring2"], SINGLE["restart1"]),
+DOUBLE, TRIPLE = (
+    by_key(*(together(*(SINGLE[part] for part in name.split("+"))) for name in names.split()))
+    for names in (
+        "play2+gain1 warm2+coupled3-2 load+lag1 bending2+shaft5 stretched+play3 spring2+restart1",
+        "play2+warm-base+gain4 bending4+load+lag3 stretched+coupled3-2+shaft5",
+    )
 )
-TRIPLE = named(
-    combined(SINGLE["play2"], SINGLE["warm-base"], SINGLE["gain4"]),
-    combined(SINGLE["bending4"], SINGLE["load"], SINGLE["lag3"]),
-    combined(SINGLE["stretched"], SINGLE["coupled3-2"], SINGLE["shaft5"]),
+OUTSIDE = by_key(
+    hidden(NAMED, "sum-q1-q4", None, lambda by: EntangledJoint(3, (1, 4), by.size(0.02), "sum")),
+    hidden(NAMED, "product-q1-q4", None, lambda by: EntangledJoint(3, (1, 4), by.size(0.025), "product")),
+    hidden(NAMED, "beat-q3-q5", None, lambda by: EntangledJoint(2, (3, 5), by.size(0.015), "beat")),
 )
-OUTSIDE = named(
-    case("sum-q1-q4", None, lambda by: EntangledJoint(3, (1, 4), by.size(0.02), "sum")),
-    case("product-q1-q4", None, lambda by: EntangledJoint(3, (1, 4), by.size(0.025), "product")),
-    case("beat-q3-q5", None, lambda by: EntangledJoint(2, (3, 5), by.size(0.015), "beat")),
-)
-CASES = named(NOTHING) | SINGLE | DOUBLE | TRIPLE | OUTSIDE
-
-__all__ = ["CASES", "DOUBLE", "NOTHING", "OUTSIDE", "SINGLE", "TRIPLE", "HiddenEffectCase"]
+CASES = by_key(NOTHING) | SINGLE | DOUBLE | TRIPLE | OUTSIDE

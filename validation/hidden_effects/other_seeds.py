@@ -7,30 +7,28 @@ few poses, and unknown noise.
 from __future__ import annotations
 
 import os
-import tempfile
 from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 from lrm_ident.data.error_stats import error_stats
 from lrm_ident.data.measurement_file.load import load_measurements
-from lrm_ident.data.measurements import Measurements
 from lrm_ident.diagnosis.auto import run_auto
 from lrm_ident.diagnosis.diagnose import diagnose
 from lrm_ident.diagnosis.diagnosis_report import build_report
 from lrm_ident.fitting.cross_validation import cross_validated_residual
 from lrm_ident.fitting.executors import executor_for, in_order
-from lrm_ident.fitting.identifiability import fit_identifiable
 from lrm_math.arm.arm_file import load_arm
-from lrm_math.effects import effects_at
 from lrm_math.errors import LrmError
-from lrm_math.model.model import Model, model_of
+from validation.hidden_effects.case import LAB
 from validation.hidden_effects.cases import CASES, DOUBLE, NOTHING, SINGLE, TRIPLE
-from validation.hidden_effects.data import NOISE_M, write_case
+from validation.hidden_effects.data import write_case
+from validation.hidden_effects.examine import base_model
+from validation.hidden_effects.outcome import FLOOR_MM, Outcome
 
-FIRST_SEED = 100
-FLOOR_M = NOISE_M * 3**0.5
+FIRST_SEED, FLOOR_M = 100, FLOOR_MM / 1000.0
 
 
 @dataclass(frozen=True)
@@ -43,62 +41,40 @@ class DataSetSpec:
     noise_known: bool = True
     auto: bool = False
 
-
-@dataclass(frozen=True)
-class SearchOutcome:
-    """Names found (steps of `auto`, or the first class), the verdict, and error over noise."""
-
-    spec: DataSetSpec
-    named: tuple[str, ...]
-    verdict: str
-    ratio: float
-
-    @property
-    def outcome(self) -> str:
+    def graded(self, one: Outcome) -> str:
         """right, wrong (one name, not the truth), or the verdict that was given instead."""
-        truth = CASES[self.spec.case].truth or ()
+        named, truth = [name for step in one.steps for name in step], one.of.truth or ()
         if not truth:
-            right = "nothing_missing" if self.spec.noise_known else "noise_unknown"
-            return "right" if self.verdict == right else "wrong"
-        if all(name in self.named for name in truth):
+            return "right" if one.verdict == ("nothing_missing" if self.noise_known else "noise_unknown") else "wrong"
+        if all(name in named for name in truth):
             return "right"
-        return (
-            "wrong" if len(self.named) == 1 and not self.spec.auto else (self.verdict if not self.named else "in part")
-        )
+        if len(named) == 1 and not self.auto:
+            return "wrong"
+        return "in part" if named else one.verdict
 
 
-def examine(spec: DataSetSpec) -> SearchOutcome:
-    """Makes the data set, fits `offsets,compliance`, and searches."""
-    data = _data(spec)
-    try:
-        model = _base(data)
-        if spec.auto:
-            course = run_auto(model, data)
-            named = tuple(step.added for step in course.steps[1:])
-            return SearchOutcome(
-                spec, named, course.verdict, error_stats(cross_validated_residual(course.model, data)).rms / FLOOR_M
-            )
-        report = build_report(diagnose(model, data))
-    except LrmError as error:
-        return SearchOutcome(spec, (), str(error), float("nan"))
-    if report.first is None:
-        return SearchOutcome(spec, (), report.verdict, report.held_out.rms / FLOOR_M)
-    named = (report.first.scored.name, *report.first.equivalent)
-    return SearchOutcome(spec, named, report.verdict, report.first.held_out_rms / FLOOR_M)
-
-
-def _data(spec: DataSetSpec) -> Measurements:
-    with tempfile.TemporaryDirectory() as folder:
+def searched(spec: DataSetSpec) -> Outcome:
+    """Makes the data set, fits `offsets,compliance`, and searches: steps of `auto`, or the first class."""
+    arm = load_arm(LAB)
+    with TemporaryDirectory() as folder:
         path = write_case(CASES[spec.case], spec.seed, spec.poses, Path(folder))
         if not spec.noise_known:
             path.with_suffix(".toml").unlink()
-        return load_measurements(path, load_arm("lrm-lab"))
-
-
-def _base(data: Measurements) -> Model:
-    arm = load_arm("lrm-lab")
-    model = model_of(arm, effects_at(arm, "offsets") + effects_at(arm, "compliance"))
-    return fit_identifiable(model, data, model.keys).fit.model
+        data = load_measurements(path, arm)
+    try:
+        model = base_model(data, arm)
+        if spec.auto:
+            course = run_auto(model, data)
+            steps, verdict = tuple((step.added,) for step in course.steps[1:]), course.verdict
+            left = error_stats(cross_validated_residual(course.model, data)).rms
+        else:
+            report = build_report(diagnose(model, data))
+            first, verdict = report.first, report.verdict
+            steps = () if first is None else ((first.scored.name, *first.equivalent),)
+            left = report.held_out.rms if first is None else first.held_out_rms
+    except LrmError as error:
+        return Outcome(spec.case, spec.seed, verdict=str(error))
+    return Outcome(spec.case, spec.seed, steps, verdict, left / FLOOR_M)
 
 
 def _specs(
@@ -118,13 +94,11 @@ def main() -> None:
     }
     with executor_for(most=os.cpu_count()) as pool:
         for name, specs in groups.items():
-            results = in_order(pool, examine, specs)
-            outcomes = ", ".join(f"{count} {what}" for what, count in Counter(r.outcome for r in results).most_common())
-            worst = max(result.ratio for result in results if result.outcome == "right")
-            print(
-                f"{name}: {len(specs)} data sets, {outcomes}; worst error over noise where right {worst:.2f}",
-                flush=True,
-            )
+            graded = [(spec.graded(one), one) for spec, one in zip(specs, in_order(pool, searched, specs), strict=True)]
+            counts = ", ".join(f"{n} {what}" for what, n in Counter(grade for grade, _ in graded).most_common())
+            worst = max(one.ratio or 0.0 for grade, one in graded if grade == "right")
+            words = f"{len(specs)} data sets, {counts}; worst error over noise where right {worst:.2f}"
+            print(f"{name}: {words}", flush=True)
 
 
 if __name__ == "__main__":

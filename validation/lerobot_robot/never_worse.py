@@ -8,7 +8,6 @@ of the independent generator, whose tip is the judge then.
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Iterator
 from dataclasses import dataclass
 
@@ -25,6 +24,7 @@ from lrm_math.kinematics.motion import Motion
 from lrm_math.model.model import Model, model_of
 from validation.lerobot_robot.continuity import random_model
 from validation.lerobot_robot.fitted_arms import fitted_arms
+from validation.options import asked
 
 WORSE, LEAST_M = 1.05, 1e-5
 """The law: corrected ≤ 1.05 · uncorrected, and what a solver leaves."""
@@ -137,11 +137,7 @@ def row(name: str, found: list[RestErrors]) -> str:
 
 def main() -> None:
     """Prints the table."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--models", type=int, default=20)
-    parser.add_argument("--rests", type=int, default=30)
-    parser.add_argument("--fitted", type=int, default=8, help="models that are fitted to hidden arms")
-    chosen = parser.parse_args()
+    chosen = asked(__doc__, models=20, rests=30, fitted=(8, "models that are fitted to hidden arms"))
     print("| models | " + " | ".join(f"{kind}: RMS (mm) | worse | by at most (mm)" for kind in KINDS) + " |")
     print("|---" * (1 + 3 * len(KINDS)) + "|")
     for name in ("so101", "lrm-rover"):

@@ -8,7 +8,6 @@ correlates best with it. Both always name one.
 
 from __future__ import annotations
 
-import argparse
 import json
 from pathlib import Path
 
@@ -22,6 +21,7 @@ from lrm_math.model.derivatives import parameter_jacobian
 from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import model_of
 from validation.missing_effect.score import DATA, EFFECTS, read_truth, scores
+from validation.options import asked
 from validation.proofs.result_file import FOLDER, computed, write
 
 ANSWERS = Path(__file__).with_name("answers")
@@ -69,9 +69,7 @@ def _of_length_one(columns: Array) -> Array:
 
 def main() -> None:
     """Writes both answers, and their scores for the page of the documentation."""
-    parser = argparse.ArgumentParser("python -m validation.missing_effect.answers", description=__doc__)
-    parser.add_argument("-o", "--out", type=Path, default=FOLDER / "benchmark.json")
-    options = parser.parse_args()
+    options = asked(__doc__, out=FOLDER / "benchmark.json")
     truth = read_truth()
     studies = {name: Study.of(lrm.load(DATA / f"{name}.csv")).fit() for name in truth}
     naive = {name: linear_answers(study) for name, study in studies.items()}

@@ -6,7 +6,7 @@ import json
 from collections.abc import Mapping
 from pathlib import Path
 
-from validation.hidden_effects.case_generator import HiddenEffectCase
+from validation.hidden_effects.case import Case
 from validation.hidden_effects.cases import DOUBLE, NOTHING, SINGLE
 from validation.hidden_effects.data import dataset
 from validation.synthetic import write
@@ -14,7 +14,7 @@ from validation.synthetic import write
 FOLDER = Path(__file__).with_name("data")
 TRUTH = FOLDER / "truth.json"
 SEED, POSES = 66, 200
-SETS: Mapping[str, HiddenEffectCase] = {
+SETS: Mapping[str, Case] = {
     "play": SINGLE["play3"],
     "two": DOUBLE["warm2+coupled3-2"],
     "nothing": NOTHING,

@@ -66,8 +66,11 @@ def said_by(*command: object) -> tuple[int, str]:
 
 
 def outcome_of(code: int, named: bool, wrong: bool) -> str:
-    """The outcome by a command's exit code, whether it named the change, and whether its result is a wrong one."""
-    if code not in (0, 2):
+    """The outcome by a command's exit code, whether it named the change, and whether its result is a wrong one.
+
+    `checkup` ends with 1 where it found something.
+    """
+    if code < 0:
         return TRACEBACK
     if code == 2:
         return REFUSED if named else VAGUE

@@ -16,6 +16,11 @@ from validation.newcomer_files.outcome import ChangeOutcome, outcome_of, said_by
 ARMS = "so101", "so100", "lekiwi"
 RESTS, FPS, REST_S, MOVE_S = 16, 10, 2.0, 0.5
 NEAR_DEG = 0.3
+SAID = {
+    "sign": "turns against its command", "turn": "reads a full turn", "swapped": "follows the command of",
+    "frozen": "stands still",
+}  # fmt: skip
+"""How a checkup names what happens to one joint, after its name."""
 PREFIXES = "", "arm_", "left_", "right_", "main_", "follower_", "wing_"
 
 
@@ -48,9 +53,9 @@ def changed(arm: Arm, poses: Array, rng: np.random.Generator) -> tuple[Array, Ar
 
     A unit or a zero is that of both; what happens to one joint is what its encoder says.
     """
-    names, k = [joint.name for joint in arm.joints], int(rng.integers(arm.dof))
+    names, k = [str(joint.name) for joint in arm.joints], int(rng.integers(arm.dof))
     kind = str(rng.choice(["older zeros", "prefix", "radians", "counts", "sign", "turn", "swapped", "frozen", "NaN"]))
-    read, words = poses.copy(), (names[k], "limits", "beyond")
+    read, words = poses.copy(), (f"{names[k]} {SAID.get(kind, '')}", "limits", "beyond")
     if kind == "older zeros":
         read[:, 1], read[:, 2] = 90.0 - poses[:, 1], poses[:, 2] + 90.0
         words = ("before June 2025",)
@@ -67,7 +72,8 @@ def changed(arm: Arm, poses: Array, rng: np.random.Generator) -> tuple[Array, Ar
         read[:, k] += 360.0
     elif kind == "swapped":
         other = (k + 1) % arm.dof
-        read[:, [k, other]], words = read[:, [other, k]], (names[k], names[other], "limits", "beyond")
+        read[:, [k, other]] = read[:, [other, k]]
+        words = (f"{names[k]} {SAID[kind]} {names[other]}", *words[1:])
     elif kind == "frozen":
         read[:, k] = poses[0, k]
     else:

@@ -6,7 +6,6 @@ file that `lrm-ident report` writes, in a headless Chromium; the files stay in o
 
 from __future__ import annotations
 
-import argparse
 import io
 from collections.abc import Iterator
 from pathlib import Path
@@ -21,10 +20,11 @@ from lrm_ident.report.diagnosis.conclusion import conclude
 from lrm_ident.report.plain_names import plain_name
 from lrm_math.effects.reference import EffectRef
 from tests.support.browser import PATIENCE_MS, chromium
-from validation.hidden_effects.auto_outcome import ALWAYS_TRUE
 from validation.hidden_effects.cases import CASES
-from validation.hidden_effects.confusion import run_tool
 from validation.hidden_effects.data import ARM_FILE, write_case
+from validation.hidden_effects.examine import run_tool
+from validation.hidden_effects.outcome import ALWAYS_TRUE
+from validation.options import asked
 from validation.proofs.result_file import FOLDER, ROOT, computed, write
 
 PICTURES, REPORTS = FOLDER.parent / "pictures" / "gallery", ROOT / "out" / "gallery"
@@ -100,9 +100,7 @@ def _mm(metres: float) -> float:
 
 def main() -> None:
     """Writes the result and the pictures."""
-    parser = argparse.ArgumentParser("python -m validation.proofs.gallery", description=__doc__)
-    parser.add_argument("-o", "--out", type=Path, default=FOLDER / "gallery.json")
-    write(parser.parse_args().out, computed(COLUMNS, list(lines())))
+    write(asked(__doc__, out=FOLDER / "gallery.json").out, computed(COLUMNS, list(lines())))
 
 
 if __name__ == "__main__":

@@ -5,7 +5,6 @@ Which tests hold which guarantee is said in guarantees.toml beside this file.
 
 from __future__ import annotations
 
-import argparse
 import os
 import subprocess
 import sys
@@ -16,6 +15,7 @@ from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path
 
+from validation.options import asked
 from validation.proofs.result_file import FOLDER, ROOT, computed, write
 
 NAME = "guarantees.json"
@@ -56,9 +56,7 @@ def ran(tests: tuple[str, ...]) -> dict[str, Counter[str]]:
 
 def main() -> None:
     """Writes the result."""
-    parser = argparse.ArgumentParser("python -m validation.proofs.guarantees", description=__doc__)
-    parser.add_argument("-o", "--out", type=Path, default=FOLDER / NAME)
-    options = parser.parse_args()
+    options = asked(__doc__, out=FOLDER / NAME)
     stated = guarantees()
     found = ran(tuple(dict.fromkeys(test for one in stated for test in one.tests)))
     rows = []

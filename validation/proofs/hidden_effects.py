@@ -6,30 +6,29 @@ class has no other member, as *wrong* if one name alone is stated and it is not 
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Sequence
-from pathlib import Path
 
 import numpy as np
 
 from lrm_ident.fitting.executors import executor_for
 from validation.hidden_effects.__main__ import run
 from validation.hidden_effects.cases import CASES
-from validation.hidden_effects.confusion import CaseOutcome
+from validation.hidden_effects.outcome import Outcome
 from validation.hidden_effects.tables import KINDS
+from validation.options import asked
 from validation.proofs.result_file import FOLDER, computed, write
 
 NAME = "hidden-effects.json"
 COLUMNS = ("what was hidden", "data sets", "right", "alone", "wrong", "remaining error over noise, median", "worst")
 
 
-def rows(outcomes: Sequence[CaseOutcome]) -> list[tuple[object, ...]]:
+def rows(outcomes: Sequence[Outcome]) -> list[tuple[object, ...]]:
     """A line for each kind of case, and one for all."""
     groups = {name: [one for one in outcomes if one.case in cases] for name, cases in KINDS.items()}
     return [_row(name, found) for name, found in (*groups.items(), ("all", list(outcomes))) if found]
 
 
-def _row(name: str, found: Sequence[CaseOutcome]) -> tuple[object, ...]:
+def _row(name: str, found: Sequence[Outcome]) -> tuple[object, ...]:
     ratios = [one.ratio for one in found if one.ratio is not None]
     return (
         name,
@@ -44,15 +43,17 @@ def _row(name: str, found: Sequence[CaseOutcome]) -> tuple[object, ...]:
 
 def main() -> None:
     """Writes the result."""
-    parser = argparse.ArgumentParser("python -m validation.proofs.hidden_effects", description=__doc__)
-    parser.add_argument("--seeds", type=int, default=1, help="data sets of each case")
-    parser.add_argument("--every", type=int, default=1, help="only every so many of the cases")
-    parser.add_argument("--poses", type=int, default=300, help="poses of each data set")
-    parser.add_argument("--jobs", type=int, default=1, help="processes side by side")
-    parser.add_argument("-o", "--out", type=Path, default=FOLDER / NAME)
-    options = parser.parse_args()
+    options = asked(
+        __doc__,
+        seeds=(1, "data sets of each case"),
+        every=(1, "only every so many of the cases"),
+        poses=(300, "poses of each data set"),
+        jobs=(1, "processes side by side"),
+        out=FOLDER / NAME,
+    )
+    tasks = [(name, seed, "") for name in list(CASES)[:: options.every] for seed in range(options.seeds)]
     with executor_for(None, most=options.jobs) as pool:
-        outcomes = run(list(CASES)[:: options.every], options.seeds, options.poses, pool)
+        outcomes = run(tasks, options.poses, pool)
     write(options.out, computed(COLUMNS, rows(outcomes)))
 
 

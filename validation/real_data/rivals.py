@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -60,3 +62,11 @@ def _tree(bins: NDArray[np.int64], y: Array, asked: NDArray[np.int64], depth: in
         rows, ask = (bins[:, feature] <= edge) == low, (asked[:, feature] <= edge) == low
         here[rows], there[ask] = _tree(bins[rows], y[rows], asked[ask], depth - 1)
     return here, there
+
+
+RIGID, OURS = "rigid least squares", "lrm-ident fit (offsets, compliances)"
+BLACK_BOXES: dict[str, Callable[[Array, Array, Array], Array]] = {
+    "rigid, and a Gaussian process": gaussian_process,
+    "rigid, and gradient boosting": boosting,
+}
+"""What each is called; a black box takes joint angles and residuals that are known, and joint angles unseen."""

@@ -6,18 +6,21 @@
 
 from __future__ import annotations
 
-import argparse
 from pathlib import Path
 
 from rich.console import Console
 
 from lrm_ident.data.measurement_file.load import load_measurements
 from lrm_math.arm.arm_file import load_arm
-from validation.residual_field.apart import apart_table
-from validation.residual_field.arms import CASES, arms_table, held_out, hidden, two_joint
+from validation.options import asked
 from validation.residual_field.nameless_arm import measured
-from validation.residual_field.nested import tables
-from validation.residual_field.promises import refused_on_null_data, worst_on_null_data, worst_on_other_half
+from validation.residual_field.nested import CASES, arms_table, held_out, hidden, tables, two_joint
+from validation.residual_field.promises import (
+    apart_table,
+    refused_on_null_data,
+    worst_on_null_data,
+    worst_on_other_half,
+)
 
 ROOT = Path(__file__).resolve().parents[2]
 SHARED = ROOT.parent / "shared" / "data"
@@ -29,15 +32,16 @@ HALVED = ("cable-over-3-and-5", "bearing3", "dahl1")
 
 def main() -> None:
     """Prints everything."""
-    asked = argparse.ArgumentParser(description=__doc__)
-    asked.add_argument("data", nargs="?", type=Path)
-    asked.add_argument("--arm", default="lrm-lab")
-    asked.add_argument("--promises", action="store_true")
-    asked.add_argument("--arms", action="store_true")
-    asked.add_argument("--apart", action="store_true")
-    asked.add_argument("--shared", type=Path, default=SHARED, help="folder of the real measurements")
-    asked.add_argument("--seeds", type=int, default=20)
-    known = asked.parse_args()
+    known = asked(
+        __doc__,
+        "data?",
+        arm="lrm-lab",
+        promises=False,
+        arms=False,
+        apart=False,
+        shared=(SHARED, "folder of the real measurements"),
+        seeds=20,
+    )
     console = Console(width=120)
     if known.apart:
         of, ur5 = known.shared / UR5, load_arm("ur5")

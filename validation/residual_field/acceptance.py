@@ -7,7 +7,6 @@ at 2000 new poses by the independent generator's arm, without noise. Seeds from 
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -29,6 +28,7 @@ from lrm_math.effects.field.residual_field import ResidualField
 from lrm_math.kinematics.poses import poses_of
 from lrm_math.model.equilibrium import solve_equilibrium
 from validation.hidden_effects.data import ARM_FILE, true_arm
+from validation.options import asked
 from validation.residual_field.closed_loop import unfamiliar
 from validation.synthetic import load_arm as load_true_arm
 from validation.synthetic import true_state
@@ -90,11 +90,7 @@ def paired_errors(seed: int, poses: int) -> Iterator[PairedErrors]:
 
 def main() -> None:
     """Prints one line a seed."""
-    asked = argparse.ArgumentParser("validation.residual_field.acceptance", description=__doc__)
-    asked.add_argument("--first", type=int, default=100, help="seed to begin with")
-    asked.add_argument("--seeds", type=int, default=20, help="how many")
-    asked.add_argument("--poses", type=int, default=POSES)
-    known = asked.parse_args()
+    known = asked(__doc__, first=(100, "seed to begin with"), seeds=(20, "how many"), poses=POSES)
     print("| seed | hidden | at random, RMS mm | gain | z | blocks | gain | z | new poses | gain | z |")
     print("|---|---|---|---|---|---|---|---|---|---|---|")
     for seed in range(known.first, known.first + known.seeds):

@@ -7,7 +7,6 @@ that were never measured, and the true arm says where its tip lands. Exit code 1
 
 from __future__ import annotations
 
-import argparse
 import sys
 import tempfile
 from dataclasses import dataclass
@@ -27,9 +26,10 @@ from lrm_math.ik.calibrated import CalibratedSolver
 from lrm_math.ik.goal import point
 from lrm_math.model.deployed_model import of_a_session
 from lrm_math.model.model import Model
-from validation.hidden_effects.case_generator import HiddenEffectCase, combined
+from validation.hidden_effects.case import Case, together
 from validation.hidden_effects.cases import OUTSIDE
 from validation.hidden_effects.data import ARM_FILE, true_arm, write_case
+from validation.options import asked
 from validation.synthetic import load_arm, true_state
 
 POSES, GOALS = 400, 50
@@ -56,10 +56,10 @@ class LoopOutcome:
         return f"| {self.seed} | {self.hidden} | {' | '.join(figures)} | {self.missed} |"
 
 
-def unfamiliar(seed: int) -> HiddenEffectCase:
+def unfamiliar(seed: int) -> Case:
     """Two effects that are in no catalogue, by the seed."""
     pairs = list(combinations(OUTSIDE.values(), 2))
-    return combined(*pairs[seed % len(pairs)])
+    return together(*pairs[seed % len(pairs)])
 
 
 def closed_loop(seed: int, poses: int) -> LoopOutcome:
@@ -99,7 +99,7 @@ def _of_sessions(model: Model) -> list[str]:
     return sorted({effect.id for effect in model.effects if of_a_session(effect)})
 
 
-def _landed(case: HiddenEffectCase, seed: int, q: Array) -> Array:
+def _landed(case: Case, seed: int, q: Array) -> Array:
     """(N, 3), m, where the true tip is at commands, without a load."""
     arm = load_arm(ARM_FILE)
     return np.asarray(true_state(arm, true_arm(case, seed, arm), q).tcp_m)
@@ -111,10 +111,7 @@ def _rms(error: Array) -> float:
 
 def main() -> int:
     """Prints one line a seed."""
-    asked = argparse.ArgumentParser("validation.residual_field.closed_loop", description=__doc__)
-    asked.add_argument("--seeds", type=int, default=10)
-    asked.add_argument("--poses", type=int, default=POSES)
-    known, nearer = asked.parse_args(), 0
+    known, nearer = asked(__doc__, seeds=10, poses=POSES), 0
     print("| seed | hidden | fit mm | and field | named mm | and field | goals without a command |")
     print("|---|---|---|---|---|---|---|")
     for seed in range(known.seeds):

@@ -11,7 +11,6 @@ differs from itself by tenths of a millimetre RMS. So both models answer each go
 
 from __future__ import annotations
 
-import argparse
 import contextlib
 import io
 import shlex
@@ -42,6 +41,7 @@ from lrm_math.arm.arm_file import GRAM, load_arm
 from lrm_math.arrays import Array
 from lrm_math.errors import LrmError
 from lrmd.client import Rover
+from validation.options import asked
 from validation.residual_field.closed_loop import unfamiliar
 
 POSES, REPEATS, GOALS, VISITS = 240, 8, 72, 2
@@ -107,9 +107,13 @@ class GoalVisits:
         rng = np.random.default_rng([seed, 8])
         return cls(draw_goals(arm, count, seed), tuple(clear_poses(arm, count, rng) for _ in range(VISITS)))
 
-    def visit(self, world: World, number: int) -> Array:
-        """(goals,), squared distances of the tip from the goals (m²); NaN where one was not reached."""
-        arm, targets, timing = load_arm(ARM), TargetNumbers(TOOL, BASE), PoseTiming(0.0, SETTLE_S, DWELL_S)
+    def visit(self, world: World, number: int, slower: float = 1.0) -> Array:
+        """(goals,), squared distances of the tip from the goals (m²); NaN where one was not reached.
+
+        `slower`: how many times longer the arm rests.
+        """
+        arm, targets = load_arm(ARM), TargetNumbers(TOOL, BASE)
+        timing = PoseTiming(0.0, slower * SETTLE_S, slower * DWELL_S)
         goals = [tuple(goal) for goal in self.goals.tolist()]
         start = {goal: tuple(q) for goal, q in zip(goals, self.starts[number].tolist(), strict=True)}
         with (
@@ -204,12 +208,7 @@ def _rms_mm(squares: Array) -> float:
 
 def main() -> None:
     """Prints one line a seed."""
-    asked = argparse.ArgumentParser("validation.residual_field.demo_loop", description=__doc__)
-    asked.add_argument("--first", type=int, default=0, help="seed to begin with")
-    asked.add_argument("--seeds", type=int, default=10, help="how many")
-    asked.add_argument("--poses", type=int, default=POSES)
-    asked.add_argument("--goals", type=int, default=GOALS)
-    known = asked.parse_args()
+    known = asked(__doc__, first=(0, "seed to begin with"), seeds=(10, "how many"), poses=POSES, goals=GOALS)
     print(
         "| seed | hidden | named mm | with a field mm | z of the gain | goals not reached |\n|---|---|---|---|---|---|"
     )

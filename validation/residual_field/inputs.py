@@ -6,10 +6,8 @@ the cosines of every joint. Variances have the largest marginal likelihood, in e
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Iterator
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,7 +27,8 @@ from lrm_math.arrays import Array
 from lrm_math.effects.field.residual_field import WAVES, ResidualField, wave_numbers
 from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import Model
-from validation.residual_field.arms import hidden
+from validation.options import asked
+from validation.residual_field.nested import hidden
 
 BOUNDS = Bounds((-6.0, -16.0, -8.0), (6.0, 2.0, 2.0))
 """Logarithms of the field's scale, the further variance, and the noise, in mean squares of the residual."""
@@ -111,9 +110,7 @@ def _predicted(field: Array, further: Array, y: Array, known: NDArray[np.int64],
 
 def main() -> None:
     """Prints a table for each data set."""
-    asked = argparse.ArgumentParser("validation.residual_field.inputs", description=__doc__)
-    asked.add_argument("data", nargs="?", type=Path, help="measurements of the lrm-lab arm")
-    path, console = asked.parse_args().data, Console(width=120)
+    path, console = asked(__doc__, "data?").data, Console(width=120)
     sets = [] if path is None else [(path.stem, load_measurements(path, load_arm("lrm-lab")), "option1")]
     sets += [(name, hidden(name), "identifiable") for name in ("cable-over-3-and-5", "bearing3", "dahl1")]
     for title, data, parameters in sets:

@@ -7,7 +7,6 @@ where anything does.
 
 from __future__ import annotations
 
-import argparse
 import sys
 import tempfile
 from collections.abc import Iterator
@@ -23,9 +22,9 @@ from lrm_ident.study.study import Study
 from lrm_math.arm.arm_file import load_arm
 from lrm_math.effects import FIELDS, EffectRef
 from validation.hidden_effects.cases import CASES
-from validation.hidden_effects.data import write_case
-from validation.hidden_effects.unfamiliar_cases import UNFAMILIAR
-from validation.hidden_effects.unfamiliar_data import arm_file, write_data
+from validation.hidden_effects.catalogue import UNFAMILIAR
+from validation.hidden_effects.data import write_case, write_data
+from validation.options import asked
 
 EACH, POSES, SHOWN = 18, 150, 5
 SAME_M = 1e-9
@@ -39,7 +38,7 @@ def sample(each: int) -> Iterator[tuple[str, Measurements]]:
     for name in list(UNFAMILIAR)[:: max(1, len(UNFAMILIAR) // each)][:each]:
         with tempfile.TemporaryDirectory(prefix="unfamiliar-") as folder:
             path, _ = write_data(UNFAMILIAR[name], 0, POSES, Path(folder))
-            yield name, load_measurements(path, load_arm(str(arm_file(UNFAMILIAR[name]))))
+            yield name, load_measurements(path, load_arm(str(UNFAMILIAR[name].arm_file)))
 
 
 def difference(data: Measurements) -> tuple[str, str]:
@@ -64,10 +63,9 @@ def _words(report: DiagnosisReport) -> str:
 
 def main() -> int:
     """Prints a line for each case."""
-    asked = argparse.ArgumentParser("validation.residual_field.verdicts", description=__doc__)
-    asked.add_argument("--each", type=int, default=EACH, help="cases of each catalogue")
+    options = asked(__doc__, each=(EACH, "cases of each catalogue"))
     changed = count = 0
-    for name, data in sample(asked.parse_args().each):
+    for name, data in sample(options.each):
         verdict, words = difference(data)
         count, changed = count + 1, changed + bool(words)
         print(f"{name}: {verdict}; {words or 'the same with a field'}", flush=True)

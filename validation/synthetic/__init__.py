@@ -9,7 +9,7 @@ from .example import example, write_example
 from .files import write
 from .generate import Dataset, Schedule, even_schedule, measure, random_poses, simulate, true_state
 from .ground_truth import Deviations, GroundTruth
-from .hidden_bodies import BaseRocking, BaseWarmUp, LinkBending, WrongBody, WrongLoad
+from .hidden_bodies import WrongBody, WrongLoad
 from .hidden_effect import CommandedPoses, EndLoad, HiddenEffect, JointLoad
 from .hidden_joints import (
     CablePull,
@@ -17,29 +17,38 @@ from .hidden_joints import (
     EccentricShaft,
     EntangledJoint,
     FastClock,
-    FrictionLag,
+    FormulaJoint,
     HardeningSpring,
-    JointSlip,
+    HardStop,
     OneSidedGain,
-    SessionStep,
+    SharedCable,
     SoftPlay,
+    ToothRipple,
+    UnequalPlay,
+)
+from .hidden_links import (
+    AxialFloat,
+    BaseRocking,
+    BaseWarmUp,
+    HingedLink,
+    LiftingBase,
+    LinkBending,
+    RadialFloat,
+    TiltingBearing,
+)
+from .hidden_memory import (
+    CreepingJoint,
+    DahlLoop,
+    FrictionLag,
+    JointSlip,
+    SessionStep,
+    StickSlip,
+    TwoStageWarmUp,
     WarmUp,
+    WeatherLag,
 )
 from .hidden_tracker import SkewTracker
 from .statics import TrueState
-from .unfamiliar_bodies import AxialFloat, HingedLink, LiftingBase, RadialFloat, TiltingBearing
-from .unfamiliar_joints import (
-    CreepingJoint,
-    DahlLoop,
-    FormulaJoint,
-    HardStop,
-    SharedCable,
-    StickSlip,
-    ToothRipple,
-    TwoStageWarmUp,
-    UnequalPlay,
-    WeatherLag,
-)
 
 __all__ = [
     "ArmDescription",

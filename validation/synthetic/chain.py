@@ -28,7 +28,7 @@ X, Y, Z = 0, 1, 2
 class TrueChain:
     """Zero configuration in world axes, m: unit axis (3,) of the base's compliance through the base's origin, N joint
     axes (unit (3,), point (3,)), link end frames 0..N (0: the base), B bodies with the axes (B, 3, 3) of the frames of
-    their `com_m`, centres of mass (B, 3) or (B, P, 3), TCP (3,)."""
+    their `com_m`, centres of mass (B, 3) or (B, P, 3), TCP (3,), axes of the tool (3, 3)."""
 
     base_axis: Array
     joint_axes: tuple[Array, ...]
@@ -38,12 +38,14 @@ class TrueChain:
     body_axes: Array
     centres: Array
     tcp: Array
+    tool_axes: Array
 
 
 @dataclass(frozen=True)
 class Posture:
-    """P postures in world axes, m: tcp (P, 3), centres of mass (P, B, 3), joint axes and points (P, N, 3), base axis
-    and point (P, 3), and for each flexible link the undeflected end axes (P, 3, 3) and deflected end point (P, 3)."""
+    """P postures in world axes, m: tcp (P, 3), tool axes (P, 3, 3), centres of mass (P, B, 3), joint axes and points
+    (P, N, 3), base axis and point (P, 3), and for each flexible link the undeflected end axes (P, 3, 3) and deflected
+    end point (P, 3)."""
 
     tcp: Array
     centres: Array
@@ -53,6 +55,7 @@ class Posture:
     joint_points: Array
     end_axes: Mapping[int, Array]
     end_points: Mapping[int, Array]
+    tool_axes: Array
 
 
 def zero_configuration(arm: ArmDescription, truth: GroundTruth) -> TrueChain:
@@ -76,6 +79,7 @@ def zero_configuration(arm: ArmDescription, truth: GroundTruth) -> TrueChain:
         body_axes=np.array([frame.axes for frame in frames]),
         centres=np.array([frame.to_world(body.com_m) for frame, body in zip(frames, arm.bodies, strict=True)]),
         tcp=tip.origin,
+        tool_axes=tip.axes,
     )
 
 
@@ -143,6 +147,7 @@ def forward_kinematics(chain: TrueChain, base_rad: Array, q_rad: Array, deflecti
         joint_points=np.stack([m.point(p) for m, p in zip(flexed[:-1], chain.joint_points, strict=True)], axis=1),
         end_axes={link: rigid[link].rotation @ chain.ends[link].axes for link in deflections},
         end_points={link: flexed[link].point(chain.ends[link].origin) for link in deflections},
+        tool_axes=flexed[-1].rotation @ chain.tool_axes,
     )
 
 

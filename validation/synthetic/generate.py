@@ -56,13 +56,18 @@ def random_poses(
     low = np.array([max(link.limits_rad[0], -bound) for link in arm.links])
     high = np.array([min(link.limits_rad[1], bound) for link in arm.links])
     q = _draw(rng, low, high, count)
-    chain = zero_configuration(arm, GroundTruth.nominal(arm))
     for _ in range(tries):
-        low_poses = forward_kinematics(chain, np.zeros(count), q, {}).tcp[:, 2] <= floor_m
+        low_poses = nominal_tip(arm, q)[:, 2] <= floor_m
         if not low_poses.any():
             break
         q[low_poses] = _draw(rng, low, high, int(low_poses.sum()))
     return q
+
+
+def nominal_tip(arm: ArmDescription, q_rad: Array) -> Array:
+    """Positions (P, 3) in m of the TCP of the rigid arm as described, at joint angles (P, N)."""
+    chain = zero_configuration(arm, GroundTruth.nominal(arm))
+    return forward_kinematics(chain, np.zeros(len(q_rad)), q_rad, {}).tcp
 
 
 def _draw(rng: np.random.Generator, low: Array, high: Array, count: int) -> Array:
@@ -79,6 +84,12 @@ def true_state(
 ) -> TrueState:
     """Equilibrium at the commanded angles q (P, N) in rad with payload_kg (P,) or one for all; no measurement error."""
     return equilibrium(arm, truth, _commanded(arm, q, payload_kg, schedule))
+
+
+def rigid_torque(poses: CommandedPoses, joint: int) -> Array:
+    """Torque (P,) about a joint of the arm as described: what a pose does to later ones must not depend on these."""
+    state = true_state(poses.arm, GroundTruth.nominal(poses.arm), poses.q_rad, poses.payload_kg)
+    return state.tau_nm[:, joint - 1]
 
 
 def measure(

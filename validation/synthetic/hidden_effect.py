@@ -1,6 +1,8 @@
 """Base class of hidden effects: physics that the fitted model does not have, or has in another functional form.
 
-A new effect is a subclass that overrides any of the hooks; see `hidden_joints`, `hidden_bodies`, `hidden_tracker`.
+A new effect is a subclass that overrides any of the hooks: of joints in `hidden_joints`, those that remember earlier
+poses in `hidden_memory`, of links and base in `hidden_links`, of masses in `hidden_bodies`, of trackers in
+`hidden_tracker`. Joints and links count from 1 (link 0: the base).
 """
 
 from __future__ import annotations
@@ -81,3 +83,63 @@ def at_joint(joint: int, values: Array, like: Array) -> Array:
     columns = np.zeros_like(like)
     columns[:, joint - 1] = values
     return columns
+
+
+def past(values: Array) -> Array:
+    """(P,), sum of what came before each pose."""
+    return np.append(0.0, np.cumsum(values)[:-1])
+
+
+@dataclass(frozen=True)
+class JointError(HiddenEffect):
+    """An error of one joint's angle."""
+
+    joint: int
+
+    def error(self, q: Array, tau: Array, poses: CommandedPoses) -> Array:
+        """Error (P,) in rad at that joint's commanded angles q (P,) in rad under its torques tau (P,) in Nm."""
+        raise NotImplementedError
+
+    def added_angles(self, load: JointLoad) -> Array:
+        q, tau = load.poses.q_rad[:, self.joint - 1], load.tau_nm[:, self.joint - 1]
+        return at_joint(self.joint, self.error(q, tau, load.poses), load.tau_nm)
+
+    def direction(self, poses: CommandedPoses) -> Array:
+        """(P,), sign of the joint's last move."""
+        return poses.direction[:, self.joint - 1]
+
+
+@dataclass(frozen=True)
+class LinkError(HiddenEffect):
+    """An end of a link (0: the base) that turns or shifts."""
+
+    link: int
+
+    def flexible_links(self) -> tuple[int, ...]:
+        return (self.link,)
+
+    def turn(self, load: EndLoad) -> Array:
+        """Rotation vector (P, 3), rad, in the end frame."""
+        return np.zeros_like(load.force_n)
+
+    def shift(self, load: EndLoad) -> Array:
+        """Displacement (P, 3), m, in the end frame."""
+        return np.zeros_like(load.force_n)
+
+    def link_deflection(self, load: EndLoad) -> Array:
+        return np.hstack([self.turn(load), self.shift(load)])
+
+
+class BaseError(HiddenEffect):
+    """A base that turns."""
+
+    def flexible_links(self) -> tuple[int, ...]:
+        return (0,)
+
+    def turn(self, load: EndLoad) -> Array:
+        """Rotation vector (P, 3), rad, in the base frame."""
+        raise NotImplementedError
+
+    def link_deflection(self, load: EndLoad) -> Array:
+        turn = self.turn(load)
+        return np.hstack([turn, np.zeros_like(turn)])

@@ -1,4 +1,7 @@
-"""Hidden effects of joints: gear, servo, spring, cable, drift. Joints count from 1; angles in rad, torques in Nm."""
+"""Hidden effects of joints that depend on the pose alone: gear, servo, spring, cable. In rad, Nm, m.
+
+*Right* names what leads to the part that is at fault, where the tool has no effect of that kind.
+"""
 
 from __future__ import annotations
 
@@ -7,52 +10,128 @@ from typing import Literal
 
 import numpy as np
 
-from .hidden_effect import HiddenEffect, JointLoad, at_joint
+from .arm_description import Vector3
+from .generate import nominal_tip
+from .hidden_effect import CommandedPoses, HiddenEffect, JointError, JointLoad, at_joint
 from .screws import Array
+
+STEP_RAD = 1e-5
+"""Of a difference quotient."""
 
 
 @dataclass(frozen=True)
-class SoftPlay(HiddenEffect):
+class SoftPlay(JointError):
     """Smoothed backlash: half the width times tau / sqrt(tau^2 + softness^2)."""
 
-    joint: int
+    width_rad: float
+    softness_nm: float
+
+    def error(self, q: Array, tau: Array, poses: CommandedPoses) -> Array:
+        return 0.5 * self.width_rad * tau / np.hypot(tau, self.softness_nm)
+
+
+@dataclass(frozen=True)
+class UnequalPlay(JointError):
+    """Backlash whose two sides differ: up_rad under positive torque, down_rad under negative; tanh(tau / softness)."""
+
+    up_rad: float
+    down_rad: float
+    softness_nm: float
+
+    def error(self, q: Array, tau: Array, poses: CommandedPoses) -> Array:
+        side = np.tanh(tau / self.softness_nm)
+        return np.where(side > 0.0, self.up_rad, self.down_rad) * side
+
+
+@dataclass(frozen=True)
+class DifferentialPlay(HiddenEffect):
+    """Play in a differential: both joints err together, to the side of their torques' sum. Right: their backlash."""
+
+    joints: tuple[int, int]
     width_rad: float
     softness_nm: float
 
     def added_angles(self, load: JointLoad) -> Array:
-        tau = load.tau_nm[:, self.joint - 1]
-        return at_joint(self.joint, 0.5 * self.width_rad * tau / np.hypot(tau, self.softness_nm), load.tau_nm)
+        tau = sum(load.tau_nm[:, joint - 1] for joint in self.joints)
+        side = 0.5 * self.width_rad * np.tanh(tau / self.softness_nm)
+        return sum((at_joint(joint, side, load.tau_nm) for joint in self.joints), np.zeros_like(load.tau_nm))
 
 
 @dataclass(frozen=True)
-class HardeningSpring(HiddenEffect):
+class HardeningSpring(JointError):
     """Hardening torsional stiffness: the linear spring becomes size * asinh(tau / scale) for large torques.
 
     size / scale must stay below the joint's linear compliance, else the total compliance becomes negative.
     """
 
-    joint: int
     size_rad: float
     scale_nm: float
 
-    def added_angles(self, load: JointLoad) -> Array:
-        x = load.tau_nm[:, self.joint - 1] / self.scale_nm
-        return at_joint(self.joint, self.size_rad * (np.arcsinh(x) - x), load.tau_nm)
+    def error(self, q: Array, tau: Array, poses: CommandedPoses) -> Array:
+        x = tau / self.scale_nm
+        return self.size_rad * (np.arcsinh(x) - x)
 
 
 @dataclass(frozen=True)
-class OneSidedGain(HiddenEffect):
+class OvalFlexspline(JointError):
+    """A strain wave gear that is stiffer at two opposite angles than between. Right: its nonlinear stiffness."""
+
+    compliance_rad_per_nm: float
+    phase_rad: float
+
+    def error(self, q: Array, tau: Array, poses: CommandedPoses) -> Array:
+        return self.compliance_rad_per_nm * tau * np.cos(2.0 * q + self.phase_rad)
+
+
+@dataclass(frozen=True)
+class OneSidedGain(JointError):
     """Gain error of a servo on one side (+1 or -1) of zero only, with a hyperbolic corner at zero."""
 
-    joint: int
     side: int
     gain: float
     corner_rad: float
 
-    def added_angles(self, load: JointLoad) -> Array:
-        q = self.side * load.poses.q_rad[:, self.joint - 1]
-        ramp = 0.5 * (q + np.hypot(q, self.corner_rad) - self.corner_rad)
-        return at_joint(self.joint, self.side * self.gain * ramp, load.tau_nm)
+    def error(self, q: Array, tau: Array, poses: CommandedPoses) -> Array:
+        out = self.side * q
+        ramp = 0.5 * (out + np.hypot(out, self.corner_rad) - self.corner_rad)
+        return self.side * self.gain * ramp
+
+
+@dataclass(frozen=True)
+class HardStop(JointError):
+    """A stop at at_rad: beyond it, on one side, the joint goes only the share `give` of what it is commanded."""
+
+    side: int
+    at_rad: float
+    give: float
+    corner_rad: float
+
+    def error(self, q: Array, tau: Array, poses: CommandedPoses) -> Array:
+        beyond = self.side * (q - self.at_rad)
+        past = 0.5 * (beyond + np.hypot(beyond, self.corner_rad))
+        return -self.side * (1.0 - self.give) * past
+
+
+@dataclass(frozen=True)
+class DeadBand(JointError):
+    """A potentiometer without a reading between two angles: the servo runs on to their middle."""
+
+    middle_rad: float
+    half_rad: float
+
+    def error(self, q: Array, tau: Array, poses: CommandedPoses) -> Array:
+        from_middle = q - self.middle_rad
+        return np.where(np.abs(from_middle) < self.half_rad, -from_middle, 0.0)
+
+
+@dataclass(frozen=True)
+class StuckBit(JointError):
+    """An encoder of which one bit is stuck at 0: half of all angles are read too small by it. No name says so."""
+
+    bit_rad: float
+
+    def error(self, q: Array, tau: Array, poses: CommandedPoses) -> Array:
+        return self.bit_rad * (np.floor(q / self.bit_rad) % 2.0)
 
 
 @dataclass(frozen=True)
@@ -70,53 +149,132 @@ class FastClock(HiddenEffect):
 
 
 @dataclass(frozen=True)
-class EccentricShaft(HiddenEffect):
-    """Eccentricity of an angle sensor or servo horn.
+class EccentricShaft(JointError):
+    """Eccentricity of an angle sensor or servo horn: angle about the eccentric centre less that at zero.
 
     offset: eccentricity over the radius at which the angle is taken; phase_rad: its direction.
     """
 
-    joint: int
     offset: float
     phase_rad: float
 
-    def added_angles(self, load: JointLoad) -> Array:
-        """Angle about the eccentric centre less the true angle; zero at angle zero."""
-        q = load.poses.q_rad[:, self.joint - 1]
-        return at_joint(self.joint, self._error(q) - self._error(np.zeros_like(q)), load.tau_nm)
+    def error(self, q: Array, tau: Array, poses: CommandedPoses) -> Array:
+        return self._seen(q) - self._seen(np.zeros_like(q))
 
-    def _error(self, q: Array) -> Array:
+    def _seen(self, q: Array) -> Array:
         y, x = (f(q) - self.offset * f(self.phase_rad) for f in (np.sin, np.cos))
         return np.asarray(np.arctan2(y * np.cos(q) - x * np.sin(q), x * np.cos(q) + y * np.sin(q)))
 
 
 @dataclass(frozen=True)
-class FrictionLag(HiddenEffect):
-    """Friction hysteresis: the joint lags behind its move; reversal is gradual (Dahl 1968, in position, not force).
+class ToothRipple(JointError):
+    """Error of a gear stage that repeats `waves` times per turn, with half as much at twice that."""
 
-    width_rad: of the loop; negative if the joint overshoots. travel_rad: the move after which 1 - 1/e of a reversal is
-    done. Poses are in measured order.
+    waves: int
+    size_rad: float
+    phase_rad: float
+
+    def error(self, q: Array, tau: Array, poses: CommandedPoses) -> Array:
+        turned = self.waves * q + self.phase_rad
+        return self.size_rad * (np.sin(turned) + 0.5 * np.cos(2.0 * turned))
+
+
+@dataclass(frozen=True)
+class BeltPolygon(JointError):
+    """A toothed belt that lies round its small wheel as a polygon: a ripple of every tooth. No name says so."""
+
+    teeth: int
+    size_rad: float
+
+    def error(self, q: Array, tau: Array, poses: CommandedPoses) -> Array:
+        within = q * self.teeth / (2.0 * np.pi) % 1.0
+        return self.size_rad * (8.0 * within * (1.0 - within) - 4.0 / 3.0)
+
+
+@dataclass(frozen=True)
+class CoupledJoint(JointError):
+    """Coupling of a joint to the angle of another one: ratio * bend * sin(q / bend), of slope `ratio` at zero."""
+
+    by: int
+    ratio: float
+    bend: float
+
+    def error(self, q: Array, tau: Array, poses: CommandedPoses) -> Array:
+        return self.ratio * self.bend * np.sin(poses.q_rad[:, self.by - 1] / self.bend)
+
+
+@dataclass(frozen=True)
+class EntangledJoint(JointError):
+    """Interaction of two other joints' angles, which is in no catalogue.
+
+    form: "sum" for sin(q_a + q_b), "product" for sin(q_a) sin(q_b), "beat" for sin(2 q_a) cos(q_b).
     """
 
-    joint: int
+    by: tuple[int, int]
+    size_rad: float
+    form: Literal["sum", "product", "beat"]
+
+    def error(self, q: Array, tau: Array, poses: CommandedPoses) -> Array:
+        a, b = (poses.q_rad[:, joint - 1] for joint in self.by)
+        shapes = {"sum": np.sin(a + b), "product": np.sin(a) * np.sin(b), "beat": np.sin(2.0 * a) * np.cos(b)}
+        return self.size_rad * shapes[self.form]
+
+
+@dataclass(frozen=True)
+class CatchingCable(JointError):
+    """A cable that catches where two other joints stand near some angles, and turns a joint by up to size_rad."""
+
+    where_rad: dict[int, float]
     width_rad: float
-    travel_rad: float
+    size_rad: float
+
+    def error(self, q: Array, tau: Array, poses: CommandedPoses) -> Array:
+        apart = sum((poses.q_rad[:, joint - 1] - angle) ** 2 for joint, angle in self.where_rad.items())
+        return np.asarray(self.size_rad * np.exp(-0.5 * apart / self.width_rad**2))
+
+
+@dataclass(frozen=True)
+class SharedSupply(HiddenEffect):
+    """A servo that gives way more while another one draws current: by the product of both torques' sizes."""
+
+    joint: int
+    other: int
+    rad_per_nm2: float
 
     def added_angles(self, load: JointLoad) -> Array:
-        """Minus half the width times the Dahl state from -1 to 1, which each move draws towards its direction."""
-        q, side = load.poses.q_rad[:, self.joint - 1], load.poses.direction[:, self.joint - 1]
-        state = side.copy()  # a long move precedes the first pose
-        for row in range(1, len(q)):
-            left = np.exp(-abs(q[row] - q[row - 1]) / self.travel_rad)
-            state[row] = side[row] + (state[row - 1] - side[row]) * left
-        return at_joint(self.joint, -0.5 * self.width_rad * state, load.tau_nm)
+        pulled = load.tau_nm[:, self.joint - 1] * np.abs(load.tau_nm[:, self.other - 1])
+        return at_joint(self.joint, self.rad_per_nm2 * pulled, load.tau_nm)
+
+
+@dataclass(frozen=True)
+class FormulaJoint(HiddenEffect):
+    """Any law: size_rad times a formula in numpy (np) of q and torque (by joint from 1), tau, load_kg, side, time_s."""
+
+    joint: int
+    size_rad: float
+    formula: str
+
+    def added_angles(self, load: JointLoad) -> Array:
+        poses, at = load.poses, self.joint - 1
+        known = {
+            "np": np,
+            "q": dict(enumerate(poses.q_rad.T, start=1)),
+            "torque": dict(enumerate(load.tau_nm.T, start=1)),
+            "tau": load.tau_nm[:, at],
+            "load_kg": poses.payload_kg,
+            "side": poses.direction[:, at],
+            "time_s": poses.time_s,
+        }
+        values = np.asarray(eval(self.formula, known), dtype=float)
+        return at_joint(self.joint, self.size_rad * values, load.tau_nm)
 
 
 @dataclass(frozen=True)
 class CablePull(HiddenEffect):
     """Restoring torque of a cable bundle that is slack up to an angle and stiffens exponentially beyond.
 
-    side: +1 if it tightens above slack_rad, -1 if below. stiffening_rad: angle over which its stiffness grows e-fold.
+    Torque -stiffness * s * (exp(x / s) - 1) at excess x acts through the joint's compliance. side: +1 if it tightens
+    above slack_rad, -1 if below. stiffening_rad: s, the angle over which its stiffness grows e-fold.
     """
 
     joint: int
@@ -126,76 +284,69 @@ class CablePull(HiddenEffect):
     stiffening_rad: float
 
     def added_torques(self, load: JointLoad) -> Array:
-        """Torque -stiffness * s * (exp(x / s) - 1) at excess x; it acts through the joint's compliance."""
         excess = np.maximum(0.0, self.side * (load.poses.q_rad[:, self.joint - 1] - self.slack_rad))
         pull = self.stiffness_nm_per_rad * self.stiffening_rad * np.expm1(excess / self.stiffening_rad)
         return at_joint(self.joint, -self.side * pull, load.tau_nm)
 
 
 @dataclass(frozen=True)
-class CoupledJoint(HiddenEffect):
-    """Coupling of a joint to the angle of another one: ratio * bend * sin(q / bend), of slope `ratio` at zero."""
+class SharedCable(HiddenEffect):
+    """A cable over two joints: it tightens with the sum of their angles beyond slack_rad, and pulls on both."""
 
-    joint: int
-    by: int
-    ratio: float
-    bend: float
+    joints: tuple[int, int]
+    slack_rad: float
+    stiffness_nm_per_rad: float
 
-    def added_angles(self, load: JointLoad) -> Array:
-        q = load.poses.q_rad[:, self.by - 1]
-        return at_joint(self.joint, self.ratio * self.bend * np.sin(q / self.bend), load.tau_nm)
+    def added_torques(self, load: JointLoad) -> Array:
+        first, second = (load.poses.q_rad[:, joint - 1] for joint in self.joints)
+        pull = -self.stiffness_nm_per_rad * np.logaddexp(0.0, 6.0 * (first + second - self.slack_rad)) / 6.0
+        return sum((at_joint(joint, pull, load.tau_nm) for joint in self.joints), np.zeros_like(load.tau_nm))
 
 
 @dataclass(frozen=True)
-class EntangledJoint(HiddenEffect):
-    """Interaction of two other joints' angles, which is in no catalogue.
+class TwoJointSpring(HiddenEffect):
+    """A balancing spring from the foot to the forearm, over joints 2 and 3, that was not described.
 
-    form: "sum" for sin(q_a + q_b), "product" for sin(q_a) sin(q_b), "beat" for sin(2 q_a) cos(q_b).
+    Right: cable_spring of either joint. Levers in m, in the plane of the arm.
     """
 
-    joint: int
-    by: tuple[int, int]
-    size_rad: float
-    form: Literal["sum", "product", "beat"]
+    foot_m: tuple[float, float]
+    upper_m: float
+    fore_m: float
+    slack_m: float
+    stiffness_n_per_m: float
 
-    def added_angles(self, load: JointLoad) -> Array:
-        a, b = (load.poses.q_rad[:, joint - 1] for joint in self.by)
-        shapes = {"sum": np.sin(a + b), "product": np.sin(a) * np.sin(b), "beat": np.sin(2.0 * a) * np.cos(b)}
-        return at_joint(self.joint, self.size_rad * shapes[self.form], load.tau_nm)
+    def added_torques(self, load: JointLoad) -> Array:
+        q2, q3 = load.poses.q_rad[:, 1], load.poses.q_rad[:, 2]
+        torques = np.zeros_like(load.tau_nm)
+        for column, (by2, by3) in ((1, (STEP_RAD, 0.0)), (2, (0.0, STEP_RAD))):
+            torques[:, column] = (self._energy(q2 - by2, q3 - by3) - self._energy(q2 + by2, q3 + by3)) / 2 / STEP_RAD
+        return torques
 
-
-@dataclass(frozen=True)
-class WarmUp(HiddenEffect):
-    """First-order warm-up drift of a joint towards final_rad; the clock does not restart with a session."""
-
-    joint: int
-    final_rad: float
-    constant_s: float
-
-    def added_angles(self, load: JointLoad) -> Array:
-        warmth = 1.0 - np.exp2(-load.poses.time_s / (self.constant_s * np.log(2.0)))
-        return at_joint(self.joint, self.final_rad * warmth, load.tau_nm)
+    def _energy(self, q2: Array, q3: Array) -> Array:
+        along = self.upper_m * np.cos(q2) + self.fore_m * np.cos(q2 + q3) - self.foot_m[0]
+        up = self.upper_m * np.sin(q2) + self.fore_m * np.sin(q2 + q3) - self.foot_m[1]
+        stretch = np.maximum(np.hypot(along, up) - self.slack_m, 0.0)
+        return np.asarray(0.5 * self.stiffness_n_per_m * stretch**2)
 
 
 @dataclass(frozen=True)
-class JointSlip(HiddenEffect):
-    """A joint that stands elsewhere from one moment on: a belt that skips a tooth, a horn that slips."""
+class MagnetByTheArm(HiddenEffect):
+    """A magnet beside the arm draws the steel of the gripper to itself, most when near. No name says so."""
 
-    joint: int
-    size_rad: float
-    since_s: float
+    where_m: Vector3
+    force_n: float
+    range_m: float
 
-    def added_angles(self, load: JointLoad) -> Array:
-        return at_joint(self.joint, np.where(load.poses.time_s >= self.since_s, self.size_rad, 0.0), load.tau_nm)
-
-
-@dataclass(frozen=True)
-class SessionStep(HiddenEffect):
-    """Zero offset of a joint that changes at power-on: one angle per session."""
-
-    joint: int
-    steps_rad: tuple[float, ...]
-
-    def added_angles(self, load: JointLoad) -> Array:
-        session = load.poses.session.astype(int) - 1
-        return at_joint(self.joint, np.array(self.steps_rad)[session], load.tau_nm)
+    def added_torques(self, load: JointLoad) -> Array:
+        """Work of the force over a small turn of each joint."""
+        arm, tip = load.poses.arm, nominal_tip(load.poses.arm, load.poses.q_rad)
+        apart = np.array(self.where_m) - tip
+        far = np.linalg.norm(apart, axis=1, keepdims=True)
+        force = self.force_n * apart / far / (1.0 + (far / self.range_m) ** 2)
+        torques = np.zeros_like(load.tau_nm)
+        for joint in range(torques.shape[1]):
+            q = load.poses.q_rad.copy()
+            q[:, joint] += STEP_RAD
+            torques[:, joint] = ((nominal_tip(arm, q) - tip) * force).sum(axis=1) / STEP_RAD
+        return torques

@@ -30,3 +30,95 @@ class SkewTracker(HiddenEffect):
         shear = np.array([[1.0, yx, zx], [0.0, 1.0, zy], [0.0, 0.0, 1.0]])
         change = rotation_matrix(self.turn_rad) @ shear @ np.diag(1.0 + np.array(self.stretch)) - np.eye(3)
         return np.asarray((tcp_m - np.array(self.centre_m)) @ change.T)
+
+
+@dataclass(frozen=True)
+class OccludedMarker(HiddenEffect):
+    """A target of several markers, of which one is hidden on one side of the workspace: its centre moves by size_m."""
+
+    size_m: float
+
+    def measurement_error(self, tcp_m: Array) -> Array:
+        hidden = (tcp_m[:, 0] > 0.0) & (tcp_m[:, 1] < -0.02)
+        return np.asarray(hidden[:, None] * self.size_m * np.array([0.6, -0.5, 0.62]))
+
+
+@dataclass(frozen=True)
+class DistanceDependentNoise(HiddenEffect):
+    """A camera whose noise grows with the square of the distance from the arm's axis, up to sd_m per axis."""
+
+    sd_m: float
+    seed: int
+
+    def measurement_error(self, tcp_m: Array) -> Array:
+        square = (tcp_m[:, :2] ** 2).sum(axis=1)
+        noise = np.random.default_rng(self.seed).normal(size=tcp_m.shape)
+        return np.asarray(self.sd_m * (square / square.max())[:, None] * noise)
+
+
+@dataclass(frozen=True)
+class StereoSteps(HiddenEffect):
+    """Two cameras that match whole pixels: the distance comes in steps that grow with its square. No name says so."""
+
+    camera_m: Vector3
+    step_per_m: float
+
+    def measurement_error(self, tcp_m: Array) -> Array:
+        sight, far = _sight(tcp_m, self.camera_m)
+        seen = 1.0 / (np.round(1.0 / far / self.step_per_m) * self.step_per_m)
+        return np.asarray((seen / far - 1.0) * sight)
+
+
+@dataclass(frozen=True)
+class CyclicDistance(HiddenEffect):
+    """A distance meter that counts phases: its distance errs by a wave of half the wavelength. No name says so."""
+
+    meter_m: Vector3
+    half_wave_m: float
+    size_m: float
+
+    def measurement_error(self, tcp_m: Array) -> Array:
+        sight, far = _sight(tcp_m, self.meter_m)
+        return np.asarray(self.size_m * np.sin(2.0 * np.pi * far / self.half_wave_m) * sight / far)
+
+
+@dataclass(frozen=True)
+class FoamMat(HiddenEffect):
+    """A mat of foam that the gripper sinks into where a pose is too low: it is lifted by a share. No name says so."""
+
+    top_m: float
+    share: float
+
+    def measurement_error(self, tcp_m: Array) -> Array:
+        error = np.zeros_like(tcp_m)
+        error[:, 2] = self.share * np.maximum(self.top_m - tcp_m[:, 2], 0.0)
+        return error
+
+
+@dataclass(frozen=True)
+class RingingTip(HiddenEffect):
+    """A tip that still rings as it is measured, the more the longer its way was. No name says so."""
+
+    share: float
+    seed: int
+
+    def measurement_error(self, tcp_m: Array) -> Array:
+        way = np.linalg.norm(np.diff(tcp_m, axis=0, prepend=tcp_m[:1]), axis=1, keepdims=True)
+        return np.asarray(self.share * way * np.random.default_rng(self.seed).normal(size=tcp_m.shape))
+
+
+@dataclass(frozen=True)
+class ProbePretravel(HiddenEffect):
+    """A touching probe that is bent by the same length whichever way the tip comes. No name says so."""
+
+    length_m: float
+
+    def measurement_error(self, tcp_m: Array) -> Array:
+        way = np.diff(tcp_m, axis=0, prepend=tcp_m[:1])
+        return np.asarray(-self.length_m * way / np.maximum(np.linalg.norm(way, axis=1, keepdims=True), 1e-9))
+
+
+def _sight(tcp_m: Array, from_m: Vector3) -> tuple[Array, Array]:
+    """Lines of sight (P, 3) to the positions, and their lengths (P, 1), m."""
+    sight = tcp_m - np.array(from_m)
+    return sight, np.asarray(np.linalg.norm(sight, axis=1, keepdims=True))

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from lrm_ident.report.plots.style import HELD_OUT, MODEL, NOMINAL, figure_file
+from lrm_ident.report.plots.style import HELD_OUT, MODEL, NOMINAL, figure_file, finish, legend_below
 from lrm_math.arrays import Array
 from validation.thesis.error_distribution import ErrorDistribution, error_distribution, norms_mm
 from validation.thesis.options_report import label, shapes_of
@@ -49,7 +49,9 @@ def draw_crossed(crossed: CrossLoadResult, names: Sequence[str], path: Path) -> 
     with figure_file(path, 11, 4.2) as figure:
         for j, axes in enumerate(figure.subplots(1, 2)):
             _draw_pair(axes, crossed, names, j)
-        figure.suptitle(f"{label(crossed.option.name)}: parameters of one load on the other")
+        figure.suptitle(
+            f"{label(crossed.option.name).capitalize()}: parameters of either load on both loads", fontsize=11
+        )
 
 
 def _draw_pair(axes: Axes, crossed: CrossLoadResult, names: Sequence[str], j: int) -> None:
@@ -60,9 +62,9 @@ def _draw_pair(axes: Axes, crossed: CrossLoadResult, names: Sequence[str], j: in
         text = f"identified on {name}: mean {errors.mean():.2f}, max {errors.max():.1f} mm"
         kind: Any = {"histtype": "stepfilled", "alpha": 0.45, "color": colour, "edgecolor": colour, "hatch": hatch}
         axes.hist(errors, edges, label=text, **kind)
-    axes.set(xlabel="TCP error, mm", ylabel="poses", title=f"measured on {names[j]}, poses not chosen there")
-    axes.set_ylim(0, axes.get_ylim()[1] * 1.25)
-    axes.legend(loc="upper right", fontsize=8)
+    title = f"Poses of {names[j]} that the identification did not use"
+    finish(axes, "error of the tip, mm", "number of poses", title, legend=False)
+    legend_below(axes)
 
 
 def _draw_histogram(axes: Axes, shape: ErrorDistribution, title: str, colour: str) -> None:
@@ -74,8 +76,9 @@ def _draw_histogram(axes: Axes, shape: ErrorDistribution, title: str, colour: st
     scale = len(distance) * (edges[1] - edges[0]) * 1e-3
     axes.plot(at, shape.density(at * 1e-3) * scale, color="black", linestyle="--", linewidth=1.2, label="Gaussian")
     note = "" if shape.is_gaussian else ", not Gaussian"
-    axes.set_title(f"{title}: {distance.mean():.2f} mm{note}", fontsize=10)
-    axes.set_xlabel("TCP error, mm", fontsize=8)
+    axes.set_title(f"{title}: mean {distance.mean():.2f} mm{note}", fontsize=10)
+    axes.set_xlabel("error of the tip, mm", fontsize=8)
+    axes.set_ylabel("number of poses", fontsize=8)
     axes.tick_params(labelsize=8)
 
 
@@ -84,9 +87,10 @@ def _draw_curves(axes: Axes, named: list[tuple[str, Array]], title: str) -> None
         shape = error_distribution(residual)
         share = 100 * np.arange(1, len(shape.distance) + 1) / len(shape.distance)
         colour, line = COLOURS[number % len(COLOURS)], LINES[number % len(LINES)]
-        text = f"{name}: mean {shape.mean * 1e3:.2f}"
+        text = f"{name}: mean {shape.mean * 1e3:.2f} mm"
         axes.plot(shape.distance * 1e3, share, color=colour, linestyle=line, linewidth=1.8, label=text)
-    axes.set(xlabel="TCP error, mm", ylabel="share of the poses below it, %", ylim=(0, 100), title=title)
+    axes.set(xlabel="error of the tip, mm", ylabel="poses with a smaller error, %", ylim=(0, 100))
+    axes.set_title(f"Error of the tip at {title}", fontsize=11)
     axes.set_xlim(left=0)
     axes.grid(alpha=0.3)
     axes.legend(loc="lower right", fontsize=8)

@@ -9,7 +9,6 @@ generator.
 
 from __future__ import annotations
 
-import argparse
 import tempfile
 import warnings
 from collections.abc import Callable
@@ -36,6 +35,7 @@ from lrm_math.model.derivatives import parameter_jacobian
 from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import model_of
 from validation import synthetic
+from validation.options import asked
 from validation.synthetic import Deviations, GroundTruth, HiddenEffect
 
 ARM_FILE = Path(__file__).resolve().parents[2] / "config" / "arms" / "so101.toml"
@@ -60,7 +60,7 @@ Tips = Callable[[Array, int], Array]
 
 
 @dataclass(frozen=True)
-class Case:
+class Cause:
     """A hidden effect: what it is, names that are right, and the arm that has it, by a seed."""
 
     words: str
@@ -115,30 +115,30 @@ def of_model(name: str, values: dict[str, float], springs: tuple[float, float] =
 
 
 CASES = (
-    Case("play in joint 3 (generator)", ("backlash@joint3",), of_generator(synthetic.SoftPlay(3, 2.0 * DEG, 0.05))),
-    Case(
+    Cause("play in joint 3 (generator)", ("backlash@joint3",), of_generator(synthetic.SoftPlay(3, 2.0 * DEG, 0.05))),
+    Cause(
         "friction that remembers in joint 2 (generator)", ("hysteresis@joint2", "friction_curve@joint2"),
         of_generator(synthetic.FrictionLag(2, 1.6 * DEG, 8.0 * DEG)),
     ),
-    Case(
+    Cause(
         "gain of servo 3 on one side (generator)", ("servo_gain@joint3", "angle_curve@joint3"),
         of_generator(synthetic.OneSidedGain(3, 1, 0.04, 6.0 * DEG)),
     ),
-    Case("sag (generator)", (NOTHING,), of_generator(compliance=(0.08, 0.12))),
-    Case(
+    Cause("sag (generator)", (NOTHING,), of_generator(compliance=(0.08, 0.12))),
+    Cause(
         "joint 2 slips (generator)", ("change_point@joint2", "change_point@base"),
         of_generator(synthetic.JointSlip(2, 1.5 * DEG, 32.0)),
     ),
-    Case("alien: gear ripple in joint 2 (generator)", ("angle_curve@joint2",), of_generator(RIPPLE)),
-    Case("play in joint 2", ("backlash@joint2",), of_model("backlash@joint2", {"backlash.joint2.b_rad": 2.0 * DEG})),
-    Case("hysteresis in joint 3", ("hysteresis@joint3", "friction_curve@joint3"),
+    Cause("alien: gear ripple in joint 2 (generator)", ("angle_curve@joint2",), of_generator(RIPPLE)),
+    Cause("play in joint 2", ("backlash@joint2",), of_model("backlash@joint2", {"backlash.joint2.b_rad": 2.0 * DEG})),
+    Cause("hysteresis in joint 3", ("hysteresis@joint3", "friction_curve@joint3"),
          of_model("hysteresis@joint3", {"hysteresis.joint3.h_rad": 1.6 * DEG})),
-    Case("gain of servo 2", ("servo_gain@joint2", "angle_curve@joint2"),
+    Cause("gain of servo 2", ("servo_gain@joint2", "angle_curve@joint2"),
          of_model("servo_gain@joint2", dict.fromkeys(BOTH_GAINS, 0.03))),
-    Case("sag", (NOTHING,), of_model("", {}, springs=(0.08, 0.12))),
-    Case("re-seated tip, 4 mm", ("change_point@tool",),
+    Cause("sag", (NOTHING,), of_model("", {}, springs=(0.08, 0.12))),
+    Cause("re-seated tip, 4 mm", ("change_point@tool",),
          of_model("change_point@tool", {"change_point.tool.before_x_mm": 4e-3, "change_point.tool.last_pose": 30.0})),
-    Case("re-seated tip, 3 mm askew", ("change_point@tool",),
+    Cause("re-seated tip, 3 mm askew", ("change_point@tool",),
          of_model("change_point@tool", {"change_point.tool.before_y_mm": 2e-3, "change_point.tool.before_z_mm": 2.3e-3,
                                         "change_point.tool.last_pose": 38.0})),
 )  # fmt: skip
@@ -227,7 +227,7 @@ def tip_error_mm(study: Study, tips: Tips, seed: int) -> float:
     return 1e3 * float(np.sqrt(((motion.apply(found) - true) ** 2).sum(axis=1).mean()))
 
 
-def of_case(number: int, case: Case, seed: int, most: int) -> tuple[bool, float]:
+def of_case(number: int, case: Cause, seed: int, most: int) -> tuple[bool, float]:
     """Prints one row; whether the name is right or nothing wrong was claimed, and the ratio of tip errors."""
     tips = case.tips(seed)
     q, names, where, seen = touched(tips, seed)
@@ -257,17 +257,13 @@ def of_case(number: int, case: Case, seed: int, most: int) -> tuple[bool, float]
 
 def main() -> None:
     """Prints a row for each arm, and the counts."""
-    parser = argparse.ArgumentParser("python -m validation.touched_points.simulated_arms", description=__doc__)
-    parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--only", default="", help="numbers of cases by commas")
-    parser.add_argument("--most", type=int, default=2, help="effects that auto may add")
-    asked = parser.parse_args()
-    chosen = [int(word) for word in asked.only.split(",") if word] or range(1, len(CASES) + 1)
+    options = asked(__doc__, seed=1, only=("", "numbers of cases by commas"), most=(2, "effects that auto may add"))
+    chosen = [int(word) for word in options.only.split(",") if word] or range(1, len(CASES) + 1)
     print("case | hidden | by sockets (verdict) | name | by tracker | sockets mm | tracker mm | ratio")
     found = []
     for number in chosen:
         try:
-            found.append(of_case(number, CASES[number - 1], asked.seed + number, asked.most))
+            found.append(of_case(number, CASES[number - 1], options.seed + number, options.most))
         except NoEquilibrium as error:
             print(f"{number} | {CASES[number - 1].words} | {error}")
     honest, ratios = sum(ok for ok, _ in found), [ratio for _, ratio in found]

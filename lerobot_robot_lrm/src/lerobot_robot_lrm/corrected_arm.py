@@ -11,6 +11,7 @@ import numpy as np
 
 from lerobot_robot_lrm.bounded import FARTHEST, BoundedCommand, bounded_command
 from lerobot_robot_lrm.correction import Correction
+from lrm_math.arm.standing import require_standing
 from lrm_math.arrays import Array
 from lrm_math.effects import marked
 from lrm_math.errors import LrmError, NoEquilibrium
@@ -73,10 +74,10 @@ class CorrectedArm:
         Args:
             observe: what the encoders read, asked for before the first action.
 
-        Raises `LrmError`: a joint is missing or no number.
+        Raises `LrmError`: a joint is missing or no number, or the arm cannot stand where it is seen.
         """
         wish = self._angles(action, "action")
-        motion = self.motion or Motion.at(self._angles(observe(), "observation"))
+        motion = self.motion or Motion.at(self._standing(observe()))
         answer = bounded_command(self.correction, wish, motion, self._before)
         self._tell_of(wish, answer)
         return CorrectedAction(self._with(action, answer.command), wish, answer, motion)
@@ -101,6 +102,12 @@ class CorrectedArm:
         except NoEquilibrium as error:
             self._tell(f"some observations are as the encoders read them ({error})")
             return encoders
+
+    def _standing(self, seen: Mapping[str, Any]) -> Array:
+        """(n,), rad, of the joints before the first action."""
+        angles = self._angles(seen, "observation")
+        require_standing(self.correction.model.arm, angles)
+        return angles
 
     def _angles(self, values: Mapping[str, Any], what: str) -> Array:
         """(n,), rad, of the joints in an action or an observation."""

@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lrm_ident.data.wording import in_mm, joint_labels
+from lrm_ident.data.wording import in_mm, joint_labels, p_words
 from lrm_ident.measuring.recordings.encoder_checkup import MATTERS, Cause, EncoderCheckup, EncoderFinding
 from lrm_ident.measuring.recordings.misread_joints import Misreading
-from lrm_ident.report.document import Block, Document, ListSection, ResultTable, section
+from lrm_ident.report.document import Block, CommandLine, Document, ListSection, ResultTable, heading, section
 from lrm_math.arm.arm import Arm
 
 if TYPE_CHECKING:
@@ -22,28 +22,35 @@ if TYPE_CHECKING:
     from lrm_ident.study.study import Study
 
 UNSEEN = (
-    "play and bending behind the servo: backlash of its gears, links and screws that give way",
-    "lengths and angles of the parts, and where the camera or the table really stands",
-    "a zero that command and encoder share: the arm stands elsewhere than both say",
+    "backlash and bending behind the servo: gears, links, screws",
+    "lengths and angles of the parts; where the camera or the table stands",
+    "a wrong zero that command and encoder share",
 )
-HOW = "photos of a printed board show these (lrm-ident camera board, camera read), or a tracker does (measure)"
+AGAIN = "Repair or recalibrate it, record two minutes with some stops, and check the new recording."
+BOARD = "Writes a board to print. Photos of it on the arm (lrm-ident camera read) show what encoders cannot see."
 WORDS: dict[Cause, str] = {
-    "droop": "sags by up to {size} under gravity ({slope}): its servo yields; raise its P gain, or calibrate the arm",
-    "dead band": "stops {size} apart from its two sides (dead band, friction): a worn or hot servo, or a low P gain",
-    "offset": "stands {size} {side} its command everywhere: leader and follower have other zeros; calibrate both again",
-    "drift": "drifts by {size} while it works: it warms up; look at its load, or record when it is warm",
-    "slip": "jumps by {size} before rest {rest} (episode {episode}) and stays: a horn slipped, or it was recalibrated",
-    "gain": "turns {gain} of what is commanded, off by up to {size}: two scales; calibrate command and encoder",
-    "full turn": "reads a full turn beside {turned}: the seam of its encoder; calibrate it in the middle",
-    "reversed": "turns the other way round than its command: set drive_mode of its motor, or calibrate both again",
-    "swapped": "follows the command of {other}: are the ids or the plugs of the two motors swapped?",
-    "frozen": "stands still while it is commanded to move, up to {size} off: does its motor answer, is its torque on?",
-    "unit": "is off by up to {size}: {what}; record with use_degrees=true",
-    "limits": "rests up to {size} beyond its limits at {rests}: is this its arm file, and its zero?",
-    "not read": "has no number in {frames}, which are left out: a loose cable, or a motor that does not answer",
-    "unexplained": "is off its command by {size} RMS for no cause that is known here: look at it",
+    "droop": "sags by up to {size} under gravity ({slope}): its servo yields. Raise its P gain, or calibrate the arm",
+    "dead band": "stops at two angles, {size} apart, depending on the side it comes from (dead band, friction). Raise "
+    "its P gain, let it cool, or replace the servo",
+    "offset": "stands {size} {side} its command everywhere: leader and follower have different zeros. Calibrate both "
+    "again",
+    "drift": "drifts by {size} while it works: it warms up. Reduce its load, or record when it is warm",
+    "slip": "jumps by {size} before stop {rest} (episode {episode}) and stays there: its horn slipped, or it was "
+    "recalibrated. Tighten the horn and calibrate again",
+    "gain": "turns {gain} times as far as it is commanded, off by up to {size}. Calibrate leader and follower again",
+    "full turn": "reads a full turn beside {turned}: it crosses the seam of its encoder. Calibrate it in the "
+    "middle of its range",
+    "reversed": "turns against its command. Set drive_mode of its motor, or calibrate both again",
+    "swapped": "follows the command of {other}. Check whether the ids or the plugs of the two motors are swapped",
+    "frozen": "stands still at {rests} while it is commanded to move, up to {size} off. Check that its motor "
+    "answers and that its torque is on",
+    "unit": "is off by up to {size}: {what}. Record with use_degrees=true",
+    "limits": "stands up to {size} beyond its limits at {rests}. Check that this is its arm file, and its zero",
+    "not read": "has no number in {frames}, which are left out: a loose cable, or a motor that does not answer. "
+    "Check both",
+    "unexplained": "is off its command by {size} RMS, and no known cause explains it. Look at it",
 }
-SHOWN = 5
+SHOWN, NEW = 5, "NEW_RECORDING"
 
 
 def checkup_document(found: EncoderCheckup, arm: Arm, name: str) -> Document:
@@ -51,15 +58,22 @@ def checkup_document(found: EncoderCheckup, arm: Arm, name: str) -> Document:
     names = joint_labels(arm)
     before, after = np.degrees(found.before), np.degrees(found.after)
     rows = list(zip(names, before.tolist(), after.tolist(), strict=True))
-    title = f"{name}: action − state at {found.rests} rests"
-    table = ResultTable(("joint", "rms_deg|.2f", "unexplained_deg|.2f"), rows, title)
-    lines = [_words(one, names, found) for one in found.findings]
-    if not lines:
-        lines = [
-            f"Nothing: no joint is off its command by {np.degrees(MATTERS):.1f} deg for any cause that encoders show."
-        ]
-    blocks: list[Block] = [table, *section("What the encoders tell", lines)]
-    blocks += section("What they cannot see", (*UNSEEN, HOW))
+    title = f"Command minus encoder at {found.rests} stops of {name}"
+    table = ResultTable(("joint", "rms_deg|.2f", "unexplained_deg|.2f"), rows)
+    shown = ResultTable(("joint", "RMS, deg|.2f", "unexplained by these faults, deg|.2f"), rows, title)
+    again: tuple[Block, ...] = ("", CommandLine(f"Next: lrm-ident checkup {NEW}"), f"      {AGAIN}")
+    also = " or" if found.findings else "Next"
+    blocks: list[Block] = [
+        heading(_headline(found)),
+        *(f"  {_words(one, names, found)}." for one in found.findings),
+        *(again if found.findings else ()),
+        "",
+        shown,
+        *section("What they cannot see", UNSEEN),
+        "",
+        CommandLine(f"{also:>4}: lrm-ident camera board -o board.pdf"),
+        f"      {BOARD}",
+    ]
     findings = [
         {
             "joint": names[one.joint], "cause": one.cause, "size_deg": np.degrees(one.size), "sign": one.sign,
@@ -71,6 +85,16 @@ def checkup_document(found: EncoderCheckup, arm: Arm, name: str) -> Document:
     ]  # fmt: skip
     values = {"dataset": name, "arm": arm.name, "rests": found.rests, "joints": table.records(), "findings": findings}
     return Document(blocks, "lrm/checkup/1", values)
+
+
+def _headline(found: EncoderCheckup) -> str:
+    """How many faults there are, and how sure that is."""
+    count, least = len(found.findings), f"{np.degrees(MATTERS):.1f} deg"
+    if not count:
+        return f"No fault found: no joint is off its command by {least} or more for a cause that encoders show."
+    chance = max(one.p_value for one in found.findings)
+    sure = "" if chance == 0.0 else f" (p {p_words(chance)} that chance alone looks like this)"
+    return f"{count} fault{'s' if count > 1 else ''} found by command and encoder{sure}:"
 
 
 def card_paragraph(found: EncoderCheckup, arm: Arm) -> str:
@@ -102,7 +126,7 @@ def _words(one: EncoderFinding, names: Sequence[str], found: EncoderCheckup) -> 
 
 def misread_words(one: Misreading, names: Sequence[str]) -> str:
     """The mistake at a joint in words, and what a person does about it."""
-    rests = f"{one.rests} rest{'s' if one.rests > 1 else ''}"
+    rests = f"{one.rests} stop{'s' if one.rests > 1 else ''}"
     turned = f"its limits at {rests}, {one.what}" if one.what else f"its command at {rests}"
     return f"{names[one.joint]} " + WORDS[one.mistake].format(
         size=f"{np.degrees(one.size):.1f} deg", turned=turned, other=other_joint(one, names), what=one.what, rests=rests
@@ -135,21 +159,21 @@ def with_video(
     """Result of `lrm-ident checkup --video`: that of the encoders, and the table `video`."""
     steps, found = result
     nominal = steps[0][1].errors.nominal
-    rows: list[tuple[str, float, float | None]] = [("as drawn", 1e3 * nominal.rms, None)]
+    rows: list[tuple[str, float, float | None]] = [("nominal", 1e3 * nominal.rms, None)]
     for name, study in steps:
         held_out = study.errors.held_out.error
         rows.append((name, 1e3 * study.errors.fitted.rms, None if held_out is None else 1e3 * held_out.rms))
     table = ResultTable(("model", "rms_mm|.2f", "held_out_rms_mm|.2f"), rows, "Tip, by the board in the video")
     of_no_use = [f"{name}: {why}" for name, why in photos.photos.refused]
     count = len(photos.data) + len(of_no_use)
-    blocks: list[Block] = [f"The board is seen at {len(photos.data)} of {count} rests; {_known(photos)}."]
+    blocks: list[Block] = [f"The board is seen at {len(photos.data)} of {count} stops; {_known(photos)}."]
     if of_no_use:
-        blocks.append(ListSection(f"{len(of_no_use)} rests are of no use:", tuple(of_no_use[:SHOWN])))
+        blocks.append(ListSection(f"{len(of_no_use)} stops are of no use:", tuple(of_no_use[:SHOWN])))
     blocks.append(table)
     named = None if found.first is None else found.first.scored.name
     words = found.verdict.replace("_", " ") if found.first is None else found.first.why
     next_one = f"lrm-ident fit {output} -o model.toml; lrm-ident diagnose model.toml {output}"
-    blocks += section("What the video tells", (words, f"Measurements written to {output}; all of it: {next_one}"))
+    blocks += section("What the video shows", (words, f"Measurements written to {output}. For the details: {next_one}"))
     video = {
         "rests": count, "used": len(photos.data), "refused": dict(photos.photos.refused), "verdict": found.verdict,
         "named": named, "errors": table.records(),

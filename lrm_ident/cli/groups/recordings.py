@@ -66,6 +66,9 @@ def import_(
     angle_unit: Annotated[
         str | None, Option(help="Unit of the joint angles: deg or rad. Default: as the names of the columns state.")
     ] = None,
+    orientation: Annotated[
+        bool, Option("--orientation", help="Also write the tool's orientation, and its spread, for fit to use.")
+    ] = False,
     prefix: Prefix = None,
 ) -> None:
     """Convert a tracker's or robot's recording to measurements: one row per pose, the mean over the end of its stop.
@@ -93,7 +96,7 @@ def import_(
     times = None if every is None or first is None else RestTimes(first, every)
     kind = None if rotation is None else one_of("rotation", rotation, ROTATIONS)
     stated = stated_reading({"axes": axes, "angle_unit": angle_unit})
-    order = RecordingOrder(tool, base, times, skip, dwell, stated.axes, kind, stated.angle_unit)
+    order = RecordingOrder(tool, base, times, skip, dwell, stated.axes, kind, stated.angle_unit, orientation)
     name, the_arm = arm_for(poses, arm)
     found = import_recording(recording, poses, the_arm, order)
     write_with_metadata(output, found.csv(), name, f"import: {recording.name}")
@@ -126,7 +129,7 @@ def _import_lerobot(
     off = np.degrees(rests.feedback - rests.command)
     worst = int(np.abs(off).mean(axis=0).argmax())
     show(
-        f"{len(rests.t)} rests of {len(np.unique(rests.episode))} episodes written to {output}.",
+        f"{len(rests.t)} stops of {len(np.unique(rests.episode))} episodes written to {output}.",
         *(["The angles are taken for degrees (LeRobot's use_degrees=true)."] if unit is None else []),
         f"The servo of {labels[worst]} is off its command most: by {np.abs(off[:, worst]).mean():.2f} deg on average.",
     )

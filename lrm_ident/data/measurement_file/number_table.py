@@ -214,6 +214,8 @@ def _without_faults(
     if not skip:
         also = enumerate_words([_cell_place(cells, row, column) for row, column, _ in faults[1:]], LISTED)
         right = f"correct {'it' if len(faults) == 1 else 'them'}, or leave {count} out with --bad-rows skip"
+        if not len(kept):
+            right = "write numbers alone, their unit in the header (q1_deg, x_mm)"
         raise cell_error(cells, row, column, f"{what}{also and f'; no number either: {also}'}", right)
     if not len(kept):
         raise FileError(cells.path, "", "every row has a cell that is no number", "is it the right file?")

@@ -9,13 +9,13 @@ from itertools import combinations
 import numpy as np
 
 from lrm_ident.data.measurement_file.conventions import ANGLE_UNITS, LENGTH_UNITS, axes_matrix, axes_words
+from lrm_ident.data.registration.zero_conventions import FULL_TURN, conventions
 from lrm_math.arm.arm import Arm
 from lrm_math.arrays import Array
 from lrm_math.model.reading import Reading
 
 UNIT_NAMES = {"um": "micrometres", "mm": "millimetres", "cm": "centimetres", "inch": "inches", "m": "metres"}
 RIGHT_ANGLES = (90.0, -90.0, 180.0)
-FULL_TURN = 2.0 * np.pi
 COUNTS, MOST_DEG, MOST_SHARE = 4096, 720.0, 100.5
 """Of an encoder of 12 bits in a turn; what degrees and shares of a range are at most."""
 SIMPLE, COMPOUND, FREE = 1.0, 1.5, 2.0
@@ -67,8 +67,9 @@ def joint_hypotheses(read: Hypothesis, arm: Arm) -> Iterator[Hypothesis]:
     units = list(_other_units(read))
     yield from units
     yield from _servo_units(read, arm)
+    yield from _other_zeros(read, arm)
     for unit in (read, *(other for other in units if other.reading.angle_unit != read.reading.angle_unit)):
-        yield from _other_signs(unit)
+        yield from other_signs(unit)
         yield from _other_orders(unit)
     for joint in range(read.q.shape[1]):
         for turn in RIGHT_ANGLES:
@@ -107,6 +108,14 @@ def _servo_units(read: Hypothesis, arm: Arm) -> Iterator[Hypothesis]:
         yield replace(read.also(words, COMPOUND, remedy), q=numbers / 100.0 * half)
 
 
+def _other_zeros(read: Hypothesis, arm: Arm) -> Iterator[Hypothesis]:
+    """Angles from the zeros of a recording that are not those of the arm's file."""
+    if read.reading.joint_sign is None and read.reading.joint_order is None:
+        for rule in conventions(arm):
+            words = f"the joint angles look counted from {rule.words}"
+            yield replace(read.also(words, COMPOUND, f"convert them: {rule.formula(arm)}"), q=rule.applied(read.q))
+
+
 def _one_joint(read: Hypothesis, joint: int, unit: str, factor: float) -> Hypothesis:
     """The angles of one joint alone in another unit, in which they are so many times larger."""
     number = (read.reading.joint_order or range(1, read.q.shape[1] + 1))[joint]
@@ -129,7 +138,8 @@ def one_axis(read: Hypothesis, nominal: Array, tolerance: float) -> Iterator[Hyp
             yield replace(read.also(words, SIMPLE, f"name its column {'xyz'[axis]}_{unit[0]}"), tcp=read.tcp * scale)
 
 
-def _other_signs(read: Hypothesis) -> Iterator[Hypothesis]:
+def other_signs(read: Hypothesis) -> Iterator[Hypothesis]:
+    """The angles with the sign of one joint, of two, or of all turned."""
     n = read.q.shape[1]
     sets = [*combinations(range(n), 1), *combinations(range(n), 2), *([tuple(range(n))] if n > 2 else [])]
     before = np.array(read.reading.joint_sign or [1] * n)

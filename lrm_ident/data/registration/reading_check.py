@@ -25,6 +25,7 @@ from lrm_ident.data.registration.hypotheses import (
     joint_hypotheses,
     nearest_unit,
     one_axis,
+    other_signs,
     with_axes,
     with_free_frame,
     with_unit,
@@ -65,6 +66,8 @@ coefficient of determination. After a push or a slip meanwhile they agree to mor
 SAGS_SO = 0.75
 """Share of the score below which an arm sags as gravity of another direction makes it: of five arms at 60 poses the
 true direction leaves 0.02 to 0.66 of what the others do."""
+BESIDE = 0.1
+"""Share of the spread that a sign moves the positions by where the floor may hide it: the tip is near that axis."""
 SCALE_TOLERANCE = 0.35
 RIGHT_ANGLED = 0.5  # Frobenius norm of a rotation less a signed permutation: about 20 deg
 REGISTRATIONS = 2
@@ -151,7 +154,8 @@ def check_reading(arm: Arm, data: Measurements) -> ReadingCheck | None:
     read = points.scored(points.as_read)
     hung = min(_hung_otherwise(points), key=lambda scored: scored.score, default=read)
     if read.share <= FLOOR:
-        return ReadingCheck(read, (hung if _sags_so(points, read, hung) else read,))
+        better = hung if _sags_so(points, read, hung) else _hidden_sign(points, read)
+        return ReadingCheck(read, (better or read,))
     every = [read, *_alternatives(points), hung]
     if min(scored.share for scored in every) > GOOD:
         every += _other_arms(points)
@@ -258,6 +262,18 @@ def _sags_so(points: PointSet, read: Scored, hung: Scored) -> bool:
         return False
     weightless = replace(points, arm=replace(points.arm, gravity=(0.0, 0.0, 0.0)))
     return hung.score < SAGS_SO * weightless.scored(points.as_read).score
+
+
+def _hidden_sign(points: PointSet, read: Scored) -> Scored | None:
+    """The sign of a joint near whose axis the tip stands, where the other one leaves a part of what this one does."""
+    if not read.overdetermined:
+        return None
+    nominal = nominal_tcp(points.arm, points.poses)
+    every = (hypothesis for hypothesis in other_signs(points.as_read) if hypothesis.complexity == SIMPLE)
+    moved = ((sign, nominal_tcp(points.arm, replace(points.poses, q=sign.q)) - nominal) for sign in every)
+    near = [sign for sign, off in moved if np.linalg.norm(off, axis=1).max() < BESIDE * read.spread]
+    best = min(map(points.scored, near), key=lambda scored: scored.score, default=read)
+    return best if best.score < IMPROVED * read.score else None
 
 
 def _unrelated_columns(points: PointSet, read: Scored) -> Iterator[Scored]:

@@ -61,8 +61,10 @@ def _opens(robot: Urdf, path: Sequence[UrdfJoint], k: int, first: int) -> bool:
     if joint.kind == SLIDES:
         beside = [other for other in robot.joints.values() if other.parent == joint.parent and other.kind == SLIDES]
         return named or len(beside) > 1
-    if joint.mimic is not None and (named or joint.mimic.leader not in {before.name for before in path[:k]}):
-        return True
+    if joint.mimic is not None:
+        others = {other.name for other in robot.joints.values()} - {joint.name}  # to follow none of them is a fault
+        if named or joint.mimic.leader in others - {before.name for before in path[:k]}:
+            return True
     followers = [other for other in robot.joints.values() if other.mimic and other.mimic.leader == joint.name]
     if any(other.parent == joint.parent for other in followers if other not in path):
         return True  # one finger's motor moves the other finger too

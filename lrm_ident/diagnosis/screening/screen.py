@@ -26,8 +26,9 @@ from lrm_ident.fitting.loss import robust_scale
 from lrm_ident.fitting.priors import EffectRates
 from lrm_ident.fitting.progress import OnProgress
 from lrm_ident.residual.free_functions import FreeFunction, free_functions, lagged
-from lrm_ident.residual.residual_structure import NoiseFloor, ResidualStructure, noise_floor, residual_structure
-from lrm_ident.residual.thresholds import SIGNIFICANCE
+from lrm_ident.residual.noise_floor import NoiseFloor, noise_floor
+from lrm_ident.residual.residual_structure import ResidualStructure, residual_structure
+from lrm_ident.residual.thresholds import FLOOR_RATIO, SIGNIFICANCE
 from lrm_math.arrays import Array
 from lrm_math.effects import Effect
 from lrm_math.model.derivatives import Response, parameter_jacobian
@@ -74,10 +75,28 @@ class Screening:
         """Noise of the measurements."""
         return noise_floor(self.data, self.fit.equilibrium)
 
-    @cached_property
+    @property
     def lack_of_fit_p_value(self) -> float:
         """p value of the lack-of-fit F test of the residual against the noise floor; NaN where that is unknown."""
-        return self.floor.p_value(self.fit.sigma, self.data.measured_rows - self.fit.effective_parameters)
+        return self._p_value(self.floor)
+
+    def _p_value(self, floor: NoiseFloor) -> float:
+        return floor.p_value(self.fit.sigma, self.data.measured_rows - self.fit.effective_parameters)
+
+    def floor_beside(self, one: ScoredCandidate) -> NoiseFloor:
+        """Noise of the measurements if the model had a candidate.
+
+        Repeats of a pose that came from elsewhere differ by what play, friction or creep did before: pure error only
+        to a model that knows of it. Where a candidate takes less from the pure error than a noise may be misstated, the
+        noise is that without it.
+        """
+        fitted, part = self.subset
+        _, moved = one.candidate.acting(one.shape)
+        known = self.floor.sd
+        found = noise_floor(part, fitted.equilibrium, (moved @ one.alone.theta).reshape(len(part), -1))
+        if known is None or found.sd is None or found.source != "replicates" or FLOOR_RATIO * found.sd > known:
+            return self.floor
+        return found
 
     @cached_property
     def structure(self) -> ResidualStructure:
@@ -111,10 +130,12 @@ class Screening:
         far = distance > 2 * OUTLIER_DISTANCE * robust_scale(distance)
         return tuple(self.data.pose[self.screened[far]].tolist())
 
-    @cached_property
-    def like_noise(self) -> bool:
-        """Whether the residual is no larger than a known noise and shows no structure: no cause is missing then."""
-        return self.lack_of_fit_p_value > SIGNIFICANCE and not self.structure.significant
+    def like_noise(self, one: ScoredCandidate) -> bool:
+        """Whether the residual is no larger than a known noise and shows no structure: no cause is missing then, unless
+        a candidate shows that the repeats, from which the noise is known, differ by what it does."""
+        if self.structure.significant or not self.lack_of_fit_p_value > SIGNIFICANCE:
+            return False
+        return self._p_value(self.floor_beside(one)) > SIGNIFICANCE
 
 
 def screen(whole: Fit, data: Measurements, kinds: Iterable[type[Effect]], progress: OnProgress) -> Screening:

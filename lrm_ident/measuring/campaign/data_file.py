@@ -16,7 +16,9 @@ import tomli_w
 
 from lrm_ident.data.atomic_write import write_text
 from lrm_ident.data.measurement_file.conventions import Metadata
+from lrm_ident.data.measurement_file.known_columns import QUATERNION
 from lrm_ident.data.measurement_file.write import metadata_toml
+from lrm_ident.data.rigid_motion import quaternions
 from lrm_ident.data.table_text.csv_file import read_table
 from lrm_ident.measuring.campaign.plan import PlannedPose
 from lrm_ident.measuring.tracker.dwell import RestMean
@@ -24,6 +26,7 @@ from lrm_math.arm.arm_file import GRAM, MM
 from lrm_math.errors import FileError
 from lrm_math.toml_file import read_toml
 
+LEAST_SROT_DEG = 1e-3
 DAY = 86_400.0
 """s; DTrack's time begins at midnight."""
 
@@ -46,9 +49,12 @@ class ArmState:
 class DataFile:
     """`NAME.csv` with its metadata `NAME.toml`, open for more rows. `done`: numbers of the poses it has, in order."""
 
-    def __init__(self, path: Path, joints: int) -> None:
-        """Opens the file, and cuts off an unfinished line. Raises `FileError`: it is no file of a campaign."""
-        self.path, self._joints = path, joints
+    def __init__(self, path: Path, joints: int, orientation: bool = False) -> None:
+        """Opens the file, and cuts off an unfinished line. Raises `FileError`: it is no file of such a campaign.
+
+        `orientation`: its rows have the tool's orientation, too.
+        """
+        self.path, self._joints, self._orientation = path, joints, orientation
         self._cut_unfinished()
         self.done: list[int] = []
         self.last_session, self._last_t = 1, 0.0
@@ -129,6 +135,7 @@ class DataFile:
         cells += [f"{value / MM:.4f}" for value in rest.tip.tolist()]
         cells += [f"{max(rest.sd / MM, 1e-4):.4f}", f"{arm.temperature:.2f}", str(repeat_of)]
         cells += [str(side) for side in arm.direction]
+        cells += _orientation_cells(rest) if self._orientation else []
         self._write(",".join(cells))
         self.done.append(pose.number)
 
@@ -136,7 +143,8 @@ class DataFile:
         angles = [f"q{i + 1}_deg" for i in range(self._joints)]
         sides = [f"approach{i + 1}" for i in range(self._joints)]
         position = ["x_mm", "y_mm", "z_mm", "sd_mm", "temp_c", "repeat_of"]
-        return ["pose", "t_s", "session", "payload_g", *angles, *position, *sides]
+        turned = [*QUATERNION, "srot_deg"] if self._orientation else []
+        return ["pose", "t_s", "session", "payload_g", *angles, *position, *sides, *turned]
 
     def _write(self, line: str) -> None:
         try:
@@ -144,6 +152,14 @@ class DataFile:
             os.fsync(self._file.fileno())
         except OSError as error:
             raise FileError(self.path, "", f"cannot be written ({error.strerror})") from None
+
+
+def _orientation_cells(rest: RestMean) -> list[str]:
+    """Quaternion and its standard deviation (deg), empty where the tracker did not see it."""
+    spread = f"{max(math.degrees(rest.turn_sd or 0.0), LEAST_SROT_DEG):.5f}"
+    if rest.rotation is None:
+        return [*[""] * len(QUATERNION), spread]
+    return [*(f"{value:.7f}" for value in quaternions(rest.rotation[None])[0].tolist()), spread]
 
 
 def after_midnight(t: float, last: float) -> float:

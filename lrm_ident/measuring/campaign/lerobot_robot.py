@@ -16,8 +16,8 @@ from lrm_math.arm.servo_settings import ServoSettings
 from lrm_math.errors import LrmError, UnknownName
 
 KIND = "lerobot:"
-SUFFIX, MOST_TORQUE = ".pos", 1000
-"""Ending of a joint's position; a Feetech servo's greatest torque, in thousandths."""
+SUFFIX, DEGREES, MOST_TORQUE = ".pos", "degrees", 1000
+"""Ending of a joint's position; value of LeRobot's `MotorNormMode`; a Feetech servo's greatest torque, thousandths."""
 CONNECTS = 3
 """Number of attempts: LeRobot asks each motor once, and a bus loses an answer now and then."""
 SET = {"use_degrees": True, "disable_torque_on_disconnect": False}
@@ -60,13 +60,20 @@ class LeRobotServos:
 
     @classmethod
     def of(cls, robot: Any, arm: Arm) -> LeRobotServos:
-        """The servos of an arm's joints. Raises `LrmError`: they are not the robot's, or have no registers to read."""
+        """The servos of an arm's joints.
+
+        Raises `LrmError`: they are not the robot's, have no registers to read, or their angles are not in degrees.
+        """
         names = joint_labels(arm)
         have = [key.removesuffix(SUFFIX) for key in robot.action_features if key.endswith(SUFFIX)]
         if missing := [name for name in names if name not in have]:
             raise LrmError(f"{robot.name} has no '{missing[0]}' of {arm.name}; it has {', '.join(have)}")
         if getattr(robot, "bus", None) is None:
             raise LrmError(f"{robot.name} has no motor bus whose temperature can be read; measuring needs it")
+        for name in names:
+            mode = getattr(robot.bus.motors[name], "norm_mode", DEGREES)
+            if (unit := getattr(mode, "value", mode)) != DEGREES:
+                raise LrmError(f"{robot.name} commands '{name}' in {unit}; should be {DEGREES} (use_degrees=true)")
         return cls(robot, names)
 
     @property

@@ -12,12 +12,16 @@ from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import Self
 
+import numpy as np
+
+from lrm_ident.data.rigid_motion import quaternions
 from lrm_ident.measuring.campaign.data_file import ArmState
 from lrm_ident.measuring.campaign.plan import PlannedPose
 from lrm_ident.measuring.campaign.run import Clock, Unreachable
 from lrm_ident.measuring.verification.goal_commands import NOMINAL, GoalCommand
 from lrm_math.arm.servo_table import ServoTable
 from lrm_math.errors import LrmError
+from lrm_math.ik.goal import Goal
 from lrmd.client import (
     LEASE_LOST,
     GoalEntry,
@@ -44,8 +48,8 @@ MOVED = 1e-9
 """rad; a joint that turns less has not moved."""
 ATTEMPTS, LEASE_BACK_S = 5, 1.0
 """Attempts at a motion whose lease expires, and s until it is back: a busy computer, a slow network."""
-OVER = ("lease", "wrong_mode", "name_taken", "link", "not_armed")
-"""Codes of refusals that end a campaign: the arm is somebody else's, or not armed any more."""
+OVER = ("lease", "wrong_mode", "name_taken", "link", "not_armed", "overtaken")
+"""Codes of refusals that end a campaign: the arm is somebody else's, not armed any more, or somebody stopped it."""
 DEADLINE_MS = 10_000.0
 
 
@@ -89,7 +93,11 @@ class ControlState:
 
 @dataclass
 class RoverArm:
-    """See `CampaignArm`. `change_payload`: has somebody change it (kg). `session`: of the servos' power."""
+    """See `CampaignArm`. `change_payload`: has somebody change it (kg). `session`: of the servos' power.
+
+    `stops`: how often the arm had been stopped when the campaign began. After another stop, at a rest too, it moves
+    nothing any more.
+    """
 
     rover: Rover
     clock: Clock
@@ -98,13 +106,20 @@ class RoverArm:
     info: InfoState = field(init=False)
     direction: tuple[int, ...] = field(init=False)
     at_pose: ControlState | None = field(init=False, default=None)
+    stops: int = field(init=False)
 
     def __post_init__(self) -> None:
         self.info = self.rover.info()
         self.direction = (0,) * self.info.joints
         mode = self.rover.mode()
+        self.stops = mode.stops
         if mode.mode not in STILL:
             raise LrmError(f"{self.info.robot} is {mode.mode} ({mode.why}); arm it first: lrm arm --q ...")
+
+    @property
+    def settle_s(self) -> float | None:
+        """See `CampaignArm`."""
+        return self.rover.settle_s
 
     @property
     def names(self) -> list[str]:
@@ -201,7 +216,8 @@ class RoverArm:
             if not plan.found:
                 raise Unreachable(f"no way: {plan.text}")
             way = plan.waypoints_rad[1:]
-            self.rover.move(*(dict(zip(self.names, q, strict=True)) for q in way), payload_kg=payload)
+            waypoints = [dict(zip(self.names, q, strict=True)) for q in way]
+            self.rover.move(*waypoints, payload_kg=payload, stops=self.stops)
         except RequestRefused as error:
             if error.code in OVER:
                 raise
@@ -219,6 +235,14 @@ def last_directions(way: Sequence[Sequence[float]], before: Sequence[int]) -> tu
     return tuple(directions)
 
 
+def _entry(goal: Goal) -> GoalEntry:
+    """A goal as the daemon takes it."""
+    if goal.rotation is None:
+        return GoalEntry(position_m=list(goal.position))
+    w, x, y, z = quaternions(np.array(goal.rotation)[None])[0].tolist()
+    return GoalEntry(position_m=list(goal.position), quaternion_xyzw=[x, y, z, w])
+
+
 @dataclass(frozen=True)
 class DaemonSolver:
     """See `GoalSolver`: with the model that a daemon uses."""
@@ -233,10 +257,10 @@ class DaemonSolver:
         info = rover.info()
         return cls(rover, info.model or NOMINAL, info.model_sha256)
 
-    def solve(self, goal: Sequence[float], near: Sequence[float], payload: float) -> GoalCommand | str:
+    def solve(self, goal: Goal, near: Sequence[float], payload: float) -> GoalCommand | str:
         """See `GoalSolver`."""
         request = IkRequest(
-            goals=[GoalEntry(position_m=list(goal))],
+            goals=[_entry(goal)],
             near_rad=list(near),
             payload_kg=payload,
             round="best",

@@ -26,6 +26,10 @@ class CampaignArm(Protocol):
 
     session: int
 
+    @property
+    def settle_s(self) -> float | None:
+        """How long after the last motion its tip swings (s); None where nobody knows."""
+
     def go(self, pose: PlannedPose) -> ArmState:
         """Moves there and waits. Raises `Unreachable`; other `LrmError`s end the campaign."""
 
@@ -64,6 +68,21 @@ class PoseTiming:
     settle: float = 0.5
     dwell: float = 1.0
     attempts: int = 3
+
+    def after_motion(self, arm: CampaignArm) -> PoseTiming:
+        """The timing of the stop after the last motion of an arm."""
+        return self
+
+
+class TimingByArm(PoseTiming):
+    """A stop lasts as long as the arm says that its tip swings, and `settle` at least; no pause."""
+
+    def after_motion(self, arm: CampaignArm) -> PoseTiming:
+        """See `PoseTiming`. Raises `LrmError`: the arm does not know."""
+        if arm.settle_s is None:
+            right = "give --settle in seconds, or the daemon a motion model ([motion] model in lrmd.toml)"
+            raise LrmError(f"--settle auto: this arm does not know how long its tip swings; {right}")
+        return PoseTiming(0.0, max(self.settle, arm.settle_s), self.dwell, self.attempts)
 
 
 @dataclass(frozen=True)
@@ -129,7 +148,8 @@ class PoseCampaign:
             except Unreachable as error:
                 faults.append(str(error))
                 break
-            rest = rest_at(self.tracker, self.numbers, self.clock, self.timing, begin)
+            timing = self.timing.after_motion(self.arm)
+            rest = rest_at(self.tracker, self.numbers, self.clock, timing, begin)
             if why := self.arm.disturbed():
                 words = f"pose {pose.number}: its row is dropped: {why}"
                 self.on_progress(CampaignProgress(words, len(file.done), 0, 0.0, True))
@@ -137,7 +157,8 @@ class PoseCampaign:
             if isinstance(rest, RestMean):
                 file.append(pose, state, rest)
                 again = f", after {len(faults)} unfit stops ({faults[-1]})" if faults else ""
-                return f"pose {pose.number}: spread {in_mm(rest.sd)} mm over {rest.frames} frames{again}"
+                waited = "" if timing is self.timing else f", {timing.settle:.1f} s after its motion"
+                return f"pose {pose.number}: spread {in_mm(rest.sd)} mm over {rest.frames} frames{waited}{again}"
             faults.append(rest.why)
             result.repeated += 1
         result.failed[pose.number] = faults[-1]

@@ -10,6 +10,8 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Protocol, TypeVar
 
+import numpy as np
+
 from lrm_ident.measuring.campaign.data_file import ArmState
 from lrm_ident.measuring.campaign.plan import PlannedPose
 from lrm_ident.measuring.campaign.rover_arm import APPROACH, last_directions
@@ -17,6 +19,7 @@ from lrm_ident.measuring.campaign.run import Clock, Unreachable
 from lrm_ident.measuring.servo_bus.torque_on import TORQUE
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.servo_settings import ServoSettings
+from lrm_math.arm.standing import require_standing
 from lrm_math.errors import LrmError
 
 SPEED = math.radians(30.0)
@@ -84,6 +87,7 @@ class ServoArm:
     change_payload: Callable[[float], object]
     speed: float = SPEED
     session: int = 1
+    settle_s: float | None = None
     direction: tuple[int, ...] = field(init=False)
     _target: tuple[float, ...] = field(init=False)
     _rest: tuple[float, ...] = field(init=False)
@@ -91,6 +95,7 @@ class ServoArm:
     def __post_init__(self) -> None:
         self.direction = (0,) * self.arm.dof
         self._target = self._rest = self.seen()
+        require_standing(self.arm, np.array(self._target))
         self.temperature()
         self._with_retries(lambda: self.servos.bound_torque(TORQUE))
 
@@ -117,8 +122,7 @@ class ServoArm:
 
     def disturbed(self) -> str:
         """See `CampaignArm`."""
-        limp = [name for name, powered in self._with_retries(self.servos.powered).items() if not powered]
-        if limp:
+        if limp := self._limp():
             return f"{limp[0]} has no torque"
         off = [abs(a - b) for a, b in zip(self.seen(), self._rest, strict=True)]
         return f"{self.servos.joints[off.index(max(off))]} was moved" if max(off) > MOVED else ""
@@ -157,6 +161,7 @@ class ServoArm:
 
     def _move(self, goal: Sequence[float]) -> None:
         """Straight there, each joint in time with the slowest. Raises `LrmError` and holds if one is held up."""
+        self._check_torque()
         start = self._target
         far = max(abs(b - a) for a, b in zip(start, goal, strict=True))
         steps = max(1, math.ceil(far / (self.speed * TICK_S)))
@@ -168,8 +173,18 @@ class ServoArm:
                 self._check_follows()
         self.direction = last_directions([start, self._target], self.direction)
 
+    def _check_torque(self) -> None:
+        """Raises `LrmError` if a joint has lost its torque: it has fallen, and nothing may pull it back from there."""
+        if limp := self._limp():
+            raise LrmError(f"{', '.join(limp)} lost torque: was the supply off? Look where the arm stands, start again")
+
+    def _limp(self) -> list[str]:
+        return [name for name, powered in self._with_retries(self.servos.powered).items() if not powered]
+
     def _check_follows(self) -> None:
-        """Raises `LrmError` and holds if a joint is far behind its command, and still is a glance later."""
+        """Raises `LrmError` if a joint lost its torque, and holds if one is far behind its command, and still is a
+        glance later."""
+        self._check_torque()
         seen, behind = self._behind()
         if max(behind) > BEHIND:
             self.clock.sleep(GLANCE_S)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager, ExitStack, contextmanager
+from contextlib import AbstractContextManager, ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -92,7 +92,7 @@ class CampaignOrder:
 
     `drive`, `track`: open the arm and the tracker, whose name is `tracker`. `arm_name` as the metadata will have it;
     `on_findings`: called with what is known after a batch, if measuring is adaptive. `accept`: whether rows may be
-    added with other settings of the servos.
+    added with other settings of the servos. `orientation`: whether the tool's orientation is written, too.
     """
 
     drive: OpenArm
@@ -106,6 +106,7 @@ class CampaignOrder:
     on_progress: Callable[[CampaignProgress], object]
     on_findings: Callable[[str], object]
     accept: bool = False
+    orientation: bool = False
 
 
 def measure(order: CampaignOrder, plan: CampaignPlan, output: Path, goal: StoppingGoal | None = None) -> CampaignResult:
@@ -113,7 +114,7 @@ def measure(order: CampaignOrder, plan: CampaignPlan, output: Path, goal: Stoppi
 
     Raises `LrmError`; the file stays resumable.
     """
-    file = DataFile(output, order.arm.dof)
+    file = DataFile(output, order.arm.dof, order.orientation)
     file.check_plan(plan.sha256)
     clock: Clock = RealClock()
     with order.track() as tracker, order.drive(clock, order.loads) as driven, file:
@@ -173,11 +174,18 @@ def by_servos(text: str, arm: Arm, speed: float, release: bool, clock: Clock, lo
 
 @contextmanager
 def torque_named(servos: Servos) -> Iterator[None]:
-    """Adds to an error which joints have torque when it ends a campaign: servos hold whatever becomes of the host."""
+    """Adds to an error which joints have torque when it ends a campaign: servos hold whatever becomes of the host.
+
+    All of them, where they do not answer.
+    """
     try:
         yield
     except LrmError as error:
-        raise LrmError(f"{error}; torque is on, as far as is known, at {', '.join(servos.joints)}") from error
+        on = list(servos.joints)
+        with suppress(OSError, RuntimeError, LrmError):
+            on = [joint for joint, powered in servos.powered().items() if powered]
+        words = f"torque is on, as far as is known, at {', '.join(on)}" if on else "no joint has torque"
+        raise LrmError(f"{error}; {words}") from error
 
 
 def drives_servos(robot: str) -> bool:

@@ -28,5 +28,5 @@ def draw_motion(before: MotionStudy, after: MotionStudy, path: Path) -> None:
             error = float(np.sqrt(np.nanmean(left**2)))
             top.plot(t, read - left, color=colour, linewidth=1.2, label=f"predicted {name}")
             bottom.plot(t, left, color=colour, linewidth=1.2, label=f"{name}: {error:.2f} deg RMS")
-        finish(top, "", "angle, deg", f"{label}: the move that the model before predicts worst")
-        finish(bottom, "time in the move, s", "reading less prediction, deg")
+        finish(top, "", "angle, deg", f"{label}: the move that was predicted worst before")
+        finish(bottom, "time in the move, s", "reading − prediction, deg")

@@ -12,7 +12,7 @@ from lrm_ident.diagnosis.attribution import term_of
 from lrm_ident.measuring.motion.motion_study import JudgedEffect, MotionStudy
 from lrm_ident.measuring.motion.regimes import worst_regimes
 from lrm_ident.measuring.motion.screening import JointScreening, MotionCandidate
-from lrm_ident.report.diagnosis.conclusion import Conclusion, NextStep
+from lrm_ident.report.diagnosis.conclusion import MISSING, Conclusion, NextStep
 from lrm_ident.report.document import Block, Document, ResultTable, section
 from lrm_ident.report.plain_names import plain_name
 from lrm_ident.residual.thresholds import FLOOR_RATIO, MAX_UNEXPLAINED_RATIO
@@ -162,16 +162,19 @@ def _conclusion(
     before, after = best.before.held_out_rms, first.held_out
     ratio = max(after**2 - (FLOOR_RATIO * best.noise) ** 2, 0.0) / (before**2 - after**2)
     if alike:
-        headline = f"Missing effect: {what}, or another that these moves cannot distinguish from it"
+        headline = f"{MISSING}: {what}, or another that these moves cannot distinguish from it"
         certainty = f"it, or {enumerate_words(alike, LISTED)}: these moves cannot distinguish them"
     elif ratio > MAX_UNEXPLAINED_RATIO:
-        headline = f"An effect is missing. The best candidate: {what}"
+        headline = f"An effect is missing from the model. The best candidate: {what}"
         certainty = (
             f"only a candidate cause: {ratio:.1f} times as much squared error stays unexplained as it explains (limit "
             f"{MAX_UNEXPLAINED_RATIO:.2f}), so another cause may stand behind it, or join it"
         )
     else:
-        headline, certainty = f"Missing effect: {what}", f"identified cause{_runner_up(best)}"
+        headline, certainty = (
+            f"{MISSING}: {what}",
+            f"identified: no other cause explains the error as well{_runner_up(best)}",
+        )
     facts = (
         ("estimate", _claim(first)),
         (
@@ -182,9 +185,10 @@ def _conclusion(
         ("certainty", certainty),
     )
     steps = (
-        NextStep("It adds the effect and refits its joint.", f"lrm-ident motion add {files} {name} -o better.toml"),
+        NextStep("Adds this effect and refits its joint.", f"lrm-ident motion add {files} {name} -o better.toml"),
         NextStep(
-            "It repeats both at every joint, until nothing is missing.", f"lrm-ident motion auto {files} -o best.toml"
+            "To get there in one go: adds effects at every joint until none is missing.",
+            f"lrm-ident motion auto {files} -o best.toml",
         ),
     )
     return Conclusion(headline, facts, (), steps)
@@ -195,7 +199,7 @@ def _runner_up(found: JointScreening) -> str:
     if not others:
         return ""
     least = min(others, key=lambda one: one.held_out or np.inf)
-    return f"; the next best one, {plain_name(least.effect.name)}, would leave {in_deg(least.held_out or np.nan)} deg"
+    return f"; the next best, {plain_name(least.effect.name)}, would leave {in_deg(least.held_out or np.nan)} deg"
 
 
 def _claim(found: MotionCandidate) -> str:

@@ -83,14 +83,15 @@ class Moves:
         return reference_inertia(self.arm)
 
     def drive(self, joint: int) -> JointDrive:
-        """What a joint from 0 is told and bears, at the steps of the simulation."""
-        n = self.substeps
+        """What a joint from 0 is told and bears, at the steps of the simulation.
 
-        def at_steps(values: Array) -> Array:
-            return np.repeat(values[:, :-1, joint].T, n, axis=0)
-
-        command, loads = at_steps(self.command), self.loads
-        gravity, reaction, inertia = map(at_steps, (loads.gravity, loads.reaction, loads.inertia))
+        A command stays until the next frame; loads go on changing meanwhile, and are straight between frames.
+        """
+        n, loads = self.substeps, self.loads
+        command = np.repeat(self.command[:, :-1, joint].T, n, axis=0)
+        gravity, reaction, inertia = (
+            _between(x[:, :, joint], n) for x in (loads.gravity, loads.reaction, loads.inertia)
+        )
         return JointDrive(
             self.dt / n, command, gravity, reaction, inertia, float(self.reference[joint]), *self.start(joint)
         )
@@ -110,6 +111,13 @@ class Moves:
         rests = still.sum(axis=1) >= RESTING
         mean = np.sum(still * lead, axis=1) / still.sum(axis=1)
         return np.where(rests, mean, lead[:, 0]), np.where(rests, 0.0, (lead[:, 1] - lead[:, 0]) / self.dt)
+
+
+def _between(values: Array, n: int) -> Array:
+    """((T − 1) n, S), values (S, T) in the middle of each of n steps from frame to frame."""
+    share = (np.arange(n) + 0.5) / n
+    steps = values[:, :-1, None] + share * np.diff(values, axis=1)[:, :, None]
+    return np.asarray(steps.reshape(len(values), -1).T)
 
 
 def moves_of(frames: LeRobotFrames, arm: Arm, path: Path) -> Moves:

@@ -8,13 +8,15 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from lrm_ident.data.measurement_file.commanded_poses import perhaps_radians
-from lrm_ident.data.measurement_file.conventions import metadata_of, read_positions
+from lrm_ident.data.measurement_file.conventions import metadata_of, motion_of, read_positions
 from lrm_ident.data.measurement_file.load import load_pose_table
 from lrm_ident.data.measurement_file.write import StatedQuantity, csv_text, quantity_columns
+from lrm_ident.data.rigid_motion import quaternions
 from lrm_ident.measuring.recordings.mcap_file import SUFFIX as MCAP
 from lrm_ident.measuring.recordings.mcap_file import read_joints, read_mcap
 from lrm_ident.measuring.recordings.published_mat import AXES, read_mat_poses, read_mat_positions
@@ -29,7 +31,7 @@ from lrm_math.errors import FileError, LrmError
 from lrm_math.kinematics.poses import Poses
 from lrm_math.model.reading import AngleUnit, Reading
 
-LEAST_SD = 1e-4 * MM
+LEAST_SD, LEAST_TURN_SD = 1e-4 * MM, np.radians(1e-3)
 STILL_M = 1e-3
 """m: how far the tip may be from where it is one dwell later; more than noise and sag, less than any move."""
 STILL_RAD = np.radians(0.3)
@@ -59,6 +61,7 @@ class RecordingOrder:
     `tool`, `base`: names of the bodies at the tip and at the base. `times`: of regular rests; None: they are looked
     for. `skip`: rests before the first pose. `dwell`: s at the end of a rest to average over. `axes`: as in `Reading`.
     `rotation`: of a Vicon export, see `read_export`. `angle_unit`: of the joint angles, as in `Reading`.
+    `orientation`: whether the tool's orientation is wanted, too.
     """
 
     tool: str | None = None
@@ -69,6 +72,7 @@ class RecordingOrder:
     axes: str | None = None
     rotation: str | None = None
     angle_unit: AngleUnit | None = None
+    orientation: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,6 +109,7 @@ class ImportedRows:
     """Rows of a recording: tips (N, 3) in m, times (N,) in s or None, spreads (N,) in m or None.
 
     `left_out`: numbers of poses whose rest was unfit, with the reason. `notices`: what a person should know.
+    `attitude`: orientations (N, 3, 3), or None; `turn_sd`: of each about every axis (rad).
     """
 
     poses: DrivenPoses
@@ -113,6 +118,8 @@ class ImportedRows:
     sd: Array | None
     left_out: dict[int, str] = field(default_factory=dict)
     notices: tuple[str, ...] = ()
+    attitude: Array | None = None
+    turn_sd: float | None = None
 
     def csv(self) -> str:
         """Text of the measurement file."""
@@ -124,6 +131,8 @@ class ImportedRows:
             ("angles", poses.q, 6),
             ("position", self.tip, 4),
             ("sd", sd, 4),
+            ("quaternion", None if self.attitude is None else quaternions(self.attitude), 7),
+            ("turn_sd", None if self.turn_sd is None else np.full(len(self.tip), self.turn_sd), 5),
             ("repeat_of", poses.repeat_of, 0),
         ]
         return csv_text(quantity_columns(stated))
@@ -251,7 +260,21 @@ def _averaged(take: RecordedTake, rests: Sequence[Rows], driven: DrivenPoses, or
     good = list(fit.values())
     tip = read_positions(Reading(axes=order.axes), np.array([mean.tip for mean in good]))
     times, sd = np.array([mean.t for mean in good]) - take.t[0], np.array([mean.sd for mean in good])
-    return ImportedRows(driven.take(np.array(list(fit))), tip, times, sd, left_out)
+    rows = ImportedRows(driven.take(np.array(list(fit))), tip, times, sd, left_out)
+    return replace(rows, **_orientations(take, good, order)) if order.orientation else rows
+
+
+def _orientations(take: RecordedTake, rests: Sequence[RestMean], order: RecordingOrder) -> dict[str, Any]:
+    """Orientations of rests, NaN where one has none, and their spread, pooled. Raises `FileError`: there is none."""
+    spreads = [rest.turn_sd for rest in rests if rest.turn_sd is not None]
+    if not spreads:
+        tool = take.pair(order.tool, order.base).tool
+        raise FileError(take.path, "--orientation", f"no orientation of the tool: {tool.unknown_rotation}")
+    turn, _ = motion_of(Reading(axes=order.axes))
+    unknown = np.full((3, 3), np.nan)
+    attitude = np.array([unknown if rest.rotation is None else turn @ rest.rotation for rest in rests])
+    pooled = float(np.sqrt(np.mean(np.square(spreads))))
+    return {"attitude": attitude, "turn_sd": max(pooled, LEAST_TURN_SD)}
 
 
 def regular_rests(t: Array, count: int, times: RestTimes, dwell: float) -> list[Rows]:

@@ -19,10 +19,11 @@ from lrm_ident.data.measurement_file.column_names import BEFORE_JOINTS, SIDES
 from lrm_ident.data.measurement_file.conventions import ANGLE_UNITS
 from lrm_ident.data.measurement_file.write import StatedQuantity, csv_text, quantity_columns
 from lrm_ident.data.registration.hypotheses import COUNTS, MOST_DEG
+from lrm_ident.data.registration.zero_conventions import convention_of
 from lrm_ident.data.wording import joint_labels
 from lrm_ident.measuring.recordings.misread_joints import Misreading, read_alike, within_limits
-from lrm_ident.measuring.recordings.zero_conventions import convention_of
 from lrm_math.arm.arm import Arm
+from lrm_math.arm.arm_file import shipped_arms
 from lrm_math.arrays import Array
 from lrm_math.errors import FileError, LrmError
 from lrm_math.model.reading import AngleUnit
@@ -126,9 +127,17 @@ def read_frames(
     command, feedback = (_angles(values, arm, percent, angle_unit or "deg") for values in numbers.values())
     t, episode = np.array(table["timestamp"], dtype=np.float64), np.array(table["episode_index"], dtype=np.int64)
     notices = (f"{GRIPPER}: read as percent of its range, as LeRobot records it",) if percent.any() else ()
-    frames = LeRobotFrames(command, feedback, t, episode, notices)
+    frames = LeRobotFrames(command, feedback, t, episode, (*notices, *_of_another_arm(info, arm)))
     _refuse_unread(folder, arm, frames)
     return _as_the_arm_counts(arm, frames, percent)
+
+
+def _of_another_arm(info: Mapping[str, Any], arm: Arm) -> Iterator[str]:
+    """A notice where a dataset says that it was recorded with another arm that is shipped."""
+    kind = str(info.get("robot_type"))
+    said = kind.removeprefix("bi_").partition("_")[0]
+    if {said, arm.name} <= {*shipped_arms()} and said != arm.name:
+        yield f"recorded with {kind}, read as {arm.name}: is it --arm {said}?"
 
 
 def _as_the_arm_counts(arm: Arm, frames: LeRobotFrames, percent: NDArray[np.bool_]) -> LeRobotFrames:
@@ -140,19 +149,13 @@ def _as_the_arm_counts(arm: Arm, frames: LeRobotFrames, percent: NDArray[np.bool
     rule = rules[0]
     if rule is None or any(one is None or one.words != rule.words for one in rules):
         return frames
-    command, feedback = (
-        np.where(percent, angles, rule.applied(angles)) for angles in (frames.command, frames.feedback)
-    )
-    changed = [
-        f"{name} = {'' if sign > 0 else '-'}recorded {added:+.4g} deg"
-        for name, sign, added, jaw in zip(
-            joint_labels(arm), rule.sign, np.degrees(rule.added), percent.tolist(), strict=True
-        )
-        if not jaw and (sign < 0 or abs(added) > 0.01)
-    ]
+    own = replace(rule, sign=np.where(percent, 1.0, rule.sign), added=np.where(percent, 0.0, rule.added))
     words = f"angles lie beyond the limits of {arm.name}, and within them if they count from {rule.words}: read so"
     return replace(
-        frames, command=command, feedback=feedback, notices=(*frames.notices, f"{words} ({', '.join(changed)})")
+        frames,
+        command=own.applied(frames.command),
+        feedback=own.applied(frames.feedback),
+        notices=(*frames.notices, f"{words} ({own.formula(arm)})"),
     )
 
 
@@ -213,7 +216,9 @@ def read_lerobot(folder: Path, arm: Arm, frames: LeRobotFrames, dwell: float) ->
     for one in beyond:
         if one.mistake == "limits":
             joint, worst = arm.joints[one.joint], np.degrees(one.size)
-            what = f"{joint_labels(arm)[one.joint]} rests up to {worst:.0f} deg beyond its limits, at {one.rests} rests"
+            what = (
+                f"{joint_labels(arm)[one.joint]} stands up to {worst:.0f} deg beyond its limits, at {one.rests} stops"
+            )
             right = (
                 f"{np.degrees(joint.lower):g} to {np.degrees(joint.upper):g} deg; is this its arm file and its zero?"
             )

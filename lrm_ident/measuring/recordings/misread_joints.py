@@ -12,6 +12,7 @@ from typing import Literal, get_args
 
 import numpy as np
 
+from lrm_ident.data.registration.zero_conventions import BEYOND, FULL_TURN
 from lrm_math.arm.arm import Arm
 from lrm_math.arrays import Array
 
@@ -19,13 +20,12 @@ Mistake = Literal["full turn", "reversed", "unit", "frozen", "swapped", "limits"
 MISTAKES: tuple[Mistake, ...] = get_args(Mistake)
 MISSED = float(np.radians(1.0))
 """rad RMS between command and encoder below which nothing was misread."""
+FEWEST_STILL = 4
+"""Rests at which an encoder that followed before has to stand still."""
 PART = 0.2
 """What another reading leaves of that at most: a servo that yields follows its command, a misread one does not."""
 STILL, MOVING = float(np.radians(1.0)), float(np.radians(3.0))
 """rad, standard deviations over the rests: of an encoder that stands still, while it is commanded to move."""
-BEYOND = float(np.radians(2.0))
-"""rad beyond a limit: play and a calibration by hand stay below."""
-FULL_TURN = 2.0 * np.pi
 COUNT = FULL_TURN / 4096
 DEG = float(np.radians(1.0))
 UNITS = {"radians": 1.0 / DEG, "counts of an encoder": COUNT / DEG}
@@ -76,18 +76,33 @@ def _alone(joint: int, command: Array, state: Array) -> tuple[Misreading, Array,
         return None
     if np.std(state + command) < PART * missed:
         return Misreading(joint, "reversed", largest, count), -command, state
+    still = bool(np.std(state) < STILL and np.std(command) > MOVING)
+    left, what, command_so, state_so = min(_other_units(command, state, still), key=lambda found: found[0])
+    if left < PART * missed:
+        return Misreading(joint, "unit", largest, count, what=what), command_so, state_so
+    stuck = 0 if still else _still_from(command, state)
+    if stuck is None:
+        return None
+    return Misreading(joint, "frozen", largest, count - stuck), command, np.append(state[:stuck], command[stuck:])
+
+
+def _still_from(command: Array, state: Array) -> int | None:
+    """Number of the rest from which an encoder stands still to the end, if it followed its command (R,) before."""
+    for rest in range(1, len(state) - FEWEST_STILL + 1):
+        if np.std(state[rest:]) < STILL:
+            error, moves = (state - command), np.std(command[rest:]) > MOVING
+            return rest if moves and np.std(error[:rest]) < PART * error.std() else None
+    return None
+
+
+def _other_units(command: Array, state: Array, still: bool) -> Iterator[tuple[float, str, Array, Array]]:
+    """Angles (R,) in other units: the deviation that each leaves, words, command and state; `still`: none moves."""
     for unit, factor in UNITS.items():
         zero = -0.5 * FULL_TURN if unit.startswith("counts") else 0.0
-        if min(np.std(state), np.std(factor * state - command)) > 0.0:
-            if np.std(factor * state - command) < PART * missed:
-                found = Misreading(joint, "unit", largest, count, what=f"its encoder's angles look like {unit}")
-                return found, command, factor * state + zero
-            if np.std(state - factor * command) < PART * missed:
-                found = Misreading(joint, "unit", largest, count, what=f"its commands look like {unit}")
-                return found, factor * command + zero, state
-    if np.std(state) < STILL and np.std(command) > MOVING:
-        return Misreading(joint, "frozen", largest, count), command, command
-    return None
+        read, sent = factor * state + zero, factor * command + zero
+        yield float(np.std(read - command)), f"its encoder's angles look like {unit}", command, read
+        if not still:
+            yield float(np.std(state - sent)), f"its commands look like {unit}", sent, state
 
 
 def _exchanged(command: Array, state: Array) -> Iterator[Misreading]:

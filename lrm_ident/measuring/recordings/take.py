@@ -93,7 +93,7 @@ def matrices(quaternions: Array) -> Array:
 
 def _seen(bodies: Mapping[int, BodyTrack], row: int) -> dict[int, TargetPose]:
     return {
-        number: TargetPose(body.position[row], np.eye(3) if body.rotation is None else body.rotation[row])
+        number: TargetPose(body.position[row], np.full((3, 3), np.nan) if body.rotation is None else body.rotation[row])
         for number, body in bodies.items()
         if np.isfinite(body.position[row]).all()
         and (body.rotation is None or number == TOOL or np.isfinite(body.rotation[row]).all())

@@ -41,8 +41,9 @@ def switch_on(host: ServoHost, servos: Sequence[JointServo]) -> None:
             goal_at(host, servo)
         bound_torque(host, [servo.number for servo in servos], TORQUE)
         for servo in limp:
-            host.write_with_retries(servo.number, host.kind.goal, goal_at(host, servo))
-            begun.append(servo)
+            goal = goal_at(host, servo)
+            begun.append(servo)  # some firmware switches torque on with a goal
+            host.write_with_retries(servo.number, host.kind.goal, goal)
             host.write_with_retries(servo.number, host.kind.torque, 1)
     except (NoAnswer, LrmError) as error:
         held = [servo.joint for servo in servos if servo not in limp]

@@ -8,8 +8,9 @@ from itertools import groupby
 
 import numpy as np
 
+from lrm_ident.data.rigid_motion import rotation_vectors
 from lrm_ident.data.wording import in_mm
-from lrm_ident.measuring.tracker.frames import TargetNumbers, TrackerFrame, tip_position
+from lrm_ident.measuring.tracker.frames import TargetNumbers, TrackerFrame, tip_position, tool_rotation_seen
 from lrm_math.arrays import Array
 
 LEAST = 5
@@ -28,12 +29,18 @@ MOVING = 6.0
 
 @dataclass(frozen=True, eq=False)
 class RestMean:
-    """Mean tip (3,) in m over `frames` frames around tracker time `t` (s); `sd`: spread of one frame per axis (m)."""
+    """Mean tip (3,) in m over `frames` frames around tracker time `t` (s); `sd`: spread of one frame per axis (m).
+
+    `rotation` (3, 3): mean orientation of the tool's target; `turn_sd`: its spread in one frame, per axis (rad). None
+    where fewer than `LEAST` frames have one.
+    """
 
     tip: Array
     sd: float
     t: float
     frames: int
+    rotation: Array | None = None
+    turn_sd: float | None = None
 
 
 @dataclass(frozen=True)
@@ -66,7 +73,17 @@ def rest_mean(frames: Sequence[TrackerFrame], numbers: TargetNumbers) -> RestMea
     shift = float(np.linalg.norm(tips[:half].mean(axis=0) - tips[-half:].mean(axis=0)))
     if shift > max(MOVING * sd * np.sqrt(2.0 / half), FINEST):
         return UnstableDwell(f"still moving: {in_mm(shift)} mm between the halves of the rest")
-    return RestMean(mean, sd, float(np.mean([t for t, _ in known])), len(known))
+    turned = [turn for frame in frames if (turn := tool_rotation_seen(frame, numbers)) is not None]
+    rotation, turn_sd = mean_rotation(np.array(turned)) if len(turned) >= LEAST else (None, None)
+    return RestMean(mean, sd, float(np.mean([t for t, _ in known])), len(known), rotation, turn_sd)
+
+
+def mean_rotation(rotations: Array) -> tuple[Array, float]:
+    """(3, 3), the rotation nearest to the mean of rotations (M, 3, 3) (Moakher 2002); their spread per axis (rad)."""
+    U, _, Vt = np.linalg.svd(rotations.mean(axis=0))
+    mean = U @ np.diag([1.0, 1.0, np.linalg.det(U @ Vt)]) @ Vt
+    off = rotation_vectors(mean.T @ rotations)
+    return mean, float(np.sqrt((off**2).sum() / (3 * (len(rotations) - 1))))
 
 
 def _most_lost(frames: Sequence[TrackerFrame], numbers: TargetNumbers) -> int:

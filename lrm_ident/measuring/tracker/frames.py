@@ -13,7 +13,7 @@ from lrm_math.arrays import Array
 
 @dataclass(frozen=True, eq=False)
 class TargetPose:
-    """Pose of a target in the room: position (3,) in m, rotation (3, 3), columns its axes."""
+    """Pose of a target in the room: position (3,) in m, rotation (3, 3), columns its axes; NaN: not known."""
 
     position: Array
     rotation: Array
@@ -53,3 +53,15 @@ def tip_position(frame: TrackerFrame, numbers: TargetNumbers) -> Array | None:
         return None if tool is None else tool.position
     base = frame.targets.get(numbers.base)
     return None if base is None else np.asarray(base.rotation.T @ (tool.position - base.position))
+
+
+def tool_rotation_seen(frame: TrackerFrame, numbers: TargetNumbers) -> Array | None:
+    """(3, 3), orientation of the tool's target in the frame of the base target: R_base^T R_tool.
+
+    None if a target was not seen, or its orientation was not.
+    """
+    seen = [frame.targets.get(number) for number in (numbers.tool, numbers.base) if number is not None]
+    if any(target is None or np.isnan(target.rotation).any() for target in seen):
+        return None
+    tool, *base = [target.rotation for target in seen if target is not None]
+    return np.asarray(base[0].T @ tool) if base else tool

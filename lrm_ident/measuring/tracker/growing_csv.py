@@ -59,4 +59,4 @@ class GrowingCsv(AbstractContextManager["GrowingCsv"]):
         if not all(map(math.isfinite, (t, *position))):
             return None
         self._line += 1
-        return TrackerFrame(self._line, t, {self._tool: TargetPose(np.array(position) * MM, np.eye(3))})
+        return TrackerFrame(self._line, t, {self._tool: TargetPose(np.array(position) * MM, np.full((3, 3), np.nan))})

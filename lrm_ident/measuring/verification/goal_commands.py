@@ -15,7 +15,7 @@ from lrm_math.effects import compensable
 from lrm_math.errors import FileError, LrmError
 from lrm_math.ik.answer import Solved
 from lrm_math.ik.calibrated import CalibratedSolver
-from lrm_math.ik.goal import point
+from lrm_math.ik.goal import Goal
 from lrm_math.model.model import model_of
 from lrm_math.model.model_file import FIT_AGAIN, load_covariance, load_model
 
@@ -42,8 +42,8 @@ class GoalSolver(Protocol):
     @property
     def model_sha256(self) -> str: ...
 
-    def solve(self, goal: Sequence[float], near: Sequence[float], payload: float) -> GoalCommand | str:
-        """The command for a goal (3,), m, from commanded angles (n,), rad, with a payload (kg), or why not."""
+    def solve(self, goal: Goal, near: Sequence[float], payload: float) -> GoalCommand | str:
+        """The command for a goal, from commanded angles (n,), rad, with a payload (kg), or why not."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,10 +69,10 @@ class ModelSolver:
         solver = CalibratedSolver.of(model, left_out=left_out, covariance=load_covariance(path))
         return cls(solver, rounded, str(path), hashlib.sha256(path.read_bytes()).hexdigest())
 
-    def solve(self, goal: Sequence[float], near: Sequence[float], payload: float) -> GoalCommand | str:
+    def solve(self, goal: Goal, near: Sequence[float], payload: float) -> GoalCommand | str:
         """See `GoalSolver`."""
         try:
-            reply = self.solver.solve(point(goal), payload, near)
+            reply = self.solver.solve(goal, payload, near)
             if not isinstance(reply, Solved):
                 return str(reply)
             q = self.rounded(reply.q)

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from lrm_ident.data.error_stats import ErrorStats, error_stats
+from lrm_ident.data.rigid_motion import rotation_vectors
 from lrm_ident.data.wording import in_mm
 from lrm_ident.measuring.campaign.plan import PlannedPose, lightest
 from lrm_ident.measuring.campaign.run import CampaignArm, Clock, PoseTiming, Unreachable, rest_at
@@ -25,7 +26,8 @@ class AttainedPosition:
 
     `place`: what is there, in words, or empty. `goal`, `tip`: (3,). `rounding`: error that the model predicts from
     rounding to counts. `sd`: standard deviation of the model's prediction, None without a covariance. `spread`: of the
-    rest's mean, per axis.
+    rest's mean, per axis. `turn`: angle between the tool and the orientation of the goal (rad); None where the goal has
+    none, or the tracker did not see the tool's.
     """
 
     number: int
@@ -35,6 +37,7 @@ class AttainedPosition:
     rounding: float
     sd: float | None
     spread: float
+    turn: float | None = None
 
     @property
     def error(self) -> float:
@@ -63,6 +66,12 @@ class Verification:
         """RMS of the error that the model itself expects: rounding and its own uncertainty; None without covariance."""
         known = [(one.rounding, one.sd) for one in self.attained if one.sd is not None]
         return float(np.sqrt(np.mean(np.square(known).sum(axis=1)))) if known else None
+
+    @property
+    def turn(self) -> float | None:
+        """RMS of the angles between the tool and the goals' orientations (rad); None where none is known."""
+        known = [one.turn for one in self.attained if one.turn is not None]
+        return float(np.sqrt(np.mean(np.square(known)))) if known else None
 
     def at(self, place: str) -> Verification:
         """The positions attained at one place."""
@@ -114,7 +123,7 @@ class GoalRun:
         return PlannedPose(0, self.arm.commanded(), self.payload, (), 0)
 
     def _land(self, number: int, goal: PlacedGoal) -> AttainedPosition | str:
-        command = self.solver.solve(goal.position, self.arm.commanded(), self.payload)
+        command = self.solver.solve(goal.goal, self.arm.commanded(), self.payload)
         if isinstance(command, str):
             return command
         pose = PlannedPose(number, command.q, self.payload, (), number)
@@ -129,5 +138,13 @@ class GoalRun:
             if isinstance(rest, RestMean) and not why:
                 spread = rest.sd / rest.frames**0.5
                 tip = tuple(rest.tip.tolist())
-                return AttainedPosition(number, goal.place, goal.position, tip, command.rounding, command.sd, spread)
+                figures = (command.rounding, command.sd, spread, angle_between(goal, rest))
+                return AttainedPosition(number, goal.place, goal.position, tip, *figures)
         return why
+
+
+def angle_between(goal: PlacedGoal, rest: RestMean) -> float | None:
+    """Angle (rad) between the tool at rest and the orientation of its goal."""
+    if goal.rotation is None or rest.rotation is None:
+        return None
+    return float(np.linalg.norm(rotation_vectors((np.array(goal.rotation).T @ rest.rotation)[None])))

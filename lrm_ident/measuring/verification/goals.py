@@ -8,13 +8,17 @@ from pathlib import Path
 
 import numpy as np
 
-from lrm_ident.data.measurement_file.number_table import numbers_of, read_csv
+from lrm_ident.data.measurement_file.known_columns import QUATERNION
+from lrm_ident.data.measurement_file.number_table import cell_error, numbers_of, read_csv
+from lrm_ident.data.rigid_motion import rotation_matrix
+from lrm_ident.data.table_text.csv_file import CsvTable
 from lrm_ident.design.candidate_poses import ClearanceRules, keeps_rules
 from lrm_ident.design.workspace.voxel_grid import Area, default_study, parse_area
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_file import MM
 from lrm_math.arrays import Array
 from lrm_math.errors import LrmError
+from lrm_math.ik.goal import Goal, point, pose
 from lrm_math.kinematics.poses import poses_of
 from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import model_of
@@ -32,15 +36,26 @@ PLACES = {"ground": "drill hole", "basket": "basket"}
 """Areas of the arm's workspace study that the task goes between (Conenna 2024, section 3.1), and what is there."""
 ABOVE = 0.06
 """m: goals are so high above an area, since a daemon's guard lets nothing touch the ground unless it is permitted."""
+UNIT = 0.01
+"""Of a quaternion's length."""
 TRIES, AT_ONCE = 100, 5000
 
 
 @dataclass(frozen=True)
 class PlacedGoal:
-    """A goal of the tip (m). `place`: what is there, in words; empty for goals that are anywhere."""
+    """A goal of the tip (m). `place`: what is there, in words; empty for goals that are anywhere.
+
+    `rotation`: rows of the tool's rotation matrix there, None where any will do.
+    """
 
     position: tuple[float, ...]
     place: str = ""
+    rotation: tuple[tuple[float, ...], ...] | None = None
+
+    @property
+    def goal(self) -> Goal:
+        """The goal of inverse kinematics."""
+        return point(self.position) if self.rotation is None else pose(self.position, self.rotation)
 
 
 def goals_named(text: str, arm: Arm, seed: int) -> tuple[PlacedGoal, ...]:
@@ -52,7 +67,23 @@ def goals_named(text: str, arm: Arm, seed: int) -> tuple[PlacedGoal, ...]:
     else:
         table = read_csv(Path(text), ["x_mm", "y_mm", "z_mm"])
         drawn = np.stack([numbers_of(table, name) for name in ("x_mm", "y_mm", "z_mm")], axis=1) * MM
+        if set(QUATERNION) <= {column.name for column in table.columns}:
+            return _turned(table, drawn)
     return tuple(PlacedGoal(tuple(goal)) for goal in drawn.tolist())
+
+
+def _turned(table: CsvTable, places: Array) -> tuple[PlacedGoal, ...]:
+    """Goals at places (N, 3), m, with the orientations of a table. Raises `FileError`: not of length one."""
+    q = np.stack([numbers_of(table, name) for name in QUATERNION], axis=1)
+    length = np.linalg.norm(q, axis=1)
+    if (wrong := np.abs(length - 1.0) > UNIT).any():
+        row = int(np.argmax(wrong))
+        raise cell_error(table, row, "qw", f"the quaternion's length is {length[row]:.3g}", "it must be one")
+    turns = rotation_matrix(q / length[:, None]).tolist()
+    return tuple(
+        PlacedGoal(tuple(place), "", tuple(map(tuple, turn)))
+        for place, turn in zip(places.tolist(), turns, strict=True)
+    )
 
 
 def draw_goals(arm: Arm, count: int, seed: int, area: Area | None = None) -> Array:

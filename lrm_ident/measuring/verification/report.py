@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
+from math import degrees
 from pathlib import Path
 from typing import Any
 
@@ -31,6 +32,8 @@ def verification_document(found: Verification, earlier: Mapping[str, Any] | None
         parts = [(place, found.at(place)) for place in found.places]
         by_place = [(place, len(part.attained), *_figures(values(part))) for place, part in parts]
         blocks.append(ResultTable(("at the", "goals|d", *FIGURES), by_place, "By place, mm from the goal"))
+    if found.turn is not None:
+        blocks.append(f"The tool is {degrees(found.turn):.2f} deg RMS off the orientation of its goals.")
     blocks += [f"not reached: goal {number}: {why}" for number, why in found.failed.items()]
     return Document([*blocks, *unlike_the_model(found)], "lrm/verification/1", now, goal_table(found.attained))
 
@@ -66,6 +69,7 @@ def values(found: Verification) -> dict[str, Any]:
         "error": {f"{name}_mm": getattr(error, name) * MM for name in ("mean", "rms", "max", "sd")},
         "rounding_rms_mm": found.rounding * MM,
         "predicted_rms_mm": None if predicted is None else predicted * MM,
+        "angle_rms_deg": None if found.turn is None else degrees(found.turn),
         "goals": goal_table(found.attained).records(),
         "not_reached": {str(number): why for number, why in found.failed.items()},
     }
@@ -75,13 +79,17 @@ def goal_table(attained: Sequence[AttainedPosition]) -> ResultTable:
     """One row per goal: goal, tip and error in mm."""
     axes = [f"{what}{axis}_mm|.3f" for what in ("goal_", "") for axis in "xyz"]
     columns = ["goal|d", "place", *axes, "error_mm|.3f", "rounding_mm|.3f", "predicted_sd_mm|.3f", "measured_sd_mm|.3f"]
-    rows = [
+    rows: list[tuple[object, ...]] = [
         (
             one.number, one.place, *(MM * v for v in (*one.goal, *one.tip)), MM * one.error, MM * one.rounding,
             None if one.sd is None else MM * one.sd, MM * one.spread,
         )
         for one in attained
     ]  # fmt: skip
+    angles = [None if one.turn is None else degrees(one.turn) for one in attained]
+    if any(angle is not None for angle in angles):
+        columns = [*columns, "angle_deg|.3f"]
+        rows = [(*row, angle) for row, angle in zip(rows, angles, strict=True)]
     return ResultTable(columns, rows)
 
 

@@ -19,14 +19,16 @@ from lrm_ident.fitting.model_fit import DEFAULT_EFFECTS
 from lrm_ident.report.document import Block, CommandLine, Facts, heading, section
 from lrm_ident.report.plain_names import in_words, plain_name
 from lrm_ident.residual.data_audit import where_it_holds
+from lrm_ident.residual.open_scale import open_scale
 from lrm_ident.residual.thresholds import MAX_UNEXPLAINED_RATIO, MIN_GAIN
 from lrm_math.arm.arm import JointLimits
 from lrm_math.effects import CATALOGUE, variants
 
 LISTED, REASONS, POSES_TO_MEASURE = 4, 4, 40
+MISSING = "Missing from the model"
 HEADLINES = {
     "effect_describes": "No cause identified. The error is systematic, but these poses do not determine its cause.",
-    "nothing_missing": "No missing effect found: the remaining error is about the noise of the measurement.",
+    "nothing_missing": "No missing effect found: the remaining error is about the measurement noise.",
     "unexplained_structure": "No cause identified. The error is systematic, but no known effect explains it.",
     "unpredictable": "No cause identified. The error exceeds the noise, but nothing that was measured predicts it.",
     "noise_unknown": "No missing effect found, but the measurement noise is not known, so one may be hidden in it.",
@@ -111,7 +113,7 @@ def _beside(report: DiagnosisReport) -> str:
     names = dict.fromkeys(effect.name for effect in here if effect.id not in DEFAULT_EFFECTS)
     if not names or len(names) > BESIDE:
         return ""
-    return f" beside {enumerate_words([plain_name(name) for name in names], BESIDE)}"
+    return f" besides {enumerate_words([plain_name(name) for name in names], BESIDE)}, which the model has"
 
 
 def _headline(report: DiagnosisReport, attribution: Attribution | None) -> str:
@@ -122,10 +124,10 @@ def _headline(report: DiagnosisReport, attribution: Attribution | None) -> str:
         return _empirical_headline(report, first)
     what = _titled(first.name)
     if attribution == "possible_cause":
-        return f"An effect is missing. The best candidate: {what}"
+        return f"An effect is missing from the model. The best candidate: {what}"
     if first.equivalent:
-        return f"Missing effect: {what}, or another that these poses cannot distinguish from it"
-    return f"Missing effect: {what}"
+        return f"{MISSING}: {what}, or another that these poses cannot distinguish from it"
+    return f"{MISSING}: {what}"
 
 
 def _empirical_headline(report: DiagnosisReport, first: RankedCandidate) -> str:
@@ -143,14 +145,16 @@ def _facts(report: DiagnosisReport, attribution: Attribution | None) -> Iterator
     """Labelled facts; those without words are left out."""
     first = report.first
     if first is not None and attribution != "description":
-        yield "estimate", in_words(first.claim)
+        yield "estimate", f"{in_words(first.claim)}{' (± one standard error)' if '±' in first.claim else ''}"
     yield "held-out error", _held_out(report)
     yield "as deployed", _deployed(report)
+    scale = open_scale(report.diagnosis.fit)
+    yield "tracker's scale", "" if scale is None else scale.sentence
     if first is not None and attribution is not None:
         label = "empirical term" if attribution == "description" else "certainty"
         yield label, _certainty(report, first, attribution)
     if first is None or attribution != "finding":
-        yield "black box", in_words(report.left.predictable.sentence)
+        yield "black-box model", in_words(report.left.predictable.sentence)
     if report.verdict == "unexplained_structure":
         yield "acts most like", _looks_like(report)
     yield "where", in_words(report.left.regimes[0].sentence) if report.left.regimes else ""
@@ -180,12 +184,13 @@ def _fall(before: float, after: float) -> str:
 
 def _held_out(report: DiagnosisReport) -> str:
     floor, sd = report.diagnosis.floor.rms, report.diagnosis.floor.sd
-    bound = f"measurement noise not known; a black-box model leaves {in_mm(report.left.predictable.noise_bound)} mm"
+    bound = f"measurement noise not known, at most {in_mm(report.left.predictable.noise_bound)} mm"
     noise = bound if floor is None else f"measurement noise {in_mm(floor)} mm"
     if report.verdict == "unpredictable" and sd is not None:
         noise += f": the error is {report.diagnosis.fit.sigma / sd:.2f} times as large"
     error, first = report.held_out.rms, report.first
-    errors = f"{in_mm(error)} mm RMS" if first is None else _fall(error, first.held_out_rms)
+    what = "the empirical term" if first is not None and attribution_of(report) == "description" else "it"
+    errors = f"{in_mm(error)} mm RMS" if first is None else f"{_fall(error, first.held_out_rms)} with {what},"
     return f"{errors} at poses that the fit did not use ({noise})"
 
 
@@ -195,11 +200,11 @@ def _deployed(report: DiagnosisReport) -> str:
     if first is not None and first.deployed is not None:
         before, after = (in_mm(one.now.rms) for one in (deployed, first.deployed))
         same = (before, after) == (in_mm(shown), in_mm(first.held_out_rms))
-        return "" if same else f"{before} → {after} mm RMS: what only the session knows does not go along"
+        return "" if same else f"{before} → {after} mm RMS, on the arm: effects of this session alone do not go along"
     if in_mm(deployed.now.rms) == in_mm(shown) and deployed.otherwise is None:
         return ""
     earlier = "" if deployed.otherwise is None else f"; {in_mm(deployed.otherwise.rms)} mm earlier in the session"
-    return f"{in_mm(deployed.now.rms)} mm RMS{earlier}"
+    return f"{in_mm(deployed.now.rms)} mm RMS, on the arm: effects of this session alone do not go along{earlier}"
 
 
 def _certainty(report: DiagnosisReport, first: RankedCandidate, attribution: Attribution) -> str:
@@ -216,7 +221,7 @@ def _certainty(report: DiagnosisReport, first: RankedCandidate, attribution: Att
     if beside:
         return f"it, or one of {len(first.equivalent)} others that these poses cannot distinguish from it: {beside}"
     unsure = "" if report.diagnosis.floor.rms is not None else "; how much stays unexplained is not known"
-    return f"identified cause{_runner_up(report, first)}{unsure}"
+    return f"identified: no other cause explains the error as well{_runner_up(report, first)}{unsure}"
 
 
 def _runner_up(report: DiagnosisReport, first: RankedCandidate) -> str:
@@ -234,7 +239,7 @@ def _runner_up(report: DiagnosisReport, first: RankedCandidate) -> str:
     if not others:
         return ""
     least = min(others, key=lambda one: one.scored.alone.rms)
-    return f"; the next best one, {plain_name(least.name)}, would leave {in_mm(least.scored.alone.rms)} mm"
+    return f"; the next best, {plain_name(least.name)}, would leave {in_mm(least.scored.alone.rms)} mm"
 
 
 def _explains(report: DiagnosisReport, first: RankedCandidate) -> str:
@@ -243,7 +248,8 @@ def _explains(report: DiagnosisReport, first: RankedCandidate) -> str:
     share = f"{_titled(first.name)} explains {in_percent(report.share)} % of the squared error{above}"
     present = {effect.name for effect in report.diagnosis.fit.model.effects}
     causes = [plain_name(name) for name in variants(first.scored.candidate.effect) if name not in present]
-    return f"{share}. It may stand for {enumerate_words(causes, LISTED)}." if causes else f"{share}."
+    stands_for = f" It may stand for any of these: {enumerate_words(causes, LISTED)}." if causes else ""
+    return f"{share}, whatever its cause.{stands_for}"
 
 
 def _looks_like(report: DiagnosisReport) -> str:
@@ -288,8 +294,8 @@ def _may_hide(report: DiagnosisReport) -> str:
         return ""
     name = next(iter(bounds))
     return (
-        f"{in_mm(bounds[name])} mm RMS: a known effect that these poses do not show moves the tip by less (95 % bound, "
-        f"that of {plain_name(name)})"
+        f"{in_mm(bounds[name])} mm RMS (95 % bound): no known effect moves the tip further without showing at these "
+        f"poses; the largest that may hide is {plain_name(name)}"
     )
 
 
@@ -305,15 +311,19 @@ def _next_steps(report: DiagnosisReport, attribution: Attribution | None, names:
         arm, rivals = shlex.quote(names.arm), shlex.quote(",".join(causes[:LISTED]))
         model, data = shlex.quote(names.model), shlex.quote(names.data)
         poses = f"--separate {rivals} --have {data} -n {POSES_TO_MEASURE} -o next.csv"
-        words = f"It writes {POSES_TO_MEASURE} poses to measure next, which distinguish these causes best."
+        words = (
+            f"Writes the {POSES_TO_MEASURE} poses that distinguish these causes best. Move the arm to them, measure "
+            f"the tip, add the rows to {names.data}, then fit and diagnose again."
+        )
         yield NextStep(words, f"lrm-ident design {arm} --model {model} {poses}")
     if attribution == "description":
-        now = f"It uses the empirical term meanwhile: the error falls {_fall(report.held_out.rms, first.held_out_rms)}."
+        fall = _fall(report.held_out.rms, first.held_out_rms)
+        now = f"To use the arm meanwhile: corrects the error without knowing its cause ({fall})."
         yield NextStep(now, add)
     else:
         auto = f"lrm-ident auto {files} -o best.toml"
-        yield NextStep("It adds the effect and refits everything; then diagnose better.toml.", add)
-        yield NextStep("It repeats both, until no missing effect is found.", auto)
+        yield NextStep("Adds this effect and refits the model. Then diagnose better.toml.", add)
+        yield NextStep("To get there in one go: adds this and every further effect until none is missing.", auto)
 
 
 def _causes(report: DiagnosisReport, first: RankedCandidate, attribution: Attribution) -> Sequence[str]:

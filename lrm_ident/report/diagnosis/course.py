@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -13,14 +14,15 @@ from lrm_ident.data.wording import change_words, enumerate_words, in_mm, p_words
 from lrm_ident.diagnosis.attribution import AttributionTerm, term_of
 from lrm_ident.diagnosis.auto import AutoRun, AutoStep
 from lrm_ident.diagnosis.confirm import ConfirmedDiagnosis
+from lrm_ident.diagnosis.diagnosis_report import with_unit
 from lrm_ident.report.diagnosis.conclusion import UNKNOWN_FILES, CommandNames, conclude
 from lrm_ident.report.diagnosis.diagnosis import diagnosis_document, explains_words, left_values, no_cause
 from lrm_ident.report.document import Block, Document, Facts, ResultTable, heading
 from lrm_ident.report.fit import error_blocks, parameter_table
-from lrm_ident.report.plain_names import plain_name
-from lrm_ident.report.story import Story
+from lrm_ident.report.plain_names import in_words, plain_name
+from lrm_ident.report.story import ANEW, Story
 from lrm_ident.residual.error_breakdown import HeldOutResidual, NestedResidual
-from lrm_ident.residual.residual_structure import noise_floor
+from lrm_ident.residual.noise_floor import noise_floor
 from lrm_ident.residual.thresholds import MAX_UNEXPLAINED_RATIO
 from lrm_ident.study.field_step import WHAT_IT_IS
 from lrm_ident.study.model_on_data import ErrorSummary
@@ -30,18 +32,24 @@ from lrm_math.model.deployed_model import field_of
 if TYPE_CHECKING:
     from lrm_ident.diagnosis.symbolic_regression.proposal import LawProposal
 
-RIVALS_SHOWN, BAR = 4, 12
+RIVALS_SHOWN, BAR, BLOCK = 4, 12, "█"
 SHOWN = 8
 
 
-def step_blocks(number: int, step: AutoStep, start: AutoStep) -> Iterator[Block]:
-    """One step of `auto`: errors, rival effects, and what was freed; its bar is relative to that of the `start`."""
+def step_blocks(number: int, step: AutoStep, start: AutoStep, nominal: float | None = None) -> Iterator[Block]:
+    """One step of `auto`: errors, rival effects, and what was freed.
+
+    Its bar is relative to that of the `start`; that of the `nominal` arm (m), where it is known, is cut short.
+    """
     held_out, before = (error_stats(one.held_out).rms for one in (step, start))
-    bar = "█" * int(np.clip(round(BAR * held_out / max(before, 1e-12)), 1, BAR))
+    bar = BLOCK * int(np.clip(round(BAR * held_out / max(before, 1e-12)), 1, BAR))
     if not number:
-        yield heading("step  effect added                      mm RMS held out  as deployed")
-    figures = f"{in_mm(held_out):>9s}    {in_mm(step.deployed.now.rms):>9s}  {bar}"
-    yield f"{number:4d}  {step.added or 'start':40s} {figures}"
+        yield heading(f"step  effect added                    mm RMS  held out (bar: 0 to {in_mm(before)} mm)")
+        if nominal is not None:
+            cut = f" … {nominal / before:.0f} times as long" if nominal > 1.5 * before else ""
+            yield f"   –  {'nominal arm, before any fit':30s} {in_mm(nominal):>7s}  {BLOCK * BAR}{cut}"
+    there = "" if in_mm(step.deployed.now.rms) == in_mm(held_out) else f"  as deployed {in_mm(step.deployed.now.rms)}"
+    yield f"{number:4d}  {step.added or 'start: fitted model':30s} {in_mm(held_out):>7s}  {bar}{there}"
     if step.equivalent:
         rivals = enumerate_words(step.equivalent, RIVALS_SHOWN)
         yield Text(f"      or {rivals}: these poses cannot distinguish them", style="dim")
@@ -88,19 +96,15 @@ def course_document(
     with_field: ErrorSummary | None = None,
     names: CommandNames = UNKNOWN_FILES,
     story: Story | None = None,
+    tables: Sequence[Block] = (),
 ) -> Document:
     """Result of `lrm-ident auto`, schema `lrm/course/1`: the nested held-out error and the last diagnosis.
 
     with_prior: errors of the last fit, together with a prior, if there was one. with_field: with a residual field, if
     one was added. names: of the files in the commands to copy. story: of its
-    model file.
+    model file. tables: errors of the last model, for the details.
     """
     report, attributed = course.report, course.attributions
-    last: list[Block] = [f"Cross-validated choice of effects (nested): none, because {nested.reason}"]
-    if nested.error is not None:
-        deployed = "" if nested.deployed is None else f", as deployed {in_mm(nested.deployed.now.rms)} mm RMS"
-        shown = f"mean {in_mm(nested.error.mean)}, RMS {in_mm(nested.error.rms)} mm held out{deployed}"
-        last = [heading(f"Cross-validated choice of effects (nested): {shown}"), _chosen(nested)]
     values = {
         "steps": [
             {
@@ -132,11 +136,43 @@ def course_document(
         **({} if with_prior is None else {"with_prior": with_prior}),
         **({} if with_field is None else {"with_residual_field_not_a_cause": with_field}),
     }
-    fell: list[Block] = [] if story is None else [heading(f"The error fell: {story.sentence}"), Facts(story.facts), ""]
-    told = [*fell, *last, *attribution_blocks(course), *refused_blocks(course.confirmed), ""]
-    rest = diagnosis_document(report, names)
-    blocks = [*told, *conclude(report, names).blocks()]
-    return Document(blocks, "lrm/course/1", values, details=rest.details, about=rest.about)
+    fell = _last_errors(course, nested) if story is None else (("error", _held_out_words(story)), *story.facts)
+    facts = Facts((*_sizes(course), *fell, ("not checked" if nested.error is None else "certainty", _chosen(nested))))
+    told = [*attribution_blocks(course), facts, *refused_blocks(course.confirmed), ""]
+    rest, last = diagnosis_document(report, names), conclude(report, names)
+    if report.first is None:  # its error stands above
+        last = replace(last, facts=tuple(one for one in last.facts if one[0] != "held-out error"))
+    about = f"errors of the last model, {rest.about}"
+    return Document([*told, *last.blocks()], "lrm/course/1", values, details=[*tables, *rest.details], about=about)
+
+
+def _held_out_words(story: Story) -> str:
+    return f"{story.sentence}{', at poses that the fit did not use' if story.held_out else ''}"
+
+
+def _last_errors(course: AutoRun, nested: NestedResidual) -> tuple[tuple[str, str], ...]:
+    """Errors where the model's file tells no story."""
+    again = () if nested.error is None else (("nested", f"{in_mm(nested.error.rms)} mm RMS, {ANEW}"),)
+    return (("error", f"{in_mm(error_stats(course.steps[-1].held_out).rms)} mm RMS held out"), *again)
+
+
+def _sizes(course: AutoRun) -> Iterator[tuple[str, str]]:
+    """Estimates of the effects that were added, by the last fit; none of what names no cause."""
+    fit = course.steps[-1].fit
+    errors = dict(zip(fit.model.free, fit.standard_error.tolist(), strict=True))
+    present = {effect.name: effect for effect in fit.model.effects}
+    label, note = "estimate", " (± one standard error)"
+    for step in course.steps[1:]:
+        effect = present.get(step.added)
+        if effect is None or effect.variant_of or not effect.names_a_cause or not effect.about.claim:
+            continue
+        words = {
+            p.name: with_unit(fit.model.value(key) / p.si, errors.get(key, 0.0) / p.si, p.unit)
+            for key, p in zip(effect.keys, effect.parameters, strict=True)
+        }
+        claim = effect.about.claim.format(place=effect.place_in_words, **words)
+        yield label, f"{in_words(claim)}{note if '±' in claim else ''}"
+        label, note = "", ""
 
 
 def refused_blocks(confirmed: ConfirmedDiagnosis) -> Iterator[Block]:
@@ -156,7 +192,9 @@ def attribution_blocks(course: AutoRun) -> Iterator[Block]:
         return [step for step, one, _ in steps if term_of(one.kind, step.equivalent) == term]
 
     if found := named("identified cause"):
-        yield heading(f"Identified causes: {enumerate_words([step.added for step in found], len(found))}")
+        title = "Identified cause" if len(found) == 1 else "Identified causes"
+        names = [f"{plain_name(step.added)} ({step.added})" for step in found]
+        yield heading(f"{title}: {enumerate_words(names, len(found))}")
     for step in named("indistinguishable cause"):
         others = enumerate_words(list(step.equivalent), SHOWN)
         yield heading(f"Indistinguishable with these poses: {step.added}, or {others}")
@@ -178,10 +216,13 @@ def attribution_blocks(course: AutoRun) -> Iterator[Block]:
 
 def _chosen(nested: NestedResidual) -> str:
     """Number of folds in which each effect was chosen: what few choose is unstable."""
-    often = [f"{name} {count}" for name, count in nested.frequency.items() if count > 1]
+    if nested.error is None:
+        return f"the choice of effects, by cross-validation (nested): {nested.reason}"
+    often = [f"{name} in {count}" for name, count in nested.frequency.items() if count > 1]
     once = sum(count == 1 for count in nested.frequency.values())
-    words = [*often, *([f"{once} more once each" if often else f"{once} once each"] if once else [])]
-    return f"Chosen in so many of the {len(nested.chosen)} folds: {', '.join(words) or 'none in any'}"
+    more = f"; {once} {'more ' if often else ''}in one each" if once else ""
+    each = f"of {len(nested.chosen)} repeated searches, each without a part of the poses"
+    return f"chosen again: {', '.join(often) or 'no effect in more than one'} {each}{more}"
 
 
 def proposal_document(found: LawProposal) -> Document:

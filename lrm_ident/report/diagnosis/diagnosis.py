@@ -18,7 +18,7 @@ from lrm_ident.residual.residual_patterns import ResidualPatterns
 from lrm_math.arrays import Array
 from lrm_math.effects import Effect, compensable, variants
 
-SHOWN, REFUSED_SHOWN, RANKED = 6, 3, 30
+SHOWN, REFUSED_SHOWN, RANKED = 4, 2, 30
 STATUS = {"supported": "missing, too", "indistinguishable": "one of several"}
 PART = 0.15
 """Share of the squared error from which an effect is said to explain part of it."""
@@ -26,7 +26,7 @@ ATTRIBUTED: Mapping[Attribution | None, str] = {"finding": "identified", "possib
 BAR = 16
 LIKE = "indistinguishable"
 MORAN = "spatial autocorrelation (Moran's I)"
-ABOUT = "reasons for every candidate, tests of the residuals, what these poses cannot show"
+ABOUT = "reasons for every candidate, and what these poses cannot show"
 
 
 def diagnosis_document(report: DiagnosisReport, names: CommandNames = UNKNOWN_FILES) -> Document:
@@ -93,7 +93,7 @@ def _candidates(report: DiagnosisReport) -> Iterator[Block]:
     if counted or report.verdict == "unexplained_structure":
         yield ""
         yield ResultTable(
-            ("candidate", "mm RMS|", "", "status"),
+            ("candidate", "mm RMS|", f"0 to {in_mm(before)} mm", "status"),
             rows,
             "Held-out error with each candidate added (≈: estimated without a refit)",
         )

@@ -42,6 +42,7 @@ TABLE_A_1 = (
 )
 """Singular values that the thesis prints (Conenna 2024, Table A.1), in its units."""
 FLOOR = 1e-6  # where singular values that are zero are drawn
+NAMES = {"thesis": "in the thesis's units", "scaled": "scaled by typical sizes"}
 TITLES = {"thesis": "mm per rad, mm, rad/Nmm", "scaled": "mm per typical size"}
 
 
@@ -56,8 +57,10 @@ def draw_choice(found: PoseSelection, data: Measurements, path: Path) -> None:
         right.bar_label(bars, fmt="%.2f", padding=3)
         right.axhline(1.0, color="black", linewidth=0.8)
         share = 100 * found.observability.O1 / found.o1_upper_bound
-        right.set(ylabel="index / index of a blind choice", ylim=(0, 1.15 * max(gain)))
-        right.set_title(f"O1: {share:.1f} % of what no choice exceeds", fontsize=10)
+        right.set(xlabel="index", ylabel="index over that of random poses", ylim=(0, 1.15 * max(gain)))
+        right.set_title(f"Gain over random poses\n(O1: {share:.1f} % of its bound)", fontsize=11)
+        right.grid(axis="y", alpha=0.3)
+        right.set_axisbelow(True)
 
 
 def draw_design(task: DesignProblem, offer: CandidateSet, found: PoseDesign, path: Path) -> None:
@@ -127,7 +130,7 @@ def _draw_rivals(axes: Axes, names: Sequence[str], sets: Sequence[PlottedSet]) -
     axes.set_ylim(0.5 * min(sizes, default=1.0), 3.0 * max(sizes, default=1.0))
     axes.set_xticks(np.arange(len(names)), [fill(plain_name(name), RIVAL) for name in names], fontsize=8)
     axes.set_ylabel("smallest size that would show, in typical sizes")
-    axes.set_title("What these poses distinguish", fontsize=11)
+    axes.set_title("What these poses\ndistinguish", fontsize=11)
 
 
 def _log(axes: Axes) -> None:
@@ -172,5 +175,10 @@ def _draw_singular_values(axes: Axes, found: ParameterElimination, units: Units)
         label = f"threshold {found.threshold:g}"
         axes.axhline(found.threshold, color="black", linestyle="--", linewidth=1, label=label)
     axes.set_yscale("log")
-    title = f"{found.poses} poses" + (f" (at {FLOOR:g}: zero)" if every.min() < FLOOR else "")
-    finish(axes, "number", f"singular value, {TITLES[units]}", title)
+    zero = f"; points at {FLOOR:g} are zero" if every.min() < FLOOR else ""
+    finish(
+        axes,
+        "number",
+        f"singular value, {TITLES[units]}",
+        f"Singular values, {NAMES[units]}, {found.poses} poses{zero}",
+    )

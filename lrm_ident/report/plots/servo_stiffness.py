@@ -8,7 +8,7 @@ import numpy as np
 
 from lrm_ident.data.servo_stiffness import StiffnessEstimate
 from lrm_ident.data.wording import quantity
-from lrm_ident.report.plots.style import HELD_OUT, MODEL, figure_file
+from lrm_ident.report.plots.style import HELD_OUT, MODEL, figure_file, finish
 
 
 def draw_stiffness(found: StiffnessEstimate, path: Path) -> None:
@@ -24,12 +24,7 @@ def draw_stiffness(found: StiffnessEstimate, path: Path) -> None:
             if branch.any():
                 left.plot(test.torque[branch], np.degrees(test.angle[branch]), marker, color=colour, label=name)
                 right.plot(test.torque[branch], np.degrees(test.angle - line)[branch], marker, color=colour, label=name)
-        left.set(xlabel="torque, N·m", ylabel="deflection, deg")
-        left.set_title(f"k = {quantity(found.slope, found.slope_error)} rad/Nm")
-        right.set(xlabel="torque, N·m", ylabel="departure from the line, deg", title="loop and curvature")
-        low, high = right.get_ylim()
-        right.set_ylim(low, high + 0.35 * (high - low))
         right.axhline(0, color="black", linewidth=0.8)
-        for axes in (left, right):
-            axes.grid(alpha=0.3)
-            axes.legend(loc="best")
+        compliance = f"Compliance {quantity(found.slope, found.slope_error)} rad/N·m, ± one SE"
+        finish(left, "torque, N·m", "deflection, deg", compliance)
+        finish(right, "torque, N·m", "departure from the line, deg", "Departure from the line: loop and curvature")

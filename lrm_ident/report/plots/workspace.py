@@ -75,7 +75,7 @@ def _draw_cut(axes: Axes, found: VariantComparison, plane: tuple[int, int], at: 
     if len(x) and len(y):
         axes.set(xlim=(x.min() - 2 * step, x.max() + 3 * step), ylim=(y.min() - 2 * step, y.max() + 3 * step))
     axes.set(xlabel=f"{'xyz'[i]}, mm", ylabel=f"{'xyz'[j]}, mm", aspect="equal")
-    axes.set_title(f"{arm.name}, cut at {'xyz'[k]} = {MM_PER_M * at:.0f} mm")
+    axes.set_title(f"Reach of {arm.name}, cut at {'xyz'[k]} = {MM_PER_M * at:.0f} mm", fontsize=11)
     return mesh
 
 
@@ -119,4 +119,5 @@ def _draw_variants(axes: Axes, found: VariantComparison) -> None:
     axes.bar_label(bars, fmt="%.2f" if found.areas else "%.0f", padding=3, fontsize=9)
     axes.tick_params(axis="y", labelsize=9)
     what = "mean index in all areas, %" if found.areas else "volume, L"
-    axes.set(xlabel=what, xlim=(0, 1.2 * max(values) or 1.0), title="variants, best first")
+    axes.set(xlabel=what, xlim=(0, 1.2 * max(values) or 1.0))
+    axes.set_title("Variants of the arm, best first", fontsize=11)

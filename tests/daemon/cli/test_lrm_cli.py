@@ -7,6 +7,7 @@ import os
 import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from types import SimpleNamespace
 from unittest import mock
 
 import pytest
@@ -23,6 +24,7 @@ from lrmd.control.state import ControllerEvent
 from lrmd.control.state_machine import Mode
 from lrmd.messages.codec import MessageError
 from lrmd.messages.control import Event, FaultEntry, FaultsState, ThermalState
+from lrmd.messages.kinematics import PlanRequest
 from lrmd.ramp.shared_memory import BUCKETS
 from tests.conftest import ROOT
 from tests.support.daemon.in_memory_daemon import CONFIG, SimulatedDaemon
@@ -185,6 +187,22 @@ def test_metrics_show_how_late_the_ticks_were(daemon: InMemoryDaemon, does: Call
     assert {bar[0]: bar[3] for bar in bars if bar[0] in ("60", "80", "100")} == {"60": "0", "80": "30", "100": "9"}
 
 
+def test_a_skill(daemon: InMemoryDaemon, typed: Typed) -> None:
+    typed("arm", "--at", "gripper", "0")
+    assert "lrm: drop: the gripper carries nothing" in typed("skill", "drop", "--gripper", "10")[2]
+    code, said, _ = typed("skill", "grasp", "--gripper", "-5", "--payload-g", "20")
+    assert (code, said) == (0, "grasp: reached: carries 20 g\n")
+    code, said, _ = typed("skill", "drop", "--gripper", "500")
+    assert code == 1
+    assert said.startswith("drop: refused: gripper: 500.0 deg is outside its limits")
+    assert daemon.sim.core.payload == 0.02
+    assert "payload_kg is missing" in typed("skill", "grasp", "--gripper", "3")[2]
+    assert (
+        "'x' should be a number of mm"
+        in typed("skill", "touch_down", "--goal", "1", "2", "3", "--touch", "a", "b", "x")[2]
+    )
+
+
 def test_gripper_pan_and_tilt(daemon: InMemoryDaemon, does: Callable[..., str]) -> None:
     does("arm", "--at", "gripper", "0", "--at", "pan", "0", "--at", "tilt", "-.1rad")
     does("gripper", "-5")
@@ -205,6 +223,31 @@ def test_estop_and_reset(daemon: InMemoryDaemon, does: Callable[..., str], refus
     assert "fault estop: emergency stop: smoke" in looked
     assert "not allowed while estop" in refuses("move", "--joint", "1", "3")
     assert does("reset") == "disarmed\n"
+
+
+@pytest.mark.parametrize("words", [("plan", "--q", "10,0,0,0,0,0", "--go"), ("goto", "200", "0", "200")])
+def test_a_stop_while_a_way_is_planned_is_not_followed_by_the_motion(
+    daemon: InMemoryDaemon, does: Callable[..., str], typed: Typed, words: tuple[str, ...]
+) -> None:
+    """Planning takes seconds, and the lease is asked for after it."""
+    does("arm", "--q", ZERO)
+
+    def plan(_: Rover, request: PlanRequest) -> SimpleNamespace:
+        with Rover("rover") as other:
+            other.hold()
+        return SimpleNamespace(found=True, waypoints_rad=[request.from_rad, request.to_rad], text="")
+
+    answer = SimpleNamespace(q_rad=[0.2] + [0.0] * 5, rounded_q_rad=None)
+    pulses = daemon.sim._pulses()
+    with (
+        mock.patch.object(Rover, "plan", plan),
+        mock.patch("lrmd.cli.motion._solve_goal", return_value=answer),
+        mock.patch("lrmd.cli.text.ik_text", return_value=""),
+    ):
+        code, _, said = typed(*words)
+    assert (code, "stopped since" in said) == (2, True), said
+    daemon.sim.run(60)
+    assert daemon.sim._pulses() == pulses
 
 
 def test_arming_without_a_pose_says_what_is_needed(daemon: InMemoryDaemon, does, refuses) -> None:

@@ -19,6 +19,7 @@ from lrmd.messages.control import (
     HoldRequest,
     LeaseRequest,
     MoveRequest,
+    PayloadRequest,
     RelaxRequest,
     ResetRequest,
 )
@@ -133,6 +134,46 @@ def test_at_whatever_tick_of_a_motion(config: Config, at: int, held: bool) -> No
     estop(sim)
     sim.run(6)
     assert bool(sim.core.fallen.bits) == (moved and not held)
+
+
+def another_joint_moves(sim: SimulatedDaemon) -> None:
+    sim.core.handle(MoveRequest(lease=lease(sim), waypoints=[{"joint1": 0.02}]), sim.now)
+
+
+def another_load(sim: SimulatedDaemon) -> None:
+    sim.core.handle(PayloadRequest(lease=lease(sim), payload_kg=0.05), sim.now)
+
+
+def the_rover_leans(sim: SimulatedDaemon) -> None:
+    sim.core.motion_check.torques = lambda *_: LOADED
+
+
+LATER = {"another joint moves": another_joint_moves, "another load": another_load, "the rover leans": the_rover_leans}
+
+
+@pytest.mark.parametrize("later", LATER)
+@pytest.mark.parametrize("bears_more", [False, True])
+def test_a_joint_that_stayed_where_its_pulses_ended_may_fall_later(
+    config: Config, later: str, bears_more: bool
+) -> None:
+    """Released in balance; then it bears more, and nobody has told."""
+    sim = armed(config, BALANCED)
+    sim.core.handle(RelaxRequest(lease=lease(sim), servos=["joint2"]), sim.now)
+    sim.run(30)
+    assert not sim.core.fallen.bits
+    if bears_more:
+        sim.torque = LOADED
+    if bears_more or later != "the rover leans":
+        LATER[later](sim)
+    sim.run(60)
+    joint2 = 1 << config.names.index("joint2")
+    assert bool(sim.core.fallen.bits & joint2) == bears_more
+    stored = sim.core.saved(2)
+    assert ("joint2" in stored.fallen) == bears_more
+    if bears_more:
+        sim.core.stored = stored
+        with pytest.raises(RequestError, match="the arm fell"):
+            sim.core.handle(ArmRequest(lease=lease(sim), where="stored", servos=["joint2"]), sim.now)
 
 
 def test_it_is_stored_for_the_next_start_also_of_servos_that_still_have_pulses(config: Config) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from copy import deepcopy
 from itertools import product
 
 import pytest
@@ -10,7 +11,7 @@ from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, precondition, rule
 
 from lrm_math.errors import LrmError
-from lrmd.control.lease import TABLE, Lease, LeaseError, LeaseEvent, LeaseState
+from lrmd.control.lease import LATE, TABLE, Lease, LeaseError, LeaseEvent, LeaseState
 from lrmd.control.state_machine import Mode
 from lrmd.messages.control import LEASE_LOST, ArmRequest, DisarmRequest, JogRequest, LeaseRequest, MoveRequest
 from tests.support.daemon.in_memory_daemon import SimulatedDaemon, config_at
@@ -75,6 +76,26 @@ def test_a_proof_between_expiry_and_cycle_is_accepted(config) -> None:
     again = acquire(sim, "anna", lease=token)
     assert again != token
     assert (sim.core.mode, sim.core.why) == (Mode.HOLDING, LEASE_LOST)
+
+
+def test_whoever_was_away_for_long_gets_no_lease_by_proof(config) -> None:
+    """A computer that wakes up: its program goes on, and what it had begun hours ago must not."""
+    sim, token = moving(config)
+    expired_between_two_cycles(sim)
+    sim.run(CYCLE + 1)
+    until = sim.core.leasehold.until
+    while sim.now + sim.config.tick <= until + LATE:
+        sim.tick()
+    late = deepcopy(sim)
+    assert acquire(sim, "anna", lease=token)
+    late.run(2)
+    pulses = late._pulses()
+    with pytest.raises(LeaseError, match="more than 10 s ago"):
+        acquire(late, "anna", lease=token)
+    with pytest.raises(LeaseError, match="run out"):
+        late.core.handle(MoveRequest(lease=token, waypoints=[{"joint1": 1.5}]), late.now)
+    late.run(30)
+    assert late._pulses() == pulses
 
 
 def test_every_state_and_event_is_accepted_or_refused_as_the_table_says() -> None:

@@ -13,6 +13,7 @@ from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, pr
 
 from lrm_math.errors import LrmError
 from lrmd.config import load_config
+from lrmd.control.known_motion import KnownMotion
 from lrmd.control.state_machine import LIVE, TABLE, Mode, Trigger, next_mode
 from lrmd.messages.control import (
     LEASE_LOST,
@@ -27,6 +28,7 @@ from lrmd.messages.control import (
 )
 from lrmd.ramp.shared_memory import LinkState
 from tests.support.daemon.in_memory_daemon import CONFIG, SimulatedDaemon, config_at
+from tests.support.motion_models import swinging
 
 SECOND = 1_000_000_000
 TICK = 6_500_000
@@ -347,6 +349,7 @@ class DaemonStateMachine(RuleBasedStateMachine):
     @initialize(hz=st.sampled_from([50.0, 330.0]), seed=st.integers(0, 2**32))
     def begin(self, hz: float, seed: int) -> None:
         self.sim = SimulatedDaemon(CONFIGS[hz], seed=seed)
+        self.sim.core.motion = KnownMotion(CONFIGS[hz], swinging(joint1=(3.0, 0.03), joint2=(4.0, 0.05)))
         self.token = "none"
         self.sim.run(10)
 
@@ -390,11 +393,12 @@ class DaemonStateMachine(RuleBasedStateMachine):
     @rule(
         way=st.lists(st.dictionaries(JOINT, ANGLE, min_size=1, max_size=6), min_size=1, max_size=3),
         pace=st.sampled_from(["together", "each"]), speed=st.floats(0.05, 1.0),
+        shaping=st.sampled_from([None, "zv", "zvd", "zvdd"]),
     )  # fmt: skip
-    def move(self, way, pace, speed: float) -> None:
+    def move(self, way, pace, speed: float, shaping) -> None:
         self.take_lease(True)
         self.sim.settle()
-        self.ask(MoveRequest(lease=self.token, waypoints=way, pace=pace, speed=speed))
+        self.ask(MoveRequest(lease=self.token, waypoints=way, pace=pace, speed=speed, shaping=shaping))
 
     @rule(rates=st.dictionaries(JOINT, st.floats(-0.4, 0.4), max_size=3))
     def jog(self, rates: dict[str, float]) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
@@ -15,6 +16,8 @@ from lrm_ident.data.measurement_file.load import load_poses
 from lrm_ident.study.api import predict
 from lrm_math.arrays import Array
 from lrm_math.effects import effects_at
+from lrm_math.effects.measured_range import MeasuredRange
+from lrm_math.effects.reversion import Reversion
 from lrm_math.kinematics.known import Known
 from lrm_math.kinematics.motion import TRAVELS_DEG, Motion, recorded
 from lrm_math.kinematics.poses import poses_of
@@ -43,7 +46,10 @@ def config() -> Config:
 
 
 def model(seed: int) -> Model:
-    """A random model with friction and play in several joints, compliance, and an error of some joint's angle."""
+    """A random model with friction and play in several joints, compliance, and an error of some joint's angle.
+
+    Of every second one the friction ends above an angle of some joint.
+    """
     rng, arm = np.random.default_rng(seed), config().arm
     joints = [f"joint{j}" for j in range(1, arm.dof + 1)]
     chosen = {f"friction_curve@{j}" for j in rng.choice(joints, 3)} | {f"hysteresis@{j}" for j in rng.choice(joints, 3)}
@@ -51,7 +57,17 @@ def model(seed: int) -> Model:
     effects = [e for name in ("offsets", "compliance", *sorted(chosen)) for e in effects_at(arm, name)]
     sizes = {k: 0.5 * rng.normal() * p.typical for e in effects for k, p in zip(e.keys, e.parameters, strict=True)}
     bounded = {k: abs(v) for k, v in sizes.items() if k.startswith(("compliance", "backlash"))}
-    return model_of(arm, effects, sizes | bounded)
+    of = model_of(arm, effects, sizes | bounded)
+    return replace(of, within=ending(of, int(rng.integers(arm.dof)))) if seed % 2 else of
+
+
+def ending(of: Model, joint: int) -> MeasuredRange:
+    """A range beyond which a model goes back to one without its friction."""
+    terms = tuple(effect.name for effect in of.effects if effect.id == "friction_curve")
+    ends = tuple((-math.inf, 0.01 if j == joint else math.inf) for j in range(of.arm.dof))
+    changes = {key: -of.value(key) for key in of.keys if key.startswith("friction_curve")}
+    reversion = Reversion(terms, ends, changes | {"offsets.joint2.theta_rad": 0.01})
+    return MeasuredRange(((-0.1, 0.1),) * of.arm.dof, (0.0, 0.1), reversion=reversion)
 
 
 def service(of: Model) -> IkService:

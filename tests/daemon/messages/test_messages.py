@@ -30,6 +30,7 @@ FULL: dict[str, dict[str, Any]] = {
     "ArmRequest": {"lease": "t", "where": "given", "q_rad": {"joint1": 0.5}},
     "MoveRequest": {"lease": "t", "waypoints": [{"joint1": 0.5}], "pace": "each", "speed": 0.5, "payload_kg": 0.1},
     "PayloadRequest": {"lease": "t", "payload_kg": 0.1},
+    "SkillRequest": {"lease": "t", "skill": "grasp", "gripper_rad": 0.1, "payload_kg": 0.1, "listen_s": 0.5},
     "RelaxRequest": {"lease": "t", "servos": ["joint1"]},
     "HoldRequest": {},
     "DisarmRequest": {"lease": "t"},
@@ -235,7 +236,8 @@ def test_a_request_to_several_at_once_is_not_carried_out(daemon: InMemoryDaemon,
 def test_states_may_be_queried_together(daemon: InMemoryDaemon) -> None:
     keys = {a.ok.key_expr for a in daemon.session.get("lrm/*/state/*") if a.ok is not None}
     assert keys == {
-        f"lrm/rover/state/{name}" for name in ("joints", "mode", "faults", "thermal", "gravity", "scene", "metrics")
+        f"lrm/rover/state/{name}"
+        for name in ("joints", "mode", "faults", "thermal", "gravity", "scene", "skill", "metrics")
     }
 
 

@@ -16,7 +16,7 @@ from lrmd.control.lease import Lease, LeaseError, LeaseState
 from lrmd.errors import RequestError
 from lrmd.messages.control import ArmRequest, LeaseRequest
 from lrmd.persistence import state_file
-from lrmd.persistence.state_file import StoredState, arm_identity, of_this_arm
+from lrmd.persistence.state_file import BackgroundWriter, StoredState, arm_identity, of_this_arm
 from tests.support.daemon.in_memory_daemon import CONFIG, SimulatedDaemon
 
 MS = 1_000_000
@@ -102,6 +102,25 @@ def test_a_full_disk_is_an_error_that_leaves_the_old_file_and_nothing_else(
             state_file.save(tmp_path, saved(1_700_000))
     assert state_file.load(tmp_path) == saved(1_500_000)
     assert [p.name for p in tmp_path.iterdir()] == [state_file.NAME]
+
+
+def test_after_a_full_disk_the_pose_of_before_is_none(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The arm has moved since; armed where it stood then, its servos would jump there."""
+    told: list[FileError | None] = []
+    state_file.save(tmp_path, saved(1_500_000))
+    with monkeypatch.context() as patch:
+        patch.setattr(state_file.os, "fsync", lambda *_: (_ for _ in ()).throw(OSError(28, "No space left on device")))
+        writer = BackgroundWriter(tmp_path, told.append)
+        writer.put(saved(1_700_000))
+        writer.close()
+    assert len(told) == 1
+    found = state_file.load(tmp_path)
+    assert found == saved(1_500_000).model_copy(update={"still": False, "fallen": None})
+    writer = BackgroundWriter(tmp_path, told.append)
+    writer.put(saved(1_700_000))
+    writer.close()
+    assert state_file.load(tmp_path) == saved(1_700_000)
+    assert [path.name for path in tmp_path.iterdir()] == [state_file.NAME]
 
 
 def test_no_folder_is_an_error(tmp_path: Path) -> None:

@@ -25,8 +25,9 @@ from tests.support.daemon.guarded_sequence import (
     configured,
     soft_model,
 )
+from tests.support.sweep import seeds
 
-SEQUENCES, PER_TEST = 200, 25
+SEQUENCES, PER_TEST = len(seeds(50, 200)), 25
 
 
 @pytest.mark.slow

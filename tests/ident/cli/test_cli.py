@@ -108,7 +108,8 @@ def test_auto_names_the_hidden_play_stops_and_quotes_the_nested_error(folder: Pa
     stdout_of("fit", data, "-o", folder / "two-joint.toml")
     outputs = ("-o", folder / "best.toml", "--json", folder / "course.json")
     said = stdout_of("auto", folder / "two-joint.toml", data, *outputs)
-    assert "Cross-validated choice of effects" in said
+    assert "backlash@joint2 in 10 of 10 repeated searches" in " ".join(said.split())
+    assert "joint 2 has" in said, "its size"
     course = json.loads((folder / "course.json").read_text())
     assert [step["added"] for step in course["steps"]] == ["", "backlash@joint2"]
     assert course["verdict"] == "nothing_missing"

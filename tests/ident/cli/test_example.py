@@ -21,7 +21,7 @@ from tests.support.commands import stdout_of
 def test_the_demo_tells_the_story_twice_in_one_folder(tmp_path: Path) -> None:
     for _ in range(2):
         said = stdout_of("demo", "-o", tmp_path / "story")
-    assert "Missing effect: backlash in joint 2" in said
+    assert "Missing from the model: backlash in joint 2" in said
     assert "geometry and springs 3.03 → 1 identified cause 0.5" in " ".join(said.split()), (
         "the whole course, not its last step"
     )

@@ -40,7 +40,7 @@ def test_the_tutorial(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     printed = typed(ROOT / "docs" / "tutorial.md")
     assert len(printed) == 5
-    assert "Missing effect: backlash in joint 2" in printed["diagnose model.toml DATA.csv"]
+    assert "Missing from the model: backlash in joint 2" in printed["diagnose model.toml DATA.csv"]
     assert "3.03 to 0.57 mm" in printed["add model.toml DATA.csv backlash@joint2 -o better.toml"]
     assert (tmp_path / "REPORT.html").stat().st_size < 2e6
 
@@ -51,7 +51,7 @@ def test_the_method(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     printed = typed(ROOT / "docs" / "method.md")
     assert len(printed) == 8
-    assert "Missing effect: backlash in joint 2" in printed["diagnose model.toml measurements.csv"]
+    assert "Missing from the model: backlash in joint 2" in printed["diagnose model.toml measurements.csv"]
 
 
 @pytest.mark.slow

@@ -139,7 +139,7 @@ def one_beyond(poses: Array) -> Array:
 RECORDINGS: dict[str, tuple[Callable[[Path], Path], str]] = {
     "unit of angles": (moved(np.radians), "--angle-unit rad"),
     "counts": (moved(lambda poses: 2048.0 + poses * 4096.0 / 360.0), "counts of encoders"),
-    "inside limits": (moved(one_beyond), "shoulder_lift rests up to 15"),
+    "inside limits": (moved(one_beyond), "shoulder_lift stands up to 15"),
     "zeros": (moved(lambda poses: poses * [1, -1, 1, 1, 1] + [0, 90, 90, 0, 0]), "(LeRobot before June 2025): read so"),
     "folder": (lambda folder: put(folder / "recorded", "x"), "is a file, no LeRobot dataset"),
 }

@@ -17,6 +17,9 @@ from typer.main import get_command
 from lrm_ident.cli.app import COMMANDS
 from lrm_ident.cli.app import app as ident
 from lrm_math.arm.arm_file import load_arm
+from lrm_math.kinematics.poses import poses_of
+from lrm_math.model.equilibrium import solve_equilibrium
+from lrm_math.model.model import model_of
 from tests.conftest import ROOT
 from tests.ident.data.test_every_form import cells
 from tests.ident.measuring.recordings.test_lerobot import written as dataset
@@ -177,6 +180,72 @@ def the_arm(folder: Path, said: str) -> Words:
     return fit(folder / "data.csv")
 
 
+def units_in_cells(folder: Path) -> Words:
+    lines = text(table()).splitlines()
+    cells = [lines[0], *(",".join(f"{cell} deg" for cell in line.split(",")) for line in lines[1:])]
+    return fit(put(folder / "data.csv", "\n".join(cells) + "\n"))
+
+
+def numbers_alone(folder: Path, said: str) -> Words:
+    assert "write numbers alone, their unit in the header" in said
+    assert "--bad-rows" not in said  # no row would be left
+    return fit(put(folder / "data.csv", text(table())))
+
+
+def so101_table(folder: Path, angles: Callable[[np.ndarray], np.ndarray]) -> Words:
+    """Positions of an SO-101, folded back at one pose at least, its angles (N, n), deg, as a recording counts them."""
+    arm = load_arm("so101")
+    low, high = np.degrees([(joint.lower, joint.upper) for joint in arm.joints]).T
+    q = np.random.default_rng(4).uniform(0.8 * low, 0.8 * high, (30, arm.dof))
+    q[0, 1:3] = 0.95 * low[1], 0.95 * high[2]
+    tips = 1e3 * solve_equilibrium(model_of(arm, ()), poses_of(np.radians(q))).tcp
+    names = (*(f"q{number}_deg" for number in range(1, 6)), *NAMES[2:])
+    path = put(folder / "data.csv", text(np.hstack([angles(q), tips]), names))
+    return ("fit", path, "--arm", "so101", "-o", folder / "model.toml")
+
+
+def older_zeros(folder: Path) -> Words:
+    return so101_table(folder, lambda q: q * [1, -1, 1, 1, 1] + [0, 90, 90, 0, 0])
+
+
+def converted(folder: Path, said: str) -> Words:
+    """Applies the formulas that a message has for joints to the numbers that were recorded."""
+    names = [str(joint.name) for joint in load_arm("so101").joints]
+    told = re.findall(r"(\w+) = (-?)recorded ([+-][\d.]+) deg", said)
+    assert {name for name, *_ in told} == {"shoulder_lift", "elbow_flex"}
+
+    def angles(q: np.ndarray) -> np.ndarray:
+        recorded = q * [1, -1, 1, 1, 1] + [0, 90, 90, 0, 0]
+        for name, sign, added in told:
+            column = names.index(name)
+            recorded[:, column] = float(f"{sign}1") * recorded[:, column] + float(added)
+        return recorded
+
+    return so101_table(folder, angles)
+
+
+def without_history(folder: Path) -> Words:
+    data, bench = put(folder / "data.csv", text(table())), folder / "bench.toml"
+    assert run_command("fit", data, "--arm", "two-joint", "-o", bench)[0] == 0
+    put(folder / "bare.toml", bench.read_text().partition("[[history]]")[0])
+    return ("transfer", folder / "bare.toml", data, "--to", "two-joint", "-o", folder / "model.toml")
+
+
+def the_noise(folder: Path, said: str) -> Words:
+    assert "state it with --noise-mm" in said
+    words = ("transfer", folder / "bare.toml", folder / "data.csv", "--to", "two-joint", "-o", folder / "model.toml")
+    return (*words, "--noise-mm", "0.3")
+
+
+def a_board_too_wide(folder: Path) -> Words:
+    return ("sockets", "board", "-o", folder / "board.pdf", "--length-mm", "300", "--width-mm", "250")
+
+
+def a_shorter_one(folder: Path, said: str) -> Words:
+    assert "choose a shorter --length-mm or --width-mm" in said
+    return ("sockets", "board", "-o", folder / "board.pdf", "--length-mm", "120", "--width-mm", "80")
+
+
 KINDS: dict[str, Advice] = {
     "numpy array": Advice(numpy_file, by_numpy),
     "numpy archive": Advice(numpy_archive, by_numpy),
@@ -197,6 +266,10 @@ KINDS: dict[str, Advice] = {
     "several tips": Advice(several_tips, one_tip),
     "a file that is there": Advice(there_already, elsewhere),
     "no arm": Advice(no_arm, the_arm),
+    "units in the cells": Advice(units_in_cells, numbers_alone),
+    "older zeros of LeRobot": Advice(older_zeros, converted),
+    "a model without its error": Advice(without_history, the_noise),
+    "a board wider than the paper": Advice(a_board_too_wide, a_shorter_one),
 }
 
 
@@ -260,4 +333,41 @@ def advised() -> Iterator[tuple[Path, str]]:
 def test_no_text_advises_an_option_that_no_command_has() -> None:
     known = {*options_of(get_command(ident)), *OTHERS, "--help", "--version"}
     lacking = {f"{path.relative_to(ROOT)}: {option}" for path, option in advised() if option not in known}
+    assert not lacking
+
+
+CAUSES = frozenset({"--camera", "--motion", "--on-gripper", "--physical", "--points"})
+"""Options that a message names as what is wrong, to be taken away or corrected."""
+TYPED = re.compile(r"(?<=[\"\' ])--[a-z][a-z0-9-]+")
+AT_A_ROBOT = frozenset({"--load-command"})
+"""Remedies for an arm that asks for a load while nobody is there."""
+
+
+def messages(tree: ast.Module) -> Iterator[str]:
+    """Texts of a module that a command may print: no docstrings, no help of options."""
+    apart = {id(node.value) for node in ast.walk(tree) if isinstance(node, ast.Expr)}
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Call) and getattr(node.func, "id", "") in ("Option", "Argument"):
+            apart |= {id(part) for part in ast.walk(node)}
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Constant) and isinstance(node.value, str) and id(node) not in apart:
+            yield node.value
+
+
+def typed_in_tests() -> set[str]:
+    """Options that stand as words in the tests, as they are typed."""
+    return {option for path in (ROOT / "tests").rglob("*.py") for option in TYPED.findall(path.read_text())}
+
+
+def test_no_message_advises_an_option_that_no_test_follows() -> None:
+    """A remedy comes with a test that types it: a kind above, or one of its own command."""
+    typed = {*typed_in_tests(), *OTHERS, *CAUSES, *AT_A_ROBOT}
+    lacking = {
+        f"{path.relative_to(ROOT)}: {option}"
+        for package in ("lrm_ident", "lrm_math", "lerobot_robot_lrm")
+        for path in sorted((ROOT / package).rglob("*.py"))
+        for words in messages(ast.parse(path.read_text()))
+        for option in OPTION.findall(words)
+        if option not in typed
+    }
     assert not lacking

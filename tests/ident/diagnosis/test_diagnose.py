@@ -36,10 +36,13 @@ from lrm_ident.fitting.parameter_sets import select_parameters
 from lrm_ident.report.plots.diagnosis import draw_report
 from lrm_ident.residual.better_prediction import paired_z
 from lrm_ident.residual.data_audit import audit
-from lrm_ident.residual.residual_structure import NEIGHBOURS, NoiseFloor, neighbours, noise_floor, residual_structure
+from lrm_ident.residual.noise_floor import NoiseFloor, noise_floor
+from lrm_ident.residual.residual_structure import NEIGHBOURS, ResidualStructure, neighbours, residual_structure
+from lrm_ident.residual.thresholds import SIGNIFICANCE
 from lrm_math.arm.arm import Arm
 from lrm_math.effects import CATALOGUE, Effect, effects_at
 from lrm_math.errors import FileError, LrmError
+from lrm_math.kinematics.motion import recorded
 from lrm_math.kinematics.poses import Poses
 from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import Model, model_of
@@ -325,6 +328,32 @@ def test_what_friction_does_to_repeats_is_no_noise(lab: Arm) -> None:
     assert noise_floor(data, equilibrium).sd == pytest.approx(3e-4, rel=0.25)
     without = solve_equilibrium(model_of(lab, ()), equilibrium.poses)
     assert (noise_floor(data, without).sd or 0.0) > 1e-3
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+def test_a_cause_that_makes_repeats_differ_is_not_taken_for_noise(lab: Arm, seed: int) -> None:
+    """Before: repeats from either side made the noise larger than the error, so no cause was looked for at all."""
+    rng = np.random.default_rng(seed)
+    q = rng.uniform(-1.0, 1.0, (80, lab.dof))
+    q[0::4, 1], q[2::4, 1] = -1.0, 1.0
+    q[1::4, 1] *= 0.5
+    q[3::4] = q[1::4]  # each pose twice, joint 2 from below and from above
+    friction = effects_at(lab, "hysteresis@joint2")
+    model = model_of(lab, friction, {friction[0].keys[0]: np.radians(1.0)})
+    sides, states = recorded(q, None)
+    equilibrium = solve_equilibrium(model, Poses(q, np.zeros(80), sides, friction=states))
+    tcp = equilibrium.tcp + rng.normal(0.0, 3e-4, equilibrium.tcp.shape)
+    repeat_of = np.arange(80) + 1
+    repeat_of[3::4] = repeat_of[1::4]
+    data = Measurements(equilibrium.poses, np.arange(80) + 1, tcp, None, None, repeat_of, Path("repeats.csv"), "")
+    found = diagnose(model_of(lab, effects_at(lab, "offsets")), data)
+    assert found.screening.lack_of_fit_p_value > SIGNIFICANCE, "the residual is no larger than the repeats differ"
+    assert [one.name for one in found.supported][:1] == ["hysteresis@joint2"]
+    assert found.floor.sd == pytest.approx(3e-4, rel=0.3)
+    vars(found.screening)["structure"] = ResidualStructure(0.0, 1.0, 1.0)
+    tried = {one.name for one in found.scored if not found.screening.like_noise(one)}
+    assert "hysteresis@joint2" in tried
+    assert not {"hysteresis@joint3", "servo_gain@joint2"} & tried, "these do not explain how the repeats differ"
 
 
 @given(st.integers(0, 2**32 - 1), st.integers(2, 450))

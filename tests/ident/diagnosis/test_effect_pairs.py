@@ -18,7 +18,7 @@ from lrm_ident.fitting.progress import silent
 from lrm_ident.study.study import Study
 from validation.as_deployed.effects import RockingFeet
 from validation.as_deployed.leaning import Lean, leaning_recording
-from validation.hidden_effects.case_generator import DEG
+from validation.hidden_effects.case import DEG
 from validation.synthetic import ArmDescription, BaseRocking, HiddenEffect, SkewTracker
 
 TRACKER, GRAVITY, YIELDS, CURVE = "measurement_frame@frame", "gravity@base", "base_compliance@base", "base_curve@base"

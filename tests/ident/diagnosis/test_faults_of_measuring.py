@@ -11,16 +11,16 @@ from lrm_ident.report.diagnosis.conclusion import conclude
 from lrm_math.arm.arm import Arm
 from lrm_math.effects import effects_at
 from lrm_math.model.model import model_of
-from validation.hidden_effects.data import NOISE_M
-from validation.hidden_effects.faults.cases import CASES
-from validation.hidden_effects.faults.outcome import LAB, spoiled
+from validation.hidden_effects.case import FAULTS, FIRST_SEED
+from validation.hidden_effects.data import NOISE_M, spoiled
+from validation.hidden_effects.faults.cases import FAULT_CASES
 
 POSES, SEED = 150, 77
-BY_NAME = {case.name: case for case in CASES}
+BY_NAME = {case.name: case for case in FAULT_CASES}
 
 
 def course(lab: Arm, name: str) -> tuple[AutoRun, DiagnosisReport]:
-    data, _ = spoiled(BY_NAME[name], LAB, SEED, POSES)
+    data, _ = spoiled(BY_NAME[name], SEED - FIRST_SEED[FAULTS], POSES)
     model = model_of(lab, effects_at(lab, "offsets") + effects_at(lab, "compliance"))
     run = run_auto(fit_identifiable(model, data, model.keys).fit.model, data)
     return run, report_of(run.confirmed)

@@ -13,6 +13,7 @@ from lrm_ident.diagnosis.diagnose import diagnose
 from lrm_ident.fitting.identifiability import fit_identifiable
 from lrm_math.arrays import Array
 from lrm_math.effects import variants
+from tests.support.sweep import seeds
 from tests.support.upright_arm import upright_measurements
 from validation.synthetic import HiddenEffect, JointLoad
 from validation.synthetic.hidden_effect import at_joint
@@ -34,7 +35,7 @@ class YieldingStop(HiddenEffect):
         return at_joint(self.joint, -self.share * beyond, load.tau_nm)
 
 
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", seeds(2, 6))
 def test_a_stop_of_an_upright_shoulder_is_a_curve_of_its_angle(tmp_path: Path, seed: int) -> None:
     """There the torque follows the joint's angle, and a free function of both took the place of every name."""
     rng = np.random.default_rng(seed)

@@ -15,10 +15,10 @@ import pytest
 
 from lrm_math.effects import CATALOGUE
 from validation import synthetic
-from validation.hidden_effects import confusion
+from validation.hidden_effects import examine
 from validation.hidden_effects.cases import CASES, DOUBLE, NOTHING, OUTSIDE, SINGLE, TRIPLE
-from validation.hidden_effects.confusion import CaseOutcome
 from validation.hidden_effects.data import ARM_FILE, measured_poses, true_arm, write_case
+from validation.hidden_effects.outcome import FLOOR_MM, Outcome
 from validation.hidden_effects.tables import report
 from validation.synthetic import (
     ArmDescription,
@@ -344,11 +344,11 @@ WITHOUT_TWIN = {
     "anchor": "no distances in the cases; tests/ident/data/test_distances.py",
     "gravity": "its twin are the leaning bases of validation/as_deployed; tests/ident/diagnosis/test_leaning_base.py",
     "servo_droop": "no joint feedback in the cases",
-    "axial_play": "its twin AxialFloat is among the unfamiliar cases",
-    "gear_ripple": "its twin GearRipple is among the unfamiliar cases",
-    "creep": "its twins are in validation/memory; tests/ident/diagnosis/test_memory.py",
-    "self_heating": "its twin HeatedServo is in validation/memory",
-    "slip": "its twin SlippingHorn is in validation/memory",
+    "axial_play": "its twin AxialFloat is among the cases of other forms",
+    "gear_ripple": "its twin GearRipple is among the cases of other forms",
+    "creep": "its twins are in hidden_effects/memory.py; tests/ident/diagnosis/test_memory.py",
+    "self_heating": "its twin HeatedServo is in validation/hidden_effects/memory.py",
+    "slip": "its twin SlippingHorn is in validation/hidden_effects/memory.py",
 }
 
 
@@ -379,17 +379,16 @@ def test_case_files_repeat_and_are_mixed(tmp_path: Path) -> None:
 
 
 def test_outcomes_are_judged() -> None:
-    right = CaseOutcome("play2", 0, "effect_missing", ("backlash@joint2", "nonlinear_stiffness@joint2"))
+    right = Outcome("play2", 0, (("backlash@joint2", "nonlinear_stiffness@joint2"),), "effect_missing")
     assert (right.hit, right.confident, right.confidently_wrong) == (True, False, False)
-    wrong = CaseOutcome("play2", 1, "effect_missing", ("backlash@joint3",))
+    wrong = Outcome("play2", 1, (("backlash@joint3",),), "effect_missing")
     assert (wrong.hit, wrong.confident, wrong.confidently_wrong) == (False, True, True)
-    assert CaseOutcome("play2+gain1", 0, "effect_missing", ("servo_gain@joint1",)).hit
-    assert CaseOutcome("nothing", 0, "nothing_missing").hit
-    assert CaseOutcome("sum-q1-q4", 0, "unexplained_structure").hit
-    assert not CaseOutcome("sum-q1-q4", 0, "effect_missing", ("coupling@joint3<-joint1",)).hit
-    assert not CaseOutcome("nothing", 0, trouble="it broke").hit
-    assert CaseOutcome("nothing", 0, before_mm=confusion.FLOOR_MM).ratio == pytest.approx(1.0)
-    text = report([right, wrong, CaseOutcome("nothing", 0, trouble="it | broke")], 300)
+    assert Outcome("play2+gain1", 0, (("servo_gain@joint1",),), "effect_missing").hit
+    assert Outcome("nothing", 0, verdict="nothing_missing").hit
+    assert Outcome("sum-q1-q4", 0, verdict="unexplained_structure").hit
+    assert not Outcome("sum-q1-q4", 0, (("coupling@joint3<-joint1",),), "effect_missing").hit
+    assert not Outcome("nothing", 0, trouble="it broke").hit
+    text = report([right, wrong, Outcome("nothing", 0, trouble="it | broke")], 300)
     assert "| play2 | backlash@joint2 | 1/2 |" in text
     assert "| backlash | · | 1 | 1 | · |" in text  # nothing missing, backlash, at another place, failed
     assert "1 × it / broke" in text
@@ -421,10 +420,9 @@ def test_examine_follows_the_contract(tmp_path: Path, monkeypatch: pytest.Monkey
         out.write_text(f"[[history]]\nheld_out_rms_mm = 9.0\n[[history]]\nheld_out_rms_mm = {rms}\n")
         return 1.0
 
-    monkeypatch.setattr(confusion, "run_tool", tool)
-    outcome = confusion.examine(("play2", 0), 20, tmp_path)
-    assert outcome == CaseOutcome(
-        "play2", 0, "effect_missing", ("backlash@joint2", "coupling@joint2<-joint1"), 2.0, 0.6, 2.5, ""
-    )
-    monkeypatch.setattr(confusion, "_fit_and_name", lambda *_: 1 / 0)
-    assert "ZeroDivisionError" in confusion.examine(("play2", 0), 20, tmp_path).trouble
+    monkeypatch.setattr(examine, "run_tool", tool)
+    outcome = examine.examine(("play2", 0, ""), 20, tmp_path)
+    classes = (("backlash@joint2", "coupling@joint2<-joint1"),)
+    assert outcome == Outcome("play2", 0, classes, "effect_missing", pytest.approx(0.6 / FLOOR_MM), 2.5, "")
+    monkeypatch.setitem(examine.WAYS, "named", lambda *_: 1 / 0)
+    assert "ZeroDivisionError" in examine.examine(("play2", 0, ""), 20, tmp_path).trouble

@@ -12,16 +12,18 @@ from lrm_ident.data.measurements import Measurements
 from lrm_ident.diagnosis.diagnosis_report import DiagnosisReport
 from lrm_math.arm.arm_file import shipped_arms
 from validation import synthetic
-from validation.memory.effects import ViscoelasticJoint
-from validation.memory.worlds import ARM, WORLDS, measured
+from validation.hidden_effects.case import LAB
+from validation.hidden_effects.data import dataset
+from validation.hidden_effects.memory import WORLDS
+from validation.synthetic.hidden_memory import ViscoelasticJoint
 
 POSES = 100
 by_name = {world.name: world for world in WORLDS}
 
 
 def data_of(world: str, folder: Path, seed: int = 0) -> tuple[Measurements, synthetic.Dataset]:
-    seen, _ = measured(by_name[world], seed, POSES)
-    return lrm.load(synthetic.write(folder / "measured", seen, world)[0], ARM), seen
+    seen = dataset(by_name[world], seed, POSES)
+    return lrm.load(synthetic.write(folder / "measured", seen, world)[0], LAB), seen
 
 
 def diagnosed(data: Measurements) -> DiagnosisReport:
@@ -51,13 +53,13 @@ def test_an_arm_without_memory_has_none_whatever_it_waits(waits: str, tmp_path: 
 
 
 def test_a_ripple_is_named_with_its_frequency(tmp_path: Path) -> None:
-    arm = synthetic.load_arm(shipped_arms()[ARM])
+    arm = synthetic.load_arm(shipped_arms()[LAB])
     hidden = synthetic.ToothRipple(2, 11, 0.004, 0.4)
     truth = synthetic.GroundTruth.random(arm, 5, (hidden,))
     truth = synthetic.base_displacement_to_deviations(arm, truth)
     q = synthetic.random_poses(arm, POSES, 3)
     seen = synthetic.simulate(arm, truth, q, 0.0, 3e-4, 1)
-    study = lrm.Study.of(lrm.load(synthetic.write(tmp_path / "measured", seen, "a ripple")[0], ARM)).fit()
+    study = lrm.Study.of(lrm.load(synthetic.write(tmp_path / "measured", seen, "a ripple")[0], LAB)).fit()
     found = study.diagnose()
     assert found.first is not None
     assert found.first.name == "gear_ripple@joint2"

@@ -55,7 +55,8 @@ def worse_as_deployed(z: float, patch: Patch) -> bool:
     patch.setattr(confirm, "deployed_residual", lambda blocks: np.sqrt(blocks)[:, None])
     fit = SimpleNamespace(model=None, equilibrium=SimpleNamespace(poses=None))
     refit: Any = SimpleNamespace(fit=fit, blocks=squares())
-    return confirm._worse_as_deployed(refit, fallen(0.01, z)) is not None  # type: ignore[arg-type]
+    cause: Any = SimpleNamespace(variant_of=())
+    return confirm._worse_as_deployed(cause, refit, fallen(0.01, z)) is not None  # type: ignore[arg-type]
 
 
 def parameters_near_zero(p_value: float, patch: Patch) -> bool:
@@ -286,3 +287,17 @@ def test_a_threshold_changed_by_a_quarter_is_seen(name: str, factor: float, monk
 
 def test_every_threshold_has_its_cases() -> None:
     assert {name for name in vars(thresholds) if name.isupper()} == {*CASES, *DEFAULTS_OF_COMMANDS}
+
+
+def test_a_form_of_the_arm_that_leaves_the_deployed_error_is_refused(monkeypatch: Patch) -> None:
+    """It shows no cause: a rise that a cause may have is too much for it."""
+    assert not worse_as_deployed(0.5, monkeypatch)
+    fit = SimpleNamespace(model=None, equilibrium=SimpleNamespace(poses=None))
+    form: Any = SimpleNamespace(variant_of=("base_compliance",), depends_on=())
+
+    def refused(before: object, after: object) -> bool:
+        refit: Any = SimpleNamespace(fit=fit, blocks=after)
+        return confirm._worse_as_deployed(form, refit, before) is not None  # type: ignore[arg-type]
+
+    assert refused(fallen(0.01, 0.5), squares())
+    assert not refused(squares(), fallen(0.01, 0.5))

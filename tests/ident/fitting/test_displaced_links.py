@@ -11,6 +11,7 @@ from lrm_ident.diagnosis.auto import run_auto
 from lrm_ident.fitting.levenberg_marquardt import Fit
 from lrm_ident.fitting.loss import SQUARED
 from lrm_ident.fitting.model_fit import fit_model
+from tests.support.sweep import seeds
 from tests.support.upright_arm import upright_measurements
 
 NOISE = 3e-4
@@ -35,9 +36,10 @@ def test_extra_z_explains_most_of_what_soft_joints_show_of_displaced_masses(tmp_
 @pytest.mark.slow
 def test_no_cause_is_named_on_a_healthy_arm_with_soft_joints(tmp_path: Path) -> None:
     named = []
-    for seed in range(30):
+    arms = seeds(10, 30)
+    for seed in arms:
         model, data = upright_measurements(tmp_path, seed, 240, NOISE, softness=2.0)
         named += [
             step.added for step in run_auto(fit_model(model, data, "identifiable", SQUARED).fit.model, data).steps[1:]
         ]
-    assert len(named) <= 2, named  # five without extra z
+    assert len(named) <= len(arms) / 15, named  # of thirty arms five without extra z

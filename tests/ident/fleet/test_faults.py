@@ -23,18 +23,18 @@ Command = subprocess.Popen[str]
 
 
 class Cluster:
-    """A Dask scheduler and two workers, each a process of its own."""
+    """A Dask scheduler and workers, each a process of its own."""
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, workers: int) -> None:
         with socket.socket() as free:
             free.bind(("127.0.0.1", 0))
             self.address = f"tcp://127.0.0.1:{free.getsockname()[1]}"
-        self.log = (folder / "cluster.log").open("w")
+        self.log, self.count = (folder / "cluster.log").open("w"), workers
         self.start()
 
     def start(self) -> None:
         self.scheduler = self._dask("scheduler", "--port", self.address.rpartition(":")[2], "--host", "127.0.0.1")
-        self.workers = [self._dask("worker", self.address, "--nthreads", "1", "--no-nanny") for _ in range(2)]
+        self.workers = [self._dask("worker", self.address, "--nthreads", "1", "--no-nanny") for _ in range(self.count)]
 
     def end(self) -> None:
         for process in (*self.workers, self.scheduler):
@@ -55,9 +55,10 @@ def four(manifest: Path) -> Path:
 
 
 @pytest.fixture
-def cluster(tmp_path: Path) -> Iterator[Cluster]:
+def cluster(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Cluster]:
+    """A cluster of as many workers as the test says."""
     pytest.importorskip("distributed", reason="the extra `cluster` is not installed")
-    cluster = Cluster(tmp_path)
+    cluster = Cluster(tmp_path, request.param)
     yield cluster
     cluster.end()
 
@@ -94,6 +95,7 @@ def assert_whole(out: Path) -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("cluster", [1], indirect=True)
 def test_a_scheduler_that_is_killed_and_started_again(four: Path, tmp_path: Path, cluster: Cluster) -> None:
     """The command ends with one line; started again, it computes what is missing."""
     out = tmp_path / "out"
@@ -114,6 +116,7 @@ def test_a_scheduler_that_is_killed_and_started_again(four: Path, tmp_path: Path
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("cluster", [2], indirect=True)
 def test_a_worker_that_is_killed_in_the_middle(four: Path, tmp_path: Path, cluster: Cluster) -> None:
     out = tmp_path / "out"
     command = begun(four, out, "--cluster", cluster.address)

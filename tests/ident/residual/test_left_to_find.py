@@ -191,7 +191,7 @@ def test_an_error_in_a_part_of_joint_space_is_found_there() -> None:
     assert found.low is None
     assert found.high == pytest.approx(-50.0, abs=15.0)
     assert found.inside > 2.0 * found.outside
-    assert found.sentence.startswith(f"{100 * found.share:.0f} % of the squared error lies in ")
+    assert f"; {100 * found.share:.0f} % of the squared error lies there. " in found.sentence
 
 
 @pytest.mark.slow

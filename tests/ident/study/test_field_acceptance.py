@@ -20,6 +20,7 @@ from lrm_math.arm.arm_file import load_arm
 from lrm_math.arrays import Array
 from lrm_math.kinematics.poses import poses_of
 from lrm_math.model.equilibrium import solve_equilibrium
+from tests.support.sweep import seeds
 
 ARM, NOISE, COUNT, WIDEST = load_arm("two-joint"), 3e-4, 70, 1.4
 
@@ -56,19 +57,16 @@ def _rms(error: Array) -> float:
 
 @settings(max_examples=12)
 @given(st.integers(0, 10_000), st.floats(0.0, 3e-3))
-def test_a_field_that_is_added_does_not_predict_new_poses_worse(seed: int, size: float) -> None:
+def test_a_field_is_added_where_it_predicts_better_and_nowhere_else(seed: int, size: float) -> None:
+    """Added, it does not predict new poses worse; where it takes a third of the error, it is seen to predict better.
+
+    Then it is added, unless it does harm in blocks of joint space, as where few poses leave wide gaps.
+    """
     refused, without, with_one = errors(seed, size)
     assert refused or with_one < 1.01 * without
-
-
-@settings(max_examples=12)
-@given(st.integers(0, 10_000), st.floats(0.0, 3e-3))
-def test_a_field_that_takes_a_third_of_the_error_is_seen_to_predict_better(seed: int, size: float) -> None:
-    """It is added, unless it does harm in blocks of joint space, as where few poses leave wide gaps."""
-    refused, without, with_one = errors(seed, size)
     assert "not surely predict better" not in refused or with_one > without / 1.5
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", seeds(2, 4))
 def test_where_nothing_is_left_none_is_added(seed: int) -> None:
     assert "not surely predict better" in errors(seed, 0.0)[0]

@@ -27,8 +27,8 @@ from validation.residual_field.nameless_arm import WIDEST, measured
 
 
 @pytest.fixture(scope="module")
-def study() -> Study:
-    return Study.of(measured(1, 3e-3)).fit("option1").add_field()
+def study(with_field: Study) -> Study:
+    return with_field
 
 
 @pytest.fixture(scope="module")

@@ -72,7 +72,7 @@ def test_page_one_names_what_cannot_be_told_apart_and_what_is_next(browser: Any,
     verdict, following = page.inner_text("#lrm-verdict"), page.inner_text("#lrm-next")
     first, second = page.evaluate("lrm.state.values.ranking.slice(0, 2).map((one) => [one.title, one.verdict])")
     assert (first[1], second[1]) == ("indistinguishable", "indistinguishable")
-    assert verdict.startswith("Missing effect: backlash in joint 2 (backlash@joint2), or another")
+    assert verdict.startswith("Missing from the model: backlash in joint 2 (backlash@joint2), or another")
     assert second[0] in page.inner_text("#lrm-facts")
     assert following.startswith("Next: Measure poses that distinguish the possible causes: ")
     assert page.inner_text("h1").startswith("two-joint: model and measurements ")

@@ -60,7 +60,7 @@ def test_from_the_shipped_data_to_nothing_missing(browser: Any, running: Running
     idle(page, RANKED)
     first = page.inner_text('.lrm-candidate[aria-checked="true"]')
     assert "backlash@joint2" in first
-    assert "Missing effect: backlash in joint 2" in page.inner_text("#lrm-verdict")
+    assert "Missing from the model: backlash in joint 2" in page.inner_text("#lrm-verdict")
     page.screenshot(path=SHOTS / "before.png")
     arrows, history = page.evaluate(ARROWS), page.evaluate("lrm.state.values.history[0].held")
     page.click("[data-name=add]")
@@ -83,7 +83,7 @@ def test_from_the_shipped_data_to_nothing_missing(browser: Any, running: Running
     report = other.value
     seen.listen(report)
     report.wait_for_selector("#lrm-field canvas")
-    assert "Missing effect: backlash in joint 2" in report.inner_text("#lrm-verdict")
+    assert "Missing from the model: backlash in joint 2" in report.inner_text("#lrm-verdict")
     report.pdf(path=SHOTS / "report.pdf")
     for figure in ("turn", "form", "added"):
         assert report.query_selector(f"#lrm-{figure} .main-svg"), f"{figure} is not on paper"

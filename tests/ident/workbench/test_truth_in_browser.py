@@ -158,7 +158,7 @@ def test_buttons_stay_the_verdict_is_of_the_step_shown_and_redo_gives_back(
     page.click("#lrm-look > summary")
     page.select_option("#lrm-step", "0")
     assert last not in page.inner_text("#lrm-verdict")
-    assert "Missing effect: backlash in joint 2" in page.inner_text("#lrm-verdict")
+    assert "Missing from the model: backlash in joint 2" in page.inner_text("#lrm-verdict")
     assert "Shown: step 0" in page.inner_text("#lrm-fall")
     drawn = "document.querySelector('#lrm-card-1 .legend')"
     wait_for(page, drawn)

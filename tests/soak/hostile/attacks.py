@@ -18,6 +18,7 @@ from tests.soak.hostile.link_attacks import ATTACKS, Hidden, Mute, OldHandshake
 from tests.soak.hostile.link_proxy import LinkProxy
 from tests.soak.hostile.trial import AttackResult, Trial, link_trial, trial
 from tests.support.daemon.daemon_process import wait_for
+from tests.support.motion_models import motion_table
 
 Attack = Callable[[Trial, float], None]
 """Attacks a moving arm for some seconds."""
@@ -173,15 +174,18 @@ ON_DAEMON: dict[str, Attack] = {
 ALL = (*ON_LINK, *ON_DAEMON)
 
 
-def carry_out(name: str, seconds: float) -> AttackResult:
-    """One attack on a daemon of its own. Raises `AssertionError` if a law is broken, or if the arm is not to be moved
-    any more when the attack is over."""
+def carry_out(name: str, seconds: float, shaping: str = "off") -> AttackResult:
+    """One attack on a daemon of its own, which shapes its moves as said.
+
+    Raises `AssertionError` if a law is broken, or if the arm is not to be moved any more when the attack is over.
+    """
     with tempfile.TemporaryDirectory() as folder:
+        changes = {} if shaping == "off" else motion_table(Path(folder), shaping)
         if name in ON_LINK:
-            with link_trial(Path(folder)) as (t, proxy):
+            with link_trial(Path(folder), changes) as (t, proxy):
                 ON_LINK[name](t, proxy, seconds)
                 return _concluded(t, name)
-        with trial(Path(folder)) as t:
+        with trial(Path(folder), changes) as t:
             ON_DAEMON[name](t, seconds)
             return _concluded(t, name)
 

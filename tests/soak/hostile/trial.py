@@ -171,11 +171,11 @@ def trial(folder: Path, changes: Mapping[str, str] | None = None) -> Iterator[Tr
 
 
 @contextmanager
-def link_trial(folder: Path) -> Iterator[tuple[Trial, LinkProxy]]:
+def link_trial(folder: Path, changes: Mapping[str, str] | None = None) -> Iterator[tuple[Trial, LinkProxy]]:
     """The same with a man in the middle of the link. He takes some ms from both, which the others are spared."""
     with ExitStack() as running:
         (folder / "board-side").mkdir(parents=True)
-        setup = DaemonSetup.make(folder)
+        setup = DaemonSetup.make(folder, changes)
         beyond = DaemonSetup(folder / "board-side", setup.port)
         board = running.enter_context(BoardProcess(beyond))
         proxy = running.enter_context(LinkProxy(setup.link, beyond.link))

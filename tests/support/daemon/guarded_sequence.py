@@ -19,7 +19,16 @@ from lrm_math.errors import LrmError
 from lrm_math.model.model import Model, model_of
 from lrmd.config import Config, load_config
 from lrmd.control.state_machine import Mode
-from lrmd.messages.control import ArmRequest, HoldRequest, JogRequest, LeaseRequest, MoveRequest, SceneCommand
+from lrmd.messages.codec import Message
+from lrmd.messages.control import (
+    ArmRequest,
+    HoldRequest,
+    JogRequest,
+    LeaseRequest,
+    MoveRequest,
+    PayloadRequest,
+    SceneCommand,
+)
 from lrmd.messages.surroundings import ContactEntry, ObstacleEntry, contacts_of
 from lrmd.safety.collision_guard import CollisionGuard
 from tests.support.daemon.in_memory_daemon import CONFIG, SimulatedDaemon
@@ -103,8 +112,8 @@ class GuardedSequence:
 
     def run(self, requests: int = 14, contacts: bool = False) -> SequenceResult:
         """Arms somewhere and sends so many requests; `contacts`: some of them permit
-        one, and others tell of obstacles."""
-        touching = (self.touch, self.touch, self.touch, self.surround, self.surround) if contacts else ()
+        one, and others tell of obstacles or of a load."""
+        touching = (self.touch, self.touch, self.touch, self.surround, self.surround, self.load) if contacts else ()
         self.tick(30)
         self.token = self.leased()
         start = self.start()
@@ -235,6 +244,14 @@ class GuardedSequence:
         self.tick(int(self.rng.integers(1, 60)))
         self.creep()
 
+    def load(self) -> None:
+        """Tells of a load during a move, too heavy or not, and moves on."""
+        self.request_move(self.anywhere())
+        self.tick(int(self.rng.integers(0, 60)))
+        heavy = float(10.0 ** self.rng.uniform(-2.5, 0.3))
+        self.request(PayloadRequest(lease=self.token, payload_kg=heavy if self.rng.random() < 0.8 else 0.0))
+        self.creep()
+
     def deploy(self) -> None:
         """Another model, or none."""
         model = soft_model(self.arm, self.rng) if self.rng.random() < 0.4 else None
@@ -293,7 +310,7 @@ class GuardedSequence:
             )
         )  # fmt: skip
 
-    def request(self, request: ArmRequest | MoveRequest | JogRequest | HoldRequest | SceneCommand) -> None:
+    def request(self, request: Message) -> None:
         """Sends a request, as the API passes it on, most of the time after the ramp has read the last order."""
         if self.rng.random() < 0.9:
             self.sim.settle()

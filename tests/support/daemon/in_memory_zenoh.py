@@ -128,7 +128,7 @@ class FakeZenohSession:
 
 
 class InMemoryDaemon:
-    """The request handler behind the zenoh server. Time passes when a client reads the mode; that renews the lease."""
+    """The request handler behind the zenoh server. Time passes when a client looks at its motion, its lease renewed."""
 
     def __init__(self, sim: SimulatedDaemon, boot_id: str = "b00710000000000d") -> None:
         self.sim, self.session, self.boot_id = sim, FakeZenohSession(), boot_id
@@ -167,7 +167,7 @@ class InMemoryDaemon:
 
     def state(self, tail: str) -> Message:
         core = self.sim.core
-        if tail == "state/mode":
+        if tail in ("state/mode", "state/skill"):
             if core.lease is not None:
                 core.handle(LeaseRequest(action="renew", lease=core.lease.token), self.sim.now)
             self.sim.run(STRIDE)

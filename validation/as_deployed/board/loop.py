@@ -19,8 +19,8 @@ from pathlib import Path
 import numpy as np
 
 from examples.demo.pose_files import LOAD_G, pose_table
-from examples.demo.steps import DemoSteps, read_json
-from examples.demo.world import ARM, World, simulated_world
+from examples.demo.steps import DWELL_S, SETTLE_S, DemoSteps, read_json
+from examples.demo.world import ARM, SPEED, World, simulated_world
 from lrm_math.arm.arm_file import load_arm
 from lrm_math.arrays import Array
 from lrm_math.errors import LrmError
@@ -50,18 +50,19 @@ class NamingSteps(DemoSteps):
 
 @dataclass(frozen=True)
 class SeedLoop:
-    """The loop of a seed, its files in a folder."""
+    """The loop of a seed, its files in a folder; `speed`: of the board's clock against the computer's."""
 
     seed: int
     steps: NamingSteps
     visits: GoalVisits
+    speed: float
 
     def measured(self, tracker: str) -> None:
         """Measures all poses, and goes on where it was interrupted."""
         self.steps.write_poses(pose_table(load_arm(ARM), POSES, REPEATS, self.seed))
 
         def measure() -> None:
-            with _world(self.seed, tracker) as world:
+            with _world(self.seed, tracker, self.speed) as world:
                 arm = (*world.daemon, "--tracker", f"dtrack:{world.tracker_port}")
                 replace(self.steps, arm=arm).measure("--load-command", world.load_command)
 
@@ -72,29 +73,31 @@ class SeedLoop:
         """(GOALS,), squared distances from the goals (m²) with a model deployed; NaN where one was not reached."""
 
         def visit() -> Array:
-            with _world(self.seed, tracker) as world:
+            with _world(self.seed, tracker, self.speed) as world:
                 subprocess.run([*shlex.split(world.load_command), f"{LOAD_G:g}"], check=True)
                 self.steps.deploy(model, *world.daemon)
-                return self.visits.visit(world, 0)
+                return self.visits.visit(world, 0, SPEED / self.speed)
 
         return tried(visit)
 
 
-def loop_record(seed: int) -> Record:
+def loop_record(seed: int, speed: float = SPEED) -> Record:
     """RMS distance from the goals in mm: with the plain fit, after `auto`, and with all causes known. Never raises."""
     began = time.monotonic()
     try:
         with tempfile.TemporaryDirectory(prefix="lrm-as-deployed-") as out, contextlib.redirect_stdout(io.StringIO()):
-            record = _record(seed, Path(out))
+            record = _record(seed, Path(out), speed)
     except LrmError as problem:
         record = {"trouble": str(problem)}
     return {"hidden": PassingWorld(seed).hidden, **record, "seconds": round(time.monotonic() - began)}
 
 
-def _record(seed: int, out: Path) -> Record:
-    visits = GoalVisits.of(GOALS, seed)
+def _record(seed: int, out: Path, speed: float) -> Record:
+    visits, slower = GoalVisits.of(GOALS, seed), SPEED / speed
+    timing = ("--settle", f"{slower * SETTLE_S:g}", "--dwell", f"{slower * DWELL_S:g}")
     unknown, known = (
-        SeedLoop(seed, NamingSteps(_made(out / name), (), seed, str(GOALS)), visits) for name in ("a", "b")
+        SeedLoop(seed, NamingSteps(_made(out / name), (), seed, str(GOALS), timing), visits, speed)
+        for name in ("a", "b")
     )
     unknown.measured(MEASURING)
     named = unknown.steps.name_all()
@@ -119,10 +122,10 @@ def _made(folder: Path) -> Path:
 
 
 @contextmanager
-def _world(seed: int, tracker: str) -> Iterator[World]:
+def _world(seed: int, tracker: str, speed: float) -> Iterator[World]:
     """The arm of a seed, seen by a tracker, with files of its own."""
     with (
         tempfile.TemporaryDirectory(prefix="lrm-demo-") as private,
-        simulated_world(Path(private), seed, tracker) as world,
+        simulated_world(Path(private), seed, tracker, speed) as world,
     ):
         yield world

@@ -1,4 +1,4 @@
-"""A healthy measurement, what a fault leaves of it, and a case of the catalogue."""
+"""A healthy measurement, and what a fault leaves of it."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import numpy as np
 
 from lrm_math.arrays import Array
 
+NOISE_M = 0.0003  # per axis
 QUIET, HONEST = ("nothing_missing",), ("unexplained_structure", "unpredictable")
 BASE = ("session@base", "drift@base", "drift_curve@base", "change_point@base")
 """Names of a base, or a tracker, that moves as a whole."""
@@ -64,13 +65,3 @@ class SpoiledMeasurement:
 
 
 Fault = Callable[[HealthyMeasurement], SpoiledMeasurement]
-
-
-@dataclass(frozen=True, eq=False)
-class FaultCase:
-    """A fault, and the verdicts that are honest in the end."""
-
-    name: str
-    spoil: Fault
-    verdicts: tuple[str, ...] = QUIET
-    noise_known: bool = True

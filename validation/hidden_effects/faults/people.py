@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from validation.hidden_effects.data import NOISE_M
-from validation.hidden_effects.faults.measurement import HealthyMeasurement, SpoiledMeasurement
+from validation.hidden_effects.faults.measurement import NOISE_M, HealthyMeasurement, SpoiledMeasurement
 
 
 def healthy(taken: HealthyMeasurement) -> SpoiledMeasurement:

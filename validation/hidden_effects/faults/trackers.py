@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from lrm_math.arrays import Array
-from validation.hidden_effects.data import NOISE_M
-from validation.hidden_effects.faults.measurement import BASE, HealthyMeasurement, SpoiledMeasurement
+from validation.hidden_effects.faults.measurement import BASE, NOISE_M, HealthyMeasurement, SpoiledMeasurement
 from validation.synthetic.screws import rotation_matrix
 
 FRAME = ("measurement_frame@frame", "frame_curve@frame")

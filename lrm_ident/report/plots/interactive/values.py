@@ -11,6 +11,7 @@ import numpy as np
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.wording import in_mm, p_words, quantity
 from lrm_ident.diagnosis.attribution import StepAttribution, term_of
+from lrm_ident.report.diagnosis.conclusion import UNKNOWN_FILES, NextStep
 from lrm_ident.report.document import plain
 from lrm_ident.report.model_report import ModelReport, data_of
 from lrm_ident.report.plain_names import plain_name, step_title
@@ -59,6 +60,7 @@ def figure_values(found: ModelReport) -> dict[str, Any]:
         "marked": {why: list(numbers) for why, numbers in (found.marked or {}).items()},
         "where": _where(found),
         "next": _next(found, str(known.get("next_poses_hint", ""))),
+        "commands": [[one.command, one.words] for one in _commands(found)],
         "ranking": _ranking(found, known.get("ranking", ())),
     }
 
@@ -133,9 +135,15 @@ def _entry(found: ModelReport, number: int) -> dict[str, Any]:
 
 
 def _next(found: ModelReport, hint: str) -> str:
-    """What to do next, after the command that does it where the hint speaks of one."""
-    steps = () if found.conclusion is None else found.conclusion.next[:1]
-    return ": ".join([*(one.command for one in steps if one.words == hint and one.command), hint])
+    """What to do next; nothing where a command and its words state it."""
+    told = any(one.words == hint or one.command.startswith("lrm-ident add") for one in _commands(found)[:1])
+    return "" if told else hint
+
+
+def _commands(found: ModelReport) -> tuple[NextStep, ...]:
+    """Commands to copy, where the names of their files are known."""
+    steps = () if found.conclusion is None else found.conclusion.next
+    return tuple(one for one in steps if one.command and UNKNOWN_FILES.model not in one.command.split())
 
 
 def _story(story: Story) -> dict[str, Any]:

@@ -70,6 +70,17 @@ def test_a_frame_fixed_on_the_hand_is_its_tip(name: str) -> None:
     assert import_arm(parse_urdf(Path("arm.urdf"), arm_with(GRIPPERS[name] + tool))).tip == "tool0"
 
 
+@pytest.mark.parametrize(
+    ("leader", "said"), [("j4", "follows itself"), ("nobody", "follows joint nobody, which is none")]
+)
+def test_a_joint_that_follows_itself_or_nobody_is_no_gripper(leader: str, said: str) -> None:
+    whole = arm_with("")
+    last = whole.index('name="j4"')
+    broken = f'{whole[:last]}{whole[last:].replace("</joint>", f"""<mimic joint="{leader}"/></joint>""", 1)}'
+    with pytest.raises(FileError, match=said):
+        import_arm(parse_urdf(Path("arm.urdf"), broken))
+
+
 def test_the_last_joint_of_an_arm_is_not_taken_for_a_gripper() -> None:
     """Joints that follow one of the arm, rods beside it, and a slide that nobody calls a finger."""
     assert import_arm(parse_urdf(Path("arm.urdf"), palletiser())).arm.dof == 4

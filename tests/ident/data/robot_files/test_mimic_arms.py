@@ -25,6 +25,7 @@ from lrm_math.model.equilibrium import Equilibrium, solve_equilibrium
 from lrm_math.model.model import Model, model_of
 from tests.support.commands import stderr_of
 from tests.support.mimic_robots import chain_mjcf, palletiser
+from tests.support.sweep import seeds
 
 
 class MujocoMechanism:
@@ -60,7 +61,7 @@ def at_rest(arm: Arm, q: Array) -> Equilibrium:
     return solve_equilibrium(model_of(arm, ()), poses_of(q))
 
 
-@pytest.mark.parametrize("seed", range(8))
+@pytest.mark.parametrize("seed", seeds(3, 8))
 def test_an_mjcf_with_joint_equalities_moves_as_in_mujoco(seed: int, tmp_path: Path) -> None:
     mujoco = pytest.importorskip("mujoco", reason="mujoco is not installed")
     path = tmp_path / "arm.xml"

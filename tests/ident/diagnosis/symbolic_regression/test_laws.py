@@ -36,8 +36,9 @@ from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import Model, model_of
 from lrm_math.model.model_file import load_model
 from tests.support.commands import stdout_of
-from validation.hidden_effects.unfamiliar_data import arm_file, write_data
-from validation.hidden_effects.unfamiliar_effects import UnfamiliarCase, hidden, nothing, on
+from tests.support.sweep import seeds
+from validation.hidden_effects.case import Case, hidden, nothing, on
+from validation.hidden_effects.data import write_data
 from validation.synthetic import FormulaJoint
 
 
@@ -62,10 +63,10 @@ NOTHING = on("three-joint", nothing("report"))
 
 
 def three_joints() -> Arm:
-    return load_arm(str(arm_file(SUM)))
+    return load_arm(str(SUM.arm_file))
 
 
-def case_data(case: UnfamiliarCase, folder: Path, poses: int = 90) -> Measurements:
+def case_data(case: Case, folder: Path, poses: int = 90) -> Measurements:
     return load_measurements(write_data(case, 1, poses, folder)[0], three_joints())
 
 
@@ -131,7 +132,7 @@ def made_up(seed: int, signal: float) -> tuple[LawSearch, LinearisedFit, LawColu
     return search_laws(linear, [group]), linear, group
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", seeds(1, 3))
 def test_the_search_is_what_the_linearised_fit_says_of_each_law(seed: int) -> None:
     """Oracle: the same law through `LinearisedFit.explain`."""
     search, linear, group = made_up(seed, 0.5)
@@ -141,7 +142,7 @@ def test_the_search_is_what_the_linearised_fit_says_of_each_law(seed: int) -> No
         np.testing.assert_allclose(search.squares[:, i], alone.held_out, rtol=1e-7)
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", seeds(1, 3))
 def test_a_true_law_beats_the_noise_and_none_does_not(seed: int) -> None:
     search, linear, _ = made_up(seed, 1.0)
     assert int(search.bic_gain.argmax()) == TRUE
@@ -168,7 +169,7 @@ def test_a_law_is_proposed_written_added_and_remembered(tmp_path: Path) -> None:
     law.write_text(found.best.source, encoding="utf-8")
     (kind,) = effects_in(law)
     fitted = add_effects(base_fit(arm, data), data, [kind(arm, "joint2")])
-    file = model_file(fitted, data, HeldOutResidual(None), str(arm_file(SUM)), "add", "squared")
+    file = model_file(fitted, data, HeldOutResidual(None), str(SUM.arm_file), "add", "squared")
     assert file.provenance is not None
     assert file.provenance.effects_file == law.resolve().as_posix()
     assert file.provenance.effects_sha256 == sha256_of(law)
@@ -226,7 +227,7 @@ def test_no_law_where_nothing_is_hidden(tmp_path: Path) -> None:
 def test_a_model_without_effects_of_its_own_names_no_file(tmp_path: Path) -> None:
     data, arm = case_data(NOTHING, tmp_path, 60), three_joints()
     fitted = fit(model_of(arm, effects_at(arm, "offsets@base")), data)
-    file = model_file(fitted, data, HeldOutResidual(None), str(arm_file(SUM)), "fit", "squared")
+    file = model_file(fitted, data, HeldOutResidual(None), str(SUM.arm_file), "fit", "squared")
     assert file_of(fitted.model.effects) is None
     assert file.provenance is not None
     assert file.provenance.effects_file is None
@@ -237,7 +238,7 @@ def test_a_model_without_effects_of_its_own_names_no_file(tmp_path: Path) -> Non
 def test_the_command_writes_an_effect_file_and_says_how_to_add_it(tmp_path: Path) -> None:
     data, _ = write_data(SUM, 1, 90, tmp_path)
     model, law = tmp_path / "m.toml", tmp_path / "law.py"
-    stdout_of("fit", data, "--arm", arm_file(SUM), "-o", model)
+    stdout_of("fit", data, "--arm", SUM.arm_file, "-o", model)
     said = stdout_of("propose", model, data, "-o", law)
     assert "Proposed: δq2 = " in said
     (name,) = re.findall(r"(law_\S+)@joint2 --effects-file", said)

@@ -44,6 +44,13 @@ def test_another_board_is_named_with_the_options_that_read_it(tmp_path: Path, op
     assert "1 usable photos" in stderr_of(*words, *shlex.split(options))
 
 
+def test_a_board_of_todays_pattern_is_named_where_the_older_one_was_stated(tmp_path: Path) -> None:
+    folder = photo(tmp_path / "photos", CharucoBoard(rows=4))
+    words = ["camera", "calibrate", folder, "--columns", "6", "--rows", "4", "-o", tmp_path / "lens.toml"]
+    assert "give --no-legacy" in stderr_of(*words, "--legacy")
+    assert "1 usable photos" in stderr_of(*words, "--no-legacy")
+
+
 def test_a_photo_without_any_board_names_none(tmp_path: Path) -> None:
     (tmp_path / "photos").mkdir()
     opencv().imwrite(str(tmp_path / "photos" / "p.png"), np.full((200, 300), 120, dtype=np.uint8))

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -12,14 +13,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from lrm_ident.cli.campaign import _timing
 from lrm_ident.data.measurement_file.load import load_measurements
 from lrm_ident.measuring.campaign.data_file import ArmState, DataFile, after_midnight
 from lrm_ident.measuring.campaign.plan import PlannedPose, lightest, load_plan
-from lrm_ident.measuring.campaign.run import CampaignProgress, PoseCampaign, PoseTiming, Unreachable
+from lrm_ident.measuring.campaign.run import CampaignProgress, PoseCampaign, PoseTiming, TimingByArm, Unreachable
 from lrm_ident.measuring.tracker.dwell import RestMean
 from lrm_ident.measuring.tracker.frames import TargetNumbers, TargetPose, TrackerFrame
 from lrm_math.arm.arm_file import load_arm
-from lrm_math.errors import FileError
+from lrm_math.errors import FileError, LrmError
 
 ARM = load_arm("lrm-lab")
 NUMBERS = TargetNumbers(1, None)
@@ -50,6 +52,7 @@ class FakeWorld:
     t: float = 1000.0
     number: int = 0
     tries: dict[int, int] = field(default_factory=dict)
+    settle_s: float | None = None
     at: PlannedPose | None = None
     cooled: list[int] = field(default_factory=list)
     loads: list[float] = field(default_factory=list)
@@ -106,14 +109,16 @@ class FakeWorld:
         ]
 
 
-def run(world: FakeWorld, path: Path, told: list[CampaignProgress] | None = None) -> dict[int, str]:
+def run(
+    world: FakeWorld, path: Path, told: list[CampaignProgress] | None = None, timing: PoseTiming | None = None
+) -> dict[int, str]:
     """One go at the campaign; the numbers of the poses that could not be measured."""
     file = DataFile(path, 6)
     file.check_plan("plan")
     on_progress = (lambda _: None) if told is None else told.append
     with file:
         file.begin("power", "lrm-lab", "test", start_q_deg=[0.0] * 6, poses_sha256="plan", t0_s=world.t)
-        campaign = PoseCampaign(world, world, NUMBERS, world, PoseTiming(), POSES[0], on_progress)
+        campaign = PoseCampaign(world, world, NUMBERS, world, timing or PoseTiming(), POSES[0], on_progress)
         return campaign.run(POSES, file).failed
 
 
@@ -161,6 +166,27 @@ def test_the_data_say_when_and_how_each_pose_was_measured(tmp_path: Path) -> Non
     assert [progress.done for progress in told] == list(range(1, 21))
     assert [progress.done for progress in told if progress.notable] == [1]
     assert told[9].left == pytest.approx(150.0, rel=0.05)
+
+
+def test_a_stop_lasts_as_long_as_the_arm_says_that_its_tip_swings(tmp_path: Path) -> None:
+    """The motion takes 3 s, the tracker is glanced at for 0.05 s, the mean takes 1 s."""
+    told: list[CampaignProgress] = []
+    path = tmp_path / "data.csv"
+    assert run(FakeWorld(settle_s=1.25), path, told, TimingByArm(15.0, 0.5, 1.0)) == {}
+    np.testing.assert_allclose(np.diff(load_measurements(path, ARM).poses.t), 3.0 + 0.05 + 1.25 + 1.0, atol=0.01)
+    assert "1.2 s after its motion" in told[0].words
+    with pytest.raises(LrmError, match="does not know how long its tip swings"):
+        run(FakeWorld(), tmp_path / "other.csv", told, TimingByArm(15.0, 0.5, 1.0))
+
+
+def test_settle_takes_seconds_or_auto() -> None:
+    assert _timing(15.0, "0.7", 1.0, None) == PoseTiming(15.0, 0.7, 1.0)
+    assert isinstance(_timing(15.0, "auto", 1.0, None), TimingByArm)
+    with pytest.raises(LrmError, match="leave out --motion"):
+        _timing(15.0, "auto", 1.0, Path("motion.toml"))
+    for text in ("soon", "-1", "nan", "inf"):
+        with pytest.raises(LrmError, match="should be seconds, 0 or more, or auto"):
+            _timing(15.0, text, 1.0, None)
 
 
 def test_an_unfit_rest_is_repeated_and_one_that_stays_unfit_is_said(tmp_path: Path) -> None:
@@ -246,3 +272,20 @@ def test_a_plan_is_read_as_design_writes_it(tmp_path: Path) -> None:
     path.write_text(head + "1,0,10,20,30,40,50,66.3,1,1\n1,0,10,20,30,40,51,66.3,-1,1\n")
     with pytest.raises(FileError, match="stands twice"):
         load_plan(path, ARM)
+
+
+def test_the_orientation_reaches_the_file_where_it_is_asked_for(tmp_path: Path) -> None:
+    """A row has the rotation's quaternion, or empty cells where the tracker did not see it."""
+    turned = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+    seen = RestMean(np.zeros(3), 1e-4, 1000.0, 30, turned, math.radians(0.05))
+    state = ArmState((0.0,) * 6, (0,) * 6, 25.0, 1)
+    with DataFile(path := tmp_path / "data.csv", 6, orientation=True) as file:
+        file.begin("power", "lrm-lab", "test", start_q_deg=[0.0] * 6, poses_sha256="plan", t0_s=0.0)
+        file.append(POSES[0], state, seen)
+        file.append(POSES[1], state, replace(seen, rotation=None, turn_sd=None))
+    header, first, second = (line.split(",") for line in path.read_text().splitlines())
+    assert header[-5:] == ["qw", "qx", "qy", "qz", "srot_deg"]
+    assert [float(cell) for cell in first[-5:]] == pytest.approx([0.5**0.5, 0.0, 0.0, 0.5**0.5, 0.05], abs=1e-6)
+    assert second[-5:-1] == [""] * 4
+    with pytest.raises(FileError, match="is not that of this campaign"):
+        DataFile(path, 6)

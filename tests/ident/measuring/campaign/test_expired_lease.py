@@ -26,7 +26,7 @@ class OneJoint:
         return SimpleNamespace(joints=1, names=["joint1"])
 
     def mode(self) -> Any:
-        return SimpleNamespace(mode="holding", why=self.why)
+        return SimpleNamespace(mode="holding", why=self.why, stops=7)
 
     def commanded_q(self) -> list[float]:
         return self.q
@@ -34,8 +34,8 @@ class OneJoint:
     def plan(self, request: Any) -> Any:
         return SimpleNamespace(found=True, waypoints_rad=[request.from_rad, request.to_rad])
 
-    def move(self, way: dict[str, float], payload_kg: float) -> None:
-        assert payload_kg == 0.1
+    def move(self, way: dict[str, float], payload_kg: float, stops: int) -> None:
+        assert (payload_kg, stops) == (0.1, 7)
         self.moves += 1
         if not self.ends:
             self.q = [way["joint1"]]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
+from types import SimpleNamespace
 
 import pytest
 
@@ -12,7 +13,7 @@ from lrm_ident.measuring.campaign.rover_arm import RoverArm
 from lrm_ident.measuring.campaign.session import RealClock, by_daemon, power_on
 from lrm_math.arm.arm_file import load_arm
 from lrm_math.errors import LrmError
-from lrmd.client import MotionInterrupted, Rover
+from lrmd.client import MotionInterrupted, RequestRefused, Rover
 from lrmd.config import load_config
 from tests.support.daemon.in_memory_daemon import CONFIG, SimulatedDaemon
 from tests.support.daemon.in_memory_zenoh import InMemoryDaemon
@@ -122,6 +123,28 @@ def test_an_arm_that_does_not_stand_after_its_way_ends_the_campaign(
     meanwhile(daemon, rover)
     with pytest.raises(MotionInterrupted):
         arm.go(PlannedPose(1, Q, 0.0, (), 1))
+
+
+def held(_: InMemoryDaemon, __: Rover) -> None:
+    with Rover("rover") as other:
+        other.hold()
+
+
+@pytest.mark.parametrize("meanwhile", [held, stopped_and_armed_again, gripper_off])
+def test_a_stop_at_a_rest_ends_the_campaign_although_it_looks_at_the_mode(
+    daemon: InMemoryDaemon, rover: Rover, arm: RoverArm, monkeypatch: pytest.MonkeyPatch, meanwhile: Meanwhile
+) -> None:
+    """Whoever stops an arm that stands means it: the next pose is not approached, read from the board's pulses."""
+    way = lambda request: SimpleNamespace(found=True, waypoints_rad=[request.from_rad, request.to_rad])  # noqa: E731
+    monkeypatch.setattr(rover, "plan", way)
+    arm.go(PlannedPose(1, Q, 0.0, (), 1))
+    meanwhile(daemon, rover)
+    assert arm.disturbed()
+    pulses = daemon.sim._pulses()
+    with pytest.raises(RequestRefused, match="stopped since"):
+        arm.go(PlannedPose(2, (0.2, *Q[1:]), 0.0, (1,) * 6, 1))
+    daemon.sim.run(30)
+    assert daemon.sim._pulses() == pulses
 
 
 def test_a_power_on_session_ends_with_the_pulses_or_the_daemon(daemon: InMemoryDaemon, rover: Rover) -> None:

@@ -82,6 +82,38 @@ def test_where_a_servo_would_turn_there_none_gets_torque(which: int, at: int, co
     assert angles(line) == before
 
 
+class EagerServo(FeetechServo):
+    """One whose firmware switches torque on with a goal: nothing forbids it to."""
+
+    def write(self, address: int, data: bytes) -> None:
+        super().write(address, data)
+        if address <= table.GOAL_POSITION.address < address + len(data):
+            table.TORQUE_ENABLE.write(self.memory, 1)
+
+
+class MindfulServo(FeetechServo):
+    """One whose firmware goes on to its last goal when torque comes on."""
+
+    def write(self, address: int, data: bytes) -> None:
+        goal = table.GOAL_POSITION.read(self.memory)
+        super().write(address, data)
+        if not address <= table.GOAL_POSITION.address < address + len(data):
+            table.GOAL_POSITION.write(self.memory, goal)
+
+
+@pytest.mark.parametrize("kind", [FeetechServo, EagerServo, MindfulServo])
+def test_whatever_the_firmware_does_with_an_old_goal_nothing_turns(kind: type[FeetechServo]) -> None:
+    line = BusLine(FeetechBus([kind(number) for number in NUMBERS]))
+    for servo, at in zip(line.bus.servos, (900, 1500, 2500, 3300, 60), strict=True):
+        servo.angle = (at - MIDDLE) * STEP
+        table.GOAL_POSITION.write(servo.memory, 4000 - at)
+    before = angles(line)
+    held(line)
+    line.bus.advance(line.t + 5.0)
+    assert all(servo.powered for servo in line.bus.servos)
+    assert np.abs(np.subtract(angles(line), before)).max() <= ONE_DEGREE
+
+
 def test_torque_is_bounded_before_it_is_on() -> None:
     line, wrong = line_of(*NUMBERS), []
     feed = line.bus.feed
@@ -133,12 +165,12 @@ def test_a_lost_answer_is_asked_for_again() -> None:
         assert all(servo.powered for servo in line.bus.servos), which
 
 
-@pytest.mark.parametrize("silent", [None, 3])
+@pytest.mark.parametrize(("silent", "kind"), [(None, FeetechServo), (3, FeetechServo), (None, EagerServo)])
 @pytest.mark.usefixtures("hurried")
-def test_a_servo_that_falls_silent_leaves_no_half_powered_arm(silent: int | None) -> None:
+def test_a_servo_that_falls_silent_leaves_no_half_powered_arm(silent: int | None, kind: type[FeetechServo]) -> None:
     """From any question on: the others are released, and whatever may have torque is named."""
     for which in range(questions()):
-        wire = FeetechBus([FeetechServo(number) for number in NUMBERS])
+        wire = FeetechBus([kind(number) for number in NUMBERS])
         line = LossyLine(wire) if silent is None else DyingLine(wire, which, silent)
         line.loses, line.gone = (which, True) if silent is None else (-1, False)
         said = ""

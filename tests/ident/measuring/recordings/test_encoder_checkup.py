@@ -16,8 +16,15 @@ from lrm_math.arm.arm_file import load_arm
 from lrm_math.errors import LrmError
 from tests.support.commands import stderr_of, stdout_of
 from validation.encoder_checkup.__main__ import named
-from validation.encoder_checkup.dataset_files import VERSIONS, write_dataset
-from validation.encoder_checkup.teleoperation import CAUSES, Recording, ailing_arm, recorded, sound_arm
+from validation.encoder_checkup.teleoperation import (
+    CAUSES,
+    VERSIONS,
+    Recording,
+    ailing_arm,
+    recorded,
+    sound_arm,
+    write_dataset,
+)
 
 
 @pytest.mark.parametrize("number", range(5))

@@ -68,7 +68,7 @@ def test_rests_are_found_with_their_feedback(so101: Arm, tmp_path: Path) -> None
     folder = written(tmp_path / "dataset", so101, poses, droop)
     out = tmp_path / "poses.csv"
     said = stdout_of("import", "lerobot", folder, "--arm", "so101", "-o", out)
-    assert "12 rests of 2 episodes" in said
+    assert "12 stops of 2 episodes" in said
     read = load_poses(out, so101)
     np.testing.assert_allclose(np.degrees(read.q), poses, atol=0.02)
     assert read.session is not None

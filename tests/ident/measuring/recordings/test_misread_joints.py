@@ -14,7 +14,7 @@ from lrm_ident.measuring.recordings.encoder_checkup import MATTERS, checkup
 from lrm_ident.measuring.recordings.lerobot import LeRobotFrames
 from lrm_math.arm.arm_file import load_arm
 from lrm_math.arrays import Array
-from tests.support.commands import stderr_of, stdout_of
+from tests.support.commands import run_command, stderr_of, stdout_of
 
 FPS, RESTS, REST_FRAMES = 30, 24, 40
 ARM = load_arm("so101")
@@ -47,6 +47,8 @@ KINDS: dict[str, tuple[str, Callable[[Array], Array]]] = {
     "a full turn at some rests": ("full turn", past_the_seam),
     "a full turn everywhere": ("full turn", lambda q: q + 2.0 * np.pi),
     "frozen": ("frozen", lambda q: 0.0 * q + 0.3),
+    "frozen, but for a count that flickers": ("frozen", lambda q: 0.3 + np.radians(0.05) * np.sign(np.sin(1e3 * q))),
+    "frozen from the middle on": ("frozen", lambda q: np.where(np.arange(len(q)) < len(q) // 2, q, q[len(q) // 2])),
     "radians in one joint": ("unit", lambda q: np.radians(q)),
     "a gain": ("gain", lambda q: 1.3 * q),
     "a small gain": ("gain", lambda q: 0.97 * q),
@@ -62,6 +64,15 @@ def test_each_kind_is_named_at_its_joint_alone(kind: str, joint: int) -> None:
     assert {one.joint for one in found.findings} == {joint}
     assert name in {one.cause for one in found.findings}
     assert name == "unexplained" or found.after.max() < MATTERS
+
+
+@pytest.mark.parametrize(("joint", "factor"), [(1, np.pi / 180.0), (3, 4096.0 / 360.0)])
+def test_commands_in_another_unit_are_told_from_an_encoder_that_stands_still(joint: int, factor: float) -> None:
+    frames = recording()
+    command = frames.command.copy()
+    command[:, joint] *= factor
+    found = checkup(replace(frames, command=command), ARM, 0.5)
+    assert [(one.cause, one.joint) for one in found.findings if one.cause != "offset"] == [("unit", joint)]
 
 
 @pytest.mark.parametrize("order", [(1, 0, 2, 3, 4), (0, 3, 2, 1, 4), (1, 2, 0, 3, 4)])
@@ -130,17 +141,29 @@ def test_of_two_arms_one_is_asked_for(tmp_path: Path) -> None:
     said = stderr_of("checkup", folder)
     assert "--prefix left_ or --prefix right_" in said
     assert "no joint is off" in stdout_of("checkup", folder, "--prefix", "right_")
-    assert "24 rests" in stdout_of("import", "lerobot", folder, "--prefix", "left_", "-o", tmp_path / "poses.csv")
+    assert "24 stops" in stdout_of("import", "lerobot", folder, "--prefix", "left_", "-o", tmp_path / "poses.csv")
 
 
 def test_other_units_of_all_angles_are_refused_and_the_remedy_helps(tmp_path: Path) -> None:
     folder = written(tmp_path / "rad", recording(), JOINTS, np.radians(1.0))
     for command in (("checkup", folder), ("import", "lerobot", folder, "-o", tmp_path / "poses.csv")):
         assert "look like radians" in stderr_of(*command)
-        assert "24 rests" in stdout_of(*command, "--angle-unit", "rad")
+        assert "24 stops" in stdout_of(*command, "--angle-unit", "rad")
     counts = recording()
     shifted = replace(counts, command=counts.command + np.pi, feedback=counts.feedback + np.pi)
     assert "counts of encoders" in stderr_of("checkup", written(tmp_path / "n", shifted, JOINTS, 4096 / 360))
+
+
+@pytest.mark.parametrize(("kind", "said"), [("koch_follower", "is it --arm koch?"), ("so101_follower", "")])
+def test_an_arm_that_the_dataset_does_not_name_is_asked_about(kind: str, said: str, tmp_path: Path) -> None:
+    """Their joints have the same names, and its poses may be within the limits of both."""
+    folder = written(tmp_path / "data", recording(), JOINTS)
+    about = folder / "meta" / "info.json"
+    about.write_text(json.dumps(json.loads(about.read_text()) | {"robot_type": kind}))
+    _, out, err = run_command("checkup", folder, "--arm", "so101")
+    heard = " ".join(f"{out} {err}".split())
+    assert said in heard
+    assert said or "is it --arm" not in heard
 
 
 def test_import_passes_the_same_gate(tmp_path: Path) -> None:

@@ -337,3 +337,24 @@ def test_rests_and_poses_of_irregular_times_find_each_other(gaps: list[float], d
         assert one[0].tolist() == other[1].tolist() == kept.tolist()
     if kept[0] == 0 and kept[-1] == len(rests) - 1:
         assert one is not None, "both ends are there"
+
+
+@pytest.mark.parametrize("name", ["motive, mm", "vicon helical", "vicon euler", "vicon quaternion"])
+def test_the_orientation_of_the_tool_reaches_the_file(name: str, tmp_path: Path) -> None:
+    """Motive's tool stands as the room does, Vicon's as the base does."""
+    write, options = WRITERS[name]
+    recording, written = write(tmp_path / "take.csv"), tmp_path / "data.csv"
+    words = [*options, "--arm", "lrm-rover", "--orientation", "-o", str(written)]
+    run_command("import", str(recording), str(poses(tmp_path)), *words)
+    table = read_csv(written, ["qw", "qx", "qy", "qz", "srot_deg"])
+    x, y, z, w = (BASE_TURN.inv() if "motive" in name else Rotation.identity()).as_quat(canonical=True)
+    for column, expected in zip(("qw", "qx", "qy", "qz"), (w, x, y, z), strict=True):
+        assert numbers_of(table, column) == pytest.approx(np.full(4, expected), abs=2e-6)
+    assert (numbers_of(table, "srot_deg") == 0.001).all()
+
+
+def test_a_recording_without_rotations_has_no_orientation(tmp_path: Path) -> None:
+    recording = vicon(tmp_path / "take.csv", "helical")
+    words = ["--tool", "Tool:Tool", "--arm", "lrm-rover", "--orientation", "-o", str(tmp_path / "data.csv")]
+    said = stderr_of("import", str(recording), str(poses(tmp_path)), *words)
+    assert "no orientation of the tool: Euler angles and helical vectors look the same" in flat(said)

@@ -58,7 +58,7 @@ def test_the_video_is_measured_and_the_dataset_stays_as_it_is(filmed: Path, true
     before = {path: path.read_bytes() for path in dataset.rglob("*") if path.is_file()}
     given = ("--video", "front", "--lens", filmed / "lens.toml", "-o", data, "--json", tmp_path / "out.json")
     said = stdout_of("checkup", dataset, *given)
-    assert f" of {STOPS} rests; the tip is known to " in said
+    assert f" of {STOPS} stops; the tip is known to " in said
     assert {path: path.read_bytes() for path in dataset.rglob("*") if path.is_file()} == before
     video = json.loads((tmp_path / "out.json").read_text())["video"]
     drawn, fitted = (row["rms_mm"] for row in video["errors"][:2])

@@ -208,3 +208,31 @@ def test_a_wrong_source_is_one_line_that_says_what_would_be_right(text: str) -> 
     with pytest.raises(LrmError, match=r"dtrack:PORT") as caught:
         open_tracker(text, NUMBERS)
     assert "\n" not in str(caught.value)
+
+
+def test_a_rest_has_the_mean_orientation_of_the_tool_against_the_base() -> None:
+    """Of frames with noise; none where the tracker sees positions only."""
+    rng = np.random.default_rng(0)
+    base, tool = Rotation.from_euler("xyz", [0.3, -0.5, 1.1]), Rotation.from_euler("xyz", [-1.0, 0.2, 2.0])
+    noise = Rotation.from_rotvec(rng.normal(scale=0.01, size=(200, 3)))
+    unknown = np.full((3, 3), np.nan)
+    rests = []
+    for seen in (True, False):
+        frames = [
+            TrackerFrame(
+                k, 0.01 * k,
+                {0: TargetPose(np.zeros(3), base.as_matrix()),
+                 1: TargetPose(rng.normal(scale=1e-4, size=3), (tool * turn).as_matrix() if seen else unknown)},
+            )
+            for k, turn in enumerate(noise)
+        ]  # fmt: skip
+        rests.append(rest_mean(frames, TargetNumbers()))
+    seen_rest, unseen = rests
+    assert isinstance(seen_rest, RestMean)
+    assert isinstance(unseen, RestMean)
+    assert seen_rest.rotation is not None
+    off = Rotation.from_matrix(seen_rest.rotation).inv() * (base.inv() * tool)
+    assert off.magnitude() < 4 * 0.01 * np.sqrt(3 / 200)
+    assert seen_rest.turn_sd == pytest.approx(0.01, rel=0.1)
+    assert unseen.rotation is None
+    assert unseen.turn_sd is None

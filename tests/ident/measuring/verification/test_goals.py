@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -12,8 +13,9 @@ import pytest
 from lrm_ident.design.workspace.voxel_grid import default_study, parse_area
 from lrm_ident.measuring.campaign.plan import PlannedPose
 from lrm_ident.measuring.campaign.run import PoseTiming, Unreachable
+from lrm_ident.measuring.tracker.dwell import RestMean
 from lrm_ident.measuring.verification.goal_commands import GoalCommand
-from lrm_ident.measuring.verification.goal_run import AttainedPosition, GoalRun, Verification
+from lrm_ident.measuring.verification.goal_run import AttainedPosition, GoalRun, Verification, angle_between
 from lrm_ident.measuring.verification.goals import ABOVE, PLACES, ROUNDS, TASK, PlacedGoal, goals_named
 from lrm_ident.measuring.verification.report import values, verification_document
 from lrm_ident.report.document import ResultTable
@@ -21,6 +23,7 @@ from lrm_math.arm.arm_file import load_arm
 from lrm_math.errors import LrmError
 
 ROVER = load_arm("lrm-rover")
+A = np.radians(2.0)
 FOLDED = (0.0, 1.5, 0.0, 0.0, 0.0, 0.0)
 
 
@@ -119,3 +122,29 @@ def test_an_arm_that_is_not_the_models_any_more_is_said(error: float, lines: int
     _, *said = verification_document(found, None).blocks
     assert len(said) == lines
     assert all("as the model predicts" in str(line) for line in said)
+
+
+def test_the_angle_between_tool_and_wish_stands_beside_the_distance(tmp_path: Path) -> None:
+    """The goals of a file have orientations; the tool is turned by 2 deg against each when it is there."""
+    path = tmp_path / "goals.csv"
+    path.write_text("x_mm,y_mm,z_mm,qw,qx,qy,qz\n300,0,200,0.707107,0,0.707107,0\n300,50,200,1,0,0,0\n")
+    goals = goals_named(str(path), ROVER, 0)
+    assert [None if one.rotation is None else one.rotation[0][0] for one in goals] == pytest.approx(
+        [0.0, 1.0], abs=1e-5
+    )
+    about_x = np.array([[1, 0, 0], [0, np.cos(A), -np.sin(A)], [0, np.sin(A), np.cos(A)]])
+    rests = [RestMean(np.array(g.position), 1e-4, 0.0, 30, np.array(g.rotation) @ about_x, 1e-3) for g in goals]
+    turns = [angle_between(goal, rest) for goal, rest in zip(goals, rests, strict=True)]
+    assert turns == pytest.approx([A, A], abs=1e-6)
+    found = Verification("m", "", tuple(replace(attained(k, "", 1e-3), turn=t) for k, t in enumerate(turns)), {})
+    told = verification_document(found, None)
+    assert "The tool is 2.00 deg RMS off the orientation of its goals." in told.blocks
+    assert [row["angle_deg"] for row in values(found)["goals"]] == pytest.approx([2.0, 2.0])
+    assert "angle_deg" not in values(replace(found, attained=(attained(1, "", 1e-3),)))["goals"][0]
+
+
+def test_an_orientation_of_another_length_is_one_line(tmp_path: Path) -> None:
+    path = tmp_path / "goals.csv"
+    path.write_text("x_mm,y_mm,z_mm,qw,qx,qy,qz\n300,0,200,2,0,0,0\n")
+    with pytest.raises(LrmError, match="the quaternion's length is 2"):
+        goals_named(str(path), ROVER, 0)

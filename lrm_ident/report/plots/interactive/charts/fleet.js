@@ -63,7 +63,7 @@ const lrmFleet = (() => {
     const arms = state.values.arms, done = order().map((number, column) => [arms[number], column]).filter(([a]) => a.nominal !== null);
     const lines = { x: done.flatMap(([, k]) => [k, k, null]), y: done.flatMap(([a]) => [a.nominal, a.held_out, null]), mode: "lines",
       line: { color: colour("line"), width: 1 }, hoverinfo: "skip", showlegend: false };
-    const before = { x: done.map(([, k]) => k), y: done.map(([a]) => a.nominal), mode: "markers", name: "as drawn", hoverinfo: "skip",
+    const before = { x: done.map(([, k]) => k), y: done.map(([a]) => a.nominal), mode: "markers", name: "nominal", hoverinfo: "skip",
       marker: { color: colour("line"), symbol: "circle-open", size: 6 } };
     const points = arms.flatMap((arm, number) => (arm.held_out === null ? [] : [[number, arm.held_out]]));
     const after = byLevel(points, () => ({ size: 7 })).map((one) => ({ ...one, name: "identified, held out" + (state.tag ? ": " + one.name : "") }));

@@ -2,7 +2,7 @@
 "use strict";
 function lrmSteps(page) {
   const { state, place, element, draw, words } = page;
-  const { colour, binned, at } = lrmChart, FIRST = ["estimate", "certainty", "empirical term", "acts most like"];
+  const { colour, binned, at } = lrmChart, FIRST = ["estimate", "certainty", "empirical term", "acts most like", "hidden at most"];
   const inMm = (value) => `${words(Number(value))}\u00a0mm`; // no line ends before its unit
   // The course of the error in one line; of an earlier step that is shown, where it stands in it.
   function tellFall() {
@@ -23,7 +23,7 @@ function lrmSteps(page) {
   // The verdict is of the model that is shown; the diagnosis of an earlier one says what led to the next step.
   function tellVerdict() {
     const box = place("verdict"), v = state.values, last = v.steps.length - 1, next = place("next");
-    if (next) next.textContent = state.step === last && v.next ? `Next: ${v.next}` : "";
+    if (next) next.replaceChildren(...(state.step === last ? following(v) : []));
     if (!box) return;
     const first = v.ranking.find((one) => one.verdict !== "no_evidence"), sketch = place("sketch");
     if (sketch) sketch.replaceChildren(...(first && state.step === last ? [lrmSketch(first.name)] : []));
@@ -31,6 +31,13 @@ function lrmSteps(page) {
     const own = state.step === last ? v.verdict : v.steps[state.step].verdict;
     const earlier = own ? `At step ${state.step}, before what came next: ${own}` : `Step ${state.step} of ${last} is shown; its diagnosis is not kept.`;
     box.textContent = state.step === last ? own : earlier;
+  }
+
+  // What to do next: in words, and as commands to copy.
+  function following({ next, commands }) {
+    const copied = commands.flatMap(([command, words], k) => [element("br", ""), k ? "or: " : "", element("code", command), ` ${words}`]);
+    const said = [next || commands.length ? `Next: ${next}` : "", ...copied];
+    return said.filter(Boolean);
   }
 
   // Labelled facts of the verdict that is shown: how sure it is first, the others folded.

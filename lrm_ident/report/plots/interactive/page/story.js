@@ -54,7 +54,7 @@ function lrmStory(page) {
       [story.noise_rms_mm === null ? "noise at most" : "measurement noise", noise]].filter(([, mm]) => mm !== null && mm !== undefined);
     list.append(...ends.map(([title, mm]) => row({ title, kind: "end", number: null, left: words(mm), left_mm: mm, before_mm: mm }, scale)));
     list.style.setProperty("--noise", noise === null ? "-10%" : 100 * Math.min(noise / scale, 1) + "%");
-    const what = `${story.held_out ? "held-out RMS" : "RMS on these data"}, mm. Pale: error that remains. Solid: error taken away.` +
+    const what = `${story.held_out ? "RMS error at poses that the fit did not use (held-out)" : "RMS error on these data"}, mm. Pale: error that remains. Solid: error taken away.` +
       (noise === null ? "" : " Dotted line: measurement noise.") + (scale < most ? " The bar of the nominal arm is cut short." : "");
     box.replaceChildren(list, element("p", what, "lrm-small lrm-soft"));
     lrmGlossary(box);

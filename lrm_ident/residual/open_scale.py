@@ -1,0 +1,53 @@
+"""Scale of the tracker that poses leave open: along all axes together it looks like longer links of the arm."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from lrm_ident.fitting.levenberg_marquardt import Fit
+from lrm_math.effects import ParameterRef
+from lrm_math.effects.tracker_errors import MeasurementFrame
+
+HALF = 0.5
+"""Share of its variance that the scale must owe to the lengths for a known length to decide it."""
+
+
+@dataclass(frozen=True)
+class OpenScale:
+    """Standard errors of the tracker's scale along all axes together.
+
+    `sd`: its own, a ratio. `at_tip`: of the deployed tip (m), RMS over the measured poses about their centre.
+    """
+
+    sd: float
+    at_tip: float
+
+    @property
+    def sentence(self) -> str:
+        """What stays open, and what would decide it."""
+        return (
+            f"known to ± {1e3 * self.sd:.2g} mm/m along all axes together, ± {1e3 * self.at_tip:.2g} mm at the "
+            "deployed tip: no pose distinguishes it from longer links. A known length does: measure some "
+            "distances, too (distance_mm), with a string or a ball bar."
+        )
+
+
+def open_scale(fitted: Fit) -> OpenScale | None:
+    """The scale of a model with a distorted tracker, where its lengths being uncertain makes it so; else None."""
+    free = [*map(ParameterRef.parse, fitted.model.free)]
+    scales = [row for row, one in enumerate(free) if one.id == MeasurementFrame.id and one.name.startswith("scale_")]
+    lengths = [
+        row for row, one in enumerate(free) if one.id == "offsets" and one.place != "base" and one.name.endswith("_mm")
+    ]
+    if not scales or not lengths:
+        return None
+    mean = np.isin(np.arange(len(free)), scales) / len(scales)
+    by_length, known = (fitted.covariance @ mean)[lengths], fitted.covariance[np.ix_(lengths, lengths)]
+    variance = float(mean @ fitted.covariance @ mean)
+    owed = float(by_length @ np.linalg.pinv(known, hermitian=True) @ by_length)
+    if variance <= 0.0 or owed < HALF * variance:
+        return None
+    apart = fitted.equilibrium.true_tcp - fitted.equilibrium.true_tcp.mean(axis=0)
+    return OpenScale(variance**0.5, (variance * float((apart**2).sum(axis=1).mean())) ** 0.5)

@@ -1,0 +1,97 @@
+"""Modes in which an arm's links swing behind its servos, at a posture: frequencies, damping, and what drives them.
+
+A joint with `swing` is a spring K between servo and link, damped by D. With z its deflections, θ the servos' angles and
+M(q) the links' inertia (Siciliano et al. 2009, 7.2; Spong 1987):
+
+    M_zz z̈ + D ż + K z = −M_zθ θ̈,    K φ = ω² M_zz φ,  φᵀ M_zz φ = 1,  2ζω = φᵀ D φ
+
+K and D follow from frequency and damping ratio of `swing`, which stand for the mean of all postures: a stretched arm
+swings more slowly than a folded one. Bodies are point masses with a radius of gyration of `GYRATION`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from lrm_math.arm.arm import Arm, JointLimits
+from lrm_math.arrays import Array
+from lrm_math.kinematics.chain import chain_of
+from lrm_math.kinematics.forward import chain_geometry
+from lrm_math.motion.effects import Swing
+from lrm_math.motion.motion_model import MotionModel
+
+GYRATION = 0.03
+"""m: of a body about its own centre; servo and bracket of hobby arms are 40 to 60 mm wide."""
+POSTURES = 64
+"""Over which the inertia is averaged."""
+
+
+@dataclass(frozen=True, eq=False)
+class Modes:
+    """k modes of n joints.
+
+    Attributes:
+        omega: (k,), rad/s. damping: (k,), ratios. shape: (n, k), deflections of the joints for modal coordinates.
+        driven: (k, n), modal coordinates of the servos' angles, whose acceleration drives the modes.
+    """
+
+    omega: Array
+    damping: Array
+    shape: Array
+    driven: Array
+
+    @property
+    def frequency(self) -> Array:
+        """(k,), Hz, of the damped swing."""
+        return np.asarray(self.omega * np.sqrt(np.maximum(1.0 - self.damping**2, 0.0)) / (2.0 * np.pi))
+
+    def deflections(self, servos: Array, h: float) -> Array:
+        """(M + 1, n), of the joints (rad), where the servos turn along (M + 1, n) at steps of h (s), from rest."""
+        coordinates = (servos @ self.driven.T)[:, None]
+        swung = Swing.swung(coordinates, self.omega[None], self.damping[None], h)
+        return np.asarray((swung - coordinates)[:, 0] @ self.shape.T)
+
+
+def modes_at(model: MotionModel, q: Array, payload: float = 0.0) -> Modes | None:
+    """The modes at a posture q (n,), rad, with a payload (kg); None where no joint swings."""
+    soft = [effect for effect in model.effects if isinstance(effect, Swing)]
+    if not soft:
+        return None
+    joints = [effect.joint for effect in soft]
+    omega = np.array([2.0 * np.pi * model.values[effect.keys[0]] for effect in soft])
+    ratio = np.array([model.values[effect.keys[1]] for effect in soft])
+    mean = np.diag(mean_inertia(model.arm))[joints]
+    led = links_inertia(model.arm, q[None], payload)[0][joints]
+    root = np.linalg.inv(np.linalg.cholesky(led[:, joints]))
+    squares, turned = np.linalg.eigh((root * (omega**2 * mean)) @ root.T)
+    phi = root.T @ turned
+    own = np.sqrt(np.maximum(squares, 0.0))
+    braked = np.sum(phi**2 * (2.0 * ratio * omega * mean)[:, None], axis=0)
+    shape = np.zeros((len(q), len(joints)))
+    shape[joints] = phi
+    return Modes(own, braked / (2.0 * own), shape, phi.T @ led)
+
+
+def mean_inertia(arm: Arm) -> Array:
+    """(n, n), mean of the links' inertia over postures spread within the joints' limits (kg m²)."""
+    lower, upper = (np.array(side) for side in (JointLimits.of(arm).lower, JointLimits.of(arm).upper))
+    spread = np.random.default_rng(0).uniform(size=(POSTURES, arm.dof))
+    return np.asarray(links_inertia(arm, lower + spread * (upper - lower)).mean(axis=0))
+
+
+def links_inertia(arm: Arm, q: Array, payload: float = 0.0) -> Array:
+    """(N, n, n), kg m², of the links about the joints at postures (N, n), rad, with a payload (kg)."""
+    chain = chain_of(arm)
+    geometry = chain_geometry(chain, chain.values(list(q.T)), len(q))
+    out = np.zeros((len(q), arm.dof, arm.dof))
+    slots = list(chain.joint_slots)
+    axis, origin = (x[slots].transpose(2, 0, 1) for x in (geometry.axis, geometry.origin))
+    for number, body in enumerate(chain.bodies):
+        mass = body.mass + (payload if body.carries_payload else 0.0)
+        moved = np.array([chain.moved[slot] <= number for slot in slots])[:, None]
+        lever = np.cross(axis, geometry.body[number].T[:, None] - origin) * moved
+        turned = GYRATION * axis * moved
+        out += mass * (lever @ lever.transpose(0, 2, 1) + turned @ turned.transpose(0, 2, 1))
+    return out

@@ -1,0 +1,160 @@
+"""Shaped moves: the same way and the same step at most, no stop is delayed, and nothing without a motion model."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from lrm_math.errors import FileError
+from lrmd.config import load_config
+from lrmd.control.known_motion import KnownMotion
+from lrmd.control.state_machine import Mode
+from lrmd.errors import RequestError
+from lrmd.messages.control import HoldRequest, MoveRequest
+from lrmd.messages.surroundings import ContactEntry
+from lrmd.ramp.shared_memory import RampFault, RampOrder
+from lrmd.ramp.stepping import MOST_DELAY, SHARES, Pace, move, valid_impulses
+from tests.daemon.control.test_motion_laws import armed, commanded, keep
+from tests.support.daemon.in_memory_daemon import CONFIG, SimulatedDaemon, config_at
+from tests.support.motion_models import swinging, write_motion_model
+
+MODEL = swinging(joint1=(3.0, 0.03), joint2=(4.0, 0.05))
+GOAL = {"joint1": 0.5, "joint2": -0.3}
+TOUCH = ContactEntry(first="tool", second="table", low_m=[-1.0] * 3, high_m=[1.0] * 3)
+impulses = st.lists(st.tuples(st.integers(0, MOST_DELAY), st.integers(1, 200)), min_size=1, max_size=20).map(
+    lambda rows: (*rows[:-1], (rows[-1][0], SHARES - sum(share for _, share in rows[:-1])))
+)
+pulses = st.lists(st.integers(500_000, 2_500_000), min_size=3, max_size=3)
+
+
+@pytest.fixture
+def sim(tmp_path) -> SimulatedDaemon:
+    config = config_at(330.0, tmp_path)
+    sim = SimulatedDaemon(config)
+    sim.core.motion = KnownMotion(config, MODEL)
+    sim.run(30)
+    return sim
+
+
+@given(pulses, pulses, st.lists(st.integers(1, 1000), min_size=3, max_size=3), st.sampled_from(Pace), impulses)
+def test_no_tick_of_a_shaped_move_is_longer_and_it_ends_where_the_move_ends(start, target, stride, pace, shape) -> None:
+    assert valid_impulses(shape)
+    shaped, plain = move(start, target, stride, pace, shape), move(start, target, stride, pace)
+    if plain.length:
+        assert shaped.length == plain.length + max(delay for delay, _ in shape)
+    ticks = np.unique(np.linspace(0, shaped.length, 200).astype(int))
+    for k in ticks[:-1]:
+        steps = [abs(b - a) for a, b in zip(shaped.at(int(k)), shaped.at(int(k) + 1), strict=True)]
+        assert all(step <= most for step, most in zip(steps, stride, strict=True))
+    assert shaped.at(0) == tuple(start)
+    assert shaped.at(shaped.length) == tuple(target)
+
+
+@given(pulses, pulses, impulses)
+def test_a_shaped_move_takes_the_way_of_the_move(start, target, shape) -> None:
+    """Together: all servos have the same share of their way behind them, to the ns."""
+    shaped = move(start, target, (1000,) * 3, Pace.TOGETHER, shape)
+    way = np.array(target) - np.array(start)
+    longest = int(np.argmax(np.abs(way)))
+    if not way[longest]:
+        return
+    for k in np.linspace(0, shaped.length, 50).astype(int):
+        here = np.array(shaped.at(int(k))) - np.array(start)
+        np.testing.assert_allclose(here, way * (here[longest] / way[longest]), atol=2.0)
+
+
+def test_a_move_that_stays_takes_no_time() -> None:
+    assert move((1,) * 3, (1,) * 3, (1000,) * 3, Pace.TOGETHER, ((0, SHARES // 2), (9, SHARES // 2))).length == 0
+
+
+@pytest.mark.parametrize("shape", [((0, SHARES - 1),), ((0, SHARES), (1, 0)), ((MOST_DELAY + 1, SHARES),)])
+def test_impulses_that_are_none_are_refused_by_the_ramp(sim: SimulatedDaemon, shape) -> None:
+    armed(sim)
+    assert not valid_impulses(shape)
+    delay, share = zip(*((*shape, (0, 1)) if shape[-1][1] == 0 else shape), strict=True)
+    order = replace(sim.order, number=sim.order.number + 1, target=sim.ramp.position, delay=delay, share=share)
+    sim.ramp._check_order(RampOrder.unpack(order.pack()), sim.now)
+    assert not sim.ramp.order_accepted
+    assert sim.ramp.fault is RampFault.REFUSED
+
+
+def test_a_shaped_move_arrives_when_it_says_and_is_longer_by_its_shaper(sim: SimulatedDaemon) -> None:
+    token = armed(sim)
+    plain = sim.core.handle(MoveRequest(lease=token, waypoints=[GOAL], shaping="off"), sim.now)
+    keep(sim, token, int(plain.seconds / 0.0065) + 30)
+    sim.core.handle(MoveRequest(lease=token, waypoints=[{"joint1": 0.0, "joint2": 0.0}]), sim.now)
+    keep(sim, token, int(plain.seconds / 0.0065) + 30)
+    shaped = sim.core.handle(MoveRequest(lease=token, waypoints=[GOAL], shaping="zv"), sim.now)
+    assert plain.seconds + 0.1 < shaped.seconds < plain.seconds + 0.6
+    keep(sim, token, int(shaped.seconds / 0.0065) - 10)
+    assert sim.core.mode is Mode.MOVING
+    keep(sim, token, 40)
+    assert sim.core.mode is Mode.ARMED
+    assert commanded(sim, 1) == pytest.approx(0.5, abs=1e-6)
+    known = sim.core.motion
+    assert known is not None
+    assert known.settle_s(shaped.arrival) < 0.5 * known.settle_s(plain.arrival)
+
+
+def test_a_hold_and_an_emergency_stop_end_a_shaped_move_at_once(sim: SimulatedDaemon) -> None:
+    token = armed(sim)
+    for stop in ("hold", "estop"):
+        sim.core.handle(
+            MoveRequest(lease=token, waypoints=[{"joint1": 1.0 if stop == "hold" else 0.0}], shaping="zvdd"), sim.now
+        )
+        keep(sim, token, 100)
+        assert sim.ramp.moving
+        if stop == "hold":
+            sim.core.handle(HoldRequest(), sim.now)
+            sim.order = sim.core.order
+            keep(sim, token, 2)
+            assert not sim.ramp.moving
+            there = commanded(sim, 1)
+            keep(sim, token, 50)
+            assert commanded(sim, 1) == there
+        else:
+            sim.estop_requested = True
+            sim.core.estop(sim.now, "test")
+            sim.run(2)
+            assert all(pulse is None for pulse in sim.outputs.values())
+
+
+def test_each_at_its_own_rate_and_contacts_are_not_shaped(sim: SimulatedDaemon) -> None:
+    token = armed(sim)
+    request = MoveRequest(lease=token, waypoints=[GOAL], pace="each", shaping="zv")
+    assert sim.core.handle(request, sim.now).arrival.move.impulses == ()
+    keep(sim, token, 30)
+    touching = MoveRequest(lease=token, waypoints=[GOAL], may_touch=[TOUCH], shaping="zv")
+    with pytest.raises(RequestError, match="not shaped"):
+        sim.core.handle(touching, sim.now)
+
+
+def test_without_a_motion_model_nothing_is_shaped_nor_predicted(sim: SimulatedDaemon) -> None:
+    token = armed(sim)
+    sim.core.motion = None
+    with pytest.raises(RequestError, match="motion model"):
+        sim.core.handle(MoveRequest(lease=token, waypoints=[GOAL], shaping="zv"), sim.now)
+    assert sim.core.handle(MoveRequest(lease=token, waypoints=[GOAL]), sim.now).arrival.move.impulses == ()
+
+
+def configured(tmp_path, lines: str):
+    path = tmp_path / "lrmd.toml"
+    path.write_text(CONFIG.read_text() + lines)
+    return load_config(path)
+
+
+def test_the_configuration_names_a_model_of_this_arm(tmp_path) -> None:
+    config = load_config(CONFIG)
+    assert KnownMotion.of(config) is None
+    with pytest.raises(FileError, match="needs a model"):
+        configured(tmp_path, '\n[motion]\nshaping = "zv"\n')
+    model = write_motion_model(MODEL, tmp_path / "motion.toml")
+    config = configured(tmp_path, f'\n[motion]\nmodel = "{model}"\nshaping = "zv"\n')
+    assert KnownMotion.of(config) is not None
+    model.write_text(model.read_text().replace("lrm-rover", "lrm-lab"))
+    with pytest.raises(FileError, match="lrm-lab"):
+        KnownMotion.of(config)

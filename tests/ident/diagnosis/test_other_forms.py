@@ -1,0 +1,198 @@
+"""The second catalogue: its effects do what they say, its data are as asked for, and its table counts rightly."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from lrm_math.arm.arm_file import load_arm as load_tool_arm
+from lrm_math.effects import CATALOGUE
+from validation.hidden_effects.case import Case
+from validation.hidden_effects.catalogue import EVERY, PARTS, UNFAMILIAR
+from validation.hidden_effects.data import ARM_FILE, dataset, unseen
+from validation.hidden_effects.outcome import Outcome
+from validation.hidden_effects.tables import faults, memories, section
+from validation.synthetic import (
+    CreepingJoint,
+    DahlLoop,
+    GroundTruth,
+    HardStop,
+    HingedLink,
+    LinkBending,
+    StickSlip,
+    TwoStageWarmUp,
+    UnequalPlay,
+    even_schedule,
+    load_arm,
+)
+from validation.synthetic.hidden_effect import CommandedPoses, EndLoad, HiddenEffect, JointLoad
+from validation.synthetic.screws import Array
+
+
+def joint_load(q: Array, tau: Array) -> JointLoad:
+    """One moving joint of the lab arm, a pose every 15 s."""
+    plan = even_schedule(len(q), 6)
+    turned = np.zeros((len(q), 6))
+    turned[:, 0] = q
+    side = np.sign(np.diff(turned, axis=0, prepend=0.0))
+    poses = CommandedPoses(load_arm(ARM_FILE), turned, side, plan.time_s, plan.session, np.zeros(len(q)))
+    torque = np.zeros((len(q), 6))
+    torque[:, 0] = tau
+    return JointLoad(poses, torque)
+
+
+def angle_error(effect: HiddenEffect, q: Array, tau: Array | None = None) -> Array:
+    return np.asarray(effect.added_angles(joint_load(q, np.zeros(len(q)) if tau is None else tau))[:, 0])
+
+
+def test_unequal_play_has_two_widths() -> None:
+    found = angle_error(UnequalPlay(1, 0.02, 0.005, 0.03), np.zeros(3), np.array([5.0, 0.0, -5.0]))
+    np.testing.assert_allclose(found, [0.02, 0.0, -0.005])
+
+
+@given(st.integers(0, 2**32 - 1))
+@settings(max_examples=20)
+def test_friction_lags_behind_the_last_move_within_its_width(seed: int) -> None:
+    q = np.random.default_rng(seed).uniform(-1.5, 1.5, 30)
+    side = np.sign(np.diff(q, prepend=0.0))
+    dahl, slip = angle_error(DahlLoop(1, 0.02, 0.3), q), angle_error(StickSlip(1, 0.02, 0.01, 0.0), q)
+    assert np.abs(dahl).max() <= 0.01
+    far = np.abs(np.diff(q, prepend=0.0)) > 0.1
+    np.testing.assert_allclose(slip[far], -0.01 * side[far])
+    assert (dahl[far] * side[far] < 0.005).all()
+
+
+def test_a_joint_sticks_in_small_moves() -> None:
+    q = np.array([0.5, 0.505, 0.51, 0.9])
+    np.testing.assert_allclose(angle_error(StickSlip(1, 0.025, 0.01, 0.0), q), [-0.01, -0.015, -0.02, -0.01])
+
+
+def test_creep_follows_a_step_with_its_time_constant() -> None:
+    tau = np.array([0.0, 0.0, 1.0, 1.0, 1.0])
+    found = angle_error(CreepingJoint(1, 0.1, 15.0), np.zeros(5), tau)
+    np.testing.assert_allclose(found, [0.0, 0.0, *(0.1 * (1.0 - np.exp([-1.0, -2.0, -3.0])))])
+
+
+def test_a_stop_lets_only_a_share_pass() -> None:
+    found = angle_error(HardStop(1, 1, 1.0, 0.7, 1e-6), np.array([0.5, 1.0, 1.5]))
+    np.testing.assert_allclose(found, [0.0, 0.0, -0.15], atol=1e-6)
+
+
+def test_two_stages_warm_up_to_their_sum_and_cool_in_a_break() -> None:
+    load = joint_load(np.zeros(1000), np.zeros(1000))
+    broken = replace(load.poses, time_s=load.poses.time_s + 1e6 * (np.arange(1000) == 999))
+    cold = replace(broken, session=1.0 + (np.arange(1000) == 999))
+    found = TwoStageWarmUp(1, (0.01, 0.02), (100.0, 900.0)).added_angles(JointLoad(cold, load.tau_nm))[:, 0]
+    assert found[998] == pytest.approx(0.03, rel=1e-4)
+    assert found[999] == pytest.approx(0.0, abs=1e-12)
+
+
+def test_a_hinge_at_the_end_is_a_short_stiff_end_and_at_the_root_a_lever() -> None:
+    """Independent: the beam formula with all its compliance in a short piece at the root."""
+    load = joint_load(np.zeros(4), np.zeros(4))
+    rng = np.random.default_rng(0)
+    end = EndLoad(load.poses, 2, rng.normal(size=(4, 3)), rng.normal(size=(4, 3)))
+    at_end = HingedLink(2, 0.0, (0.1, 0.1)).link_deflection(end)
+    np.testing.assert_allclose(at_end[:, 3:], 0.0)
+    np.testing.assert_allclose(at_end[:, :2], 0.1 * end.moment_nm[:, :2])
+    short = 1e-6
+    at_root = HingedLink(2, 0.1, (0.1, 0.1)).link_deflection(end)
+    arm = np.array([0.0, 0.0, 0.1])
+    at_hinge = EndLoad(load.poses, 2, end.moment_nm + np.cross(arm, end.force_n), end.force_n)
+    beam = LinkBending(2, short, (short / 0.1, short / 0.1)).link_deflection(at_hinge)
+    np.testing.assert_allclose(at_root[:, :3], beam[:, :3], atol=1e-6)
+    np.testing.assert_allclose(at_root[:, 3:], beam[:, 3:] + np.cross(beam[:, :3], arm), atol=1e-6)
+
+
+@pytest.mark.parametrize("name", sorted({case.arm for case in UNFAMILIAR.values()}))
+def test_arms_are_read_alike_by_generator_and_tool(name: str) -> None:
+    path = next(case for case in UNFAMILIAR.values() if case.arm == name).arm_file
+    arm, tool = load_arm(path), load_tool_arm(str(path))
+    assert len(arm.links) == tool.dof
+    assert sum(body.mass_kg for body in arm.bodies) == pytest.approx(sum(body.mass for body in tool.bodies))
+
+
+def test_the_halves_share_no_case_and_name_only_effects_of_the_tool() -> None:
+    halves = {half: [c for c in UNFAMILIAR.values() if c.part == half] for half in ("tune", "report")}
+    assert min(len(cases) for cases in halves.values()) >= 25
+    shared = {case.name for case in halves["tune"]} & {case.name for case in halves["report"]}
+    assert shared <= {"nothing"}
+    known = {kind.id for kind in CATALOGUE}
+    for case in UNFAMILIAR.values():
+        for right in case.truths or ():
+            assert {name.partition("@")[0] for name in right} <= known
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["play2, outliers/tune", "shaft2, five levels/tune", "nothing, one load/tune"])
+def test_data_are_as_the_case_asks(name: str) -> None:
+    case = UNFAMILIAR[name]
+    data, again = dataset(case, 0, 60), dataset(case, 0, 60)
+    np.testing.assert_array_equal(data.tcp_m, again.tcp_m)
+    assert set(data.payload_kg) <= set(case.loads_kg)
+    if case.levels_deg:
+        assert set(np.round(np.degrees(data.q_rad), 6).reshape(-1)) <= set(case.levels_deg)
+    clean = dataset(replace(case, outliers=0.0), 0, 60)
+    moved = np.linalg.norm(data.tcp_m - clean.tcp_m, axis=1)
+    assert (moved > 0.004).sum() == (moved > 0.0).sum() == round(60 * case.outliers)
+    assert not np.array_equal(unseen(case, 0, 60).q_rad, data.q_rad)
+
+
+def test_counts_of_a_run() -> None:
+    one, two = "unequal-play2/tune", "unequal-play2+gear1/tune"
+    right = Outcome(one, 0, (("backlash@joint2",),), "nothing_missing", 1.05, findings=(True,))
+    in_class = Outcome(one, 0, (("mass@link2", "backlash@joint2"),), "nothing_missing", 1.3, findings=(True,))
+    names = (("backlash@joint2",), ("mass@link2",), ("compliance@joint5",))
+    false = Outcome(one, 0, names, "", 1.02, findings=(True, True, True))
+    described = replace(false, findings=(True, False, True))
+    half = Outcome(two, 0, (("backlash@joint2",),), "unexplained_structure", 3.0, findings=(True,))
+    failed = Outcome(one, 0, trouble="CommandFailed")
+    assert right.all_named and in_class.all_named and false.all_named  # noqa: PT018
+    assert not half.all_named
+    assert half.truths_named == 1
+    assert not failed.all_named
+    assert [bool(one.false_names) for one in (right, in_class, false, half)] == [False, False, True, False]
+    assert [one.false_findings for one in (right, in_class, false, described)] == [(), (), ("mass@link2",), ()]
+    assert [one.wrong_form for one in (right, in_class, false, half)] == [False, True, False, False]
+    assert [one.falsely_content for one in (right, in_class, half)] == [False, True, False]
+    text = section([right, false, half, failed], "tune", 300, 1)
+    assert "mass@link2 ×1" in text
+    assert "| one effect | 3 | 2 (67 %) | 1 (33 %) | 1 (33 %) |" in text
+
+
+def test_nothing_hidden_is_the_bare_arm() -> None:
+    case: Case = UNFAMILIAR["nothing/tune"]
+    assert case.build(load_arm(ARM_FILE), 0) == ()
+    assert GroundTruth.nominal(load_arm(ARM_FILE)).effects == ()
+    assert Path(case.arm_file) == ARM_FILE
+
+
+def test_faults_and_memories_are_counted() -> None:
+    """A false name of a fault is one whose class is not right; a world with a memory is right by its first name."""
+    of, right = "the board's clock is wrong/faults", ("common_gain@servos",)
+    named = Outcome(of, 0, (right,), "nothing_missing", 1.0, findings=(True,), right=right)
+    wrong = Outcome(of, 1, (("backlash@joint2",),), "nothing_missing", 1.0, findings=(False,), right=right)
+    quiet = Outcome("healthy/faults", 0, verdict="nothing_missing", ratio=1.3, right=())
+    assert [one.honest for one in (named, wrong, quiet)] == [True, False, True]
+    assert [one.honest_findings for one in (named, wrong, quiet)] == [True, True, True]
+    text = faults([named, wrong, quiet])
+    assert "| faulty | 2 | 1 (50 %) | 0 (0 %) | 1 (50 %) | 2 (100 %) | 2 (100 %) |" in text
+    assert "! (backlash@joint2) ×1" in text
+    slipped = Outcome(
+        "slip2/memory", 0, (("slip@joint2",),), "", 1.1, findings=(True,), right=("slip@joint2",), z=(0.5,)
+    )
+    idle = Outcome("nothing, even/memory", 0, (("offsets@joint2",),), "", 1.2, findings=(True,), right=())
+    text = memories([slipped, idle])
+    assert "| written before | 1 | 1 | 1 | 0 | +0.5 |" in text
+    assert "| nothing hidden | 1 | 1 | 0 | 0 | – |" in text
+
+
+def test_every_case_has_a_key_of_its_own_and_a_part() -> None:
+    assert sum(map(len, PARTS.values())) == len(EVERY)
+    assert all(PARTS.values())
+    assert all(EVERY[key].key == key for key in EVERY)

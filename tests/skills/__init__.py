@@ -1,0 +1,1 @@
+"""The daemon's skills as states of state machines."""

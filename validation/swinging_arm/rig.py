@@ -1,0 +1,173 @@
+"""Daemon, ramp, board and a swinging arm in one process on a simulated clock; a tracker beside them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from tempfile import mkdtemp
+
+import numpy as np
+
+from lrm_ident.measuring.campaign.data_file import ArmState
+from lrm_ident.measuring.campaign.plan import PlannedPose
+from lrm_ident.measuring.tracker.frames import TargetPose, TrackerFrame
+from lrm_math.arm.arm import Arm
+from lrm_math.arrays import Array
+from lrm_math.kinematics.chain import chain_of
+from lrm_math.kinematics.forward import chain_geometry
+from lrm_math.model.model import model_of
+from lrm_math.motion.motion_model import MotionModel, effect_of
+from lrmd.config import Config
+from lrmd.control.known_motion import KnownMotion
+from lrmd.control.state_machine import Mode
+from lrmd.messages.control import ArmRequest, LeaseRequest, MoveRequest
+from lrmd.sim.arm import SimulatedArm
+from lrmd.sim.swing import JointSpring, inertia
+from tests.support.daemon.in_memory_daemon import SimulatedDaemon, config_at
+
+SPRINGS = {
+    "joint1": JointSpring(6.0, 0.024),
+    "joint2": JointSpring(20.0, 0.07),
+    "joint4": JointSpring(8.0, 0.022),
+}
+"""4 to 6 Hz, 5 % of critical damping."""
+SERVO_HZ, SERVO_RATIO = 14.0, 1.32
+"""Second-order response like the simulated servos' exponential approach with 0.03 s."""
+FRAME_TICKS, NOISE_M = 2, 0.0003
+"""Ticks between frames of the tracker, 13 ms, and standard deviation of a frame per axis."""
+RENEW_TICKS, POSTURES = 15, 500
+
+
+def known_model(arm: Arm, off: float = 0.0) -> MotionModel:
+    """A motion model that knows the springs; `off`: relative error of its frequencies."""
+    chain, rng = chain_of(arm), np.random.default_rng(0)
+    lower, upper = (np.array([getattr(joint, side) for joint in arm.joints]) for side in ("lower", "upper"))
+    M = np.mean([np.diag(inertia(chain, rng.uniform(lower, upper), 0.0)) for _ in range(POSTURES)], axis=0)
+    model = MotionModel.nominal(arm)
+    servo = {"frequency_Hz": SERVO_HZ, "damping_ratio": SERVO_RATIO, "b_rad": 0.0}
+    model = replace(model, values={key: servo[key.split(".")[-1]] for key in model.values})
+    for place, spring in SPRINGS.items():
+        effect = effect_of(arm, f"swing@{place}")
+        omega, J = np.sqrt(spring.stiffness / M[effect.joint]), M[effect.joint]
+        own = dict(
+            zip(effect.keys, (omega / 2.0 / np.pi * (1.0 + off), spring.damping / (2.0 * omega * J)), strict=True)
+        )
+        kept = {key: v for key, v in model.values.items() if key.split(".")[1] == place}
+        model = model.with_joint((*model.of_joint(effect.joint), effect), {**kept, **own}, {})
+    return model
+
+
+@dataclass
+class SwingingRover:
+    """A daemon with a motion model and an arm that swings; also `CampaignArm`, `Tracker` and `Clock` of a campaign."""
+
+    pwm_hz: float
+    shaping: str = "off"
+    within_mm: float = 0.5
+    off: float = 0.0
+    dead_band: float | None = None
+    seed: int = 0
+    session: int = 1
+    settle_s: float | None = None
+    number: int = 0
+    config: Config = field(init=False)
+
+    def __post_init__(self) -> None:
+        config = config_at(self.pwm_hz, Path(mkdtemp()))
+        motion = config.motion.model_copy(update={"within_mm": self.within_mm})
+        self.config = replace(config, motion=motion)
+        self.arm, self.rng = self.config.arm, np.random.default_rng(self.seed)
+        self.daemon = SimulatedDaemon(self.config)
+        self.known = KnownMotion(self.config, known_model(self.arm, self.off))
+        self.daemon.core.motion = self.known
+        channels = {s.name: s.channel for s in self.config.servos if s.name in self.arm.joint_names}
+        self.links = SimulatedArm(model_of(self.arm, ()), channels, dead_band=self.dead_band, springs=SPRINGS)
+        self.daemon.run(30)
+        self.token = self.daemon.core.handle(
+            LeaseRequest(action="acquire", holder="x", take=True), self.daemon.now
+        ).lease.token
+        zero = dict.fromkeys(self.arm.joint_names, 0.0)
+        self.daemon.core.handle(ArmRequest(lease=self.token, where="given", q_rad=zero), self.daemon.now)
+        self.pass_ticks(2000)
+
+    @property
+    def tick_s(self) -> float:
+        """s."""
+        return self.config.tick * 1e-9
+
+    def pass_ticks(self, count: int) -> None:
+        """Time passes, the lease is kept."""
+        daemon = self.daemon
+        for _ in range(count):
+            if daemon.ticks % RENEW_TICKS == 0:
+                daemon.core.handle(LeaseRequest(action="renew", lease=self.token), daemon.now)
+            daemon.tick()
+            self.links.advance(daemon.board.chip, daemon.now)
+
+    def tips(self, ticks: int) -> Array:
+        """(ticks, 3), m: where the tip is after each of the next ticks."""
+        angles = []
+        for _ in range(ticks):
+            self.pass_ticks(1)
+            angles.append(self.links.link_angles)
+        return tip_of(self.arm, np.array(angles))
+
+    def move(self, q: Array) -> tuple[float, float]:
+        """Moves there; how long that should take, and how long the tip should then swing (s)."""
+        goal = dict(zip(self.arm.joint_names, q.tolist(), strict=True))
+        core = self.daemon.core
+        self.daemon.settle()
+        told = core.handle(MoveRequest(lease=self.token, waypoints=[goal], shaping=self.shaping), self.daemon.now)
+        assert told.arrival is not None
+        assert told.seconds is not None
+        while core.mode is not Mode.MOVING or not self.daemon.ramp.moving:
+            self.pass_ticks(1)
+        while self.daemon.ramp.moving:
+            self.pass_ticks(1)
+        return told.seconds, self.known.settle_s(told.arrival)
+
+    # ---- parts of a campaign
+
+    def go(self, pose: PlannedPose) -> ArmState:
+        """See `CampaignArm`."""
+        _, self.settle_s = self.move(np.array(pose.q))
+        self.pass_ticks(4)
+        return ArmState(pose.q, (1,) * self.arm.dof, 30.0, 1)
+
+    def commanded(self) -> tuple[float, ...]:
+        """See `CampaignArm`."""
+        return tuple(self.daemon.core.angles(self.daemon.ramp.position)[: self.arm.dof])
+
+    def disturbed(self) -> str:
+        """See `CampaignArm`."""
+        return ""
+
+    def too_warm(self) -> str:
+        """See `CampaignArm`."""
+        return ""
+
+    def change_payload(self, payload: float) -> None:
+        """See `CampaignArm`."""
+
+    def frames(self, seconds: float) -> list[TrackerFrame]:
+        """See `Tracker`."""
+        out = []
+        for tip in self.tips(round(seconds / self.tick_s))[::FRAME_TICKS]:
+            self.number += 1
+            seen = tip + self.rng.normal(scale=NOISE_M, size=3)
+            out.append(TrackerFrame(self.number, self.now(), {1: TargetPose(seen, np.eye(3))}))
+        return out
+
+    def now(self) -> float:
+        """See `Clock`."""
+        return self.daemon.now * 1e-9
+
+    def sleep(self, seconds: float) -> None:
+        """See `Clock`."""
+        self.pass_ticks(max(0, round(seconds / self.tick_s)))
+
+
+def tip_of(arm: Arm, q: Array) -> Array:
+    """(N, 3), m, of rigid links at angles (N, n), rad."""
+    chain = chain_of(arm)
+    return np.asarray(chain_geometry(chain, chain.values(list(q.T)), len(q)).tcp.T)
