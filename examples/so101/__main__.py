@@ -14,12 +14,12 @@ import time
 from contextlib import ExitStack, closing
 from pathlib import Path
 
-from examples.so101.command_line import OneLineParser
 from examples.so101.follower_calibration import write_calibration
 from examples.so101.hidden_arm import ARM_FILE, BUSES, HIDDEN, NAMED, HiddenSo101, hidden_truth
 from lrm_math.errors import LrmError, UnknownName
 from lrmd.ramp.process import MonotonicClock
 from lrmd.sim.control_socket import ControlServer, QueryReply
+from lrmd.sim.process import OneLineParser
 from lrmd.sim.pty_port import PtyPort
 from lrmd.sim.simulation import SECOND
 from validation.synthetic import load_arm
@@ -105,9 +105,9 @@ def main() -> None:
     """Entry point: bad input is one line on stderr and exit code 2."""
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, lambda *_: sys.exit(0))
-    given = parser().parse_args()
-    parent = os.getppid() if given.end_with_parent else None
     try:
+        given = parser().parse_args()
+        parent = os.getppid() if given.end_with_parent else None
         if given.calibration is not None:
             write_calibration(given.calibration)
         run(given.link, given.effect, given.seed, given.speed, given.kind, parent)

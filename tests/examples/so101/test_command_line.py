@@ -20,8 +20,10 @@ def test_help_names_every_value() -> None:
     code, said, _ = run_command("--help", program=program.main)
     assert code == 0
     assert all(name in said for name in (*HIDDEN, *BUSES, "SEED", "SPEED", "--calibration"))
-    assert "LINK PORT SEED" in stderr_of(program=tracker.main)
-    assert "LINK EFFECT SEED" in stderr_of("so101", "friction", "one", program=program.main)
+    assert "LINK, PORT, SEED; see python -m examples.so101.tracker --help" in stderr_of(program=tracker.main)
+    assert "SEED: invalid int value: 'one'; see python -m examples.so101 --help" in stderr_of(
+        "so101", "friction", "one", program=program.main
+    )
     assert "valid: play, friction, gain" in stderr_of("so101", "sag", "1", program=program.main)
 
 
