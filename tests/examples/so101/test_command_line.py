@@ -21,9 +21,8 @@ def test_help_names_every_value() -> None:
     assert code == 0
     assert all(name in said for name in (*HIDDEN, *BUSES, "SEED", "SPEED", "--calibration"))
     assert "LINK, PORT, SEED; see python -m examples.so101.tracker --help" in stderr_of(program=tracker.main)
-    assert "SEED: invalid int value: 'one'; see python -m examples.so101 --help" in stderr_of(
-        "so101", "friction", "one", program=program.main
-    )
+    said = stderr_of("so101", "friction", "one", program=program.main)
+    assert "SEED: invalid int value: 'one'; see python -m examples.so101 --help" in said
     assert "valid: play, friction, gain" in stderr_of("so101", "sag", "1", program=program.main)
 
 
