@@ -19,7 +19,17 @@ SPEED = 10.0
 def simulated_so101(folder: Path, effect: str, seed: int, kind: str = "feetech") -> Iterator[Path]:
     """Runs the bus; yields its serial device. Raises `LrmError`."""
     link = folder / "so101"
-    words = [sys.executable, "-m", "examples.so101", str(link), effect, str(seed), str(SPEED), kind]
+    words = [
+        sys.executable,
+        "-m",
+        "examples.so101",
+        str(link),
+        effect,
+        str(seed),
+        str(SPEED),
+        kind,
+        "--end-with-parent",
+    ]
     process = subprocess.Popen(words, stdout=subprocess.PIPE, text=True)
     try:
         assert process.stdout is not None

@@ -26,7 +26,9 @@ from examples.demo.simulated_tracker import (
     in_room,
 )
 from lrm_ident.measuring.tracker.frames import TrackerFrame
+from lrm_math.errors import LrmError
 from lrmd.sim.control_socket import ControlError, query_board
+from lrmd.sim.process import OneLineParser
 
 
 def frames(link: Path, seed: int) -> Iterator[TrackerFrame]:
@@ -44,8 +46,18 @@ def frames(link: Path, seed: int) -> Iterator[TrackerFrame]:
 
 
 def main() -> None:
-    """Sends frames."""
-    link, port, seed = Path(sys.argv[1]), int(sys.argv[2]), int(sys.argv[3])
+    """Sends frames. A wrong command line is one line on stderr and exit code 2."""
+    usage = "python -m examples.so101.tracker LINK PORT SEED"
+    parser = OneLineParser("python -m examples.so101.tracker", usage, "A tracker beside the simulated SO-101.")
+    parser.add_argument("link", metavar="LINK", type=Path, help="device of the simulated arm, such as /tmp/so101")
+    parser.add_argument("port", metavar="PORT", type=int, help="to which it sends: 5000 for --tracker dtrack:5000")
+    parser.add_argument("seed", metavar="SEED", type=int, help="whole number that draws its noise")
+    try:
+        given = parser.parse_args()
+    except LrmError as error:
+        print(f"error: {error}", file=sys.stderr)
+        sys.exit(2)
+    link, port, seed = given.link, given.port, given.seed
     sender = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
     with suppress(ControlError, KeyboardInterrupt):
         for frame in frames(link, seed):

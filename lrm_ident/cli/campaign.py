@@ -109,6 +109,9 @@ def measure(
         if motion is not None:
             timing = _settled(motion, link.arm, plan, timing, speed)
         notice(*plan.notices)
+        if goal is None and timing.pause:
+            least = _duration(timing.pause * len(plan.poses))
+            show(f"{len(plan.poses)} poses, at least {timing.pause:g} s each (--pause): {least} for all")
         changer = load_changer(load_command)
         order = CampaignOrder(
             link.drive, track, tracker, numbers, link.arm, link.name, timing, changer, _say, show, accept, orientation

@@ -13,7 +13,7 @@ from typer import Option
 
 from lrm_ident.cli import arguments as arg
 from lrm_ident.cli.command import command
-from lrm_ident.cli.common import one_of, progress, publish, read_measurements, read_poses, show, start_model
+from lrm_ident.cli.common import notice, one_of, progress, publish, read_measurements, read_poses, show, start_model
 from lrm_ident.data.atomic_write import write_text
 from lrm_ident.data.measurement_file.conventions import arm_for
 from lrm_ident.data.measurement_file.load import says_measured
@@ -21,7 +21,14 @@ from lrm_ident.data.measurement_file.write import measurements_csv
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.registration.set_up import with_set_up
 from lrm_ident.data.weights.whitening import PLAIN, Whitening, measured_alike
-from lrm_ident.design.candidate_poses import DEFAULT_LEVELS, ClearanceRules, clear_poses, parse_levels
+from lrm_ident.design.candidate_poses import (
+    DEFAULT_LEVELS,
+    ClearanceRules,
+    clear_poses,
+    floor_above_table,
+    lowest_point,
+    parse_levels,
+)
 from lrm_ident.design.installation import FEW
 from lrm_ident.design.observability import INDICES, UNITS
 from lrm_ident.design.parameter_elimination import PUBLISHED_THRESHOLD, eliminate
@@ -50,6 +57,8 @@ from lrm_math.number_list import parse_numbers
 from lrm_math.toml_file import read_toml
 
 MANY, REPEATS = 50, 5
+NEGLIGIBLE = 1e-6
+"""m below a plane."""
 
 
 @command
@@ -162,7 +171,13 @@ def design(
     noise_mm: arg.NoiseMm = 0.3,
     apart_mm: Annotated[float, Option(min=0, help="Smallest distance between two bodies.")] = 30.0,
     tip_mm: Annotated[float, Option(min=0, help="Smallest distance of the TCP from the inner arm and boxes.")] = 160.0,
-    floor_mm: Annotated[float | None, Option(help="Lowest z of joints and TCP; none if not given.")] = None,
+    floor_mm: Annotated[
+        str,
+        Option(
+            help="Lowest z of joints and TCP in the arm's frame, or none. Default: --apart-mm above the table that the "
+            "arm file states; of the shipped arms so100, so101, koch and lekiwi state one."
+        ),
+    ] = "",
     seed: arg.Seed = 0,
     output: arg.PosesOutput = None,
     json: arg.JsonFile = None,
@@ -190,7 +205,7 @@ def design(
         start = start if one is None else with_set_up(start, one)
     catalogue = catalogue_with(effects_file)
     names = [name.strip() for name in (separate or "").split(",") if name.strip()]
-    rules = ClearanceRules(apart_mm * MM, tip_mm * MM, None if floor_mm is None else floor_mm * MM)
+    rules = ClearanceRules(apart_mm * MM, tip_mm * MM, _floor(floor_mm, the_arm, apart_mm * MM))
     session = None if camera is None else read_toml(camera, CameraSession)
     movable = the_arm if mounted is None else mounted.measured_arm
     offer = _offer(movable, poses, levels, loads_g, rules, seed, session)
@@ -215,6 +230,8 @@ def design(
     with executor_for(cluster, effects_file) if cluster else in_this_process() as pool, progress("exchanging") as tick:
         found = run_design(task, offer.poses, tick, pool)
     publish(design_document(task, offer, found), json, figure, partial(draw_design, task, offer, found), show_all)
+    if floor_mm != "none":
+        _say_floor(movable, found.poses.q, None if poses is not None else rules.floor)
     if output:
         write_text(output, pose_table(found).csv())
         show(f"{len(found.poses)} poses written to {output}, in the order to measure them")
@@ -323,6 +340,29 @@ def _offer(
         return CandidateSet(Poses(given.q, given.payload), words, {})
     narrowed = None if camera is None else partial(_in_view, camera, arm)
     return clear_poses(arm, parse_levels(arm, levels), payloads, rules, seed, narrowed)
+
+
+def _floor(text: str, arm: Arm, apart: float) -> float | None:
+    """Lowest z (m) of `--floor-mm`; if it is empty, that far above the arm's table. Raises `LrmError`."""
+    if not text:
+        return floor_above_table(arm, apart)
+    if text == "none":
+        return None
+    (lowest,) = parse_numbers("--floor-mm", text, "a height in mm such as 30, or none", count=1)
+    return lowest * MM
+
+
+def _say_floor(arm: Arm, q: Array, floor: float | None) -> None:
+    """Says which floor the chosen angles (N, n), rad, keep; without one, that some go below what the arm stands on."""
+    if floor is not None:
+        show(f"Joints and TCP stay above z = {floor / MM:g} mm (--floor-mm none: no floor).")
+        return
+    lowest, plane = lowest_point(arm, q), arm.table or 0.0
+    if lowest < plane - NEGLIGIBLE and not arm.shapes.boxes:
+        notice(
+            f"some poses go down to z = {lowest / MM:.1f} mm. If the arm stands on a table at z = {plane / MM:g} mm, "
+            "it would hit that: choose them with --floor-mm 30"
+        )
 
 
 def _in_view(camera: CameraSession, arm: Arm, q: Array) -> tuple[Array, str]:

@@ -44,6 +44,14 @@ class ClearanceRules:
     floor: float | None = None
 
 
+APART = ClearanceRules.body_distance
+
+
+def floor_above_table(arm: Arm, apart: float = APART) -> float | None:
+    """Lowest z (m) that is `apart` above the table that the arm's file states; None if it states none."""
+    return None if arm.table is None else arm.table + apart
+
+
 @dataclass(frozen=True, eq=False)
 class CandidateGrid:
     """Angles (N, n) in rad that keep the rules, of `tried` combinations; how many each rule rejected, by its name."""
@@ -113,11 +121,21 @@ def _none_of(violated: dict[str, NDArray[np.bool_]], count: int) -> NDArray[np.b
     return np.asarray(~np.any([np.zeros(count, dtype=np.bool_), *violated.values()], axis=0))
 
 
+def lowest_point(arm: Arm, q: Array) -> float:
+    """Lowest z (m) of joints and TCP at angles (N, n), rad."""
+    return float(_points(arm, q)[1][:, 1:, 2].min())
+
+
+def _points(arm: Arm, q: Array) -> tuple[Array, Array]:
+    """Frames (N, n + 2, 4, 4) of the links and their origins (N, n + 2, 3), m."""
+    chain = chain_of(arm)
+    found = frames(chain, chain.values(list(np.ascontiguousarray(q.T))), len(q))
+    return found, found[:, :, :3, 3]
+
+
 def violated_rules(arm: Arm, q: Array, rules: ClearanceRules) -> dict[str, NDArray[np.bool_]]:
     """Violations of every rule: which of the angles (N, n) violate it (N,)."""
-    chain = chain_of(arm)
-    link_frames = frames(chain, chain.values(list(np.ascontiguousarray(q.T))), len(q))
-    points = link_frames[:, :, :3, 3]
+    link_frames, points = _points(arm, q)
     violated, near = {}, f"the TCP within {rules.tcp_distance * 1e3:g} mm"
     if len(arm.links) > NEAR_LINKS:
         violated[f"{near} of an inner link"] = _tcp_to_links(points) < rules.tcp_distance

@@ -10,12 +10,13 @@ from rich.text import Text
 from lrm_ident.data.error_stats import error_stats
 from lrm_ident.report.document import Block, ResultTable
 from lrm_ident.residual.error_breakdown import ModelComparison
-from lrm_math.arm.arm_file import load_arm, shipped_arms
+from lrm_math.arm.arm_file import load_arm
 from lrm_math.effects import Effect, EffectRef, Parameter, compensable, marked
 from lrm_math.effects.field.residual_field import ResidualField
 from lrm_math.effects.targets import Kind, kind_of, slot_of
 
 MOST_PARAMETERS = 24
+EXAMPLE_ARM = "so101"
 OFFLINE = "explains a measurement session; never deployed silently"
 
 
@@ -27,12 +28,12 @@ def effect_blocks(kind: type[Effect], in_full: bool) -> Iterator[Block]:
         plain = dict.fromkeys(EffectRef.parse(name).id for name in kind.variant_of)
         yield f"    another form of {' and '.join(plain)}, fitted beside it"
     if in_full:
-        arm = load_arm(next(iter(shipped_arms())))
+        arm = load_arm(EXAMPLE_ARM)
         effect = kind(arm, kind.places(arm)[0])
         yield f"    source: {kind.about.source}"
         yield f"    needs: {kind.about.needs or 'nothing special'}"
         yield "    " + ("the rover can compensate it" if compensable(kind) else OFFLINE)
-        yield f"    places on {arm.name}: {', '.join(kind.places(arm))}"
+        yield f"    places, for example on {arm.name}: {', '.join(kind.places(arm))}"
         yield f"    acts on: {_acts_on(effect)}"
         yield f"    parameters, for instance at {effect.place}:"
         yield from (f"      {_parameter(parameter)}" for parameter in effect.parameters[:MOST_PARAMETERS])

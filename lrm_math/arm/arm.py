@@ -117,7 +117,7 @@ class Arm:
 
     `joints`: those with a motor, whose angles are commanded. `mimics`: those between them that follow one of these.
     `accepted`: rules of plausibility that a person knows this arm to break. `vehicle`: what it stands on, if that may
-    tip over.
+    tip over. `table`: z (m) of the plane that it stands on.
     """
 
     name: str
@@ -132,6 +132,7 @@ class Arm:
     accepted: tuple[str, ...] = ()
     mimics: tuple[MimicJoint, ...] = ()
     vehicle: Vehicle | None = None
+    table: float | None = None
 
     def __post_init__(self) -> None:
         for number, mimic in enumerate(self.mimics, start=1):

@@ -157,6 +157,7 @@ class ArmFile(StrictSchema):
     source: str = ""
     accepted: list[Rule] = []
     gravity_m_per_s2: Components
+    table_z_mm: Length | None = None
     base: PlacementTable
     joint: Annotated[list[JointTable], Field(min_length=1, max_length=MOST_JOINTS)]
     tool: PlacementTable
@@ -272,7 +273,8 @@ def to_arm(tables: ArmFile) -> Arm:
     sizes = tables.typical_sizes
     typical = TypicalSizes(sizes.length_mm * MM, math.radians(sizes.angle_deg), sizes.compliance)
     arm = replace(arm, shapes=_shapes(tables, places), vehicle=_vehicle(tables.vehicle))
-    return replace(arm, typical_sizes=typical, accepted=tuple(tables.accepted))
+    table = None if tables.table_z_mm is None else tables.table_z_mm * MM
+    return replace(arm, typical_sizes=typical, accepted=tuple(tables.accepted), table=table)
 
 
 def _mimics(tables: Sequence[JointTable], links: Sequence[Joint], places: Sequence[str]) -> Iterator[MimicJoint]:

@@ -35,7 +35,7 @@ def arm_text(arm: Arm, source: str, comments: Sequence[str] = ()) -> str:
 def _lines(arm: Arm, source: str, comments: Sequence[str]) -> Iterator[str]:
     yield from (f"# {comment}" for comment in (*comments, ORDER))
     yield from _keys(schema=ARM_SCHEMA, name=arm.name, source=source, accepted=list(arm.accepted) or None)
-    yield from _keys(gravity_m_per_s2=arm.gravity)
+    yield from _keys(gravity_m_per_s2=arm.gravity, table_z_mm=arm.table)
     yield from ("", "[base]", *_placement(arm.base))
     for _, joint, mimic in arm.chain_order:
         yield from ("", "[[joint]]", *_keys(name=joint.name or None, theta_deg=joint.theta, d_mm=joint.d, a_mm=joint.a))

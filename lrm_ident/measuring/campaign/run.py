@@ -89,7 +89,7 @@ class TimingByArm(PoseTiming):
 class CampaignProgress:
     """Event at a pose: `words`; `done` of `total` poses are measured, the rest takes about `left` s.
 
-    `notable`: something was not as it should be.
+    `notable`: something was not as it should be, or it is the first pose, which tells how long the others take.
     """
 
     words: str
@@ -131,7 +131,7 @@ class PoseCampaign:
                 payload = pose.payload
             faults = len(result.failed) + result.repeated
             words = self._pose(pose, file, result)
-            notable = len(result.failed) + result.repeated > faults
+            notable = place == 0 or len(result.failed) + result.repeated > faults
             each = (self.clock.now() - began) / (place + 1)
             self.on_progress(CampaignProgress(words, len(file.done), total, each * (len(left) - place - 1), notable))
         return result

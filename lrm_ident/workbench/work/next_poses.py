@@ -18,6 +18,7 @@ from lrm_ident.design.candidate_poses import (
     MAX_COMBINATIONS,
     ClearanceRules,
     clear_poses,
+    floor_above_table,
     parse_levels,
 )
 from lrm_ident.design.pose_design import CandidateSet, DesignProblem, PoseDesign, design
@@ -98,7 +99,8 @@ def next_poses(study: Study, found: ModelReport, progress: Progress) -> NextPose
 
 def _offer(arm: Arm, levels: int, loads_g: Sequence[float]) -> CandidateSet:
     """Poses to choose from. Raises `LrmError` if none keeps the rules."""
-    return clear_poses(arm, parse_levels(arm, str(levels)), [load * GRAM for load in loads_g], ClearanceRules(), SEED)
+    payloads, rules = [load * GRAM for load in loads_g], ClearanceRules(floor=floor_above_table(arm))
+    return clear_poses(arm, parse_levels(arm, str(levels)), payloads, rules, SEED)
 
 
 def _sentence(names: Sequence[str], chosen: PoseDesign) -> str:

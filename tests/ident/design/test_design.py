@@ -15,7 +15,14 @@ from lrm_ident.data.measurement_file.commanded_poses import directions
 from lrm_ident.data.measurement_file.load import load_poses
 from lrm_ident.data.measurement_file.number_table import numbers_of, read_csv
 from lrm_ident.data.measurements import Measurements
-from lrm_ident.design.candidate_poses import ClearanceRules, candidate_grid, parse_levels, violated_rules
+from lrm_ident.design.candidate_poses import (
+    ClearanceRules,
+    candidate_grid,
+    floor_above_table,
+    lowest_point,
+    parse_levels,
+    violated_rules,
+)
 from lrm_ident.design.discrimination import TARGET_POWER, TEST_LEVEL, discrimination_of
 from lrm_ident.design.pose_design import DesignProblem, PoseDesign, _distinct, _from_both_sides, design
 from lrm_ident.design.pose_selection import select_poses
@@ -31,7 +38,7 @@ from lrm_math.kinematics.poses import Poses, poses_of
 from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import Model, model_of
 from tests.conftest import EXAMPLE
-from tests.support.commands import stderr_of, stdout_of
+from tests.support.commands import run_command, stderr_of, stdout_of
 
 MEASURED_LEVELS = "-100,0,100; joint2=-50,0,50; joint6=-50,0,50"
 RIVALS = ("backlash@joint2", "nonlinear_stiffness@joint2")
@@ -280,6 +287,31 @@ def test_the_commands_and_their_files(tmp_path: Path, lab: Arm) -> None:
     more = tmp_path / "more.csv"
     stdout_of("design", "lrm-lab", "--poses", poses, "--have", poses, "-n", "3", "--repeats", "0", "-o", more)
     assert numbers_of(read_csv(more, ["pose"]), "pose").tolist() == [36, 37, 38]
+
+
+@pytest.mark.parametrize("name", ["so100", "so101", "koch", "lekiwi"])
+def test_poses_of_an_arm_on_a_table_stay_above_it(name: str) -> None:
+    arm, levels = load_arm(name), parse_levels(load_arm(name), "5")
+    assert lowest_point(arm, candidate_grid(arm, levels).q) < 0.0
+    above = candidate_grid(arm, levels, ClearanceRules(floor=floor_above_table(arm)))
+    assert lowest_point(arm, above.q) >= 0.03
+    assert any("below z = 30 mm" in rule for rule in above.rejected)
+
+
+def test_the_command_keeps_above_the_table_unless_told_otherwise(tmp_path: Path) -> None:
+    words = ["design", "so101", "-n", "20", "--repeats", "0", "--parameters", "compliance.*", "-o", tmp_path / "n.csv"]
+    for floor, above in (("", True), ("none", False)):
+        code, said, complaint = run_command(*words, "--floor-mm", floor)
+        assert (code, complaint) == (0, "")
+        assert ("Joints and TCP stay above z = 30 mm" in said) is above
+        lowest = lowest_point(load_arm("so101"), load_poses(tmp_path / "n.csv", load_arm("so101")).q)
+        assert (lowest >= 0.03) is above
+
+
+def test_an_arm_that_says_nothing_of_a_table_is_warned_of_poses_below_its_base() -> None:
+    words = ["design", "ur5", "--levels", "3", "-n", "30", "--repeats", "0"]
+    assert "notice: some poses go down to z = -" in " ".join(run_command(*words)[2].split())
+    assert "a height in mm such as 30, or none" in stderr_of(*words, "--floor-mm", "low")
 
 
 @pytest.mark.parametrize("count", [6, 40])

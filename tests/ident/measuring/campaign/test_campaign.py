@@ -164,6 +164,7 @@ def test_the_data_say_when_and_how_each_pose_was_measured(tmp_path: Path) -> Non
     assert data.sd is not None
     assert np.all(np.abs(data.sd - 1e-4) < 3e-5)
     assert [progress.done for progress in told] == list(range(1, 21))
+    assert [progress.done for progress in told if progress.notable] == [1]
     assert told[9].left == pytest.approx(150.0, rel=0.05)
 
 
