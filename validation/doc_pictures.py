@@ -38,6 +38,8 @@ COMMANDS: Mapping[str, tuple[str, ...]] = {
         f"{IDENT} motion fit recording -o motion.toml",
         f"{IDENT} motion auto motion.toml recording -o best.toml --figure PICTURE",
     ),
+    "swing": ("validation.swinging_arm.picture PICTURE",),
+    "fetch": ("examples.fetch --out . --stones 20 --seed 1",),
     "sockets": ("validation.touched_points.guide_picture",),
     "design": (
         f"{IDENT} design lrm-lab --have REAL --levels '5; joint2=9' -n 20 --separate "

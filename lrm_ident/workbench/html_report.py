@@ -45,6 +45,9 @@ h2 { font-size: 18px; } h3 { font-size: 15px; }
 header { display: flex; flex-wrap: wrap; gap: 4px 16px; align-items: center; } header p { margin: 0; }
 .verdict { font-size: 18px; font-weight: 600; margin: 4px 0; }
 .medium { height: 380px; }
+@media (max-width: 500px) {
+  header { flex-wrap: wrap; } header h1 { flex: 1; } header p { order: 1; flex-basis: 100%; font-size: 12px; }
+}
 .lrm-paper body { max-width: none; padding: 0; font-size: 10pt; }
 .lrm-paper header p { margin: 3px 0; }
 .lrm-paper .verdict { font-size: 14px; } .lrm-paper h2 { font-size: 16px; margin: 3mm 0 1mm; }

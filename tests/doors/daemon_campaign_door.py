@@ -45,7 +45,7 @@ class DaemonCampaignDoor(DaemonDoor):
 
     def __init__(self, seed: int, time: Lockstep) -> None:
         super().__init__(seed)
-        self._daemon = QuietDaemon(self._sim)
+        self.daemon = QuietDaemon(self._sim)
         self._home = self.standing()
         self.time, self._begin, self._poses = time, self._sim.now, deque[Sequence[float]]()
 
@@ -64,7 +64,7 @@ class DaemonCampaignDoor(DaemonDoor):
     def _campaign(self) -> None:
         """As `PoseCampaign` does: a row of an arm that did not stand is dropped, and on it goes."""
         try:
-            with self._daemon.reachable(), Rover("rover") as rover, rover.control("campaign"):
+            with Rover("rover") as rover, rover.control("campaign"):
                 rover.plan = straight  # type: ignore[assignment,method-assign]
                 arm = RoverArm(rover, self.time, lambda _: None, 1)
                 while self._poses:
@@ -100,7 +100,7 @@ def daemon_campaign(seed: int) -> Iterator[DaemonCampaignDoor]:
     door = DaemonCampaignDoor(seed, time)
     clock = SimpleNamespace(sleep=time.sleep, monotonic=time.now)
     alone = patch.object(Rover, "_keep_alive", lambda *_: None)
-    with patch("lrmd.client.rover.time", clock), alone, time.ended():
+    with patch("lrmd.client.rover.time", clock), alone, door.daemon.reachable(), time.ended():
         yield door
 
 

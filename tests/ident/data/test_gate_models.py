@@ -196,4 +196,4 @@ def test_every_rule_of_robots_holds_wherever_one_is_driven(door: str, rule: str)
 def test_no_door_of_robots_is_forgotten() -> None:
     """Doors to a daemon need none of these rules: it commands angles by its configuration, and reads no encoder."""
     beside = {kind.name for kind in door_kinds()} - {*LEROBOT, *IN_COUNTS}
-    assert all(re.search("daemon|ROS", name, re.IGNORECASE) for name in beside), beside
+    assert all(re.search("daemon|ROS|skills", name, re.IGNORECASE) for name in beside), beside
