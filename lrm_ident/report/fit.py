@@ -140,7 +140,7 @@ def _beside_noise(floor: NoiseFloor, held_out: float | None) -> Iterator[str]:
         yield f"That is about {like} ({in_mm(noise)} mm RMS)."
     else:
         noise_mm = f"the measurement noise ({in_mm(noise)} mm RMS)"
-        yield f"That is {times:.1f} times {noise_mm}, so the model still lacks something."
+        yield f"These {in_mm(held_out)} mm are {times:.1f} times {noise_mm}, so the model still lacks something."
 
 
 def _told_words(fit: Fit) -> Iterator[str]:

@@ -113,7 +113,8 @@ def _beside(report: DiagnosisReport) -> str:
     names = dict.fromkeys(effect.name for effect in here if effect.id not in DEFAULT_EFFECTS)
     if not names or len(names) > BESIDE:
         return ""
-    return f" besides {enumerate_words([plain_name(name) for name in names], BESIDE)}, which the model has"
+    *others, last = map(plain_name, names)
+    return f" besides {', '.join(others)}{' and ' if others else ''}{last}, which the model has"
 
 
 def _headline(report: DiagnosisReport, attribution: Attribution | None) -> str:
