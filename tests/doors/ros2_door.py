@@ -66,8 +66,14 @@ _RUNNING = ExitStack()
 
 @cache
 def _stack() -> RosStack:
-    atexit.register(_RUNNING.close)
+    atexit.register(end)
     return RosStack(_RUNNING)
+
+
+def end() -> None:
+    """Ends daemon, router and bridge, where they run: pytest-xdist's workers run nothing that `atexit` registered."""
+    _RUNNING.close()
+    _stack.cache_clear()
 
 
 class RosDoor:

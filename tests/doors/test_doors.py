@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import pytest
 
 from tests.conftest import ROOT
+from tests.doors import ros2_door
 from tests.doors.door import DoorKind
 from tests.doors.elsewhere import ELSEWHERE
 from tests.doors.laws import (
@@ -20,6 +23,13 @@ QUICK, SLOW = 20, 2
 
 def seeds(kind: DoorKind) -> range:
     return range(SLOW if kind.slow else QUICK)
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _its_processes_end() -> Iterator[None]:
+    """They took a quarter of a core from all tests that came later."""
+    yield
+    ros2_door.end()
 
 
 @pytest.fixture(params=door_kinds(), ids=lambda kind: kind.name)
