@@ -123,13 +123,13 @@ def measure(
 
 def _timing(pause: float, settle: str, dwell: float, motion: Path | None) -> PoseTiming:
     """The timing of the options; `settle`: seconds or auto. Raises `LrmError`."""
-    from lrm_ident.measuring.campaign.run import PoseTiming, TimingByArm
+    from lrm_ident.measuring.campaign.run import PoseTiming, PredictedSettling
 
     if settle == AUTO:
         if motion is not None:
             raise LrmError("--settle auto asks the daemon's motion model; leave out --motion, or give seconds")
         show("Each stop lasts as long as the daemon says that the tip swings (--settle auto); no pause")
-        return TimingByArm(0.0, 0.0, dwell)
+        return PredictedSettling(0.0, 0.0, dwell)
     try:
         seconds = float(settle)
     except ValueError:

@@ -17,7 +17,7 @@ from lrm_math.effects.compliance import Spring
 from lrm_math.effects.derivatives import Rows, amounts_within, by_angles, by_loads, by_parameters
 from lrm_math.effects.measured_range import MeasuredRange, held
 from lrm_math.effects.offsets import Offsets
-from lrm_math.effects.returning import Returning
+from lrm_math.effects.reversion_correction import ReversionCorrection
 from lrm_math.effects.targets import BODY, BODY_AMOUNTS, FRAME, RADIAL, SCALE, SERVO, Kind, kind_of, slot_of
 from lrm_math.errors import UnknownName
 from lrm_math.kinematics.chain import Chain, Number
@@ -197,7 +197,9 @@ def _returning(bound: Sequence[BoundEffect]) -> Iterator[BoundEffect]:
         if any(changes) and one.kind in (Kind.MOTION, Kind.LOAD):
             rows = tuple(k for k in range(len(one.slots)) if not isinstance(one.effect, Offsets) or changes[k])
             away = tuple(value + change for value, change in zip(one.p, changes, strict=True))
-            effect = Returning(one.effect.arm, one.effect.place, one.effect, rows, one.p, away, within, reversion)
+            effect = ReversionCorrection(
+                one.effect.arm, one.effect.place, one.effect, rows, one.p, away, within, reversion
+            )
             slots = tuple(one.slots[row] for row in rows)
             encoders = tuple(one.encoders[row] for row in rows)
             yield replace(one, effect=effect, p=(), slots=slots, encoders=encoders, constant=False, bases=Bases())

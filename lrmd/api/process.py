@@ -23,7 +23,7 @@ from lrmd.api.supervisor import ChildProcess, RestartLimitExceeded, silence
 from lrmd.api.systemd_notify import notify, watchdog_s
 from lrmd.api.zenoh_server import ZenohServer
 from lrmd.config import SECOND, Config
-from lrmd.control.known_motion import Arrival, KnownMotion
+from lrmd.control.motion_predictor import FinalLeg, MotionPredictor
 from lrmd.control.requests import Controller
 from lrmd.control.state import ControllerEvent, Level
 from lrmd.control.state_machine import Mode
@@ -77,7 +77,7 @@ class ApiProcess:
         guard, stored = self._model.guard, restored_state(config, self._emit)
         torques = gravity_torques(config.arm, self._model.gravity)
         self._controller = Controller(config, torques, stored, guard, now, time.time_ns())
-        self._controller.motion = KnownMotion.of(config)
+        self._controller.motion = MotionPredictor.of(config)
         if self._controller.unchecked:
             self._emit("no_shapes", "warning", f"{self._controller.unchecked}; no move is checked")
         self._publisher = StatePublisher(config, self._controller, self._shared, self._ramp, self._ik, self.boot_id)
@@ -318,17 +318,17 @@ class ApiProcess:
         if isinstance(request, HoldRequest) and not self._shared.wait_for_order(order, SETTLING_TIME):
             text = "the ramp did not confirm the hold in time; it reads the order as soon as it ticks"
             raise RequestError("hold_unconfirmed", text, retryable=True)
-        return self._with_settling(tail, reply, result.arrival)
+        return self._with_settling(tail, reply, result.final_leg)
 
-    def _with_settling(self, tail: str, reply: Reply, arrival: Arrival | None) -> Reply:
+    def _with_settling(self, tail: str, reply: Reply, final_leg: FinalLeg | None) -> Reply:
         """The reply, and how long the tip swings after the motion that it is of, where that is known.
 
         That takes some tens of milliseconds, without the lock.
         """
-        if tail != "rpc/move" or arrival is None or (known := self._controller.motion) is None:
+        if tail != "rpc/move" or final_leg is None or (known := self._controller.motion) is None:
             return reply
         within = self._config.motion.within_mm * 1e-3
-        return reply.model_copy(update={"settle_s": known.settle_s(arrival), "within_m": within})
+        return reply.model_copy(update={"settle_s": known.settle_s(final_leg), "within_m": within})
 
     def _changed_model(self, request: ReloadRequest | DeployRequest | UndeployRequest) -> DeployedModel:
         if isinstance(request, DeployRequest):

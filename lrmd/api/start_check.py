@@ -9,7 +9,7 @@ import zenoh
 from lrm_math.errors import LrmError
 from lrmd.api.model_trial import load_checked
 from lrmd.config import Config
-from lrmd.control.known_motion import KnownMotion
+from lrmd.control.motion_predictor import MotionPredictor
 from lrmd.messages.zenoh_session import client, own_endpoints, router
 from lrmd.persistence.deployed_models import active_model, undo_named
 
@@ -28,7 +28,9 @@ def check_start(config: Config) -> str:
         text = str(error).split(" at /")[0]
         said = re.search(r'msg: "(.*)', text)
         raise LrmError(f"zenoh: {said[1] if said else text}") from None
-    motion = "" if KnownMotion.of(config) is None else f"; motion model {config.motion.model}, {config.motion.shaping}"
+    motion = (
+        "" if MotionPredictor.of(config) is None else f"; motion model {config.motion.model}, {config.motion.shaping}"
+    )
     model = f"model {deployed.path}" + (f" ({deployed.sha256[:12]})" if deployed.sha256 else "")
     shapes = "" if guard else "; no collision shapes: no move is checked"
     return f"{config.robot}, {config.arm.name}, servos {', '.join(config.names)}; {model}{shapes}{motion}"

@@ -11,7 +11,7 @@ from lrmd.config import SECOND
 from lrmd.control import thermal_protection, updates
 from lrmd.control.arming_pose import arming_pulses
 from lrmd.control.jogging import request_jog
-from lrmd.control.known_motion import Arrival
+from lrmd.control.motion_predictor import FinalLeg
 from lrmd.control.ramp_orders import Departure, Leg, Pulses, overlaid, pulses_of
 from lrmd.control.skill_run import SkillReport, SkillRun, begun
 from lrmd.control.state import ControllerState, RequestResult
@@ -109,8 +109,8 @@ def _move(s: ControllerState, request: MoveRequest, now: int) -> RequestResult:
     s.payload, s.rest_goal = payload, None
     s.motion_check.touch(contacts)
     s.orders.start(legs, departure, now, contacts)
-    arrival = Arrival(_moves(legs, departure.start)[-1], payload)
-    return RequestResult(seconds=_seconds(s, legs, departure), unchecked=s.unchecked, arrival=arrival)
+    final_leg = FinalLeg(_moves(legs, departure.start)[-1], payload)
+    return RequestResult(seconds=_seconds(s, legs, departure), unchecked=s.unchecked, final_leg=final_leg)
 
 
 def _shaped(s: ControllerState, request: MoveRequest, legs: list[Leg], start: Pulses, payload: float) -> list[Leg]:

@@ -15,7 +15,7 @@ from typing import Any, assert_never
 from lrm_math.errors import LrmError
 from lrmd.config import MS, SECOND
 from lrmd.control import thermal_protection
-from lrmd.control.skill_steps import SKILLS, Listening, Question, SkilledArm, SkillLoad, SkillMotion, Step
+from lrmd.control.skill_steps import SKILLS, Question, SensingPause, SkillContext, SkillLoad, SkillMotion, Step
 from lrmd.control.state import ControllerState, Level
 from lrmd.control.state_machine import STATIONARY, Mode, Trigger, next_mode
 from lrmd.errors import RequestError
@@ -55,7 +55,7 @@ class SkillRun:
     def __init__(self, s: ControllerState, request: SkillRequest, number: int) -> None:
         config = s.config
         gripper = config.names.index(GRIPPER) if GRIPPER in config.names else None
-        arm = SkilledArm(lambda: s.angles(s.position)[: config.dof], gripper)
+        arm = SkillContext(lambda: s.angles(s.position)[: config.dof], gripper)
         self.request, self.report = request, SkillReport(number, request.skill, "running")
         self.stops, self.motions = s.stops, s.orders.motions
         self.question: tuple[int, Question] | None = None
@@ -118,7 +118,7 @@ class SkillRun:
                 if self._tried(s, lambda: carry_out(request, now)):
                     self._resume(s, None, now)
                 return True
-            case Listening():
+            case SensingPause():
                 if self._empty:
                     self._end(s, "nothing_there", "nothing is between the fingers")
                 elif now >= self._until:
@@ -182,7 +182,7 @@ class SkillRun:
         match self._step:
             case SkillMotion(step=words):
                 self._say(words)
-            case Listening(seconds=seconds):
+            case SensingPause(seconds=seconds):
                 self._until = now + round(seconds * SECOND)
                 self._say("listening")
             case IkRequest() | FkRequest() | PlanRequest() as question:

@@ -41,19 +41,19 @@ class SkillLoad:
 
 
 @dataclass(frozen=True)
-class Listening:
+class SensingPause:
     """A pause in which somebody may say that nothing is between the fingers."""
 
     seconds: float
 
 
 Question: TypeAlias = IkRequest | FkRequest | PlanRequest
-Step: TypeAlias = Question | SkillMotion | SkillLoad | Listening
+Step: TypeAlias = Question | SkillMotion | SkillLoad | SensingPause
 Steps: TypeAlias = Generator[Step, Any, str]
 
 
 @dataclass(frozen=True)
-class SkilledArm:
+class SkillContext:
     """What a skill knows of the arm: commanded angles (rad) of the joints `here`, number of the `gripper`'s servo."""
 
     here: Callable[[], list[float]]
@@ -66,7 +66,7 @@ class SkilledArm:
         return SkillMotion(step, ({self.gripper: angle},))
 
 
-def approach(r: SkillRequest, arm: SkilledArm) -> Steps:
+def approach(r: SkillRequest, arm: SkillContext) -> Steps:
     """To a place above the goal, in a pose from which a straight line leads down to it."""
     assert r.goal is not None
     assert r.height_m is not None
@@ -82,23 +82,23 @@ def approach(r: SkillRequest, arm: SkilledArm) -> Steps:
     raise SkillRefused(f"no straight line leads down from above the goal: {reasons[0]}")
 
 
-def touch_down(r: SkillRequest, arm: SkilledArm) -> Steps:
+def touch_down(r: SkillRequest, arm: SkillContext) -> Steps:
     """Straight down to the goal."""
     assert r.goal is not None
     yield from _straight(r.goal, r.may_touch, arm, "going straight down", sensed_by_touch=True)
     return "at the goal"
 
 
-def grasp(r: SkillRequest, arm: SkilledArm) -> Steps:
+def grasp(r: SkillRequest, arm: SkillContext) -> Steps:
     """Closes the gripper, which then carries the load."""
     assert r.payload_kg is not None
     yield arm.gripping("closing the gripper", r.gripper_rad)
-    yield Listening(r.listen_s)
+    yield SensingPause(r.listen_s)
     yield SkillLoad(r.payload_kg)
     return f"carries {r.payload_kg * 1e3:.0f} g"
 
 
-def retreat(r: SkillRequest, arm: SkilledArm) -> Steps:
+def retreat(r: SkillRequest, arm: SkillContext) -> Steps:
     """Straight up from where the tool is."""
     assert r.height_m is not None
     there: FkReply = yield FkRequest(q_rad=[arm.here()])
@@ -107,7 +107,7 @@ def retreat(r: SkillRequest, arm: SkilledArm) -> Steps:
     return f"{r.height_m * 1e3:.0f} mm above"
 
 
-def carry(r: SkillRequest, arm: SkilledArm) -> Steps:
+def carry(r: SkillRequest, arm: SkillContext) -> Steps:
     """Round what is between to where it lets go."""
     assert r.goal is not None
     branches = yield from _branches(r.goal, r.near_rad or arm.here())
@@ -115,21 +115,21 @@ def carry(r: SkillRequest, arm: SkilledArm) -> Steps:
     return "where it is to be dropped"
 
 
-def drop(r: SkillRequest, arm: SkilledArm) -> Steps:
+def drop(r: SkillRequest, arm: SkillContext) -> Steps:
     """Opens the gripper, which then carries nothing."""
     yield arm.gripping("opening the gripper", r.gripper_rad)
     yield SkillLoad(0.0)
     return "carries nothing"
 
 
-def stow(r: SkillRequest, arm: SkilledArm) -> Steps:
+def stow(r: SkillRequest, arm: SkillContext) -> Steps:
     """Round what is between to a pose."""
     assert r.q_rad is not None
     yield from _go(r.q_rad, arm, "stowing")
     return "stowed"
 
 
-SKILLS: dict[str, Callable[[SkillRequest, SkilledArm], Steps]] = {
+SKILLS: dict[str, Callable[[SkillRequest, SkillContext], Steps]] = {
     "approach": approach, "touch_down": touch_down, "grasp": grasp, "retreat": retreat, "carry": carry, "drop": drop,
     "stow": stow,
 }  # fmt: skip
@@ -150,14 +150,14 @@ def _branches(goal: GoalEntry, near: list[float]) -> Generator[Step, Any, list[l
     return answer.branches_rad or [answer.q_rad]
 
 
-def _go(q: list[float], arm: SkilledArm, step: str, sensed_by_touch: bool = False) -> Generator[Step, Any, None]:
+def _go(q: list[float], arm: SkillContext, step: str, sensed_by_touch: bool = False) -> Generator[Step, Any, None]:
     """Round what is between to commands (rad)."""
     plan: PlanReply = yield PlanRequest(from_rad=arm.here(), to_rad=q, deadline_ms=PLAN_MS)
     yield _motion(plan, step, (), sensed_by_touch)
 
 
 def _straight(
-    goal: GoalEntry, may_touch: Sequence[ContactEntry], arm: SkilledArm, step: str, sensed_by_touch: bool = False
+    goal: GoalEntry, may_touch: Sequence[ContactEntry], arm: SkillContext, step: str, sensed_by_touch: bool = False
 ) -> Generator[Step, Any, None]:
     """Along a straight line of the tip to a goal, with contacts that are permitted."""
     plan: PlanReply = yield PlanRequest(from_rad=arm.here(), goal=goal, line=True, may_touch=list(may_touch))

@@ -13,10 +13,10 @@ from typing import Any, Literal
 from lrmd.config import Config
 from lrmd.control.fallen_servos import FallenServos
 from lrmd.control.gravity import KnownGravity
-from lrmd.control.known_motion import Arrival, KnownMotion
 from lrmd.control.known_obstacles import KnownObstacles
 from lrmd.control.lease import Lease
 from lrmd.control.motion_check import MotionCheck
+from lrmd.control.motion_predictor import FinalLeg, MotionPredictor
 from lrmd.control.motion_record import MotionRecord
 from lrmd.control.ramp_orders import Departure, OrderScheduler, Pulses, angles, overlaid
 from lrmd.control.state_machine import Mode, Trigger, next_mode
@@ -44,12 +44,12 @@ class ControllerEvent:
 @dataclass(frozen=True)
 class RequestResult:
     """Result of a request: expected duration (s) where it is known, the lease it granted, and why the motion that it
-    began was not checked for collisions. `arrival`: the last leg of that motion. `skill`: number of one it began."""
+    began was not checked for collisions. `final_leg`: the last leg of that motion. `skill`: number of one it began."""
 
     seconds: float | None = None
     lease: Lease | None = None
     unchecked: str = ""
-    arrival: Arrival | None = None
+    final_leg: FinalLeg | None = None
     skill: int | None = None
 
 
@@ -100,7 +100,7 @@ class ControllerState:
         self.obstacles_told_at: int | None = None
         self.fallen = FallenServos(config, self.motion_check, stored)
         self.orders = OrderScheduler(config, now)
-        self.motion: KnownMotion | None = None
+        self.motion: MotionPredictor | None = None
         self.gravity = KnownGravity(config)
         self.held_at: int | None = None
         self.rest_goal: Pulses | None = None

@@ -12,7 +12,7 @@ import numpy as np
 from lrm_ident.data.measurement_file.load import load_measurements
 from lrm_ident.measuring.campaign.data_file import DataFile
 from lrm_ident.measuring.campaign.plan import PlannedPose
-from lrm_ident.measuring.campaign.run import PoseCampaign, PoseTiming, TimingByArm
+from lrm_ident.measuring.campaign.run import PoseCampaign, PoseTiming, PredictedSettling
 from lrm_ident.measuring.tracker.frames import TargetNumbers
 from lrm_math.arrays import Array
 from validation.swinging_arm.rig import SwingingRover, tip_of
@@ -70,8 +70,8 @@ def campaign_table(pwm: list[float], poses: int) -> list[dict[str, object]]:
     for hz in pwm:
         for name, kind, timing in (
             ("pause 15 s", "off", PoseTiming(15.0, 0.5, DWELL_S)),
-            ("settle auto", "off", TimingByArm(0.0, 0.0, DWELL_S)),
-            ("settle auto, shaped", "zv", TimingByArm(0.0, 0.0, DWELL_S)),
+            ("settle auto", "off", PredictedSettling(0.0, 0.0, DWELL_S)),
+            ("settle auto, shaped", "zv", PredictedSettling(0.0, 0.0, DWELL_S)),
             ("settle 0.5 s", "off", PoseTiming(0.0, 0.5, DWELL_S)),
         ):
             rover = SwingingRover(hz, kind, 0.1, dead_band=0.0)

@@ -18,7 +18,7 @@ from lrm_math.kinematics.forward import chain_geometry
 from lrm_math.model.model import model_of
 from lrm_math.motion.motion_model import MotionModel, effect_of
 from lrmd.config import Config
-from lrmd.control.known_motion import KnownMotion
+from lrmd.control.motion_predictor import MotionPredictor
 from lrmd.control.state_machine import Mode
 from lrmd.messages.control import ArmRequest, LeaseRequest, MoveRequest
 from lrmd.sim.arm import SimulatedArm
@@ -78,7 +78,7 @@ class SwingingRover:
         self.config = replace(config, motion=motion)
         self.arm, self.rng = self.config.arm, np.random.default_rng(self.seed)
         self.daemon = SimulatedDaemon(self.config)
-        self.known = KnownMotion(self.config, known_model(self.arm, self.off))
+        self.known = MotionPredictor(self.config, known_model(self.arm, self.off))
         self.daemon.core.motion = self.known
         channels = {s.name: s.channel for s in self.config.servos if s.name in self.arm.joint_names}
         self.links = SimulatedArm(model_of(self.arm, ()), channels, dead_band=self.dead_band, springs=SPRINGS)

@@ -74,7 +74,7 @@ class PoseTiming:
         return self
 
 
-class TimingByArm(PoseTiming):
+class PredictedSettling(PoseTiming):
     """A stop lasts as long as the arm says that its tip swings, and `settle` at least; no pause."""
 
     def after_motion(self, arm: CampaignArm) -> PoseTiming:

@@ -19,7 +19,7 @@ from lrm_ident.fitting.model_fit import DEFAULT_EFFECTS
 from lrm_ident.report.document import Block, CommandLine, Facts, heading, section
 from lrm_ident.report.plain_names import in_words, plain_name
 from lrm_ident.residual.data_audit import where_it_holds
-from lrm_ident.residual.open_scale import open_scale
+from lrm_ident.residual.scale_uncertainty import scale_uncertainty
 from lrm_ident.residual.thresholds import MAX_UNEXPLAINED_RATIO, MIN_GAIN
 from lrm_math.arm.arm import JointLimits
 from lrm_math.effects import CATALOGUE, variants
@@ -149,7 +149,7 @@ def _facts(report: DiagnosisReport, attribution: Attribution | None) -> Iterator
         yield "estimate", f"{in_words(first.claim)}{' (± one standard error)' if '±' in first.claim else ''}"
     yield "held-out error", _held_out(report)
     yield "as deployed", _deployed(report)
-    scale = open_scale(report.diagnosis.fit)
+    scale = scale_uncertainty(report.diagnosis.fit)
     yield "tracker's scale", "" if scale is None else scale.sentence
     if first is not None and attribution is not None:
         label = "empirical term" if attribution == "description" else "certainty"

@@ -13,7 +13,7 @@ from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, pr
 
 from lrm_math.errors import LrmError
 from lrmd.config import load_config
-from lrmd.control.known_motion import KnownMotion
+from lrmd.control.motion_predictor import MotionPredictor
 from lrmd.control.state_machine import LIVE, TABLE, Mode, Trigger, next_mode
 from lrmd.messages.control import (
     LEASE_LOST,
@@ -349,7 +349,7 @@ class DaemonStateMachine(RuleBasedStateMachine):
     @initialize(hz=st.sampled_from([50.0, 330.0]), seed=st.integers(0, 2**32))
     def begin(self, hz: float, seed: int) -> None:
         self.sim = SimulatedDaemon(CONFIGS[hz], seed=seed)
-        self.sim.core.motion = KnownMotion(CONFIGS[hz], swinging(joint1=(3.0, 0.03), joint2=(4.0, 0.05)))
+        self.sim.core.motion = MotionPredictor(CONFIGS[hz], swinging(joint1=(3.0, 0.03), joint2=(4.0, 0.05)))
         self.token = "none"
         self.sim.run(10)
 

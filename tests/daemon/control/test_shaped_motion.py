@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from lrm_math.errors import FileError
 from lrmd.config import load_config
-from lrmd.control.known_motion import KnownMotion
+from lrmd.control.motion_predictor import MotionPredictor
 from lrmd.control.state_machine import Mode
 from lrmd.errors import RequestError
 from lrmd.messages.control import HoldRequest, MoveRequest
@@ -35,7 +35,7 @@ pulses = st.lists(st.integers(500_000, 2_500_000), min_size=3, max_size=3)
 def sim(tmp_path) -> SimulatedDaemon:
     config = config_at(330.0, tmp_path)
     sim = SimulatedDaemon(config)
-    sim.core.motion = KnownMotion(config, MODEL)
+    sim.core.motion = MotionPredictor(config, MODEL)
     sim.run(30)
     return sim
 
@@ -149,12 +149,12 @@ def configured(tmp_path, lines: str):
 
 def test_the_configuration_names_a_model_of_this_arm(tmp_path) -> None:
     config = load_config(CONFIG)
-    assert KnownMotion.of(config) is None
+    assert MotionPredictor.of(config) is None
     with pytest.raises(FileError, match="needs a model"):
         configured(tmp_path, '\n[motion]\nshaping = "zv"\n')
     model = write_motion_model(MODEL, tmp_path / "motion.toml")
     config = configured(tmp_path, f'\n[motion]\nmodel = "{model}"\nshaping = "zv"\n')
-    assert KnownMotion.of(config) is not None
+    assert MotionPredictor.of(config) is not None
     model.write_text(model.read_text().replace("lrm-rover", "lrm-lab"))
     with pytest.raises(FileError, match="lrm-lab"):
-        KnownMotion.of(config)
+        MotionPredictor.of(config)

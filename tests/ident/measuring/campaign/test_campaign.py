@@ -17,7 +17,7 @@ from lrm_ident.cli.campaign import _timing
 from lrm_ident.data.measurement_file.load import load_measurements
 from lrm_ident.measuring.campaign.data_file import ArmState, DataFile, after_midnight
 from lrm_ident.measuring.campaign.plan import PlannedPose, lightest, load_plan
-from lrm_ident.measuring.campaign.run import CampaignProgress, PoseCampaign, PoseTiming, TimingByArm, Unreachable
+from lrm_ident.measuring.campaign.run import CampaignProgress, PoseCampaign, PoseTiming, PredictedSettling, Unreachable
 from lrm_ident.measuring.tracker.dwell import RestMean
 from lrm_ident.measuring.tracker.frames import TargetNumbers, TargetPose, TrackerFrame
 from lrm_math.arm.arm_file import load_arm
@@ -172,16 +172,16 @@ def test_a_stop_lasts_as_long_as_the_arm_says_that_its_tip_swings(tmp_path: Path
     """The motion takes 3 s, the tracker is glanced at for 0.05 s, the mean takes 1 s."""
     told: list[CampaignProgress] = []
     path = tmp_path / "data.csv"
-    assert run(FakeWorld(settle_s=1.25), path, told, TimingByArm(15.0, 0.5, 1.0)) == {}
+    assert run(FakeWorld(settle_s=1.25), path, told, PredictedSettling(15.0, 0.5, 1.0)) == {}
     np.testing.assert_allclose(np.diff(load_measurements(path, ARM).poses.t), 3.0 + 0.05 + 1.25 + 1.0, atol=0.01)
     assert "1.2 s after its motion" in told[0].words
     with pytest.raises(LrmError, match="does not know how long its tip swings"):
-        run(FakeWorld(), tmp_path / "other.csv", told, TimingByArm(15.0, 0.5, 1.0))
+        run(FakeWorld(), tmp_path / "other.csv", told, PredictedSettling(15.0, 0.5, 1.0))
 
 
 def test_settle_takes_seconds_or_auto() -> None:
     assert _timing(15.0, "0.7", 1.0, None) == PoseTiming(15.0, 0.7, 1.0)
-    assert isinstance(_timing(15.0, "auto", 1.0, None), TimingByArm)
+    assert isinstance(_timing(15.0, "auto", 1.0, None), PredictedSettling)
     with pytest.raises(LrmError, match="leave out --motion"):
         _timing(15.0, "auto", 1.0, Path("motion.toml"))
     for text in ("soon", "-1", "nan", "inf"):

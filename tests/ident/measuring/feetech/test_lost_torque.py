@@ -12,7 +12,7 @@ from lrm_ident.measuring.campaign.session import torque_named
 from lrm_ident.measuring.servo_bus.feetech import FEETECH
 from lrm_math.errors import LrmError
 from tests.doors.servos_door import CampaignDoor, campaign_over_bus
-from tests.ident.measuring.feetech.test_torque_on import EagerServo
+from tests.ident.measuring.feetech.test_torque_on import TorqueOnGoalServo
 
 FALL = 0.3
 """rad, less than that by which a joint that is held up may be behind."""
@@ -20,7 +20,7 @@ FALL = 0.3
 
 @pytest.fixture
 def door() -> Iterator[CampaignDoor]:
-    with campaign_over_bus(FEETECH, EagerServo, FeetechBus, 3) as opened:
+    with campaign_over_bus(FEETECH, TorqueOnGoalServo, FeetechBus, 3) as opened:
         opened.torque_on()
         yield opened
 

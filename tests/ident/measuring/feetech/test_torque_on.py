@@ -82,7 +82,7 @@ def test_where_a_servo_would_turn_there_none_gets_torque(which: int, at: int, co
     assert angles(line) == before
 
 
-class EagerServo(FeetechServo):
+class TorqueOnGoalServo(FeetechServo):
     """One whose firmware switches torque on with a goal: nothing forbids it to."""
 
     def write(self, address: int, data: bytes) -> None:
@@ -91,7 +91,7 @@ class EagerServo(FeetechServo):
             table.TORQUE_ENABLE.write(self.memory, 1)
 
 
-class MindfulServo(FeetechServo):
+class GoalKeepingServo(FeetechServo):
     """One whose firmware goes on to its last goal when torque comes on."""
 
     def write(self, address: int, data: bytes) -> None:
@@ -101,7 +101,7 @@ class MindfulServo(FeetechServo):
             table.GOAL_POSITION.write(self.memory, goal)
 
 
-@pytest.mark.parametrize("kind", [FeetechServo, EagerServo, MindfulServo])
+@pytest.mark.parametrize("kind", [FeetechServo, TorqueOnGoalServo, GoalKeepingServo])
 def test_whatever_the_firmware_does_with_an_old_goal_nothing_turns(kind: type[FeetechServo]) -> None:
     line = BusLine(FeetechBus([kind(number) for number in NUMBERS]))
     for servo, at in zip(line.bus.servos, (900, 1500, 2500, 3300, 60), strict=True):
@@ -165,7 +165,7 @@ def test_a_lost_answer_is_asked_for_again() -> None:
         assert all(servo.powered for servo in line.bus.servos), which
 
 
-@pytest.mark.parametrize(("silent", "kind"), [(None, FeetechServo), (3, FeetechServo), (None, EagerServo)])
+@pytest.mark.parametrize(("silent", "kind"), [(None, FeetechServo), (3, FeetechServo), (None, TorqueOnGoalServo)])
 @pytest.mark.usefixtures("hurried")
 def test_a_servo_that_falls_silent_leaves_no_half_powered_arm(silent: int | None, kind: type[FeetechServo]) -> None:
     """From any question on: the others are released, and whatever may have torque is named."""

@@ -15,7 +15,7 @@ HALF = 0.5
 
 
 @dataclass(frozen=True)
-class OpenScale:
+class ScaleUncertainty:
     """Standard errors of the tracker's scale along all axes together.
 
     `sd`: its own, a ratio. `at_tip`: of the deployed tip (m), RMS over the measured poses about their centre.
@@ -34,7 +34,7 @@ class OpenScale:
         )
 
 
-def open_scale(fitted: Fit) -> OpenScale | None:
+def scale_uncertainty(fitted: Fit) -> ScaleUncertainty | None:
     """The scale of a model with a distorted tracker, where its lengths being uncertain makes it so; else None."""
     free = [*map(ParameterRef.parse, fitted.model.free)]
     scales = [row for row, one in enumerate(free) if one.id == MeasurementFrame.id and one.name.startswith("scale_")]
@@ -50,4 +50,4 @@ def open_scale(fitted: Fit) -> OpenScale | None:
     if variance <= 0.0 or owed < HALF * variance:
         return None
     apart = fitted.equilibrium.true_tcp - fitted.equilibrium.true_tcp.mean(axis=0)
-    return OpenScale(variance**0.5, (variance * float((apart**2).sum(axis=1).mean())) ** 0.5)
+    return ScaleUncertainty(variance**0.5, (variance * float((apart**2).sum(axis=1).mean())) ** 0.5)

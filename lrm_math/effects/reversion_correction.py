@@ -17,7 +17,7 @@ from lrm_math.kinematics.poses import Poses
 
 
 @dataclass(frozen=True, eq=False)
-class Returning(Effect):
+class ReversionCorrection(Effect):
     """The change of an effect's amounts by other parameters, as far as the empirical terms no longer hold.
 
     Attributes:

@@ -12,7 +12,7 @@ from lrm_ident.data.measurements import Measurements
 from lrm_ident.diagnosis.add_effect import add_effects
 from lrm_ident.fitting.identifiability import fit_identifiable
 from lrm_ident.fitting.levenberg_marquardt import Fit
-from lrm_ident.residual.open_scale import open_scale
+from lrm_ident.residual.scale_uncertainty import scale_uncertainty
 from lrm_math.arm.arm import Arm
 from lrm_math.effects import effects_at
 from lrm_math.kinematics.poses import poses_of
@@ -52,7 +52,7 @@ def fitted(arm: Arm, data: Measurements) -> Fit:
 
 def test_poses_alone_leave_the_scale_open_and_its_error_is_within_two_standard_errors(lab: Arm) -> None:
     fit = fitted(lab, measured(lab, 0))
-    found = open_scale(fit)
+    found = scale_uncertainty(fit)
     assert found is not None
     common = np.mean([fit.model.value(f"measurement_frame.frame.scale_{axis}_mm_per_m") for axis in "xyz"])
     assert abs(common - SCALE / 3.0) < 2.0 * found.sd
@@ -61,8 +61,8 @@ def test_poses_alone_leave_the_scale_open_and_its_error_is_within_two_standard_e
 
 
 def test_a_known_length_decides_it(lab: Arm) -> None:
-    fit, alone = fitted(lab, measured(lab, 40)), open_scale(fitted(lab, measured(lab, 0)))
-    found = open_scale(fit)
+    fit, alone = fitted(lab, measured(lab, 40)), scale_uncertainty(fitted(lab, measured(lab, 0)))
+    found = scale_uncertainty(fit)
     assert alone is not None
     assert found is None or found.sd < 0.5 * alone.sd
     values = [fit.model.value(f"measurement_frame.frame.scale_{axis}_mm_per_m") for axis in "xyz"]
@@ -72,4 +72,4 @@ def test_a_known_length_decides_it(lab: Arm) -> None:
 def test_a_model_without_a_distorted_tracker_has_no_such_scale(lab: Arm) -> None:
     data = measured(lab, 0)
     plain = model_of(lab, effects_at(lab, "offsets"))
-    assert open_scale(fit_identifiable(plain, data, plain.keys).fit) is None
+    assert scale_uncertainty(fit_identifiable(plain, data, plain.keys).fit) is None

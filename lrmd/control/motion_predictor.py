@@ -27,21 +27,21 @@ from lrmd.ramp.stepping import SHARES, Move, Pace, valid_impulses
 
 
 @dataclass(frozen=True)
-class Arrival:
+class FinalLeg:
     """The last leg of a motion: its `move` of pulses (ns), and the load (kg) that is carried along it."""
 
     move: Move
     payload: float
 
 
-class KnownMotion:
+class MotionPredictor:
     """A model of motion of the daemon's arm."""
 
     def __init__(self, config: Config, model: MotionModel) -> None:
         self._config, self._model = config, model
 
     @staticmethod
-    def of(config: Config) -> KnownMotion | None:
+    def of(config: Config) -> MotionPredictor | None:
         """That of the configuration; None without one. Raises `FileError`: the file cannot be used for this arm."""
         if config.motion.model is None:
             return None
@@ -50,7 +50,7 @@ class KnownMotion:
         if model.arm.name != config.arm.name or arm_sha256(model.arm) != arm_sha256(config.arm):
             what = f"a motion model of {model.arm.name}, whose {WHAT_COUNTS} differ from those of {config.arm.name}"
             raise FileError(path, "arm", what, f"one of {config.arm.name} as this daemon's arm file has it")
-        return KnownMotion(config, model)
+        return MotionPredictor(config, model)
 
     def shaped(self, start: Pulses, leg: Leg, kind: ShaperKind, payload: float) -> Leg:
         """The leg from pulses (ns), shaped; as it is where nothing swings, or its servos do not run together."""
@@ -61,15 +61,15 @@ class KnownMotion:
         fits = valid_impulses(impulses) and len(impulses) <= IMPULSES
         return replace(leg, impulses=impulses) if fits else leg
 
-    def settle_s(self, arrival: Arrival) -> float:
+    def settle_s(self, final_leg: FinalLeg) -> float:
         """Time (s) from the end of the last leg until the tip stays within `motion.within_mm` of its rest.
 
         The command is the board's: pulses rounded to its counts, tick by tick.
         """
-        rows = np.array([arrival.move.at(k) for k in range(arrival.move.length + 1)])
+        rows = np.array([final_leg.move.at(k) for k in range(final_leg.move.length + 1)])
         path = self._angles(rows)
         within, tick = self._config.motion.within_mm * 1e-3, self._config.tick / SECOND
-        return settling_after(self._model, path[0], path, tick, within, arrival.payload).seconds
+        return settling_after(self._model, path[0], path, tick, within, final_leg.payload).seconds
 
     def _angles(self, pulses: Array) -> Array:
         """(M, n), angles (rad) of the joints at pulses (M, servos), ns, as the board rounds them."""
