@@ -118,13 +118,13 @@ class SwingingRover:
         core = self.daemon.core
         self.daemon.settle()
         told = core.handle(MoveRequest(lease=self.token, waypoints=[goal], shaping=self.shaping), self.daemon.now)
-        assert told.arrival is not None
+        assert told.final_leg is not None
         assert told.seconds is not None
         while core.mode is not Mode.MOVING or not self.daemon.ramp.moving:
             self.pass_ticks(1)
         while self.daemon.ramp.moving:
             self.pass_ticks(1)
-        return told.seconds, self.known.settle_s(told.arrival)
+        return told.seconds, self.known.settle_s(told.final_leg)
 
     # ---- parts of a campaign
 

@@ -34,8 +34,8 @@ def with_reverting_terms(fitted: Fit, data: Measurements) -> Fit:
     A term's size is followed over the angle of each joint, as a line (varying coefficients: Hastie & Tibshirani 1993).
     Where that line, within two standard errors, falls below half at a limit of the joint beyond the measured range,
     leaving the term out errs less there. What else acts on the joints is then fitted without it. A form of an effect
-    that the model has refines that, and holds as far. Where the fit without the term fails, there is no model to go back
-    to, and the term holds as far as `Extrapolation.HELD` says.
+    that the model has refines that, and holds as far. Where the fit without the term fails, there is no model to go
+    back to, and the term holds as far as `Extrapolation.HELD` says.
     """
     model, present = fitted.model, {effect.name for effect in fitted.model.effects}
     terms = [one for one in model.effects if _is_empirical(one) and present.isdisjoint(variants(one))]

@@ -97,7 +97,7 @@ def test_a_shaped_move_arrives_when_it_says_and_is_longer_by_its_shaper(sim: Sim
     assert commanded(sim, 1) == pytest.approx(0.5, abs=1e-6)
     known = sim.core.motion
     assert known is not None
-    assert known.settle_s(shaped.arrival) < 0.5 * known.settle_s(plain.arrival)
+    assert known.settle_s(shaped.final_leg) < 0.5 * known.settle_s(plain.final_leg)
 
 
 def test_a_hold_and_an_emergency_stop_end_a_shaped_move_at_once(sim: SimulatedDaemon) -> None:
@@ -126,7 +126,7 @@ def test_a_hold_and_an_emergency_stop_end_a_shaped_move_at_once(sim: SimulatedDa
 def test_each_at_its_own_rate_and_contacts_are_not_shaped(sim: SimulatedDaemon) -> None:
     token = armed(sim)
     request = MoveRequest(lease=token, waypoints=[GOAL], pace="each", shaping="zv")
-    assert sim.core.handle(request, sim.now).arrival.move.impulses == ()
+    assert sim.core.handle(request, sim.now).final_leg.move.impulses == ()
     keep(sim, token, 30)
     touching = MoveRequest(lease=token, waypoints=[GOAL], may_touch=[TOUCH], shaping="zv")
     with pytest.raises(RequestError, match="not shaped"):
@@ -138,7 +138,7 @@ def test_without_a_motion_model_nothing_is_shaped_nor_predicted(sim: SimulatedDa
     sim.core.motion = None
     with pytest.raises(RequestError, match="motion model"):
         sim.core.handle(MoveRequest(lease=token, waypoints=[GOAL], shaping="zv"), sim.now)
-    assert sim.core.handle(MoveRequest(lease=token, waypoints=[GOAL]), sim.now).arrival.move.impulses == ()
+    assert sim.core.handle(MoveRequest(lease=token, waypoints=[GOAL]), sim.now).final_leg.move.impulses == ()
 
 
 def configured(tmp_path, lines: str):
