@@ -38,6 +38,7 @@ COMMANDS: Mapping[str, tuple[str, ...]] = {
         f"{IDENT} motion fit recording -o motion.toml",
         f"{IDENT} motion auto motion.toml recording -o best.toml --figure PICTURE",
     ),
+    "fleet": ("validation.fleet.picture PICTURE",),
     "swing": ("validation.swinging_arm.picture PICTURE",),
     "fetch": ("examples.fetch --out . --stones 20 --seed 1",),
     "sockets": ("validation.touched_points.guide_picture",),

@@ -50,11 +50,21 @@ def quantity(value: float, error: float) -> str:
     return " ± ".join(with_error(value, error))
 
 
-def fall(before: float, after: float) -> str:
-    """`from 0.1135 to 0.1128`: lengths (m) in mm, with two significant digits of what lies between them."""
+def both_in_mm(before: float, after: float) -> tuple[str, str]:
+    """Two lengths (m) in mm, without the unit, with two significant digits of what lies between them."""
     low, high = sorted((before * 1e3, after * 1e3))
     places = decimals(low, high, high - low)
-    return f"from {before * 1e3:.{places}f} to {after * 1e3:.{places}f}"
+    return f"{before * 1e3:.{places}f}", f"{after * 1e3:.{places}f}"
+
+
+def fall(before: float, after: float) -> str:
+    """`from 0.1135 to 0.1128`: lengths (m) in mm."""
+    return "from {} to {}".format(*both_in_mm(before, after))
+
+
+def arrow(before: float, after: float) -> str:
+    """`0.1135 → 0.1128`: lengths (m) in mm."""
+    return " → ".join(both_in_mm(before, after))
 
 
 def change_words(before: float, after: float) -> str:

@@ -9,7 +9,7 @@ from typing import cast
 import numpy as np
 
 from lrm_ident.data.error_stats import error_stats
-from lrm_ident.data.wording import in_mm
+from lrm_ident.data.wording import arrow, in_mm
 from lrm_ident.diagnosis.contradiction import can_be_contradicted
 from lrm_ident.diagnosis.diagnosis_report import with_unit
 from lrm_ident.report.diagnosis.conclusion import Conclusion
@@ -50,6 +50,11 @@ class ErrorFall:
         if floor is None or self.before <= floor:
             return None
         return float(np.clip(share_of_excess(self.after, self.before, floor), 0.0, 1.0))
+
+    @property
+    def words(self) -> str:
+        """Both errors, in mm."""
+        return arrow(self.before * 1e-3, self.after * 1e-3)
 
     @property
     def explained(self) -> float:

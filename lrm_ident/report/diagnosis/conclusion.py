@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lrm_ident.data.wording import enumerate_words, in_mm, in_percent
+from lrm_ident.data.wording import arrow, enumerate_words, in_mm, in_percent
 from lrm_ident.diagnosis.attribution import Attribution, attribution_of, unexplained_ratio
 from lrm_ident.diagnosis.contradiction import can_be_contradicted
 from lrm_ident.diagnosis.diagnosis_report import DiagnosisReport, RankedCandidate
@@ -180,7 +180,7 @@ def _titled(name: str) -> str:
 
 
 def _fall(before: float, after: float) -> str:
-    return f"{in_mm(before)} → {in_mm(after)} mm RMS"
+    return f"{arrow(before, after)} mm RMS"
 
 
 def _held_out(report: DiagnosisReport) -> str:

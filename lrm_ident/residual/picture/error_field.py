@@ -20,7 +20,7 @@ from lrm_math.model.derivatives import joint_levers
 from lrm_math.model.equilibrium import Equilibrium, solve_equilibrium
 from lrm_math.model.model import Model
 
-MOST_DRAWN, WORST_DRAWN, SEED = 1000, 200, 0
+MOST_DRAWN, WORST_DRAWN, SEED = 500, 100, 0
 ARROW_SHARE, COLOUR_SHARE = 0.25, 0.98
 """Length of a long arrow (95 % quantile) in parts of the cloud's spread; quantile of the errors at the last colour."""
 COLOURS = 8

@@ -7,6 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from lrm_ident.data.wording import (
+    arrow,
     change_words,
     fall,
     in_minutes,
@@ -84,3 +85,11 @@ def test_one_pose_is_no_poses(numbers: list[int]) -> None:
 def test_joints_that_have_names_are_called_by_them() -> None:
     assert named_joints(load_arm("so101")).startswith("; joint 1 shoulder_pan, 2 shoulder_lift, 3 elbow_flex")
     assert named_joints(load_arm("lrm-lab")) == ""
+
+
+@given(st.floats(1e-6, 0.1), st.floats(1e-6, 0.1))
+def test_a_fall_shows_a_difference_where_there_is_one(before: float, after: float) -> None:
+    first, second = map(float, arrow(before, after).split(" → "))
+    assert (first == second) <= (abs(before - after) < 1e-9)
+    assert abs(first - before * 1e3) <= 0.005
+    assert abs(second - after * 1e3) <= 0.005

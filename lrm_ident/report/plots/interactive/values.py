@@ -164,6 +164,7 @@ def _card(found: ModelReport, card: StepCard, fall: ErrorFall, shown: StepAttrib
     return {
         **plain(card),
         **plain(fall),
+        "fall": fall.words,
         "share": fall.share_of_excess(floor),
         "shows": kind,
         "label": "" if kind is None else term_of(kind, card.equivalent),
@@ -181,7 +182,7 @@ def _together(found: ModelReport) -> dict[str, Any] | None:
     if steps < 2:
         return None
     fall = error_fall(found.file, found.field, steps, found.poses.sha256, steps)
-    return {"steps": steps, **plain(fall)}
+    return {"steps": steps, **plain(fall), "fall": fall.words}
 
 
 def _where(found: ModelReport) -> dict[str, Any]:

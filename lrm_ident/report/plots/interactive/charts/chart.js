@@ -60,7 +60,7 @@ const lrmChart = (() => {
     }
   }
 
-  const CONFIG = { displaylogo: false, responsive: true, modeBarButtonsToRemove: ["toImage", "sendDataToCloud"] };
+  const CONFIG = { displaylogo: false, responsive: true, modeBarButtons: [["zoom2d", "select2d", "resetScale2d"]] };
   return { colour, layout, at, curve, binned, range, onPaper, CONFIG };
 })();
 

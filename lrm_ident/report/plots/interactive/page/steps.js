@@ -3,7 +3,6 @@
 function lrmSteps(page) {
   const { state, place, element, draw, words } = page;
   const { colour, binned, at } = lrmChart, FIRST = ["estimate", "certainty", "empirical term", "acts most like", "hidden at most"];
-  const inMm = (value) => `${words(Number(value))}\u00a0mm`; // no line ends before its unit
   // The course of the error in one line; of an earlier step that is shown, where it stands in it.
   function tellFall() {
     const box = place("fall"), v = state.values, last = v.steps.length - 1;
@@ -70,7 +69,7 @@ function lrmSteps(page) {
   // The end of the course: what all steps did.
   function together() {
     const v = state.values, all = v.together;
-    if (all) return element("p", `All ${all.steps} steps together: ${words(all.before)} → ${words(all.after)} mm${all.held_out ? ", held out" : ""}.`, "lrm-together");
+    if (all) return element("p", `All ${all.steps} steps together: ${all.fall} mm${all.held_out ? ", held out" : ""}.`, "lrm-together");
     return "";
   }
 
@@ -83,7 +82,7 @@ function lrmSteps(page) {
   }
 
   function article(card) {
-    const out = element("article", "", "lrm-card-of-step"), fall = `${words(card.before)}\u00a0→\u00a0${inMm(card.after)}`;
+    const out = element("article", "", "lrm-card-of-step"), fall = `${card.fall} mm`.replaceAll(" ", "\u00a0");
     const heading = element("h3", `${card.number}. ${named(card)}: ${fall}`);
     const share = card.share === null ? "" : `; explains ${Math.round(100 * card.share)} % of the squared error above the noise`;
     const left = card.shows !== "possible_cause" || card.ratio === null ? "" : ` ${words(card.ratio)} times as much squared error stays unexplained, so another cause may stand behind it.`;
