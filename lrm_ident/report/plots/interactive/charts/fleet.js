@@ -3,7 +3,7 @@
 const lrmFleet = (() => {
   const { colour, layout, CONFIG } = lrmChart;
   const LEVELS = ["--model", "--held", "--good", "--accent", "#e69f00", "#999999", "#882255", "#8c6d31"];
-  const MOST_NAMES = 40, ROW_PX = 36, WIDE_PX = 700, LEFT_PX = 260;
+  const MOST_NAMES = 40, MOST_LEVEL = 8, ROW_PX = 36, WIDE_PX = 700, LEFT_PX = 260;
   const TICKS = [-3, -2, -1, 0, 1, 2].flatMap((p) => [1, 2, 5].map((k) => Number((k * 10 ** p).toPrecision(1))));
   const place = (id) => document.getElementById("lrm-" + id);
   const state = { values: null, tag: "", key: "", marked: null };
@@ -31,6 +31,7 @@ const lrmFleet = (() => {
       yaxis: { ...options.yaxis, automargin: !wide },
       shapes: [...(options.shapes || []), ...shapes],
       xaxis: { range: [-0.7, names.length - 0.3], tickmode: "array", tickvals: few ? names.map((_, k) => k) : [], ticktext: names,
+        tickangle: names.length > MOST_LEVEL ? 90 : 0,
         title: { text: few ? "" : "arms" + (state.tag ? ", sorted by " + state.tag : "") }, showgrid: false, zeroline: false },
     }));
   }
