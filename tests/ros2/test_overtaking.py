@@ -207,8 +207,10 @@ def frozen_client(bridge: BridgeUnderTest, token: str) -> Iterator[subprocess.Po
         assert process.stdout is not None
         process.stdout.readline()
         time.sleep(0.3)
-        yield process
-        process.kill()
+        try:
+            yield process
+        finally:
+            process.kill()
 
 
 @pytest.fixture
