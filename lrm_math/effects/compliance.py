@@ -180,19 +180,18 @@ class LateralCompliance(Spring):
 
 
 class BendingEnds(PlainSpring):
-    """Bending of a link along its length: hinges at its near and far end, beside that at its middle.
+    """Bending of a link along its length: hinges at its near and far end, beside its one bend.
 
-    The far end is the bearing of the next joint. A compliance at any one point along the link equals springs at both
-    ends and the middle whose stiffness weights interpolate quadratically, so the three stand for a bend anywhere.
+    The far end is the bearing of the next joint.
     """
 
     id = "bending_ends"
     variant_of = ("lateral_compliance",)
     about = Description(
-        cause="A link bends most where it is thinnest, or its bearing tilts: at one end rather than at its middle.",
+        cause="A link bends along its length, or elsewhere about one axis than about the other.",
         formula="rotation about x and y at both ends of the link: k M there",
         source="virtual joint model as in Klimchik et al. 2014, three nodes",
-        claim="{place} bends elsewhere than at its middle",
+        claim="{place} bends at more than one point",
     )
     parameters = tuple(
         Parameter(f"k_{end}_{axis}_rad_per_Nm", f"bending about {axis} at its {end} end, beside its middle", 0.05)
