@@ -44,7 +44,7 @@ SECOND_LOAD_KG = 0.1
 
 
 @dataclass(frozen=True, eq=False)
-class Cause:
+class CandidateCause:
     """A candidate cause: its parameters that are not fitted (`rows`), in typical sizes (m,), and the shape found."""
 
     effect: Effect
@@ -53,12 +53,12 @@ class Cause:
     shape: tuple[float, ...] | None = None
 
     @classmethod
-    def found(cls, scored: ScoredCandidate) -> Cause:
+    def found(cls, scored: ScoredCandidate) -> CandidateCause:
         """One as a screening estimates it alone."""
         return cls(scored.candidate.effect, scored.candidate.rows, scored.alone.theta, scored.shape)
 
     @classmethod
-    def typical(cls, effect: Effect, fitted: Sequence[str]) -> Cause:
+    def typical(cls, effect: Effect, fitted: Sequence[str]) -> CandidateCause:
         """One of typical size."""
         rows = unfitted_rows(effect, fitted)
         return cls(effect, rows, np.ones(len(rows)))
@@ -127,7 +127,12 @@ class Advice:
 
 
 def advise(
-    model: Model, causes: Sequence[Cause], measured: Poses | None, noise: float, seed: int = 0, most: int = COUNTS[-1]
+    model: Model,
+    causes: Sequence[CandidateCause],
+    measured: Poses | None,
+    noise: float,
+    seed: int = 0,
+    most: int = COUNTS[-1],
 ) -> Advice:
     """The first plan that tells all causes apart, together with the poses measured already; else the best.
 
@@ -151,7 +156,7 @@ def _least(advice: Advice) -> tuple[int, float]:
     return -len(advice.alike), min(pair.lead for pair in advice.pairs)
 
 
-def expected(model: Model, causes: Sequence[Cause], parts: Sequence[Poses], noise: float) -> tuple[Pair, ...]:
+def expected(model: Model, causes: Sequence[CandidateCause], parts: Sequence[Poses], noise: float) -> tuple[Pair, ...]:
     """Every cause beside every other one, on all poses of the parts. `noise`: m per axis."""
     columns = [_columns(model, causes, part) for part in parts]
     fitted = np.concatenate([own for own, _ in columns])
@@ -181,7 +186,7 @@ def _distance(motion: Array, columns: Array) -> float:
     return float(np.linalg.norm(motion - basis @ (basis.T @ motion)))
 
 
-def _columns(model: Model, causes: Sequence[Cause], poses: Poses) -> tuple[Array, list[list[Array]]]:
+def _columns(model: Model, causes: Sequence[CandidateCause], poses: Poses) -> tuple[Array, list[list[Array]]]:
     """(3 N, P) of the fitted parameters, and of each cause (3 N, m) at its shape and at others (m per typical size)."""
     settled = solve_equilibrium(model, with_borne_loads(model, poses))
     fitted = identification_jacobian(settled, model.free).reshape(3 * len(poses), -1) / MM_PER_M
@@ -195,7 +200,7 @@ def _columns(model: Model, causes: Sequence[Cause], poses: Poses) -> tuple[Array
 
 
 def _plans(
-    model: Model, causes: Sequence[Cause], measured: Poses | None, noise: float, seed: int, most: int
+    model: Model, causes: Sequence[CandidateCause], measured: Poses | None, noise: float, seed: int, most: int
 ) -> Iterator[Plan]:
     """Plans, from the least effort on. A plan that cannot be made is left out."""
     before = np.zeros(1) if measured is None else np.unique(np.round(measured.payload, 4))
@@ -219,7 +224,13 @@ def _plans(
 
 
 def _chosen(
-    model: Model, causes: Sequence[Cause], every: Poses, measured: Poses | None, noise: float, count: int, seed: int
+    model: Model,
+    causes: Sequence[CandidateCause],
+    every: Poses,
+    measured: Poses | None,
+    noise: float,
+    count: int,
+    seed: int,
 ) -> Poses:
     """`count` poses by design, at random where a design is not possible; as if they were measured now."""
     rivals = tuple(cause.effect for cause in causes)

@@ -101,7 +101,7 @@ class JointMoves:
     def error(self, effects: Sequence[MotionEffect], rows: Array) -> Array:
         """(P, N), target less prediction at the counted frames, all else as it is."""
         predicted = self.predicted(effects, rows)[:, self.counted]
-        return np.asarray((self.target[self.counted] - self.lever[self.counted] * predicted[..., None])).reshape(
+        return np.asarray(self.target[self.counted] - self.lever[self.counted] * predicted[..., None]).reshape(
             len(predicted), -1
         )
 
@@ -210,7 +210,7 @@ def _clustered(J: Array, residual: Array, count: NDArray[np.int64]) -> Array:
     inverse = np.linalg.pinv(J.T @ J, rcond=1e-12, hermitian=True)
     white = float(residual @ residual) / max(N - p, 1) * inverse
     if len(own) < LEAST_CLUSTERS or not p:
-        return white
+        return np.asarray(white)
     scores = np.add.reduceat(J * residual[:, None], np.concatenate([[0], np.cumsum(own)[:-1]]), axis=0)
     G = len(own)
     few = G * (N - 1) / ((G - 1) * max(N - p, 1)) * (stdtrit(G - 1, 0.975) / ndtri(0.975)) ** 2

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Sequence
 from weakref import WeakKeyDictionary
 
-from lrm_ident.design.advice import Advice, Cause, advise
+from lrm_ident.design.advice import Advice, CandidateCause, advise
 from lrm_ident.diagnosis.attribution import attribution_of
 from lrm_ident.diagnosis.diagnosis_report import DiagnosisReport
 from lrm_math.effects import variants
@@ -40,5 +40,5 @@ def _advice(report: DiagnosisReport) -> Advice | None:
     scored = {one.name: one.scored for one in report.ranking}
     refit = report.first.fit if report.first is not None else None
     noise = diagnosis.floor.sd or (diagnosis.fit if refit is None else refit).sigma
-    causes = [Cause.found(scored[name]) for name in names]
+    causes = [CandidateCause.found(scored[name]) for name in names]
     return advise(diagnosis.fit.model, causes, diagnosis.screened_subset[1].poses, noise)
