@@ -26,6 +26,8 @@ from lrmd.client import ModeState
 
 PERIOD_S, SILENT_S = 0.15, 0.6
 """s between two questions; without an answer for so long a sender is lost."""
+OVERTAKEN_S = 0.6
+"""s by which the end of a token may overtake the last order of its sender: it has a higher priority in zenoh."""
 SESSION_PART, KIND_PART, NAME_PART = 2, 5, 9
 """Places in a token of `rmw_zenoh`: `@ros2_lv/domain/session/node/entity/kind/enclave/namespace/node/name/…`."""
 
@@ -79,7 +81,7 @@ class SenderWatch:
             return
         session, now = session_of(token), time.monotonic()
         with self._lock:
-            self._left = {one: left for one, left in self._left.items() if now - left < STALE_S}
+            self._left = {one: left for one, left in self._left.items() if now - left < OVERTAKEN_S}
             kept = {session, *map(session_of, self._left)}
             self._answered = {one: known for one, known in self._answered.items() if one in kept or known.age < STALE_S}
             if sends := any(end.has(token) for end in self._ends):
@@ -109,7 +111,7 @@ class SenderWatch:
         """
         now = time.monotonic()
         with self._lock:
-            senders = [token for token, left in self._left.items() if end.has(token) and now - left < STALE_S]
+            senders = [token for token, left in self._left.items() if end.has(token) and now - left < OVERTAKEN_S]
             found = [self._answered.get(session_of(token)) for token in senders]
         known = [one for one in found if one is not None]
         if not found:

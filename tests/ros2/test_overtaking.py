@@ -173,9 +173,9 @@ def test_an_order_after_a_stop_is_followed(bridge: BridgeUnderTest, order: str, 
     """At once where the stop was answered; after an empty trajectory, which has no answer, soon."""
     bridge.ready()
     answer = bridge.stop(stop)
-    time.sleep(0.5 if answer is None else 0.0)
+    time.sleep(1.0 if answer is None else 0.0)
     bridge.send(order)
-    wait_for(lambda: bridge.rover.joints().moving, "it is followed", 3.0)
+    wait_for(lambda: bridge.rover.joints().moving, "it is followed", 10.0)
     bridge.stop("hold")
 
 
