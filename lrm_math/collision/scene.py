@@ -91,7 +91,8 @@ class Scene:
     capsule and a box; `grids`: heightfields, with F pairs in all. Of the P = K + M + F pairs: `radii` (P,), their sum,
     `names` (P, 2), `motion_bound` (P, n): the most that 1 rad of joint j can move the one body against the other (m).
     `home` (n + 2, 4, 4): `frames` with all angles zero. `estimated`: names of shapes that nobody measured. `around`:
-    those of obstacles beside the arm file's. `permits`: contacts that are allowed, by the number of their pair; the distances of these pairs are raised where they are.
+    those of obstacles beside the arm file's. `permits`: contacts that are allowed, by the number of their pair; the
+    distances of these pairs are raised where they are.
     """
 
     chain: Chain
