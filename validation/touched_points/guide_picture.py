@@ -44,7 +44,7 @@ def main() -> None:
         moved = triangles(board) * 1e-3 @ T[:3, :3].T + T[:3, 3]
         _draw_board(right, moved * 1e3, colour, 0.5)
         goal = T[:3, :3] @ (np.array(board.points["E"]) * 1e-3) + T[:3, 3]
-        joints = _skeleton(near_goal(goal, rng)) * 1e3
+        joints = _skeleton(near_goal(goal, rng, T[:3, 2])) * 1e3
         right.plot(*joints.T, "o-", color=colour, markersize=3, linewidth=2)
         right.text(*(goal * 1e3 + [0, 0, 25]), f"placement {number}", fontsize=9, color=colour)
     _limits(right, np.array([150.0, 0.0, 150.0]), 230.0)

@@ -30,9 +30,9 @@ def board(
         Option("-o", "--output", metavar="STL|PDF", help="Where to write it: .stl to print, .pdf to drill a plate."),
         arg.CompanionFiles({".toml": "metadata"}),
     ],
-    length_mm: Annotated[float, Option(help="Distance from socket A to B, and from D to C.")] = 120.0,
-    width_mm: Annotated[float, Option(help="Distance from socket A to D, and from B to C.")] = 80.0,
-    raised_mm: Annotated[float, Option(help="Height of socket E over the others; 0: none (a drilled plate).")] = 25.0,
+    length_mm: Annotated[float, Option(help="Distance from socket A to B, and from D to C.")] = 160.0,
+    width_mm: Annotated[float, Option(help="Distance from socket A to D, and from B to C.")] = 130.0,
+    raised_mm: Annotated[float, Option(help="Height of socket E over the others; 0: none (a drilled plate).")] = 60.0,
     opening_mm: Annotated[float, Option(help="Diameter of the cones of 90 deg.")] = 12.0,
     paper: Annotated[str, Option(help="a4 or letter, for a PDF.")] = "a4",
 ) -> None:
