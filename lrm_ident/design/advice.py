@@ -37,6 +37,8 @@ COUNTS = (40, 80)
 """Poses that are proposed."""
 OFFERED = 300
 """Random poses that they are chosen from, with each load."""
+NO_MOTION = 1e-9
+"""m: round-off."""
 MOST_SHAPES = 12
 """Of a cause that another might stand in for: a bound on time."""
 SECOND_LOAD_KG = 0.1
@@ -53,9 +55,11 @@ class CandidateCause:
     shape: tuple[float, ...] | None = None
 
     @classmethod
-    def found(cls, scored: ScoredCandidate) -> CandidateCause:
-        """One as a screening estimates it alone."""
-        return cls(scored.candidate.effect, scored.candidate.rows, scored.alone.theta, scored.shape)
+    def found(cls, scored: ScoredCandidate, motion: float) -> CandidateCause:
+        """One as a screening estimates it alone, as large as if it made all the motion that is to be explained (m, the
+        root of the sum of squares): an estimate of what explains little alone is too small."""
+        share = motion / max(float(np.linalg.norm(scored.added)), NO_MOTION)
+        return cls(scored.candidate.effect, scored.candidate.rows, scored.alone.theta * share, scored.shape)
 
     @classmethod
     def typical(cls, effect: Effect, fitted: Sequence[str]) -> CandidateCause:
@@ -75,8 +79,11 @@ class Plan:
 
 @dataclass(frozen=True)
 class Pair:
-    """Two causes on some poses: by how many standard errors the first, if it is there, beats the second; the cosine of
-    their motions."""
+    """Two causes on some poses.
+
+    lead: standard errors by which the first, if it is there, beats the second at the shape that imitates it best.
+    cosine: of their motions then; a diagnosis calls them alike if it is large, whatever the errors.
+    """
 
     there: str
     instead: str
@@ -107,6 +114,15 @@ class Advice:
         return self.plan is not None and not self.alike
 
     @property
+    def helps(self) -> bool:
+        """Whether the plan tells the first cause, or another, from some of them."""
+        return any(frozenset((p.there, p.instead)) not in self._together for p in self.pairs)
+
+    @property
+    def _together(self) -> set[frozenset[str]]:
+        return {frozenset((pair.there, pair.instead)) for pair in self.alike}
+
+    @property
     def sentence(self) -> str:
         """What to measure and what it will tell; or that nothing will, and why."""
         if self.plan is None:
@@ -121,18 +137,14 @@ class Advice:
         why = (
             f"they move the tip alike (cosine {worst.cosine:.2f})"
             if worst.cosine > EQUIVALENCE_COSINE
-            else f"it would lead by {worst.lead:.1f} standard errors only, and {NEEDED:.1f} must be expected"
+            else f"it would lead by {worst.lead:.1f} standard errors, and {NEEDED:.1f} must be expected"
         )
-        return f"No poses tried can distinguish {worst.there} from {worst.instead}. With {self.plan.how}: {why}."
+        none = f"No poses tried can distinguish {worst.there} from {worst.instead}: {why}"
+        return f"{none}; {self.plan.how}, distinguish the others." if self.helps else f"{none}, with {self.plan.how}."
 
 
 def advise(
-    model: Model,
-    causes: Sequence[CandidateCause],
-    measured: Poses | None,
-    noise: float,
-    seed: int = 0,
-    most: int = COUNTS[-1],
+    model: Model, causes: Sequence[CandidateCause], measured: Poses | None, noise: float, seed: int = 0, most: int = COUNTS[-1]
 ) -> Advice:
     """The first plan that tells all causes apart, together with the poses measured already; else the best.
 
@@ -175,8 +187,8 @@ def expected(model: Model, causes: Sequence[CandidateCause], parts: Sequence[Pos
     found = []
     for (a, one), (b, other) in permutations(enumerate(causes), 2):
         motion = own[a][0] @ one.size
-        apart = min(_distance(motion, columns) for columns in own[b])
-        cosine = max(principal_cosine(own[a][0], columns) for columns in own[b])
+        apart, best = min((_distance(motion, columns), k) for k, columns in enumerate(own[b]))
+        cosine = principal_cosine(own[a][0], own[b][best])
         found.append(Pair(one.effect.name, other.effect.name, apart / (2.0 * noise), cosine))
     return tuple(found)
 
@@ -224,13 +236,7 @@ def _plans(
 
 
 def _chosen(
-    model: Model,
-    causes: Sequence[CandidateCause],
-    every: Poses,
-    measured: Poses | None,
-    noise: float,
-    count: int,
-    seed: int,
+    model: Model, causes: Sequence[CandidateCause], every: Poses, measured: Poses | None, noise: float, count: int, seed: int
 ) -> Poses:
     """`count` poses by design, at random where a design is not possible; as if they were measured now."""
     rivals = tuple(cause.effect for cause in causes)

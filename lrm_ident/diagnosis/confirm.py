@@ -231,6 +231,20 @@ def _worse_as_deployed(effect: Effect, refit: Refit, blocks: tuple[HeldOutBlock,
     return error_stats(before).rms, error_stats(after).rms
 
 
+def objection_to(fitted: Fit, keys: Collection[str], before: Array, after: Array) -> str:
+    """Why a refit gives no evidence for an effect with the parameters `keys`, in words; empty where it does.
+
+    before, after: (N,), held-out squared distances without and with it (m²).
+    """
+    if wald_p_value(fitted, keys) > WITHIN_TWO_DEVIATIONS:
+        return "its own parameters lie within two standard errors of zero"
+    if absurd := next((one.sentence for one in implausible_of(fitted) if one.key in keys), ""):
+        return absurd
+    if not predicts_better(after, before, MIN_GAIN):
+        return "the model does not surely predict better with it"
+    return ""
+
+
 def _absurd(before: Fit, after: Fit) -> str:
     """Estimate of a refit beyond its largest plausible size that was not so before, in words; empty without one."""
     known = {one.key for one in implausible_of(before)}

@@ -9,6 +9,7 @@ import numpy as np
 from lrm_ident.data.measurement_file.known_columns import quantities_of_joints
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.wording import in_percent
+from lrm_ident.design.advice import NEEDED, Cause, Pair, as_measured, expected
 from lrm_ident.design.discrimination import TARGET_POWER, TEST_LEVEL, Discrimination, Rival
 from lrm_ident.design.observability import INDICES, UNITS, Observability, Units
 from lrm_ident.design.parameter_elimination import ParameterElimination
@@ -170,12 +171,32 @@ def _gains(task: DesignProblem, found: PoseDesign) -> Iterator[str]:
             f"Cosine between the motions of {apart.rivals[0].name} and {apart.rivals[1].name}: {apart.cosine:.2f} "
             f"({earlier}{random.cosine:.2f} with random poses; at 1 they are indistinguishable)."
         )
+    yield from _leads(task, found)
     for k, effect in enumerate(task.rivals):
         earlier = "" if was is None else f"; now {_least(effect, was, k)}"
         yield (
             f"{apart.rivals[k].name} is distinguished from everything else in {in_percent(TARGET_POWER)} % of cases "
             f"{_least(effect, apart, k)} (with random poses {_least(effect, random, k)}{earlier}); "
             f"{_errors(apart.rivals[k])}."
+        )
+
+
+def _leads(task: DesignProblem, found: PoseDesign) -> Iterator[str]:
+    """What a diagnosis after these poses is expected to tell of each pair of rivals of typical size."""
+    if len(task.rivals) < 2:
+        return
+    poses = as_measured(found.poses, task.measured)
+    parts = [poses] if task.measured is None else [task.measured, poses]
+    causes = [Cause.typical(effect, found.keys) for effect in task.rivals]
+    least: dict[frozenset[str], Pair] = {}
+    for pair in expected(task.model.with_free(found.keys), causes, parts, task.noise):
+        both = frozenset((pair.there, pair.instead))
+        least[both] = min(least.get(both, pair), pair, key=lambda one: (one.told, one.lead))
+    for pair in least.values():
+        told = "will" if pair.told else "will not"
+        yield (
+            f"At typical sizes a diagnosis {told} distinguish {pair.there} from {pair.instead}: it is expected to lead "
+            f"by {pair.lead:.1f} standard errors, {NEEDED:.1f} are needed; cosine {pair.cosine:.2f}."
         )
 
 

@@ -16,7 +16,10 @@ MOST_OF_RANGE = 2 / 3
 
 
 def audit(data: Measurements, torque: Array) -> tuple[str, ...]:
-    """Deficiencies of the data, one sentence each, the most severe first. `torque`: (N, n), N·m."""
+    """Deficiencies of the data, one sentence each, the most severe first. `torque`: (N, n), N·m.
+
+    What to measure instead is the matter of `design.advice`, which tries it.
+    """
     excitation = Excitation(data.poses, torque)
     checks = (_levels, _order, _reversals, _signs, _loads)
     return tuple(sentence for check in checks for sentence in check(excitation))
@@ -29,7 +32,7 @@ def _levels(excitation: Excitation) -> Iterator[str]:
         levels = f"{least}" if least == most else f"{least} to {most}"
         yield (
             f"few angles: {_joints(few)} measured at {levels} angles only, so servo gain, eccentricity and cable pull "
-            "look alike there; measure at five or more"
+            "look alike there"
         )
 
 
@@ -37,7 +40,7 @@ def _order(excitation: Excitation) -> Iterator[str]:
     for joint, correlation in joints_of_order(excitation.poses.q).items():
         yield (
             f"order: the measurement order follows joint {joint + 1} (correlation {correlation:.2f}), so drift and an "
-            "error of that joint look alike; measure in random order"
+            "error of that joint look alike"
         )
 
 
@@ -67,10 +70,7 @@ def joints_of_order(q: Array) -> dict[int, float]:
 def _reversals(excitation: Excitation) -> Iterator[str]:
     never = [i + 1 for i in range(excitation.torque.shape[1]) if excitation.reversals(i) < FEW_REVERSALS]
     if never and excitation.poses.direction is not None:
-        yield (
-            f"no reversal: {_joints(never)} (almost) never reversed, so hysteresis cannot show; approach poses from "
-            "both sides"
-        )
+        yield f"no reversal: {_joints(never)} (almost) never reversed, so hysteresis cannot show"
 
 
 def _signs(excitation: Excitation) -> Iterator[str]:
@@ -81,7 +81,7 @@ def _signs(excitation: Excitation) -> Iterator[str]:
 
 def _loads(excitation: Excitation) -> Iterator[str]:
     if len(np.unique(excitation.poses.payload)) == 1:
-        yield "one load: nonlinear stiffness, backlash and mass errors are hard to distinguish; measure with two loads"
+        yield "one load: nonlinear stiffness, backlash and mass errors are hard to distinguish"
 
 
 def _joints(numbers: Iterable[int]) -> str:

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Collection, Sequence
 from weakref import WeakKeyDictionary
 
+import numpy as np
+
 from lrm_ident.design.advice import Advice, CandidateCause, advise
 from lrm_ident.diagnosis.attribution import attribution_of
 from lrm_ident.diagnosis.diagnosis_report import DiagnosisReport
@@ -38,7 +40,9 @@ def _advice(report: DiagnosisReport) -> Advice | None:
         return None
     diagnosis = report.diagnosis
     scored = {one.name: one.scored for one in report.ranking}
-    refit = report.first.fit if report.first is not None else None
+    first = report.first
+    to_explain = 0.0 if first is None else float(np.linalg.norm(first.scored.added))
+    refit = None if first is None else first.fit
     noise = diagnosis.floor.sd or (diagnosis.fit if refit is None else refit).sigma
-    causes = [CandidateCause.found(scored[name]) for name in names]
+    causes = [CandidateCause.found(scored[name], to_explain) for name in names]
     return advise(diagnosis.fit.model, causes, diagnosis.screened_subset[1].poses, noise)

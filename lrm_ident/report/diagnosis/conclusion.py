@@ -6,16 +6,18 @@ The one source of a verdict in words: terminal, page, report and notebook show t
 from __future__ import annotations
 
 import shlex
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from lrm_ident.data.wording import arrow, enumerate_words, in_mm, in_percent
+from lrm_ident.design.advice import Advice
 from lrm_ident.diagnosis.attribution import Attribution, attribution_of, unexplained_ratio
 from lrm_ident.diagnosis.contradiction import can_be_contradicted
 from lrm_ident.diagnosis.diagnosis_report import DiagnosisReport, RankedCandidate
 from lrm_ident.fitting.model_fit import DEFAULT_EFFECTS
+from lrm_ident.report.diagnosis.advice import advice_of, causes_of
 from lrm_ident.report.document import Block, CommandLine, Facts, heading, section
 from lrm_ident.report.plain_names import in_words, plain_name
 from lrm_ident.residual.data_audit import where_it_holds
@@ -24,7 +26,7 @@ from lrm_ident.residual.thresholds import MAX_UNEXPLAINED_RATIO, MIN_GAIN
 from lrm_math.arm.arm import JointLimits
 from lrm_math.effects import CATALOGUE, variants
 
-LISTED, REASONS, POSES_TO_MEASURE = 4, 4, 40
+LISTED, REASONS = 4, 4
 MISSING = "Missing from the model"
 HEADLINES = {
     "effect_describes": "No cause identified. The error is systematic, but these poses do not determine its cause.",
@@ -307,16 +309,8 @@ def _next_steps(report: DiagnosisReport, attribution: Attribution | None, names:
         return
     files = f"{shlex.quote(names.model)} {shlex.quote(names.data)}"
     add = f"lrm-ident add {files} {shlex.quote(first.name)} -o better.toml"
-    causes = _causes(report, first, attribution)
-    if len(causes) > 1:
-        arm, rivals = shlex.quote(names.arm), shlex.quote(",".join(causes[:LISTED]))
-        model, data = shlex.quote(names.model), shlex.quote(names.data)
-        poses = f"--separate {rivals} --have {data} -n {POSES_TO_MEASURE} -o next.csv"
-        words = (
-            f"Writes the {POSES_TO_MEASURE} poses that distinguish these causes best. Move the arm to them, measure "
-            f"the tip, add the rows to {names.data}, then fit and diagnose again."
-        )
-        yield NextStep(words, f"lrm-ident design {arm} --model {model} {poses}")
+    if (advice := advice_of(report)) is not None:
+        yield _to_distinguish(advice, causes_of(report), names)
     if attribution == "description":
         fall = _fall(report.held_out.rms, first.held_out_rms)
         now = f"To use the arm meanwhile: corrects the error without knowing its cause ({fall})."
@@ -327,11 +321,15 @@ def _next_steps(report: DiagnosisReport, attribution: Attribution | None, names:
         yield NextStep("To get there in one go: adds this and every further effect until none is missing.", auto)
 
 
-def _causes(report: DiagnosisReport, first: RankedCandidate, attribution: Attribution) -> Sequence[str]:
-    """Effects that poses to be measured could distinguish."""
-    known: Collection[str] = {one.name for one in report.ranking}
-    stands_for = variants(first.scored.candidate.effect) if attribution == "description" else (first.name,)
-    return [name for name in dict.fromkeys((*stands_for, *first.equivalent)) if name in known]
+def _to_distinguish(advice: Advice, causes: Sequence[str], names: CommandNames) -> NextStep:
+    """The poses that distinguish causes, which were tried; without a command where none do."""
+    if advice.plan is None or not advice.helps:
+        return NextStep(advice.sentence)
+    arm, rivals = shlex.quote(names.arm), shlex.quote(",".join(causes))
+    model, data = shlex.quote(names.model), shlex.quote(names.data)
+    words = f"{advice.sentence} Measure the tip there, add the rows to {names.data}, then fit and diagnose again."
+    poses = f"--separate {rivals} --have {data} {advice.plan.options} -o next.csv"
+    return NextStep(words, f"lrm-ident design {arm} --model {model} {poses}")
 
 
 def _without_effect(report: DiagnosisReport, names: CommandNames) -> NextStep:
