@@ -51,7 +51,7 @@ from lrm_math.errors import LrmError
 from lrm_math.kinematics.poses import Poses, poses_of
 from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import Model
-from lrm_math.model.model_file import load_covariance, load_model
+from lrm_math.model.model_file import ModelFile, load_covariance, load_model
 from lrm_math.model.reading import AS_NAMED, Reading
 from lrm_math.number_list import parse_numbers
 from lrm_math.toml_file import read_toml
@@ -198,8 +198,9 @@ def design(
         raise LrmError("--installation says which parameters: leave out --parameters")
     if camera is not None and like is not None:
         raise LrmError("--camera says how poses will be measured: leave out --like")
-    known = None if have is None else _measured(have, the_arm, arm)
-    alike = known if like is None else _measured(like, the_arm, arm)
+    usual = None if model is None else _reading_of(model)
+    known = None if have is None else _measured(have, the_arm, arm, usual)
+    alike = known if like is None else _measured(like, the_arm, arm, usual)
     measured = None if have is None else _commanded(have, the_arm, known)
     for one in (known, alike):
         start = start if one is None else with_set_up(start, one)
@@ -295,9 +296,18 @@ def _mounted(arm: Arm, bench: Path | None, noise: float) -> TransferredModel:
     return transferred(load_model(bench), load_covariance(bench), arm, noise)
 
 
-def _measured(path: Path, arm: Arm, arm_name: str) -> Measurements | None:
-    """Measured poses of a file; None if it has commands alone. Raises `FileError`."""
-    return read_measurements(path, arm, arm_name) if says_measured(path) else None
+def _reading_of(model: Path) -> Reading | None:
+    """How the data of a model's fit were read. Raises `FileError`."""
+    known = read_toml(model, ModelFile).provenance
+    return None if known is None else known.reading
+
+
+def _measured(path: Path, arm: Arm, arm_name: str, usual: Reading | None) -> Measurements | None:
+    """Measured poses of a file, read as `usual` where it states nothing; None if it has commands alone.
+
+    Raises `FileError`.
+    """
+    return read_measurements(path, arm, arm_name, usual=usual) if says_measured(path) else None
 
 
 def _commanded(path: Path, arm: Arm, measured: Measurements | None) -> Poses:

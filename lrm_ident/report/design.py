@@ -14,6 +14,7 @@ from lrm_ident.design.observability import INDICES, UNITS, Observability, Units
 from lrm_ident.design.parameter_elimination import ParameterElimination
 from lrm_ident.design.pose_design import CandidateSet, DesignProblem, ExpectedAccuracy, PoseDesign
 from lrm_ident.design.pose_selection import PoseSelection
+from lrm_ident.diagnosis.diagnosis_report import with_unit
 from lrm_ident.fitting.dependence import UnidentifiableParameter
 from lrm_ident.fitting.parameter_sets import TABLE_4_5
 from lrm_ident.report.document import Block, Document, ResultTable, heading, section
@@ -40,7 +41,7 @@ def choice_document(model: Model, found: PoseSelection, data: Measurements) -> D
         rest = "–" if one.error_rest is None else one.error_rest.mean * 1e3
         broken = ", ".join(f"{symbol(key)} = {one.fit.model.value(key):.3g}" for key in one.violated_bounds)
         fits.append((one.name, *stats_in_mm(one.error_all)[:2], rest, broken or "nothing"))
-    columns = ("", "mean mm, all|.2f", "RMS mm, all|.2f", "mean mm, the rest|.2f", "against physics")
+    columns = ("fit", "mean mm, all|.2f", "RMS mm, all|.2f", "mean mm, others|.2f", "against physics")
     blocks: list[Block] = [
         _index_table(title, found.observability, found.random_baseline),
         f"O1 reaches {100 * o1 / best:.1f} % of {best:.4g}, which no {n} of these poses can exceed.",
@@ -76,13 +77,14 @@ def design_document(task: DesignProblem, offer: CandidateSet, found: PoseDesign)
     title = f"{len(found.rows)} poses, {len(found.keys)} parameters"
     blocks: list[Block] = [
         heading(f"{title}, the arm known beforehand" if task.prior is not None else title),
-        *map(in_words, gains),
-        f"To measure: {len(found.poses)} poses, {repeats} of them again (repeat_of), in random order; come to each "
-        "from the sides in the columns approach1, approach2 …: +1 from smaller angles, -1 from larger ones, a joint "
-        "at its limit from within.",
+        gains[0],
+        *_distinguished(task, found),
+        f"To measure: {len(found.poses)} poses, {repeats} of them again (repeat_of), in random order. Approach "
+        "each joint from the side in the columns approach1, approach2 …: +1 from smaller angles, -1 from larger ones.",
         *([TOO_FEW.format(together, len(found.keys))] if together < len(found.keys) and task.prior is None else []),
     ]
     details: list[Block] = [
+        *map(in_words, gains[1:]),
         f"Candidates: {offer.description}.",
         *(f"  refused: {count} with {rule}" for rule, count in offer.rejected.items() if count),
         *([] if task.prior is not None else [_index_table(title, found.observability, found.random_baseline)]),
@@ -179,6 +181,25 @@ def _gains(task: DesignProblem, found: PoseDesign) -> Iterator[str]:
         )
 
 
+def _distinguished(task: DesignProblem, found: PoseDesign) -> Iterator[ResultTable]:
+    """The least size at which each rival is distinguished from everything else: of its first parameter."""
+    known = {name: one.discrimination for name, one in _known(found).items() if one.discrimination is not None}
+    if not known:
+        return
+    rows = []
+    for k, effect in enumerate(task.rivals):
+        parameter = next(p for p in effect.parameters if p.fixed is None)
+        sizes = [one.rivals[k].detectable_size for one in known.values()]
+        shown = [
+            "never" if size is None else with_unit(size * parameter.typical / parameter.si, None, parameter.unit)
+            for size in sizes
+        ]
+        rows.append((effect.name, *shown))
+    power = in_percent(TARGET_POWER)
+    columns = ("effect", *(f"{name}|" for name in known))
+    yield ResultTable(columns, rows, f"Smallest size that is distinguished from all else, in {power} % of cases")
+
+
 def _least(effect: Effect, apart: Discrimination, k: int) -> str:
     least = apart.rivals[k].detectable_size
     if least is None:
@@ -227,7 +248,10 @@ def elimination_document(model: Model, found: ParameterElimination) -> Document:
     symbols = ("  ".join(map(symbol, found.kept[k : k + PER_LINE])) for k in range(0, kept, PER_LINE))
     blocks += section("\nDetermined:", [*symbols, *_against_table_4_5(found)])
     why = (f"{removal.key}: {_dependence(model, held)}" for removal, held in removed)
-    blocks += section("\nNot determined, in this order, and why:", why)
+    blocks += section(
+        "\nNot determined:", [", ".join(symbol(removal.key) for removal, _ in removed)] if removed else []
+    )
+    details += section("\nNot determined, in this order, and why:", why)
     values = {
         "poses": found.poses,
         "units": found.units,
@@ -254,7 +278,7 @@ def elimination_document(model: Model, found: ParameterElimination) -> Document:
     ]
     behind = ResultTable(("units", "set", "number", "singular_value_mm|.9g"), rows)
     return Document(
-        blocks, "lrm/identifiability/1", values, behind, details, "singular values and observability indices"
+        blocks, "lrm/identifiability/1", values, behind, details, "why each is not determined, singular values, indices"
     )
 
 

@@ -26,7 +26,7 @@ from lrm_math.arrays import Array
 from lrm_math.model.deployed_model import field_of, named_part
 from lrm_math.model.model import Model
 
-FACTORS_SHOWN, STRONG, LITTLE = 4, 0.95, 0.02
+FACTORS_SHOWN, STRONG, LITTLE = 3, 0.95, 0.02
 FROM_DATA = (
     "from data: share of a parameter's prior variance that the poses removed. At 0 % the estimate is only its typical "
     "size: these poses cannot distinguish it from others, or do not show it."
@@ -92,7 +92,7 @@ def fit_document(fit: Fit, errors: ErrorSummary, data: Measurements) -> Document
         *_without_outliers(fit, data),
         *_told_words(fit),
     ]
-    details = [
+    details: list[Block] = [
         parameter_table(fit),
         *([] if fit.stated is None else [FROM_DATA]),
         *section(f"Correlated above {STRONG}:", _correlated(fit)),
@@ -182,7 +182,7 @@ def comparison_document(found: ModelComparison, files: Sequence[str] = ()) -> Do
         _factor_table(found.factors[:FACTORS_SHOWN]),
         *_diagnose_next(files),
     ]
-    details = [
+    details: list[Block] = [
         *black_box,
         *(_group_table(factor) for factor in found.factors[:2]),
         _factor_table(found.factors),
@@ -235,7 +235,7 @@ def _depends_on(factors: Sequence[Factor]) -> Iterator[str]:
     """What the error depends on most, if on anything."""
     if factors and factors[0].share >= LITTLE:
         share = in_percent(factors[0].share)
-        yield f"It depends most on the {factors[0].name}, which explains {share} % of the squared error."
+        yield f"It depends most on the {factors[0].name} ({share} % of the squared error)."
 
 
 def _rows_outside(found: ModelComparison) -> list[int]:

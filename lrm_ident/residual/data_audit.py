@@ -27,16 +27,12 @@ def _levels(excitation: Excitation) -> Iterator[str]:
     if few:
         least, most = min(few.values()), max(few.values())
         levels = f"{least}" if least == most else f"{least} to {most}"
-        yield (
-            f"few angles: {levels} at {_joints(few)}, so gain, eccentricity, cable pull look alike"
-        )
+        yield (f"few angles: {levels} at {_joints(few)}, so gain, eccentricity, cable pull look alike")
 
 
 def _order(excitation: Excitation) -> Iterator[str]:
     for joint, correlation in joints_of_order(excitation.poses.q).items():
-        yield (
-            f"order: follows joint {joint + 1} ({correlation:.2f}), as drift would; measure in random order"
-        )
+        yield (f"order: follows joint {joint + 1} ({correlation:.2f}), as drift would; measure in random order")
 
 
 def where_it_holds(q: Array, lower: Array, upper: Array) -> str:
@@ -65,9 +61,7 @@ def joints_of_order(q: Array) -> dict[int, float]:
 def _reversals(excitation: Excitation) -> Iterator[str]:
     never = [i + 1 for i in range(excitation.torque.shape[1]) if excitation.reversals(i) < FEW_REVERSALS]
     if never and excitation.poses.direction is not None:
-        yield (
-            f"no reversal: {_joints(never)} came from one side; approach from both, to show friction"
-        )
+        yield (f"no reversal: {_joints(never)} came from one side; approach from both, to show friction")
 
 
 def _signs(excitation: Excitation) -> Iterator[str]:

@@ -85,7 +85,8 @@ class Regime:
     @property
     def brief(self) -> str:
         """The concentration, and a question on possible causes."""
-        return f"{self.poses} poses ({self.where}): {in_mm(self.inside)} mm RMS, else {in_mm(self.outside)} mm. {self.hint}"
+        rms = f"{in_mm(self.inside)} mm RMS, else {in_mm(self.outside)} mm"
+        return f"{self.poses} poses ({self.where}): {rms}. {self.hint}"
 
     @property
     def hint(self) -> str:

@@ -6,7 +6,7 @@ The one source of a verdict in words: terminal, page, report and notebook show t
 from __future__ import annotations
 
 import shlex
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,15 +19,16 @@ from lrm_ident.fitting.model_fit import DEFAULT_EFFECTS
 from lrm_ident.report.document import Block, CommandLine, Facts, heading, section
 from lrm_ident.report.plain_names import in_words, plain_name
 from lrm_ident.report.repairs import by_hand
+from lrm_ident.report.story import ON_THE_ARM
 from lrm_ident.residual.data_audit import where_it_holds
 from lrm_ident.residual.scale_uncertainty import scale_uncertainty
 from lrm_ident.residual.thresholds import MAX_UNEXPLAINED_RATIO
 from lrm_math.arm.arm import JointLimits
 from lrm_math.effects import CATALOGUE, variants
 
+BY_ORDER = frozenset({"time", "session"})
 LISTED, STANDS_FOR, REASONS, POSES_TO_MEASURE = 4, 2, 4, 40
 MISSING = "Missing from the model"
-ON_THE_ARM = "expected on the arm, without what belongs to this session alone"
 PART = 0.15
 """Share of the squared error from which an effect is said to explain part of it."""
 HEADLINES = {
@@ -159,7 +160,10 @@ def _facts(report: DiagnosisReport, attribution: Attribution | None) -> Iterator
         label = "empirical term" if attribution == "description" else "certainty"
         yield label, _certainty(report, first, attribution)
         yield "could be", _stands_for(report, first) if attribution == "description" else ""
-        yield "by hand", "" if attribution == "description" or first.equivalent else by_hand(first.scored.candidate.effect)
+        yield (
+            "by hand",
+            "" if attribution == "description" or first.equivalent else by_hand(first.scored.candidate.effect),
+        )
     if (first is None or attribution != "finding") and not _bounds_noise(report):
         yield "black-box model", report.left.predictable.brief
     if report.verdict == "unexplained_structure":
@@ -305,20 +309,21 @@ def _may_hide(report: DiagnosisReport) -> str:
     if not bounds or report.diagnosis.data.several_kinds:
         return ""
     name = next(iter(bounds))
-    return (
-        f"{in_mm(bounds[name])} mm RMS (95 % bound) by any one known effect; most by {plain_name(name)}"
-    )
+    return f"{in_mm(bounds[name])} mm RMS (95 % bound) by any one known effect; most by {plain_name(name)}"
 
 
 def _next_steps(report: DiagnosisReport, attribution: Attribution | None, names: CommandNames) -> Iterator[NextStep]:
     first = report.first
     if first is None or attribution is None:
         yield _without_effect(report, names)
+        if report.verdict == "nothing_missing":
+            export = f"lrm-ident arm export {shlex.quote(names.model)} -o arm.urdf"
+            yield NextStep("Writes its geometry for other programs.", export)
         return
     files = f"{shlex.quote(names.model)} {shlex.quote(names.data)}"
     add = f"lrm-ident add {files} {shlex.quote(first.name)} -o better.toml"
     causes = _causes(report, first, attribution)
-    if len(causes) > 1:
+    if causes and (len(causes) > 1 or first.equivalent):
         arm, rivals = shlex.quote(names.arm), shlex.quote(",".join(causes[:LISTED]))
         model, data = shlex.quote(names.model), shlex.quote(names.data)
         poses = f"--separate {rivals} --have {data} -n {POSES_TO_MEASURE} -o next.csv"
@@ -330,13 +335,13 @@ def _next_steps(report: DiagnosisReport, attribution: Attribution | None, names:
         auto = f"lrm-ident auto {files} -o best.toml"
         then = f"lrm-ident diagnose better.toml {shlex.quote(names.data)}"
         yield NextStep(f"Adds it and refits. Then: {then}", add)
-        if len(causes) < 2:
+        if not first.equivalent:
             yield NextStep("In one go: adds this and every further effect until none is missing.", auto)
 
 
 def _causes(report: DiagnosisReport, first: RankedCandidate, attribution: Attribution) -> Sequence[str]:
-    """Effects that poses to be measured could distinguish."""
-    known: Collection[str] = {one.name for one in report.ranking}
+    """Effects that poses to be measured could distinguish; of those that follow the time only its order could."""
+    known = {one.name for one in report.ranking if BY_ORDER.isdisjoint(one.scored.candidate.effect.depends_on)}
     stands_for = variants(first.scored.candidate.effect) if attribution == "description" else (first.name,)
     return [name for name in dict.fromkeys((*stands_for, *first.equivalent)) if name in known]
 
