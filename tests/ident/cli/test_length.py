@@ -42,7 +42,7 @@ COMMANDS = [
     "effects backlash",
     "explain",
     "explain RMS",
-    "design lrm-lab --model model.toml --separate backlash@joint2,slip@joint2 --have DATA.csv -n 10 -o next.csv",
+    "design lrm-lab --model model.toml --separate backlash@joint2,servo_gain@joint2 --have DATA.csv -n 10 -o next.csv",
     "design two-joint -n 10 -o poses.csv",
     "identify-parameters two-joint poses.csv",
     "transfer better.toml --to lrm-rover -o rover.toml",
