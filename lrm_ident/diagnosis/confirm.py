@@ -198,7 +198,9 @@ def _refit_trial(diagnosis: Diagnosis, scored: ScoredCandidate, blocks: tuple[He
     except LrmError as error:
         return _Trial(None, f"it could not be refitted: {error}", fitted=False)
     if predicts_better(refit.squares, held_out_squares(blocks), MIN_GAIN):
-        worse = None if effect.part is ModelPart.MEASUREMENT else _worse_as_deployed(effect, refit, blocks)
+        explains_all = not _leaves_more_than_noise(diagnosis, fitted)
+        of_tracker = effect.part is ModelPart.MEASUREMENT and explains_all  # then its points cannot judge the arm
+        worse = None if of_tracker else _worse_as_deployed(effect, refit, blocks)
         return _Trial(refit) if worse is None else _Trial(None, DEPLOYED_WORSE, worse_deployed=worse)
     before, after = in_mm(error_stats(held_out_residual(blocks)).rms), in_mm(refit.error.rms)
     return _Trial(None, f"refitted, it does not surely predict better: {before} mm held out, {after} with it")

@@ -23,7 +23,7 @@ from lrmd.ik.deployed_model import deploy_file
 from lrmd.messages.control import FieldPart
 from tests.support.commands import stdout_of
 from tests.support.daemon.in_memory_daemon import CONFIG
-from validation.residual_field.nameless_arm import WIDEST, measured
+from validation.nameless_arm import WIDEST, measured
 
 
 @pytest.fixture(scope="module")

@@ -26,7 +26,7 @@ from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.uncertainty import position_covariance
 from tests.support.commands import run_command, stdout_of
 from tests.support.sweep import seeds
-from validation.residual_field.nameless_arm import ARM, NOISE, measured
+from validation.nameless_arm import ARM, NOISE, measured
 
 
 @pytest.mark.parametrize("seed", seeds(1, 3))
