@@ -22,7 +22,7 @@ from lrm_ident.data.measurement_file.write import measurements_csv
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.registration.set_up import with_set_up
 from lrm_ident.data.weights.whitening import PLAIN, Whitening, measured_alike
-from lrm_ident.design.advice import Cause, advise
+from lrm_ident.design.advice import CandidateCause, advise
 from lrm_ident.design.candidate_poses import (
     DEFAULT_LEVELS,
     ClearanceRules,
@@ -54,7 +54,7 @@ from lrm_math.errors import LrmError
 from lrm_math.kinematics.poses import Poses, poses_of
 from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import Model
-from lrm_math.model.model_file import load_covariance, load_model
+from lrm_math.model.model_file import ModelFile, load_covariance, load_model
 from lrm_math.model.reading import AS_NAMED, Reading
 from lrm_math.number_list import parse_numbers
 from lrm_math.toml_file import read_toml
@@ -205,8 +205,9 @@ def design(
         raise LrmError("--installation says which parameters: leave out --parameters")
     if camera is not None and like is not None:
         raise LrmError("--camera says how poses will be measured: leave out --like")
-    known = None if have is None else _measured(have, the_arm, arm)
-    alike = known if like is None else _measured(like, the_arm, arm)
+    usual = None if model is None else _reading_of(model)
+    known = None if have is None else _measured(have, the_arm, arm, usual)
+    alike = known if like is None else _measured(like, the_arm, arm, usual)
     measured = None if have is None else _commanded(have, the_arm, known)
     for one in (known, alike):
         start = start if one is None else with_set_up(start, one)
@@ -253,7 +254,7 @@ def _designed(task: DesignProblem, offered: Poses, tick: OnProgress, pool: Execu
         return run_design(task, offered, tick, pool)
     except Indistinguishable as error:
         model = task.model.with_free(task.keys or fittable(task.model))
-        causes = [Cause.typical(effect, model.free) for effect in task.rivals]
+        causes = [CandidateCause.typical(effect, model.free) for effect in task.rivals]
         advice = advise(model, causes, task.measured, task.noise, task.seed)
         offer = f" (--separate … {advice.plan.options})" if advice.plan and advice.helps else ""
         raise LrmError(f"{error}. {advice.sentence}{offer}") from None
@@ -315,9 +316,18 @@ def _mounted(arm: Arm, bench: Path | None, noise: float) -> TransferredModel:
     return transferred(load_model(bench), load_covariance(bench), arm, noise)
 
 
-def _measured(path: Path, arm: Arm, arm_name: str) -> Measurements | None:
-    """Measured poses of a file; None if it has commands alone. Raises `FileError`."""
-    return read_measurements(path, arm, arm_name) if says_measured(path) else None
+def _reading_of(model: Path) -> Reading | None:
+    """How the data of a model's fit were read. Raises `FileError`."""
+    known = read_toml(model, ModelFile).provenance
+    return None if known is None else known.reading
+
+
+def _measured(path: Path, arm: Arm, arm_name: str, usual: Reading | None) -> Measurements | None:
+    """Measured poses of a file, read as `usual` where it states nothing; None if it has commands alone.
+
+    Raises `FileError`.
+    """
+    return read_measurements(path, arm, arm_name, usual=usual) if says_measured(path) else None
 
 
 def _commanded(path: Path, arm: Arm, measured: Measurements | None) -> Poses:

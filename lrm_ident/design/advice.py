@@ -144,7 +144,12 @@ class Advice:
 
 
 def advise(
-    model: Model, causes: Sequence[CandidateCause], measured: Poses | None, noise: float, seed: int = 0, most: int = COUNTS[-1]
+    model: Model,
+    causes: Sequence[CandidateCause],
+    measured: Poses | None,
+    noise: float,
+    seed: int = 0,
+    most: int = COUNTS[-1],
 ) -> Advice:
     """The first plan that tells all causes apart, together with the poses measured already; else the best.
 
@@ -236,7 +241,13 @@ def _plans(
 
 
 def _chosen(
-    model: Model, causes: Sequence[CandidateCause], every: Poses, measured: Poses | None, noise: float, count: int, seed: int
+    model: Model,
+    causes: Sequence[CandidateCause],
+    every: Poses,
+    measured: Poses | None,
+    noise: float,
+    count: int,
+    seed: int,
 ) -> Poses:
     """`count` poses by design, at random where a design is not possible; as if they were measured now."""
     rivals = tuple(cause.effect for cause in causes)

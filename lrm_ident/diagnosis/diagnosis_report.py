@@ -42,11 +42,10 @@ DISPLAY_UNITS = {
 MOST_ESTIMATES = 4  # in a sentence, the most significant; all are in the JSON file
 TOO_MANY = 12  # estimates from which none is listed: coefficients of a curve
 NEXT_STEP: Mapping[str, str] = {
-    "unexplained_structure": "Search for a formula that explains it, or write an effect of your own if you know the "
-    "cause (docs/effects.md). More poses in random order, with two loads, show more of it.",
+    "unexplained_structure": "Searches for a formula. If you know the cause, write it as an effect: docs/effects.md",
     "unpredictable": "Measure some of these poses again in another order. An error that repeats belongs to the arm; "
     "one that does not is a loose part, creep or noise.",
-    "nothing_missing": "Sends the model to the arm's daemon. Then lrm-ident verify measures the tip at new goals.",
+    "nothing_missing": "Uses it on an arm that lrmd drives. To check it: lrm-ident verify --help",
     "noise_unknown": "Measure five poses twice or more (column repeat_of), or state the noise of the instrument "
     "(noise_sd_mm), and diagnose again.",
 }

@@ -83,10 +83,15 @@ CODE_NAME = re.compile(f"{EFFECT}|{ALONE}")
 
 def plain_name(name: str) -> str:
     """Plain name of `id@place`; of a law or an effect of one's own, its id and place in words."""
-    kind, place = EffectRef.parse(name)
+    kind, _ = EffectRef.parse(name)
     words = PLAIN.get(kind, kind.replace("_", " ") + " of {place}")
-    where = session_words if kind in OF_A_SESSION else place_words
-    return marked(name, words.format(place=where(place or "all places")))
+    return marked(name, words.format(place=place_in_words(name)))
+
+
+def place_in_words(name: str) -> str:
+    """Where the effect `id@place` acts: `joint 2`, `base and tracker`."""
+    kind, place = EffectRef.parse(name)
+    return (session_words if kind in OF_A_SESSION else place_words)(place or "all places")
 
 
 def in_words(sentence: str) -> str:

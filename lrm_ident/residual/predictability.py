@@ -84,6 +84,12 @@ class PredictableError:
         return min(self.error.rms, error_stats(self.before).rms)
 
     @property
+    def brief(self) -> str:
+        """What the process reaches, and what that means."""
+        so = "so the error is systematic" if self.more_to_find else "no better: it finds nothing systematic"
+        return f"{in_mm(self.error.rms)} mm RMS, {so}"
+
+    @property
     def sentence(self) -> str:
         """Prediction of the residual in words, and the inputs that it follows."""
         before, after = in_mm(error_stats(self.before).rms), in_mm(self.error.rms)

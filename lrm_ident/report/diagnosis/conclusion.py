@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lrm_ident.data.wording import arrow, enumerate_words, in_mm, in_percent
+from lrm_ident.data.wording import arrow, enumerate_words, in_mm
 from lrm_ident.design.advice import Advice
 from lrm_ident.diagnosis.attribution import Attribution, attribution_of, unexplained_ratio
 from lrm_ident.diagnosis.contradiction import can_be_contradicted
@@ -20,19 +20,23 @@ from lrm_ident.fitting.model_fit import DEFAULT_EFFECTS
 from lrm_ident.report.diagnosis.advice import advice_of, causes_of
 from lrm_ident.report.document import Block, CommandLine, Facts, heading, section
 from lrm_ident.report.plain_names import in_words, plain_name
+from lrm_ident.report.repairs import by_hand
+from lrm_ident.report.story import ON_THE_ARM
 from lrm_ident.residual.data_audit import where_it_holds
 from lrm_ident.residual.scale_uncertainty import scale_uncertainty
-from lrm_ident.residual.thresholds import MAX_UNEXPLAINED_RATIO, MIN_GAIN
+from lrm_ident.residual.thresholds import MAX_UNEXPLAINED_RATIO
 from lrm_math.arm.arm import JointLimits
 from lrm_math.effects import CATALOGUE, variants
 
-LISTED, REASONS = 4, 4
+LISTED, STANDS_FOR, REASONS = 4, 2, 4
 MISSING = "Missing from the model"
+PART = 0.15
+"""Share of the squared error from which an effect is said to explain part of it."""
 HEADLINES = {
-    "effect_describes": "No cause identified. The error is systematic, but these poses do not determine its cause.",
+    "effect_describes": "No cause identified: the error is systematic, but these poses do not show why.",
     "nothing_missing": "No missing effect found: the remaining error is about the measurement noise.",
-    "unexplained_structure": "No cause identified. The error is systematic, but no known effect explains it.",
-    "unpredictable": "No cause identified. The error exceeds the noise, but nothing that was measured predicts it.",
+    "unexplained_structure": "No cause identified: the error is systematic, but no known effect explains it.",
+    "unpredictable": "No cause identified: the error exceeds the noise, but nothing measured predicts it.",
     "noise_unknown": "No missing effect found, but the measurement noise is not known, so one may be hidden in it.",
 }
 """First lines of the verdicts that name no effect to add as a cause."""
@@ -83,7 +87,7 @@ class Conclusion:
                 steps += [CommandLine(f"{lead}{step.command}"), f"      {step.words}"]
             else:
                 steps.append(f"{lead}{step.words}")
-        why = section("Why these poses determine no more", self.reasons)
+        why = section("What these poses lack", self.reasons)
         return [heading(self.headline), Facts(self.facts), *why, *(steps if self.next else ())]
 
     def as_json(self) -> dict[str, object]:
@@ -148,7 +152,7 @@ def _facts(report: DiagnosisReport, attribution: Attribution | None) -> Iterator
     """Labelled facts; those without words are left out."""
     first = report.first
     if first is not None and attribution != "description":
-        yield "estimate", f"{in_words(first.claim)}{' (± one standard error)' if '±' in first.claim else ''}"
+        yield "estimate", in_words(first.claim)
     yield "held-out error", _held_out(report)
     yield "as deployed", _deployed(report)
     scale = scale_uncertainty(report.diagnosis.fit)
@@ -156,11 +160,16 @@ def _facts(report: DiagnosisReport, attribution: Attribution | None) -> Iterator
     if first is not None and attribution is not None:
         label = "empirical term" if attribution == "description" else "certainty"
         yield label, _certainty(report, first, attribution)
-    if first is None or attribution != "finding":
-        yield "black-box model", in_words(report.left.predictable.sentence)
+        yield "could be", _stands_for(report, first) if attribution == "description" else ""
+        yield (
+            "by hand",
+            "" if attribution == "description" or first.equivalent else by_hand(first.scored.candidate.effect),
+        )
+    if (first is None or attribution != "finding") and not _bounds_noise(report):
+        yield "black-box model", report.left.predictable.brief
     if report.verdict == "unexplained_structure":
         yield "acts most like", _looks_like(report)
-    yield "where", in_words(report.left.regimes[0].sentence) if report.left.regimes else ""
+    yield "where", in_words(report.left.regimes[0].brief) if report.left.regimes else ""
     yield "far off", " ".join(_far_poses(report))
     yield "rows", " ".join(f"{one.sentence[0].upper()}{one.sentence[1:]}." for one in report.diagnosis.shifted)
     outliers = report.diagnosis.outliers
@@ -187,14 +196,23 @@ def _fall(before: float, after: float) -> str:
 
 def _held_out(report: DiagnosisReport) -> str:
     floor, sd = report.diagnosis.floor.rms, report.diagnosis.floor.sd
-    bound = f"measurement noise not known, at most {in_mm(report.left.predictable.noise_bound)} mm"
+    bound = f"noise at most {in_mm(report.left.predictable.noise_bound)} mm"
     noise = bound if floor is None else f"measurement noise {in_mm(floor)} mm"
     if report.verdict == "unpredictable" and sd is not None:
         noise += f": the error is {report.diagnosis.fit.sigma / sd:.2f} times as large"
     error, first = report.held_out.rms, report.first
-    what = "the empirical term" if first is not None and attribution_of(report) == "description" else "it"
-    errors = f"{in_mm(error)} mm RMS" if first is None else f"{_fall(error, first.held_out_rms)} with {what},"
-    return f"{errors} at poses that the fit did not use ({noise})"
+    if first is None or attribution_of(report) == "description":
+        return f"{in_mm(error)} mm RMS{_predicted(report) if _bounds_noise(report) else f' ({noise})'}"
+    return f"{_fall(error, first.held_out_rms)} with it ({noise})"
+
+
+def _bounds_noise(report: DiagnosisReport) -> bool:
+    """Whether nothing but the black-box model tells how small the noise is at most."""
+    return report.diagnosis.floor.rms is None and report.left.predictable.more_to_find
+
+
+def _predicted(report: DiagnosisReport) -> str:
+    return f", systematic: a black-box model reaches {in_mm(report.left.predictable.error.rms)} mm"
 
 
 def _deployed(report: DiagnosisReport) -> str:
@@ -203,32 +221,32 @@ def _deployed(report: DiagnosisReport) -> str:
     if first is not None and first.deployed is not None:
         before, after = (in_mm(one.now.rms) for one in (deployed, first.deployed))
         same = (before, after) == (in_mm(shown), in_mm(first.held_out_rms))
-        return "" if same else f"{before} → {after} mm RMS, on the arm: effects of this session alone do not go along"
+        return "" if same else f"{before} → {after} mm RMS {ON_THE_ARM}"
     if in_mm(deployed.now.rms) == in_mm(shown) and deployed.otherwise is None:
         return ""
-    earlier = "" if deployed.otherwise is None else f"; {in_mm(deployed.otherwise.rms)} mm earlier in the session"
-    return f"{in_mm(deployed.now.rms)} mm RMS, on the arm: effects of this session alone do not go along{earlier}"
+    earlier = "" if deployed.otherwise is None else f" (earlier in this session {in_mm(deployed.otherwise.rms)} mm)"
+    return f"{in_mm(deployed.now.rms)} mm RMS {ON_THE_ARM}{earlier}"
 
 
 def _certainty(report: DiagnosisReport, first: RankedCandidate, attribution: Attribution) -> str:
     if attribution == "description":
-        return _explains(report, first)
+        return f"{plain_name(first.name)}: {_fall(report.held_out.rms, first.held_out_rms)}"
     beside = enumerate_words([plain_name(name) for name in first.equivalent], LISTED)
     if attribution == "possible_cause":
         ratio = unexplained_ratio(report) or 0.0
         rivals = f" These poses cannot distinguish it from {beside}." if beside else ""
         return (
-            f"only a candidate cause: {ratio:.1f} times as much squared error stays unexplained as it explains (limit "
-            f"{MAX_UNEXPLAINED_RATIO:.2f}), so another cause may stand behind it.{rivals}"
+            f"only a candidate: it leaves {ratio:.1f} times the squared error that it explains (limit "
+            f"{MAX_UNEXPLAINED_RATIO:.2f}), so the cause may be another.{rivals}"
         )
     if beside:
-        return f"it, or one of {len(first.equivalent)} others that these poses cannot distinguish from it: {beside}"
+        return f"it, or {beside}: indistinguishable with these poses"
     unsure = "" if report.diagnosis.floor.rms is not None else "; how much stays unexplained is not known"
-    return f"identified: no other cause explains the error as well{_runner_up(report, first)}{unsure}"
+    return f"identified: no other cause {_runner_up(report, first)}{unsure}"
 
 
 def _runner_up(report: DiagnosisReport, first: RankedCandidate) -> str:
-    """The next best effect that could be the cause, and what it would leave; splines of several causes are none."""
+    """What the next best effect leaves that could be the cause; splines, which follow any cause, are none."""
     own = {first.name, *variants(first.scored.candidate.effect)}
     others = [
         one
@@ -240,19 +258,15 @@ def _runner_up(report: DiagnosisReport, first: RankedCandidate) -> str:
         and not one.scored.implausible
     ]
     if not others:
-        return ""
-    least = min(others, key=lambda one: one.scored.alone.rms)
-    return f"; the next best, {plain_name(least.name)}, would leave {in_mm(least.scored.alone.rms)} mm"
+        return "explains it"
+    return f"leaves less than {in_mm(min(one.scored.alone.rms for one in others))} mm"
 
 
-def _explains(report: DiagnosisReport, first: RankedCandidate) -> str:
-    """Share of the squared error that an empirical term explains, and the causes that it may stand for."""
-    above = " above the noise" if report.diagnosis.floor.rms is not None else ""
-    share = f"{_titled(first.name)} explains {in_percent(report.share)} % of the squared error{above}"
+def _stands_for(report: DiagnosisReport, first: RankedCandidate) -> str:
+    """The causes that an empirical term may stand for."""
     present = {effect.name for effect in report.diagnosis.fit.model.effects}
     causes = [plain_name(name) for name in variants(first.scored.candidate.effect) if name not in present]
-    stands_for = f" It may stand for any of these: {enumerate_words(causes, LISTED)}." if causes else ""
-    return f"{share}, whatever its cause.{stands_for}"
+    return enumerate_words(causes, STANDS_FOR)
 
 
 def _looks_like(report: DiagnosisReport) -> str:
@@ -260,9 +274,9 @@ def _looks_like(report: DiagnosisReport) -> str:
     found, held_out = report.diagnosis.unexplained, report.held_out.rms
     named = {function.name: rms for function, rms in found.ranking}
     best = found.functions[0].name if found.functions else next(iter(named), "")
-    if best not in named or named[best] > (1.0 - MIN_GAIN) * held_out:
+    if best not in named or 1.0 - (named[best] / held_out) ** 2 < PART:
         return ""
-    return f"{in_words(best)}: it would leave {in_mm(named[best])} of {in_mm(held_out)} mm"
+    return f"{in_words(best)}, which leaves {in_mm(named[best])} mm"
 
 
 def _far_poses(report: DiagnosisReport) -> Iterator[str]:
@@ -296,29 +310,29 @@ def _may_hide(report: DiagnosisReport) -> str:
     if not bounds or report.diagnosis.data.several_kinds:
         return ""
     name = next(iter(bounds))
-    return (
-        f"{in_mm(bounds[name])} mm RMS (95 % bound): no known effect moves the tip further without showing at these "
-        f"poses; the largest that may hide is {plain_name(name)}"
-    )
+    return f"{in_mm(bounds[name])} mm RMS (95 % bound) by any one known effect; most by {plain_name(name)}"
 
 
 def _next_steps(report: DiagnosisReport, attribution: Attribution | None, names: CommandNames) -> Iterator[NextStep]:
     first = report.first
     if first is None or attribution is None:
         yield _without_effect(report, names)
+        if report.verdict == "nothing_missing":
+            export = f"lrm-ident arm export {shlex.quote(names.model)} -o arm.urdf"
+            yield NextStep("Writes its geometry for other programs.", export)
         return
     files = f"{shlex.quote(names.model)} {shlex.quote(names.data)}"
     add = f"lrm-ident add {files} {shlex.quote(first.name)} -o better.toml"
     if (advice := advice_of(report)) is not None:
         yield _to_distinguish(advice, causes_of(report), names)
     if attribution == "description":
-        fall = _fall(report.held_out.rms, first.held_out_rms)
-        now = f"To use the arm meanwhile: corrects the error without knowing its cause ({fall})."
-        yield NextStep(now, add)
+        yield NextStep("Use the arm meanwhile: this corrects the error without knowing its cause.", add)
     else:
         auto = f"lrm-ident auto {files} -o best.toml"
-        yield NextStep("Adds this effect and refits the model. Then diagnose better.toml.", add)
-        yield NextStep("To get there in one go: adds this and every further effect until none is missing.", auto)
+        then = f"lrm-ident diagnose better.toml {shlex.quote(names.data)}"
+        yield NextStep(f"Adds it and refits. Then: {then}", add)
+        if not first.equivalent:
+            yield NextStep("In one go: adds this and every further effect until none is missing.", auto)
 
 
 def _to_distinguish(advice: Advice, causes: Sequence[str], names: CommandNames) -> NextStep:

@@ -11,29 +11,30 @@ from lrm_ident.diagnosis.attribution import Attribution, attribution_of, unexpla
 from lrm_ident.diagnosis.contradiction import can_be_contradicted
 from lrm_ident.diagnosis.diagnose import Diagnosis
 from lrm_ident.diagnosis.diagnosis_report import DiagnosisReport, RankedCandidate
-from lrm_ident.report.diagnosis.conclusion import UNKNOWN_FILES, CommandNames, Conclusion, conclude, valid_where
-from lrm_ident.report.document import Block, Document, Facts, ResultTable, section
+from lrm_ident.report.diagnosis.conclusion import PART, UNKNOWN_FILES, CommandNames, Conclusion, conclude, valid_where
+from lrm_ident.report.document import Block, Document, Facts, ResultTable, room_below, section
 from lrm_ident.report.plain_names import in_words, plain_name
 from lrm_ident.residual.residual_patterns import ResidualPatterns
 from lrm_math.arrays import Array
 from lrm_math.effects import Effect, compensable, variants
 
-SHOWN, REFUSED_SHOWN, RANKED = 4, 2, 30
+SHOWN, REFUSED_SHOWN, RANKED, FEWEST = 4, 2, 30, 2
 STATUS = {"supported": "missing, too", "indistinguishable": "one of several"}
-PART = 0.15
-"""Share of the squared error from which an effect is said to explain part of it."""
 ATTRIBUTED: Mapping[Attribution | None, str] = {"finding": "identified", "possible_cause": "candidate cause"}
 BAR = 16
-LIKE = "indistinguishable"
+LIKE, SPLINE = "indistinguishable", "spline: fits any cause"
 MORAN = "spatial autocorrelation (Moran's I)"
-ABOUT = "reasons for every candidate, and what these poses cannot show"
+ABOUT = "every candidate with its reason, and what these poses cannot show"
 
 
 def diagnosis_document(report: DiagnosisReport, names: CommandNames = UNKNOWN_FILES) -> Document:
     """Result of `lrm-ident diagnose`, schema `lrm/diagnosis/1`. `names`: of the files in the commands to copy."""
     concluded = conclude(report, names)
-    blocks = [*concluded.blocks(), *_candidates(report)]
-    return Document(blocks, "lrm/diagnosis/1", _values(report, concluded), details=_details(report), about=ABOUT)
+    said = concluded.blocks()
+    counts = attribution_of(report) in ("finding", "possible_cause")
+    blocks = [*said, *(_candidates(report, room_below(said)) if counts else ())]
+    details = [*_candidates(report, RANKED), *_details(report)]
+    return Document(blocks, "lrm/diagnosis/1", _values(report, concluded), details=details, about=ABOUT)
 
 
 def _values(report: DiagnosisReport, concluded: Conclusion) -> dict[str, object]:
@@ -78,25 +79,26 @@ def _values(report: DiagnosisReport, concluded: Conclusion) -> dict[str, object]
     }
 
 
-def _candidates(report: DiagnosisReport) -> Iterator[Block]:
-    """The supported candidates and the best causes among the others, with what each would leave if added."""
+def _candidates(report: DiagnosisReport, most: int) -> Iterator[Block]:
+    """The supported candidates and the best causes among the others, with what each would leave if added.
+
+    `most`: rows of the table; none where fewer than `FEWEST` fit.
+    """
+    if most < FEWEST:
+        return
     before = report.held_out.rms
     counted = [one for one in report.ranking if one.verdict != "no_evidence"][:SHOWN]
     causes = [
         one for one in report.ranking if one.verdict == "no_evidence" and not one.scored.candidate.effect.variant_of
     ]
     rows = []
-    for number, advice in enumerate([*counted, *causes[:REFUSED_SHOWN]]):
+    for number, advice in enumerate([*counted, *causes[:REFUSED_SHOWN]][:most]):
         rms, approximate = advice.held_out_rms, "" if advice.exact else "≈ "
         bar = "█" * max(1, min(round(BAR * rms / before), BAR))
         rows.append((advice.name, f"{approximate}{in_mm(rms)}", bar, _status(report, number, advice)))
     if counted or report.verdict == "unexplained_structure":
-        yield ""
-        yield ResultTable(
-            ("candidate", "mm RMS|", f"0 to {in_mm(before)} mm", "status"),
-            rows,
-            "Held-out error with each candidate added (≈: estimated without a refit)",
-        )
+        columns = ("candidate", "mm RMS|", f"0 to {in_mm(before)} mm", "status")
+        yield ResultTable(columns, rows, "\nHeld-out error with each candidate added (≈: estimated without a refit)")
 
 
 def _status(report: DiagnosisReport, number: int, advice: RankedCandidate) -> str:
@@ -105,8 +107,10 @@ def _status(report: DiagnosisReport, number: int, advice: RankedCandidate) -> st
     beside = () if first is None else (first.name, *first.equivalent) if first.equivalent else ()
     if advice.verdict != "no_evidence":
         attribution = attribution_of(report) if number == 0 else None
-        if attribution == "description" or (effect.variant_of and number):
+        if attribution == "description":
             return "empirical term"
+        if effect.variant_of and number:
+            return SPLINE
         if number or advice.equivalent:
             return LIKE if advice.name in beside else STATUS[advice.verdict]
         return ATTRIBUTED.get(attribution, "candidate cause")
