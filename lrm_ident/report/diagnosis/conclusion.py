@@ -12,12 +12,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from lrm_ident.data.wording import arrow, enumerate_words, in_mm, in_percent
-from lrm_ident.diagnosis.attribution import Attribution, attribution_of, unexplained_ratio
+from lrm_ident.diagnosis.attribution import attribution_of, unexplained_ratio
 from lrm_ident.diagnosis.contradiction import can_be_contradicted
 from lrm_ident.diagnosis.diagnosis_report import DiagnosisReport, RankedCandidate
+from lrm_ident.diagnosis.judgement import Support, Verdict
 from lrm_ident.fitting.model_fit import DEFAULT_EFFECTS
 from lrm_ident.report.document import Block, CommandLine, Facts, heading, section
-from lrm_ident.report.plain_names import in_words, plain_name
+from lrm_ident.report.plain_names import plain_name
 from lrm_ident.residual.data_audit import where_it_holds
 from lrm_ident.residual.scale_uncertainty import scale_uncertainty
 from lrm_ident.residual.thresholds import MAX_UNEXPLAINED_RATIO, MIN_GAIN
@@ -27,11 +28,17 @@ from lrm_math.effects import CATALOGUE, variants
 LISTED, REASONS, POSES_TO_MEASURE = 4, 4, 40
 MISSING = "Missing from the model"
 HEADLINES = {
-    "effect_describes": "No cause identified. The error is systematic, but these poses do not determine its cause.",
-    "nothing_missing": "No missing effect found: the remaining error is about the measurement noise.",
-    "unexplained_structure": "No cause identified. The error is systematic, but no known effect explains it.",
-    "unpredictable": "No cause identified. The error exceeds the noise, but nothing that was measured predicts it.",
-    "noise_unknown": "No missing effect found, but the measurement noise is not known, so one may be hidden in it.",
+    Verdict.EFFECT_DESCRIBES: (
+        "No cause identified. The error is systematic, but these poses do not determine its cause."
+    ),
+    Verdict.NOTHING_MISSING: "No missing effect found: the remaining error is about the measurement noise.",
+    Verdict.UNEXPLAINED_STRUCTURE: "No cause identified. The error is systematic, but no known effect explains it.",
+    Verdict.UNPREDICTABLE: (
+        "No cause identified. The error exceeds the noise, but nothing that was measured predicts it."
+    ),
+    Verdict.NOISE_UNKNOWN: (
+        "No missing effect found, but the measurement noise is not known, so one may be hidden in it."
+    ),
 }
 """First lines of the verdicts that name no effect to add as a cause."""
 NOTHING_FOUND, BESIDE = "No missing effect found", 3
@@ -97,8 +104,8 @@ class Conclusion:
 def conclude(report: DiagnosisReport, names: CommandNames = UNKNOWN_FILES) -> Conclusion:
     """The conclusion of a diagnosis. `names`: of the files in its commands."""
     attribution, rivals = attribution_of(report), report.first.equivalent if report.first else ()
-    tells_why = attribution != "finding" or rivals or report.verdict == "unexplained_structure"
-    quiet = report.verdict in ("nothing_missing", "noise_unknown")
+    tells_why = attribution != Support.FINDING or rivals or report.verdict == Verdict.UNEXPLAINED_STRUCTURE
+    quiet = report.verdict.quiet
     return Conclusion(
         headline=_headline(report, attribution),
         facts=tuple((label, words) for label, words in _facts(report, attribution) if words),
@@ -117,14 +124,14 @@ def _beside(report: DiagnosisReport) -> str:
     return f" besides {', '.join(others)}{' and ' if others else ''}{last}, which the model has"
 
 
-def _headline(report: DiagnosisReport, attribution: Attribution | None) -> str:
+def _headline(report: DiagnosisReport, attribution: Support | None) -> str:
     first = report.first
     if first is None or attribution is None:
         return HEADLINES[report.verdict].replace(NOTHING_FOUND, f"{NOTHING_FOUND}{_beside(report)}")
-    if attribution == "description":
+    if attribution == Support.DESCRIPTION:
         return _empirical_headline(report, first)
     what = _titled(first.name)
-    if attribution == "possible_cause":
+    if attribution == Support.POSSIBLE_CAUSE:
         return f"An effect is missing from the model. The best candidate: {what}"
     if first.equivalent:
         return f"{MISSING}: {what}, or another that these poses cannot distinguish from it"
@@ -136,34 +143,34 @@ def _empirical_headline(report: DiagnosisReport, first: RankedCandidate) -> str:
     if refined:
         return f"No new cause: the formula of {enumerate_words(sorted(map(plain_name, refined)), LISTED)} is not exact."
     if first.scored.candidate.effect.variant_of:
-        return HEADLINES["effect_describes"]
+        return HEADLINES[Verdict.EFFECT_DESCRIBES]
     if not can_be_contradicted(first.scored.candidate.effect, report.diagnosis.data.poses.q):
         return "No cause identified: with so few angles of its joint, any function of the angle fits as well."
     return "No cause identified: the best effect explains too little of the error to be called its cause."
 
 
-def _facts(report: DiagnosisReport, attribution: Attribution | None) -> Iterator[tuple[str, str]]:
+def _facts(report: DiagnosisReport, attribution: Support | None) -> Iterator[tuple[str, str]]:
     """Labelled facts; those without words are left out."""
     first = report.first
-    if first is not None and attribution != "description":
-        yield "estimate", f"{in_words(first.claim)}{' (± one standard error)' if '±' in first.claim else ''}"
+    if first is not None and attribution != Support.DESCRIPTION:
+        yield "estimate", f"{first.claim}{' (± one standard error)' if '±' in first.claim else ''}"
     yield "held-out error", _held_out(report)
     yield "as deployed", _deployed(report)
     scale = scale_uncertainty(report.diagnosis.fit)
     yield "tracker's scale", "" if scale is None else scale.sentence
     if first is not None and attribution is not None:
-        label = "empirical term" if attribution == "description" else "certainty"
+        label = "empirical term" if attribution == Support.DESCRIPTION else "certainty"
         yield label, _certainty(report, first, attribution)
-    if first is None or attribution != "finding":
-        yield "black-box model", in_words(report.left.predictable.sentence)
-    if report.verdict == "unexplained_structure":
+    if first is None or attribution != Support.FINDING:
+        yield "black-box model", report.left.predictable.sentence
+    if report.verdict == Verdict.UNEXPLAINED_STRUCTURE:
         yield "acts most like", _looks_like(report)
-    yield "where", in_words(report.left.regimes[0].sentence) if report.left.regimes else ""
+    yield "where", report.left.regimes[0].sentence if report.left.regimes else ""
     yield "far off", " ".join(_far_poses(report))
     yield "rows", " ".join(f"{one.sentence[0].upper()}{one.sentence[1:]}." for one in report.diagnosis.shifted)
     outliers = report.diagnosis.outliers
     yield "left out", f"{enumerate_words(list(map(str, outliers)), 2 * LISTED)}, as outliers" if outliers else ""
-    if report.verdict in ("nothing_missing", "noise_unknown"):
+    if report.verdict.quiet:
         yield "hidden at most", _may_hide(report)
         yield "valid", valid_where(report)
 
@@ -187,10 +194,10 @@ def _held_out(report: DiagnosisReport) -> str:
     floor, sd = report.diagnosis.floor.rms, report.diagnosis.floor.sd
     bound = f"measurement noise not known, at most {in_mm(report.left.predictable.noise_bound)} mm"
     noise = bound if floor is None else f"measurement noise {in_mm(floor)} mm"
-    if report.verdict == "unpredictable" and sd is not None:
+    if report.verdict == Verdict.UNPREDICTABLE and sd is not None:
         noise += f": the error is {report.diagnosis.fit.sigma / sd:.2f} times as large"
     error, first = report.held_out.rms, report.first
-    what = "the empirical term" if first is not None and attribution_of(report) == "description" else "it"
+    what = "the empirical term" if first is not None and attribution_of(report) == Support.DESCRIPTION else "it"
     errors = f"{in_mm(error)} mm RMS" if first is None else f"{_fall(error, first.held_out_rms)} with {what},"
     return f"{errors} at poses that the fit did not use ({noise})"
 
@@ -208,11 +215,11 @@ def _deployed(report: DiagnosisReport) -> str:
     return f"{in_mm(deployed.now.rms)} mm RMS, on the arm: effects of this session alone do not go along{earlier}"
 
 
-def _certainty(report: DiagnosisReport, first: RankedCandidate, attribution: Attribution) -> str:
-    if attribution == "description":
+def _certainty(report: DiagnosisReport, first: RankedCandidate, attribution: Support) -> str:
+    if attribution == Support.DESCRIPTION:
         return _explains(report, first)
     beside = enumerate_words([plain_name(name) for name in first.equivalent], LISTED)
-    if attribution == "possible_cause":
+    if attribution == Support.POSSIBLE_CAUSE:
         ratio = unexplained_ratio(report) or 0.0
         rivals = f" These poses cannot distinguish it from {beside}." if beside else ""
         return (
@@ -260,7 +267,7 @@ def _looks_like(report: DiagnosisReport) -> str:
     best = found.functions[0].name if found.functions else next(iter(named), "")
     if best not in named or named[best] > (1.0 - MIN_GAIN) * held_out:
         return ""
-    return f"{in_words(best)}: it would leave {in_mm(named[best])} of {in_mm(held_out)} mm"
+    return f"{best}: it would leave {in_mm(named[best])} of {in_mm(held_out)} mm"
 
 
 def _far_poses(report: DiagnosisReport) -> Iterator[str]:
@@ -300,7 +307,7 @@ def _may_hide(report: DiagnosisReport) -> str:
     )
 
 
-def _next_steps(report: DiagnosisReport, attribution: Attribution | None, names: CommandNames) -> Iterator[NextStep]:
+def _next_steps(report: DiagnosisReport, attribution: Support | None, names: CommandNames) -> Iterator[NextStep]:
     first = report.first
     if first is None or attribution is None:
         yield _without_effect(report, names)
@@ -317,7 +324,7 @@ def _next_steps(report: DiagnosisReport, attribution: Attribution | None, names:
             f"the tip, add the rows to {names.data}, then fit and diagnose again."
         )
         yield NextStep(words, f"lrm-ident design {arm} --model {model} {poses}")
-    if attribution == "description":
+    if attribution == Support.DESCRIPTION:
         fall = _fall(report.held_out.rms, first.held_out_rms)
         now = f"To use the arm meanwhile: corrects the error without knowing its cause ({fall})."
         yield NextStep(now, add)
@@ -327,17 +334,19 @@ def _next_steps(report: DiagnosisReport, attribution: Attribution | None, names:
         yield NextStep("To get there in one go: adds this and every further effect until none is missing.", auto)
 
 
-def _causes(report: DiagnosisReport, first: RankedCandidate, attribution: Attribution) -> Sequence[str]:
+def _causes(report: DiagnosisReport, first: RankedCandidate, attribution: Support) -> Sequence[str]:
     """Effects that poses to be measured could distinguish."""
     known: Collection[str] = {one.name for one in report.ranking}
-    stands_for = variants(first.scored.candidate.effect) if attribution == "description" else (first.name,)
+    stands_for = variants(first.scored.candidate.effect) if attribution == Support.DESCRIPTION else (first.name,)
     return [name for name in dict.fromkeys((*stands_for, *first.equivalent)) if name in known]
 
 
 def _without_effect(report: DiagnosisReport, names: CommandNames) -> NextStep:
     """The next step after a verdict without an effect to add."""
     command = {
-        "nothing_missing": f"lrm deploy {shlex.quote(names.model)}",
-        "unexplained_structure": f"lrm-ident propose {shlex.quote(names.model)} {shlex.quote(names.data)} -o law.py",
+        Verdict.NOTHING_MISSING: f"lrm deploy {shlex.quote(names.model)}",
+        Verdict.UNEXPLAINED_STRUCTURE: (
+            f"lrm-ident propose {shlex.quote(names.model)} {shlex.quote(names.data)} -o law.py"
+        ),
     }
     return NextStep(report.hint, command.get(report.verdict, ""))
