@@ -28,6 +28,8 @@ DEFAULT_LEVELS = 5
 MAX_COMBINATIONS = 300_000
 NEAR_LINKS = 4  # the last links, which the tool can fold back upon but never leave; their shapes keep it clear
 MOST_CANDIDATES = 6000  # more are thinned out at random; the best index hardly changes
+ANY, MOST_DRAWS = "any", 40
+"""Levels of joints that may stand anywhere; how often poses are drawn for that."""
 Narrowing = Callable[[Array], tuple[Array, str]]
 """From angles (N, n) in rad to those that may be used, and words on them that follow those on the others."""
 
@@ -110,6 +112,19 @@ def candidate_grid(arm: Arm, levels: Sequence[Sequence[float]], rules: Clearance
         worst = max(violated, key=lambda name: int(violated[name].sum()))
         raise LrmError(f"none of {count} combinations of levels keeps the rules; most break: {worst}")
     return CandidateGrid(q[good], count, {name: int(rows.sum()) for name, rows in violated.items()})
+
+
+def random_poses(arm: Arm, count: int, rules: ClearanceRules, seed: int) -> Array:
+    """(K, n), at most `count` angles (rad), drawn evenly between the limits, that keep the rules."""
+    rng = np.random.default_rng(seed)
+    low, high = np.array([(joint.lower, joint.upper) for joint in arm.joints]).T
+    found = np.empty((0, arm.dof))
+    for _ in range(MOST_DRAWS):
+        if len(found) >= count:
+            break
+        q = rng.uniform(low, high, size=(2 * count, arm.dof))
+        found = np.concatenate([found, q[keeps_rules(arm, q, rules)]])
+    return found[:count]
 
 
 def keeps_rules(arm: Arm, q: Array, rules: ClearanceRules) -> NDArray[np.bool_]:

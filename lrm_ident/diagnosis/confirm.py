@@ -197,7 +197,9 @@ def _refit_trial(diagnosis: Diagnosis, scored: ScoredCandidate, blocks: tuple[He
     except LrmError as error:
         return _Trial(None, Reason(ReasonKind.NOT_REFITTED, said=str(error)), fitted=False)
     if predicts_better(refit.squares, held_out_squares(blocks), MIN_GAIN):
-        worse = None if effect.part is ModelPart.MEASUREMENT else _worse_as_deployed(effect, refit, blocks)
+        explains_all = not _leaves_more_than_noise(diagnosis, fitted)
+        of_tracker = effect.part is ModelPart.MEASUREMENT and explains_all  # then its points cannot judge the arm
+        worse = None if of_tracker else _worse_as_deployed(effect, refit, blocks)
         return _Trial(refit) if worse is None else _Trial(None, Reason(ReasonKind.WORSE_DEPLOYED), worse_deployed=worse)
     before, after = error_stats(held_out_residual(blocks)).rms, refit.error.rms
     return _Trial(None, Reason(ReasonKind.NOT_BETTER, (before, after)))

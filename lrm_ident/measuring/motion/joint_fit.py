@@ -1,4 +1,9 @@
-"""Fit of one joint's effects to moves: least squares of what the model predicts from commands alone."""
+"""Fit of one joint's effects to moves: least squares of what the model predicts from commands alone.
+
+What is measured is the joint's encoder, or a tip that other joints move, too: their first-order changes are projected
+out of every residual (variable projection; Golub & Pereyra 1973). Standard errors are clustered by moves (sandwich of
+Liang & Zeger 1986): residuals of one move are alike where an encoder's rounding stays the same at a stop.
+"""
 
 from __future__ import annotations
 
@@ -10,6 +15,7 @@ from functools import cached_property, lru_cache
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
+from scipy.special import ndtri, stdtrit
 
 from lrm_ident.measuring.motion.moves import FOLDS, Moves
 from lrm_math.arrays import Array
@@ -22,27 +28,65 @@ DIFFERENCE = 1e-3
 MOST_EVALUATIONS, SCREENING_EVALUATIONS, FOLD_EVALUATIONS = 25, 10, 4
 TOLERANCE = 1e-5
 MOST_STARTS = 24
+RANK = 1e-6
+"""Relative singular value below which columns are one."""
+LEAST_CLUSTERS = 5
+"""Moves below which their scatter says nothing."""
 
 
 @dataclass(frozen=True, eq=False)
 class JointMoves:
-    """What one joint did in S moves: its drive, readings (S, T) in rad, and which of them count."""
+    """What one joint did in S moves of T frames, and what was measured of it in m numbers a frame.
+
+    Attributes:
+        target: (S, T, m), what `lever` times the joint's angle should be. lever: (S, T, m), 1 of an encoder, m/rad of a
+            tip. counted: (S, T), frames that count.
+        beside: (S, T, m, k), what else moves the target, k columns to first order; none of an encoder.
+    """
 
     drive: JointDrive
-    reading: Array
+    target: Array
+    lever: Array
+    beside: Array
     counted: NDArray[np.bool_]
     substeps: int
     fold: NDArray[np.int64]
 
     @staticmethod
     def of(moves: Moves, joint: int) -> JointMoves:
-        """Those of a joint from 0."""
-        return JointMoves(moves.drive(joint), moves.reading[:, :, joint], moves.counted, moves.substeps, moves.fold)
+        """The encoder of a joint from 0."""
+        target = moves.reading[:, :, [joint]]
+        return JointMoves(
+            moves.drive(joint), target, np.ones_like(target), np.empty((*target.shape, 0)), moves.counted,
+            moves.substeps, moves.fold,
+        )  # fmt: skip
 
     def take(self, rows: NDArray[np.bool_]) -> JointMoves:
         """Some of the moves; `rows`: (S,)."""
-        drive, reading, counted = self.drive.take(rows), self.reading[rows], self.counted[rows]
-        return JointMoves(drive, reading, counted, self.substeps, self.fold[rows])
+        return JointMoves(
+            self.drive.take(rows), self.target[rows], self.lever[rows], self.beside[rows], self.counted[rows],
+            self.substeps, self.fold[rows],
+        )  # fmt: skip
+
+    @cached_property
+    def count(self) -> NDArray[np.int64]:
+        """(S,), numbers that count in each move."""
+        return np.asarray(self.counted.sum(axis=1) * self.target.shape[2])
+
+    @cached_property
+    def _span(self) -> Array:
+        """(N, r), orthonormal columns of what else moves the target."""
+        columns = self.beside[self.counted].reshape(-1, self.beside.shape[3])
+        scale = np.linalg.norm(columns, axis=0)
+        U, size, _ = np.linalg.svd(columns / np.where(scale > 0.0, scale, 1.0), full_matrices=False)
+        return np.asarray(U[:, size > RANK * max(size.max(initial=0.0), 1e-300)])
+
+    def _others(self, error: Array) -> Array:
+        """(k,), changes of what else moves the target that explain an error (N,) best."""
+        columns = self.beside[self.counted].reshape(-1, self.beside.shape[3])
+        scale = np.linalg.norm(columns, axis=0)
+        scale = np.where(scale > 0.0, scale, 1.0)
+        return np.asarray(np.linalg.lstsq(columns / scale, error, rcond=RANK)[0] / scale)
 
     def predicted(self, effects: Sequence[MotionEffect], rows: Array) -> Array:
         """(P, S, T), readings (rad) that the model predicts for each row of parameters (P, p), SI."""
@@ -54,9 +98,27 @@ class JointMoves:
         found = simulate(effects, values, self.drive)
         return np.moveaxis(found[:: self.substeps], 0, 2)
 
+    def error(self, effects: Sequence[MotionEffect], rows: Array) -> Array:
+        """(P, N), target less prediction at the counted frames, all else as it is."""
+        predicted = self.predicted(effects, rows)[:, self.counted]
+        return np.asarray(self.target[self.counted] - self.lever[self.counted] * predicted[..., None]).reshape(
+            len(predicted), -1
+        )
+
     def residual(self, effects: Sequence[MotionEffect], rows: Array) -> Array:
-        """(P, N), reading less prediction (rad) at the counted frames."""
-        return np.asarray((self.reading - self.predicted(effects, rows))[:, self.counted])
+        """(P, N), the same, less what else may explain it."""
+        error = self.error(effects, rows)
+        return error if not self.beside.shape[3] else error - (error @ self._span) @ self._span.T
+
+    def held_out(self, effects: Sequence[MotionEffect], values: Array, others: JointMoves) -> Array:
+        """(S,), mean square of each move, where all else is as the `others`' moves show it with the same values."""
+        error = self.error(effects, values[None])[0]
+        if self.beside.shape[3]:
+            change = others._others(others.error(effects, values[None])[0])
+            error = error - self.beside[self.counted].reshape(len(error), -1) @ change
+        squares = np.zeros(self.target.shape)
+        squares[self.counted] = error.reshape(-1, self.target.shape[2]) ** 2
+        return np.asarray(squares.sum(axis=(1, 2)) / np.maximum(self.count, 1))
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,7 +126,7 @@ class JointFit:
     """Fitted effects of one joint.
 
     Attributes:
-        values: (p,), SI. covariance: (p, p); zero rows at a bound. residual: (S, T), rad, NaN where none counts.
+        values: (p,), SI. covariance: (p, p); zero rows at a bound. residual: (S, T, m), NaN where none counts.
     """
 
     effects: tuple[MotionEffect, ...]
@@ -95,28 +157,26 @@ class JointFit:
 
     @property
     def squares(self) -> float:
-        """Sum of the squared residual (rad²)."""
+        """Sum of the squared residual (rad² or m²)."""
         return float(np.nansum(self.residual**2))
 
     @cached_property
     def held_out(self) -> Array:
-        """(S,), mean squared error (rad²) of each move, predicted by a fit without its fold."""
-        out = np.empty(len(self.data.reading))
+        """(S,), mean squared error (rad² or m²) of each move, predicted by a fit without its fold."""
+        out = np.empty(len(self.data.target))
         for fold in range(FOLDS):
             rows = self.data.fold == fold
             if not rows.any():
                 continue
-            known = _solve(self.effects, self.data.take(~rows), self.values, FOLD_EVALUATIONS)[0]
-            own = self.data.take(rows)
-            error = own.reading - own.predicted(self.effects, known[None])[0]
-            out[rows] = np.nanmean(np.where(own.counted, error**2, np.nan), axis=1)
+            others = self.data.take(~rows)
+            known = _solve(self.effects, others, self.values, FOLD_EVALUATIONS)[0]
+            out[rows] = self.data.take(rows).held_out(self.effects, known, others)
         return out
 
     @property
     def held_out_rms(self) -> float:
-        """rad, over all counted frames of the held-out moves."""
-        count = self.data.counted.sum(axis=1)
-        return float(np.sqrt(np.sum(self.held_out * count) / count.sum()))
+        """rad or m, over all counted frames of the held-out moves."""
+        return float(np.sqrt(np.sum(self.held_out * self.data.count) / self.data.count.sum()))
 
 
 def fit_joint(
@@ -133,14 +193,30 @@ def fit_joint(
     free = np.array([p.lower < v < p.upper for p, v in zip(parameters, values.tolist(), strict=True)])
     covariance = np.zeros((len(values), len(values)))
     scale = np.array([p.typical for p in parameters])[free]
-    normal = (J[:, free] * scale).T @ (J[:, free] * scale)
-    variance = float(residual @ residual) / max(len(residual) - len(values), 1)
-    covariance[np.ix_(free, free)] = (
-        variance * np.linalg.pinv(normal, rcond=1e-12, hermitian=True) * np.outer(scale, scale)
-    )
-    error = np.full(data.reading.shape, np.nan)
-    error[data.counted] = residual
+    covariance[np.ix_(free, free)] = _clustered(J[:, free] * scale, residual, data.count) * np.outer(scale, scale)
+    error = np.full(data.target.shape, np.nan)
+    error[data.counted] = residual.reshape(-1, data.target.shape[2])
     return JointFit(own, data, values, covariance, error)
+
+
+def _clustered(J: Array, residual: Array, count: NDArray[np.int64]) -> Array:
+    """(p, p), covariance of least squares with derivatives (N, p) and residuals (N,) that are alike within a move.
+
+    Moves follow one another by `count` (S,). As wide as normal 95 % intervals need to be for so few moves: the factor
+    is Student's, and the usual G (N − 1) / ((G − 1) (N − p)) (Cameron & Miller 2015). Not below that of white noise.
+    """
+    N, p = J.shape
+    own = count[count > 0]
+    inverse = np.linalg.pinv(J.T @ J, rcond=1e-12, hermitian=True)
+    white = float(residual @ residual) / max(N - p, 1) * inverse
+    if len(own) < LEAST_CLUSTERS or not p:
+        return np.asarray(white)
+    scores = np.add.reduceat(J * residual[:, None], np.concatenate([[0], np.cumsum(own)[:-1]]), axis=0)
+    G = len(own)
+    few = G * (N - 1) / ((G - 1) * max(N - p, 1)) * (stdtrit(G - 1, 0.975) / ndtri(0.975)) ** 2
+    found = few * inverse @ (scores.T @ scores) @ inverse
+    wider = np.sqrt(np.maximum(np.diag(white) / np.maximum(np.diag(found), 1e-300), 1.0))
+    return np.asarray(found * np.outer(wider, wider))
 
 
 def _best_start(effects: Sequence[MotionEffect], data: JointMoves, known: Mapping[str, float]) -> Array:

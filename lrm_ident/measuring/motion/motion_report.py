@@ -231,7 +231,7 @@ def _errors(study: MotionStudy, title: str) -> ResultTable:
     labels = joint_labels(study.moves.arm)
     rows = []
     for label, fit, noise in zip(labels, study.fits, study.moves.noise.tolist(), strict=True):
-        told = fit.data.reading - study.moves.command[:, :, fit.effects[0].joint]
+        told = (study.moves.reading - study.moves.command)[:, :, fit.effects[0].joint]
         errors = (_rms(told[study.moves.counted]), _rms(fit.residual[study.moves.counted]), fit.held_out_rms, noise)
         rows.append((label, *(float(np.degrees(value)) for value in errors)))
     columns = ("joint", "command_deg|.3f", "fit_deg|.3f", "held_out_deg|.3f", "noise_deg|.3f")

@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 from lrm_ident.data.measurements import Measurements
 from lrm_math.arm.arm import Arm, Placement
 from lrm_math.arm.arm_file import read_arm
-from lrm_math.arm.collision_shapes import Box, Capsule, Shapes
+from lrm_math.arm.collision_shapes import Box, Capsule, HeightField, Shapes
 from lrm_math.arrays import Array
 from lrm_math.collision.distance import depth_in_box, segment_to_box, segment_to_segment
 from lrm_math.collision.scene import Scene, clearance, clearance_of
@@ -337,8 +337,9 @@ def test_elastic_deflection_reduces_the_distance_to_the_ground(rover: Arm) -> No
 @pytest.mark.slow
 @given(shaped_arms, seeds)
 def test_distances_change_no_faster_than_the_motion_bound(arm: Arm, seed: int) -> None:
-    scene = Scene.of(arm)
     rng = np.random.default_rng(seed)
+    rough = tuple(map(tuple, rng.normal(0.0, 0.2, (9, 7))))
+    scene = Scene.of(arm, around=[HeightField("map", (-0.4, -0.5, -0.2), 0.12, rough, (0.1, 0.2, 0.3))])
     q = rng.uniform(-3, 3, (6, arm.dof))
     nudged = q + rng.choice([1e-3, 0.1, 1.0], (6, 1)) * rng.uniform(-1, 1, q.shape) * (rng.random(q.shape) < 0.6)
     change = np.abs(scene.distances(scene.frames(nudged)) - scene.distances(scene.frames(q)))

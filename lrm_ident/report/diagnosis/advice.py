@@ -1,0 +1,44 @@
+"""The advice after a diagnosis: which poses would distinguish its candidate causes, or that none would."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from weakref import WeakKeyDictionary
+
+from lrm_ident.design.advice import Advice, CandidateCause, advise
+from lrm_ident.diagnosis.attribution import attribution_of
+from lrm_ident.diagnosis.diagnosis_report import DiagnosisReport
+from lrm_math.effects import variants
+
+MOST_CAUSES = 4
+"""That poses are sought for, the best first."""
+_KNOWN: WeakKeyDictionary[DiagnosisReport, Advice | None] = WeakKeyDictionary()
+
+
+def causes_of(report: DiagnosisReport) -> Sequence[str]:
+    """Candidate causes (`effect@place`) that poses to be measured could distinguish; the effect to add is the first."""
+    first, attribution = report.first, attribution_of(report)
+    if first is None or attribution is None:
+        return ()
+    known: Collection[str] = {one.name for one in report.ranking}
+    stands_for = variants(first.scored.candidate.effect) if attribution == "description" else (first.name,)
+    return [name for name in dict.fromkeys((*stands_for, *first.equivalent)) if name in known][:MOST_CAUSES]
+
+
+def advice_of(report: DiagnosisReport) -> Advice | None:
+    """The advice of a diagnosis, computed once; None where it leaves nothing to distinguish."""
+    if report not in _KNOWN:
+        _KNOWN[report] = _advice(report)
+    return _KNOWN[report]
+
+
+def _advice(report: DiagnosisReport) -> Advice | None:
+    names = causes_of(report)
+    if len(names) < 2:
+        return None
+    diagnosis = report.diagnosis
+    scored = {one.name: one.scored for one in report.ranking}
+    refit = report.first.fit if report.first is not None else None
+    noise = diagnosis.floor.sd or (diagnosis.fit if refit is None else refit).sigma
+    causes = [CandidateCause.found(scored[name]) for name in names]
+    return advise(diagnosis.fit.model, causes, diagnosis.screened_subset[1].poses, noise)
