@@ -14,8 +14,9 @@ from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.notebook import ShownInNotebook
 from lrm_ident.diagnosis.attribution import ExplainedStep, StepAttribution, attribute_steps, unexplained_mean_square
 from lrm_ident.diagnosis.confirm import ConfirmedDiagnosis, Refit, confirm
-from lrm_ident.diagnosis.diagnose import Diagnosis, Verdict, diagnose
+from lrm_ident.diagnosis.diagnose import Diagnosis, diagnose
 from lrm_ident.diagnosis.diagnosis_report import DiagnosisReport, report_of
+from lrm_ident.diagnosis.judgement import Verdict
 from lrm_ident.diagnosis.screening.score_test import ScoredCandidate
 from lrm_ident.fitting.levenberg_marquardt import Fit
 from lrm_ident.fitting.loss import SQUARED, Loss

@@ -20,7 +20,7 @@ from lrm_ident.fitting.dependence import UnidentifiableParameter
 from lrm_ident.fitting.parameter_sets import TABLE_4_5
 from lrm_ident.report.document import Block, Document, ResultTable, heading, section
 from lrm_ident.report.fit import screen_unit, stats_in_mm
-from lrm_ident.report.plain_names import in_words, symbol
+from lrm_ident.report.plain_names import plain_name, symbol
 from lrm_math.arrays import Array
 from lrm_math.effects import Effect
 from lrm_math.model.model import Model
@@ -74,7 +74,7 @@ def choice_document(model: Model, found: PoseSelection, data: Measurements) -> D
 def design_document(task: DesignProblem, offer: CandidateSet, found: PoseDesign) -> Document:
     """Result of `lrm-ident design`, schema `lrm/design/1`; its figure shows expected errors and detectable sizes."""
     repeats, gains = len(found.poses) - len(found.rows), list(_gains(task, found))
-    leads = [*map(in_words, _leads(task, found))]
+    leads = [*_leads(task, found)]
     together = len(found.rows) + (0 if task.measured is None else len(task.measured))
     title = f"{len(found.rows)} poses, {len(found.keys)} parameters"
     blocks: list[Block] = [
@@ -87,7 +87,7 @@ def design_document(task: DesignProblem, offer: CandidateSet, found: PoseDesign)
         *([TOO_FEW.format(together, len(found.keys))] if together < len(found.keys) and task.prior is None else []),
     ]
     details: list[Block] = [
-        *map(in_words, gains[1:]),
+        *gains[1:],
         f"Candidates: {offer.description}.",
         *(f"  refused: {count} with {rule}" for rule, count in offer.rejected.items() if count),
         *([] if task.prior is not None else [_index_table(title, found.observability, found.random_baseline)]),
@@ -171,15 +171,17 @@ def _gains(task: DesignProblem, found: PoseDesign) -> Iterator[str]:
         return
     if len(apart.rivals) > 1:
         earlier = "" if was is None else f"{was.cosine:.2f} now, "
+        one, other = (plain_name(rival.name) for rival in apart.rivals[:2])
         yield (
-            f"Cosine between the motions of {apart.rivals[0].name} and {apart.rivals[1].name}: {apart.cosine:.2f} "
+            f"Cosine between the motions of {one} and {other}: {apart.cosine:.2f} "
             f"({earlier}{random.cosine:.2f} with random poses; at 1 they are indistinguishable)."
         )
     for k, effect in enumerate(task.rivals):
         earlier = "" if was is None else f"; now {_least(effect, was, k)}"
         yield (
-            f"{apart.rivals[k].name} is distinguished from everything else in {in_percent(TARGET_POWER)} % of cases "
-            f"{_least(effect, apart, k)} (with random poses {_least(effect, random, k)}{earlier}); "
+            f"{plain_name(apart.rivals[k].name)} is distinguished from everything else in "
+            f"{in_percent(TARGET_POWER)} % of cases {_least(effect, apart, k)} "
+            f"(with random poses {_least(effect, random, k)}{earlier}); "
             f"{_errors(apart.rivals[k])}."
         )
 

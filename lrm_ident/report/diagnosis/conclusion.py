@@ -13,13 +13,14 @@ import numpy as np
 
 from lrm_ident.data.wording import arrow, enumerate_words, in_mm
 from lrm_ident.design.advice import Advice
-from lrm_ident.diagnosis.attribution import Attribution, attribution_of, unexplained_ratio
+from lrm_ident.diagnosis.attribution import attribution_of, unexplained_ratio
 from lrm_ident.diagnosis.contradiction import can_be_contradicted
 from lrm_ident.diagnosis.diagnosis_report import DiagnosisReport, RankedCandidate
+from lrm_ident.diagnosis.judgement import Support, Verdict
 from lrm_ident.fitting.model_fit import DEFAULT_EFFECTS
 from lrm_ident.report.diagnosis.advice import advice_of, causes_of
 from lrm_ident.report.document import Block, CommandLine, Facts, heading, section
-from lrm_ident.report.plain_names import in_words, plain_name
+from lrm_ident.report.plain_names import plain_name
 from lrm_ident.report.repairs import by_hand
 from lrm_ident.report.story import ON_THE_ARM
 from lrm_ident.residual.data_audit import where_it_holds
@@ -33,11 +34,13 @@ MISSING = "Missing from the model"
 PART = 0.15
 """Share of the squared error from which an effect is said to explain part of it."""
 HEADLINES = {
-    "effect_describes": "No cause identified: the error is systematic, but these poses do not show why.",
-    "nothing_missing": "No missing effect found: the remaining error is about the measurement noise.",
-    "unexplained_structure": "No cause identified: the error is systematic, but no known effect explains it.",
-    "unpredictable": "No cause identified: the error exceeds the noise, but nothing measured predicts it.",
-    "noise_unknown": "No missing effect found, but the measurement noise is not known, so one may be hidden in it.",
+    Verdict.EFFECT_DESCRIBES: "No cause identified: the error is systematic, but these poses do not show why.",
+    Verdict.NOTHING_MISSING: "No missing effect found: the remaining error is about the measurement noise.",
+    Verdict.UNEXPLAINED_STRUCTURE: "No cause identified: the error is systematic, but no known effect explains it.",
+    Verdict.UNPREDICTABLE: "No cause identified: the error exceeds the noise, but nothing measured predicts it.",
+    Verdict.NOISE_UNKNOWN: (
+        "No missing effect found, but the measurement noise is not known, so one may be hidden in it."
+    ),
 }
 """First lines of the verdicts that name no effect to add as a cause."""
 NOTHING_FOUND, BESIDE = "No missing effect found", 3
@@ -103,8 +106,8 @@ class Conclusion:
 def conclude(report: DiagnosisReport, names: CommandNames = UNKNOWN_FILES) -> Conclusion:
     """The conclusion of a diagnosis. `names`: of the files in its commands."""
     attribution, rivals = attribution_of(report), report.first.equivalent if report.first else ()
-    tells_why = attribution != "finding" or rivals or report.verdict == "unexplained_structure"
-    quiet = report.verdict in ("nothing_missing", "noise_unknown")
+    tells_why = attribution != Support.FINDING or rivals or report.verdict == Verdict.UNEXPLAINED_STRUCTURE
+    quiet = report.verdict.quiet
     return Conclusion(
         headline=_headline(report, attribution),
         facts=tuple((label, words) for label, words in _facts(report, attribution) if words),
@@ -123,14 +126,14 @@ def _beside(report: DiagnosisReport) -> str:
     return f" besides {', '.join(others)}{' and ' if others else ''}{last}, which the model has"
 
 
-def _headline(report: DiagnosisReport, attribution: Attribution | None) -> str:
+def _headline(report: DiagnosisReport, attribution: Support | None) -> str:
     first = report.first
     if first is None or attribution is None:
         return HEADLINES[report.verdict].replace(NOTHING_FOUND, f"{NOTHING_FOUND}{_beside(report)}")
-    if attribution == "description":
+    if attribution == Support.DESCRIPTION:
         return _empirical_headline(report, first)
     what = _titled(first.name)
-    if attribution == "possible_cause":
+    if attribution == Support.POSSIBLE_CAUSE:
         return f"An effect is missing from the model. The best candidate: {what}"
     if first.equivalent:
         return f"{MISSING}: {what}, or another that these poses cannot distinguish from it"
@@ -142,39 +145,39 @@ def _empirical_headline(report: DiagnosisReport, first: RankedCandidate) -> str:
     if refined:
         return f"No new cause: the formula of {enumerate_words(sorted(map(plain_name, refined)), LISTED)} is not exact."
     if first.scored.candidate.effect.variant_of:
-        return HEADLINES["effect_describes"]
+        return HEADLINES[Verdict.EFFECT_DESCRIBES]
     if not can_be_contradicted(first.scored.candidate.effect, report.diagnosis.data.poses.q):
         return "No cause identified: with so few angles of its joint, any function of the angle fits as well."
     return "No cause identified: the best effect explains too little of the error to be called its cause."
 
 
-def _facts(report: DiagnosisReport, attribution: Attribution | None) -> Iterator[tuple[str, str]]:
+def _facts(report: DiagnosisReport, attribution: Support | None) -> Iterator[tuple[str, str]]:
     """Labelled facts; those without words are left out."""
     first = report.first
-    if first is not None and attribution != "description":
-        yield "estimate", in_words(first.claim)
+    if first is not None and attribution != Support.DESCRIPTION:
+        yield "estimate", first.claim
     yield "held-out error", _held_out(report)
     yield "as deployed", _deployed(report)
     scale = scale_uncertainty(report.diagnosis.fit)
     yield "tracker's scale", "" if scale is None else scale.sentence
     if first is not None and attribution is not None:
-        label = "empirical term" if attribution == "description" else "certainty"
+        label = "empirical term" if attribution == Support.DESCRIPTION else "certainty"
         yield label, _certainty(report, first, attribution)
-        yield "could be", _stands_for(report, first) if attribution == "description" else ""
+        yield "could be", _stands_for(report, first) if attribution == Support.DESCRIPTION else ""
         yield (
             "by hand",
-            "" if attribution == "description" or first.equivalent else by_hand(first.scored.candidate.effect),
+            "" if attribution == Support.DESCRIPTION or first.equivalent else by_hand(first.scored.candidate.effect),
         )
-    if (first is None or attribution != "finding") and not _bounds_noise(report):
+    if (first is None or attribution != Support.FINDING) and not _bounds_noise(report):
         yield "black-box model", report.left.predictable.brief
-    if report.verdict == "unexplained_structure":
+    if report.verdict == Verdict.UNEXPLAINED_STRUCTURE:
         yield "acts most like", _looks_like(report)
-    yield "where", in_words(report.left.regimes[0].brief) if report.left.regimes else ""
+    yield "where", report.left.regimes[0].brief if report.left.regimes else ""
     yield "far off", " ".join(_far_poses(report))
     yield "rows", " ".join(f"{one.sentence[0].upper()}{one.sentence[1:]}." for one in report.diagnosis.shifted)
     outliers = report.diagnosis.outliers
     yield "left out", f"{enumerate_words(list(map(str, outliers)), 2 * LISTED)}, as outliers" if outliers else ""
-    if report.verdict in ("nothing_missing", "noise_unknown"):
+    if report.verdict.quiet:
         yield "hidden at most", _may_hide(report)
         yield "valid", valid_where(report)
 
@@ -198,10 +201,10 @@ def _held_out(report: DiagnosisReport) -> str:
     floor, sd = report.diagnosis.floor.rms, report.diagnosis.floor.sd
     bound = f"noise at most {in_mm(report.left.predictable.noise_bound)} mm"
     noise = bound if floor is None else f"measurement noise {in_mm(floor)} mm"
-    if report.verdict == "unpredictable" and sd is not None:
+    if report.verdict == Verdict.UNPREDICTABLE and sd is not None:
         noise += f": the error is {report.diagnosis.fit.sigma / sd:.2f} times as large"
     error, first = report.held_out.rms, report.first
-    if first is None or attribution_of(report) == "description":
+    if first is None or attribution_of(report) == Support.DESCRIPTION:
         return f"{in_mm(error)} mm RMS{_predicted(report) if _bounds_noise(report) else f' ({noise})'}"
     return f"{_fall(error, first.held_out_rms)} with it ({noise})"
 
@@ -228,11 +231,11 @@ def _deployed(report: DiagnosisReport) -> str:
     return f"{in_mm(deployed.now.rms)} mm RMS {ON_THE_ARM}{earlier}"
 
 
-def _certainty(report: DiagnosisReport, first: RankedCandidate, attribution: Attribution) -> str:
-    if attribution == "description":
+def _certainty(report: DiagnosisReport, first: RankedCandidate, attribution: Support) -> str:
+    if attribution == Support.DESCRIPTION:
         return f"{plain_name(first.name)}: {_fall(report.held_out.rms, first.held_out_rms)}"
     beside = enumerate_words([plain_name(name) for name in first.equivalent], LISTED)
-    if attribution == "possible_cause":
+    if attribution == Support.POSSIBLE_CAUSE:
         ratio = unexplained_ratio(report) or 0.0
         rivals = f" These poses cannot distinguish it from {beside}." if beside else ""
         return (
@@ -276,7 +279,7 @@ def _looks_like(report: DiagnosisReport) -> str:
     best = found.functions[0].name if found.functions else next(iter(named), "")
     if best not in named or 1.0 - (named[best] / held_out) ** 2 < PART:
         return ""
-    return f"{in_words(best)}, which leaves {in_mm(named[best])} mm"
+    return f"{best}, which leaves {in_mm(named[best])} mm"
 
 
 def _far_poses(report: DiagnosisReport) -> Iterator[str]:
@@ -313,7 +316,7 @@ def _may_hide(report: DiagnosisReport) -> str:
     return f"{in_mm(bounds[name])} mm RMS (95 % bound) by any one known effect; most by {plain_name(name)}"
 
 
-def _next_steps(report: DiagnosisReport, attribution: Attribution | None, names: CommandNames) -> Iterator[NextStep]:
+def _next_steps(report: DiagnosisReport, attribution: Support | None, names: CommandNames) -> Iterator[NextStep]:
     first = report.first
     if first is None or attribution is None:
         yield _without_effect(report, names)
@@ -325,7 +328,7 @@ def _next_steps(report: DiagnosisReport, attribution: Attribution | None, names:
     add = f"lrm-ident add {files} {shlex.quote(first.name)} -o better.toml"
     if (advice := advice_of(report)) is not None:
         yield _to_distinguish(advice, causes_of(report), names)
-    if attribution == "description":
+    if attribution == Support.DESCRIPTION:
         yield NextStep("Use the arm meanwhile: this corrects the error without knowing its cause.", add)
     else:
         auto = f"lrm-ident auto {files} -o best.toml"
@@ -349,7 +352,9 @@ def _to_distinguish(advice: Advice, causes: Sequence[str], names: CommandNames) 
 def _without_effect(report: DiagnosisReport, names: CommandNames) -> NextStep:
     """The next step after a verdict without an effect to add."""
     command = {
-        "nothing_missing": f"lrm deploy {shlex.quote(names.model)}",
-        "unexplained_structure": f"lrm-ident propose {shlex.quote(names.model)} {shlex.quote(names.data)} -o law.py",
+        Verdict.NOTHING_MISSING: f"lrm deploy {shlex.quote(names.model)}",
+        Verdict.UNEXPLAINED_STRUCTURE: (
+            f"lrm-ident propose {shlex.quote(names.model)} {shlex.quote(names.data)} -o law.py"
+        ),
     }
     return NextStep(report.hint, command.get(report.verdict, ""))

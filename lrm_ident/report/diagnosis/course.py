@@ -16,12 +16,13 @@ from lrm_ident.diagnosis.attribution import AttributionTerm, term_of
 from lrm_ident.diagnosis.auto import AutoRun, AutoStep
 from lrm_ident.diagnosis.confirm import ConfirmedDiagnosis, objection_to
 from lrm_ident.diagnosis.diagnosis_report import with_unit
+from lrm_ident.diagnosis.judgement import Support
 from lrm_ident.fitting.held_out import held_out_squares
 from lrm_ident.report.diagnosis.conclusion import UNKNOWN_FILES, CommandNames, conclude
 from lrm_ident.report.diagnosis.diagnosis import diagnosis_document, explains_words, left_values, no_cause
 from lrm_ident.report.document import Block, CommandLine, Document, Facts, ResultTable, heading
 from lrm_ident.report.fit import error_blocks, parameter_table
-from lrm_ident.report.plain_names import in_words, plain_name
+from lrm_ident.report.plain_names import plain_name
 from lrm_ident.report.story import ANEW, Story
 from lrm_ident.residual.error_breakdown import HeldOutResidual, NestedResidual
 from lrm_ident.residual.noise_floor import noise_floor
@@ -193,7 +194,7 @@ def _sizes(course: AutoRun) -> Iterator[tuple[str, str]]:
             for key, p in zip(effect.keys, effect.parameters, strict=True)
         }
         claim = effect.about.claim.format(place=effect.place_in_words, **words)
-        yield label, in_words(claim)
+        yield label, claim
         label = ""
 
 
@@ -223,7 +224,7 @@ def attribution_blocks(course: AutoRun) -> Iterator[Block]:
     ratios = [
         f"{step.added} ({one.unexplained / explained if explained > 0.0 else np.inf:.1f})"
         for step, one, explained in steps
-        if one.kind == "possible_cause"
+        if one.kind == Support.POSSIBLE_CAUSE
     ]
     if ratios:
         yield (
