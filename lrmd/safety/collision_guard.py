@@ -17,14 +17,13 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from itertools import pairwise
 
 import numpy as np
 
 from lrm_math.arm.arm import Arm
 from lrm_math.arrays import Array
 from lrm_math.collision.scene import Scene
-from lrm_math.collision.straight_move import ArmBodies, MotionClearance, check_bodies, rigid_bodies
+from lrm_math.collision.straight_move import ArmBodies, MotionClearance, check_path, rigid_bodies
 from lrm_math.errors import LrmError
 from lrm_math.kinematics.forward import frames
 from lrm_math.kinematics.poses import poses_of
@@ -93,15 +92,13 @@ class CollisionGuard:
     def check(self, path: Array, payload: float, keep: float | None = None) -> tuple[MotionClearance, int]:
         """The clearance on straight moves through poses (K, n), and the number of the move, from 0, that it is of.
 
-        The first move that is not free, or the last one; of the sagging arm where the rigid one is free. `keep`:
+        The first move that is not free, or the nearest one; of the sagging arm where the rigid one is free. `keep`:
         separation (m) that is required; None: what the rule requires of a way that begins at the first pose.
         """
         for bodies in self.bodies(payload):
-            required = self._required(bodies, path[0]) if keep is None else keep
-            for move, (start, end) in enumerate(pairwise(path)):
-                found = check_bodies(bodies, start, end, required)
-                if not found.free or found.distance <= NO_EQUILIBRIUM:
-                    return replace(found, free=False), move
+            found, move = check_path(bodies, path, self._required(bodies, path[0]) if keep is None else keep)
+            if not found.free or found.distance <= NO_EQUILIBRIUM:
+                return replace(found, free=False), move
         return found, move
 
     def _required(self, bodies: ArmBodies, start: Array) -> Array:
