@@ -84,8 +84,8 @@ def check_path(bodies: ArmBodies, path: Array, keep: float | Array) -> tuple[Mot
     `keep`: one separation for all pairs, or (pairs,), one for each.
 
     The separations at both ends of an interval bound those inside from below (`_Motions.lower_bound`). An interval
-    where that bound is below `keep` is bisected. So a free move is free everywhere, not only at the poses sampled, as far as
-    `bodies.rate` is right: for the rigid arm it is.
+    where that bound is below `keep` is bisected. So a free move is free everywhere, not only at the poses sampled, as
+    far as `bodies.rate` is right: for the rigid arm it is.
     """
     found: list[tuple[MotionClearance, int]] = []
     for first in range(0, len(path) - 1, MOVES):
