@@ -88,7 +88,8 @@ class FkRequest(KinematicsRequest):
 class PlanRequest(KinematicsRequest):
     """`rpc/plan`: a collision-free path from `from_rad` to `to_rad`, or to a goal; deterministic for one `seed`.
 
-    `stabilise`: to a pose in which the vehicle is further from tipping over, the furthest that is found. `line`: the tip goes straight to the goal, the tool turning evenly; to its orientation, or not at all.
+    `line`: the tip goes straight to the goal, the tool turning evenly; to its orientation, or not at all. `stabilise`:
+    to a pose in which the vehicle is further from tipping over, the furthest that is found.
     """
 
     from_rad: JointAngles

@@ -1,4 +1,4 @@
-"""Does a motion bring the vehicle that the arm stands on too near to tipping over? Off unless the configuration says so.
+"""Does a motion bring the vehicle that the arm stands on too near to tipping over? Asked only if configured.
 
 Rule: on its way the tip-over angle stays above what is to be kept or, for a vehicle that is nearer to tipping already,
 above that of the start. The angle is that of the sagging arm with its payload, under the direction of gravity in use,
