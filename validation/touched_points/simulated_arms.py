@@ -1,8 +1,8 @@
 """`python -m validation.touched_points.simulated_arms`: twelve SO-101s, calibrated by sockets alone.
 
 Each is jogged (torque on) until its tip is in a socket: 60 touches, five sockets at three placements; commands are
-those of 4096 counts a turn, and the tip sits in a socket within 0.15 mm per axis. The tool points into the socket, less
-than 55 deg from its axis, and the wrist stays above the table. A tracker of that noise measures the same poses. Then
+those of 4096 counts a turn, and the tip sits in a socket within 0.15 mm per axis. Placements and postures are those of
+`lrm-ident sockets plan`. A tracker of that noise measures the same poses. Then
 `auto` names what is missing, and both calibrations predict the tip at 100 fresh poses, up to a rigid motion, since
 neither where a board nor where a tracker stands is known. Six arms are those of the independent generator.
 """
@@ -13,26 +13,25 @@ import tempfile
 import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 
 import numpy as np
 
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.registration.similarity import similarity
-from lrm_ident.data.rigid_motion import placement, placement_motion, turn
 from lrm_ident.measuring.sockets.board import SocketBoard
+from lrm_ident.measuring.sockets.touch_plan import TouchPlan, plan_touches
 from lrm_ident.study import api as lrm
 from lrm_ident.study.study import Study
-from lrm_math.arm.arm import Placement
 from lrm_math.arm.arm_file import load_arm
 from lrm_math.arrays import Array
 from lrm_math.effects import effects_at, variants
 from lrm_math.errors import NoEquilibrium
-from lrm_math.kinematics.forward import frames
 from lrm_math.kinematics.motion import recorded
 from lrm_math.kinematics.poses import Poses, poses_of
 from lrm_math.model.deployed_model import as_deployed
-from lrm_math.model.derivatives import joint_jacobian, parameter_jacobian
+from lrm_math.model.derivatives import parameter_jacobian
 from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import model_of
 from validation import synthetic
@@ -44,24 +43,8 @@ ARM = load_arm("so101")
 JOINTS = [f"offsets.joint{k}.theta_rad" for k in range(1, ARM.dof + 1)]
 LIMITS = np.array([(joint.lower, joint.upper) for joint in ARM.joints]) * 0.99
 DEG, COUNT = np.radians(1.0), 2.0 * np.pi / 4096
-LEAN_LIMIT, ABOVE_TABLE = np.cos(np.radians(55.0)), 0.03
-"""Cosine of the largest angle between tool and axis of a socket, and m of the wrist above the table."""
-STARTS, LAST_FRAMES = 16, 3
-"""Postures that are tried at once, and frames of the arm from the elbow on that stay above the table."""
-
-
-def stood(radius: float, pan: float, height: float, lean: float) -> Placement:
-    """Where a board stands whose middle is so far (m) from the arm's axis, in a direction (rad), so high (m), and which
-    leans back (rad), facing the arm: 0 lies flat, pi/2 stands upright."""
-    board = SocketBoard()
-    R = (turn((0, 0, 1), pan) @ turn((0, 1, 0), -lean) @ turn((0, 0, 1), 0.3))[:3, :3]
-    middle = np.array([radius * np.cos(pan), radius * np.sin(pan), height])
-    return placement(middle - R @ [board.length_mm * 5e-4, board.width_mm * 5e-4, 0.0], R)
-
-
-STANDS = (stood(0.19, 0.0, 0.0, 0.0), stood(0.32, 0.0, 0.22, 1.57), stood(0.28, -0.9, 0.25, 1.2))
-"""Flat before the arm, upright farther away and high, and leaning at the side."""
-TOUCHES, FRESH, NOISE_M = 60, 100, 0.15e-3
+PLACEMENTS = 3
+TOUCHES, FRESH, NOISE_M, MISSED_M = 60, 100, 0.15e-3, 1e-4
 HISTORY = 8
 RIPPLE = synthetic.ToothRipple(2, 5, 1.2 * DEG, 0.4)
 GEOMETRY_SD = {"theta_rad": 0.02, "d_m": 0.001, "a_m": 0.001, "alpha_rad": 0.01}
@@ -163,50 +146,42 @@ def joint_step(q: Array, error: Array) -> Array:
     return np.asarray(np.clip(np.linalg.lstsq(J, error, rcond=0.05)[0], -0.3, 0.3))
 
 
-def near_goal(goal: Array, rng: np.random.Generator, up: Array) -> Array:
-    """(n,), rad, random joint angles with which the arm as drawn is at a goal (m), its tool into a socket of axis (3,)
-    and its wrist above the table."""
-    drawn = model_of(ARM, ())
-    while True:
-        q = np.asarray(rng.uniform(0.9 * LIMITS[:, 0], 0.9 * LIMITS[:, 1], (STARTS, ARM.dof)))
-        for _ in range(25):
-            settled = solve_equilibrium(drawn, poses_of(q))
-            step = np.linalg.pinv(joint_jacobian(settled), rcond=0.05) @ (goal - settled.tcp)[:, :, None]
-            q = np.clip(q + np.clip(step[:, :, 0], -0.3, 0.3), *LIMITS.T)
-        T = frames(drawn.chain, drawn.chain.values([*np.ascontiguousarray(q.T)]), STARTS)
-        there = np.linalg.norm(goal - T[:, -1, :3, 3], axis=1) < 1e-3
-        into = -T[:, -1, :3, 2] @ up > LEAN_LIMIT
-        above = T[:, -1 - LAST_FRAMES : -1, 2, 3].min(axis=1) > ABOVE_TABLE
-        if np.any(good := there & into & above):
-            return np.asarray(q[int(np.argmax(good))])
+@cache
+def planned(touches: int) -> TouchPlan:
+    """The touches that `lrm-ident sockets plan` proposes for an arm as drawn."""
+    return plan_touches(ARM, SocketBoard().points, touches, PLACEMENTS, NOISE_M)
 
 
-def jogged(tips: Tips, path: Array, first: int, goal: Array, rng: np.random.Generator, up: Array) -> Array:
-    """(n,), rad, the command with which the true tip is in a socket (m) of axis (3,) after a path (P, n)."""
-    while True:
-        q = near_goal(goal, rng, up)
-        for _ in range(8):
-            tip = tips(np.vstack([path, q]), first)[-1]
-            if np.linalg.norm(goal - tip) < 2e-5:
-                return q
-            q = np.clip(q + joint_step(q, goal - tip), *LIMITS.T)
+def jogged(tips: Tips, path: Array, first: int, goal: Array, begun: Array) -> Array:
+    """(n,), rad, the command with which the true tip is in a socket (m) after a path (P, n), jogged from a posture."""
+    q = begun
+    for _ in range(20):
+        tip = tips(np.vstack([path, q]), first)[-1]
+        if np.linalg.norm(goal - tip) < 2e-5:
+            break
+        q = np.clip(q + joint_step(q, goal - tip), *LIMITS.T)
+    return q
 
 
 def touched(tips: Tips, seed: int, touches: int = TOUCHES) -> tuple[Array, list[str], Array, Array]:
-    """Commands (N, n), rad, names of the sockets, numbers of the placements, and true tips (N, 3), m."""
-    rng, points = np.random.default_rng([seed, 67]), SocketBoard().points
+    """Commands (N, n), rad, names of the sockets, numbers of the placements, and true tips (N, 3), m.
+
+    A socket into which the tip cannot be jogged from its posture, because a limit is in the way, is left out.
+    """
+    rng, plan, points = np.random.default_rng([seed, 67]), planned(touches), SocketBoard().points
+    motions = [stand.motion(points) for stand in plan.stands]
     path, names, where, seen = np.zeros((0, ARM.dof)), [], [], []
-    for number in range(touches):
-        stand = number * len(STANDS) // touches
-        name = [*points][number % len(points)]
-        T = placement_motion(STANDS[stand])
-        goal = (T @ [*np.array(points[name]) * 1e-3, 1.0])[:3]
-        goal = goal + rng.normal(0.0, NOISE_M, 3)
+    for begun, name, stand in zip(plan.q, plan.points, plan.placement, strict=True):
+        goal = (motions[stand - 1] @ [*np.array(points[name]) * 1e-3, 1.0])[:3] + rng.normal(0.0, NOISE_M, 3)
         first = max(0, len(path) - HISTORY)
-        path = np.vstack([path, jogged(tips, path[first:], first, goal, rng, T[:3, 2])])
+        q = jogged(tips, path[first:], first, goal, begun)
+        tip = tips(np.vstack([path[first:], q]), first)[-1]
+        if np.linalg.norm(goal - tip) > MISSED_M:
+            continue
+        path = np.vstack([path, q])
         names.append(name)
-        where.append(stand + 1)
-        seen.append(tips(path[first:], first)[-1])
+        where.append(stand)
+        seen.append(tip)
     return np.round(path / COUNT) * COUNT, names, np.array(where), np.array(seen)
 
 
