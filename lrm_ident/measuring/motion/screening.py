@@ -90,7 +90,7 @@ def screen_joint(before: JointFit, noise: float, catalogue: MotionCatalogue, tri
 def with_effect(before: JointFit, effect: MotionEffect) -> JointFit:
     """The fit with a further effect, from the values before; to be fitted once more if it is kept."""
     order = (*before.effects, effect)
-    return fit_joint(order, before.data, before.by_key, SCREENING_EVALUATIONS)
+    return fit_joint(order, before.data, before.data.start(before.by_key, effect), SCREENING_EVALUATIONS)
 
 
 def without_effect(before: JointFit, effect: MotionEffect, instead: Sequence[MotionEffect] = ()) -> JointFit:
