@@ -15,6 +15,7 @@ from lrm_math.effects.base import Excitation
 from lrm_math.effects.curves import CouplingCurve
 from lrm_math.effects.servo_errors import Coupling
 from lrm_math.kinematics.poses import poses_of
+from tests.conftest import ROOT
 
 CODE_NAME = re.compile(r"\w@\w|\b(?:joint|link|mimic|q|tau)\d+\b")
 """An effect, a place, or the symbol of a quantity of one joint; no column, as `q1_meas_deg`."""
@@ -63,3 +64,12 @@ def test_what_couples_two_joints_says_which_follows() -> None:
     for kind in (Coupling, CouplingCurve):
         assert kind.about.claim.startswith("{place} by ")
         assert kind(arm, "joint3<-joint2").place_in_words == "joint 3 follows joint 2"
+
+
+def test_judgements_are_not_parsed() -> None:
+    """The rooms of diagnosis and report take no text apart; what people type and what formats need is named here."""
+    typed_or_written = {"glossary.py", "comparison_scene.py"}
+    sources = [path for room in ("diagnosis", "report") for path in (ROOT / "lrm_ident" / room).rglob("*.py")]
+    assert len(sources) > 50
+    parsing = {path.name for path in sources if "\nimport re\n" in path.read_text(encoding="utf-8")}
+    assert parsing == typed_or_written
