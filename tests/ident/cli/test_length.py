@@ -102,8 +102,9 @@ def rows_of(text: str) -> int:
     return sum(max(1, -(-len(line.rstrip()) // COLUMNS)) for line in text.rstrip("\n").splitlines())
 
 
+@pytest.mark.usefixtures("terminal")
 @pytest.mark.parametrize("command", COMMANDS)
-def test_the_output_fits_a_terminal(command: str, terminal: Path) -> None:
+def test_the_output_fits_a_terminal(command: str) -> None:
     said = stdout_of(*shlex.split(command))
     assert rows_of(said) <= ROWS, said
     too_wide = [line for line in said.splitlines() if len(line.rstrip()) > COLUMNS and "lrm-ident" not in line]
