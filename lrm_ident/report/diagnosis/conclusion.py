@@ -27,7 +27,7 @@ from lrm_math.arm.arm import JointLimits
 from lrm_math.effects import CATALOGUE, variants
 
 BY_ORDER = frozenset({"time", "session"})
-LISTED, STANDS_FOR, REASONS, POSES_TO_MEASURE = 4, 2, 4, 40
+LISTED, STANDS_FOR, REASONS, POSES_TO_MEASURE = 4, 2, 3, 40
 MISSING = "Missing from the model"
 PART = 0.15
 """Share of the squared error from which an effect is said to explain part of it."""
@@ -57,10 +57,11 @@ UNKNOWN_FILES = CommandNames()
 
 @dataclass(frozen=True)
 class NextStep:
-    """Next thing to do: an imperative, and the command for it where there is one."""
+    """Next thing to do: an imperative, the command for it where there is one, and the command after that."""
 
     words: str
     command: str = ""
+    then: str = ""
 
 
 @dataclass(frozen=True)
@@ -83,7 +84,8 @@ class Conclusion:
         for number, step in enumerate(self.next):
             lead = "Next: " if number == 0 else "  or: "
             if step.command:
-                steps += [CommandLine(f"{lead}{step.command}"), f"      {step.words}"]
+                then = [CommandLine(f"      Then: {step.then}")] if step.then else []
+                steps += [CommandLine(f"{lead}{step.command}"), f"      {step.words}", *then]
             else:
                 steps.append(f"{lead}{step.words}")
         why = section("What these poses lack", self.reasons)
@@ -95,7 +97,7 @@ class Conclusion:
             "headline": self.headline,
             "facts": dict(self.facts),
             "reasons": self.reasons,
-            "next": [{"do": step.words, "command": step.command or None} for step in self.next],
+            "next": [{"do": one.words, "command": one.command or None, "then": one.then or None} for one in self.next],
         }
 
 
@@ -327,14 +329,15 @@ def _next_steps(report: DiagnosisReport, attribution: Attribution | None, names:
         arm, rivals = shlex.quote(names.arm), shlex.quote(",".join(causes[:LISTED]))
         model, data = shlex.quote(names.model), shlex.quote(names.data)
         poses = f"--separate {rivals} --have {data} -n {POSES_TO_MEASURE} -o next.csv"
-        words = f"Writes {POSES_TO_MEASURE} poses that distinguish them. Measure, add to {names.data}, fit again."
-        yield NextStep(words, f"lrm-ident design {arm} --model {model} {poses}")
+        words = f"Writes {POSES_TO_MEASURE} poses that distinguish them. Measure the tip there, append to {names.data}."
+        again = f"lrm-ident fit {data} --arm {arm} -o new.toml"
+        yield NextStep(words, f"lrm-ident design {arm} --model {model} {poses}", again)
     if attribution == "description":
         yield NextStep("Use the arm meanwhile: this corrects the error without knowing its cause.", add)
     else:
         auto = f"lrm-ident auto {files} -o best.toml"
         then = f"lrm-ident diagnose better.toml {shlex.quote(names.data)}"
-        yield NextStep(f"Adds it and refits. Then: {then}", add)
+        yield NextStep("Adds it to the model and refits all parameters.", add, then)
         if not first.equivalent:
             yield NextStep("In one go: adds this and every further effect until none is missing.", auto)
 

@@ -24,7 +24,7 @@ ATTRIBUTED: Mapping[Attribution | None, str] = {"finding": "identified", "possib
 BAR = 16
 LIKE, SPLINE = "indistinguishable", "spline: fits any cause"
 MORAN = "spatial autocorrelation (Moran's I)"
-ABOUT = "every candidate with its reason, and what these poses cannot show"
+ABOUT = "every candidate with its reason, and all that these poses lack"
 
 
 def diagnosis_document(report: DiagnosisReport, names: CommandNames = UNKNOWN_FILES) -> Document:
