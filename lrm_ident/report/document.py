@@ -24,11 +24,11 @@ SENTENCE = 40
 BAR = "█"
 WORDS: Mapping[str, str] = {
     "±": "±: standard error",
-    "held out": "held out: at poses not used in the fit",
+    "held out": "held out: not used in the fit",
     "rms": "RMS: root mean square",
 }
 """Words that the line below an output explains where it uses them."""
-EXPLAIN = "others: lrm-ident explain WORD"
+EXPLAIN = "words: lrm-ident explain WORD"
 COLUMNS, LINES, FOOT = 80, 20, 6
 """A terminal's width; lines of a result; those of them that stand around a table below a conclusion."""
 WHOLE_WORDS: Mapping[str, Any] = {"break_long_words": False, "break_on_hyphens": False}
@@ -174,7 +174,7 @@ class Document:
         """Blocks for a terminal: everything, or the conclusion and what `--all` would add to it."""
         if in_full or not self.details:
             return [*self.whole, *_jargon(self.whole)]
-        more = f"With --all: {self.about}."
+        more = f"Add --all to see {self.about}."
         return [*self.blocks, *_jargon(self.blocks), more]
 
     def text(self, width: int = 100) -> str:

@@ -121,8 +121,8 @@ def _outlier_words(outliers: Sequence[tuple[int, float]]) -> Iterator[str]:
         far = sorted(outliers, key=lambda one: -one[1])
         shown = wording.enumerate_words([f"{pose} ({in_mm(error * 1e-3)} mm)" for pose, error in far], OUTLIERS_SHOWN)
         yield (
-            f"Outliers: {poses_count(len(far))}, {shown}. Their measurements are wrong, or an effect that shows there "
-            "is missing."
+            f"Outliers: {poses_count(len(far))}, numbers {shown}. Measured wrongly, or the effect that the model lacks "
+            "shows there."
         )
 
 
@@ -139,8 +139,8 @@ def _beside_noise(floor: NoiseFloor, held_out: float | None) -> Iterator[str]:
         like = "as much as repeated poses differ" if repeats else "the measurement noise"
         yield f"That is about {like} ({in_mm(noise)} mm RMS): no effect is known to be missing."
     else:
-        noise_mm = f"the measurement noise ({in_mm(noise)} mm)"
-        yield f"{in_mm(held_out)} mm is {times:.1f} times {noise_mm}: an effect is missing."
+        by = "repeated poses" if floor.source == "replicates" else "the data file"
+        yield f"That is {times:.1f} times the noise ({in_mm(noise)} mm by {by}): the model lacks an effect."
 
 
 def _told_words(fit: Fit) -> Iterator[str]:
@@ -148,7 +148,7 @@ def _told_words(fit: Fit) -> Iterator[str]:
     if fit.stated is not None:
         few = int((fit.told < MOSTLY_TOLD).sum())
         count = len(fit.told)
-        yield f"The poses determine {count - few} of {count} parameters; the others keep usual values."
+        yield f"The poses determine {count - few} of {count} parameters; {few} stay near their typical sizes."
 
 
 def _without_outliers(fit: Fit, data: Measurements) -> list[Block]:

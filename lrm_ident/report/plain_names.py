@@ -42,7 +42,7 @@ PLAIN = {
     "touched_board": "position of the board, {place}",
     "angle_curve": "angle error of {place} (spline)",
     "coupling_curve": "coupling of {place} (spline)",
-    "cable_curve": "cable pull over {place} (spline)",
+    "cable_curve": "a free curve over {place} (spline)",
     "drift_curve": "drift of {place} (spline)",
     "torque_curve": "compliance of {place} (spline)",
     "bearing_curve": "bearing clearance of {place} (spline)",

@@ -30,12 +30,12 @@ def _levels(excitation: Excitation) -> Iterator[str]:
     if few:
         least, most = min(few.values()), max(few.values())
         levels = f"{least}" if least == most else f"{least} to {most}"
-        yield f"few angles: {levels} at {_joints(few)}, so gain, eccentricity and cable pull look alike"
+        yield f"few angles: {levels} different ones at {_joints(few)}, so their errors look alike"
 
 
 def _order(excitation: Excitation) -> Iterator[str]:
     for joint, correlation in joints_of_order(excitation.poses.q).items():
-        yield f"order: follows joint {joint + 1} ({correlation:.2f}), as drift would"
+        yield f"order: follows joint {joint + 1} (correlation {correlation:.2f}), as drift would"
 
 
 def where_it_holds(q: Array, lower: Array, upper: Array) -> str:

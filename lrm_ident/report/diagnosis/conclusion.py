@@ -29,7 +29,7 @@ from lrm_ident.residual.thresholds import MAX_UNEXPLAINED_RATIO
 from lrm_math.arm.arm import JointLimits
 from lrm_math.effects import CATALOGUE, variants
 
-LISTED, STANDS_FOR, REASONS = 4, 2, 4
+LISTED, STANDS_FOR, REASONS = 4, 2, 3
 MISSING = "Missing from the model"
 PART = 0.15
 """Share of the squared error from which an effect is said to explain part of it."""
@@ -61,10 +61,11 @@ UNKNOWN_FILES = CommandNames()
 
 @dataclass(frozen=True)
 class NextStep:
-    """Next thing to do: an imperative, and the command for it where there is one."""
+    """Next thing to do: an imperative, the command for it where there is one, and the command after that."""
 
     words: str
     command: str = ""
+    then: str = ""
 
 
 @dataclass(frozen=True)
@@ -87,7 +88,8 @@ class Conclusion:
         for number, step in enumerate(self.next):
             lead = "Next: " if number == 0 else "  or: "
             if step.command:
-                steps += [CommandLine(f"{lead}{step.command}"), f"      {step.words}"]
+                then = [CommandLine(f"      Then: {step.then}")] if step.then else []
+                steps += [CommandLine(f"{lead}{step.command}"), f"      {step.words}", *then]
             else:
                 steps.append(f"{lead}{step.words}")
         why = section("What these poses lack", self.reasons)
@@ -99,7 +101,7 @@ class Conclusion:
             "headline": self.headline,
             "facts": dict(self.facts),
             "reasons": self.reasons,
-            "next": [{"do": step.words, "command": step.command or None} for step in self.next],
+            "next": [{"do": one.words, "command": one.command or None, "then": one.then or None} for one in self.next],
         }
 
 
@@ -333,7 +335,7 @@ def _next_steps(report: DiagnosisReport, attribution: Support | None, names: Com
     else:
         auto = f"lrm-ident auto {files} -o best.toml"
         then = f"lrm-ident diagnose better.toml {shlex.quote(names.data)}"
-        yield NextStep(f"Adds it and refits. Then: {then}", add)
+        yield NextStep("Adds it to the model and refits all parameters.", add, then)
         if not first.equivalent:
             yield NextStep("In one go: adds this and every further effect until none is missing.", auto)
 
@@ -344,9 +346,10 @@ def _to_distinguish(advice: Advice, causes: Sequence[str], names: CommandNames) 
         return NextStep(advice.sentence)
     arm, rivals = shlex.quote(names.arm), shlex.quote(",".join(causes))
     model, data = shlex.quote(names.model), shlex.quote(names.data)
-    words = f"{advice.sentence} Measure the tip there, add the rows to {names.data}, then fit and diagnose again."
+    words = f"{advice.sentence} Measure the tip there, append to {names.data}."
     poses = f"--separate {rivals} --have {data} {advice.plan.options} -o next.csv"
-    return NextStep(words, f"lrm-ident design {arm} --model {model} {poses}")
+    again = f"lrm-ident fit {data} --arm {arm} -o new.toml"
+    return NextStep(words, f"lrm-ident design {arm} --model {model} {poses}", again)
 
 
 def _without_effect(report: DiagnosisReport, names: CommandNames) -> NextStep:

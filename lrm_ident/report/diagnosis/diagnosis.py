@@ -28,7 +28,7 @@ BAR = 16
 LIKE, SPLINE = "indistinguishable", "spline: fits any cause"
 HARDLY_SHOWS = "its typical size would hardly show in what is left now"
 MORAN = "spatial autocorrelation (Moran's I)"
-ABOUT = "every candidate with its reason, and what these poses cannot show"
+ABOUT = "every candidate with its reason, and all that these poses lack"
 
 
 def diagnosis_document(report: DiagnosisReport, names: CommandNames = UNKNOWN_FILES) -> Document:

@@ -61,7 +61,7 @@ def figure_values(found: ModelReport) -> dict[str, Any]:
         "marked": {why: list(numbers) for why, numbers in (found.marked or {}).items()},
         "where": _where(found),
         "next": _next(found, str(known.get("next_poses_hint", ""))),
-        "commands": [[one.command, one.words] for one in _commands(found)],
+        "commands": [[one.command, said_of(one)] for one in _commands(found)],
         "ranking": _ranking(found, known.get("ranking", ())),
     }
 
@@ -140,6 +140,11 @@ def _next(found: ModelReport, hint: str) -> str:
     """What to do next; nothing where a command and its words state it."""
     told = any(one.words == hint or one.command.startswith("lrm-ident add") for one in _commands(found)[:1])
     return "" if told else hint
+
+
+def said_of(step: NextStep) -> str:
+    """What a command does, and the one after it."""
+    return f"{step.words} Then: {step.then}" if step.then else step.words
 
 
 def _commands(found: ModelReport) -> tuple[NextStep, ...]:
