@@ -216,6 +216,9 @@ def _certainty(report: DiagnosisReport, first: RankedCandidate, attribution: Att
     beside = enumerate_words([plain_name(name) for name in first.equivalent], LISTED)
     if attribution == "possible_cause":
         ratio = unexplained_ratio(report) or 0.0
+        if not report.replicates:
+            rivals = f" These poses cannot distinguish it from {beside}." if beside else ""
+            return f"only a candidate cause: fitted on each half of the data alone, it is not chosen in both.{rivals}"
         rivals = f" These poses cannot distinguish it from {beside}." if beside else ""
         return (
             f"only a candidate cause: {ratio:.1f} times as much squared error stays unexplained as it explains (limit "
