@@ -23,7 +23,7 @@ from lrm_ident.diagnosis.screening.linearised_fit import PRIOR_SD
 from lrm_ident.diagnosis.screening.score_test import ScoredCandidate
 from lrm_ident.residual.thresholds import EQUIVALENCE_COSINE, Z_THRESHOLD
 from lrm_math.arrays import Array
-from lrm_math.effects import Effect
+from lrm_math.effects import FREE_FORMS, Effect
 from lrm_math.errors import LrmError
 from lrm_math.kinematics.history import PACE_S, history_of
 from lrm_math.kinematics.motion import recorded
@@ -83,12 +83,14 @@ class Pair:
 
     lead: standard errors by which the first, if it is there, beats the second at the shape that imitates it best.
     cosine: of their motions then; a diagnosis calls them alike if it is large, whatever the errors.
+    one_form: whether a free form refines both. Where that form fits better, their formulas tell nothing.
     """
 
     there: str
     instead: str
     lead: float
     cosine: float
+    one_form: bool = False
 
     @property
     def told(self) -> bool:
@@ -123,6 +125,11 @@ class Advice:
         return {frozenset((pair.there, pair.instead)) for pair in self.alike}
 
     @property
+    def _provided(self) -> str:
+        alike = next((pair for pair in self.pairs if pair.told and pair.one_form), None)
+        return "" if alike is None else f", if the formula of {alike.there} or {alike.instead} is exact"
+
+    @property
     def sentence(self) -> str:
         """What to measure and what it will tell; or that nothing will, and why."""
         if self.plan is None:
@@ -131,7 +138,7 @@ class Advice:
             least = min(pair.lead for pair in self.pairs)
             return (
                 f"{self.plan.how}, distinguish them: the true cause is expected to lead by {least:.1f} standard errors "
-                f"or more ({Z_THRESHOLD:g} are needed)."
+                f"or more ({Z_THRESHOLD:g} are needed){self._provided}."
             )
         worst = self.alike[0]
         why = (
@@ -194,8 +201,14 @@ def expected(model: Model, causes: Sequence[CandidateCause], parts: Sequence[Pos
         motion = own[a][0] @ one.size
         apart, best = min((_distance(motion, columns), k) for k, columns in enumerate(own[b]))
         cosine = principal_cosine(own[a][0], own[b][best])
-        found.append(Pair(one.effect.name, other.effect.name, apart / (2.0 * noise), cosine))
+        names = one.effect.name, other.effect.name
+        found.append(Pair(*names, apart / (2.0 * noise), cosine, _share_a_form(one.effect, other.effect)))
     return tuple(found)
+
+
+def _share_a_form(one: Effect, other: Effect) -> bool:
+    ids = {one.id, other.id}
+    return one.place == other.place and len(ids) == 2 and any(ids <= {*form.variant_of} for form in FREE_FORMS)
 
 
 def _distance(motion: Array, columns: Array) -> float:

@@ -36,11 +36,13 @@ class ExplainedStep:
     Attributes:
         explained: held-out mean square that it took away. describes: whether it only describes.
         of_present: whether it is a form of an effect that is in the model.
+        replicates: whether it is chosen in both halves of the data.
     """
 
     explained: float
     describes: bool
     of_present: bool
+    replicates: bool = True
 
 
 @dataclass(frozen=True)
@@ -55,7 +57,8 @@ def attribute_steps(steps: Sequence[ExplainedStep], left: float) -> tuple[StepAt
     """Attributions of successive steps. `left`: held-out mean square that stays unexplained after the last one."""
     found: list[StepAttribution] = []
     for step in reversed(steps):
-        shown = Support.FINDING if left <= MAX_UNEXPLAINED_RATIO * step.explained else Support.POSSIBLE_CAUSE
+        sure = step.replicates and left <= MAX_UNEXPLAINED_RATIO * step.explained
+        shown = Support.FINDING if sure else Support.POSSIBLE_CAUSE
         found.append(StepAttribution(Support.DESCRIPTION if step.describes else shown, left))
         if found[-1].kind != Support.FINDING and not step.of_present:
             left += max(step.explained, 0.0)
@@ -71,10 +74,12 @@ def unexplained_mean_square(report: DiagnosisReport) -> float:
 
 
 def unexplained_ratio(report: DiagnosisReport) -> float | None:
-    """Held-out mean square above a known noise that the effect to add would leave, per mean square that it takes away;
-    None where no effect is to be added, or the noise is unknown."""
-    floor = report.diagnosis.floor.rms
-    if report.first is None or floor is None:
+    """Held-out mean square above the noise that the effect to add would leave, per mean square that it takes away.
+
+    A noise that is not known is at most what a black-box model leaves. None where no effect is to be added.
+    """
+    floor = report.diagnosis.floor.rms or report.left.predictable.noise_bound
+    if report.first is None:
         return None
     left, before = report.first.held_out_rms**2, report.held_out.rms**2
     return max(left - floor**2, 0.0) / (before - left)
@@ -87,4 +92,5 @@ def attribution_of(report: DiagnosisReport) -> Support | None:
     if report.verdict == Verdict.EFFECT_DESCRIBES:
         return Support.DESCRIPTION
     ratio = unexplained_ratio(report)
-    return Support.POSSIBLE_CAUSE if ratio is not None and ratio > MAX_UNEXPLAINED_RATIO else Support.FINDING
+    unsure = ratio is not None and ratio > MAX_UNEXPLAINED_RATIO
+    return Support.POSSIBLE_CAUSE if unsure or not report.replicates else Support.FINDING

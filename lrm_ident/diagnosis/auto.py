@@ -43,6 +43,7 @@ class AutoStep:
         freed: keys of base parameters that became identifiable with it.
         share: of the held-out mean square above the noise (of all, where that is unknown) that it took away.
         describes: whether it only describes (`ConfirmedDiagnosis.describes`).
+        replicates: whether it was chosen in both halves of the data.
     """
 
     added: str
@@ -55,6 +56,7 @@ class AutoStep:
     freed: tuple[str, ...] = ()
     share: float = 0.0
     describes: bool = False
+    replicates: bool = True
     rivals: Mapping[str, float] = field(default_factory=dict)
 
     @property
@@ -107,7 +109,10 @@ class AutoRun(ShownInNotebook):
             {effect.name for effect in self.model.effects},
             zip(self.steps[1:], self.explained, strict=True),
         )
-        steps = [ExplainedStep(square, step.describes, bool(present & {*step.refines})) for step, square in pairs]
+        steps = [
+            ExplainedStep(square, step.describes, bool(present & {*step.refines}), step.replicates)
+            for step, square in pairs
+        ]
         return attribute_steps(steps, unexplained_mean_square(self.report))
 
 
@@ -165,6 +170,7 @@ def _step(last: AutoStep, before: ConfirmedDiagnosis, one: ScoredCandidate) -> A
         refines=variants(one.candidate.effect),
         share=before.share,
         describes=before.describes,
+        replicates=before.replicates,
         rivals=before.diagnosis.rivals([one.name, *equivalent]),
     )
 

@@ -20,6 +20,7 @@ from lrm_ident.diagnosis.contradiction import can_be_contradicted
 from lrm_ident.diagnosis.diagnose import Diagnosis, select_without
 from lrm_ident.diagnosis.judgement import Verdict
 from lrm_ident.diagnosis.reason import Reason, ReasonKind
+from lrm_ident.diagnosis.replication import replicates
 from lrm_ident.diagnosis.screening.score_test import ScoredCandidate
 from lrm_ident.fitting.cross_validation import blocks_of_fit
 from lrm_ident.fitting.held_out import HeldOutBlock, deployed_residual, held_out_residual, held_out_squares
@@ -101,6 +102,13 @@ class ConfirmedDiagnosis:
     def first(self) -> ScoredCandidate | None:
         """The effect to add, if any."""
         return self.supported[0] if self.supported else None
+
+    @cached_property
+    def replicates(self) -> bool:
+        """Whether the effect to add is chosen in both halves of the data; True where none is to be added."""
+        if self.first is None:
+            return True
+        return replicates(self.diagnosis.screening, self.first, self.diagnosis.equivalent[self.first.name])
 
     @property
     def share(self) -> float:

@@ -116,6 +116,7 @@ class DiagnosisReport(ShownInNotebook):
         fit, held_out: error of the model as it is, in the fit and cross-validated. deployed: as it is deployed.
         share: of the held-out mean square above the noise that the first candidate takes away.
         left: patterns of the residual without a name. hints: patterns of the estimates, which are no effects.
+        replicates: whether the first candidate is chosen in both halves of the data.
     """
 
     diagnosis: Diagnosis
@@ -129,6 +130,7 @@ class DiagnosisReport(ShownInNotebook):
     hint: str
     left: ResidualPatterns
     hints: tuple[str, ...]
+    replicates: bool = True
 
     def __repr__(self) -> str:
         fit = self.diagnosis.fit
@@ -197,6 +199,7 @@ def report_of(confirmed: ConfirmedDiagnosis, predictable: PredictableError | Non
         hint=NEXT_STEP[verdict] if verdict in NEXT_STEP else _hint(diagnosis, supported[:1]),
         left=left,
         hints=parameter_hints(diagnosis.fit),
+        replicates=confirmed.replicates,
     )
 
 

@@ -10,6 +10,7 @@ import numpy as np
 from lrm_ident.design.advice import Advice, CandidateCause, advise
 from lrm_ident.diagnosis.attribution import attribution_of
 from lrm_ident.diagnosis.diagnosis_report import DiagnosisReport
+from lrm_ident.diagnosis.judgement import Support
 from lrm_math.effects import variants
 
 MOST_CAUSES = 4
@@ -23,7 +24,7 @@ def causes_of(report: DiagnosisReport) -> Sequence[str]:
     if first is None or attribution is None:
         return ()
     known: Collection[str] = {one.name for one in report.ranking}
-    stands_for = variants(first.scored.candidate.effect) if attribution == "description" else (first.name,)
+    stands_for = variants(first.scored.candidate.effect) if attribution == Support.DESCRIPTION else (first.name,)
     return [name for name in dict.fromkeys((*stands_for, *first.equivalent)) if name in known][:MOST_CAUSES]
 
 

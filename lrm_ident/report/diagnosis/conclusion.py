@@ -239,6 +239,9 @@ def _certainty(report: DiagnosisReport, first: RankedCandidate, attribution: Sup
     beside = enumerate_words([plain_name(name) for name in first.equivalent], LISTED)
     if attribution == Support.POSSIBLE_CAUSE:
         ratio = unexplained_ratio(report) or 0.0
+        if not report.replicates:
+            rivals = f" These poses cannot distinguish it from {beside}." if beside else ""
+            return f"only a candidate cause: fitted on each half of the data alone, it is not chosen in both.{rivals}"
         rivals = f" These poses cannot distinguish it from {beside}." if beside else ""
         return (
             f"only a candidate: it leaves {ratio:.1f} times the squared error that it explains (limit "
