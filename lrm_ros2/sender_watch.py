@@ -65,7 +65,10 @@ def session_of(token: str) -> str:
 
 
 class SenderWatch:
-    """`ask` sends a question to a session without waiting, and calls back on its answer in the order of arrivals."""
+    """`ask` sends a question to a session without waiting, and calls back on its answer in the order of arrivals.
+
+    `ends`: where orders come from. Of their senders' tokens is known when each went, at infinity those that are there.
+    """
 
     def __init__(self, ask: Callable[[str, Callable[[], None]], object], ends: Collection[SenderEnd]) -> None:
         self._ask, self._ends = ask, ends
@@ -77,7 +80,7 @@ class SenderWatch:
     def token(self, token: str, there: bool) -> None:
         """A liveliness token of ROS has come, or gone. The first one of a session, whatever it is of, is a reason to
         ask it: its first order may follow soon. One that goes may overtake the last order of its sender."""
-        if token.count("/") < NAME_PART - 1:
+        if token.count("/") < NAME_PART - 1 or not session_of(token).isalnum():
             return
         session, now = session_of(token), time.monotonic()
         with self._lock:

@@ -121,6 +121,8 @@ def test_a_session_is_asked_as_soon_as_anything_of_it_is_there() -> None:
     assert len(network.questions["a"]) == 1
     network.watch.token(token_of("b", kind="SS"), there=True)
     assert len(network.questions["b"]) == 1
+    network.watch.token(token_of("*"), there=True)
+    network.watch.token("@ros2_lv/0/a", there=True)
     assert network.watch.of(END) == frozenset()
 
 
