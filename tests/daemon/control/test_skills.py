@@ -95,6 +95,19 @@ def test_an_empty_gripper_carries_nothing(arm: SkilledDaemon) -> None:
     assert (arm.outcome, arm.core.payload) == ("nothing_there", 0.0)
 
 
+def test_the_pose_of_a_skill_under_way_is_not_one_to_arm_at(arm: SkilledDaemon) -> None:
+    """Also while it waits: it moves the arm again without another request, before which the stored pose is taken back."""
+    assert arm.core.saved(1).still
+    arm.begin("grasp", gripper_rad=-0.05, payload_kg=0.03, listen_s=0.5)
+    arm.keep(100)
+    assert (arm.outcome, arm.core.report.moving) == ("running", False)
+    assert not arm.core.saved(1).still
+    arm.core.handle(SenseCommand(what="empty"), arm.now)
+    arm.keep(200)
+    assert arm.outcome == "nothing_there"
+    assert arm.core.saved(1).still
+
+
 def test_what_cannot_be_reached_or_is_not_answered_is_refused(arm: SkilledDaemon) -> None:
     arm.begin("approach", goal=GOAL, height_m=0.05)
     arm.keep(20, answers=True, found=False)
