@@ -96,7 +96,7 @@ def test_an_empty_gripper_carries_nothing(arm: SkilledDaemon) -> None:
 
 
 def test_the_pose_of_a_skill_under_way_is_not_one_to_arm_at(arm: SkilledDaemon) -> None:
-    """Also while it waits: it moves the arm again without another request, before which the stored pose is taken back."""
+    """Also while it waits: it moves the arm again without a request before which the pose is taken back."""
     assert arm.core.saved(1).still
     arm.begin("grasp", gripper_rad=-0.05, payload_kg=0.03, listen_s=0.5)
     arm.keep(100)
