@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import tomllib
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +17,7 @@ import numpy as np
 from examples.fetch.distance_check import frames_of
 from examples.fetch.places import RADIUS, Stone
 from lrm_ident.report.plots.foxglove import JsonMessage, line, mcap_file, point, scene_message, solid
-from lrm_math.arrays import Array
+from lrm_math.arrays import Array, Vector3
 from validation import synthetic
 
 EVERY_S = 0.2
