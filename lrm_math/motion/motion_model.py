@@ -71,10 +71,11 @@ class MotionModel:
 
 
 class MotionStep(StrictSchema):
-    """One step of a model's history: what was done, and the held-out error after it (deg RMS over all joints)."""
+    """One step of a model's history: what was done, and the held-out error after it, RMS of encoders or of a tip."""
 
     step: str
     held_out_deg: float | None = None
+    held_out_mm: float | None = None
 
 
 class MotionFile(StrictSchema):

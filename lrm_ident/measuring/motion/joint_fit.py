@@ -1,4 +1,9 @@
-"""Fit of one joint's effects to moves: least squares of what the model predicts from commands alone."""
+"""Fit of one joint's effects to moves: least squares of what the model predicts from commands alone.
+
+What is measured is the joint's encoder, or a tip that other joints move, too: their first-order changes are projected
+out of every residual (variable projection; Golub & Pereyra 1973). Standard errors are clustered by moves (sandwich of
+Liang & Zeger 1986): residuals of one move are alike where an encoder's rounding stays the same at a stop.
+"""
 
 from __future__ import annotations
 
@@ -10,53 +15,23 @@ from functools import cached_property, lru_cache
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
+from scipy.special import ndtri, stdtrit
 
-from lrm_ident.measuring.motion.moves import FOLDS, Moves
+from lrm_ident.measuring.motion.joint_moves import JointMoves
+from lrm_ident.measuring.motion.moves import FOLDS
 from lrm_math.arrays import Array
 from lrm_math.effects.base import Parameter
-from lrm_math.motion.base import JointDrive, MotionEffect
-from lrm_math.motion.simulation import simulate
+from lrm_math.motion.base import MotionEffect
 
 DIFFERENCE = 1e-3
 """Step of the differences, in typical sizes: friction makes the prediction piecewise smooth."""
 MOST_EVALUATIONS, SCREENING_EVALUATIONS, FOLD_EVALUATIONS = 25, 10, 4
 TOLERANCE = 1e-5
 MOST_STARTS = 24
-
-
-@dataclass(frozen=True, eq=False)
-class JointMoves:
-    """What one joint did in S moves: its drive, readings (S, T) in rad, and which of them count."""
-
-    drive: JointDrive
-    reading: Array
-    counted: NDArray[np.bool_]
-    substeps: int
-    fold: NDArray[np.int64]
-
-    @staticmethod
-    def of(moves: Moves, joint: int) -> JointMoves:
-        """Those of a joint from 0."""
-        return JointMoves(moves.drive(joint), moves.reading[:, :, joint], moves.counted, moves.substeps, moves.fold)
-
-    def take(self, rows: NDArray[np.bool_]) -> JointMoves:
-        """Some of the moves; `rows`: (S,)."""
-        drive, reading, counted = self.drive.take(rows), self.reading[rows], self.counted[rows]
-        return JointMoves(drive, reading, counted, self.substeps, self.fold[rows])
-
-    def predicted(self, effects: Sequence[MotionEffect], rows: Array) -> Array:
-        """(P, S, T), readings (rad) that the model predicts for each row of parameters (P, p), SI."""
-        values, at = [], 0
-        for effect in effects:
-            count = len(effect.parameters)
-            values.append([rows[:, [k]] for k in range(at, at + count)])
-            at += count
-        found = simulate(effects, values, self.drive)
-        return np.moveaxis(found[:: self.substeps], 0, 2)
-
-    def residual(self, effects: Sequence[MotionEffect], rows: Array) -> Array:
-        """(P, N), reading less prediction (rad) at the counted frames."""
-        return np.asarray((self.reading - self.predicted(effects, rows))[:, self.counted])
+UNSEEN = 1e-6
+"""Of the strongest derivative, in typical sizes: a parameter with a weaker one stays as it is."""
+LEAST_CLUSTERS = 5
+"""Moves below which their scatter says nothing."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,7 +39,7 @@ class JointFit:
     """Fitted effects of one joint.
 
     Attributes:
-        values: (p,), SI. covariance: (p, p); zero rows at a bound. residual: (S, T), rad, NaN where none counts.
+        values: (p,), SI. covariance: (p, p); zero rows at a bound. residual: (S, T, m), NaN where none counts.
     """
 
     effects: tuple[MotionEffect, ...]
@@ -95,28 +70,26 @@ class JointFit:
 
     @property
     def squares(self) -> float:
-        """Sum of the squared residual (rad²)."""
+        """Sum of the squared residual (rad² or m²)."""
         return float(np.nansum(self.residual**2))
 
     @cached_property
     def held_out(self) -> Array:
-        """(S,), mean squared error (rad²) of each move, predicted by a fit without its fold."""
-        out = np.empty(len(self.data.reading))
+        """(S,), mean squared error (rad² or m²) of each move, predicted by a fit without its fold."""
+        out = np.empty(len(self.data.target))
         for fold in range(FOLDS):
             rows = self.data.fold == fold
             if not rows.any():
                 continue
-            known = _solve(self.effects, self.data.take(~rows), self.values, FOLD_EVALUATIONS)[0]
-            own = self.data.take(rows)
-            error = own.reading - own.predicted(self.effects, known[None])[0]
-            out[rows] = np.nanmean(np.where(own.counted, error**2, np.nan), axis=1)
+            others = self.data.take(~rows)
+            known = _solve(self.effects, others, self.values, FOLD_EVALUATIONS)[0]
+            out[rows] = self.data.take(rows).held_out(self.effects, known, others)
         return out
 
     @property
     def held_out_rms(self) -> float:
-        """rad, over all counted frames of the held-out moves."""
-        count = self.data.counted.sum(axis=1)
-        return float(np.sqrt(np.sum(self.held_out * count) / count.sum()))
+        """rad or m, over all counted frames of the held-out moves."""
+        return float(np.sqrt(np.sum(self.held_out * self.data.count) / self.data.count.sum()))
 
 
 def fit_joint(
@@ -130,17 +103,37 @@ def fit_joint(
     start = _best_start(own, data, known)
     values, J, residual = _solve(own, data, start, most)
     parameters = [parameter for effect in own for parameter in effect.parameters]
-    free = np.array([p.lower < v < p.upper for p, v in zip(parameters, values.tolist(), strict=True)])
+    free = (_lower(own, data) < values) & (values < np.array([p.upper for p in parameters]))
     covariance = np.zeros((len(values), len(values)))
     scale = np.array([p.typical for p in parameters])[free]
-    normal = (J[:, free] * scale).T @ (J[:, free] * scale)
-    variance = float(residual @ residual) / max(len(residual) - len(values), 1)
-    covariance[np.ix_(free, free)] = (
-        variance * np.linalg.pinv(normal, rcond=1e-12, hermitian=True) * np.outer(scale, scale)
-    )
-    error = np.full(data.reading.shape, np.nan)
-    error[data.counted] = residual
+    covariance[np.ix_(free, free)] = _clustered(J[:, free] * scale, residual, data.count) * np.outer(scale, scale)
+    error = np.full(data.target.shape, np.nan)
+    error[data.counted] = residual.reshape(-1, data.target.shape[2])
     return JointFit(own, data, values, covariance, error)
+
+
+def _lower(effects: Sequence[MotionEffect], data: JointMoves) -> Array:
+    return np.array([data.lower(effect, parameter) for effect in effects for parameter in effect.parameters])
+
+
+def _clustered(J: Array, residual: Array, count: NDArray[np.int64]) -> Array:
+    """(p, p), covariance of least squares with derivatives (N, p) and residuals (N,) that are alike within a move.
+
+    Moves follow one another by `count` (S,). As wide as normal 95 % intervals need to be for so few moves: the factor
+    is Student's, and the usual G (N − 1) / ((G − 1) (N − p)) (Cameron & Miller 2015). Not below that of white noise.
+    """
+    N, p = J.shape
+    own = count[count > 0]
+    inverse = np.linalg.pinv(J.T @ J, rcond=1e-12, hermitian=True)
+    white = float(residual @ residual) / max(N - p, 1) * inverse
+    if len(own) < LEAST_CLUSTERS or not p:
+        return np.asarray(white)
+    scores = np.add.reduceat(J * residual[:, None], np.concatenate([[0], np.cumsum(own)[:-1]]), axis=0)
+    G = len(own)
+    few = G * (N - 1) / ((G - 1) * max(N - p, 1)) * (stdtrit(G - 1, 0.975) / ndtri(0.975)) ** 2
+    found = few * inverse @ (scores.T @ scores) @ inverse
+    wider = np.sqrt(np.maximum(np.diag(white) / np.maximum(np.diag(found), 1e-300), 1.0))
+    return np.asarray(found * np.outer(wider, wider))
 
 
 def _best_start(effects: Sequence[MotionEffect], data: JointMoves, known: Mapping[str, float]) -> Array:
@@ -160,7 +153,7 @@ def _best_start(effects: Sequence[MotionEffect], data: JointMoves, known: Mappin
 def _solve(effects: Sequence[MotionEffect], data: JointMoves, start: Array, most: int) -> tuple[Array, Array, Array]:
     """Values (p,), derivatives of the prediction (N, p) and residual (N,) at the least squares."""
     parameters = [parameter for effect in effects for parameter in effect.parameters]
-    lower, upper = (np.array([getattr(p, name) for p in parameters]) for name in ("lower", "upper"))
+    lower, upper = _lower(effects, data), np.array([p.upper for p in parameters])
     typical = np.array([p.typical for p in parameters])
 
     @lru_cache(maxsize=2)
@@ -169,7 +162,9 @@ def _solve(effects: Sequence[MotionEffect], data: JointMoves, start: Array, most
         x = np.frombuffer(at)
         side = np.where(x + DIFFERENCE > upper / typical, -DIFFERENCE, DIFFERENCE)
         found = data.residual(effects, np.concatenate([x[None], x + np.diag(side)]) * typical)
-        return found[0], ((found[1:] - found[0]) / side[:, None]).T
+        J = ((found[1:] - found[0]) / side[:, None]).T
+        size = np.linalg.norm(J, axis=0)
+        return found[0], np.where(size > UNSEEN * size.max(initial=0.0), J, 0.0)
 
     def residual(x: Array) -> Array:
         return both(x.tobytes())[0]

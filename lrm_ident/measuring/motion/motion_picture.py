@@ -13,7 +13,7 @@ from lrm_ident.report.plots.style import HELD_OUT, MODEL, NOMINAL, figure_file, 
 
 def draw_motion(before: MotionStudy, after: MotionStudy, path: Path) -> None:
     """The move that the model before predicts worst among all joints. Raises `FileError`."""
-    squares = np.stack([np.nanmean(fit.residual**2, axis=1) for fit in before.fits])
+    squares = np.stack([np.nanmean(fit.residual**2, axis=(1, 2)) for fit in before.fits])
     joint, move = np.unravel_index(int(np.argmax(squares)), squares.shape)
     moves, label = before.moves, joint_labels(before.moves.arm)[joint]
     count = moves.counted[move]
@@ -24,7 +24,7 @@ def draw_motion(before: MotionStudy, after: MotionStudy, path: Path) -> None:
         top.step(t, told, where="post", color=NOMINAL, linewidth=1, label="command")
         top.plot(t, read, ".", color="black", markersize=4, label="encoder")
         for study, name, colour in ((before, "before", HELD_OUT), (after, "after", MODEL)):
-            left = np.degrees(study.fits[joint].residual[move])[count]
+            left = np.degrees(study.fits[joint].residual[move, :, 0])[count]
             error = float(np.sqrt(np.nanmean(left**2)))
             top.plot(t, read - left, color=colour, linewidth=1.2, label=f"predicted {name}")
             bottom.plot(t, left, color=colour, linewidth=1.2, label=f"{name}: {error:.2f} deg RMS")

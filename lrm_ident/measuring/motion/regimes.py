@@ -23,7 +23,7 @@ def worst_regimes(fit: JointFit, moves: Moves) -> Iterator[str]:
     joint = fit.effects[0].joint
     if fit.held_out_rms <= FLOOR_RATIO * moves.noise[joint]:
         return
-    square = fit.residual**2
+    square = np.mean(fit.residual**2, axis=2)
     for words, where in _regimes(moves, joint):
         inside = where & moves.counted
         outside = ~where & moves.counted
