@@ -127,7 +127,7 @@ def _clustered(J: Array, residual: Array, count: NDArray[np.int64]) -> Array:
     inverse = np.linalg.pinv(J.T @ J, rcond=1e-12, hermitian=True)
     white = float(residual @ residual) / max(N - p, 1) * inverse
     if len(own) < LEAST_CLUSTERS or not p:
-        return white
+        return np.asarray(white)
     scores = np.add.reduceat(J * residual[:, None], np.concatenate([[0], np.cumsum(own)[:-1]]), axis=0)
     G = len(own)
     few = G * (N - 1) / ((G - 1) * max(N - p, 1)) * (stdtrit(G - 1, 0.975) / ndtri(0.975)) ** 2
