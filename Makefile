@@ -91,8 +91,8 @@ site: setup ## the documentation site, in out/site, without a network
 readability: setup ## how hard README, docs, help and verdicts are to read (TREE= another checkout): words a sentence, passives, rare words, long sentences
 	$(BIN)/python -m validation.readability $(if $(TREE),--tree $(TREE))
 
-json-numbers: setup ## numbers in the JSON of every command on the shipped example, BEFORE= another checkout against this one
-	$(ONE_THREAD) $(BIN)/python -m validation.json_numbers $(BEFORE) .
+json-numbers: setup ## numbers and names in the JSON of every command on the shipped example (DATA= other measurements), BEFORE= another checkout against this one
+	$(ONE_THREAD) $(BIN)/python -m validation.json_numbers $(BEFORE) . $(DATA)
 
 proofs: setup ## tables of the docs' proofs, computed anew: real arms if DATA= names the folder of public data (an hour)
 	$(if $(DATA),$(ONE_THREAD) $(BIN)/python -m validation.proofs.real_arms --data $(DATA))

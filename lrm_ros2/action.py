@@ -1,7 +1,7 @@
 """The action `FollowJointTrajectory`: goals through the door of trajectories, feedback as the ramp goes on.
 
 A goal is followed only while its client is there: clients are known by their liveliness tokens. When one of those that
-were there at the beginning has gone, or is silent (`ClientWatch`), the arm holds. What is measured is not known:
+were there at the beginning has gone, or is silent (`SenderWatch`), the arm holds. What is measured is not known:
 `desired` has the commanded angles, `actual` and `error` are empty, and a goal with tolerances is refused.
 """
 
@@ -14,10 +14,11 @@ from dataclasses import dataclass, field
 from enum import IntEnum
 from typing import Any
 
+from lrm_math.errors import LrmError
 from lrm_ros2.bridge import TrajectoryDoor, TrajectoryOrder
-from lrm_ros2.client_watch import ClientWatch, session_of
 from lrm_ros2.ros_endpoints import ServiceAnswer
 from lrm_ros2.ros_node import RosNode
+from lrm_ros2.sender_watch import SenderEnd
 from lrmd.client import JointsState
 from lrmd.messages.shown_text import shown
 
@@ -51,6 +52,7 @@ class CancelCode(IntEnum):
     """`CancelGoal_Response.return_code`."""
 
     NONE = 0
+    REJECTED = 1
     UNKNOWN_GOAL_ID = 2
     GOAL_TERMINATED = 3
 
@@ -60,7 +62,6 @@ class JointGoal(TrajectoryOrder):
     """One goal.
 
     `clients`: tokens of those that were there when it came. `waiting`: answers to who asked for its result.
-    `over`: set when it has ended.
     """
 
     action: FollowAction
@@ -72,12 +73,6 @@ class JointGoal(TrajectoryOrder):
     cancelled: bool = False
     result: tuple[int, str] = (0, "")
     waiting: list[ServiceAnswer] = field(default_factory=list)
-    over: threading.Event = field(default_factory=threading.Event)
-
-    @property
-    def sessions(self) -> frozenset[str]:
-        """Sessions of zenoh that its clients are in."""
-        return frozenset(map(session_of, self.clients))
 
     def refused(self, why: str) -> None:
         """See `TrajectoryOrder`."""
@@ -89,10 +84,6 @@ class JointGoal(TrajectoryOrder):
 
     def accepted(self) -> bool:
         """See `TrajectoryOrder`."""
-        if not self.unwanted and not self.action.watch.answers(self.sessions):
-            self.unwanted = (
-                "a client's session answers no question (is its admin space off?): its loss would not be seen"
-            )
         if self.unwanted:
             return False
         self.action.begin(self)
@@ -105,12 +96,11 @@ class JointGoal(TrajectoryOrder):
 
 
 class FollowAction:
-    """Serves the action, on the thread of the arrivals; `door` follows the goals on its own."""
+    """Serves the action, on the thread of the arrivals; `door` follows the goals on its own. `clients`: who asks."""
 
-    def __init__(self, door: TrajectoryDoor, node: RosNode) -> None:
-        self.door, self.node, self.watch = door, node, ClientWatch(node.ask_session)
+    def __init__(self, door: TrajectoryDoor, node: RosNode, clients: SenderEnd) -> None:
+        self.door, self.node, self.clients = door, node, clients
         self._lock = threading.RLock()
-        self._clients: set[str] = set()
         self._active: JointGoal | None = None
         self._offered: set[JointGoal] = set()
         self._goals: OrderedDict[bytes, JointGoal] = OrderedDict()
@@ -119,45 +109,57 @@ class FollowAction:
     def send_goal(self, request: Any, answer: ServiceAnswer, number: int) -> None:
         """Service `send_goal`."""
         goal, id_ = request.goal, bytes(request.goal_id.uuid)
+        clients = self.door.senders.of(self.clients)
         with self._lock:
-            new = JointGoal(goal.trajectory, number, self, id_, answer, frozenset(self._clients))
-            if why := self._unfit(goal, new):
-                print(f"action: a goal is refused: {shown(why)}", flush=True)
-                new.refused(why)
+            try:
+                self._check(goal, id_)
+                newer_than = self.door.senders.newer_than(clients)
+            except LrmError as why:
+                print(f"action: a goal is refused: {shown(str(why))}", flush=True)
+                answer(accepted=False, stamp=self.node.stamp(time.time()))
                 return
+            new = JointGoal(goal.trajectory, number, newer_than, self, id_, answer, clients)
             self._offered.add(new)
         self.door.offer(new)
 
-    def _unfit(self, goal: Any, new: JointGoal) -> str:
+    def _check(self, goal: Any, id_: bytes) -> None:
         lists = (goal.path_tolerance, goal.component_path_tolerance, goal.goal_tolerance, goal.component_goal_tolerance)
         if any(len(one) for one in lists):
-            return NO_TOLERANCES
+            raise LrmError(NO_TOLERANCES)
         if len(goal.multi_dof_trajectory.points) or not len(goal.trajectory.points):
-            return "it has no points of joints, or others"
-        if new.id in self._goals:
-            return "its id was taken by another goal"
-        return "" if new.clients else "its client has no liveliness token: nobody would notice that it is lost"
+            raise LrmError("it has no points of joints, or others")
+        if id_ in self._goals:
+            raise LrmError("its id was taken by another goal")
 
     def cancel_goal(self, request: Any, answer: ServiceAnswer, number: int) -> None:
-        """Service `cancel_goal`: an id of zeros is any goal that came before, and whatever the door follows."""
+        """Service `cancel_goal`: an id of zeros is any goal that came before, and whatever the door follows.
+
+        Answered when the arm holds.
+        """
         id_ = bytes(request.goal_info.goal_id.uuid)
-        if not any(id_):
+        if every := not any(id_):
             self.door.arrivals.stopped(number)
-            self.door.stop_own()
         with self._lock:
-            known = self._goals.get(id_)
-            goals = [goal for goal in self._wanted() if not any(id_) or id_ == goal.id]
-            if not goals:
-                code = CancelCode.UNKNOWN_GOAL_ID if known is None and any(id_) else CancelCode.GOAL_TERMINATED
-                answer(return_code=int(code), goals_canceling=[])
-                return
+            goals = [goal for goal in self._wanted() if every or id_ == goal.id]
+            code = CancelCode.NONE if goals else CancelCode.GOAL_TERMINATED
+            if not goals and not every and id_ not in self._goals:
+                code = CancelCode.UNKNOWN_GOAL_ID
             for goal in goals:
-                goal.cancelled = True
+                goal.cancelled, goal.unwanted = True, "cancelled"
                 goal.state = GoalState.CANCELING if goal is self._active else goal.state
-                self._stop(goal, "cancelled")
             told = [self.node.goal_info(goal.id, goal.stamp) for goal in goals]
-            answer(return_code=int(CancelCode.NONE), goals_canceling=told)
-            self._tell()
+            if goals:
+                self._tell()
+
+        def respond(held: bool) -> None:
+            """Answers, on any thread."""
+            answer(return_code=int(code if held else CancelCode.REJECTED), goals_canceling=told if held else [])
+
+        if goals or (every and self.door.busy):
+            self._held = time.monotonic()
+            self.door.hold(respond)
+        else:
+            respond(held=True)
 
     def get_result(self, request: Any, answer: ServiceAnswer, _: int) -> None:
         """Service `get_result`: answered when the goal has ended."""
@@ -171,9 +173,8 @@ class FollowAction:
                 goal.waiting.append(answer)
 
     def client(self, token: str, there: bool) -> None:
-        """A client of the action has come, or gone."""
+        """A liveliness token has come, or gone: maybe that of a client."""
         with self._lock:
-            (self._clients.add if there else self._clients.discard)(token)
             for goal in self._wanted():
                 if there or token not in goal.clients:
                     continue
@@ -185,18 +186,14 @@ class FollowAction:
         """The goal that is followed, and those that were offered to the door and are not refused yet."""
         return [*self._offered, *([] if self._active is None else [self._active])]
 
-    def _silent(self, goal: JointGoal) -> None:
-        """A client of a goal is frozen, or out of reach."""
-        with self._lock:
-            if goal is self._active:
-                self._stop(goal, "its client is silent: the arm holds")
-
     def on_state(self, state: JointsState) -> None:
-        """Feedback from the commanded angles; a motion that nobody wants any more is held again."""
+        """Feedback from the commanded angles; holds a motion whose client is silent, again and again."""
         with self._lock:
             goal, now = self._active, time.monotonic()
             if goal is None:
                 return
+            if not goal.unwanted and self.door.senders.silent(goal.clients):
+                self._stop(goal, "its client is silent: the arm holds")
             if goal.unwanted and now - self._held > AGAIN_S:
                 self._stop(goal, goal.unwanted)
             if now - self._last > FEEDBACK_S:
@@ -216,16 +213,12 @@ class FollowAction:
             while len(self._goals) > KEPT:
                 self._goals.popitem(last=False)
             goal.state = GoalState.EXECUTING
-            threading.Thread(
-                target=self.watch.run, args=(goal.sessions, goal.over, lambda _: self._silent(goal)), daemon=True
-            ).start()
             self._tell()
 
     def end(self, goal: JointGoal, why: str) -> None:
         """A goal has ended, well if `why` is empty."""
         with self._lock:
             self._active = None
-            goal.over.set()
             code = TrajectoryErrorCode.PATH_TOLERANCE_VIOLATED if why else TrajectoryErrorCode.SUCCESSFUL
             goal.result = int(code), f"{goal.unwanted}; {why}" if why and goal.unwanted else why
             goal.state = GoalState.SUCCEEDED if not why else GoalState.ABORTED

@@ -18,22 +18,28 @@ from lrm_ros2.arrivals import Arrivals
 from lrm_ros2.diagnostics import DiagnosticRow, Severity, fault_row, heat_row, mode_row, silent_row
 from lrm_ros2.ros_endpoints import ServiceAnswer
 from lrm_ros2.ros_node import RosNode
+from lrm_ros2.sender_watch import SenderEnd, SenderWatch, StopsKnown
 from lrm_ros2.trajectory import asks_to_hold, trajectory_path
-from lrmd.client import JointsState, Rover
+from lrmd.client import JointsState, ModeState, Rover
 from lrmd.messages.shown_text import shown
 
 HOLDER = "ROS 2 bridge"
 PERIOD_S = 1.0
 """s between diagnostics."""
+LAST_ENDS_S = 0.3
+"""s that an order which was stopped is given to end."""
+NOT_NEWER = "the arm was stopped after this was sent, or at almost the same time: send it again if it may go on"
 
 
 @dataclass(eq=False)
 class TrajectoryOrder:
     """A `JointTrajectory`, and who is told what becomes of it, on threads that may wait: of one that came on a topic,
-    nobody but the diagnostics. `number`: of its arrival; `unwanted`: why it is to be stopped, empty while it is not."""
+    nobody but the diagnostics. `number`: of its arrival; `newer_than`: the stops before it was sent; `unwanted`: why it
+    is to be stopped, empty while it is not."""
 
     message: Any
     number: int
+    newer_than: StopsKnown
     unwanted: str = field(default="", kw_only=True)
 
     def refused(self, why: str) -> None:
@@ -51,12 +57,15 @@ class TrajectoryOrder:
 class TrajectoryDoor:
     """Trajectories, one at a time. One that comes while another is followed is refused; an empty one holds at once.
 
-    None is followed after a stop that came later: the door refuses it if it knows of the stop (`Arrivals`), and the
-    daemon if not: a move says how many stops there had been before the door looked.
+    None is followed after a stop that it is not surely newer than. The door refuses it if a stop of ROS came later
+    (`Arrivals`). The daemon refuses it after any other: a move says how many stops there had been before the order was
+    sent (`SenderWatch`). `topic`: where trajectories without a goal come from.
     """
 
     rover: Rover
     arrivals: Arrivals
+    senders: SenderWatch
+    topic: SenderEnd
     said: DiagnosticRow = field(default=DiagnosticRow("lrm bridge: trajectory", Severity.OK, "none yet"))
     _waiting: queue.Queue[TrajectoryOrder] = field(default_factory=queue.Queue)
     _busy: threading.Lock = field(default_factory=threading.Lock)
@@ -68,8 +77,11 @@ class TrajectoryDoor:
             self.arrivals.stopped(number)
             self._report(Severity.OK, "held, by an empty trajectory")
             self.hold()
-        else:
-            self.offer(TrajectoryOrder(message, number))
+            return
+        try:
+            self.offer(TrajectoryOrder(message, number, self.senders.newer_than(self.senders.of(self.topic))))
+        except LrmError as error:
+            self.report_refused(str(error))
 
     def offer(self, order: TrajectoryOrder) -> None:
         """Takes an order in, on any thread."""
@@ -78,16 +90,24 @@ class TrajectoryDoor:
         else:
             self._refuse(order, "another trajectory is being followed")
 
-    def hold(self) -> None:
-        """Holds, on a thread of its own: that of the arrivals must not wait."""
-        thread = threading.Thread(target=self._hold, daemon=True)
+    def hold(self, then: Callable[[bool], object] = bool) -> None:
+        """Holds, on a thread of its own: that of the arrivals must not wait. `then` is told whether the arm holds."""
+        thread = threading.Thread(target=self._hold, args=(then,), daemon=True)
         thread.start()
         self._holds = [*(one for one in self._holds if one.is_alive()), thread]
 
-    def stop_own(self) -> None:
-        """Holds, if an order is followed or comes next."""
-        if self._busy.locked():
-            self.hold()
+    @property
+    def busy(self) -> bool:
+        """Whether an order is followed or comes next."""
+        return self._busy.locked()
+
+    def stop(self, how: Callable[[], None]) -> None:
+        """Stops by `how`; an order of a sender that is then told so is newer than the stop, and finds the door free.
+        Raises `LrmError`."""
+        how()
+        if self._busy.acquire(timeout=LAST_ENDS_S):
+            self._busy.release()
+        self.senders.counted(self.rover.mode())
 
     def follow_next(self, patience: float) -> None:
         """Follows the next trajectory to its end, if one comes within a time (s)."""
@@ -104,15 +124,16 @@ class TrajectoryDoor:
         for earlier in self._holds:
             earlier.join()
         try:
-            stops = self.rover.mode().stops
-            joints, info = self.rover.joints(), self.rover.info()
+            mode, joints, info = self.rover.mode(), self.rover.joints(), self.rover.info()
+            if (mode.boot_id, mode.stops) != (order.newer_than.boot_id, order.newer_than.stops):
+                raise LrmError(NOT_NEWER)
             now = dict(zip(joints.names, joints.q_rad, strict=True))
             path = trajectory_path(order.message, now, info, time.time())
         except LrmError as error:
             self._refuse(order, str(error))
             return
         if self.arrivals.overtaken(order.number):
-            self._refuse(order, "the arm was stopped after it was sent")
+            self._refuse(order, NOT_NEWER)
             return
         if not order.accepted():
             self._refuse(order, order.unwanted or "it is not wanted any more")
@@ -120,7 +141,7 @@ class TrajectoryDoor:
         self._report(Severity.OK, f"following {len(path.waypoints)} points")
         try:
             with self.rover.control(HOLDER):
-                self.rover.move(*path.waypoints, speed=path.speed, stops=stops)
+                self.rover.move(*path.waypoints, speed=path.speed, stops=order.newer_than.stops)
         except LrmError as error:
             self._report(Severity.WARN, f"refused or not ended: {error}")
             order.ended(str(error))
@@ -131,15 +152,22 @@ class TrajectoryDoor:
             self._report(Severity.OK, "followed to its end")
             order.ended("")
 
-    def _refuse(self, order: TrajectoryOrder, why: str) -> None:
+    def report_refused(self, why: str) -> None:
+        """Tells in the diagnostics, and on the terminal, of an order that is not followed."""
         self._report(Severity.WARN, f"refused or not ended: {why}")
+
+    def _refuse(self, order: TrajectoryOrder, why: str) -> None:
+        self.report_refused(why)
         order.refused(why)
 
-    def _hold(self) -> None:
+    def _hold(self, then: Callable[[bool], object]) -> None:
         try:
-            self.rover.hold()
+            self.stop(self.rover.hold)
         except LrmError as error:
             self._report(Severity.ERROR, f"not held: {error}")
+            then(False)
+        else:
+            then(True)
 
     def _report(self, level: Severity, text: str) -> None:
         self.said = DiagnosticRow(self.said.name, level, shown(text))
@@ -168,16 +196,20 @@ def stop_service(stop: Callable[[], None], done: str) -> Callable[[Any, ServiceA
 def publish_states(
     rover: Rover, node: RosNode, door: TrajectoryDoor, on_state: Callable[[JointsState], None], ended: threading.Event
 ) -> None:
-    """Publishes joint states as they come, and diagnostics every second, until `ended`."""
+    """Publishes joint states as they come, and diagnostics every second, until `ended`; tells the watch of stops."""
 
     def pass_on(state: JointsState) -> None:
         node.publish_joints(state.names, state.q_rad, state.t_wall_ns * 1e-9)
         on_state(state)
 
-    subscriber = rover.watch(JointsState, "state/joints", pass_on)
+    subscribers = (
+        rover.watch(ModeState, "state/mode", door.senders.counted),
+        rover.watch(JointsState, "state/joints", pass_on),
+    )
     while not ended.wait(PERIOD_S):
         node.publish_diagnostics([*_rows(rover), door.said], rover.robot)
-    subscriber.undeclare()  # type: ignore[no-untyped-call]
+    for subscriber in subscribers:
+        subscriber.undeclare()  # type: ignore[no-untyped-call]
 
 
 def _rows(rover: Rover) -> list[DiagnosticRow]:

@@ -13,7 +13,8 @@ from lrm_ros2.action_types import CANCEL_GOAL, GET_RESULT, SEND_GOAL, TRIGGER
 from lrm_ros2.arrivals import Arrivals
 from lrm_ros2.bridge import TrajectoryDoor, publish_states, stop_service
 from lrm_ros2.message_types import DISTRIBUTIONS
-from lrm_ros2.ros_node import ACTION_NAME, RosNetwork, RosNode
+from lrm_ros2.ros_node import ACTION_NAME, TOPIC_NAME, RosNetwork, RosNode
+from lrm_ros2.sender_watch import SenderEnd, SenderWatch
 from lrmd.client import Rover
 
 TEXT = """\
@@ -50,14 +51,23 @@ def _parser() -> argparse.ArgumentParser:
     return parser
 
 
-def _open_services(node: RosNode, rover: Rover, action: FollowAction | None) -> None:
-    node.serve("hold", TRIGGER, stop_service(rover.hold, "the arm holds"), stops=True)
+def _open_stops(node: RosNode, door: TrajectoryDoor) -> None:
+    rover = door.rover
+    node.serve("hold", TRIGGER, stop_service(lambda: door.stop(rover.hold), "the arm holds"), stops=True)
     node.serve("estop", TRIGGER, stop_service(lambda: rover.estop("ROS 2"), "all pulses are off"), stops=True)
-    if action is not None:
-        node.watch_clients(f"{ACTION_NAME}/send_goal", action.client)
-        node.serve(f"{ACTION_NAME}/send_goal", SEND_GOAL, action.send_goal)
-        node.serve(f"{ACTION_NAME}/cancel_goal", CANCEL_GOAL, action.cancel_goal)
-        node.serve(f"{ACTION_NAME}/get_result", GET_RESULT, action.get_result)
+
+
+def _open_orders(node: RosNode, door: TrajectoryDoor, action: FollowAction) -> None:
+    def heard(token: str, there: bool) -> None:
+        """A liveliness token of ROS comes, or goes."""
+        door.senders.token(token, there)
+        action.client(token, there)
+
+    node.watch_tokens(heard)
+    node.take_trajectories(door.take)
+    node.serve(f"{ACTION_NAME}/send_goal", SEND_GOAL, action.send_goal)
+    node.serve(f"{ACTION_NAME}/cancel_goal", CANCEL_GOAL, action.cancel_goal)
+    node.serve(f"{ACTION_NAME}/get_result", GET_RESULT, action.get_result)
 
 
 def _run(options: argparse.Namespace) -> None:
@@ -68,17 +78,26 @@ def _run(options: argparse.Namespace) -> None:
     with Rover(options.robot, options.connect.split(",") if options.connect else None) as rover:
         rover.info()
         arrivals, ended = Arrivals(), threading.Event()
-        door = TrajectoryDoor(rover, arrivals)
-        take = door.take if options.trajectories else None
-        with RosNode(network, options.namespace, arrivals, take) as node, arrivals:
-            action = FollowAction(door, node)
-            _open_services(node, rover, action if options.trajectories else None)
+        with RosNode(network, options.namespace, arrivals) as node, arrivals:
+            topic = SenderEnd("MP", f"{options.namespace.rstrip('/')}/{TOPIC_NAME}")
+            clients = SenderEnd("SC", f"{options.namespace.rstrip('/')}/{ACTION_NAME}/send_goal")
+            senders = SenderWatch(node.ask_session, (topic, clients))
+            door = TrajectoryDoor(rover, arrivals, senders, topic)
+            action = FollowAction(door, node, clients)
+            _open_stops(node, door)
+            if options.trajectories:
+                _open_orders(node, door, action)
             print(f"bridge of {rover.robot} to ROS 2 at {options.ros_router}", flush=True)
-            states = threading.Thread(target=publish_states, args=(rover, node, door, action.on_state, ended))
-            states.start()
+            threads = [
+                threading.Thread(target=publish_states, args=(rover, node, door, action.on_state, ended)),
+                threading.Thread(target=senders.run, args=(ended,)),
+            ]
+            for thread in threads:
+                thread.start()
             try:
                 while True:
                     door.follow_next(0.2)
             finally:
                 ended.set()
-                states.join()
+                for thread in threads:
+                    thread.join()

@@ -11,12 +11,11 @@ from functools import partial
 from typing import Any, Self
 
 import numpy as np
-from zenoh.handlers import Callback
+from zenoh import ConsolidationMode
 
 from lrm_math.errors import LrmError
 from lrm_ros2.action_types import ACTION, BODY_POINT, FEEDBACK, POINT, STATUS
 from lrm_ros2.arrivals import Arrivals
-from lrm_ros2.client_watch import SILENT_S
 from lrm_ros2.diagnostics import DiagnosticRow
 from lrm_ros2.message_types import (
     DIAGNOSTIC_ARRAY,
@@ -27,11 +26,10 @@ from lrm_ros2.message_types import (
     type_store,
 )
 from lrm_ros2.ros_endpoints import Handler, RosListener, RosService
+from lrm_ros2.sender_watch import SILENT_S
 
 NODE = "lrm_bridge"
-ACTION_NAME = "follow_joint_trajectory/_action"
-KIND_PART, NAME_PART = 5, 9
-"""Places in a liveliness token of `rmw_zenoh`."""
+TOPIC_NAME, ACTION_NAME = "joint_trajectory", "follow_joint_trajectory/_action"
 
 
 @dataclass(frozen=True)
@@ -47,16 +45,12 @@ class RosNetwork:
 class RosNode:
     """Topics of the bridge in a namespace such as `/lrm`: `joint_states`, `diagnostics`, `joint_trajectory`.
 
-    `on_trajectory`: called with each trajectory and its number by `arrivals`; None: none is subscribed to, and no goal
-    taken. Raises `LrmError` where it is opened: a package is missing, or there is no router.
+    Raises `LrmError` where it is opened: a package is missing, or there is no router.
     """
 
-    def __init__(
-        self, network: RosNetwork, namespace: str, arrivals: Arrivals,
-        on_trajectory: Callable[[Any, int], None] | None,
-    ) -> None:  # fmt: skip
+    def __init__(self, network: RosNetwork, namespace: str, arrivals: Arrivals) -> None:
         self._arrivals = arrivals
-        self._network, self._namespace, self._on_trajectory = network, namespace.rstrip("/"), on_trajectory
+        self._network, self._namespace = network, namespace.rstrip("/")
         self._stack = ExitStack()
 
     def __enter__(self) -> Self:
@@ -69,18 +63,9 @@ class RosNode:
             self._sdk, self._session = sdk, _session(sdk, self._network, where)
             session = self._session
             stack.callback(session.close)
-            open_one = partial(self._open, stack)
             self._types = session.store.types
-            self._joints = open_one(sdk.ROS2Publisher, "joint_states", JOINT_STATE)
-            self._diagnostics = open_one(sdk.ROS2Publisher, "/diagnostics", DIAGNOSTIC_ARRAY)
-            if self._on_trajectory is not None:
-                whole = f"{self._namespace}/joint_trajectory"
-                listener = RosListener(
-                    sdk, session, self._network, whole, JOINT_TRAJECTORY, NODE, self._arrivals, self._on_trajectory
-                )
-                stack.callback(listener.close)
-                self._feedback = open_one(sdk.ROS2Publisher, f"{ACTION_NAME}/feedback", FEEDBACK)
-                self._goals = open_one(sdk.ROS2Publisher, f"{ACTION_NAME}/status", STATUS)
+            self._joints = self._open(stack, "joint_states", JOINT_STATE)
+            self._diagnostics = self._open(stack, "/diagnostics", DIAGNOSTIC_ARRAY)
             self._stack = stack.pop_all()
         return self
 
@@ -98,6 +83,17 @@ class RosNode:
         """Publishes rows, all of one robot."""
         self._diagnostics.publish(header=self._header(time.time()), status=[self._status(r, hardware) for r in rows])
 
+    def take_trajectories(self, take: Callable[[Any, int], None]) -> None:
+        """Subscribes to trajectories, until the node is closed: `take` gets each and its number. Opens what tells of
+        goals."""
+        whole = f"{self._namespace}/{TOPIC_NAME}"
+        listener = RosListener(
+            self._sdk, self._session, self._network, whole, JOINT_TRAJECTORY, NODE, self._arrivals, take
+        )
+        self._stack.callback(listener.close)
+        self._feedback = self._open(self._stack, f"{ACTION_NAME}/feedback", FEEDBACK)
+        self._goals = self._open(self._stack, f"{ACTION_NAME}/status", STATUS)
+
     def serve(self, name: str, service: str, handler: Handler, stops: bool = False) -> None:
         """Opens a service in the namespace, until the node is closed. `stops`: whatever is asked of it is a stop."""
         whole = f"{self._namespace}/{name}"
@@ -106,24 +102,28 @@ class RosNode:
         )
         self._stack.callback(opened.close)
 
-    def watch_clients(self, name: str, on_client: Callable[[str, bool], object]) -> None:
-        """Tells of each client of a service, by its liveliness token, when it comes (True) and goes (False)."""
-        mangled = f"{self._namespace}/{name}".replace("/", "%")
+    def watch_tokens(self, on_token: Callable[[str, bool], object]) -> None:
+        """Tells of each liveliness token of the domain when it comes (True) and goes (False), in order of arrival."""
 
-        def heard(sample: Any) -> None:
-            """A token of any entity: `@ros2_lv/domain/session/node/entity/kind/enclave/namespace/node/name/…`."""
-            parts = str(sample.key_expr).split("/")
-            if len(parts) > NAME_PART and (parts[KIND_PART], parts[NAME_PART]) == ("SC", mangled):
-                on_client(str(sample.key_expr), str(sample.kind).endswith("PUT"))
+        def heard(sample: Any, _: int) -> None:
+            """A token of any entity."""
+            on_token(str(sample.key_expr), str(sample.kind).endswith("PUT"))
 
         key = f"@ros2_lv/{self._network.domain}/**"
-        opened = self._session.liveliness.declare_subscriber(key, heard, history=True)
+        opened = self._session.liveliness.declare_subscriber(key, self._arrivals.taken_by(heard), history=True)
         self._stack.callback(opened.undeclare)
 
     def ask_session(self, other: str, answered: Callable[[], None]) -> None:
-        """Asks another session of zenoh whether it runs; `answered` is called if it does, on a thread of zenoh."""
-        heard: Callback[Any] = Callback(lambda reply: answered() if reply.ok is not None else None, indirect=False)
-        self._session.session.get(f"@/{other}/*", heard, timeout=SILENT_S)
+        """Asks another session of zenoh whether it runs; `answered` is called if it does, in order of arrival."""
+
+        def heard(reply: Any, _: int) -> None:
+            """Its answer, or that there is none."""
+            if reply.ok is not None:
+                answered()
+
+        self._session.session.get(
+            f"@/{other}/*", self._arrivals.taken_by(heard), timeout=SILENT_S, consolidation=ConsolidationMode.NONE
+        )
 
     def publish_feedback(self, goal: bytes, names: Sequence[str], q: Sequence[float], t: float) -> None:
         """Publishes commanded angles (rad) of a goal; what is measured is not known: empty."""
@@ -161,11 +161,11 @@ class RosNode:
     def _uuid(self, goal: bytes) -> Any:
         return self._types["unique_identifier_msgs/msg/UUID"](uuid=np.frombuffer(goal, dtype=np.uint8))
 
-    def _open(self, stack: ExitStack, kind: Callable[..., Any], topic: str, name: str) -> Any:
+    def _open(self, stack: ExitStack, topic: str, name: str) -> Any:
         """A publisher. Type and hash are given: the SDK would clone their repositories from the net."""
         of = message_type(name, self._network.distribution)
         whole = topic if topic.startswith("/") else f"{self._namespace}/{topic}"
-        opened = kind(
+        opened = self._sdk.ROS2Publisher(
             topic=whole, msg_type=name, msg_definition=of.text, type_hash=of.type_hash, node_name=NODE,
             domain_id=self._network.domain, router_ip=self._network.host, router_port=self._network.port,
         )  # fmt: skip

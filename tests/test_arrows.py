@@ -23,7 +23,7 @@ LAYERS = {
     "lrm_ident": "data fitting residual diagnosis study design report fleet measuring workbench cli",
     "lrmd": "errors heap background log config persistence link messages ramp safety control sim ik api client cli "
     "main demo",
-    "lrm_ros2": "diagnostics action_types message_types trajectory client_watch arrivals ros_endpoints ros_node "
+    "lrm_ros2": "diagnostics action_types message_types trajectory sender_watch arrivals ros_endpoints ros_node "
     "bridge action command",
     "lrm_skills": "behaviours rafcon_library",
 }

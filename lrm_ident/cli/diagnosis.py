@@ -27,6 +27,7 @@ from lrm_ident.cli.common import (
     show,
     timed,
 )
+from lrm_ident.cli.consoles import log
 from lrm_ident.data.atomic_write import write_text
 from lrm_ident.data.wording import in_minutes
 from lrm_ident.diagnosis.auto import AutoStep
@@ -38,6 +39,7 @@ from lrm_ident.report.diagnosis.conclusion import CommandNames
 from lrm_ident.report.diagnosis.course import course_document, proposal_document, step_blocks, step_document
 from lrm_ident.report.diagnosis.diagnosis import diagnosis_document
 from lrm_ident.report.diagnosis.selftest import selftest_document
+from lrm_ident.report.document import write
 from lrm_ident.report.fit import error_blocks
 from lrm_ident.report.plots.diagnosis import draw_report
 from lrm_ident.report.step_card import of_data
@@ -101,8 +103,9 @@ def add(
     if not force:
         check_replaces(output, len(after.file.history))
     after.save(output)
-    publish(step_document(effect, after.taken, before, errors), json, in_full=show_all)
     show(f"Model written to {output}")
+    files = str(output), str(data)
+    publish(step_document(effect, after.taken, before, errors, files), json, in_full=show_all)
 
 
 @command
@@ -150,10 +153,10 @@ def auto(
     rates = None if prior is None else load_rates(prior)
 
     def on_step(step: AutoStep, now: Study) -> None:
-        """Prints a step as soon as it is taken; the model of the last one is on disk whatever comes then."""
+        """Prints a step on stderr as soon as it is taken; its model is on disk whatever comes then."""
         taken.append(step)
         pause()
-        show(*step_blocks(next(numbers), step, taken[0], nominal_rms(study)))
+        write(log, step_blocks(next(numbers), step, taken[0], nominal_rms(study)))
         now.save(output)
 
     with kept_when_interrupted(output, taken), pausing_bars() as (tick, pause):

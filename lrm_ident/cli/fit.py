@@ -32,7 +32,7 @@ from lrm_ident.fitting.loss import loss_named
 from lrm_ident.fitting.model_fit import DEFAULT_EFFECTS, nominal_model
 from lrm_ident.fitting.priors import Prior
 from lrm_ident.report.document import Document, ResultTable
-from lrm_ident.report.effects import effect_blocks
+from lrm_ident.report.effects import effect_blocks, listed
 from lrm_ident.report.fit import comparison_document, fit_document
 from lrm_ident.report.plots.comparison import draw_comparison
 from lrm_ident.report.priors import PriorComparison
@@ -206,6 +206,7 @@ def undo(model: arg.ModelPath, output: arg.NewModel) -> None:
 @command
 def effects(
     name: Annotated[str | None, Argument(metavar="ID", help="One effect; all of them if not given.")] = None,
+    show_all: arg.ShowAll = False,
     effects_file: arg.EffectsFile = None,
 ) -> None:
     """Explain the effects of the catalogue: cause, formula, parameters, and the measurements that show them."""
@@ -213,6 +214,12 @@ def effects(
     chosen = [kind for kind in catalogue if name in (None, kind.id)]
     if not chosen:
         raise UnknownName("effect", str(name), [kind.id for kind in catalogue], OWN_EFFECT)
+    if name is None and not show_all:
+        causes = [kind.id for kind in chosen if not kind.variant_of and kind.names_a_cause]
+        others = [kind.id for kind in chosen if kind.id not in causes]
+        show(*listed("lrm-ident effects ID", "Physical effects", causes))
+        show(*listed("the same command", "Empirical terms", others))
+        return
     for kind in chosen:
         show(*effect_blocks(kind, in_full=name is not None))
 

@@ -78,6 +78,11 @@ def poses_words(numbers: Sequence[int]) -> str:
     return f"pose{'s' if len(numbers) > 1 else ''} {', '.join(map(str, numbers))}"
 
 
+def poses_count(count: int) -> str:
+    """`1 pose`, or `12 poses`."""
+    return f"{count} pose{'' if count == 1 else 's'}"
+
+
 def in_minutes(seconds: float) -> str:
     """A rough time in words."""
     if seconds < 90.0:

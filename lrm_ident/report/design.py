@@ -9,16 +9,18 @@ import numpy as np
 from lrm_ident.data.measurement_file.known_columns import quantities_of_joints
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.wording import in_percent
+from lrm_ident.design.advice import NEEDED, CandidateCause, Pair, as_measured, expected
 from lrm_ident.design.discrimination import TARGET_POWER, TEST_LEVEL, Discrimination, Rival
 from lrm_ident.design.observability import INDICES, UNITS, Observability, Units
 from lrm_ident.design.parameter_elimination import ParameterElimination
 from lrm_ident.design.pose_design import CandidateSet, DesignProblem, ExpectedAccuracy, PoseDesign
 from lrm_ident.design.pose_selection import PoseSelection
+from lrm_ident.diagnosis.diagnosis_report import with_unit
 from lrm_ident.fitting.dependence import UnidentifiableParameter
 from lrm_ident.fitting.parameter_sets import TABLE_4_5
 from lrm_ident.report.document import Block, Document, ResultTable, heading, section
 from lrm_ident.report.fit import screen_unit, stats_in_mm
-from lrm_ident.report.plain_names import in_words, symbol
+from lrm_ident.report.plain_names import plain_name, symbol
 from lrm_math.arrays import Array
 from lrm_math.effects import Effect
 from lrm_math.model.model import Model
@@ -40,7 +42,7 @@ def choice_document(model: Model, found: PoseSelection, data: Measurements) -> D
         rest = "–" if one.error_rest is None else one.error_rest.mean * 1e3
         broken = ", ".join(f"{symbol(key)} = {one.fit.model.value(key):.3g}" for key in one.violated_bounds)
         fits.append((one.name, *stats_in_mm(one.error_all)[:2], rest, broken or "nothing"))
-    columns = ("", "mean mm, all|.2f", "RMS mm, all|.2f", "mean mm, the rest|.2f", "against physics")
+    columns = ("fit", "mean mm, all|.2f", "RMS mm, all|.2f", "mean mm, others|.2f", "against physics")
     blocks: list[Block] = [
         _index_table(title, found.observability, found.random_baseline),
         f"O1 reaches {100 * o1 / best:.1f} % of {best:.4g}, which no {n} of these poses can exceed.",
@@ -72,17 +74,20 @@ def choice_document(model: Model, found: PoseSelection, data: Measurements) -> D
 def design_document(task: DesignProblem, offer: CandidateSet, found: PoseDesign) -> Document:
     """Result of `lrm-ident design`, schema `lrm/design/1`; its figure shows expected errors and detectable sizes."""
     repeats, gains = len(found.poses) - len(found.rows), list(_gains(task, found))
+    leads = [*_leads(task, found)]
     together = len(found.rows) + (0 if task.measured is None else len(task.measured))
     title = f"{len(found.rows)} poses, {len(found.keys)} parameters"
     blocks: list[Block] = [
         heading(f"{title}, the arm known beforehand" if task.prior is not None else title),
-        *map(in_words, gains),
-        f"To measure: {len(found.poses)} poses, {repeats} of them again (repeat_of), in random order; come to each "
-        "from the sides in the columns approach1, approach2 …: +1 from smaller angles, -1 from larger ones, a joint "
-        "at its limit from within.",
+        gains[0],
+        *leads,
+        *_distinguished(task, found),
+        f"To measure: {len(found.poses)} poses, {repeats} of them again (repeat_of), in random order. Approach "
+        "each joint from the side in the columns approach1, approach2 …: +1 from smaller angles, -1 from larger ones.",
         *([TOO_FEW.format(together, len(found.keys))] if together < len(found.keys) and task.prior is None else []),
     ]
     details: list[Block] = [
+        *gains[1:],
         f"Candidates: {offer.description}.",
         *(f"  refused: {count} with {rule}" for rule, count in offer.rejected.items() if count),
         *([] if task.prior is not None else [_index_table(title, found.observability, found.random_baseline)]),
@@ -101,7 +106,7 @@ def design_document(task: DesignProblem, offer: CandidateSet, found: PoseDesign)
         "now": None if found.before is None else _knowledge(found, found.before),
         "with_these": _knowledge(found, found.after),
         "with_blind_ones": _knowledge(found, found.random_after),
-        "in_words": gains,
+        "in_words": [*gains, *leads],
     }
     about = "candidates, observability indices, the least known parameters"
     return Document(blocks, "lrm/design/1", values, _knowledge_table(found), details, about)
@@ -166,17 +171,57 @@ def _gains(task: DesignProblem, found: PoseDesign) -> Iterator[str]:
         return
     if len(apart.rivals) > 1:
         earlier = "" if was is None else f"{was.cosine:.2f} now, "
+        one, other = (plain_name(rival.name) for rival in apart.rivals[:2])
         yield (
-            f"Cosine between the motions of {apart.rivals[0].name} and {apart.rivals[1].name}: {apart.cosine:.2f} "
+            f"Cosine between the motions of {one} and {other}: {apart.cosine:.2f} "
             f"({earlier}{random.cosine:.2f} with random poses; at 1 they are indistinguishable)."
         )
     for k, effect in enumerate(task.rivals):
         earlier = "" if was is None else f"; now {_least(effect, was, k)}"
         yield (
-            f"{apart.rivals[k].name} is distinguished from everything else in {in_percent(TARGET_POWER)} % of cases "
-            f"{_least(effect, apart, k)} (with random poses {_least(effect, random, k)}{earlier}); "
+            f"{plain_name(apart.rivals[k].name)} is distinguished from everything else in "
+            f"{in_percent(TARGET_POWER)} % of cases {_least(effect, apart, k)} "
+            f"(with random poses {_least(effect, random, k)}{earlier}); "
             f"{_errors(apart.rivals[k])}."
         )
+
+
+def _leads(task: DesignProblem, found: PoseDesign) -> Iterator[str]:
+    """What a diagnosis after these poses is expected to tell of each pair of rivals of typical size."""
+    if len(task.rivals) < 2:
+        return
+    poses = as_measured(found.poses, task.measured)
+    parts = [poses] if task.measured is None else [task.measured, poses]
+    causes = [CandidateCause.typical(effect, found.keys) for effect in task.rivals]
+    least: dict[frozenset[str], Pair] = {}
+    for pair in expected(task.model.with_free(found.keys), causes, parts, task.noise):
+        both = frozenset((pair.there, pair.instead))
+        least[both] = min(least.get(both, pair), pair, key=lambda one: (one.told, one.lead))
+    for pair in least.values():
+        told = "will" if pair.told else "will not"
+        yield (
+            f"At typical sizes a diagnosis {told} distinguish {pair.there} from {pair.instead}: it is expected to lead "
+            f"by {pair.lead:.1f} standard errors, {NEEDED:.1f} are needed; cosine {pair.cosine:.2f}."
+        )
+
+
+def _distinguished(task: DesignProblem, found: PoseDesign) -> Iterator[ResultTable]:
+    """The least size at which each rival is distinguished from everything else: of its first parameter."""
+    known = {name: one.discrimination for name, one in _known(found).items() if one.discrimination is not None}
+    if not known:
+        return
+    rows = []
+    for k, effect in enumerate(task.rivals):
+        parameter = next(p for p in effect.parameters if p.fixed is None)
+        sizes = [one.rivals[k].detectable_size for one in known.values()]
+        shown = [
+            "never" if size is None else with_unit(size * parameter.typical / parameter.si, None, parameter.unit)
+            for size in sizes
+        ]
+        rows.append((effect.name, *shown))
+    power = in_percent(TARGET_POWER)
+    columns = ("effect", *(f"{name}|" for name in known))
+    yield ResultTable(columns, rows, f"Smallest size that is distinguished from all else, in {power} % of cases")
 
 
 def _least(effect: Effect, apart: Discrimination, k: int) -> str:
@@ -227,7 +272,10 @@ def elimination_document(model: Model, found: ParameterElimination) -> Document:
     symbols = ("  ".join(map(symbol, found.kept[k : k + PER_LINE])) for k in range(0, kept, PER_LINE))
     blocks += section("\nDetermined:", [*symbols, *_against_table_4_5(found)])
     why = (f"{removal.key}: {_dependence(model, held)}" for removal, held in removed)
-    blocks += section("\nNot determined, in this order, and why:", why)
+    blocks += section(
+        "\nNot determined:", [", ".join(symbol(removal.key) for removal, _ in removed)] if removed else []
+    )
+    details += section("\nNot determined, in this order, and why:", why)
     values = {
         "poses": found.poses,
         "units": found.units,
@@ -254,7 +302,7 @@ def elimination_document(model: Model, found: ParameterElimination) -> Document:
     ]
     behind = ResultTable(("units", "set", "number", "singular_value_mm|.9g"), rows)
     return Document(
-        blocks, "lrm/identifiability/1", values, behind, details, "singular values and observability indices"
+        blocks, "lrm/identifiability/1", values, behind, details, "why each is not determined, singular values, indices"
     )
 
 

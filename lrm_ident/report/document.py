@@ -22,7 +22,15 @@ OPEN = 6
 SENTENCE = 40
 """Letters of a cell from which a last column holds sentences, which stand below their row on a narrow screen."""
 BAR = "█"
-RMS = "RMS: root mean square, the typical size of an error. For other words: lrm-ident explain WORD"
+WORDS: Mapping[str, str] = {
+    "±": "±: standard error",
+    "held out": "held out: not used in the fit",
+    "rms": "RMS: root mean square",
+}
+"""Words that the line below an output explains where it uses them."""
+EXPLAIN = "words: lrm-ident explain WORD"
+COLUMNS, LINES, FOOT = 80, 20, 6
+"""A terminal's width; lines of a result; those of them that stand around a table below a conclusion."""
 WHOLE_WORDS: Mapping[str, Any] = {"break_long_words": False, "break_on_hyphens": False}
 MOST_ROWS = 40  # of a table that is not folded
 
@@ -52,8 +60,8 @@ class ResultTable:
         return [column.partition("|")[0] for column in self.columns]
 
     def grid(self) -> Grid:
-        """Text for the terminal; where that is narrow, words are wrapped and numbers are not."""
-        out = Grid(title=self.title, title_justify="left", box=SIMPLE_HEAD, title_style="bold", pad_edge=False)
+        """Text for the terminal, below the title; where that is narrow, words are wrapped and numbers are not."""
+        out = Grid(box=SIMPLE_HEAD, show_edge=False, pad_edge=False)
         out.padding, out.collapse_padding = (0, 1), True
         for name, column in zip(self.names, self.columns, strict=True):
             number = "|" in column
@@ -165,9 +173,9 @@ class Document:
     def printed(self, in_full: bool) -> list[Block]:
         """Blocks for a terminal: everything, or the conclusion and what `--all` would add to it."""
         if in_full or not self.details:
-            return [*self.whole, *_rms_words(self.whole)]
-        more = f"The same command with --all also prints {self.about}."
-        return [*self.blocks, *_rms_words(self.blocks), more]
+            return [*self.whole, *_jargon(self.whole)]
+        more = f"Add --all to see {self.about}."
+        return [*self.blocks, *_jargon(self.blocks), more]
 
     def text(self, width: int = 100) -> str:
         """The conclusion as plain text of so many columns."""
@@ -180,10 +188,22 @@ class Document:
         return json.dumps(plain({"schema": self.schema, **self.values}), indent=1, allow_nan=False) + "\n"
 
 
-def _rms_words(blocks: Sequence[Block]) -> Iterator[str]:
-    """What RMS means, once below an output that uses it."""
-    if any("RMS" in _words_of(block) for block in blocks):
-        yield RMS
+def room_below(blocks: Sequence[Block]) -> int:
+    """Rows that a table below these blocks may have, for the whole to fit on a screen."""
+    console = Console(width=COLUMNS, file=StringIO(), color_system=None)
+    write(console, blocks)
+    lines = cast(StringIO, console.file).getvalue().splitlines()
+    return LINES - FOOT - sum(max(1, -(-len(line) // COLUMNS)) for line in lines)
+
+
+def _jargon(blocks: Sequence[Block]) -> Iterator[str]:
+    """What RMS or held out means, once below an output that uses it."""
+    text = " ".join(map(_words_of, blocks)).lower().replace("held-out", "held out")
+    used = [*(line for word, line in WORDS.items() if word in text), EXPLAIN]
+    if len(used) > 1:
+        while len("; ".join(used)) > COLUMNS:
+            used.pop(-2)
+        yield "; ".join(used)
 
 
 def _words_of(block: Block) -> str:
@@ -192,7 +212,7 @@ def _words_of(block: Block) -> str:
         return " ".join((block.title, *block.names))
     if isinstance(block, ListSection):
         return " ".join((block.title, *block.lines))
-    return " ".join(words for _, words in block.rows) if isinstance(block, Facts) else str(block)
+    return " ".join(" ".join(row) for row in block.rows) if isinstance(block, Facts) else str(block)
 
 
 def plain(value: Any) -> Any:
@@ -221,6 +241,8 @@ def write(console: Console, blocks: Iterable[Block], most: int | None = None) ->
     for block in blocks:
         if isinstance(block, ResultTable):
             if console.soft_wrap or block.least_width <= console.width:
+                if block.title:
+                    console.print(heading(block.title))
                 console.print(block.grid(), soft_wrap=False)
             else:
                 write(console, [block.stacked()])

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 from rich.text import Text
 
 from lrm_ident.data.error_stats import error_stats
-from lrm_ident.report.document import Block, ResultTable
+from lrm_ident.report.document import Block, ResultTable, heading
 from lrm_ident.residual.error_breakdown import ModelComparison
 from lrm_math.arm.arm_file import load_arm
 from lrm_math.effects import Effect, EffectRef, Parameter, compensable, marked
@@ -18,6 +18,12 @@ from lrm_math.effects.targets import Kind, kind_of, slot_of
 MOST_PARAMETERS = 24
 EXAMPLE_ARM = "so101"
 OFFLINE = "explains a measurement session; never deployed silently"
+
+
+def listed(command: str, title: str, names: Sequence[str]) -> Iterator[Block]:
+    """Names in a few lines, and the command that explains one of them."""
+    yield heading(f"{title}, each explained by {command}; all of them with --all:")
+    yield f"  {', '.join(names)}"
 
 
 def effect_blocks(kind: type[Effect], in_full: bool) -> Iterator[Block]:

@@ -10,12 +10,12 @@ import numpy as np
 from lrm_ident.data import wording
 from lrm_ident.data.error_stats import ErrorStats, error_stats
 from lrm_ident.data.measurements import Measurements
-from lrm_ident.data.wording import change_words, decimals, in_mm, in_percent
+from lrm_ident.data.wording import change_words, decimals, in_mm, in_percent, poses_count
 from lrm_ident.fitting.identifiability import FEW_OUTLIERS
 from lrm_ident.fitting.levenberg_marquardt import Fit, implausible_of
 from lrm_ident.report.document import Block, CommandLine, Document, ResultTable, heading, section
 from lrm_ident.report.effects import field_blocks, field_values
-from lrm_ident.report.plain_names import in_words
+from lrm_ident.report.plain_names import plain_name
 from lrm_ident.residual.deployment.deployed_error import DeployedError
 from lrm_ident.residual.error_breakdown import Factor, ModelComparison, PoseGroup
 from lrm_ident.residual.noise_floor import NoiseFloor, noise_floor
@@ -26,7 +26,7 @@ from lrm_math.arrays import Array
 from lrm_math.model.deployed_model import field_of, named_part
 from lrm_math.model.model import Model
 
-BAR, FACTORS_SHOWN, STRONG, LITTLE = 10, 4, 0.95, 0.02
+FACTORS_SHOWN, STRONG, LITTLE = 3, 0.95, 0.02
 FROM_DATA = (
     "from data: share of a parameter's prior variance that the poses removed. At 0 % the estimate is only its typical "
     "size: these poses cannot distinguish it from others, or do not show it."
@@ -40,21 +40,21 @@ def error_blocks(errors: ErrorSummary, title: str) -> list[Block]:
     held_out = errors.held_out.error
     stats = [("nominal arm, before any fit", errors.nominal), ("model, at the poses of its fit", errors.fitted)]
     if held_out is not None:
-        stats.append(("held out: at poses not used in the fit", held_out))
+        stats.append(("model, held out", held_out))
     stats += [row for row in deployed_rows(errors.held_out.deployed) if held_out is None or differ(row[1], held_out)]
     if errors.nameless is not None:
-        stats.append(("held out, with a black-box model", errors.nameless.error))
+        stats.append(("with a black-box model, held out", errors.nameless.error))
     spec = f".{decimals(*(error.rms * 1e3 for _, error in stats))}f"
-    columns = ["error of the tip, mm", *(f"{name}|{spec}" for name in ("mean", "RMS", "max", "SD"))]
+    columns = ["error of the tip, mm", *(f"{name}|{spec}" for name in ("mean", "RMS", "max"))]
     turns = [None if error.turn_rms is None else float(np.degrees(error.turn_rms)) for _, error in stats]
     known = [turn for turn in turns if turn is not None]
-    rows: list[tuple[object, ...]] = [(name, *stats_in_mm(error)) for name, error in stats]
+    rows: list[tuple[object, ...]] = [(name, *stats_in_mm(error)[:3]) for name, error in stats]
     if known:
         columns.append(f"orientation RMS, deg|.{decimals(*known)}f")
         rows = [(*row, turn) for row, turn in zip(rows, turns, strict=True)]
     table = ResultTable(columns, rows, title)
     deployed = errors.held_out.deployed
-    state = [] if deployed is None or deployed.state is None else [in_words(deployed.state.sentence)]
+    state = [] if deployed is None or deployed.state is None else [deployed.state.sentence_with(plain_name)]
     none = [] if errors.held_out.error else [f"held out: none, because {errors.held_out.reason}"]
     return [table, *none, *(words for words in state if words)]
 
@@ -82,17 +82,17 @@ def fit_document(fit: Fit, errors: ErrorSummary, data: Measurements) -> Document
     fitted, before, held_out = errors.fitted.rms, errors.nominal.rms, errors.held_out.error
     outliers = [(data.pose[row], float(np.linalg.norm(fit.residual[row]) * 1e3)) for row in fit.outliers]
     how = fit_words(fit.loss.name, data.left_out)
-    unseen = "" if held_out is None else f" At poses not used in the fit it is {in_mm(held_out.rms)} mm."
+    unseen = "" if held_out is None else f"; held out it is {in_mm(held_out.rms)} mm"
     blocks = [
-        heading(f"The RMS error {change_words(before, fitted)}.{unseen}"),
+        heading(f"The RMS error {change_words(before, fitted)}{unseen}."),
         *_beside_noise(noise_floor(data, fit.equilibrium), None if held_out is None else held_out.rms),
-        *error_blocks(errors, f"{len(data)} poses, {len(model.free)} parameters{how and '; ' + how}"),
+        *error_blocks(errors, f"{poses_count(len(data))}, {len(model.free)} parameters{how and '; ' + how}"),
         *section(IMPLAUSIBLE, (one.sentence for one in implausible_of(fit))),
         *_outlier_words(outliers),
         *_without_outliers(fit, data),
         *_told_words(fit),
     ]
-    details = [
+    details: list[Block] = [
         parameter_table(fit),
         *([] if fit.stated is None else [FROM_DATA]),
         *section(f"Correlated above {STRONG}:", _correlated(fit)),
@@ -121,8 +121,8 @@ def _outlier_words(outliers: Sequence[tuple[int, float]]) -> Iterator[str]:
         far = sorted(outliers, key=lambda one: -one[1])
         shown = wording.enumerate_words([f"{pose} ({in_mm(error * 1e-3)} mm)" for pose, error in far], OUTLIERS_SHOWN)
         yield (
-            f"{len(far)} poses fit much worse than the others (outliers): {shown}. Either these measurements are "
-            "wrong, or the model lacks an effect that shows there."
+            f"Outliers: {poses_count(len(far))}, numbers {shown}. Measured wrongly, or the effect that the model lacks "
+            "shows there."
         )
 
 
@@ -136,11 +136,11 @@ def _beside_noise(floor: NoiseFloor, held_out: float | None) -> Iterator[str]:
     times = held_out / noise
     if times < MUCH:
         repeats = floor.source == "replicates"
-        like = "as much as repeated poses differ" if repeats else "as large as the measurement noise"
-        yield f"That is about {like} ({in_mm(noise)} mm RMS)."
+        like = "as much as repeated poses differ" if repeats else "the measurement noise"
+        yield f"That is about {like} ({in_mm(noise)} mm RMS): no effect is known to be missing."
     else:
-        noise_mm = f"the measurement noise ({in_mm(noise)} mm RMS)"
-        yield f"These {in_mm(held_out)} mm are {times:.1f} times {noise_mm}, so the model still lacks something."
+        by = "repeated poses" if floor.source == "replicates" else "the data file"
+        yield f"That is {times:.1f} times the noise ({in_mm(noise)} mm by {by}): the model lacks an effect."
 
 
 def _told_words(fit: Fit) -> Iterator[str]:
@@ -148,7 +148,7 @@ def _told_words(fit: Fit) -> Iterator[str]:
     if fit.stated is not None:
         few = int((fit.told < MOSTLY_TOLD).sum())
         count = len(fit.told)
-        yield f"The poses determine {count - few} of {count} parameters; the others stay near their usual values."
+        yield f"The poses determine {count - few} of {count} parameters; {few} stay near their typical sizes."
 
 
 def _without_outliers(fit: Fit, data: Measurements) -> list[Block]:
@@ -170,19 +170,20 @@ def comparison_document(found: ModelComparison, files: Sequence[str] = ()) -> Do
     errors = ErrorSummary(found.nominal, found.error, found.held_out, found.predictable)
     field = field_of(found.equilibrium.model)
     box = found.predictable
-    black_box = [] if box is None else [f"Black-box model: {in_words(box.sentence)}"]
+    black_box = [] if box is None else [f"Black-box model: {box.sentence}"]
+    title = f"{poses_count(len(data))}, {free} parameters"
     blocks = [
-        heading(_fails_where(found)),
+        heading(f"{title}: {_fails_where(found)}"),
         *_beside_noise(noise_floor(data, found.equilibrium), _held_out_rms(found)),
         *_depends_on(found.factors),
-        *error_blocks(errors, f"{len(data)} poses, {free} parameters"),
+        *error_blocks(errors, ""),
         *(() if field is None else field_blocks(found, field)),
         *([said] if (said := _outside(found)) else []),
-        *black_box,
         _factor_table(found.factors[:FACTORS_SHOWN]),
         *_diagnose_next(files),
     ]
-    details = [
+    details: list[Block] = [
+        *black_box,
         *(_group_table(factor) for factor in found.factors[:2]),
         _factor_table(found.factors),
         _worst_table(found),
@@ -216,8 +217,7 @@ def _diagnose_next(files: Sequence[str]) -> list[Block]:
     """The command that names what is missing, where the files are known."""
     if not files:
         return []
-    words = "      Finds the physical effect behind this error, and how certain that is."
-    return ["", CommandLine(f"Next: lrm-ident diagnose {shlex.join(files)}"), words]
+    return ["", CommandLine(f"Next: lrm-ident diagnose {shlex.join(files)}")]
 
 
 def _held_out_rms(found: ModelComparison) -> float | None:
@@ -227,15 +227,15 @@ def _held_out_rms(found: ModelComparison) -> float | None:
 def _fails_where(found: ModelComparison) -> str:
     """How large the error is."""
     held_out = found.held_out.error
-    unseen = "" if held_out is None else f", at poses not used in the fit {in_mm(held_out.rms)} mm"
-    return f"The RMS error is {in_mm(found.error.rms)} mm{unseen}."
+    unseen = "" if held_out is None else f", held out {in_mm(held_out.rms)} mm"
+    return f"RMS error {in_mm(found.error.rms)} mm{unseen}."
 
 
 def _depends_on(factors: Sequence[Factor]) -> Iterator[str]:
     """What the error depends on most, if on anything."""
     if factors and factors[0].share >= LITTLE:
         share = in_percent(factors[0].share)
-        yield f"The error depends most on the {factors[0].name}, which explains {share} % of the squared error."
+        yield f"It depends most on the {factors[0].name} ({share} % of the squared error)."
 
 
 def _rows_outside(found: ModelComparison) -> list[int]:
@@ -332,12 +332,12 @@ def _correlated(fit: Fit) -> Iterator[str]:
 
 def _factor_table(factors: Sequence[Factor]) -> ResultTable:
     spec = f".{decimals(*(factor.worst.error.rms * 1e3 for factor in factors))}f"
-    columns = ("grouped by", "explains|", "0 to 100 %", "worst group", f"RMS mm|{spec}", "poses|")
+    columns = ("grouped by", "explains|", "worst group", f"RMS mm|{spec}", "poses|")
     rows = [
-        (f.name, _share(f.share), "█" * round(BAR * f.share), w.label, w.error.rms * 1e3, w.count)
+        (f.name, _share(f.share), w.label, w.error.rms * 1e3, w.count)
         for f, w in ((factor, factor.worst) for factor in factors)
     ]
-    return ResultTable(columns, rows, "Where the model fails: share of the squared error that each quantity explains")
+    return ResultTable(columns, rows, "Where the model fails: what explains how much of the squared error")
 
 
 def _share(share: float) -> str:

@@ -19,9 +19,10 @@ from lrm_math.model.model_file import CourseTable, HistoryTable, ModelFile
 Kind = Literal["nominal", "fit", "effect"] | AttributionTerm
 """What made the error fall; "effect": added, and what it shows is not known."""
 GEOMETRY = "geometry and springs"
-BAR_WIDTH = 12
+BAR_WIDTH = 8
 MM = 1e-3
-ANEW = "if the effects, too, are chosen without the held-out poses"
+ON_THE_ARM = "expected on the arm (effects of this session alone left out)"
+ANEW = "with the effects, too, chosen without the held-out poses"
 
 
 @dataclass(frozen=True)
@@ -80,7 +81,7 @@ class Story:
         nested, on_arm = self.nested_mm, self.nested_deployed_mm
         more = "" if on_arm is None or _alike(on_arm, nested) else f"; as deployed {in_mm(on_arm * MM)} mm"
         return (
-            ("as deployed", deployed, ", on the arm: effects of this session alone do not go along"),
+            ("as deployed", deployed, f" {ON_THE_ARM}"),
             ("nested", nested, f", {ANEW}{more}"),
             ("measurement noise", self.noise_mm, ""),
             ("measurement noise", self.bound_mm if self.noise_mm is None else None, " at most"),
@@ -100,7 +101,7 @@ class Story:
             for number, one in enumerate(self.steps)
         ]
         error = "held-out RMS, mm|" if self.held_out else "RMS, mm|"
-        return ResultTable(("step", "what it is", error, "as deployed, mm|", ""), rows, "How the error fell")
+        return ResultTable(("step", "what it is", error, "as deployed|", ""), rows, "How the error fell")
 
     def as_json(self) -> dict[str, object]:
         """The table `story`."""
@@ -148,8 +149,8 @@ def story_of(
     known = dict(shows or {})
     steps = [StoryStep("nominal", "nominal", None, nominal_mm, nominal_mm)]
     for number, (entry, left) in enumerate(zip(history, left_mm, strict=True)):
-        kind: Kind = known.get(number) or course.shows.get(entry.step.removeprefix("add ")) or "effect"
-        title = step_title(entry.step) if number else GEOMETRY
+        kind: Kind = known.get(number) or course.shows.get(entry.name.added) or "effect"
+        title = step_title(entry.name) if number else GEOMETRY
         deployed = entry.deployed_rms_mm if held_out else None
         steps.append(StoryStep(title, kind if number else "fit", number, steps[-1].left_mm, left, deployed))
     noise = noise_mm if noise_mm is not None else course.noise_rms_mm

@@ -26,7 +26,7 @@ def summary_document(file: ModelFile, model: Model) -> Document:
     """Result of `lrm-ident show`, schema `lrm/summary/1`."""
     blocks: list[Block] = [heading(_headline(file)), Facts(tuple(_facts(file))), "", *_effects(file)]
     errors = {key: sd * model.parameter(key).si for key, sd in file.sigma.items()}
-    details: list[Block] = [history_table(file), estimate_table(model, errors), provenance_table(file)]
+    details: list[Block] = [PARTS, history_table(file), estimate_table(model, errors), provenance_table(file)]
     values = {
         "arm": file.arm,
         "story": story_of_file(file),
@@ -36,7 +36,7 @@ def summary_document(file: ModelFile, model: Model) -> Document:
         "parameters": file.parameters,
         "sigma": file.sigma,
     }
-    about = "every step, every parameter with its standard error, where the model comes from"
+    about = "every step, every parameter with its standard error, the origin"
     return Document(blocks, "lrm/summary/1", values, details=details, about=about)
 
 
@@ -82,7 +82,6 @@ def _effects(file: ModelFile) -> Iterator[Block]:
     if story is not None:
         yield story.table()
     yield Facts(tuple((part, _counted(names)) for part, names in file.parts.items() if names))
-    yield PARTS
 
 
 def _counted(names: Sequence[str]) -> str:

@@ -16,7 +16,10 @@ MOST_OF_RANGE = 2 / 3
 
 
 def audit(data: Measurements, torque: Array) -> tuple[str, ...]:
-    """Deficiencies of the data, one sentence each, the most severe first. `torque`: (N, n), N·m."""
+    """Deficiencies of the data, one sentence each, the most severe first. `torque`: (N, n), N·m.
+
+    What to measure instead is the matter of `design.advice`, which tries it.
+    """
     excitation = Excitation(data.poses, torque)
     checks = (_levels, _order, _reversals, _signs, _loads)
     return tuple(sentence for check in checks for sentence in check(excitation))
@@ -27,18 +30,12 @@ def _levels(excitation: Excitation) -> Iterator[str]:
     if few:
         least, most = min(few.values()), max(few.values())
         levels = f"{least}" if least == most else f"{least} to {most}"
-        yield (
-            f"few angles: {_joints(few)} measured at {levels} angles only, so servo gain, eccentricity and cable pull "
-            "look alike there; measure at five or more"
-        )
+        yield f"few angles: {levels} different ones at {_joints(few)}, so their errors look alike"
 
 
 def _order(excitation: Excitation) -> Iterator[str]:
     for joint, correlation in joints_of_order(excitation.poses.q).items():
-        yield (
-            f"order: the measurement order follows joint {joint + 1} (correlation {correlation:.2f}), so drift and an "
-            "error of that joint look alike; measure in random order"
-        )
+        yield f"order: follows joint {joint + 1} (correlation {correlation:.2f}), as drift would"
 
 
 def where_it_holds(q: Array, lower: Array, upper: Array) -> str:
@@ -67,23 +64,22 @@ def joints_of_order(q: Array) -> dict[int, float]:
 def _reversals(excitation: Excitation) -> Iterator[str]:
     never = [i + 1 for i in range(excitation.torque.shape[1]) if excitation.reversals(i) < FEW_REVERSALS]
     if never and excitation.poses.direction is not None:
-        yield (
-            f"no reversal: {_joints(never)} (almost) never reversed, so hysteresis cannot show; approach poses from "
-            "both sides"
-        )
+        yield f"no reversal: {_joints(never)} came from one side, so friction cannot show"
 
 
 def _signs(excitation: Excitation) -> Iterator[str]:
     same = [i + 1 for i, tau in enumerate(excitation.torque.T) if not excitation.both_signs(tau)]
     if same:
-        yield f"one-sided torque: gravity loads {_joints(same)} to one side only, so backlash there cannot show"
+        yield f"one-sided torque: gravity loads {_joints(same)} to one side, so backlash cannot show there"
 
 
 def _loads(excitation: Excitation) -> Iterator[str]:
     if len(np.unique(excitation.poses.payload)) == 1:
-        yield "one load: nonlinear stiffness, backlash and mass errors are hard to distinguish; measure with two loads"
+        yield "one load: stiffness, backlash and mass look alike"
 
 
 def _joints(numbers: Iterable[int]) -> str:
     names = list(map(str, numbers))
+    if len(names) > 2 and len(names) == int(names[-1]) - int(names[0]) + 1:
+        return f"joints {names[0]} to {names[-1]}"
     return f"joint {names[0]}" if len(names) == 1 else f"joints {', '.join(names[:-1])} and {names[-1]}"

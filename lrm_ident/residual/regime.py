@@ -18,7 +18,7 @@ from scipy.special import ndtr
 
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.wording import in_mm, in_percent
-from lrm_ident.residual.covariates import Covariate, covariates, levels
+from lrm_ident.residual.covariates import Covariate, covariates, levels, symbol_words
 from lrm_ident.residual.significance import benjamini_yekutieli
 from lrm_ident.residual.thresholds import MIN_REGIME_RATIO, SIGNIFICANCE
 from lrm_math.arrays import Array
@@ -65,8 +65,8 @@ class Regime:
 
     @property
     def where(self) -> str:
-        """Interval in words, for instance `q2 < -40°`."""
-        name, unit = self.name, UNITS[self.quantity.kind]
+        """Interval in words, for instance `the angle of joint 2 < -40°`."""
+        name, unit = symbol_words(self.quantity.symbol), UNITS[self.quantity.kind]
         if self.quantity.kind == "order":
             return _numbers(self.low, self.high)
         if self.low is None:
@@ -83,12 +83,22 @@ class Regime:
         return np.asarray(above if self.high is None else above & (values < self.high))
 
     @property
+    def brief(self) -> str:
+        """The concentration, and a question on possible causes."""
+        rms = f"{in_mm(self.inside)} mm RMS, else {in_mm(self.outside)} mm"
+        return f"{self.poses} poses ({self.where}): {rms}. {self.hint}"
+
+    @property
+    def hint(self) -> str:
+        """A question on what may have caused it."""
+        return HINTS[self.quantity.kind, "middle" if self.low is not None and self.high is not None else "end"]
+
+    @property
     def sentence(self) -> str:
         """Sentence on the concentration of the error in the interval, and on possible causes."""
-        hint = HINTS[self.quantity.kind, "middle" if self.low is not None and self.high is not None else "end"]
         return (
             f"{in_mm(self.inside)} mm RMS in {self.poses} poses ({self.where}), {in_mm(self.outside)} mm elsewhere; "
-            f"{in_percent(self.share)} % of the squared error lies there. {hint}"
+            f"{in_percent(self.share)} % of the squared error lies there. {self.hint}"
         )
 
     def as_json(self) -> dict[str, object]:

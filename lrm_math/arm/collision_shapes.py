@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import chain
+from typing import TypeAlias
 
 from lrm_math.arrays import Vector3
 from lrm_math.errors import LrmError, UnknownName
@@ -50,6 +51,32 @@ class Box:
     def __post_init__(self) -> None:
         if not min(self.size) > 0:
             raise LrmError(f"box '{self.name}': its edges are {self.size} m; they must be above zero")
+
+
+@dataclass(frozen=True)
+class HeightField:
+    """A map of heights: square columns on a grid, each solid up to its height and without end below.
+
+    `origin`: the corner of the first column at height 0 (m); `rotation`: of the grid about it, Rx Ry Rz (rad). `cell`:
+    edge of a column (m). `heights`: rows of columns, along x in a row and row by row along y (m); minus infinity: there
+    is no column.
+    """
+
+    name: str
+    origin: Vector3
+    cell: float
+    heights: tuple[tuple[float, ...], ...]
+    rotation: Vector3 = (0.0, 0.0, 0.0)
+
+    def __post_init__(self) -> None:
+        if not self.cell > 0:
+            raise LrmError(f"heightfield '{self.name}': its cells are {self.cell:g} m wide; they must be above zero")
+        if not self.heights or len({len(row) for row in self.heights}) != 1 or not self.heights[0]:
+            raise LrmError(f"heightfield '{self.name}': its rows must have as many heights each, one at least")
+
+
+Obstacle: TypeAlias = Capsule | Box | HeightField
+"""A shape that stands around the arm."""
 
 
 @dataclass(frozen=True)

@@ -2,7 +2,7 @@
 
 Links are capsules and obstacles boxes (`lrm_math.arm.collision_shapes`, from the arm's file). The distance of two
 capsules is the distance of their axes less both radii; it is below zero where they overlap. That of a capsule and a
-box likewise.
+box, or the columns of a heightfield, likewise.
 
 Frames are those of the nominal rigid arm. The real arm deflects: on the rig its tool was 27 mm off on average, 60 mm at
 most. The margin has to cover that, or `clearance_of` takes the frames of a model's elastic equilibrium.
@@ -19,10 +19,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from lrm_math.arm.arm import Arm
-from lrm_math.arm.collision_shapes import WORLD, Box, Capsule
-from lrm_math.arrays import Array
+from lrm_math.arm.collision_shapes import WORLD, Box, Capsule, HeightField, Obstacle
+from lrm_math.arrays import Array, Vector3
 from lrm_math.collision.contact import ContactPermit
 from lrm_math.collision.distance import depth_in_box, segment_to_box, segment_to_segment
+from lrm_math.collision.height_grid import HeightGrid
 from lrm_math.errors import LrmError, UnknownName
 from lrm_math.kinematics.chain import Chain, chain_of, rotation_about
 from lrm_math.kinematics.forward import frames
@@ -56,16 +57,42 @@ class ClosestPair:
 
 
 @dataclass(frozen=True, eq=False)
+class PlacedGrid:
+    """A heightfield of the scene: its `grid`, `rotation` (3, 3) and `origin` (3,), m, in the frame of TCP positions;
+    numbers of the `capsules` that may touch it."""
+
+    grid: HeightGrid
+    rotation: Array
+    origin: Array
+    capsules: Indices
+
+    @classmethod
+    def of(cls, shape: HeightField, capsules: Sequence[int]) -> PlacedGrid:
+        """A heightfield that some capsules may touch."""
+        grid = HeightGrid(np.array(shape.heights, dtype=np.float64), shape.cell)
+        return cls(grid, _rotation(shape.rotation), np.array(shape.origin), np.array(capsules, dtype=np.intp))
+
+    def separations(self, ends: Array, with_depth: bool) -> Array:
+        """(N, C), m, of axes `ends` (N, C, 2, 3) from the columns; `with_depth`: less the depth of an axis in them."""
+        a, b = (((ends - self.origin) @ self.rotation).reshape(-1, 2, 3)[:, k] for k in (0, 1))
+        apart = self.grid.distance(a, b)
+        inside = apart <= 0.0
+        if with_depth and inside.any():
+            apart[inside] -= self.grid.depth(a[inside], b[inside])
+        return np.asarray(apart.reshape(ends.shape[:2]))
+
+
+@dataclass(frozen=True, eq=False)
 class Scene:
     """An arm's shapes as arrays, and the pairs of them that may collide.
 
     `frame` (C,) and `ends` (C, 2, 3): frame and axis of every capsule. `box_rotation` (B, 3, 3), `box_centre` (B, 3),
     `box_half` (B, 3): the boxes in the frame of TCP positions. `capsule_pairs` (K, 2); `box_pairs` (M, 2): pairs of a
-    capsule and a box; `radii` (K + M,): sum of the radii of a pair. `names` (K + M, 2).
-    `motion_bound` (K + M, n): the most that 1 rad of joint j can move the one body against the other (m). `home`
-    (n + 2, 4, 4): `frames` with all angles zero. `estimated`: names of shapes that nobody measured. `around`: those of
-    obstacles beside the arm file's. `permits`: contacts
-    that are allowed, by the number of their pair; the distances of these pairs are raised where they are.
+    capsule and a box; `grids`: heightfields, with F pairs in all. Of the P = K + M + F pairs: `radii` (P,), their sum,
+    `names` (P, 2), `motion_bound` (P, n): the most that 1 rad of joint j can move the one body against the other (m).
+    `home` (n + 2, 4, 4): `frames` with all angles zero. `estimated`: names of shapes that nobody measured. `around`:
+    those of obstacles beside the arm file's. `permits`: contacts that are allowed, by the number of their pair; the
+    distances of these pairs are raised where they are.
     """
 
     chain: Chain
@@ -78,6 +105,7 @@ class Scene:
     box_half: Array
     capsule_pairs: Indices
     box_pairs: Indices
+    grids: tuple[PlacedGrid, ...]
     radii: Array
     names: NDArray[np.str_]
     motion_bound: Array
@@ -87,7 +115,7 @@ class Scene:
     permits: Mapping[int, ContactPermit] = field(default_factory=dict)
 
     @classmethod
-    def of(cls, arm: Arm, allow: Iterable[tuple[str, str]] = (), around: Sequence[Capsule | Box] = ()) -> Scene:
+    def of(cls, arm: Arm, allow: Iterable[tuple[str, str]] = (), around: Sequence[Obstacle] = ()) -> Scene:
         """The shapes of an arm.
 
         Args:
@@ -105,9 +133,10 @@ class Scene:
                 raise UnknownName("shape", name, shapes.names)
         capsules = (*shapes.capsules, *(shape for shape in around if isinstance(shape, Capsule)))
         boxes = (*shapes.boxes, *(shape for shape in around if isinstance(shape, Box)))
+        fields = [shape for shape in around if isinstance(shape, HeightField)]
 
         # neighbouring links always touch at their joint; what stands around the arm counts as carried by joint 0
-        def checked(one: Capsule, other: Capsule | Box) -> bool:
+        def checked(one: Capsule, other: Obstacle) -> bool:
             joints_between = abs(_carrier(one) - (_carrier(other) if isinstance(other, Capsule) else 0))
             return joints_between > 1 and frozenset((one.name, other.name)) not in allowed
 
@@ -116,16 +145,20 @@ class Scene:
         box_pairs = [(i, k) for i, k in product(numbers, range(len(boxes))) if checked(capsules[i], boxes[k])]
         if not capsule_pairs and not box_pairs:
             raise LrmError(f"arm '{arm.name}': no [[capsule]] or [[box]] of its file could touch another")
+        grids = [PlacedGrid.of(field, [i for i in numbers if checked(capsules[i], field)]) for field in fields]
         home = frames(chain, chain.values([0.0] * arm.dof), 1)[0]
         rotations, centres = zip(*(_box_pose(box, home[0]) for box in boxes), strict=True) if boxes else ((), ())
         inner_first = [sorted((capsules[i], capsules[j]), key=_carrier) for i, j in capsule_pairs]
-        with_box = [(capsules[i], boxes[k]) for i, k in box_pairs]
+        with_obstacle: list[tuple[Capsule, Obstacle]] = [
+            *((capsules[i], boxes[k]) for i, k in box_pairs),
+            *((capsules[i], field) for grid, field in zip(grids, fields, strict=True) for i in grid.capsules),
+        ]
         pairs = [
             *(
                 (a.name, b.name, a.radius + b.radius, _motion_bound(chain, home, _carrier(a), b))
                 for a, b in inner_first
             ),
-            *((c.name, box.name, c.radius, _motion_bound(chain, home, 0, c)) for c, box in with_box),
+            *((c.name, other.name, c.radius, _motion_bound(chain, home, 0, c)) for c, other in with_obstacle),
         ]
         return cls(
             chain=chain,
@@ -138,6 +171,7 @@ class Scene:
             box_half=0.5 * np.array([b.size for b in boxes], dtype=np.float64).reshape(-1, 3),
             capsule_pairs=np.array(capsule_pairs, dtype=np.intp).reshape(-1, 2),
             box_pairs=np.array(box_pairs, dtype=np.intp).reshape(-1, 2),
+            grids=tuple(grids),
             radii=np.array([radii for _, _, radii, _ in pairs]),
             names=np.array([(first, second) for first, second, _, _ in pairs]),
             motion_bound=np.array([bound for _, _, _, bound in pairs]),
@@ -174,7 +208,7 @@ class Scene:
 
     @property
     def curved(self) -> NDArray[np.bool_]:
-        """(K + M,), whether the distance of a pair is a plain one, whose curvature along a motion is bounded."""
+        """(P,), whether the distance of a pair is a plain one, whose curvature along a motion is bounded."""
         return np.isin(np.arange(len(self.radii)), [*self.permits], invert=True)
 
     def margin_or_default(self, margin: float | None) -> float:
@@ -230,17 +264,12 @@ class Scene:
         return np.asarray(np.linalg.inv(self.home[:-1]) @ self.home[1:])
 
     def distances(self, arm_frames: Array) -> Array:
-        """(N, K + M), distance of every pair (m) for frames (N, n + 2, 4, 4); not below minus the radii of a pair."""
-        return self._permitted(self._distances(arm_frames)[0], arm_frames)
+        """(N, P), distance of every pair (m) for frames (N, n + 2, 4, 4); not below minus the radii of a pair."""
+        return self._permitted(self._apart(arm_frames, with_depth=False), arm_frames)
 
     def separations(self, arm_frames: Array) -> Array:
-        """(N, K + M), `distances`, less the depth of an axis that lies in a box: they fall as it goes in deeper."""
-        separation, (a, b, half) = self._distances(arm_frames)
-        boxes = separation[:, len(self.capsule_pairs) :]
-        inside = boxes <= -self.radii[len(self.capsule_pairs) :]
-        if inside.any():
-            boxes[inside] -= depth_in_box(a[inside], b[inside], np.broadcast_to(half, a.shape)[inside])
-        return self._permitted(separation, arm_frames)
+        """(N, P), `distances`, less the depth of an axis that lies in an obstacle: they fall as it goes in deeper."""
+        return self._permitted(self._apart(arm_frames, with_depth=True), arm_frames)
 
     def _permitted(self, separations: Array, arm_frames: Array) -> Array:
         """The separations, raised where a contact is permitted."""
@@ -249,8 +278,8 @@ class Scene:
             separations[:, pair] = permit.applied(separations[:, pair], tips, self.margin)
         return separations
 
-    def _distances(self, arm_frames: Array) -> tuple[Array, tuple[Array, Array, Array]]:
-        """The distances, and of every pair with a box the axis and half the edges in the frame of the box."""
+    def _apart(self, arm_frames: Array, with_depth: bool) -> Array:
+        """(N, P), m, of every pair; `with_depth`: less the depth of an axis in a box or in the columns of a grid."""
         if (self.frame == WORLD).any():
             world = np.broadcast_to(np.eye(4), (len(arm_frames), 1, 4, 4))
             arm_frames = np.concatenate([arm_frames, world], axis=1)
@@ -258,18 +287,23 @@ class Scene:
         ends = np.einsum("ncij,cej->ncei", place[..., :3, :3], self.ends) + place[:, :, None, :3, 3]
         (i, j), (c, k) = self.capsule_pairs.T, self.box_pairs.T
         one, other = ends[:, i], ends[:, j]
+        apart = segment_to_segment(one[:, :, 0], one[:, :, 1], other[:, :, 0], other[:, :, 1])
         # axes of capsules in the frame of each box, whose edges are then parallel to the coordinates
         in_box = np.einsum("nmej,mji->nmei", ends[:, c] - self.box_centre[k, None], self.box_rotation[k])
-        boxes = in_box[:, :, 0], in_box[:, :, 1], self.box_half[k]
-        to_capsules = segment_to_segment(one[:, :, 0], one[:, :, 1], other[:, :, 0], other[:, :, 1])
-        return np.concatenate([to_capsules, segment_to_box(*boxes)], axis=1) - self.radii, boxes
+        a, b, half = in_box[:, :, 0], in_box[:, :, 1], self.box_half[k]
+        to_boxes = segment_to_box(a, b, half)
+        inside = to_boxes <= 0.0
+        if with_depth and inside.any():
+            to_boxes[inside] -= depth_in_box(a[inside], b[inside], np.broadcast_to(half, a.shape)[inside])
+        to_grids = [grid.separations(ends[:, grid.capsules], with_depth) for grid in self.grids]
+        return np.concatenate([apart, to_boxes, *to_grids], axis=1) - self.radii
 
     def closest(self, q: ArrayLike) -> ClosestPair:
         """The closest two bodies of one pose, angles q (n,) in rad. Raises `LrmError`."""
         return self.closest_pair(self.distances(self.frames(self.pose(q)[None]))[0])
 
     def closest_pair(self, distances: Array) -> ClosestPair:
-        """The closest pair, from the distances (K + M,) of all pairs."""
+        """The closest pair, from the distances (P,) of all pairs."""
         pair = int(np.argmin(distances))
         return ClosestPair(float(distances[pair]), str(self.names[pair, 0]), str(self.names[pair, 1]))
 
@@ -300,10 +334,16 @@ def clearance_of(scene: Scene, arm_frames: Array) -> Clearance:
 
 def _box_pose(box: Box, base: Array) -> tuple[Array, Array]:
     """Rotation (3, 3) and centre (3,) of a box in the frame of TCP positions."""
-    R, centre = np.eye(3), np.array(box.centre)
-    for axis, angle in enumerate(box.rotation):
-        R = R @ rotation_about(axis, angle)
+    R, centre = _rotation(box.rotation), np.array(box.centre)
     return (base[:3, :3] @ R, base[:3, :3] @ centre + base[:3, 3]) if box.in_base else (R, centre)
+
+
+def _rotation(angles: Vector3) -> Array:
+    """(3, 3), Rx Ry Rz of three angles (rad)."""
+    R = np.eye(3)
+    for axis, angle in enumerate(angles):
+        R = R @ rotation_about(axis, angle)
+    return R
 
 
 def _carrier(capsule: Capsule) -> int:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import cached_property
 
 from lrm_math.arm.arm import BASE, Arm, TypicalSizes
 from lrm_math.effects.base import (
     Amounts,
     Description,
+    Effect,
     Excitation,
     Extrapolation,
     LinearEffect,
@@ -16,12 +18,13 @@ from lrm_math.effects.base import (
     separately,
 )
 from lrm_math.kinematics.chain import chain_of
+from lrm_math.kinematics.dual import Dual
 from lrm_math.kinematics.poses import Poses
 from lrm_math.kinematics.scalar_or_array import magnitude
 
 
-class Spring(LinearEffect):
-    """Linear springs of some slots, one parameter each: δ = k · load."""
+class Spring(Effect):
+    """Linear springs of some slots: δ = k · load, each k a function of the parameters."""
 
     depends_on = ()
     extrapolation = Extrapolation.PROPORTIONAL
@@ -31,12 +34,25 @@ class Spring(LinearEffect):
         """The loads on the slots that it moves."""
         return self.targets
 
+    def compliances(self, p: Sequence[float]) -> tuple[float, ...]:
+        """Compliance of each target (rad/N·m)."""
+        return tuple(p)
+
+    def amounts(self, poses: Poses, tau: Amounts, p: Sequence[float]) -> Amounts:
+        """k · load."""
+        both = zip(self.compliances(p), tau, strict=True)
+        return tuple(k * load if isinstance(k, Dual) or k else 0.0 for k, load in both)
+
+
+class PlainSpring(Spring, LinearEffect):
+    """Linear springs whose compliances are the parameters."""
+
     def basis(self, poses: Poses, tau: Amounts) -> tuple[Amounts, ...]:
         """The load on each slot."""
         return separately([(load,) for load in tau])
 
 
-class Compliance(Spring):
+class Compliance(PlainSpring):
     """A linear torsion spring in one joint, or in the base about its y axis."""
 
     id = "compliance"
@@ -64,7 +80,7 @@ class Compliance(Spring):
         return ("base.beta",) if self.place == BASE else (f"{self.place}.theta",)
 
 
-class ServoDroop(Spring, LoadedJointEffect):
+class ServoDroop(PlainSpring, LoadedJointEffect):
     """The yield of a servo with a proportional controller; statically the same as a compliant joint."""
 
     id = "servo_droop"
@@ -94,50 +110,87 @@ class ServoDroop(Spring, LoadedJointEffect):
         """The joint's encoder must have been read."""
         if excitation.feedback:
             return None
-        same = Compliance(self.arm, self.place).name
-        return f"without joint feedback (q1_meas_deg …) it is the same as {same}: one class"
+        return "without joint feedback (q1_meas_deg …) it is the same as the joint's compliance: one class"
+
+
+BEND_POINT = Parameter(
+    "s_ratio",
+    "point of the bend along the link, from 0 at its near end to 1 at its far end",
+    0.25,
+    0.0,
+    1.0,
+    fixed=0.5,
+    scan=(0.0, 0.25, 0.5, 0.75, 1.0),
+    usual=1.0,
+    largest=1.0,
+)
 
 
 class LateralCompliance(Spring):
-    """Bending of a link about the x and y of its far frame, at half its length (virtual joint model)."""
+    """Bending of a link about the x and y of its far frame, at one point along it (virtual joint model).
+
+    Moment and lever of a hinge at s are linear in s, so what it moves is a quadratic of s. Hinges at both ends and the
+    middle, each as compliant as its Lagrange polynomial at s says, therefore move the same to first order.
+    """
 
     id = "lateral_compliance"
     about = Description(
         cause="A printed link bends sideways under the moment that runs through it, not only its joint twists.",
-        formula="rotation of the link about x and y: k_x M_x, k_y M_y",
+        formula="rotation of the link about x and y: k_x M_x, k_y M_y at the share s of its length",
         source="rotational virtual springs as in Klimchik et al. 2014; Conenna 2024 leaves them out (section 4.3)",
         claim="{place} bends by {k_x_rad_per_Nm} about its x and {k_y_rad_per_Nm} about its y",
     )
-    parameters = (
-        Parameter("k_x_rad_per_Nm", "bending of the link about its x", 0.05, lower=0.0),
-        Parameter("k_y_rad_per_Nm", "bending of the link about its y", 0.05, lower=0.0),
-    )
+
+    @cached_property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """Compliances about x and y; of a link that has a length the point of the bend."""
+        both = tuple(
+            Parameter(f"k_{axis}_rad_per_Nm", f"bending of the link about its {axis}", 0.05, lower=0.0) for axis in "xy"
+        )
+        return (*both, BEND_POINT) if self.has_length else both
 
     @classmethod
     def places(cls, arm: Arm) -> tuple[str, ...]:
         """Every link that carries another one."""
         return tuple(f"link{i}" for i in range(1, len(arm.links)))
 
-    @property
+    @cached_property
+    def has_length(self) -> bool:
+        """Whether the link has ends apart from its middle."""
+        return self.place in chain_of(self.arm).hinges
+
+    @cached_property
     def targets(self) -> tuple[str, ...]:
-        """The link's two bending angles."""
-        return (f"{self.place}.x", f"{self.place}.y")
+        """The two bending angles at the link's middle, and of a link with a length at its ends."""
+        nodes = ("", "near_", "far_") if self.has_length else ("",)
+        return tuple(f"{self.place}.{node}{axis}" for node in nodes for axis in "xy")
+
+    def point(self, p: Sequence[float]) -> float | None:
+        """Share of the link's length at which it bends; None of a link without a length."""
+        return p[-1] if self.has_length else None
+
+    def compliances(self, p: Sequence[float]) -> tuple[float, ...]:
+        """Those about x and y, times the Lagrange polynomial of each node at s."""
+        if not self.has_length:
+            return tuple(p)
+        x, y, s = p
+        nodes = 4.0 * s * (1.0 - s), (1.0 - s) * (1.0 - 2.0 * s), s * (2.0 * s - 1.0)
+        return tuple(node * k for node in nodes for k in (x, y))
 
 
-class BendingEnds(Spring):
-    """Bending of a link along its length: hinges at its near and far end, beside that at its middle.
+class BendingEnds(PlainSpring):
+    """Bending of a link along its length: hinges at its near and far end, beside its one bend.
 
-    The far end is the bearing of the next joint. A compliance at any one point along the link equals springs at both
-    ends and the middle whose stiffness weights interpolate quadratically, so the three stand for a bend anywhere.
+    The far end is the bearing of the next joint.
     """
 
     id = "bending_ends"
     variant_of = ("lateral_compliance",)
     about = Description(
-        cause="A link bends most where it is thinnest, or its bearing tilts: at one end rather than at its middle.",
+        cause="A link bends along its length, or elsewhere about one axis than about the other.",
         formula="rotation about x and y at both ends of the link: k M there",
         source="virtual joint model as in Klimchik et al. 2014, three nodes",
-        claim="{place} bends elsewhere than at its middle",
+        claim="{place} bends at more than one point",
     )
     parameters = tuple(
         Parameter(f"k_{end}_{axis}_rad_per_Nm", f"bending about {axis} at its {end} end, beside its middle", 0.05)
@@ -156,7 +209,7 @@ class BendingEnds(Spring):
         return tuple(f"{self.place}.{end}_{axis}" for end in ("near", "far") for axis in "xy")
 
 
-class BaseCompliance(Spring):
+class BaseCompliance(PlainSpring):
     """Torsional compliance of the base structure about its other two axes."""
 
     id = "base_compliance"

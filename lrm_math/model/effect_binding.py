@@ -64,7 +64,9 @@ class BoundEffect:
 
     @property
     def idle(self) -> bool:
-        """Whether it adds nothing, since it is linear in its parameters and these are zero."""
+        """Whether it adds nothing, since it is linear in its parameters, or a spring, and these are zero."""
+        if isinstance(self.effect, Spring):
+            return not any(self.effect.compliances(self.p))
         return isinstance(self.effect, LinearEffect) and not any(self.p)
 
     def amounts(self, poses: Poses, tau: Sequence[Number]) -> Iterable[tuple[int, Number]]:
@@ -263,7 +265,7 @@ def _springs(elastic: Iterable[BoundEffect], moving: Sequence[int], loads: int) 
     out = np.zeros((len(moving), loads))
     for bound in elastic:
         if isinstance(bound.effect, Spring):
-            for k, i, compliance in zip(bound.slots, bound.loads, bound.p, strict=True):
+            for k, i, compliance in zip(bound.slots, bound.loads, bound.effect.compliances(bound.p), strict=True):
                 out[moving.index(k), i] += compliance
     return out
 

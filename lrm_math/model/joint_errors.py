@@ -49,8 +49,19 @@ class JointErrorModel:
         """The arm, everything that never moves joined by fixed transforms."""
         binding = self.model.binding
         rigid = {k for bound in binding.rigid for k in bound.slots}
-        also = sorted({*binding.moving, *self.model.load_slots, *rigid})
+        also = sorted({*self._loaded, *rigid})
         return moving_slots_of(self.model.chain, binding.constants, also, self.model.constant_gravity)
+
+    @cached_property
+    def _loaded(self) -> set[int]:
+        """Slots that a load moves, or whose load moves another one; without springs of no compliance."""
+        found: set[int] = set()
+        for bound in self.model.binding.elastic:
+            if isinstance(bound.effect, Spring):
+                found |= {k for k, c in zip(bound.slots, bound.effect.compliances(bound.p), strict=True) if c}
+            else:
+                found |= {*bound.slots, *(self.model.load_slots[i] for i in bound.loads)}
+        return found
 
     @cached_property
     def constants(self) -> Array:
@@ -63,8 +74,9 @@ class JointErrorModel:
         return {int(k): v for v, k in enumerate(self.moving.slots)}
 
     @cached_property
-    def _load_rows(self) -> list[int]:
-        return [self.row[k] for k in self.model.load_slots]
+    def _load_rows(self) -> list[int | None]:
+        """Position of each of the model's `load_slots`; None of one whose load moves nothing."""
+        return [self.row.get(k) for k in self.model.load_slots]
 
     @cached_property
     def compliances(self) -> Array:
@@ -91,7 +103,8 @@ class JointErrorModel:
         due = {k: rigid[k] for k in self.row}
         for bound in self.model.binding.elastic:
             for k, amount in bound.amounts(poses, loads):
-                due[k] = due[k] + amount
+                if k in due:
+                    due[k] = due[k] + amount
         return np.stack([np.broadcast_to(due[k], count) for k in self.row], axis=1)
 
     def command(self, poses: Poses, tau: Array, slots: Array, motion: Motion | None = None) -> Array:
@@ -143,7 +156,8 @@ class JointErrorModel:
 
     def total_loads(self, tau: Array, applied: dict[int, Number]) -> list[Number]:
         """Loads on `model.load_slots`, floats for one pose: gravity's (K, V) and those that effects put on slots."""
-        rows: list[Number] = [float(tau[0, v]) if len(tau) == 1 else tau[:, v] for v in self._load_rows]
+        one = len(tau) == 1
+        rows: list[Number] = [0.0 if v is None else float(tau[0, v]) if one else tau[:, v] for v in self._load_rows]
         return [load + applied.get(k, 0.0) for k, load in zip(self.model.load_slots, rows, strict=True)]
 
     def _responses(
@@ -155,5 +169,6 @@ class JointErrorModel:
             rows = bound.by_loads(pose, bound.own_loads(loads))
             for i, responses in zip(bound.loads, rows, strict=True):
                 for k, response in zip(bound.slots, responses, strict=True):
-                    out[self.row[k], self._load_rows[i]] += response
+                    if (v := self._load_rows[i]) is not None and k in self.row:
+                        out[self.row[k], v] += response
         return out

@@ -11,17 +11,17 @@ from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, replace
 
 from lrm_math.arm.arm import Arm
-from lrm_math.arm.collision_shapes import Box, Capsule
+from lrm_math.arm.collision_shapes import Obstacle
 from lrm_math.collision.scene import Scene
 from lrmd.config import SECOND
 from lrmd.errors import RequestError
 from lrmd.messages.control import SceneCommand
-from lrmd.messages.surroundings import MOST_OBSTACLES, ObstacleEntry
+from lrmd.messages.surroundings import MOST_CELLS, MOST_OBSTACLES, ObstacleEntry
 from lrmd.safety.collision_guard import CollisionGuard, Guard
 
 
 @dataclass(frozen=True)
-class Obstacle:
+class ToldObstacle:
     """An obstacle of an `owner`: told `at` (monotonic ns), to be dropped at `until`, or never."""
 
     entry: ObstacleEntry
@@ -34,7 +34,7 @@ class Obstacle:
 class KnownObstacles:
     """Obstacles by name."""
 
-    known: Mapping[str, Obstacle] = field(default_factory=dict)
+    known: Mapping[str, ToldObstacle] = field(default_factory=dict)
 
     @property
     def entries(self) -> tuple[ObstacleEntry, ...]:
@@ -52,9 +52,11 @@ class KnownObstacles:
         for name in command.remove:
             known.pop(name, None)
         until = None if command.max_age_s is None else now + round(command.max_age_s * SECOND)
-        known |= {entry.name: Obstacle(entry, command.owner, now, until) for entry in command.put}
+        known |= {entry.name: ToldObstacle(entry, command.owner, now, until) for entry in command.put}
         if len(known) > MOST_OBSTACLES:
             raise RequestError("obstacle", f"{len(known)} obstacles; at most {MOST_OBSTACLES} are known at once")
+        if (cells := sum(obstacle.entry.cells for obstacle in known.values())) > MOST_CELLS:
+            raise RequestError("obstacle", f"{cells} heights; heightfields have at most {MOST_CELLS} in all")
         return KnownObstacles(known)
 
     def at(self, now: int) -> KnownObstacles:
@@ -62,7 +64,7 @@ class KnownObstacles:
         fresh = {name: one for name, one in self.known.items() if one.until is None or now < one.until}
         return self if len(fresh) == len(self.known) else KnownObstacles(fresh)
 
-    def shapes(self) -> tuple[Box | Capsule, ...]:
+    def shapes(self) -> tuple[Obstacle, ...]:
         """Their shapes."""
         return tuple(entry.built() for entry in self.entries)
 

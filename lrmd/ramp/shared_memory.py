@@ -196,8 +196,8 @@ DIGEST = 64
 NO_MODEL, NOMINAL = b"", b"nominal"
 """Digests for "no model yet" and for the nominal arm, which has no file."""
 ESTOP_REASON_BYTES = 256
-SCENE_BYTES = 16_384
-"""Room for the obstacles, with their length before them: 32 of the largest take 12 kB."""
+SCENE_BYTES = 65_536
+"""Room for the obstacles, with their length before them: 32 of the largest take 13 kB, and 4096 heights 37 kB."""
 ATTEMPTS, CHECK = 5, 4
 """Readings of a record before it is given up for this time; bytes of the CRC-32 that precedes it."""
 

@@ -8,8 +8,9 @@ from __future__ import annotations
 import random
 import time
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 
+from lrmd.client import RequestRefused
 from tests.doors.daemon_door import simulated_config
 from tests.doors.door import Angles, DoorKind
 from tests.doors.ros2_door import ALL_GOALS, NOTHING
@@ -45,7 +46,11 @@ class RosBridgeDoor:
         self._bridge.send("send_goal", goal(self._goals, there))
 
     def stop(self) -> None:
-        how = self._rng.choice(["hold", "hold", "estop", "empty", "cancel"])
+        how = self._rng.choice(["hold", "hold", "estop", "empty", "cancel", "hold by a person", "hold by a person"])
+        if how == "hold by a person":
+            with suppress(RequestRefused):  # nothing to hold
+                self._bridge.person.hold()
+            return
         end, message = {"empty": ("topic", trajectory()), "cancel": ("cancel_goal", ALL_GOALS)}.get(how, (how, NOTHING))
         assert self._bridge.send(end, message).wait(PATIENCE_S), f"nobody answers {how}"
 

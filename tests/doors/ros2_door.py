@@ -11,6 +11,7 @@ import signal
 import subprocess
 import sys
 import tempfile
+import threading
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager, suppress
@@ -22,7 +23,7 @@ import pytest
 from lrm_math.errors import LrmError
 from lrm_ros2.action_types import CANCEL_GOAL, SEND_GOAL, TRIGGER
 from lrm_ros2.message_types import JOINT_TRAJECTORY
-from lrmd.client import Rover
+from lrmd.client import RequestRefused, Rover
 from tests.doors.door import Angles, DoorKind
 from tests.ros2.test_bridge import ACTION, RosPeer, bridged, goal, point, ros_router, said, trajectory
 from tests.support.daemon.daemon_harness import HOME, wait_for_link
@@ -50,7 +51,20 @@ class RosStack:
         self.peer: RosPeer = running.enter_context(ros_router(self.port))
         wait_for_link(self.rover)
         self.bridge = running.enter_context(bridged(setup, self.port, folder / "bridge.log", "--trajectories"))
-        self.goals = 0
+        self.goals, self._wakes = 0, threading.Timer(0.0, lambda: None)
+
+    def stall(self, seconds: float | None) -> None:
+        """Freezes the bridge for some seconds, or for good, and comes back."""
+        self._wakes.cancel()
+        self.bridge.send_signal(signal.SIGSTOP)
+        if seconds is not None:
+            self._wakes = threading.Timer(seconds, self.bridge.send_signal, (signal.SIGCONT,))
+            self._wakes.start()
+
+    def wake(self) -> None:
+        """Wakes the bridge."""
+        self._wakes.cancel()
+        self.bridge.send_signal(signal.SIGCONT)
 
     def ready(self) -> None:
         """Pulses off and nothing followed."""
@@ -101,9 +115,14 @@ class RosDoor:
         self._stack.peer.ask(f"{ACTION}/send_goal", SEND_GOAL, number)
 
     def stop(self) -> None:
-        peer, how = self._stack.peer, self._rng.choice(["hold", "hold", "estop", "empty", "cancel"])
+        """By ROS, or by somebody at the daemon."""
+        ways = ["hold", "hold", "estop", "empty", "cancel", "hold by a person", "hold by a person"]
+        peer, how = self._stack.peer, self._rng.choice(ways)
         if how == "empty":
             peer.send("lrm/joint_trajectory", JOINT_TRAJECTORY, trajectory())
+        elif how == "hold by a person":
+            with suppress(RequestRefused):  # nothing to hold
+                self._stack.rover.hold()
         elif how == "cancel" and self._way == "action":
             peer.call(f"{ACTION}/cancel_goal", CANCEL_GOAL, ALL_GOALS)
         else:
@@ -114,12 +133,11 @@ class RosDoor:
         if self._way == "action":
             self._client.send_signal(self._rng.choice([signal.SIGSTOP, signal.SIGKILL]))
         else:
-            self._stack.bridge.send_signal(signal.SIGSTOP)
+            self._stack.stall(None)
 
     def disturb(self) -> None:
-        self._stack.bridge.send_signal(signal.SIGSTOP)
-        time.sleep(self._rng.uniform(0.05, 0.8))
-        self._stack.bridge.send_signal(signal.SIGCONT)
+        """What is asked meanwhile waits in the bridge."""
+        self._stack.stall(self._rng.uniform(0.05, 0.8))
 
     def pass_time(self, seconds: float) -> None:
         time.sleep(seconds)
@@ -151,7 +169,7 @@ def ros_door(seed: int) -> Iterator[RosDoor]:
             yield RosDoor(stack, client, seed)
         finally:
             client.kill()
-            stack.bridge.send_signal(signal.SIGCONT)
+            stack.wake()
             with suppress(LrmError):
                 stack.rover.hold()
 

@@ -11,7 +11,8 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
+from functools import partial
 from types import SimpleNamespace
 from typing import Any
 
@@ -19,6 +20,7 @@ from lrm_math.errors import LrmError
 from lrm_ros2.action import FollowAction
 from lrm_ros2.arrivals import Arrivals
 from lrm_ros2.bridge import TrajectoryDoor, stop_service
+from lrm_ros2.sender_watch import SenderEnd, SenderWatch
 from lrmd.client import Rover
 from lrmd.messages.codec import Message
 from lrmd.messages.control import HoldRequest
@@ -26,8 +28,10 @@ from tests.support.daemon.in_memory_daemon import SimulatedDaemon
 from tests.support.daemon.in_memory_zenoh import FakeZenohSession, InMemoryDaemon
 
 PATIENCE_S, STATE_S = 20.0, 0.02
-CLIENT = "@ros2_lv/0/c11e47/1/2/SC/tester"
-"""Token of the client of the action."""
+CLIENT = "@ros2_lv/0/c11e47/1/2/SC/%/%/tester/%lrm%goal"
+PUBLISHER = "@ros2_lv/0/b011d/1/2/MP/%/%/tester/%lrm%joint_trajectory"
+"""Tokens of the client of the action, and of the publisher."""
+TOPIC_END, CLIENT_END = SenderEnd("MP", "/lrm/joint_trajectory"), SenderEnd("SC", "/lrm/goal")
 
 
 class LiveDaemon(InMemoryDaemon):
@@ -125,15 +129,18 @@ class SessionOnly(Rover):
 
 
 class RosSide:
-    """ROS 2's network as the bridge has it, and whether the client of the action answers."""
+    """ROS 2's network as the bridge has it, and whether the client of the action answers.
 
-    def __init__(self, gate: Gate) -> None:
-        self._gate, self.client_runs = gate, True
+    `on_the_way`: takes in what was sent to the bridge, one after the other.
+    """
 
-    def ask_session(self, _: str, answered: Callable[[], None]) -> None:
-        """See `RosNode`."""
-        if self.client_runs and self._gate.is_open:
-            answered()
+    def __init__(self, gate: Gate, arrivals: Arrivals, on_the_way: deque[Callable[[], object]]) -> None:
+        self._gate, self._arrivals, self._on_the_way, self.client_runs = gate, arrivals, on_the_way, True
+
+    def ask_session(self, session: str, answered: Callable[[], None]) -> None:
+        """See `RosNode`. The answer comes after what was sent before it."""
+        if self._gate.is_open and (self.client_runs or session not in CLIENT):
+            self._on_the_way.append(partial(self._arrivals.taken_by(lambda *_: answered()), None))
 
     def stamp(self, t: float) -> float:
         """See `RosNode`."""
@@ -156,30 +163,45 @@ class InProcessBridge:
 
     def __init__(self, sim: SimulatedDaemon) -> None:
         self.gate, self.daemon = Gate(), LiveDaemon(sim)
-        self.person, self.ros = SessionOnly(self.daemon.session), RosSide(self.gate)
-        rover = SessionOnly(GatedSession(self.daemon.session, self.gate))
+        self._on_the_way: deque[Callable[[], object]] = deque()
         self.arrivals = Arrivals()
-        self.door = TrajectoryDoor(rover, self.arrivals)
-        self.action = FollowAction(self.door, self.ros)  # type: ignore[arg-type]
+        self.person, self.ros = SessionOnly(self.daemon.session), RosSide(self.gate, self.arrivals, self._on_the_way)
+        rover = SessionOnly(GatedSession(self.daemon.session, self.gate))
+        self.senders = SenderWatch(self.ros.ask_session, (TOPIC_END, CLIENT_END))
+        self.door = TrajectoryDoor(rover, self.arrivals, self.senders, TOPIC_END)
+        self.action = FollowAction(self.door, self.ros, CLIENT_END)  # type: ignore[arg-type]
         taken = self.arrivals.taken_by
         self._ends: dict[str, Callable[[Any], None]] = {
             "topic": taken(self.door.take),
-            "hold": taken(self._service(stop_service(rover.hold, "the arm holds")), stops=True),
+            "token": taken(lambda token, _: self._token(*token)),
+            "hold": taken(self._service(stop_service(lambda: self.door.stop(rover.hold), "the arm holds")), stops=True),
             "estop": taken(self._service(stop_service(lambda: rover.estop("ROS 2"), "pulses are off")), stops=True),
             "send_goal": taken(self._service(self.action.send_goal)),
             "cancel_goal": taken(self._service(self.action.cancel_goal)),
         }
-        self._on_the_way: deque[tuple[str, Any]] = deque()
 
     def send(self, end: str, message: Any) -> threading.Event:
         """Sends a message, or a request; set when the bridge has taken it, or answered."""
         known = threading.Event()
-        self._on_the_way.append((end, (namespace(message), known)))
+        taken = self._ends[end]
+
+        def arrive() -> None:
+            if end == "topic":
+                taken(namespace(message))
+                known.set()
+            else:
+                taken((namespace(message), known))
+
+        self._on_the_way.append(arrive)
         return known
 
     def client(self, there: bool) -> None:
         """The client of the action comes, or goes."""
-        self.action.client(CLIENT, there)
+        self._on_the_way.append(partial(self._ends["token"], (CLIENT, there)))
+
+    def _token(self, token: str, there: bool) -> None:
+        self.senders.token(token, there)
+        self.action.client(token, there)
 
     @contextmanager
     def running(self) -> Iterator[None]:
@@ -189,12 +211,7 @@ class InProcessBridge:
         def deliver() -> None:
             while not ended.wait(0.001):
                 while self._on_the_way and self.gate.is_open:
-                    end, (message, known) = self._on_the_way.popleft()
-                    if end == "topic":
-                        self._ends[end](message)
-                        known.set()
-                    else:
-                        self._ends[end]((message, known))
+                    self._on_the_way.popleft()()
 
         def follow() -> None:
             while not ended.is_set():
@@ -203,9 +220,17 @@ class InProcessBridge:
         def tell() -> None:
             while not ended.wait(STATE_S):
                 with suppress(LrmError):
+                    self.senders.counted(self.door.rover.mode())
                     self.action.on_state(self.door.rover.joints())
 
-        with self.daemon.ticking(), self.arrivals, _running(follow), _running(deliver), _running(tell):
+        def ask() -> None:
+            self.senders.run(ended)
+
+        works = (follow, deliver, tell, ask)
+        with self.daemon.ticking(), self.arrivals, ExitStack() as stack:
+            for work in works:
+                stack.enter_context(_running(work))
+            self._on_the_way.append(partial(self._ends["token"], (PUBLISHER, True)))
             try:
                 yield
             finally:

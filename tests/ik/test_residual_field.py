@@ -22,7 +22,7 @@ from lrm_math.model.deployed_model import field_of, named_part
 from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import Model, model_of
 from validation.calibrated_ik import DISTINCT, distinct
-from validation.residual_field.nameless_arm import measured
+from validation.nameless_arm import measured
 
 LAB = load_arm("lrm-lab")
 LOWER, UPPER = (np.array([getattr(joint, end) for joint in LAB.joints]) for end in ("lower", "upper"))

@@ -48,6 +48,7 @@ class RosPeer:
         self.session, self.samples = session, dict[str, zenoh.Sample]()
         self._queriers: dict[str, Any] = {}
         self._heard = session.declare_subscriber("0/**", self._take)
+        self._publisher = session.liveliness().declare_token(self.token_of("joint_trajectory", "MP", JOINT_TRAJECTORY))
 
     def _take(self, sample: zenoh.Sample) -> None:
         self.samples[str(sample.key_expr)] = sample
@@ -59,11 +60,16 @@ class RosPeer:
         return sample and dynamic.generate_dynamic(plain, text)[plain](sample.payload.to_bytes())
 
     def send(self, topic: str, name: str, message: dict[str, Any]) -> None:
-        """Sends a message, with the attachment that rmw_zenoh gives it."""
+        """Sends a message."""
+        key, data, attachment = self.parts(topic, name, message)
+        self.session.put(key, data, attachment=attachment)
+
+    def parts(self, topic: str, name: str, message: dict[str, Any]) -> tuple[str, bytes, bytes]:
+        """Key and bytes of a message, with the attachment that rmw_zenoh gives it."""
         of = message_type(name, "jazzy")
         data = dynamic.serialize_dynamic(name, of.text)[name](message)
         attachment = struct.pack("<QQB16s", 1, time.time_ns(), 16, bytes(range(16)))
-        self.session.put(f"0/{topic}/{dds(name)}/{of.type_hash}", data, attachment=attachment)
+        return f"0/{topic}/{dds(name)}/{of.type_hash}", data, attachment
 
     def ask(self, service: str, name: str, request: dict[str, Any], patience: float = 20.0) -> Any:
         """Sends a request to a service of the bridge, as rmw_zenoh does; the replies that will come."""
@@ -89,10 +95,10 @@ class RosPeer:
         """Declares a client of a service, as rmw_zenoh does."""
         return self.session.liveliness().declare_token(self.token_of(service))
 
-    def token_of(self, service: str) -> str:
-        """The token of a client of a service."""
-        place = f"@ros2_lv/0/{self.session.info.zid()}/1/2/SC/%/%/tester/%lrm%{service.replace('/', '%')}"
-        of = f"{dds(SEND_GOAL)}/{type_hash(SEND_GOAL, 'jazzy')}"
+    def token_of(self, name: str, kind: str = "SC", type_: str = SEND_GOAL) -> str:
+        """The token of a client of a service (SC), or of a publisher (MP)."""
+        place = f"@ros2_lv/0/{self.session.info.zid()}/1/2/{kind}/%/%/tester/%lrm%{name.replace('/', '%')}"
+        of = f"{dds(type_)}/{type_hash(type_, 'jazzy')}"
         return f"{place}/{of}/::,:,:"
 
 
@@ -301,7 +307,7 @@ def test_without_the_option_no_trajectory_is_listened_to(tmp_path: Path) -> None
         with bridged(setup, port, tmp_path / "bridge.log"):
             wait_for(lambda: said(peer, "lrmd: mode")[0] >= 0, "diagnostics")
             tokens = [str(reply.ok.key_expr) for reply in peer.session.liveliness().get("@ros2_lv/**") if reply.ok]
-            assert sum("/MP/" in token for token in tokens) == 2
+            assert sum("/MP/" in token and "tester" not in token for token in tokens) == 2
             assert not any("/MS/" in token for token in tokens)
             peer.send("lrm/joint_trajectory", JOINT_TRAJECTORY, trajectory(point(1.0, a=0.1, b=0.0)))
             time.sleep(2.5)

@@ -8,7 +8,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -128,14 +128,55 @@ def test_nor_when_both_waited_in_a_stalled_bridge(bridge: BridgeUnderTest, order
         bridge.stands()
 
 
-def test_an_order_after_a_stop_is_followed(bridge: BridgeUnderTest) -> None:
-    """Also where it comes before the stop is answered."""
+@pytest.mark.parametrize("order", ["topic", "action"])
+def test_nor_one_that_waited_in_a_stalled_bridge_while_somebody_stopped_the_arm(
+    bridge: BridgeUnderTest, order: str
+) -> None:
+    """The stop is by the daemon's own door: the bridge hears of it when it wakes, together with the order."""
+    for stall in (0.1, 0.3, 1.0, 3.0):
+        bridge.ready()
+        bridge.process.send_signal(signal.SIGSTOP)
+        bridge.send(order)
+        time.sleep(0.05)
+        bridge.rover.hold()
+        before = bridge.counts()
+        time.sleep(stall)
+        bridge.process.send_signal(signal.SIGCONT)
+        bridge.stands()
+        assert bridge.counts() == before
+
+
+def test_nor_one_that_waited_in_its_frozen_sender(bridge: BridgeUnderTest) -> None:
+    """It leaves its sender before the stop or after it."""
+    token = bridge.peer.token_of("joint_trajectory", "MP", JOINT_TRAJECTORY)
+    seconds, angle = FAR
+    key, data, attachment = bridge.peer.parts(
+        "lrm/joint_trajectory", JOINT_TRAJECTORY, trajectory(point(seconds, a=angle, b=0.05))
+    )
+    with frozen_client(bridge, token) as sender:
+        assert sender.stdin is not None
+        for stall in (0.1, 0.3, 1.0):
+            bridge.ready()
+            sender.stdin.write(f"{key} {data.hex()} {attachment.hex()}\n".encode())
+            sender.stdin.flush()
+            time.sleep(0.05)
+            bridge.rover.hold()
+            before = bridge.counts()
+            time.sleep(stall)
+            sender.send_signal(signal.SIGCONT)
+            bridge.stands()
+            assert bridge.counts() == before
+
+
+@pytest.mark.parametrize(("order", "stop"), WAYS)
+def test_an_order_after_a_stop_is_followed(bridge: BridgeUnderTest, order: str, stop: str) -> None:
+    """At once where the stop was answered; after an empty trajectory, which has no answer, soon."""
     bridge.ready()
-    bridge.stop("empty")
-    here = bridge.rover.joints().q_rad[0]
-    there = trajectory(point(2.0, a=here + 0.05, b=0.0))
-    bridge.peer.send("lrm/joint_trajectory", JOINT_TRAJECTORY, there)
-    wait_for(lambda: abs(bridge.rover.joints().q_rad[0] - here - 0.05) < 2e-3, "it is followed")
+    answer = bridge.stop(stop)
+    time.sleep(0.5 if answer is None else 0.0)
+    bridge.send(order)
+    wait_for(lambda: bridge.rover.joints().moving, "it is followed", 3.0)
+    bridge.stop("hold")
 
 
 def test_a_stop_by_another_door_is_not_overtaken_either(bridge: BridgeUnderTest) -> None:
@@ -157,17 +198,26 @@ def _moves(ask: Callable[[], object], bridge: BridgeUnderTest) -> bool:
     return True
 
 
-@pytest.fixture
-def client(bridge: BridgeUnderTest) -> Iterator[subprocess.Popen[bytes]]:
-    """Another client of the action, a process of its own."""
-    token = str(bridge.peer.token_of(f"{ACTION}/send_goal")).replace(str(bridge.peer.session.info.zid()), "ZID")
+@contextmanager
+def frozen_client(bridge: BridgeUnderTest, token: str) -> Iterator[subprocess.Popen[bytes]]:
+    """Another node, a process of its own, with a token like one of the peer's."""
+    token = token.replace(str(bridge.peer.session.info.zid()), "ZID")
     command = [sys.executable, "-m", "tests.ros2.frozen_client", f"tcp/127.0.0.1:{bridge.port}", token]
-    with subprocess.Popen(command, stdout=subprocess.PIPE) as process:
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as process:
         assert process.stdout is not None
         process.stdout.readline()
         time.sleep(0.3)
+        try:
+            yield process
+        finally:
+            process.kill()
+
+
+@pytest.fixture
+def client(bridge: BridgeUnderTest) -> Iterator[subprocess.Popen[bytes]]:
+    """Another client of the action."""
+    with frozen_client(bridge, bridge.peer.token_of(f"{ACTION}/send_goal")) as process:
         yield process
-        process.kill()
 
 
 CLIENT_S = 1.0

@@ -56,7 +56,12 @@ def _one_histogram(content: Content) -> Content:
 def _of_its_shape(content: Content) -> Content:
     """The fields that an obstacle of its shape has, and no others."""
     wanted = {"name", "shape", "position_m", *WANTED[content["shape"]]}
-    given = {"size_m": [1.0, 2.0, 3.0], "end_m": [0.0, 0.0, 1.0], "radius_m": 0.1}
+    given = {
+        "size_m": [1.0, 2.0, 3.0], "end_m": [0.0, 0.0, 1.0], "radius_m": 0.1, "cell_m": 0.1, "columns": 1,
+        "heights_m": [0.1, None],
+    }  # fmt: skip
+    if content.get("heights_m"):
+        content = {**content, "columns": len(content["heights_m"])}
     kept = {key: value for key, value in content.items() if key in wanted and value is not None}
     return {**{key: value for key, value in given.items() if key in wanted}, **kept}
 

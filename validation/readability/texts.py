@@ -52,7 +52,7 @@ def verdicts(tree: Path) -> list[Sentence]:
     """What the first commands print on the shipped example, whole and its first 40 poses; lines are those of stdout."""
     found: list[Sentence] = []
     with tempfile.TemporaryDirectory() as folder:
-        lay_out(tree, Path(folder))
+        lay_out(tree / EXAMPLE, Path(folder))
         for words in OUTPUTS:
             text = run(tree, [sys.executable, "-m", "lrm_ident", *words.split()], Path(folder))
             found += sentences(unindented(text), words)
@@ -64,10 +64,10 @@ def unindented(text: str) -> str:
     return "\n\n".join(" ".join(line.split()) for line in text.splitlines() if line.strip("─ "))
 
 
-def lay_out(tree: Path, folder: Path) -> None:
-    """The shipped example as DATA.csv, and its first 40 poses as FEW.csv."""
-    lines = (tree / EXAMPLE).read_text(encoding="utf-8").splitlines()
-    beside = (tree / EXAMPLE.with_suffix(".toml")).read_text(encoding="utf-8")
+def lay_out(data: Path, folder: Path) -> None:
+    """Measurements as DATA.csv, and their first 40 poses as FEW.csv."""
+    lines = data.read_text(encoding="utf-8").splitlines()
+    beside = data.with_suffix(".toml").read_text(encoding="utf-8")
     for name, rows in (("DATA", lines), ("FEW", lines[:41])):
         (folder / f"{name}.csv").write_text("\n".join(rows) + "\n", encoding="utf-8")
         (folder / f"{name}.toml").write_text(beside, encoding="utf-8")

@@ -92,6 +92,7 @@ def import_urdf(
     xacro: XacroArguments = None,
     accept: Accept = "",
     json: arg.JsonFile = None,
+    show_all: arg.ShowAll = False,
 ) -> None:
     """Make an arm file of a URDF or an MJCF, exact to round-off: joints, limits, masses and centres of mass.
 
@@ -111,7 +112,7 @@ def import_urdf(
             f"Its pose differs from the URDF's own kinematics by at most {found.difference:.1g} (m, rad).",
         ),
     )
-    publish(arm_document(found.arm, found.difference), json)
+    publish(arm_document(found.arm, found.difference), json, in_full=show_all)
     notice(*found.notices)
     write_text(output, text)
     show(f"Arm written to {output}")
@@ -194,13 +195,14 @@ def show_arm(
     arm: arg.ArmArgument,
     q: Annotated[str | None, Option(metavar="DEG,…", help="Joint angles for the picture. Default: all zero.")] = None,
     json: arg.JsonFile = None,
+    show_all: arg.ShowAll = False,
     figure: arg.FigureAndNumbers = None,
 ) -> None:
     """Show an arm: its dimensions, masses, reach, gravity's torques, and (--figure) a picture."""
     the_arm = load_arm(arm)
     right = f"{the_arm.dof} angles in deg by commas, one for each joint of {the_arm.name}"
     angles = np.zeros(the_arm.dof) if q is None else np.radians(parse_numbers("--q", q, right, the_arm.dof))
-    publish(arm_document(the_arm, None, angles), json, figure, partial(draw_arm, the_arm, angles))
+    publish(arm_document(the_arm, None, angles), json, figure, partial(draw_arm, the_arm, angles), show_all)
 
 
 @arm_command

@@ -43,7 +43,7 @@ def arm_document(arm: Arm, difference: float | None = None, q: Array | None = No
     )
     at = "at zero" if q is None else "at " + ", ".join(f"{angle:g}°" for angle in np.degrees(angles))
     x, y, z = tcp.tolist()
-    blocks: list[Block] = [joints, links, bodies, *_lines(arm, f"{at}: {x:.2f}, {y:.2f}, {z:.2f}", difference)]
+    blocks: list[Block] = [joints, *_lines(arm, f"{at}: {x:.2f}, {y:.2f}, {z:.2f}", difference)]
     values = {
         "arm": arm.name,
         "joints": joints.records(),
@@ -54,7 +54,7 @@ def arm_document(arm: Arm, difference: float | None = None, q: Array | None = No
         "moving_mass_g": total_mass(arm) / GRAM,
         "largest_difference": difference,
     }
-    return Document(blocks, "lrm/arm-report/1", values, links)
+    return Document(blocks, "lrm/arm-report/1", values, links, [links, bodies], "dimensions of the links, masses")
 
 
 def _lines(arm: Arm, tcp: str, difference: float | None) -> Iterator[str]:

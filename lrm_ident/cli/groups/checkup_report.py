@@ -22,12 +22,13 @@ if TYPE_CHECKING:
     from lrm_ident.study.study import Study
 
 UNSEEN = (
-    "backlash and bending behind the servo: gears, links, screws",
-    "lengths and angles of the parts; where the camera or the table stands",
-    "a wrong zero that command and encoder share",
+    "What they cannot see: backlash and bending behind the servo, lengths and angles of the parts, where camera or "
+    "table stand, a wrong zero that command and encoder share."
 )
-AGAIN = "Repair or recalibrate it, record two minutes with some stops, and check the new recording."
-BOARD = "Writes a board to print. Photos of it on the arm (lrm-ident camera read) show what encoders cannot see."
+AGAIN = "Repair or recalibrate it and record again: two minutes with some stops."
+BOARD = "Prints a board for lrm-ident camera read, which shows what encoders cannot see."
+FEW = 2
+"""Faults beside which the table of the joints has its place."""
 WORDS: dict[Cause, str] = {
     "droop": "sags by up to {size} under gravity ({slope}): its servo yields. Raise its P gain, or calibrate the arm",
     "dead band": "stops at two angles, {size} apart, depending on the side it comes from (dead band, friction). Raise "
@@ -63,16 +64,15 @@ def checkup_document(found: EncoderCheckup, arm: Arm, name: str) -> Document:
     shown = ResultTable(("joint", "RMS, deg|.2f", "unexplained by these faults, deg|.2f"), rows, title)
     again: tuple[Block, ...] = ("", CommandLine(f"Next: lrm-ident checkup {NEW}"), f"      {AGAIN}")
     also = " or" if found.findings else "Next"
+    few = len(found.findings) <= FEW
     blocks: list[Block] = [
         heading(_headline(found)),
         *(f"  {_words(one, names, found)}." for one in found.findings),
-        *(again if found.findings else ()),
-        "",
-        shown,
-        *section("What they cannot see", UNSEEN),
-        "",
+        UNSEEN,
+        *(again if found.findings else ("",)),
         CommandLine(f"{also:>4}: lrm-ident camera board -o board.pdf"),
         f"      {BOARD}",
+        *(("", shown) if few else ()),
     ]
     findings = [
         {
@@ -84,7 +84,8 @@ def checkup_document(found: EncoderCheckup, arm: Arm, name: str) -> Document:
         for one in found.findings
     ]  # fmt: skip
     values = {"dataset": name, "arm": arm.name, "rests": found.rests, "joints": table.records(), "findings": findings}
-    return Document(blocks, "lrm/checkup/1", values)
+    details = [] if few else [shown]
+    return Document(blocks, "lrm/checkup/1", values, details=details, about="the error of every joint")
 
 
 def _headline(found: EncoderCheckup) -> str:
@@ -93,7 +94,7 @@ def _headline(found: EncoderCheckup) -> str:
     if not count:
         return f"No fault found: no joint is off its command by {least} or more for a cause that encoders show."
     chance = max(one.p_value for one in found.findings)
-    sure = "" if chance == 0.0 else f" (p {p_words(chance)} that chance alone looks like this)"
+    sure = "" if chance == 0.0 else f" (chance alone: p {p_words(chance)})"
     return f"{count} fault{'s' if count > 1 else ''} found by command and encoder{sure}:"
 
 

@@ -31,6 +31,7 @@ from lrm_ident.measuring.motion.motion_report import (
 from lrm_ident.measuring.motion.motion_study import MotionStudy
 from lrm_ident.measuring.motion.settling_times import longest, settling_times
 from lrm_ident.report.document import Block, Document, ResultTable
+from lrm_ident.report.effects import listed
 from lrm_ident.report.plain_names import PLAIN
 from lrm_math.arm.arm_file import load_arm
 from lrm_math.errors import UnknownName
@@ -251,6 +252,7 @@ def settle(
 def effects(
     name: Annotated[str | None, Argument(metavar="EFFECT", help="One of them; default: all.")] = None,
     json: arg.JsonFile = None,
+    show_all: arg.ShowAll = False,
 ) -> None:
     """Explain the effects of motion: cause, formula, parameters, and what shows them."""
     known = {kind.id: kind for kind in MOTION_EFFECTS}
@@ -259,7 +261,9 @@ def effects(
     if name is None:
         rows = [(kind.id, PLAIN[kind.id].format(place="a joint"), kind.about.cause) for kind in known.values()]
         table = ResultTable(("effect", "name", "cause"), rows, "Effects of motion")
-        publish(Document([table], "lrm/motion-effects/1", {"effects": table.records()}), json)
+        names = list(listed("lrm-ident motion effects EFFECT", "Effects of motion", list(known)))
+        document = Document(names, "lrm/motion-effects/1", {"effects": table.records()}, None, [table], "their causes")
+        publish(document, json, in_full=show_all)
         return
     kind = known[name]
     sizes = [(p.name, p.meaning, p.typical / p.si, p.lower / p.si, p.upper / p.si) for p in kind.parameters]

@@ -166,6 +166,7 @@ def checkup(
         Path | None, Option("--card", metavar="FILE", help="Also write a paragraph for the dataset's card (.md).")
     ] = None,
     json: arg.JsonFile = None,
+    show_all: arg.ShowAll = False,
 ) -> None:
     """Check a LeRobot recording for faults of the arm: sag, dead band, leader offset, drift, a slipped horn.
 
@@ -197,7 +198,7 @@ def checkup(
     if card is not None:
         write_text(card, card_paragraph(found, the_arm))
     if video is None or lens is None or output is None:
-        publish(document, json)
+        publish(document, json, in_full=show_all)
         raise Exit(1 if found.findings else 0)
     from lrm_ident.data.measurement_file.write import measurements_csv, write_with_metadata
     from lrm_ident.measuring.camera.lens import Lens
@@ -206,5 +207,7 @@ def checkup(
     with progress("looking at the rests") as tick:
         photos = measure_video(folder, video, frames, dwell, the_arm, arm, read_toml(lens, Lens), on_gripper, tick)
     write_with_metadata(output, measurements_csv(photos.data), arm, f"video, {dataset.name}", frame="arm")
-    publish(with_video(document, photos, studied(read_measurements(output, the_arm, arm)), output), json)
+    publish(
+        with_video(document, photos, studied(read_measurements(output, the_arm, arm)), output), json, in_full=show_all
+    )
     raise Exit(1 if found.findings else 0)

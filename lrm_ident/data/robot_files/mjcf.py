@@ -17,6 +17,7 @@ from lrm_ident.data.robot_files.urdf_export import BALL, ExportedFile, every_joi
 from lrm_ident.data.wording import joint_labels
 from lrm_math.arm.arm import MimicJoint
 from lrm_math.arrays import Array
+from lrm_math.effects.compliance import LateralCompliance
 from lrm_math.kinematics.chain import Slot
 from lrm_math.model.model import Model
 
@@ -76,19 +77,40 @@ def mjcf(model: Model) -> ExportedFile:
 
 
 def slot_motions(model: Model) -> list[Array]:
-    """(4, 4) each, constant motion along every slot of a model's chain, every joint at zero."""
+    """(4, 4) each, constant motion along every slot of a model's chain, every joint at zero.
+
+    The middle hinge of a link stands where the link bends.
+    """
     axes = (np.eye(3)[slot.axis] for slot in model.chain.slots)
     amounts = map(float, model.chain.driven(every_joint_at_zero(model)))
+    parts = _part_of_half_length(model)
     moved = zip(model.chain.slots, axes, amounts, strict=True)
-    return [turn(axis.tolist(), amount) if slot.rotates else shift(amount * axis) for slot, axis, amount in moved]
+    return [
+        turn(axis.tolist(), amount) if slot.rotates else shift(amount * parts.get(slot.key, 1.0) * axis)
+        for slot, axis, amount in moved
+    ]
+
+
+def _part_of_half_length(model: Model) -> dict[str, float]:
+    """Part of half the link's length that each slot to a hinge shifts by, for a hinge at the point of the bend."""
+    points = {
+        effect.place: effect.point(values) for effect, values in model.parts() if isinstance(effect, LateralCompliance)
+    }
+    return {
+        slot.key: 2.0 * (point if slot.name.startswith("near_") else 1.0 - point)
+        for slot in model.chain.slots
+        if slot.to_hinge and (point := points.get(slot.place)) is not None
+    }
 
 
 def spring_stiffness(model: Model) -> dict[int, float]:
-    """Stiffness (N·m/rad) of the slots that give way; compliances of one slot add up."""
+    """Stiffness (N·m/rad) of the slots that give way; compliances of one slot add up. A link bends at its middle hinge,
+    which stands at the point of the bend (`slot_motions`)."""
     out: dict[int, float] = {}
     for effect, values in model.parts():
         if effect.id in SPRINGS:
-            for key, k in zip(effect.targets, values, strict=True):
+            known = [value for value, p in zip(values, effect.parameters, strict=True) if p.fixed is None]
+            for key, k in zip(effect.targets[: len(known)], known, strict=True):
                 slot = model.chain.index[key]
                 out[slot] = out.get(slot, 0.0) + k
     return {slot: 1.0 / k for slot, k in out.items() if k > 0.0}

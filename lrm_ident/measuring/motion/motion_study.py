@@ -12,7 +12,8 @@ from functools import cached_property
 
 import numpy as np
 
-from lrm_ident.diagnosis.attribution import Attribution, ExplainedStep, attribute_steps
+from lrm_ident.diagnosis.attribution import ExplainedStep, attribute_steps
+from lrm_ident.diagnosis.judgement import Support
 from lrm_ident.fitting.progress import Progress, silent
 from lrm_ident.measuring.motion.joint_fit import JointFit, fit_joint
 from lrm_ident.measuring.motion.moves import Moves
@@ -44,14 +45,14 @@ class JudgedEffect:
     """
 
     effect: MotionEffect
-    kind: Attribution
+    kind: Support
     without: float
     rivals: tuple[str, ...]
 
     @property
     def identified(self) -> bool:
         """Whether its cause is identified."""
-        return self.kind == "finding" and not self.rivals
+        return self.kind == Support.FINDING and not self.rivals
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,32 +6,41 @@ The one source of a verdict in words: terminal, page, report and notebook show t
 from __future__ import annotations
 
 import shlex
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from lrm_ident.data.wording import arrow, enumerate_words, in_mm, in_percent
-from lrm_ident.diagnosis.attribution import Attribution, attribution_of, unexplained_ratio
+from lrm_ident.data.wording import arrow, enumerate_words, in_mm
+from lrm_ident.design.advice import Advice
+from lrm_ident.diagnosis.attribution import attribution_of, unexplained_ratio
 from lrm_ident.diagnosis.contradiction import can_be_contradicted
 from lrm_ident.diagnosis.diagnosis_report import DiagnosisReport, RankedCandidate
+from lrm_ident.diagnosis.judgement import Support, Verdict
 from lrm_ident.fitting.model_fit import DEFAULT_EFFECTS
+from lrm_ident.report.diagnosis.advice import advice_of, causes_of
 from lrm_ident.report.document import Block, CommandLine, Facts, heading, section
-from lrm_ident.report.plain_names import in_words, plain_name
+from lrm_ident.report.plain_names import plain_name
+from lrm_ident.report.repairs import by_hand
+from lrm_ident.report.story import ON_THE_ARM
 from lrm_ident.residual.data_audit import where_it_holds
 from lrm_ident.residual.scale_uncertainty import scale_uncertainty
-from lrm_ident.residual.thresholds import MAX_UNEXPLAINED_RATIO, MIN_GAIN
+from lrm_ident.residual.thresholds import MAX_UNEXPLAINED_RATIO
 from lrm_math.arm.arm import JointLimits
 from lrm_math.effects import CATALOGUE, variants
 
-LISTED, REASONS, POSES_TO_MEASURE = 4, 4, 40
+LISTED, STANDS_FOR, REASONS = 4, 2, 3
 MISSING = "Missing from the model"
+PART = 0.15
+"""Share of the squared error from which an effect is said to explain part of it."""
 HEADLINES = {
-    "effect_describes": "No cause identified. The error is systematic, but these poses do not determine its cause.",
-    "nothing_missing": "No missing effect found: the remaining error is about the measurement noise.",
-    "unexplained_structure": "No cause identified. The error is systematic, but no known effect explains it.",
-    "unpredictable": "No cause identified. The error exceeds the noise, but nothing that was measured predicts it.",
-    "noise_unknown": "No missing effect found, but the measurement noise is not known, so one may be hidden in it.",
+    Verdict.EFFECT_DESCRIBES: "No cause identified: the error is systematic, but these poses do not show why.",
+    Verdict.NOTHING_MISSING: "No missing effect found: the remaining error is about the measurement noise.",
+    Verdict.UNEXPLAINED_STRUCTURE: "No cause identified: the error is systematic, but no known effect explains it.",
+    Verdict.UNPREDICTABLE: "No cause identified: the error exceeds the noise, but nothing measured predicts it.",
+    Verdict.NOISE_UNKNOWN: (
+        "No missing effect found, but the measurement noise is not known, so one may be hidden in it."
+    ),
 }
 """First lines of the verdicts that name no effect to add as a cause."""
 NOTHING_FOUND, BESIDE = "No missing effect found", 3
@@ -52,10 +61,11 @@ UNKNOWN_FILES = CommandNames()
 
 @dataclass(frozen=True)
 class NextStep:
-    """Next thing to do: an imperative, and the command for it where there is one."""
+    """Next thing to do: an imperative, the command for it where there is one, and the command after that."""
 
     words: str
     command: str = ""
+    then: str = ""
 
 
 @dataclass(frozen=True)
@@ -78,10 +88,11 @@ class Conclusion:
         for number, step in enumerate(self.next):
             lead = "Next: " if number == 0 else "  or: "
             if step.command:
-                steps += [CommandLine(f"{lead}{step.command}"), f"      {step.words}"]
+                then = [CommandLine(f"      Then: {step.then}")] if step.then else []
+                steps += [CommandLine(f"{lead}{step.command}"), f"      {step.words}", *then]
             else:
                 steps.append(f"{lead}{step.words}")
-        why = section("Why these poses determine no more", self.reasons)
+        why = section("What these poses lack", self.reasons)
         return [heading(self.headline), Facts(self.facts), *why, *(steps if self.next else ())]
 
     def as_json(self) -> dict[str, object]:
@@ -90,15 +101,15 @@ class Conclusion:
             "headline": self.headline,
             "facts": dict(self.facts),
             "reasons": self.reasons,
-            "next": [{"do": step.words, "command": step.command or None} for step in self.next],
+            "next": [{"do": one.words, "command": one.command or None, "then": one.then or None} for one in self.next],
         }
 
 
 def conclude(report: DiagnosisReport, names: CommandNames = UNKNOWN_FILES) -> Conclusion:
     """The conclusion of a diagnosis. `names`: of the files in its commands."""
     attribution, rivals = attribution_of(report), report.first.equivalent if report.first else ()
-    tells_why = attribution != "finding" or rivals or report.verdict == "unexplained_structure"
-    quiet = report.verdict in ("nothing_missing", "noise_unknown")
+    tells_why = attribution != Support.FINDING or rivals or report.verdict == Verdict.UNEXPLAINED_STRUCTURE
+    quiet = report.verdict.quiet
     return Conclusion(
         headline=_headline(report, attribution),
         facts=tuple((label, words) for label, words in _facts(report, attribution) if words),
@@ -117,14 +128,14 @@ def _beside(report: DiagnosisReport) -> str:
     return f" besides {', '.join(others)}{' and ' if others else ''}{last}, which the model has"
 
 
-def _headline(report: DiagnosisReport, attribution: Attribution | None) -> str:
+def _headline(report: DiagnosisReport, attribution: Support | None) -> str:
     first = report.first
     if first is None or attribution is None:
         return HEADLINES[report.verdict].replace(NOTHING_FOUND, f"{NOTHING_FOUND}{_beside(report)}")
-    if attribution == "description":
+    if attribution == Support.DESCRIPTION:
         return _empirical_headline(report, first)
     what = _titled(first.name)
-    if attribution == "possible_cause":
+    if attribution == Support.POSSIBLE_CAUSE:
         return f"An effect is missing from the model. The best candidate: {what}"
     if first.equivalent:
         return f"{MISSING}: {what}, or another that these poses cannot distinguish from it"
@@ -136,34 +147,39 @@ def _empirical_headline(report: DiagnosisReport, first: RankedCandidate) -> str:
     if refined:
         return f"No new cause: the formula of {enumerate_words(sorted(map(plain_name, refined)), LISTED)} is not exact."
     if first.scored.candidate.effect.variant_of:
-        return HEADLINES["effect_describes"]
+        return HEADLINES[Verdict.EFFECT_DESCRIBES]
     if not can_be_contradicted(first.scored.candidate.effect, report.diagnosis.data.poses.q):
         return "No cause identified: with so few angles of its joint, any function of the angle fits as well."
     return "No cause identified: the best effect explains too little of the error to be called its cause."
 
 
-def _facts(report: DiagnosisReport, attribution: Attribution | None) -> Iterator[tuple[str, str]]:
+def _facts(report: DiagnosisReport, attribution: Support | None) -> Iterator[tuple[str, str]]:
     """Labelled facts; those without words are left out."""
     first = report.first
-    if first is not None and attribution != "description":
-        yield "estimate", f"{in_words(first.claim)}{' (± one standard error)' if '±' in first.claim else ''}"
+    if first is not None and attribution != Support.DESCRIPTION:
+        yield "estimate", first.claim
     yield "held-out error", _held_out(report)
     yield "as deployed", _deployed(report)
     scale = scale_uncertainty(report.diagnosis.fit)
     yield "tracker's scale", "" if scale is None else scale.sentence
     if first is not None and attribution is not None:
-        label = "empirical term" if attribution == "description" else "certainty"
+        label = "empirical term" if attribution == Support.DESCRIPTION else "certainty"
         yield label, _certainty(report, first, attribution)
-    if first is None or attribution != "finding":
-        yield "black-box model", in_words(report.left.predictable.sentence)
-    if report.verdict == "unexplained_structure":
+        yield "could be", _stands_for(report, first) if attribution == Support.DESCRIPTION else ""
+        yield (
+            "by hand",
+            "" if attribution == Support.DESCRIPTION or first.equivalent else by_hand(first.scored.candidate.effect),
+        )
+    if (first is None or attribution != Support.FINDING) and not _bounds_noise(report):
+        yield "black-box model", report.left.predictable.brief
+    if report.verdict == Verdict.UNEXPLAINED_STRUCTURE:
         yield "acts most like", _looks_like(report)
-    yield "where", in_words(report.left.regimes[0].sentence) if report.left.regimes else ""
+    yield "where", report.left.regimes[0].brief if report.left.regimes else ""
     yield "far off", " ".join(_far_poses(report))
     yield "rows", " ".join(f"{one.sentence[0].upper()}{one.sentence[1:]}." for one in report.diagnosis.shifted)
     outliers = report.diagnosis.outliers
     yield "left out", f"{enumerate_words(list(map(str, outliers)), 2 * LISTED)}, as outliers" if outliers else ""
-    if report.verdict in ("nothing_missing", "noise_unknown"):
+    if report.verdict.quiet:
         yield "hidden at most", _may_hide(report)
         yield "valid", valid_where(report)
 
@@ -185,14 +201,23 @@ def _fall(before: float, after: float) -> str:
 
 def _held_out(report: DiagnosisReport) -> str:
     floor, sd = report.diagnosis.floor.rms, report.diagnosis.floor.sd
-    bound = f"measurement noise not known, at most {in_mm(report.left.predictable.noise_bound)} mm"
+    bound = f"noise at most {in_mm(report.left.predictable.noise_bound)} mm"
     noise = bound if floor is None else f"measurement noise {in_mm(floor)} mm"
-    if report.verdict == "unpredictable" and sd is not None:
+    if report.verdict == Verdict.UNPREDICTABLE and sd is not None:
         noise += f": the error is {report.diagnosis.fit.sigma / sd:.2f} times as large"
     error, first = report.held_out.rms, report.first
-    what = "the empirical term" if first is not None and attribution_of(report) == "description" else "it"
-    errors = f"{in_mm(error)} mm RMS" if first is None else f"{_fall(error, first.held_out_rms)} with {what},"
-    return f"{errors} at poses that the fit did not use ({noise})"
+    if first is None or attribution_of(report) == Support.DESCRIPTION:
+        return f"{in_mm(error)} mm RMS{_predicted(report) if _bounds_noise(report) else f' ({noise})'}"
+    return f"{_fall(error, first.held_out_rms)} with it ({noise})"
+
+
+def _bounds_noise(report: DiagnosisReport) -> bool:
+    """Whether nothing but the black-box model tells how small the noise is at most."""
+    return report.diagnosis.floor.rms is None and report.left.predictable.more_to_find
+
+
+def _predicted(report: DiagnosisReport) -> str:
+    return f", systematic: a black-box model reaches {in_mm(report.left.predictable.error.rms)} mm"
 
 
 def _deployed(report: DiagnosisReport) -> str:
@@ -201,32 +226,35 @@ def _deployed(report: DiagnosisReport) -> str:
     if first is not None and first.deployed is not None:
         before, after = (in_mm(one.now.rms) for one in (deployed, first.deployed))
         same = (before, after) == (in_mm(shown), in_mm(first.held_out_rms))
-        return "" if same else f"{before} → {after} mm RMS, on the arm: effects of this session alone do not go along"
+        return "" if same else f"{before} → {after} mm RMS {ON_THE_ARM}"
     if in_mm(deployed.now.rms) == in_mm(shown) and deployed.otherwise is None:
         return ""
-    earlier = "" if deployed.otherwise is None else f"; {in_mm(deployed.otherwise.rms)} mm earlier in the session"
-    return f"{in_mm(deployed.now.rms)} mm RMS, on the arm: effects of this session alone do not go along{earlier}"
+    earlier = "" if deployed.otherwise is None else f" (earlier in this session {in_mm(deployed.otherwise.rms)} mm)"
+    return f"{in_mm(deployed.now.rms)} mm RMS {ON_THE_ARM}{earlier}"
 
 
-def _certainty(report: DiagnosisReport, first: RankedCandidate, attribution: Attribution) -> str:
-    if attribution == "description":
-        return _explains(report, first)
+def _certainty(report: DiagnosisReport, first: RankedCandidate, attribution: Support) -> str:
+    if attribution == Support.DESCRIPTION:
+        return f"{plain_name(first.name)}: {_fall(report.held_out.rms, first.held_out_rms)}"
     beside = enumerate_words([plain_name(name) for name in first.equivalent], LISTED)
-    if attribution == "possible_cause":
+    if attribution == Support.POSSIBLE_CAUSE:
         ratio = unexplained_ratio(report) or 0.0
+        if not report.replicates:
+            rivals = f" These poses cannot distinguish it from {beside}." if beside else ""
+            return f"only a candidate cause: fitted on each half of the data alone, it is not chosen in both.{rivals}"
         rivals = f" These poses cannot distinguish it from {beside}." if beside else ""
         return (
-            f"only a candidate cause: {ratio:.1f} times as much squared error stays unexplained as it explains (limit "
-            f"{MAX_UNEXPLAINED_RATIO:.2f}), so another cause may stand behind it.{rivals}"
+            f"only a candidate: it leaves {ratio:.1f} times the squared error that it explains (limit "
+            f"{MAX_UNEXPLAINED_RATIO:.2f}), so the cause may be another.{rivals}"
         )
     if beside:
-        return f"it, or one of {len(first.equivalent)} others that these poses cannot distinguish from it: {beside}"
+        return f"it, or {beside}: indistinguishable with these poses"
     unsure = "" if report.diagnosis.floor.rms is not None else "; how much stays unexplained is not known"
-    return f"identified: no other cause explains the error as well{_runner_up(report, first)}{unsure}"
+    return f"identified: no other cause {_runner_up(report, first)}{unsure}"
 
 
 def _runner_up(report: DiagnosisReport, first: RankedCandidate) -> str:
-    """The next best effect that could be the cause, and what it would leave; splines of several causes are none."""
+    """What the next best effect leaves that could be the cause; splines, which follow any cause, are none."""
     own = {first.name, *variants(first.scored.candidate.effect)}
     others = [
         one
@@ -238,19 +266,15 @@ def _runner_up(report: DiagnosisReport, first: RankedCandidate) -> str:
         and not one.scored.implausible
     ]
     if not others:
-        return ""
-    least = min(others, key=lambda one: one.scored.alone.rms)
-    return f"; the next best, {plain_name(least.name)}, would leave {in_mm(least.scored.alone.rms)} mm"
+        return "explains it"
+    return f"leaves less than {in_mm(min(one.scored.alone.rms for one in others))} mm"
 
 
-def _explains(report: DiagnosisReport, first: RankedCandidate) -> str:
-    """Share of the squared error that an empirical term explains, and the causes that it may stand for."""
-    above = " above the noise" if report.diagnosis.floor.rms is not None else ""
-    share = f"{_titled(first.name)} explains {in_percent(report.share)} % of the squared error{above}"
+def _stands_for(report: DiagnosisReport, first: RankedCandidate) -> str:
+    """The causes that an empirical term may stand for."""
     present = {effect.name for effect in report.diagnosis.fit.model.effects}
     causes = [plain_name(name) for name in variants(first.scored.candidate.effect) if name not in present]
-    stands_for = f" It may stand for any of these: {enumerate_words(causes, LISTED)}." if causes else ""
-    return f"{share}, whatever its cause.{stands_for}"
+    return enumerate_words(causes, STANDS_FOR)
 
 
 def _looks_like(report: DiagnosisReport) -> str:
@@ -258,9 +282,9 @@ def _looks_like(report: DiagnosisReport) -> str:
     found, held_out = report.diagnosis.unexplained, report.held_out.rms
     named = {function.name: rms for function, rms in found.ranking}
     best = found.functions[0].name if found.functions else next(iter(named), "")
-    if best not in named or named[best] > (1.0 - MIN_GAIN) * held_out:
+    if best not in named or 1.0 - (named[best] / held_out) ** 2 < PART:
         return ""
-    return f"{in_words(best)}: it would leave {in_mm(named[best])} of {in_mm(held_out)} mm"
+    return f"{best}, which leaves {in_mm(named[best])} mm"
 
 
 def _far_poses(report: DiagnosisReport) -> Iterator[str]:
@@ -294,50 +318,49 @@ def _may_hide(report: DiagnosisReport) -> str:
     if not bounds or report.diagnosis.data.several_kinds:
         return ""
     name = next(iter(bounds))
-    return (
-        f"{in_mm(bounds[name])} mm RMS (95 % bound): no known effect moves the tip further without showing at these "
-        f"poses; the largest that may hide is {plain_name(name)}"
-    )
+    return f"{in_mm(bounds[name])} mm RMS (95 % bound) by any one known effect; most by {plain_name(name)}"
 
 
-def _next_steps(report: DiagnosisReport, attribution: Attribution | None, names: CommandNames) -> Iterator[NextStep]:
+def _next_steps(report: DiagnosisReport, attribution: Support | None, names: CommandNames) -> Iterator[NextStep]:
     first = report.first
     if first is None or attribution is None:
         yield _without_effect(report, names)
+        if report.verdict == "nothing_missing":
+            export = f"lrm-ident arm export {shlex.quote(names.model)} -o arm.urdf"
+            yield NextStep("Writes its geometry for other programs.", export)
         return
     files = f"{shlex.quote(names.model)} {shlex.quote(names.data)}"
     add = f"lrm-ident add {files} {shlex.quote(first.name)} -o better.toml"
-    causes = _causes(report, first, attribution)
-    if len(causes) > 1:
-        arm, rivals = shlex.quote(names.arm), shlex.quote(",".join(causes[:LISTED]))
-        model, data = shlex.quote(names.model), shlex.quote(names.data)
-        poses = f"--separate {rivals} --have {data} -n {POSES_TO_MEASURE} -o next.csv"
-        words = (
-            f"Writes the {POSES_TO_MEASURE} poses that distinguish these causes best. Move the arm to them, measure "
-            f"the tip, add the rows to {names.data}, then fit and diagnose again."
-        )
-        yield NextStep(words, f"lrm-ident design {arm} --model {model} {poses}")
-    if attribution == "description":
-        fall = _fall(report.held_out.rms, first.held_out_rms)
-        now = f"To use the arm meanwhile: corrects the error without knowing its cause ({fall})."
-        yield NextStep(now, add)
+    if (advice := advice_of(report)) is not None:
+        yield _to_distinguish(advice, causes_of(report), names)
+    if attribution == Support.DESCRIPTION:
+        yield NextStep("Use the arm meanwhile: this corrects the error without knowing its cause.", add)
     else:
         auto = f"lrm-ident auto {files} -o best.toml"
-        yield NextStep("Adds this effect and refits the model. Then diagnose better.toml.", add)
-        yield NextStep("To get there in one go: adds this and every further effect until none is missing.", auto)
+        then = f"lrm-ident diagnose better.toml {shlex.quote(names.data)}"
+        yield NextStep("Adds it to the model and refits all parameters.", add, then)
+        if not first.equivalent:
+            yield NextStep("In one go: adds this and every further effect until none is missing.", auto)
 
 
-def _causes(report: DiagnosisReport, first: RankedCandidate, attribution: Attribution) -> Sequence[str]:
-    """Effects that poses to be measured could distinguish."""
-    known: Collection[str] = {one.name for one in report.ranking}
-    stands_for = variants(first.scored.candidate.effect) if attribution == "description" else (first.name,)
-    return [name for name in dict.fromkeys((*stands_for, *first.equivalent)) if name in known]
+def _to_distinguish(advice: Advice, causes: Sequence[str], names: CommandNames) -> NextStep:
+    """The poses that distinguish causes, which were tried; without a command where none do."""
+    if advice.plan is None or not advice.helps:
+        return NextStep(advice.sentence)
+    arm, rivals = shlex.quote(names.arm), shlex.quote(",".join(causes))
+    model, data = shlex.quote(names.model), shlex.quote(names.data)
+    words = f"{advice.sentence} Measure the tip there, append to {names.data}."
+    poses = f"--separate {rivals} --have {data} {advice.plan.options} -o next.csv"
+    again = f"lrm-ident fit {data} --arm {arm} -o new.toml"
+    return NextStep(words, f"lrm-ident design {arm} --model {model} {poses}", again)
 
 
 def _without_effect(report: DiagnosisReport, names: CommandNames) -> NextStep:
     """The next step after a verdict without an effect to add."""
     command = {
-        "nothing_missing": f"lrm deploy {shlex.quote(names.model)}",
-        "unexplained_structure": f"lrm-ident propose {shlex.quote(names.model)} {shlex.quote(names.data)} -o law.py",
+        Verdict.NOTHING_MISSING: f"lrm deploy {shlex.quote(names.model)}",
+        Verdict.UNEXPLAINED_STRUCTURE: (
+            f"lrm-ident propose {shlex.quote(names.model)} {shlex.quote(names.data)} -o law.py"
+        ),
     }
     return NextStep(report.hint, command.get(report.verdict, ""))

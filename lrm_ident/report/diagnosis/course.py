@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
@@ -13,13 +14,15 @@ from lrm_ident.data.error_stats import error_stats
 from lrm_ident.data.wording import change_words, enumerate_words, in_mm, p_words
 from lrm_ident.diagnosis.attribution import AttributionTerm, term_of
 from lrm_ident.diagnosis.auto import AutoRun, AutoStep
-from lrm_ident.diagnosis.confirm import ConfirmedDiagnosis
+from lrm_ident.diagnosis.confirm import ConfirmedDiagnosis, objection_to
 from lrm_ident.diagnosis.diagnosis_report import with_unit
+from lrm_ident.diagnosis.judgement import Support
+from lrm_ident.fitting.held_out import held_out_squares
 from lrm_ident.report.diagnosis.conclusion import UNKNOWN_FILES, CommandNames, conclude
 from lrm_ident.report.diagnosis.diagnosis import diagnosis_document, explains_words, left_values, no_cause
-from lrm_ident.report.document import Block, Document, Facts, ResultTable, heading
+from lrm_ident.report.document import Block, CommandLine, Document, Facts, ResultTable, heading
 from lrm_ident.report.fit import error_blocks, parameter_table
-from lrm_ident.report.plain_names import in_words, plain_name
+from lrm_ident.report.plain_names import plain_name
 from lrm_ident.report.story import ANEW, Story
 from lrm_ident.residual.error_breakdown import HeldOutResidual, NestedResidual
 from lrm_ident.residual.noise_floor import noise_floor
@@ -27,13 +30,17 @@ from lrm_ident.residual.thresholds import MAX_UNEXPLAINED_RATIO
 from lrm_ident.study.field_step import WHAT_IT_IS
 from lrm_ident.study.model_on_data import ErrorSummary
 from lrm_ident.study.step import StudyStep
+from lrm_math.effects import EffectRef, effect_of
 from lrm_math.model.deployed_model import field_of
 
 if TYPE_CHECKING:
     from lrm_ident.diagnosis.symbolic_regression.proposal import LawProposal
 
-RIVALS_SHOWN, BAR, BLOCK = 4, 12, "█"
+RIVALS_SHOWN, REFUSED_SHOWN, BAR, BLOCK = 4, 3, 12, "█"
 SHOWN = 8
+STILL_OPEN = ("empirical term", "could be", "hidden at most")
+"""Facts of the last diagnosis that stand below the course."""
+LAST = "all of the last diagnosis"
 
 
 def step_blocks(number: int, step: AutoStep, start: AutoStep, nominal: float | None = None) -> Iterator[Block]:
@@ -62,18 +69,38 @@ def step_blocks(number: int, step: AutoStep, start: AutoStep, nominal: float | N
         yield Text(f"      now identifiable: {enumerate_words(step.freed, RIVALS_SHOWN)}", style="dim")
 
 
-def step_document(effect: str, step: StudyStep, before: ErrorSummary, after: ErrorSummary) -> Document:
-    """Result of `lrm-ident add`, schema `lrm/step/1`."""
+def step_document(
+    effect: str, step: StudyStep, before: ErrorSummary, after: ErrorSummary, files: Sequence[str] = ()
+) -> Document:
+    """Result of `lrm-ident add`, schema `lrm/step/1`. `files`: the new model and the data, for the next command."""
     free, now = len(step.start.free if step.start else ()), len(step.fit.model.free)
-    tables = [
-        *error_blocks(before, f"before: {free} parameters"),
-        *error_blocks(after, f"with {_said(step, effect)}: {now}"),
-    ]
+    earlier = error_blocks(before, f"Before: {free} parameters")
+    table = error_blocks(after, f"With {_said(step, effect)}: {now} parameters")
+    following: list[Block] = ["", CommandLine(f"Next: lrm-ident diagnose {shlex.join(files)}")] if files else []
     errors = {"before": before, "after": after}
     stats = {name: {"fit": error.fitted, "held_out": error.held_out.error} for name, error in errors.items()}
     values: dict[str, object] = {"added": effect, "parameters": now, **stats}
-    blocks = [*_step_headline(effect, before, after), *tables]
-    return Document(blocks, "lrm/step/1", values, details=[parameter_table(step.fit)], about="every parameter")
+    verdict = verdict_on(effect, step, before, after)
+    values |= {"verdict": verdict or None}
+    told = [Facts((("verdict", verdict),))] if verdict else []
+    blocks: list[Block] = [*_step_headline(effect, before, after), *told, *table, *following]
+    about = "the errors before, every parameter"
+    return Document(blocks, "lrm/step/1", values, details=[*earlier, parameter_table(step.fit)], about=about)
+
+
+def verdict_on(effect: str, step: StudyStep, before: ErrorSummary, after: ErrorSummary) -> str:
+    """Whether the data support an effect that was added, in words; empty where no held-out error tells."""
+    squares = [held_out_squares(errors.held_out.blocks) for errors in (before, after) if errors.held_out.blocks]
+    old, kind = () if step.start is None else step.start.free, EffectRef.parse(effect).id
+    own = [key for key in step.fit.model.free if key not in old and EffectRef.parse(effect_of(key)).id == kind]
+    if len(squares) < 2 or len(squares[0]) != len(squares[1]) or not own:
+        return ""
+    if objection := objection_to(step.fit, own, *squares):
+        return f"no evidence for it: {objection}. Undo the step unless you know the cause."
+    if step.equivalent:
+        rivals = enumerate_words([plain_name(name) for name in step.equivalent], RIVALS_SHOWN)
+        return f"supported, but these poses cannot distinguish it from {rivals}."
+    return "supported: the model surely predicts better with it. That alone does not identify it: see diagnose."
 
 
 def _step_headline(effect: str, before: ErrorSummary, after: ErrorSummary) -> Iterator[Block]:
@@ -136,18 +163,14 @@ def course_document(
         **({} if with_prior is None else {"with_prior": with_prior}),
         **({} if with_field is None else {"with_residual_field_not_a_cause": with_field}),
     }
-    fell = _last_errors(course, nested) if story is None else (("error", _held_out_words(story)), *story.facts)
+    fell = _last_errors(course, nested) if story is None else (("error", story.sentence), *story.facts)
     facts = Facts((*_sizes(course), *fell, ("not checked" if nested.error is None else "certainty", _chosen(nested))))
     told = [*attribution_blocks(course), facts, *refused_blocks(course.confirmed), ""]
     rest, last = diagnosis_document(report, names), conclude(report, names)
-    if report.first is None:  # its error stands above
-        last = replace(last, facts=tuple(one for one in last.facts if one[0] != "held-out error"))
-    about = f"errors of the last model, {rest.about}"
-    return Document([*told, *last.blocks()], "lrm/course/1", values, details=[*tables, *rest.details], about=about)
-
-
-def _held_out_words(story: Story) -> str:
-    return f"{story.sentence}{', at poses that the fit did not use' if story.held_out else ''}"
+    open_facts = tuple(one for one in last.facts if one[0] in STILL_OPEN)
+    blocks: list[Block] = [*told, *replace(last, facts=open_facts, reasons=()).blocks()]
+    details: list[Block] = [*tables, *last.blocks(), *rest.details]
+    return Document(blocks, "lrm/course/1", values, details=details, about=f"errors of the last model, {LAST}")
 
 
 def _last_errors(course: AutoRun, nested: NestedResidual) -> tuple[tuple[str, str], ...]:
@@ -161,18 +184,18 @@ def _sizes(course: AutoRun) -> Iterator[tuple[str, str]]:
     fit = course.steps[-1].fit
     errors = dict(zip(fit.model.free, fit.standard_error.tolist(), strict=True))
     present = {effect.name: effect for effect in fit.model.effects}
-    label, note = "estimate", " (± one standard error)"
-    for step in course.steps[1:]:
+    label = "estimate"
+    for step, one in zip(course.steps[1:], course.attributions, strict=True):
         effect = present.get(step.added)
-        if effect is None or effect.variant_of or not effect.names_a_cause or not effect.about.claim:
+        if one.kind == "description" or effect is None or effect.variant_of or not effect.about.claim:
             continue
         words = {
             p.name: with_unit(fit.model.value(key) / p.si, errors.get(key, 0.0) / p.si, p.unit)
             for key, p in zip(effect.keys, effect.parameters, strict=True)
         }
         claim = effect.about.claim.format(place=effect.place_in_words, **words)
-        yield label, f"{in_words(claim)}{note if '±' in claim else ''}"
-        label, note = "", ""
+        yield label, claim
+        label = ""
 
 
 def refused_blocks(confirmed: ConfirmedDiagnosis) -> Iterator[Block]:
@@ -181,7 +204,7 @@ def refused_blocks(confirmed: ConfirmedDiagnosis) -> Iterator[Block]:
         f"{name} ({in_mm(before)} → {in_mm(after)} mm)" for name, (before, after) in confirmed.worse_deployed.items()
     ]
     if rises:
-        yield f"Not added, because they make the deployed model worse (held-out RMS): {enumerate_words(rises, SHOWN)}"
+        yield f"Not added, since the error on the arm would rise: {enumerate_words(rises, REFUSED_SHOWN)}"
 
 
 def attribution_blocks(course: AutoRun) -> Iterator[Block]:
@@ -201,7 +224,7 @@ def attribution_blocks(course: AutoRun) -> Iterator[Block]:
     ratios = [
         f"{step.added} ({one.unexplained / explained if explained > 0.0 else np.inf:.1f})"
         for step, one, explained in steps
-        if one.kind == "possible_cause"
+        if one.kind == Support.POSSIBLE_CAUSE
     ]
     if ratios:
         yield (
@@ -211,13 +234,13 @@ def attribution_blocks(course: AutoRun) -> Iterator[Block]:
         )
     if terms := named("empirical term"):
         listed = enumerate_words([step.added for step in terms], len(terms))
-        yield f"Empirical terms, which improve the prediction without an identified cause: {listed}"
+        yield f"Empirical terms, without an identified cause: {listed}"
 
 
 def _chosen(nested: NestedResidual) -> str:
     """Number of folds in which each effect was chosen: what few choose is unstable."""
     if nested.error is None:
-        return f"the choice of effects, by cross-validation (nested): {nested.reason}"
+        return f"the choice of effects (nested): {nested.reason}"
     often = [f"{name} in {count}" for name, count in nested.frequency.items() if count > 1]
     once = sum(count == 1 for count in nested.frequency.values())
     more = f"; {once} {'more ' if often else ''}in one each" if once else ""

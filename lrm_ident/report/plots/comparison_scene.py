@@ -63,8 +63,8 @@ def scene_file(found: ModelComparison, models: Sequence[tuple[str, Model]]) -> b
 
 
 def topic_of(number: int, step: str) -> str:
-    """Topic of the errors after a step: its number, 0 for the arm as drawn, and its name up to the first comma."""
-    return f"/errors/{number}_{re.sub(r'[^A-Za-z0-9@<+.-]+', '_', step.partition(',')[0].strip())}"
+    """Topic of the errors after a step: its number, 0 for the arm as drawn, and its name."""
+    return f"/errors/{number}_{re.sub(r'[^A-Za-z0-9@<+.-]+', '_', step)}"
 
 
 def _between(share: float) -> tuple[float, float, float]:

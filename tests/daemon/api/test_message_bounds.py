@@ -19,6 +19,7 @@ from lrmd.messages.bounds import LONGEST, MessageBounds, bounds_of, excess
 from lrmd.messages.codec import ErrorReply, Header, Message, MessageError, error_reply, pack, unpack
 from lrmd.messages.control import DeployRequest, EstopCommand, HoldRequest, MoveRequest
 from lrmd.messages.kinematics import IkReply, IkRequest
+from lrmd.messages.surroundings import MOST_HEIGHTS, MOST_OBSTACLES
 from lrmd.messages.zenoh_session import LARGEST_MESSAGE
 from tests.support.message_schemas import every_message
 
@@ -81,7 +82,9 @@ def test_the_largest_valid_request_of_each_kind_is_read(name: str) -> None:
         for contact in content.get("may_touch", ()):
             contact.update(low_m=[-1.0 / 3] * 3)
         for obstacle in content.get("put", ()):
-            obstacle.update(shape="box", end_m=None, radius_m=None)
+            obstacle.update(
+                shape="heightfield", size_m=None, end_m=None, radius_m=None, columns=len(obstacle["heights_m"])
+            )
         assert unpack(kind, msgpack.packb(content)) == kind.model_validate(content)
 
 
@@ -89,7 +92,7 @@ def test_only_long_texts_and_paths_may_be_long() -> None:
     sizes = {name: bounds_of(kind).size for name, kind in REQUESTS.items()}
     long = {name for name, size in sizes.items() if size > 12_000}
     assert long == {"DeployRequest", "MoveRequest", "IkRequest", "FkRequest", "SceneCommand"}
-    assert sizes["SceneCommand"] < 40_000
+    assert sizes["SceneCommand"] < 40_000 + MOST_OBSTACLES * MOST_HEIGHTS * 9
     assert max(bounds_of(kind).size for kind in KINDS.values()) < LARGEST_MESSAGE
 
 

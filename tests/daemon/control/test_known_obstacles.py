@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import replace
 from typing import Any
 
@@ -9,16 +10,22 @@ import msgpack
 import numpy as np
 import pytest
 
+from lrm_math.arrays import Array
 from lrm_math.collision.scene import Scene
 from lrm_math.ik.nominal import NominalSolver
 from lrmd.config import SECOND, Config, load_config
 from lrmd.control.requests import SCENES_PER_S
 from lrmd.control.state_machine import Mode
 from lrmd.errors import RequestError
+from lrmd.ik.deployed_model import deploy
+from lrmd.ik.service import IkService
+from lrmd.ik.straight_line import LineEnd
 from lrmd.messages.codec import MessageError, pack, unpack
-from lrmd.messages.control import SceneCommand
-from lrmd.messages.surroundings import MOST_OBSTACLES, ObstacleEntry, packed, unpacked
+from lrmd.messages.control import JogRequest, SceneCommand
+from lrmd.messages.kinematics import GoalEntry, IkRequest, PlanRequest
+from lrmd.messages.surroundings import MOST_CELLS, MOST_HEIGHTS, MOST_OBSTACLES, ObstacleEntry, packed, unpacked
 from lrmd.ramp.shared_memory import SharedRecords
+from lrmd.safety.collision_guard import CollisionGuard
 from tests.daemon.safety.test_contact import ABOVE, Toucher
 from tests.support.daemon.in_memory_daemon import CONFIG
 
@@ -45,6 +52,19 @@ def on_the_way(config: Config, share: float) -> ObstacleEntry:
     return sphere("stone", NominalSolver.of(config.arm).frames(q[None])[0, -1, :3, 3])
 
 
+def rock(config: Config, share: float, name: str = "map") -> ObstacleEntry:
+    """A map of flat ground below everything, with one high column where the tip passes."""
+    q = ABOVE + share * (AWAY - ABOVE)
+    x, y, z = NominalSolver.of(config.arm).frames(q[None])[0, -1, :3, 3].tolist()
+    heights: list[float | None] = [-0.3] * 1200
+    heights[20 * 40 + 15] = z
+    heights[0] = None
+    return ObstacleEntry(
+        name=name, shape="heightfield", position_m=[x - 15.5 * 0.03, y - 20.5 * 0.03, 0.0], cell_m=0.03, columns=40,
+        heights_m=heights,
+    )  # fmt: skip
+
+
 def tell(sim: Toucher, *put: ObstacleEntry, owner: str = "map", **more: Any) -> None:
     sim.keep(SECOND // SCENES_PER_S // sim.config.tick + 1)
     sim.core.handle(SceneCommand(owner=owner, put=list(put), **more), sim.now)
@@ -67,6 +87,76 @@ def test_an_obstacle_before_a_moving_arm_stops_it_and_one_beside_its_way_does_no
     tell(sim, on_the_way(config, 0.9))
     assert sim.core.mode is Mode.HOLDING
     assert "motion_stopped" in [event.code for event in sim.core.events]
+
+
+def test_a_map_of_heights_is_an_obstacle_as_any_other(sim: Toucher, config: Config) -> None:
+    """A column on the way refuses the move, stops one that is under way and a jog; one at the arm is refused."""
+    tell(sim, rock(config, 0.8))
+    with pytest.raises(RequestError, match="map would come"):
+        sim.move(AWAY)
+    tell(sim, remove=["map"])
+    sim.move(AWAY)
+    sim.keep(20)
+    tell(sim, rock(config, 0.9))
+    assert sim.core.mode is Mode.HOLDING
+    assert "motion_stopped" in [event.code for event in sim.core.events]
+
+
+def test_a_jog_stops_before_a_column_and_a_map_inside_the_arm_is_refused(sim: Toucher, config: Config) -> None:
+    tell(sim, rock(config, 0.6), max_age_s=None)
+    scene = Scene.of(config.arm, around=sim.core.obstacles.shapes())
+    with_map = ["map" in pair for pair in scene.names.tolist()]
+    rates = sim.named(0.2 * (AWAY - ABOVE) / np.abs(AWAY - ABOVE).max())
+    visited = []
+    for _ in range(60):
+        sim.settle()
+        with suppress(RequestError):
+            sim.core.handle(JogRequest(lease=sim.token, rate_rad_per_s=rates), sim.now)
+        for _ in range(10):
+            sim.keep(1)
+            visited.append(sim.core.angles(sim.ramp.position)[:6])
+    apart = scene.separations(scene.frames(np.array(visited)))[:, with_map]
+    assert apart.min() >= min(scene.margin, apart[0].min()) - 1e-5
+    assert apart.min() < scene.margin + 1e-2 < apart[0].min()
+    with pytest.raises(RequestError, match=r"'map' would be inside"):
+        tell(sim, rock(config, share_of(np.array(visited[-1]))))
+
+
+def share_of(q: Array) -> float:
+    """The share of the way to `AWAY` at which the arm stands."""
+    way = AWAY - ABOVE
+    return float((q - ABOVE) @ way / (way @ way))
+
+
+def test_plans_and_inverse_kinematics_know_a_map(config: Config) -> None:
+    """A plan goes round a column that the straight way meets; a goal in it is a collision."""
+    plain = replace(config, model=None)
+    service = IkService(plain, deploy(plain)).among([rock(config, 0.5)])
+    guard = CollisionGuard(Scene.of(config.arm, around=[rock(config, 0.5).built()]), None)
+    assert not guard.check(np.array([ABOVE, AWAY]), 0.0)[0].free
+    path = service.plan(PlanRequest(from_rad=ABOVE.tolist(), to_rad=AWAY.tolist()), lambda: None)
+    assert not isinstance(path, str | LineEnd), path
+    assert len(path) > 2
+    guard(path, 0.0)
+    x, y, z = NominalSolver.of(config.arm).frames((0.5 * (ABOVE + AWAY))[None])[0, -1, :3, 3].tolist()
+    (answer,) = service.inverse(IkRequest(goals=[GoalEntry(position_m=[x, y, z])]))
+    assert answer.verdict == "collision"
+    assert "map" in answer.bodies
+
+
+def test_maps_have_so_many_heights_in_all(sim: Toucher) -> None:
+    def flat(name: str, count: int) -> ObstacleEntry:
+        return ObstacleEntry(
+            name=name, shape="heightfield", position_m=[2.0, 2.0, 0.0], cell_m=0.01, columns=count,
+            heights_m=[0.0] * count,
+        )  # fmt: skip
+
+    tell(sim, flat("a", MOST_HEIGHTS), flat("b", MOST_CELLS - MOST_HEIGHTS))
+    with pytest.raises(RequestError, match="4097 heights; heightfields have at most 4096 in all"):
+        tell(sim, flat("c", 1))
+    assert sorted(sim.core.obstacles.known) == ["a", "b"]
+    tell(sim, flat("b", 7))
+    tell(sim, flat("c", 1))
 
 
 def test_an_obstacle_inside_the_arm_is_refused_and_stops_a_motion(sim: Toucher, config: Config) -> None:
@@ -115,6 +205,11 @@ def test_what_is_malformed_is_refused_with_its_field() -> None:
         {"size_m": [1.0, 1.0, 1.0]},
         {"name": ""},
         {"position_m": [0.0]},
+        {"shape": "heightfield"},
+        {"shape": "heightfield", "radius_m": None, "cell_m": 0.001, "columns": 1, "heights_m": [0.0]},
+        {"shape": "heightfield", "radius_m": None, "cell_m": 0.1, "columns": 2, "heights_m": [0.0]},
+        {"shape": "heightfield", "radius_m": None, "cell_m": 0.1, "columns": 1, "heights_m": [float("nan")]},
+        {"shape": "heightfield", "radius_m": None, "cell_m": 0.1, "columns": 1, "heights_m": [0.0] * 2049},
     ):
         data = pack(SceneCommand(owner="x"))
         content = msgpack.unpackb(data) | {"put": [good | wrong]}
@@ -128,7 +223,14 @@ def test_the_largest_scene_fits_into_the_shared_memory() -> None:
             name=f"{i:02d}" + "\N{SNOWMAN WITHOUT SNOW}" * 62, shape="box", position_m=[1.1, 2.2, 3.3],
             size_m=[0.1, 0.2, 0.3], rotation_rad=[0.1, 0.2, 0.3],
         )
-        for i in range(MOST_OBSTACLES)
+        for i in range(MOST_OBSTACLES - 2)
+    ]  # fmt: skip
+    largest += [
+        ObstacleEntry(
+            name=f"{i:02d}" + "\N{SNOWMAN WITHOUT SNOW}" * 62, shape="heightfield", position_m=[1.1, 2.2, 3.3],
+            cell_m=0.123, columns=2, heights_m=[1.0 / 3] * MOST_HEIGHTS, rotation_rad=[0.1, 0.2, 0.3],
+        )
+        for i in range(30, 30 + MOST_CELLS // MOST_HEIGHTS)
     ]  # fmt: skip
     shared = SharedRecords.create()
     assert shared.read_scene() is None

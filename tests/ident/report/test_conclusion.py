@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import shlex
 from pathlib import Path
-from typing import get_args
 
 import pytest
 
 import lrm_ident as lrm
 from lrm_ident.data.measurements import Measurements
-from lrm_ident.diagnosis.diagnose import Verdict
 from lrm_ident.diagnosis.diagnosis_report import NEXT_STEP
+from lrm_ident.diagnosis.judgement import Verdict
 from lrm_ident.report.diagnosis.conclusion import HEADLINES, CommandNames, conclude
 from lrm_ident.report.diagnosis.diagnosis import diagnosis_document
 from lrm_ident.report.document import blocks_html
@@ -30,9 +29,10 @@ def test_an_identified_cause_is_named_with_its_figures(fitted: Study) -> None:
     found = conclude(fitted.diagnose())
     facts = dict(found.facts)
     assert found.headline == "Missing from the model: backlash in joint 2 (backlash@joint2)"
-    assert facts["certainty"].startswith("identified: no other cause explains the error as well; the next best, ")
+    assert facts["certainty"].startswith("identified: no other cause leaves less than 1.4")
+    assert facts["by hand"].startswith("preload or replace the gear of joint 2")
     assert "3.03 → 0.57 mm RMS" in facts["held-out error"]
-    assert facts["estimate"].endswith("of backlash, end to end (± one standard error)")
+    assert facts["estimate"].endswith("of backlash, end to end")
     assert "as deployed" not in facts, "the arm gets the same error"
     assert not found.reasons
 
@@ -41,7 +41,7 @@ def test_without_a_missing_effect_the_noise_is_the_reason(fitted: Study) -> None
     found = conclude(fitted.add("backlash@joint2").diagnose())
     besides = "No missing effect found besides backlash in joint 2, which the model has:"
     assert found.headline == HEADLINES["nothing_missing"].replace("No missing effect found:", besides)
-    assert [step.command for step in found.next] == ["lrm deploy MODEL"]
+    assert [step.command for step in found.next] == ["lrm deploy MODEL", "lrm-ident arm export MODEL -o arm.urdf"]
 
 
 def test_what_cannot_be_distinguished_is_no_cause(real: Measurements) -> None:
@@ -56,8 +56,8 @@ def test_what_cannot_be_distinguished_is_no_cause(real: Measurements) -> None:
 
 
 def test_every_verdict_has_a_headline_and_a_next_step() -> None:
-    assert {*HEADLINES, "effect_missing"} == {*get_args(Verdict)}
-    assert {*NEXT_STEP, "effect_missing", "effect_describes"} == {*get_args(Verdict)}
+    assert {*HEADLINES, "effect_missing"} == {*Verdict}
+    assert {*NEXT_STEP, "effect_missing", "effect_describes"} == {*Verdict}
 
 
 def test_the_advised_command_runs_as_it_is_printed(
@@ -75,14 +75,14 @@ def test_each_jargon_word_is_explained_once_and_the_bars_have_a_scale(fitted: St
     document = diagnosis_document(fitted.diagnose())
     for in_full in (False, True):
         said = [str(block) for block in document.printed(in_full)]
-        assert sum("root mean square" in words for words in said) == 1
+        assert sum("±: standard error" in words for words in said) == 1
+        assert not any("root mean square" in words for words in said), "the line has room for two words"
     assert "0 to 3.03 mm" in document.text()
 
 
 def test_a_fit_compares_its_error_with_the_noise_of_the_measurement(tmp_path: Path) -> None:
     said = " ".join(stdout_of("fit", EXAMPLE, "-o", tmp_path / "model.toml").split())
-    assert "At poses not used in the fit it is 3.03 mm" in said
-    assert "These 3.03 mm are 5.8 times the measurement noise (0.52 mm RMS)" in said
+    assert "held out it is 3.03 mm. That is 5.8 times the noise (0.52 mm by the data file)" in said
     assert "as deployed" not in said, "the arm gets the same error"
 
 

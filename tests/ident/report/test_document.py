@@ -38,7 +38,7 @@ def test_elsewhere_a_sentence_is_one_line(words: list[str], width: int) -> None:
 def test_numbers_of_a_table_are_never_wrapped(values: list[float], words: list[str]) -> None:
     table = ResultTable(("value|+.2f", "why"), [(value, " ".join(words)) for value in values])
     lines = printed(table, 80, terminal=True).splitlines()
-    shown = [line.split()[0] for line in lines if line[1:12].strip().startswith(("+", "-"))]
+    shown = [line.split()[0] for line in lines if line[:12].strip().startswith(("+", "-"))]
     assert shown == [f"{value:+.2f}" for value in values]
 
 

@@ -14,7 +14,7 @@ from lrm_ident.workbench.tab.command_bar import ADD_FIELD
 from lrm_ident.workbench.work.tasks import FIELD
 from lrm_math.effects import FIELDS, NOT_A_CAUSE, marked
 from tests.support.browser import SHOTS, BrowserLog, RunningWorkbench, idle, opened, press, wait_for, workbench
-from validation.residual_field.nameless_arm import measured
+from validation.nameless_arm import measured
 
 SIZE = {"width": 1280, "height": 800}
 BUTTON = f"[data-name='{ADD_FIELD.lower()}']"

@@ -13,9 +13,10 @@ from lrm_math.arm.arm import Arm
 from lrm_math.arrays import Array
 from lrm_math.effects import CATALOGUE, effects_at
 from lrm_math.effects.base import Effect
+from lrm_math.effects.compliance import Spring
 from lrm_math.errors import NoEquilibrium
 from lrm_math.kinematics import statics
-from lrm_math.kinematics.chain import chain_of, trig
+from lrm_math.kinematics.chain import Chain, chain_of, trig
 from lrm_math.kinematics.forward import chain_geometry
 from lrm_math.kinematics.poses import Poses, poses_of
 from lrm_math.model.derivatives import parameter_jacobian
@@ -39,9 +40,9 @@ def some_poses(arm: Arm, seed: int, count: int = 5) -> Poses:
     return poses_of(rng.uniform(-1.7, 1.7, (count, arm.dof)), rng.choice([0.0, 0.0663], count))
 
 
-def gravity_energy(arm: Arm, slots: list[object], payload: Array) -> Array:
+def gravity_energy(arm: Arm, slots: list[object], payload: Array, chain: Chain | None = None) -> Array:
     """(N,), potential energy of all bodies (J)."""
-    chain = chain_of(arm)
+    chain = chain or chain_of(arm)
     bodies = chain_geometry(chain, slots, len(payload)).body  # type: ignore[arg-type]
     weights = statics.weights(chain, payload)
     heights = np.einsum("c,bcn->bn", -np.array(arm.gravity), bodies)
@@ -74,14 +75,16 @@ def test_equilibrium_is_a_stationary_point_of_elastic_and_gravitational_energy(a
     chain = model.chain
     nominal = chain.values([poses.angle(i) for i in range(arm.dof)])
     stiffness = {
-        chain.index[key]: 1.0 / p
-        for effect, span in zip(model.effects, model.spans, strict=True)
-        for key, p in zip(effect.targets, model.values[span], strict=True)
+        chain.index[key]: 1.0 / k
+        for effect, values in model.parts()
+        if isinstance(effect, Spring)
+        for key, k in zip(effect.targets, effect.compliances(values), strict=True)
+        if k
     }
 
     def energy(slots: list[object]) -> Array:
         spring = sum(0.5 * c * (slots[k] - nominal[k]) ** 2 for k, c in stiffness.items())  # type: ignore[operator]
-        return spring + gravity_energy(arm, slots, poses.payload)
+        return spring + gravity_energy(arm, slots, poses.payload, chain)
 
     slots, h = list(equilibrium.slots), 1e-5
     for k in stiffness:

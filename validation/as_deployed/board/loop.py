@@ -24,11 +24,11 @@ from examples.demo.world import ARM, SPEED, World, simulated_world
 from lrm_math.arm.arm_file import load_arm
 from lrm_math.arrays import Array
 from lrm_math.errors import LrmError
+from validation.as_deployed.board.goal_visits import GoalVisits, tried
 from validation.as_deployed.board.passing_world import PassingWorld
 from validation.as_deployed.outcome import Record
-from validation.residual_field.demo_loop import REPEATS, GoalVisits, tried
 
-POSES, GOALS = 160, 36
+POSES, REPEATS, GOALS = 160, 8, 36
 KNOWN, MEASURING, AFTERWARDS = (f"validation.as_deployed.board.{name}" for name in ("known", "measuring", "afterwards"))
 
 
@@ -76,7 +76,7 @@ class SeedLoop:
             with _world(self.seed, tracker, self.speed) as world:
                 subprocess.run([*shlex.split(world.load_command), f"{LOAD_G:g}"], check=True)
                 self.steps.deploy(model, *world.daemon)
-                return self.visits.visit(world, 0, SPEED / self.speed)
+                return self.visits.visit(world, SPEED / self.speed)
 
         return tried(visit)
 

@@ -26,10 +26,10 @@ from lrm_math.ik.answer import Solved
 from lrm_math.ik.calibrated import CalibratedSolver
 from lrm_math.ik.goal import point
 from lrm_math.model.model import Model
+from validation.as_deployed.board.goal_visits import GoalVisits
 from validation.as_deployed.board.passing_world import PUSHED_AT_S, PassingWorld
 from validation.as_deployed.outcome import Record, deployed, steps_of
 from validation.as_deployed.recording import WorldRecording
-from validation.residual_field.demo_loop import GoalVisits
 from validation.synthetic import ArmDescription, Dataset, GroundTruth, Schedule, true_state
 from validation.synthetic.example import ARM_FILE
 
@@ -85,7 +85,7 @@ class InstantLoop:
         """(GOALS, 3), how far from the goals the tip lands afterwards (m); NaN where there is no command."""
         solver, visits = CalibratedSolver.of(model), GoalVisits.of(GOALS, self.seed)
         load, missed = np.array([LOAD_G * GRAM]), np.full((GOALS, 3), np.nan)
-        for row, (goal, start) in enumerate(zip(visits.goals, visits.starts[0], strict=True)):
+        for row, (goal, start) in enumerate(zip(visits.goals, visits.starts, strict=True)):
             reply = solver.solve(point(goal), float(load[0]), start.tolist())
             if isinstance(reply, Solved):
                 tip = true_state(arm, truth, np.array([reply.q]), load).tcp_m[0]

@@ -22,6 +22,7 @@ from lrm_ident.report.story import GEOMETRY, Story
 from lrm_ident.residual.picture.error_field import COLOURS, ErrorField
 from lrm_ident.residual.thresholds import MIN_GAIN
 from lrm_math.effects.reference import EffectRef
+from lrm_math.model.step_name import FIT
 
 SUPPORTED, BESIDE, EMPIRICAL = "supported", "beside", "empirical"
 STANDINGS = {
@@ -60,7 +61,7 @@ def figure_values(found: ModelReport) -> dict[str, Any]:
         "marked": {why: list(numbers) for why, numbers in (found.marked or {}).items()},
         "where": _where(found),
         "next": _next(found, str(known.get("next_poses_hint", ""))),
-        "commands": [[one.command, one.words] for one in _commands(found)],
+        "commands": [[one.command, said_of(one)] for one in _commands(found)],
         "ranking": _ranking(found, known.get("ranking", ())),
     }
 
@@ -109,9 +110,10 @@ def _step(found: ModelReport, number: int) -> dict[str, Any]:
     step, lever = found.field.steps[number], found.field.lever
     mean = lever.mean(axis=1, keepdims=True)  # a turn about a short lever is enormous for a small error
     judged = (found.judged or {}).get(number)
+    entry = found.file.history[number].name if found.file.history else None
     return {
         "name": step.name,
-        "title": GEOMETRY if step.name == "fit" else step_title(step.name),
+        "title": step.name if entry is None else GEOMETRY if entry.kind == FIT else step_title(entry),
         "verdict": "" if judged is None else judged.verdict,
         "rms": in_mm(step.error.rms),
         "residual": rounded(step.residual * 1e3, UM),
@@ -123,8 +125,8 @@ def _entry(found: ModelReport, number: int) -> dict[str, Any]:
     """Errors of a step with the data that they are of; `rms`: of its model on the open data."""
     entry, step = found.file.history[number], found.field.steps[number]
     return {
-        "name": entry.step,
-        "title": step_title(entry.step),
+        "name": str(entry.name),
+        "title": step_title(entry.name),
         "fit": entry.fit_rms_mm,
         "held": entry.held_out_rms_mm,
         "deployed": entry.deployed_rms_mm,
@@ -138,6 +140,11 @@ def _next(found: ModelReport, hint: str) -> str:
     """What to do next; nothing where a command and its words state it."""
     told = any(one.words == hint or one.command.startswith("lrm-ident add") for one in _commands(found)[:1])
     return "" if told else hint
+
+
+def said_of(step: NextStep) -> str:
+    """What a command does, and the one after it."""
+    return f"{step.words} Then: {step.then}" if step.then else step.words
 
 
 def _commands(found: ModelReport) -> tuple[NextStep, ...]:

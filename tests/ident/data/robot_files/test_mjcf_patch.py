@@ -55,8 +55,8 @@ def own(so101: Arm, tmp_path: Path) -> Path:
 def hidden(arm: Arm, *names: str, **more: float) -> Model:
     effects = [effect for name in names for effect in effects_at(arm, name)]
     empty, rng = model_of(arm, effects), np.random.default_rng(3)
-    sizes = {k: abs(rng.normal(0, 0.5)) * p.typical for k, p in zip(empty.keys, empty.parameters, strict=True)}
-    return model_of(arm, effects, {k: v for k, v in sizes.items() if "tau0" not in k} | more)
+    plain = [(k, p) for k, p in zip(empty.keys, empty.parameters, strict=True) if p.fixed is None]
+    return model_of(arm, effects, {k: abs(rng.normal(0, 0.5)) * p.typical for k, p in plain} | more)
 
 
 def at_rest(path: Path, q: Array, side: float = 0.0) -> Array:
@@ -73,18 +73,26 @@ def at_rest(path: Path, q: Array, side: float = 0.0) -> Array:
     return np.array(data.site("tcp").xpos)
 
 
+SOFT_AT_ITS_ROOT = {
+    "lateral_compliance.link2.k_x_rad_per_Nm": 0.01,
+    "lateral_compliance.link2.k_y_rad_per_Nm": 0.02,
+    "lateral_compliance.link2.s_ratio": 0.2,
+}
+
+
 @pytest.mark.parametrize(
-    "names",
+    ("names", "more"),
     [
-        ("offsets", "compliance", "lateral_compliance@link2", "base_compliance"),
-        ("offsets", "compliance", "backlash@joint3", "mass@link4"),
-        ("compliance", "gravity"),
+        (("offsets", "compliance", "lateral_compliance@link2", "base_compliance"), {}),
+        (("offsets", "compliance", "lateral_compliance@link2"), SOFT_AT_ITS_ROOT),
+        (("offsets", "compliance", "backlash@joint3", "mass@link4"), {}),
+        (("compliance", "gravity"), {}),
     ],
 )
 def test_mujoco_comes_to_rest_where_our_equilibrium_is(
-    so101: Arm, own: Path, tmp_path: Path, names: tuple[str, ...]
+    so101: Arm, own: Path, tmp_path: Path, names: tuple[str, ...], more: dict[str, float]
 ) -> None:
-    model = hidden(so101, *names)
+    model = hidden(so101, *names, **more)
     out = tmp_path / "elsewhere" / "patched.xml"
     out.parent.mkdir()
     file = patched_mjcf(model, read_mjcf(own), out, tip="tcp")

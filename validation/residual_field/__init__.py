@@ -1,1 +1,0 @@
-"""Benefit and harm of a residual field."""
