@@ -22,7 +22,7 @@ from lrm_ident.data.measurement_file.write import measurements_csv
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.registration.set_up import with_set_up
 from lrm_ident.data.weights.whitening import PLAIN, Whitening, measured_alike
-from lrm_ident.design.advice import Cause, advise
+from lrm_ident.design.advice import CandidateCause, advise
 from lrm_ident.design.candidate_poses import (
     DEFAULT_LEVELS,
     ClearanceRules,
@@ -253,7 +253,7 @@ def _designed(task: DesignProblem, offered: Poses, tick: OnProgress, pool: Execu
         return run_design(task, offered, tick, pool)
     except Indistinguishable as error:
         model = task.model.with_free(task.keys or fittable(task.model))
-        causes = [Cause.typical(effect, model.free) for effect in task.rivals]
+        causes = [CandidateCause.typical(effect, model.free) for effect in task.rivals]
         advice = advise(model, causes, task.measured, task.noise, task.seed)
         offer = f" (--separate … {advice.plan.options})" if advice.plan and advice.helps else ""
         raise LrmError(f"{error}. {advice.sentence}{offer}") from None

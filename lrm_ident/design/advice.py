@@ -46,7 +46,7 @@ SECOND_LOAD_KG = 0.1
 
 
 @dataclass(frozen=True, eq=False)
-class Cause:
+class CandidateCause:
     """A candidate cause: its parameters that are not fitted (`rows`), in typical sizes (m,), and the shape found."""
 
     effect: Effect
@@ -55,21 +55,21 @@ class Cause:
     shape: tuple[float, ...] | None = None
 
     @classmethod
-    def found(cls, scored: ScoredCandidate, motion: float) -> Cause:
+    def found(cls, scored: ScoredCandidate, motion: float) -> CandidateCause:
         """One as a screening estimates it alone, as large as if it made all the motion that is to be explained (m, the
         root of the sum of squares): an estimate of what explains little alone is too small."""
         share = motion / max(float(np.linalg.norm(scored.added)), NO_MOTION)
         return cls(scored.candidate.effect, scored.candidate.rows, scored.alone.theta * share, scored.shape)
 
     @classmethod
-    def typical(cls, effect: Effect, fitted: Sequence[str]) -> Cause:
+    def typical(cls, effect: Effect, fitted: Sequence[str]) -> CandidateCause:
         """One of typical size."""
         rows = unfitted_rows(effect, fitted)
         return cls(effect, rows, np.ones(len(rows)))
 
 
 @dataclass(frozen=True, eq=False)
-class Plan:
+class MeasuringPlan:
     """Poses to measure, in this order: `poses`, in words `how`, and as options of `design`."""
 
     poses: Poses
@@ -78,7 +78,7 @@ class Plan:
 
 
 @dataclass(frozen=True)
-class Pair:
+class CausePair:
     """Two causes on some poses.
 
     lead: standard errors by which the first, if it is there, beats the second at the shape that imitates it best.
@@ -102,11 +102,11 @@ class Pair:
 class Advice:
     """The plan that distinguishes causes, or the best one where none does; `pairs` are expected with it."""
 
-    plan: Plan | None
-    pairs: tuple[Pair, ...]
+    plan: MeasuringPlan | None
+    pairs: tuple[CausePair, ...]
 
     @property
-    def alike(self) -> tuple[Pair, ...]:
+    def alike(self) -> tuple[CausePair, ...]:
         """Pairs that no plan tells apart, the worst first."""
         return tuple(sorted((pair for pair in self.pairs if not pair.told), key=lambda pair: pair.lead))
 
@@ -151,7 +151,12 @@ class Advice:
 
 
 def advise(
-    model: Model, causes: Sequence[Cause], measured: Poses | None, noise: float, seed: int = 0, most: int = COUNTS[-1]
+    model: Model,
+    causes: Sequence[CandidateCause],
+    measured: Poses | None,
+    noise: float,
+    seed: int = 0,
+    most: int = COUNTS[-1],
 ) -> Advice:
     """The first plan that tells all causes apart, together with the poses measured already; else the best.
 
@@ -175,7 +180,9 @@ def _least(advice: Advice) -> tuple[int, float]:
     return -len(advice.alike), min(pair.lead for pair in advice.pairs)
 
 
-def expected(model: Model, causes: Sequence[Cause], parts: Sequence[Poses], noise: float) -> tuple[Pair, ...]:
+def expected(
+    model: Model, causes: Sequence[CandidateCause], parts: Sequence[Poses], noise: float
+) -> tuple[CausePair, ...]:
     """Every cause beside every other one, on all poses of the parts. `noise`: m per axis."""
     columns = [_columns(model, causes, part) for part in parts]
     fitted = np.concatenate([own for own, _ in columns])
@@ -197,7 +204,7 @@ def expected(model: Model, causes: Sequence[Cause], parts: Sequence[Poses], nois
         apart, best = min((_distance(motion, columns), k) for k, columns in enumerate(own[b]))
         cosine = principal_cosine(own[a][0], own[b][best])
         names = one.effect.name, other.effect.name
-        found.append(Pair(*names, apart / (2.0 * noise), cosine, _share_a_form(one.effect, other.effect)))
+        found.append(CausePair(*names, apart / (2.0 * noise), cosine, _share_a_form(one.effect, other.effect)))
     return tuple(found)
 
 
@@ -211,7 +218,7 @@ def _distance(motion: Array, columns: Array) -> float:
     return float(np.linalg.norm(motion - basis @ (basis.T @ motion)))
 
 
-def _columns(model: Model, causes: Sequence[Cause], poses: Poses) -> tuple[Array, list[list[Array]]]:
+def _columns(model: Model, causes: Sequence[CandidateCause], poses: Poses) -> tuple[Array, list[list[Array]]]:
     """(3 N, P) of the fitted parameters, and of each cause (3 N, m) at its shape and at others (m per typical size)."""
     settled = solve_equilibrium(model, with_borne_loads(model, poses))
     fitted = identification_jacobian(settled, model.free).reshape(3 * len(poses), -1) / MM_PER_M
@@ -225,8 +232,8 @@ def _columns(model: Model, causes: Sequence[Cause], poses: Poses) -> tuple[Array
 
 
 def _plans(
-    model: Model, causes: Sequence[Cause], measured: Poses | None, noise: float, seed: int, most: int
-) -> Iterator[Plan]:
+    model: Model, causes: Sequence[CandidateCause], measured: Poses | None, noise: float, seed: int, most: int
+) -> Iterator[MeasuringPlan]:
     """Plans, from the least effort on. A plan that cannot be made is left out."""
     before = np.zeros(1) if measured is None else np.unique(np.round(measured.payload, 4))
     loads = [tuple(before.tolist())]
@@ -241,7 +248,7 @@ def _plans(
             grams = ",".join(f"{1e3 * load:g}" for load in kilograms)
             carrying = "without a load" if kilograms == (0.0,) else f"with {' and '.join(grams.split(','))} g"
             how = f"{count} poses at any angles, {carrying}, each joint coming from both sides, in random order"
-            yield Plan(
+            yield MeasuringPlan(
                 _chosen(model, causes, every, measured, noise, count, seed),
                 how,
                 f"--levels any --loads-g {grams} -n {count}",
@@ -249,7 +256,13 @@ def _plans(
 
 
 def _chosen(
-    model: Model, causes: Sequence[Cause], every: Poses, measured: Poses | None, noise: float, count: int, seed: int
+    model: Model,
+    causes: Sequence[CandidateCause],
+    every: Poses,
+    measured: Poses | None,
+    noise: float,
+    count: int,
+    seed: int,
 ) -> Poses:
     """`count` poses by design, at random where a design is not possible; as if they were measured now."""
     rivals = tuple(cause.effect for cause in causes)

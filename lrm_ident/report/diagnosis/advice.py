@@ -7,7 +7,7 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from lrm_ident.design.advice import Advice, Cause, advise
+from lrm_ident.design.advice import Advice, CandidateCause, advise
 from lrm_ident.diagnosis.attribution import attribution_of
 from lrm_ident.diagnosis.diagnosis_report import DiagnosisReport
 from lrm_math.effects import variants
@@ -44,5 +44,5 @@ def _advice(report: DiagnosisReport) -> Advice | None:
     to_explain = 0.0 if first is None else float(np.linalg.norm(first.scored.added))
     refit = None if first is None else first.fit
     noise = diagnosis.floor.sd or (diagnosis.fit if refit is None else refit).sigma
-    causes = [Cause.found(scored[name], to_explain) for name in names]
+    causes = [CandidateCause.found(scored[name], to_explain) for name in names]
     return advise(diagnosis.fit.model, causes, diagnosis.screened_subset[1].poses, noise)
