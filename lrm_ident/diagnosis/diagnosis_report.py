@@ -45,7 +45,7 @@ NEXT_STEP: Mapping[str, str] = {
     "unexplained_structure": "Searches for a formula. If you know the cause, write it as an effect: docs/effects.md",
     "unpredictable": "Measure some of these poses again in another order. An error that repeats belongs to the arm; "
     "one that does not is a loose part, creep or noise.",
-    "nothing_missing": "Uses it on an arm that lrmd drives. To check it: lrm-ident verify --help",
+    "nothing_missing": "Sends it to lrmd, the program that drives the arm. To check it: lrm-ident verify --help",
     "noise_unknown": "Measure five poses twice or more (column repeat_of), or state the noise of the instrument "
     "(noise_sd_mm), and diagnose again.",
 }

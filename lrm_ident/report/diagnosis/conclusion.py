@@ -39,8 +39,6 @@ HEADLINES = {
     "noise_unknown": "No missing effect found, but the measurement noise is not known, so one may be hidden in it.",
 }
 """First lines of the verdicts that name no effect to add as a cause."""
-NOTHING_FOUND, BESIDE = "No missing effect found", 3
-"""Words of two of them, and how many effects of the model they name at most."""
 
 
 @dataclass(frozen=True)
@@ -114,20 +112,17 @@ def conclude(report: DiagnosisReport, names: CommandNames = UNKNOWN_FILES) -> Co
     )
 
 
-def _beside(report: DiagnosisReport) -> str:
-    """The causes that the model has already, in words: nothing *else* is missing."""
+def _has_already(report: DiagnosisReport) -> str:
+    """The causes that the model has already, in words."""
     here = [effect for effect in report.diagnosis.fit.model.effects if type(effect) in CATALOGUE]
     names = dict.fromkeys(effect.name for effect in here if effect.id not in DEFAULT_EFFECTS)
-    if not names or len(names) > BESIDE:
-        return ""
-    *others, last = map(plain_name, names)
-    return f" besides {', '.join(others)}{' and ' if others else ''}{last}, which the model has"
+    return enumerate_words([plain_name(name) for name in names], LISTED)
 
 
 def _headline(report: DiagnosisReport, attribution: Attribution | None) -> str:
     first = report.first
     if first is None or attribution is None:
-        return HEADLINES[report.verdict].replace(NOTHING_FOUND, f"{NOTHING_FOUND}{_beside(report)}")
+        return HEADLINES[report.verdict]
     if attribution == "description":
         return _empirical_headline(report, first)
     what = _titled(first.name)
@@ -176,6 +171,7 @@ def _facts(report: DiagnosisReport, attribution: Attribution | None) -> Iterator
     outliers = report.diagnosis.outliers
     yield "left out", f"{enumerate_words(list(map(str, outliers)), 2 * LISTED)}, as outliers" if outliers else ""
     if report.verdict in ("nothing_missing", "noise_unknown"):
+        yield "in the model", _has_already(report)
         yield "hidden at most", _may_hide(report)
         yield "valid", valid_where(report)
 
@@ -310,8 +306,7 @@ def _may_hide(report: DiagnosisReport) -> str:
     bounds = report.diagnosis.motion_bounds
     if not bounds or report.diagnosis.data.several_kinds:
         return ""
-    name = next(iter(bounds))
-    return f"{in_mm(bounds[name])} mm RMS (95 % bound) by any one known effect; most by {plain_name(name)}"
+    return f"{in_mm(max(bounds.values()))} mm RMS by any one known effect (95 % bound)"
 
 
 def _next_steps(report: DiagnosisReport, attribution: Attribution | None, names: CommandNames) -> Iterator[NextStep]:
@@ -320,7 +315,7 @@ def _next_steps(report: DiagnosisReport, attribution: Attribution | None, names:
         yield _without_effect(report, names)
         if report.verdict == "nothing_missing":
             export = f"lrm-ident arm export {shlex.quote(names.model)} -o arm.urdf"
-            yield NextStep("Writes its geometry for other programs.", export)
+            yield NextStep("Writes its rigid part for other programs; springs and play stay in the model.", export)
         return
     files = f"{shlex.quote(names.model)} {shlex.quote(names.data)}"
     add = f"lrm-ident add {files} {shlex.quote(first.name)} -o better.toml"

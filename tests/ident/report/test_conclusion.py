@@ -40,8 +40,8 @@ def test_an_identified_cause_is_named_with_its_figures(fitted: Study) -> None:
 
 def test_without_a_missing_effect_the_noise_is_the_reason(fitted: Study) -> None:
     found = conclude(fitted.add("backlash@joint2").diagnose())
-    besides = "No missing effect found besides backlash in joint 2, which the model has:"
-    assert found.headline == HEADLINES["nothing_missing"].replace("No missing effect found:", besides)
+    assert found.headline == HEADLINES["nothing_missing"]
+    assert dict(found.facts)["in the model"] == "backlash in joint 2"
     assert [step.command for step in found.next] == ["lrm deploy MODEL", "lrm-ident arm export MODEL -o arm.urdf"]
 
 
