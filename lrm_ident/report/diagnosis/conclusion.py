@@ -239,7 +239,7 @@ def _certainty(report: DiagnosisReport, first: RankedCandidate, attribution: Att
     if beside:
         return f"it, or {beside}: indistinguishable with these poses"
     unsure = "" if report.diagnosis.floor.rms is not None else "; how much stays unexplained is not known"
-    return f"identified: no other cause {_runner_up(report, first)}{unsure}"
+    return f"identified: {_runner_up(report, first)}{unsure}"
 
 
 def _runner_up(report: DiagnosisReport, first: RankedCandidate) -> str:
@@ -255,8 +255,8 @@ def _runner_up(report: DiagnosisReport, first: RankedCandidate) -> str:
         and not one.scored.implausible
     ]
     if not others:
-        return "explains it"
-    return f"leaves less than {in_mm(min(one.scored.alone.rms for one in others))} mm"
+        return "no other known cause explains any of it"
+    return f"every other known cause leaves ≈ {in_mm(min(one.scored.alone.rms for one in others))} mm or more"
 
 
 def _stands_for(report: DiagnosisReport, first: RankedCandidate) -> str:

@@ -24,7 +24,7 @@ ATTRIBUTED: Mapping[Attribution | None, str] = {"finding": "identified", "possib
 BAR = 16
 LIKE, SPLINE = "indistinguishable", "spline: fits any cause"
 MORAN = "spatial autocorrelation (Moran's I)"
-ABOUT = "every candidate with its reason, and all that these poses lack"
+ABOUT = "every candidate, its reason, and what these poses cannot show"
 
 
 def diagnosis_document(report: DiagnosisReport, names: CommandNames = UNKNOWN_FILES) -> Document:
@@ -97,7 +97,7 @@ def _candidates(report: DiagnosisReport, most: int) -> Iterator[Block]:
         bar = "█" * max(1, min(round(BAR * rms / before), BAR))
         rows.append((advice.name, f"{approximate}{in_mm(rms)}", bar, _status(report, number, advice)))
     if counted or report.verdict == "unexplained_structure":
-        columns = ("candidate", "mm RMS|", f"0 to {in_mm(before)} mm", "status")
+        columns = ("candidate", "mm RMS|", f"bar: 0 to {in_mm(before)} mm", "status")
         yield ResultTable(columns, rows, "\nHeld-out error with each candidate added (≈: estimated without a refit)")
 
 
