@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from examples.fetch.distance_check import frames_of
 from examples.fetch.places import RADIUS, Stone
@@ -37,9 +38,9 @@ def recorded(
     return mcap_file(sorted(messages, key=lambda message: message.t), "examples.fetch")
 
 
-def thinned(t: Array) -> Array:
+def thinned(t: Array) -> NDArray[np.intp]:
     """(K,), numbers of the first of the times (N,), s, in every `EVERY_S`."""
-    return np.unique((t / EVERY_S).astype(np.intp), return_index=True)[1]
+    return np.asarray(np.unique((t / EVERY_S).astype(np.intp), return_index=True)[1], dtype=np.intp)
 
 
 def true_tips(
@@ -88,7 +89,7 @@ def _standing(arm: dict[str, Any], t: Array, stones: Sequence[Stone]) -> Iterato
     for box in arm["box"]:
         frame = base[0] if box.get("frame") == "base" else np.eye(4)
         centre = frame[:3, :3] @ (1e-3 * np.array(box["center_mm"])) + frame[:3, 3]
-        boxes.append(solid(centre, 1e-3 * np.array(box["size_mm"]), BOX, 0.3))
+        boxes.append(solid(centre, [1e-3 * edge for edge in box["size_mm"]], BOX, 0.3))
     spheres = [solid(stone.place, [2 * RADIUS] * 3, STONE) for stone in stones]
     yield scene_message(
         "/stones", ns, {"what": "stones, and boxes of the arm file"}, {"cubes": boxes, "spheres": spheres}
