@@ -40,7 +40,7 @@ def recorded(
 
 def thinned(t: Array) -> NDArray[np.intp]:
     """(K,), numbers of the first of the times (N,), s, in every `EVERY_S`."""
-    return np.asarray(np.unique((t / EVERY_S).astype(np.intp), return_index=True)[1], dtype=np.intp)
+    return np.unique((t / EVERY_S).astype(np.intp), return_index=True)[1]
 
 
 def true_tips(
@@ -89,7 +89,7 @@ def _standing(arm: dict[str, Any], t: Array, stones: Sequence[Stone]) -> Iterato
     for box in arm["box"]:
         frame = base[0] if box.get("frame") == "base" else np.eye(4)
         centre = frame[:3, :3] @ (1e-3 * np.array(box["center_mm"])) + frame[:3, 3]
-        boxes.append(solid(centre, [1e-3 * edge for edge in box["size_mm"]], BOX, 0.3))
+        boxes.append(solid(centre, [1e-3 * size for size in box["size_mm"]], BOX, 0.3))
     spheres = [solid(stone.place, [2 * RADIUS] * 3, STONE) for stone in stones]
     yield scene_message(
         "/stones", ns, {"what": "stones, and boxes of the arm file"}, {"cubes": boxes, "spheres": spheres}
