@@ -179,7 +179,7 @@ class ModelFile(StrictSchema):
     `parts`: the effects of arm, installation and measurement, for the reader: the effects themselves say it.
     """
 
-    schema_: Literal["lrm/model/2"] = Field(alias="schema")
+    schema_: Literal["lrm/model/2", "lrm/model/1"] = Field(alias="schema")
     arm: str
     effects: Annotated[list[str], Field(max_length=MOST_EFFECTS)]
     parameters: dict[str, float] = {}

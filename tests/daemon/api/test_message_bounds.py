@@ -66,7 +66,11 @@ ONE_OF: dict[str, list[dict[str, Any]]] = {
     "IkRequest": [{}],
     "FkRequest": [{"near_rad": None}, {"direction": []}],
     "SkillRequest": [{"skill": "approach", "q_rad": None, "near_rad": None, "payload_kg": None, "listen_s": 0.0}],
-    "PlanRequest": [{"goal": None, "line": False}, {"to_rad": None}],
+    "PlanRequest": [
+        {"goal": None, "line": False, "stabilise": False},
+        {"to_rad": None, "stabilise": False},
+        {"to_rad": None, "goal": None, "line": False},
+    ],
 }
 """Fields that exclude each other."""
 
