@@ -21,6 +21,7 @@ TABLE_B2 = ROOT / "tests" / "models" / "thesis-table-b2-option-1.toml"
 EXAMPLE = ROOT / "lrm_ident" / "data" / "examples" / "hidden-play.csv"
 
 os.environ.pop("COLUMNS", None)  # workers of pytest have one; what commands print in a pipe does not depend on it
+os.unsetenv("COLUMNS")  # readline, which pytest imports, sets it where os.environ does not see it
 os.environ.setdefault("XDG_STATE_HOME", str(ROOT / "out" / "state"))  # not where the person's own errors are kept
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)  # started in the background: commands are sent it here

@@ -33,7 +33,7 @@ def main() -> None:
     _draw_board(left, triangles(board), "#c8c2b4", 1.0)
     for name, (x, y, z) in board.points.items():
         left.text(x, y, z + 9, name, fontsize=11, ha="center")
-    _limits(left, np.array([60.0, 40.0, 10.0]), 65.0)
+    _limits(left, np.array([80.0, 65.0, 20.0]), 92.0)
     left.view_init(35, -60)
     left.set_title("the board: A to D flat, E on a post", fontsize=10)
     right = figure.add_subplot(1, 2, 2, projection="3d")

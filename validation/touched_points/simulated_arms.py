@@ -46,7 +46,6 @@ DEG, COUNT = np.radians(1.0), 2.0 * np.pi / 4096
 PLACEMENTS = 3
 TOUCHES, FRESH, NOISE_M, MISSED_M = 60, 100, 0.15e-3, 1e-4
 HISTORY = 8
-RIPPLE = synthetic.ToothRipple(2, 5, 1.2 * DEG, 0.4)
 GEOMETRY_SD = {"theta_rad": 0.02, "d_m": 0.001, "a_m": 0.001, "alpha_rad": 0.01}
 NOTHING = ""
 BOTH_GAINS = [f"servo_gain.joint2.g_{side}_rad_per_rad" for side in ("plus", "minus")]
@@ -124,7 +123,10 @@ CASES = (
         "joint 2 slips (generator)", ("change_point@joint2", "change_point@base"),
         of_generator(synthetic.JointSlip(2, 1.5 * DEG, 32.0)),
     ),
-    Cause("alien: gear ripple in joint 2 (generator)", ("angle_curve@joint2",), of_generator(RIPPLE)),
+    Cause(
+        "alien: joint 2 errs by the sum of joints 1 and 3 (generator)", (),
+        of_generator(synthetic.EntangledJoint(2, (1, 3), 1.2 * DEG, "sum")),
+    ),
     Cause("play in joint 2", ("backlash@joint2",), of_model("backlash@joint2", {"backlash.joint2.b_rad": 2.0 * DEG})),
     Cause("hysteresis in joint 3", ("hysteresis@joint3", "friction_curve@joint3"),
          of_model("hysteresis@joint3", {"hysteresis.joint3.h_rad": 1.6 * DEG})),

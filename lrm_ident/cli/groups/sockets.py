@@ -86,7 +86,8 @@ def plan(
         show(f"  placement {number} ({found.placement.count(number)} touches): {stand.words}")
     show(
         f"Expected error of the tip: {found.tip_error / MM:.2f} mm RMS by the noise of {noise_mm:g} mm per axis "
-        f"(random postures at these placements: {found.random_tip_error / MM:.2f} mm).",
+        f"(random postures at these placements: {found.random_tip_error / MM:.2f} mm; a tracker of this noise: "
+        f"{found.tracker_error / MM:.2f} mm).",
     )
     write_text(output, found.csv())
     show(

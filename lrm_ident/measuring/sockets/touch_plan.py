@@ -94,6 +94,7 @@ class TouchPlan:
         points: (N,), names of the sockets. placement: (N,), numbers from 1.
         tip_error, random_tip_error: RMS distance (m) of the tip from where it will be predicted, as far as the noise
             goes; the second with as many random postures at the same placements.
+        tracker_error: the same by a tracker of this noise at the same poses, which has one frame for all of them.
     """
 
     stands: tuple[Stand, ...]
@@ -102,6 +103,7 @@ class TouchPlan:
     placement: tuple[int, ...]
     tip_error: float
     random_tip_error: float
+    tracker_error: float
 
     def csv(self) -> str:
         """As a file of touches to make, angles in deg."""
@@ -246,6 +248,7 @@ class _Problem:
             placement=tuple(where[rows].tolist()),
             tip_error=errors[0],
             random_tip_error=float(np.median(errors[1:])),
+            tracker_error=self._error_of(_in_one_frame(columns[rows], P), known[: P + 6, : P + 6]),
         )
 
     def _error_of(self, columns: Array, known: Array) -> float:
@@ -277,7 +280,12 @@ def postures(arm: Arm, goals: Array, up: Array, rng: np.random.Generator) -> Arr
     return out
 
 
+def _in_one_frame(columns: Array, P: int) -> Array:
+    """(N, 3, P + 6), columns (N, 3, P + 6 K) of touches whose placements stand in one known frame."""
+    frames_of = columns[:, :, P:].reshape(len(columns), 3, -1, 6)
+    return np.concatenate([columns[:, :, :P], frames_of.sum(axis=2)], axis=2)
+
+
 def _rigid(points: Array) -> Array:
-    """(N, 3, 6), motion of points (N, 3), m, by a shift and by a turn about their middle."""
-    middle = points - points.mean(axis=0)
-    return np.concatenate([np.broadcast_to(np.eye(3), (len(points), 3, 3)), -skew(middle)], axis=2)
+    """(N, 3, 6), motion of points (N, 3), m, by a shift and by a turn about the origin."""
+    return np.concatenate([np.broadcast_to(np.eye(3), (len(points), 3, 3)), -skew(points)], axis=2)
