@@ -8,7 +8,7 @@ daemon and board between.
 from __future__ import annotations
 
 from collections.abc import Callable
-from itertools import product
+from itertools import pairwise, product
 from pathlib import Path
 from tempfile import mkdtemp
 
@@ -103,13 +103,13 @@ def main() -> None:
     ways = [("off", bench.tick), ("zv", bench.tick), ("zv", bench.frame), ("zvd", bench.frame)]
     for (counts, frames), (kind, grid) in product([(False, False), (True, False), (False, True), (True, True)], ways):
         found = []
-        for a, b in zip(poses, poses[1:], strict=False):
+        for a, b in pairwise(poses):
             ramp = bench.ramp(a, b, bench.impulses(b, kind, grid))
             away = bench.swing(a, bench.put_out(ramp, counts, frames), len(ramp) * bench.tick)
             found.append(float(np.sqrt(np.mean(away[REST] ** 2))))
         print(
-            f"{given.pwm:.0f} Hz, {'counts' if counts else 'exact'} at every {'frame' if frames else 'tick'}: {kind} on "
-            f"a grid of {1e3 * grid:.1f} ms: {np.mean(found):.3f} mm RMS",
+            f"{given.pwm:.0f} Hz, {'counts' if counts else 'exact'} at every {'frame' if frames else 'tick'}: {kind} "
+            f"on a grid of {1e3 * grid:.1f} ms: {np.mean(found):.3f} mm RMS",
             flush=True,
         )
 

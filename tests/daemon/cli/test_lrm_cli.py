@@ -301,14 +301,15 @@ def test_somebody_else_has_the_lease(refuses, does) -> None:
             other.move({"joint1": 0.1})
 
 
-def test_commands_are_recorded_until_the_pulses_end(
-    daemon: InMemoryDaemon, does: Callable[..., str], refuses: Callable[..., str], monkeypatch, tmp_path: Path
+@pytest.mark.usefixtures("daemon")
+def test_commands_are_recorded_until_the_daemon_is_silent(
+    does: Callable[..., str], refuses: Callable[..., str], monkeypatch, tmp_path: Path
 ) -> None:
     path = tmp_path / "log.csv"
     assert "first lrm arm" in refuses("record", "-o", str(path))
     does("arm", "--q", ZERO)
     monkeypatch.setattr(record, "SILENT_S", 0.01)
-    monkeypatch.setattr(Rover, "watch", lambda self, kind, tail, take: [take(self.joints()) for _ in range(5)])
+    monkeypatch.setattr(Rover, "watch", lambda self, _kind, _tail, take: [take(self.joints()) for _ in range(5)])
     assert "5 rows written" in does("record", "-o", str(path))
     head, *rows = path.read_text().splitlines()
     assert head == "t_s,q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg"
