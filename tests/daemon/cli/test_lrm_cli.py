@@ -302,7 +302,7 @@ def test_somebody_else_has_the_lease(refuses, does) -> None:
 
 
 @pytest.mark.usefixtures("daemon")
-def test_commands_are_recorded_until_the_pulses_end(
+def test_commands_are_recorded_until_the_daemon_is_silent(
     does: Callable[..., str], refuses: Callable[..., str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     path = tmp_path / "log.csv"

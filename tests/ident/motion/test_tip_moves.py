@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -17,7 +19,7 @@ from lrm_ident.measuring.recordings.command_log import CommandLog
 from lrm_ident.measuring.recordings.take import TipTrack
 from lrm_math.arm.arm_file import load_arm
 from lrm_math.arrays import Array
-from lrm_math.errors import FileError
+from lrm_math.errors import FileError, UnknownName
 from lrm_math.kinematics.chain import chain_of
 from lrm_math.kinematics.forward import chain_geometry
 from lrm_math.model.model import model_of
@@ -112,6 +114,47 @@ def test_another_motion_is_refused_in_one_line() -> None:
     other = replace(track, position=track.position[::-1].copy())
     with pytest.raises(FileError, match="does not follow that of the commands"):
         tip_moves(log, other, model_of(ARM, ()))
+
+
+def test_one_mcap_file_has_commands_and_tip(tmp_path: Path) -> None:
+    log, track = recorded()
+    path = tmp_path / "drive.mcap"
+    write_mcap(path, log, track)
+    moves = MotionSource(path).moves(ARM)
+    assert isinstance(moves, TipMoves)
+    same = tip_moves(log, track, model_of(ARM, ()))
+    assert len(moves) == len(same)
+    assert moves.installation.late == pytest.approx(same.installation.late, abs=1e-3)
+    np.testing.assert_allclose(moves.tip[moves.counted].std(axis=0), same.tip[same.counted].std(axis=0), rtol=1e-2)
+    with pytest.raises(FileError, match=r"no joint states in /arm: /joint_states"):
+        MotionSource(path, topic="/arm").moves(ARM)
+    with pytest.raises(UnknownName, match="hand"):
+        MotionSource(path, tool="hand").moves(ARM)
+
+
+def write_mcap(path: Path, log: CommandLog, track: TipTrack) -> None:
+    """Foxglove's JSON: joint states without names, and transforms of the tool."""
+    writer_of = pytest.importorskip("mcap.writer", reason="extra mcap").Writer
+    with path.open("wb") as file:
+        writer = writer_of(file)
+        writer.start()
+        states, tools = (
+            writer.register_channel(topic, "json", writer.register_schema(kind, "jsonschema", b"{}"))
+            for topic, kind in (("/joint_states", "sensor_msgs/JointState"), ("/tool", "foxglove.FrameTransform"))
+        )
+        for t, q in zip(log.t.tolist(), log.q.tolist(), strict=True):
+            stamp = {"sec": int(t), "nsec": round((t - int(t)) * 1e9)}
+            write(writer, states, t, {"header": {"stamp": stamp}, "name": [], "position": q})
+        for t, tip in zip(track.t.tolist(), track.position.tolist(), strict=True):
+            stamp = {"sec": int(t), "nsec": round((t - int(t)) * 1e9)}
+            turn = {"x": 0.0, "y": 0.0, "z": 0.0, "w": 1.0}
+            place = {"translation": dict(zip("xyz", tip, strict=True)), "rotation": turn}
+            write(writer, tools, t, {"timestamp": stamp, "parent_frame_id": "room", "child_frame_id": "tool", **place})
+        writer.finish()
+
+
+def write(writer: Any, channel: int, t: float, content: dict[str, Any]) -> None:
+    writer.add_message(channel, round(t * 1e9), json.dumps(content).encode(), round(t * 1e9))
 
 
 @pytest.mark.parametrize(
