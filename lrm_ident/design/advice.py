@@ -69,7 +69,7 @@ class CandidateCause:
 
 
 @dataclass(frozen=True, eq=False)
-class Plan:
+class MeasuringPlan:
     """Poses to measure, in this order: `poses`, in words `how`, and as options of `design`."""
 
     poses: Poses
@@ -78,7 +78,7 @@ class Plan:
 
 
 @dataclass(frozen=True)
-class Pair:
+class CausePair:
     """Two causes on some poses.
 
     lead: standard errors by which the first, if it is there, beats the second at the shape that imitates it best.
@@ -102,11 +102,11 @@ class Pair:
 class Advice:
     """The plan that distinguishes causes, or the best one where none does; `pairs` are expected with it."""
 
-    plan: Plan | None
-    pairs: tuple[Pair, ...]
+    plan: MeasuringPlan | None
+    pairs: tuple[CausePair, ...]
 
     @property
-    def alike(self) -> tuple[Pair, ...]:
+    def alike(self) -> tuple[CausePair, ...]:
         """Pairs that no plan tells apart, the worst first."""
         return tuple(sorted((pair for pair in self.pairs if not pair.told), key=lambda pair: pair.lead))
 
@@ -180,7 +180,9 @@ def _least(advice: Advice) -> tuple[int, float]:
     return -len(advice.alike), min(pair.lead for pair in advice.pairs)
 
 
-def expected(model: Model, causes: Sequence[CandidateCause], parts: Sequence[Poses], noise: float) -> tuple[Pair, ...]:
+def expected(
+    model: Model, causes: Sequence[CandidateCause], parts: Sequence[Poses], noise: float
+) -> tuple[CausePair, ...]:
     """Every cause beside every other one, on all poses of the parts. `noise`: m per axis."""
     columns = [_columns(model, causes, part) for part in parts]
     fitted = np.concatenate([own for own, _ in columns])
@@ -202,7 +204,7 @@ def expected(model: Model, causes: Sequence[CandidateCause], parts: Sequence[Pos
         apart, best = min((_distance(motion, columns), k) for k, columns in enumerate(own[b]))
         cosine = principal_cosine(own[a][0], own[b][best])
         names = one.effect.name, other.effect.name
-        found.append(Pair(*names, apart / (2.0 * noise), cosine, _share_a_form(one.effect, other.effect)))
+        found.append(CausePair(*names, apart / (2.0 * noise), cosine, _share_a_form(one.effect, other.effect)))
     return tuple(found)
 
 
@@ -231,7 +233,7 @@ def _columns(model: Model, causes: Sequence[CandidateCause], poses: Poses) -> tu
 
 def _plans(
     model: Model, causes: Sequence[CandidateCause], measured: Poses | None, noise: float, seed: int, most: int
-) -> Iterator[Plan]:
+) -> Iterator[MeasuringPlan]:
     """Plans, from the least effort on. A plan that cannot be made is left out."""
     before = np.zeros(1) if measured is None else np.unique(np.round(measured.payload, 4))
     loads = [tuple(before.tolist())]
@@ -246,7 +248,7 @@ def _plans(
             grams = ",".join(f"{1e3 * load:g}" for load in kilograms)
             carrying = "without a load" if kilograms == (0.0,) else f"with {' and '.join(grams.split(','))} g"
             how = f"{count} poses at any angles, {carrying}, each joint coming from both sides, in random order"
-            yield Plan(
+            yield MeasuringPlan(
                 _chosen(model, causes, every, measured, noise, count, seed),
                 how,
                 f"--levels any --loads-g {grams} -n {count}",

@@ -9,7 +9,7 @@ import numpy as np
 from lrm_ident.data.measurement_file.known_columns import quantities_of_joints
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.wording import in_percent
-from lrm_ident.design.advice import NEEDED, CandidateCause, Pair, as_measured, expected
+from lrm_ident.design.advice import NEEDED, CandidateCause, CausePair, as_measured, expected
 from lrm_ident.design.discrimination import TARGET_POWER, TEST_LEVEL, Discrimination, Rival
 from lrm_ident.design.observability import INDICES, UNITS, Observability, Units
 from lrm_ident.design.parameter_elimination import ParameterElimination
@@ -193,7 +193,7 @@ def _leads(task: DesignProblem, found: PoseDesign) -> Iterator[str]:
     poses = as_measured(found.poses, task.measured)
     parts = [poses] if task.measured is None else [task.measured, poses]
     causes = [CandidateCause.typical(effect, found.keys) for effect in task.rivals]
-    least: dict[frozenset[str], Pair] = {}
+    least: dict[frozenset[str], CausePair] = {}
     for pair in expected(task.model.with_free(found.keys), causes, parts, task.noise):
         both = frozenset((pair.there, pair.instead))
         least[both] = min(least.get(both, pair), pair, key=lambda one: (one.told, one.lead))

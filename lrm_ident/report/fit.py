@@ -139,8 +139,8 @@ def _beside_noise(floor: NoiseFloor, held_out: float | None) -> Iterator[str]:
         like = "as much as repeated poses differ" if repeats else "the measurement noise"
         yield f"That is about {like} ({in_mm(noise)} mm RMS): no effect is known to be missing."
     else:
-        by = "repeated poses" if floor.source == "replicates" else "the data file"
-        yield f"That is {times:.1f} times the noise ({in_mm(noise)} mm by {by}): the model lacks an effect."
+        what = "noise of repeated poses" if floor.source == "replicates" else "stated noise"
+        yield f"{in_mm(held_out)} mm is {times:.1f} times the {what} ({in_mm(noise)} mm): the model lacks some effect."
 
 
 def _told_words(fit: Fit) -> Iterator[str]:
@@ -337,7 +337,7 @@ def _factor_table(factors: Sequence[Factor]) -> ResultTable:
         (f.name, _share(f.share), w.label, w.error.rms * 1e3, w.count)
         for f, w in ((factor, factor.worst) for factor in factors)
     ]
-    return ResultTable(columns, rows, "Where the model fails: what explains how much of the squared error")
+    return ResultTable(columns, rows, "Where the model fails: share of the squared error that each explains, alone")
 
 
 def _share(share: float) -> str:

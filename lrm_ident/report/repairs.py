@@ -36,5 +36,5 @@ def by_hand(effect: Effect) -> str:
     """What to repair, or that the model corrects it; "" where nothing is known to do."""
     if effect.id not in BY_HAND or type(effect) not in CATALOGUE:
         return ""
-    either = "; or let the model correct it" if compensable(effect) else ""
+    either = " (or leave it: the model corrects it)" if compensable(effect) else ""
     return f"{BY_HAND[effect.id].format(place=place_in_words(effect.name))}{either}"

@@ -86,8 +86,8 @@ class PredictableError:
     @property
     def brief(self) -> str:
         """What the process reaches, and what that means."""
-        so = "so the error is systematic" if self.more_to_find else "no better: it finds nothing systematic"
-        return f"{in_mm(self.error.rms)} mm RMS, {so}"
+        reached = f"{in_mm(self.error.rms)} mm RMS"
+        return f"{reached}: the error is systematic" if self.more_to_find else f"finds nothing systematic ({reached})"
 
     @property
     def sentence(self) -> str:

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Literal
 
+import numpy as np
 from pydantic import Field
 
 from lrm_math.arm.arm import Arm
@@ -47,6 +48,14 @@ class MotionModel:
     def of_joint(self, joint: int) -> tuple[MotionEffect, ...]:
         """The effects of a joint from 0."""
         return tuple(effect for effect in self.effects if effect.joint == joint)
+
+    def drawn(self, rng: np.random.Generator) -> MotionModel:
+        """A model as far from this one as its standard errors leave open: normal, each by itself, within bounds."""
+        values = dict(self.values)
+        for effect in self.effects:
+            for key, p in zip(effect.keys, effect.parameters, strict=True):
+                values[key] = float(np.clip(rng.normal(values[key], self.sigma.get(key, 0.0)), p.lower, p.upper))
+        return replace(self, values=values)
 
     @property
     def added(self) -> tuple[MotionEffect, ...]:

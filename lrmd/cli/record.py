@@ -47,7 +47,7 @@ def record(o: argparse.Namespace) -> int:
 def _followed(rover: Rover, file: TextIO, joints: int, seconds: float | None) -> tuple[int, str]:
     """Rows that were written, and why it ended."""
     states: queue.SimpleQueue[JointsState] = queue.SimpleQueue()
-    watched = rover.watch(JointsState, "state/joints", states.put)
+    rover.watch(JointsState, "state/joints", states.put)
     print("recording; Ctrl-C ends it", flush=True)
     file.write(",".join(["t_s", *(f"q{k + 1}_deg" for k in range(joints))]) + "\n")
     rows, last, end = 0, 0, math.inf if seconds is None else time.monotonic() + seconds
@@ -66,5 +66,3 @@ def _followed(rover: Rover, file: TextIO, joints: int, seconds: float | None) ->
         return rows, f"{seconds:g} s are over"
     except KeyboardInterrupt:
         return rows, "ended by Ctrl-C"
-    finally:
-        watched.undeclare()  # type: ignore[no-untyped-call]

@@ -16,7 +16,7 @@ from tempfile import TemporaryDirectory
 import numpy as np
 
 import lrm_ident as lrm
-from lrm_ident.design.advice import Advice, Pair
+from lrm_ident.design.advice import Advice, CausePair
 from lrm_ident.diagnosis.diagnose import diagnose
 from lrm_ident.diagnosis.diagnosis_report import DiagnosisReport, build_report
 from lrm_ident.report.diagnosis.advice import advice_of
@@ -57,7 +57,7 @@ class Followed:
         return {one: (_said(pairs), one not in self.after) for one, pairs in of.items()}
 
 
-def _said(pairs: Sequence[Pair]) -> str:
+def _said(pairs: Sequence[CausePair]) -> str:
     """What was said beforehand of both orders of two causes."""
     if not all(pair.told for pair in pairs):
         return CANNOT

@@ -25,7 +25,7 @@ UNSEEN = (
     "What they cannot see: backlash and bending behind the servo, lengths and angles of the parts, where camera or "
     "table stand, a wrong zero that command and encoder share."
 )
-AGAIN = "Repair or recalibrate it and record again: two minutes with some stops."
+AGAIN = "Repair or recalibrate it, record two minutes with some stops, and type:"
 BOARD = "Prints a board for lrm-ident camera read, which shows what encoders cannot see."
 FEW = 2
 """Faults beside which the table of the joints has its place."""
@@ -36,8 +36,8 @@ WORDS: dict[Cause, str] = {
     "offset": "stands {size} {side} its command everywhere: leader and follower have different zeros. Calibrate both "
     "again",
     "drift": "drifts by {size} while it works: it warms up. Reduce its load, or record when it is warm",
-    "slip": "jumps by {size} before stop {rest} (episode {episode}) and stays there: its horn slipped, or it was "
-    "recalibrated. Tighten the horn and calibrate again",
+    "slip": "jumps by {size} before stop {rest} (episode {episode}) and stays there: its zero moved, because something "
+    "slipped or it was recalibrated. Tighten its screws and calibrate it again",
     "gain": "turns {gain} times as far as it is commanded, off by up to {size}. Calibrate leader and follower again",
     "full turn": "reads a full turn beside {turned}: it crosses the seam of its encoder. Calibrate it in the "
     "middle of its range",
@@ -61,16 +61,16 @@ def checkup_document(found: EncoderCheckup, arm: Arm, name: str) -> Document:
     rows = list(zip(names, before.tolist(), after.tolist(), strict=True))
     title = f"Command minus encoder at {found.rests} stops of {name}"
     table = ResultTable(("joint", "rms_deg|.2f", "unexplained_deg|.2f"), rows)
-    shown = ResultTable(("joint", "RMS, deg|.2f", "unexplained by these faults, deg|.2f"), rows, title)
-    again: tuple[Block, ...] = ("", CommandLine(f"Next: lrm-ident checkup {NEW}"), f"      {AGAIN}")
-    also = " or" if found.findings else "Next"
+    shown = ResultTable(("joint", "RMS, deg|.2f", "left when explained, deg|.2f"), rows, title)
+    again: tuple[Block, ...] = ("", f"Next: {AGAIN}", CommandLine(f"      lrm-ident checkup {NEW}"))
+    also = "Also" if found.findings else "Next"
     few = len(found.findings) <= FEW
     blocks: list[Block] = [
         heading(_headline(found)),
         *(f"  {_words(one, names, found)}." for one in found.findings),
         UNSEEN,
         *(again if found.findings else ("",)),
-        CommandLine(f"{also:>4}: lrm-ident camera board -o board.pdf"),
+        CommandLine(f"{also}: lrm-ident camera board -o board.pdf"),
         f"      {BOARD}",
         *(("", shown) if few else ()),
     ]

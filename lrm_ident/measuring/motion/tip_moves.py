@@ -236,7 +236,7 @@ def tip_moves(log: CommandLog, track: TipTrack, poses: Model) -> TipMoves:
     moves = TipMoves(
         poses.arm, dt, command[rows], told, command[rows], counted & seen, np.zeros(len(rows), dtype=np.int64),
         np.full(n, noise), path, f"{log.path.name} and {track.path.name}",
-        (f"the tracker's clock is {late:.3f} s before the commands'",),
+        (f"the tracker's clock is {late:.3f} s ahead of the commands'",),
         chain=poses.chain, rests=_rests(poses, command[rows]), track=track, t=t[rows], installation=nowhere,
     )  # fmt: skip
     moves = replace(moves, installation=_registered(moves))

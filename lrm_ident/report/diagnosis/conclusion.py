@@ -43,8 +43,6 @@ HEADLINES = {
     ),
 }
 """First lines of the verdicts that name no effect to add as a cause."""
-NOTHING_FOUND, BESIDE = "No missing effect found", 3
-"""Words of two of them, and how many effects of the model they name at most."""
 
 
 @dataclass(frozen=True)
@@ -118,20 +116,17 @@ def conclude(report: DiagnosisReport, names: CommandNames = UNKNOWN_FILES) -> Co
     )
 
 
-def _beside(report: DiagnosisReport) -> str:
-    """The causes that the model has already, in words: nothing *else* is missing."""
+def _has_already(report: DiagnosisReport) -> str:
+    """The causes that the model has already, in words."""
     here = [effect for effect in report.diagnosis.fit.model.effects if type(effect) in CATALOGUE]
     names = dict.fromkeys(effect.name for effect in here if effect.id not in DEFAULT_EFFECTS)
-    if not names or len(names) > BESIDE:
-        return ""
-    *others, last = map(plain_name, names)
-    return f" besides {', '.join(others)}{' and ' if others else ''}{last}, which the model has"
+    return enumerate_words([plain_name(name) for name in names], LISTED)
 
 
 def _headline(report: DiagnosisReport, attribution: Support | None) -> str:
     first = report.first
     if first is None or attribution is None:
-        return HEADLINES[report.verdict].replace(NOTHING_FOUND, f"{NOTHING_FOUND}{_beside(report)}")
+        return HEADLINES[report.verdict]
     if attribution == Support.DESCRIPTION:
         return _empirical_headline(report, first)
     what = _titled(first.name)
@@ -180,6 +175,7 @@ def _facts(report: DiagnosisReport, attribution: Support | None) -> Iterator[tup
     outliers = report.diagnosis.outliers
     yield "left out", f"{enumerate_words(list(map(str, outliers)), 2 * LISTED)}, as outliers" if outliers else ""
     if report.verdict.quiet:
+        yield "in the model", _has_already(report)
         yield "hidden at most", _may_hide(report)
         yield "valid", valid_where(report)
 
@@ -250,7 +246,7 @@ def _certainty(report: DiagnosisReport, first: RankedCandidate, attribution: Sup
     if beside:
         return f"it, or {beside}: indistinguishable with these poses"
     unsure = "" if report.diagnosis.floor.rms is not None else "; how much stays unexplained is not known"
-    return f"identified: no other cause {_runner_up(report, first)}{unsure}"
+    return f"identified: {_runner_up(report, first)}{unsure}"
 
 
 def _runner_up(report: DiagnosisReport, first: RankedCandidate) -> str:
@@ -266,8 +262,8 @@ def _runner_up(report: DiagnosisReport, first: RankedCandidate) -> str:
         and not one.scored.implausible
     ]
     if not others:
-        return "explains it"
-    return f"leaves less than {in_mm(min(one.scored.alone.rms for one in others))} mm"
+        return "no other known cause explains any of it"
+    return f"every other known cause leaves ≈ {in_mm(min(one.scored.alone.rms for one in others))} mm or more"
 
 
 def _stands_for(report: DiagnosisReport, first: RankedCandidate) -> str:
@@ -317,8 +313,7 @@ def _may_hide(report: DiagnosisReport) -> str:
     bounds = report.diagnosis.motion_bounds
     if not bounds or report.diagnosis.data.several_kinds:
         return ""
-    name = next(iter(bounds))
-    return f"{in_mm(bounds[name])} mm RMS (95 % bound) by any one known effect; most by {plain_name(name)}"
+    return f"{in_mm(max(bounds.values()))} mm RMS by any one known effect (95 % bound)"
 
 
 def _next_steps(report: DiagnosisReport, attribution: Support | None, names: CommandNames) -> Iterator[NextStep]:
@@ -327,7 +322,7 @@ def _next_steps(report: DiagnosisReport, attribution: Support | None, names: Com
         yield _without_effect(report, names)
         if report.verdict == "nothing_missing":
             export = f"lrm-ident arm export {shlex.quote(names.model)} -o arm.urdf"
-            yield NextStep("Writes its geometry for other programs.", export)
+            yield NextStep("Writes its rigid part for other programs; springs and play stay in the model.", export)
         return
     files = f"{shlex.quote(names.model)} {shlex.quote(names.data)}"
     add = f"lrm-ident add {files} {shlex.quote(first.name)} -o better.toml"

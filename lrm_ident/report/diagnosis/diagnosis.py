@@ -28,7 +28,7 @@ BAR = 16
 LIKE, SPLINE = "indistinguishable", "spline: fits any cause"
 HARDLY_SHOWS = "its typical size would hardly show in what is left now"
 MORAN = "spatial autocorrelation (Moran's I)"
-ABOUT = "every candidate with its reason, and all that these poses lack"
+ABOUT = "every candidate, its reason, and what these poses cannot show"
 
 
 def diagnosis_document(report: DiagnosisReport, names: CommandNames = UNKNOWN_FILES) -> Document:
@@ -100,7 +100,7 @@ def _candidates(report: DiagnosisReport, most: int) -> Iterator[Block]:
         bar = "█" * max(1, min(round(BAR * rms / before), BAR))
         rows.append((advice.name, f"{approximate}{in_mm(rms)}", bar, _status(report, number, advice)))
     if counted or report.verdict == Verdict.UNEXPLAINED_STRUCTURE:
-        columns = ("candidate", "mm RMS|", f"0 to {in_mm(before)} mm", "status")
+        columns = ("candidate", "mm RMS|", f"bar: 0 to {in_mm(before)} mm", "status")
         yield ResultTable(columns, rows, "\nHeld-out error with each candidate added (≈: estimated without a refit)")
 
 

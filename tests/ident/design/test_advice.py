@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from lrm_ident.design.advice import NEEDED, Cause, advise, as_measured, expected
+from lrm_ident.design.advice import NEEDED, CandidateCause, advise, as_measured, expected
 from lrm_ident.fitting.parameter_sets import fittable
 from lrm_math.arm.arm import Arm
 from lrm_math.arrays import Array
@@ -30,8 +30,8 @@ def base(arm: Arm) -> Model:
     return model.with_free(fittable(model))
 
 
-def causes(model: Model, *names: str) -> list[Cause]:
-    return [Cause.typical(effect, model.free) for name in names for effect in effects_at(model.arm, name)]
+def causes(model: Model, *names: str) -> list[CandidateCause]:
+    return [CandidateCause.typical(effect, model.free) for name in names for effect in effects_at(model.arm, name)]
 
 
 def at_levels(arm: Arm, *levels: float) -> Poses:
@@ -78,7 +78,7 @@ def test_the_expected_lead_is_that_of_simulated_measurements(arm: Arm) -> None:
     assert np.mean(z) == pytest.approx(lead, rel=0.2)
 
 
-def _squares(model: Model, poses: Poses, there: Cause, instead: Cause) -> list[Array]:
+def _squares(model: Model, poses: Poses, there: CandidateCause, instead: CandidateCause) -> list[Array]:
     """Differences of squared residuals per pose of measurements with `there`, fitted with either cause."""
     from lrm_ident.design.advice import _columns
 

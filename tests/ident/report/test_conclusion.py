@@ -29,8 +29,8 @@ def test_an_identified_cause_is_named_with_its_figures(fitted: Study) -> None:
     found = conclude(fitted.diagnose())
     facts = dict(found.facts)
     assert found.headline == "Missing from the model: backlash in joint 2 (backlash@joint2)"
-    assert facts["certainty"].startswith("identified: no other cause leaves less than 1.4")
-    assert facts["by hand"].startswith("preload or replace the gear of joint 2")
+    assert facts["certainty"].startswith("identified: every other known cause leaves ≈ 1.4")
+    assert facts["repair"].startswith("preload or replace the gear of joint 2")
     assert "3.03 → 0.57 mm RMS" in facts["held-out error"]
     assert facts["estimate"].endswith("of backlash, end to end")
     assert "as deployed" not in facts, "the arm gets the same error"
@@ -39,8 +39,8 @@ def test_an_identified_cause_is_named_with_its_figures(fitted: Study) -> None:
 
 def test_without_a_missing_effect_the_noise_is_the_reason(fitted: Study) -> None:
     found = conclude(fitted.add("backlash@joint2").diagnose())
-    besides = "No missing effect found besides backlash in joint 2, which the model has:"
-    assert found.headline == HEADLINES["nothing_missing"].replace("No missing effect found:", besides)
+    assert found.headline == HEADLINES["nothing_missing"]
+    assert dict(found.facts)["in the model"] == "backlash in joint 2"
     assert [step.command for step in found.next] == ["lrm deploy MODEL", "lrm-ident arm export MODEL -o arm.urdf"]
 
 
@@ -82,7 +82,7 @@ def test_each_jargon_word_is_explained_once_and_the_bars_have_a_scale(fitted: St
 
 def test_a_fit_compares_its_error_with_the_noise_of_the_measurement(tmp_path: Path) -> None:
     said = " ".join(stdout_of("fit", EXAMPLE, "-o", tmp_path / "model.toml").split())
-    assert "held out it is 3.03 mm. That is 5.8 times the noise (0.52 mm by the data file)" in said
+    assert "held out it is 3.03 mm. 3.03 mm is 5.8 times the stated noise (0.52 mm)" in said
     assert "as deployed" not in said, "the arm gets the same error"
 
 

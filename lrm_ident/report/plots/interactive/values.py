@@ -137,9 +137,8 @@ def _entry(found: ModelReport, number: int) -> dict[str, Any]:
 
 
 def _next(found: ModelReport, hint: str) -> str:
-    """What to do next; nothing where a command and its words state it."""
-    told = any(one.words == hint or one.command.startswith("lrm-ident add") for one in _commands(found)[:1])
-    return "" if told else hint
+    """What to do next; nothing where commands and their words state it."""
+    return "" if _commands(found) else hint
 
 
 def said_of(step: NextStep) -> str:

@@ -2,7 +2,7 @@
 "use strict";
 function lrmSteps(page) {
   const { state, place, element, draw, words } = page;
-  const { colour, binned, at } = lrmChart, FIRST = ["estimate", "certainty", "empirical term", "acts most like", "hidden at most"];
+  const { colour, binned, at } = lrmChart, FIRST = ["estimate", "certainty", "repair", "empirical term", "could be", "acts most like", "hidden at most"];
   // The course of the error in one line; of an earlier step that is shown, where it stands in it.
   function tellFall() {
     const box = place("fall"), v = state.values, last = v.steps.length - 1;
