@@ -238,18 +238,18 @@ def _worse_as_deployed(effect: Effect, refit: Refit, blocks: tuple[HeldOutBlock,
     return error_stats(before).rms, error_stats(after).rms
 
 
-def objection_to(fitted: Fit, keys: Collection[str], before: Array, after: Array) -> str:
-    """Why a refit gives no evidence for an effect with the parameters `keys`, in words; empty where it does.
+def objection_to(fitted: Fit, keys: Collection[str], before: Array, after: Array) -> Reason | None:
+    """Why a refit gives no evidence for an effect with the parameters `keys`; None where it does.
 
     before, after: (N,), held-out squared distances without and with it (m²).
     """
     if wald_p_value(fitted, keys) > WITHIN_TWO_DEVIATIONS:
-        return "its own parameters lie within two standard errors of zero"
+        return Reason(ReasonKind.NEAR_ZERO)
     if absurd := next((one.sentence for one in implausible_of(fitted) if one.key in keys), ""):
-        return absurd
+        return Reason(ReasonKind.ABSURD, said=absurd)
     if not predicts_better(after, before, MIN_GAIN):
-        return "the model does not surely predict better with it"
-    return ""
+        return Reason(ReasonKind.NOT_BETTER, (float(np.sqrt(before.mean())), float(np.sqrt(after.mean()))))
+    return None
 
 
 def _absurd(before: Fit, after: Fit) -> str:

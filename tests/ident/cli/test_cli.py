@@ -107,7 +107,7 @@ def test_auto_names_the_hidden_play_stops_and_quotes_the_nested_error(folder: Pa
     data, *_ = synthetic.write_example(folder, ROOT / "config" / "arms" / "two-joint.toml")
     stdout_of("fit", data, "-o", folder / "two-joint.toml")
     outputs = ("-o", folder / "best.toml", "--json", folder / "course.json")
-    said = stdout_of("auto", folder / "two-joint.toml", data, *outputs)
+    said = stdout_of("auto", folder / "two-joint.toml", data, "--nested", *outputs)
     assert "backlash@joint2 in 10 of 10 repeated searches" in " ".join(said.split())
     assert "joint 2 has" in said, "its size"
     course = json.loads((folder / "course.json").read_text())
