@@ -35,7 +35,7 @@ NEEDED = Z_THRESHOLD + 1.2816
 """Standard errors to be expected: then nine in ten measurements show the `Z_THRESHOLD` that a name needs."""
 COUNTS = (40, 80)
 """Poses that are proposed."""
-OFFERED = 300
+OFFERED = 200
 """Random poses that they are chosen from, with each load."""
 NO_MOTION = 1e-9
 """m: round-off."""
@@ -165,10 +165,14 @@ def advise(
         most: poses that a plan may have.
     """
     best = Advice(None, ())
-    for plan in _plans(model, causes, measured, noise, seed, most):
-        found = Advice(
-            plan, expected(model, causes, [plan.poses] if measured is None else [measured, plan.poses], noise)
-        )
+    for count, kilograms in _recipes(measured, most):
+        if count > COUNTS[0] and any(pair.cosine > EQUIVALENCE_COSINE for pair in best.alike):
+            break  # more poses of the same kind do not change how alike two motions are
+        plan = _plan(model, causes, measured, noise, seed, count, kilograms)
+        if plan is None:
+            continue
+        parts = [plan.poses] if measured is None else [measured, plan.poses]
+        found = Advice(plan, expected(model, causes, parts, noise))
         if found.works:
             return found
         if best.plan is None or _least(found) > _least(best):
@@ -231,28 +235,36 @@ def _columns(model: Model, causes: Sequence[CandidateCause], poses: Poses) -> tu
     return fitted, out
 
 
-def _plans(
-    model: Model, causes: Sequence[CandidateCause], measured: Poses | None, noise: float, seed: int, most: int
-) -> Iterator[MeasuringPlan]:
-    """Plans, from the least effort on. A plan that cannot be made is left out."""
+def _recipes(measured: Poses | None, most: int) -> Iterator[tuple[int, tuple[float, ...]]]:
+    """Numbers of poses and loads (kg) of plans, from the least effort on."""
     before = np.zeros(1) if measured is None else np.unique(np.round(measured.payload, 4))
     loads = [tuple(before.tolist())]
     if len(before) == 1:
         loads.append((0.0, float(before[0]) or SECOND_LOAD_KG))
-    for count in (count for count in COUNTS if count <= most):
-        for kilograms in loads:
-            offered = random_poses(model.arm, OFFERED, ClearanceRules(floor=floor_above_table(model.arm)), seed)
-            if len(offered) * len(kilograms) < count:
-                continue
-            every = Poses(np.tile(offered, (len(kilograms), 1)), np.repeat(kilograms, len(offered)))
-            grams = ",".join(f"{1e3 * load:g}" for load in kilograms)
-            carrying = "without a load" if kilograms == (0.0,) else f"with {' and '.join(grams.split(','))} g"
-            how = f"{count} poses at any angles, {carrying}, each joint coming from both sides, in random order"
-            yield MeasuringPlan(
-                _chosen(model, causes, every, measured, noise, count, seed),
-                how,
-                f"--levels any --loads-g {grams} -n {count}",
-            )
+    return ((count, kilograms) for count in COUNTS if count <= most for kilograms in loads)
+
+
+def _plan(
+    model: Model,
+    causes: Sequence[CandidateCause],
+    measured: Poses | None,
+    noise: float,
+    seed: int,
+    count: int,
+    kilograms: tuple[float, ...],
+) -> MeasuringPlan | None:
+    """The best `count` poses of random ones with some loads; None where too few keep clear."""
+    offered = random_poses(model.arm, OFFERED, ClearanceRules(floor=floor_above_table(model.arm)), seed)
+    if len(offered) * len(kilograms) < count:
+        return None
+    every = Poses(np.tile(offered, (len(kilograms), 1)), np.repeat(kilograms, len(offered)))
+    grams = ",".join(f"{1e3 * load:g}" for load in kilograms)
+    carrying = "without a load" if kilograms == (0.0,) else f"with {' and '.join(grams.split(','))} g"
+    return MeasuringPlan(
+        _chosen(model, causes, every, measured, noise, count, seed),
+        f"{count} poses at any angles, {carrying}, each joint coming from both sides, in random order",
+        f"--levels any --loads-g {grams} -n {count}",
+    )
 
 
 def _chosen(
