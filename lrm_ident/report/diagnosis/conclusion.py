@@ -157,10 +157,8 @@ def _facts(report: DiagnosisReport, attribution: Attribution | None) -> Iterator
         label = "empirical term" if attribution == "description" else "certainty"
         yield label, _certainty(report, first, attribution)
         yield "could be", _stands_for(report, first) if attribution == "description" else ""
-        yield (
-            "by hand",
-            "" if attribution == "description" or first.equivalent else by_hand(first.scored.candidate.effect),
-        )
+        named = attribution != "description" and not first.equivalent
+        yield "repair", by_hand(first.scored.candidate.effect) if named else ""
     if (first is None or attribution != "finding") and not _bounds_noise(report):
         yield "black-box model", report.left.predictable.brief
     if report.verdict == "unexplained_structure":

@@ -13,7 +13,7 @@ def test_names_in_sentences_are_words() -> None:
         "From backlash in joint 2, coupling of joint 3 by joint 2: add it"
     )
     assert in_words("cable_curve@joint1+joint2 follows q1, tau4; joint5.") == (
-        "cable pull over joints 1 and 2 (spline) follows the angle of joint 1, the torque of joint 4; joint 5."
+        "a free curve over joints 1 and 2 (spline) follows the angle of joint 1, the torque of joint 4; joint 5."
     )
 
 
