@@ -46,7 +46,7 @@ else
 	$(BIN)/python -m lrmd.demo
 endif
 
-fetch: setup ## 20 stones, on level ground and slopes, into the basket of a simulated rover with hidden errors, as drawn and calibrated (ten minutes; STONES=, SEED=)
+fetch: setup ## 20 stones, on level ground and slopes, into the basket of a simulated rover with hidden errors, as drawn and calibrated; picture and MCAP file (ten minutes; STONES=, SEED=)
 	$(ONE_THREAD) $(BIN)/python -m examples.fetch --out $(OUT) --stones $(or $(STONES),20) --seed $(or $(SEED),1)
 
 test: setup lint ## all tests, two at a time, after the linters: first all that compute, then the system's, which wait

@@ -112,8 +112,8 @@ class FollowAction:
         clients = self.door.senders.of(self.clients)
         with self._lock:
             try:
-                self._check(goal, id_)
-                newer_than = self.door.senders.newer_than(clients)
+                self._check(goal, id_, clients)
+                newer_than = self.door.senders.newer_than(self.clients)
             except LrmError as why:
                 print(f"action: a goal is refused: {shown(str(why))}", flush=True)
                 answer(accepted=False, stamp=self.node.stamp(time.time()))
@@ -122,7 +122,9 @@ class FollowAction:
             self._offered.add(new)
         self.door.offer(new)
 
-    def _check(self, goal: Any, id_: bytes) -> None:
+    def _check(self, goal: Any, id_: bytes, clients: frozenset[str]) -> None:
+        if not clients:
+            raise LrmError("its client has no liveliness token: nobody would notice that it is lost")
         lists = (goal.path_tolerance, goal.component_path_tolerance, goal.goal_tolerance, goal.component_goal_tolerance)
         if any(len(one) for one in lists):
             raise LrmError(NO_TOLERANCES)

@@ -79,7 +79,7 @@ class TrajectoryDoor:
             self.hold()
             return
         try:
-            self.offer(TrajectoryOrder(message, number, self.senders.newer_than(self.senders.of(self.topic))))
+            self.offer(TrajectoryOrder(message, number, self.senders.newer_than(self.topic)))
         except LrmError as error:
             self.report_refused(str(error))
 

@@ -13,6 +13,7 @@ reach; `rmw_zenoh` has that enabled.
 
 from __future__ import annotations
 
+import math
 import threading
 import time
 from collections.abc import Callable, Collection, Iterable
@@ -25,6 +26,8 @@ from lrmd.client import ModeState
 
 PERIOD_S, SILENT_S = 0.15, 0.6
 """s between two questions; without an answer for so long a sender is lost."""
+OVERTAKEN_S = 0.6
+"""s by which the end of a token may overtake the last order of its sender: it has a higher priority in zenoh."""
 SESSION_PART, KIND_PART, NAME_PART = 2, 5, 9
 """Places in a token of `rmw_zenoh`: `@ros2_lv/domain/session/node/entity/kind/enclave/namespace/node/name/…`."""
 
@@ -67,30 +70,30 @@ class SenderWatch:
     def __init__(self, ask: Callable[[str, Callable[[], None]], object], ends: Collection[SenderEnd]) -> None:
         self._ask, self._ends = ask, ends
         self._lock = threading.Lock()
-        self._tokens: set[str] = set()
+        self._left: dict[str, float] = {}
         self._daemon: StopsKnown | None = None
         self._answered: dict[str, StopsKnown] = {}
 
     def token(self, token: str, there: bool) -> None:
         """A liveliness token of ROS has come, or gone. The first one of a session, whatever it is of, is a reason to
-        ask it: its first order may follow soon."""
+        ask it: its first order may follow soon. One that goes may overtake the last order of its sender."""
         if token.count("/") < NAME_PART - 1:
             return
-        session = session_of(token)
+        session, now = session_of(token), time.monotonic()
         with self._lock:
-            sends = any(end.has(token) for end in self._ends)
-            if sends:
-                (self._tokens.add if there else self._tokens.discard)(token)
+            self._left = {one: left for one, left in self._left.items() if now - left < OVERTAKEN_S}
+            kept = {session, *map(session_of, self._left)}
+            self._answered = {one: known for one, known in self._answered.items() if one in kept or known.age < STALE_S}
+            if sends := any(end.has(token) for end in self._ends):
+                self._left[token] = math.inf if there else now
             known = session in self._answered
-            if not there and session not in map(session_of, self._tokens):
-                self._answered.pop(session, None)
         if there and (sends or not known):
             self._ask_all([session])
 
     def of(self, end: SenderEnd) -> frozenset[str]:
         """Tokens of the senders that are there."""
         with self._lock:
-            return frozenset(filter(end.has, self._tokens))
+            return frozenset(token for token, left in self._left.items() if left == math.inf and end.has(token))
 
     def counted(self, state: ModeState) -> None:
         """The daemon's state. All senders have been asked on return: what each sends then is newer than its stops."""
@@ -100,16 +103,19 @@ class SenderWatch:
                 self._daemon = StopsKnown(state.boot_id, state.stops, time.monotonic())
         self._ask_all(self._sessions())
 
-    def newer_than(self, senders: Iterable[str]) -> StopsKnown:
-        """What an order is newer than that has just come from one of some tokens, as read in the order of arrivals.
+    def newer_than(self, end: SenderEnd) -> StopsKnown:
+        """What an order is newer than that has just come from an end, as read in the order of arrivals: from which of
+        its senders, also of those that have just left, is not known.
 
         Raises `LrmError`: one of them has not answered yet, or not lately, or there is none.
         """
+        now = time.monotonic()
         with self._lock:
+            senders = [token for token, left in self._left.items() if end.has(token) and now - left < OVERTAKEN_S]
             found = [self._answered.get(session_of(token)) for token in senders]
         known = [one for one in found if one is not None]
         if not found:
-            raise LrmError("its sender has no liveliness token: nobody would notice that it is lost")
+            raise LrmError("its sender has no liveliness token: nothing is known of it")
         if len(known) < len(found):
             raise LrmError(
                 "a sender's session has answered no question yet, so that its loss would not be seen: send it again "
@@ -133,7 +139,7 @@ class SenderWatch:
 
     def _sessions(self) -> set[str]:
         with self._lock:
-            return set(map(session_of, self._tokens))
+            return {session_of(token) for token, left in self._left.items() if left == math.inf}
 
     def _ask_all(self, sessions: Iterable[str]) -> None:
         with self._lock:

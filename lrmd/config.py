@@ -58,13 +58,14 @@ class ServoEntry(StrictSchema):
 
 class SafetyTable(StrictSchema):
     """`[safety]`: timeouts of commands and leases, delay between servos that are switched on, rest pose, torque that a
-    servo without pulses bears."""
+    servo without pulses bears, tip-over angle that motions keep."""
 
     command_ms: Milliseconds = 500.0
     lease_ms: Annotated[float, Field(ge=100, le=500)] = 400.0
     stagger_ms: Milliseconds = 200.0
     rest_q_deg: list[Angle] | None = None
     unpowered_nm: Annotated[float, Field(ge=0, le=10)] = 0.05
+    tip_over_deg: Annotated[float, Field(ge=0, le=80)] | None = None
 
 
 class ThermalTable(StrictSchema):
@@ -168,6 +169,7 @@ class Config:
     `tick`, `reply`, `command`, `lease`, `stagger`, `save`, `gravity_age`: ns. `step`: ns of pulse in one tick.
     `gravity_keeps_last`: whether a direction of gravity that is older is used still, instead of the model's.
     `rest`: rad, one angle per joint, or None. `unpowered`: N·m that a servo without pulses bears.
+    `tip_over`: rad, angle to tipping over that motions keep, or None.
     `rise`: K/(N·m)², one per servo, 0 where not configured.
     """
 
@@ -187,6 +189,7 @@ class Config:
     stagger: int
     rest: tuple[float, ...] | None
     unpowered: float
+    tip_over: float | None
     thermal: ThermalTable
     rise: tuple[float, ...]
     gravity_age: int
@@ -232,6 +235,8 @@ def _config(t: DaemonFile, arm: Arm) -> Config:
         _check_rest(arm, rest)
     if not t.thermal.ambient_c < t.thermal.derate_c < t.thermal.rest_c < t.thermal.off_c:
         raise LrmError("thermal: ambient_c < derate_c < rest_c < off_c must hold")
+    if t.safety.tip_over_deg is not None and (arm.vehicle is None or not any(arm.gravity)):
+        raise LrmError(f"safety: tip_over_deg needs a [vehicle] and gravity in the arm file of {arm.name}")
     unknown = set(t.thermal.rise_k_per_nm2) - set(arm.joint_names)
     if unknown:
         name = sorted(unknown)[0]
@@ -255,6 +260,7 @@ def _config(t: DaemonFile, arm: Arm) -> Config:
         command=round(t.safety.command_ms * MS), lease=round(t.safety.lease_ms * MS),
         stagger=round(t.safety.stagger_ms * MS), rest=None if rest is None else tuple(map(math.radians, rest)),
         unpowered=t.safety.unpowered_nm,
+        tip_over=None if t.safety.tip_over_deg is None else math.radians(t.safety.tip_over_deg),
         thermal=t.thermal, rise=tuple(t.thermal.rise_k_per_nm2.get(servo.name, 0.0) for servo in servos),
         gravity_age=round(t.gravity.max_age_s * SECOND), gravity_keeps_last=t.gravity.fallback == "last",
         state=Path(t.state.directory), save=round(t.state.save_ms * MS), zenoh=t.zenoh, motion=t.motion,

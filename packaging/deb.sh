@@ -5,13 +5,14 @@
 #
 # The package holds the packages that the daemon needs, so it is for the Python that builds it (PYTHON=, default
 # /usr/bin/python3) and for this architecture: build it on the Debian release that the rover has. pip's own variables
-# count. Files, units and user are those of systemd/install.sh, below /usr instead of /usr/local.
+# count, and it keeps nothing that it fetches unless its hash stands in REQUIREMENTS (default: those of install.sh). Files, units and user are those of systemd/install.sh, below /usr instead of /usr/local.
 set -eu
 umask 022
 
 SOURCE=$(cd "$(dirname "$0")/.." && pwd)
 PYTHON=${PYTHON:-/usr/bin/python3}
 OUT=${OUT:-$SOURCE/dist}
+REQUIREMENTS=${REQUIREMENTS:-$SOURCE/systemd/requirements.txt}
 WHAT=${1:-$SOURCE}
 
 fail() {
@@ -42,8 +43,15 @@ sed -i 's|/usr/local/share/doc|/usr/share/doc|' "$stage"/usr/lib/systemd/system/
 # the program: packages in one folder, and a starter for each command
 program=$stage/opt/lrm/$version
 mkdir -p "$program/bin"
-"$PYTHON" -m pip install --quiet --disable-pip-version-check --no-compile --root-user-action ignore \
-    -c "$SOURCE/constraints.txt" --target "$program/lib" "$WHAT"
+pip() {
+    PYTHONPATH=$program/lib "$PYTHON" -m pip install --quiet --disable-pip-version-check --no-compile \
+        --root-user-action ignore --target "$program/lib" "$@"
+}
+pip --require-hashes -r "$REQUIREMENTS"
+command -v "${CC:-cc}" >/dev/null || command -v gcc >/dev/null || command -v clang >/dev/null || [ -n "${1:-}" ] ||
+    pip --require-hashes -r "$SOURCE/systemd/compiler.txt"
+rm -rf "$program/lib/bin"
+pip --no-deps --no-build-isolation "$WHAT"
 rm -rf "$program/lib/bin" "$program/lib/share"
 for command in "lrmd lrmd.main" "lrmd-board lrmd.sim.process" "lrm lrmd.cli.app"; do
     name=${command% *}

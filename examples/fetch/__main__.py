@@ -31,22 +31,23 @@ def main(argv: list[str] | None = None) -> int:
     p = argparse.ArgumentParser("examples.fetch", description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
     p.add_argument("--stones", type=int, default=20)
     p.add_argument("--seed", type=int, default=1, help="of the hidden errors and the stones")
-    p.add_argument("--out", type=Path, default=Path("out"), help="where fetch.json and fetch.png go (default: out)")
+    p.add_argument("--out", type=Path, default=Path("out"), help="for fetch.json, .png and .mcap (default: out)")
     options = p.parse_args(argv)
     try:
-        found = run(options.stones, options.seed)
+        found, recording = run(options.stones, options.seed)
         options.out.mkdir(parents=True, exist_ok=True)
         path = options.out / "fetch.json"
         path.write_text(json.dumps(found, indent=1) + "\n", encoding="utf-8")
         draw(path, path.with_suffix(".png"))
+        path.with_suffix(".mcap").write_bytes(recording)
     except (LrmError, OSError) as error:
         print(f"examples.fetch: {error}", file=sys.stderr)
         return 2
     return 0
 
 
-def run(count: int, seed: int) -> dict[str, object]:
-    """Fetches every stone with both models; the values of the result."""
+def run(count: int, seed: int) -> tuple[dict[str, object], bytes]:
+    """Fetches every stone with both models; the values of the result, and the run as an MCAP file."""
     result: dict[str, object] = {"seed": seed, "grasp_mm": GRASP * 1e3}
     with tempfile.TemporaryDirectory(prefix="lrm-fetch-") as private, simulated_rover(Path(private), seed) as world:
         found = stones(count, seed)
@@ -56,10 +57,12 @@ def run(count: int, seed: int) -> dict[str, object]:
             outcomes = []
             for number, stone in enumerate(found, start=1):
                 outcomes.append(fetch(world, stone))
-                print(_line(model, number, stone, outcomes[-1]), flush=True)
+                said = _line(model, number, stone, outcomes[-1])
+                world.note(said)
+                print(said, flush=True)
             result[model] = [_values(*pair) for pair in zip(found, outcomes, strict=True)]
             _summary(model, found, outcomes)
-        distances = world.distances()
+        distances, recording = world.distances(), world.recording(found)
         result |= {"distances": asdict(distances), "asked_again": world.again}
     print(
         f"{len(world.again)} skills were asked for again, as the computer was too busy\n"
@@ -67,7 +70,7 @@ def run(count: int, seed: int) -> dict[str, object]:
         f"spare {distances.least_spare * 1e3:.2f} mm, {distances.pair} (rounding to counts: "
         f"{distances.tolerance * 1e3:.2f} mm at most)"
     )
-    return result
+    return result, recording
 
 
 def _line(model: str, number: int, stone: Stone, outcome: Fetched) -> str:

@@ -94,6 +94,7 @@ def tried(world: FetchWorld, name: SkillName, **fields: Any) -> SkillState:
             if refused.code != "lease":
                 raise
         else:
+            world.note(f"{name}: {state.outcome}: {state.text}")
             if not any(words in state.text for words in BUSY):
                 return state
         world.again.append(name)

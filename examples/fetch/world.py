@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -14,8 +14,9 @@ import numpy as np
 from examples.demo.simulated_tracker import BoardState, true_tip
 from examples.fetch.distance_check import DistanceResult, PermittedTime, check, ticks_of
 from examples.fetch.places import ARM, HOME, MASSES_G, TOUCHING, Stone
+from examples.fetch.recording import recorded, thinned, true_tips
 from lrm_ident.study import api
-from lrm_math.arrays import Array
+from lrm_math.arrays import Array, Vector3
 from lrmd.client import RequestRefused, Rover
 from lrmd.client.model_text import text_to_deploy
 from lrmd.config import Config, load_config
@@ -50,7 +51,8 @@ servo.gripper.channel = 6
 class FetchWorld:
     """A simulated rover: the link of its `board`, a client, and the true arm. `log`: every frame of the board;
     `permitted`: when the fingers were permitted to touch the ground, and where. `again`: skills that were asked for
-    again, as the computer was too busy."""
+    again, as the computer was too busy. `notes`: what happened, `loads`: of the gripper (kg), `grounds`: gravity
+    (m/s²) on each, all from a time (s)."""
 
     board: Path
     rover: Rover
@@ -60,12 +62,16 @@ class FetchWorld:
     log: Path
     permitted: list[PermittedTime] = field(default_factory=list)
     again: list[str] = field(default_factory=list)
+    notes: list[tuple[float, str]] = field(default_factory=list)
+    loads: list[tuple[float, float]] = field(default_factory=list)
+    grounds: list[tuple[float, Vector3]] = field(default_factory=list)
 
     def under(self, stone: Stone) -> FetchWorld:
         """The rover on the ground of a stone, whose slope its accelerometer tells."""
         self.rover.tell_gravity(stone.gravity)
         time.sleep(ADOPTED_S)
         x, y, z = stone.gravity
+        self.grounds.append((self.time(), (x, y, z)))
         return replace(self, arm=replace(self.arm, gravity_m_per_s2=(x, y, z)))
 
     @contextmanager
@@ -111,12 +117,24 @@ class FetchWorld:
         count = self.config.clock.count_s * float(np.ptp(servo.angle) / np.ptp(servo.pulse))
         return check(ARM_FILE, *ticks_of(self.log, self.config), self.permitted, abs(count))
 
+    def note(self, text: str) -> None:
+        """Notes what happens now."""
+        self.notes.append((self.time(), text))
+
+    def recording(self, stones: Sequence[Stone]) -> bytes:
+        """The run so far as an MCAP file. Raises `LrmError`: mcap is not installed."""
+        t, q = ticks_of(self.log, self.config)
+        some = thinned(t)
+        tips = true_tips(self.arm, self.truth, t[some], q[some], self.loads, self.grounds)
+        return recorded(ARM_FILE, t[some], q[some], tips, self.notes, stones)
+
     def tip(self) -> Array:
         """(3,), where the tip really is (m)."""
         return true_tip(self.arm, self.truth, BoardState.of(self.board, len(HOME)))
 
     def load(self, mass: float) -> None:
         """Puts a mass (kg) into the gripper, or takes it out."""
+        self.loads.append((self.time(), mass))
         query_board(self.board, f"payload {mass * 1e3:g}")
 
 

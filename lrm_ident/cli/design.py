@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from concurrent.futures import Executor
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -21,6 +22,7 @@ from lrm_ident.data.measurement_file.write import measurements_csv
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.registration.set_up import with_set_up
 from lrm_ident.data.weights.whitening import PLAIN, Whitening, measured_alike
+from lrm_ident.design.advice import CandidateCause, advise
 from lrm_ident.design.candidate_poses import (
     DEFAULT_LEVELS,
     ClearanceRules,
@@ -32,13 +34,14 @@ from lrm_ident.design.candidate_poses import (
 from lrm_ident.design.installation import FEW
 from lrm_ident.design.observability import INDICES, UNITS
 from lrm_ident.design.parameter_elimination import PUBLISHED_THRESHOLD, eliminate
-from lrm_ident.design.pose_design import CandidateSet, DesignProblem
+from lrm_ident.design.pose_design import CandidateSet, DesignProblem, Indistinguishable, PoseDesign
 from lrm_ident.design.pose_design import design as run_design
 from lrm_ident.design.pose_selection import select_poses
 from lrm_ident.fitting.effect_plugins import catalogue_with
 from lrm_ident.fitting.executors import executor_for, in_this_process
 from lrm_ident.fitting.identifiability import fit_identifiable, select_identifiable
 from lrm_ident.fitting.parameter_sets import TABLE_4_5, fittable, select_parameters
+from lrm_ident.fitting.progress import OnProgress
 from lrm_ident.fitting.transfer import TransferredModel, transferred
 from lrm_ident.measuring.camera.session import CameraSession, expected_weights, visible
 from lrm_ident.report.design import choice_document, design_document, elimination_document, pose_table
@@ -161,7 +164,11 @@ def design(
         Option(metavar="SESSION", help="Only poses that show the board to this camera (DATA.camera.toml)."),
     ] = None,
     levels: Annotated[
-        str, Option(help="Angles to combine for each joint: how many, or which (deg): '5; joint2=-50,0,50; joint6=3'.")
+        str,
+        Option(
+            help="Angles to combine for each joint: how many, or which (deg): '5; joint2=-50,0,50; joint6=3'; or any: "
+            "random poses at any angles."
+        ),
     ] = str(DEFAULT_LEVELS),
     loads_g: Annotated[str, Option(help="Loads at the tool, by commas. Every pose is offered with each load.")] = "0",
     repeats: Annotated[
@@ -229,7 +236,7 @@ def design(
         prior=None if mounted is None else mounted.covariance,
     )
     with executor_for(cluster, effects_file) if cluster else in_this_process() as pool, progress("exchanging") as tick:
-        found = run_design(task, offer.poses, tick, pool)
+        found = _designed(task, offer.poses, tick, pool)
     publish(design_document(task, offer, found), json, figure, partial(draw_design, task, offer, found), show_all)
     if floor_mm != "none":
         _say_floor(movable, found.poses.q, None if poses is not None else rules.floor)
@@ -238,6 +245,19 @@ def design(
         show(f"{len(found.poses)} poses written to {output}, in the order to measure them")
     else:
         show("Not saved; give -o POSES.csv to keep it.")
+
+
+def _designed(task: DesignProblem, offered: Poses, tick: OnProgress, pool: Executor) -> PoseDesign:
+    """The design; where no choice of the poses offered tells the rivals apart, the advice which would. Raises
+    `LrmError`."""
+    try:
+        return run_design(task, offered, tick, pool)
+    except Indistinguishable as error:
+        model = task.model.with_free(task.keys or fittable(task.model))
+        causes = [CandidateCause.typical(effect, model.free) for effect in task.rivals]
+        advice = advise(model, causes, task.measured, task.noise, task.seed)
+        offer = f" (--separate … {advice.plan.options})" if advice.plan and advice.helps else ""
+        raise LrmError(f"{error}. {advice.sentence}{offer}") from None
 
 
 @command

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.design.observability import identification_jacobian
 from lrm_ident.design.pose_design import DesignProblem, design
-from lrm_ident.diagnosis.diagnose import Verdict
+from lrm_ident.diagnosis.judgement import Verdict
 from lrm_ident.diagnosis.screening.linearised_fit import PRIOR_SD
 from lrm_ident.study.study import Study
 from lrm_math.arrays import Array
@@ -71,7 +71,7 @@ class AdaptiveFindings:
     def reached(self, goal: StoppingGoal) -> bool:
         """Whether enough is known."""
         close = goal.error is None or self.bound <= goal.error
-        quiet = self.verdict in ("nothing_missing", "noise_unknown")
+        quiet = self.verdict.quiet
         sure = quiet and all(len(names) == 1 for names in self.named)
         return close and (sure or not goal.explain)
 

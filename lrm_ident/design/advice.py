@@ -23,7 +23,7 @@ from lrm_ident.diagnosis.screening.linearised_fit import PRIOR_SD
 from lrm_ident.diagnosis.screening.score_test import ScoredCandidate
 from lrm_ident.residual.thresholds import EQUIVALENCE_COSINE, Z_THRESHOLD
 from lrm_math.arrays import Array
-from lrm_math.effects import Effect
+from lrm_math.effects import FREE_FORMS, Effect
 from lrm_math.errors import LrmError
 from lrm_math.kinematics.history import PACE_S, history_of
 from lrm_math.kinematics.motion import recorded
@@ -37,6 +37,8 @@ COUNTS = (40, 80)
 """Poses that are proposed."""
 OFFERED = 300
 """Random poses that they are chosen from, with each load."""
+NO_MOTION = 1e-9
+"""m: round-off."""
 MOST_SHAPES = 12
 """Of a cause that another might stand in for: a bound on time."""
 SECOND_LOAD_KG = 0.1
@@ -53,9 +55,11 @@ class CandidateCause:
     shape: tuple[float, ...] | None = None
 
     @classmethod
-    def found(cls, scored: ScoredCandidate) -> CandidateCause:
-        """One as a screening estimates it alone."""
-        return cls(scored.candidate.effect, scored.candidate.rows, scored.alone.theta, scored.shape)
+    def found(cls, scored: ScoredCandidate, motion: float) -> CandidateCause:
+        """One as a screening estimates it alone, as large as if it made all the motion that is to be explained (m, the
+        root of the sum of squares): an estimate of what explains little alone is too small."""
+        share = motion / max(float(np.linalg.norm(scored.added)), NO_MOTION)
+        return cls(scored.candidate.effect, scored.candidate.rows, scored.alone.theta * share, scored.shape)
 
     @classmethod
     def typical(cls, effect: Effect, fitted: Sequence[str]) -> CandidateCause:
@@ -65,7 +69,7 @@ class CandidateCause:
 
 
 @dataclass(frozen=True, eq=False)
-class Plan:
+class MeasuringPlan:
     """Poses to measure, in this order: `poses`, in words `how`, and as options of `design`."""
 
     poses: Poses
@@ -74,14 +78,19 @@ class Plan:
 
 
 @dataclass(frozen=True)
-class Pair:
-    """Two causes on some poses: by how many standard errors the first, if it is there, beats the second; the cosine of
-    their motions."""
+class CausePair:
+    """Two causes on some poses.
+
+    lead: standard errors by which the first, if it is there, beats the second at the shape that imitates it best.
+    cosine: of their motions then; a diagnosis calls them alike if it is large, whatever the errors.
+    one_form: whether a free form refines both. Where that form fits better, their formulas tell nothing.
+    """
 
     there: str
     instead: str
     lead: float
     cosine: float
+    one_form: bool = False
 
     @property
     def told(self) -> bool:
@@ -93,11 +102,11 @@ class Pair:
 class Advice:
     """The plan that distinguishes causes, or the best one where none does; `pairs` are expected with it."""
 
-    plan: Plan | None
-    pairs: tuple[Pair, ...]
+    plan: MeasuringPlan | None
+    pairs: tuple[CausePair, ...]
 
     @property
-    def alike(self) -> tuple[Pair, ...]:
+    def alike(self) -> tuple[CausePair, ...]:
         """Pairs that no plan tells apart, the worst first."""
         return tuple(sorted((pair for pair in self.pairs if not pair.told), key=lambda pair: pair.lead))
 
@@ -105,6 +114,20 @@ class Advice:
     def works(self) -> bool:
         """Whether the plan tells all of them apart."""
         return self.plan is not None and not self.alike
+
+    @property
+    def helps(self) -> bool:
+        """Whether the plan tells the first cause, or another, from some of them."""
+        return any(frozenset((p.there, p.instead)) not in self._together for p in self.pairs)
+
+    @property
+    def _together(self) -> set[frozenset[str]]:
+        return {frozenset((pair.there, pair.instead)) for pair in self.alike}
+
+    @property
+    def _provided(self) -> str:
+        alike = next((pair for pair in self.pairs if pair.told and pair.one_form), None)
+        return "" if alike is None else f", if the formula of {alike.there} or {alike.instead} is exact"
 
     @property
     def sentence(self) -> str:
@@ -115,15 +138,16 @@ class Advice:
             least = min(pair.lead for pair in self.pairs)
             return (
                 f"{self.plan.how}, distinguish them: the true cause is expected to lead by {least:.1f} standard errors "
-                f"or more ({Z_THRESHOLD:g} are needed)."
+                f"or more ({Z_THRESHOLD:g} are needed){self._provided}."
             )
         worst = self.alike[0]
         why = (
             f"they move the tip alike (cosine {worst.cosine:.2f})"
             if worst.cosine > EQUIVALENCE_COSINE
-            else f"it would lead by {worst.lead:.1f} standard errors only, and {NEEDED:.1f} must be expected"
+            else f"it would lead by {worst.lead:.1f} standard errors, and {NEEDED:.1f} must be expected"
         )
-        return f"No poses tried can distinguish {worst.there} from {worst.instead}. With {self.plan.how}: {why}."
+        none = f"No poses tried can distinguish {worst.there} from {worst.instead}: {why}"
+        return f"{none}; {self.plan.how}, distinguish the others." if self.helps else f"{none}, with {self.plan.how}."
 
 
 def advise(
@@ -156,7 +180,9 @@ def _least(advice: Advice) -> tuple[int, float]:
     return -len(advice.alike), min(pair.lead for pair in advice.pairs)
 
 
-def expected(model: Model, causes: Sequence[CandidateCause], parts: Sequence[Poses], noise: float) -> tuple[Pair, ...]:
+def expected(
+    model: Model, causes: Sequence[CandidateCause], parts: Sequence[Poses], noise: float
+) -> tuple[CausePair, ...]:
     """Every cause beside every other one, on all poses of the parts. `noise`: m per axis."""
     columns = [_columns(model, causes, part) for part in parts]
     fitted = np.concatenate([own for own, _ in columns])
@@ -175,10 +201,16 @@ def expected(model: Model, causes: Sequence[CandidateCause], parts: Sequence[Pos
     found = []
     for (a, one), (b, other) in permutations(enumerate(causes), 2):
         motion = own[a][0] @ one.size
-        apart = min(_distance(motion, columns) for columns in own[b])
-        cosine = max(principal_cosine(own[a][0], columns) for columns in own[b])
-        found.append(Pair(one.effect.name, other.effect.name, apart / (2.0 * noise), cosine))
+        apart, best = min((_distance(motion, columns), k) for k, columns in enumerate(own[b]))
+        cosine = principal_cosine(own[a][0], own[b][best])
+        names = one.effect.name, other.effect.name
+        found.append(CausePair(*names, apart / (2.0 * noise), cosine, _share_a_form(one.effect, other.effect)))
     return tuple(found)
+
+
+def _share_a_form(one: Effect, other: Effect) -> bool:
+    ids = {one.id, other.id}
+    return one.place == other.place and len(ids) == 2 and any(ids <= {*form.variant_of} for form in FREE_FORMS)
 
 
 def _distance(motion: Array, columns: Array) -> float:
@@ -201,7 +233,7 @@ def _columns(model: Model, causes: Sequence[CandidateCause], poses: Poses) -> tu
 
 def _plans(
     model: Model, causes: Sequence[CandidateCause], measured: Poses | None, noise: float, seed: int, most: int
-) -> Iterator[Plan]:
+) -> Iterator[MeasuringPlan]:
     """Plans, from the least effort on. A plan that cannot be made is left out."""
     before = np.zeros(1) if measured is None else np.unique(np.round(measured.payload, 4))
     loads = [tuple(before.tolist())]
@@ -216,7 +248,7 @@ def _plans(
             grams = ",".join(f"{1e3 * load:g}" for load in kilograms)
             carrying = "without a load" if kilograms == (0.0,) else f"with {' and '.join(grams.split(','))} g"
             how = f"{count} poses at any angles, {carrying}, each joint coming from both sides, in random order"
-            yield Plan(
+            yield MeasuringPlan(
                 _chosen(model, causes, every, measured, noise, count, seed),
                 how,
                 f"--levels any --loads-g {grams} -n {count}",

@@ -28,8 +28,8 @@ DEFAULT_LEVELS = 5
 MAX_COMBINATIONS = 300_000
 NEAR_LINKS = 4  # the last links, which the tool can fold back upon but never leave; their shapes keep it clear
 MOST_CANDIDATES = 6000  # more are thinned out at random; the best index hardly changes
-ANY, MOST_DRAWS = "any", 40
-"""Levels of joints that may stand anywhere; how often poses are drawn for that."""
+ANY, MOST_DRAWS, RANDOM_CANDIDATES = "any", 40, 1000
+"""Levels of joints that may stand anywhere; how often poses are drawn for that; how many are offered."""
 Narrowing = Callable[[Array], tuple[Array, str]]
 """From angles (N, n) in rad to those that may be used, and words on them that follow those on the others."""
 
@@ -66,11 +66,13 @@ class CandidateGrid:
 def parse_levels(arm: Arm, text: str = str(DEFAULT_LEVELS)) -> tuple[tuple[float, ...], ...]:
     """The levels of every joint (rad) from text such as `5`, `-100,0,100` or `5; joint2=-50,0,50; joint6=3`.
 
-    One number is a count of levels, evenly from limit to limit; several are angles in deg.
+    One number is a count of levels, evenly from limit to limit; several are angles in deg; `any` gives no levels.
 
     Raises:
         LrmError: text that cannot be parsed, or an angle beyond a joint's limits. UnknownName: no such joint.
     """
+    if text.strip() == ANY:
+        return ()
     by_joint: dict[str, str] = {}
     for part in text.split(";"):
         place, equals, angles = part.strip().rpartition("=")
@@ -104,7 +106,7 @@ def candidate_grid(arm: Arm, levels: Sequence[Sequence[float]], rules: Clearance
     """
     count = int(np.prod([len(angles) for angles in levels]))
     if count > MAX_COMBINATIONS:
-        raise LrmError(f"{count} combinations of levels; at most {MAX_COMBINATIONS} are checked, take fewer levels")
+        raise LrmError(f"{count} combinations of levels; at most {MAX_COMBINATIONS} are checked, take --levels {ANY}")
     q = np.array(list(product(*levels)), dtype=np.float64)
     violated = violated_rules(arm, q, rules or ClearanceRules())
     good = _none_of(violated, len(q))
@@ -179,6 +181,14 @@ def _tcp_to_boxes(scene: Scene, tcp: Array) -> Array:
     return nearest
 
 
+def _at_any_angles(arm: Arm, rules: ClearanceRules, seed: int) -> CandidateGrid:
+    """Random poses that keep the rules. Raises `LrmError`: none does."""
+    q = random_poses(arm, RANDOM_CANDIDATES, rules, seed)
+    if not len(q):
+        raise LrmError("no random pose keeps the rules: give --levels, or smaller distances")
+    return CandidateGrid(q, len(q), {})
+
+
 def clear_poses(
     arm: Arm,
     levels: Sequence[Sequence[float]],
@@ -187,10 +197,14 @@ def clear_poses(
     seed: int,
     narrowed: Narrowing | None = None,
 ) -> CandidateSet:
-    """The combinations of levels (rad) that keep the rules, each under every payload (kg). Raises `LrmError`."""
-    clear = candidate_grid(arm, levels, rules)
+    """The combinations of levels (rad) that keep the rules, each under every payload (kg). Raises `LrmError`.
+
+    `levels`: empty for poses at any angles, drawn at random.
+    """
+    clear = candidate_grid(arm, levels, rules) if levels else _at_any_angles(arm, rules, seed)
     q, more = (clear.q, "") if narrowed is None else narrowed(clear.q)
-    words = f"{len(clear.q)} of {clear.tried} combinations of levels keep clear{more}"
+    what = f"{clear.tried} combinations of levels" if levels else f"{clear.tried} random poses"
+    words = f"{len(clear.q)} of {what} keep clear{more}"
     most = MOST_CANDIDATES // len(payloads)
     if len(q) > most:
         q = q[np.sort(np.random.default_rng(seed).choice(len(q), most, replace=False))]

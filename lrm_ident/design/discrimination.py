@@ -55,13 +55,21 @@ class Discrimination:
     cosine: float
 
 
+class UnsuitableRival(LrmError):
+    """An effect that no poses can tell from others, by its `name`, and `why` not."""
+
+    def __init__(self, name: str, why: str) -> None:
+        super().__init__(f"{name} {why}")
+        self.name, self.why = name, why
+
+
 def check_testable(settled: Equilibrium, effects: Sequence[Effect], sensed: Sensed = TCP_ONLY) -> None:
     """Raises `LrmError` if an effect is not testable at the poses of an equilibrium, by what is measured there."""
     excitation = Excitation(settled.poses, settled.joint_torque, sensed.feedback, sensed.distance_from is not None)
     for effect in effects:
         reason = effect.missing_excitation(excitation)
         if reason is not None:
-            raise LrmError(f"{effect.name} cannot show at any of the candidate poses: {reason}")
+            raise UnsuitableRival(effect.name, f"cannot show at any of the candidate poses: {reason}")
 
 
 def rival_columns(
@@ -77,8 +85,8 @@ def rival_columns(
     wanted = [(effect, unfitted_rows(effect, fitted)) for effect in effects]
     for effect, rows in wanted:
         if not rows:
-            name = effect.name
-            raise LrmError(f"{name} has nothing that is not fitted already; name effects that the model lacks")
+            why = "has nothing that is not fitted already; name effects that the model lacks"
+            raise UnsuitableRival(effect.name, why)
     found = differentiate_candidates(solve_equilibrium(model, poses), wanted, sensed)[1]
     each = sensed.rows(model.arm.dof)
     return [(_default_columns(candidate) * MM_PER_M).reshape(len(poses), each, -1) for candidate in found]

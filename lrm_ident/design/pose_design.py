@@ -36,6 +36,10 @@ RIVAL_SHARE = 0.5  # of the criterion
 SIDE_POSES = 20  # at which to check whether the side of approach matters
 
 
+class Indistinguishable(LrmError):
+    """The candidates do not tell the rivals apart, whichever are chosen."""
+
+
 @dataclass(frozen=True, eq=False)
 class ExpectedAccuracy:
     """Expected accuracy of a fit to a set of poses, from the covariance of its parameters.
@@ -235,10 +239,7 @@ def _criterion(problem: DesignProblem, columns: Columns, measured: Columns | Non
         return DeterminantCriterion(((whitened, general - rivals), (whiten(wide, wide_prior), rivals)))
     except RankDeficient:
         names = " and ".join(effect.name for effect in problem.rivals)
-        raise LrmError(
-            f"no choice of these {len(fitted)} candidates can tell {names} apart; offer more levels "
-            "(--levels), other loads (--loads-g), or fewer rivals"
-        ) from None
+        raise Indistinguishable(f"no choice of these {len(fitted)} candidates can tell {names} apart") from None
 
 
 def _information(columns: Array) -> Array:

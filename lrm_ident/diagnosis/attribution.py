@@ -13,20 +13,18 @@ from dataclasses import dataclass
 from typing import Literal
 
 from lrm_ident.diagnosis.diagnosis_report import DiagnosisReport
+from lrm_ident.diagnosis.judgement import Support, Verdict
 from lrm_ident.residual.thresholds import MAX_UNEXPLAINED_RATIO
 
-Attribution = Literal["finding", "possible_cause", "description"]
-"""A cause that is shown; one that may stand for another; an effect that predicts better and shows no cause."""
-
 AttributionTerm = Literal["identified cause", "indistinguishable cause", "candidate cause", "empirical term"]
-"""The same in the words that people and files read."""
+"""What an added effect is, in the words that people and files read."""
 
 
-def term_of(kind: Attribution, equivalent: Collection[str]) -> AttributionTerm:
+def term_of(kind: Support, equivalent: Collection[str]) -> AttributionTerm:
     """The word for an effect; `equivalent`: those that the data cannot distinguish from it."""
-    if kind == "description":
+    if kind == Support.DESCRIPTION:
         return "empirical term"
-    if kind == "possible_cause":
+    if kind == Support.POSSIBLE_CAUSE:
         return "candidate cause"
     return "indistinguishable cause" if equivalent else "identified cause"
 
@@ -38,18 +36,20 @@ class ExplainedStep:
     Attributes:
         explained: held-out mean square that it took away. describes: whether it only describes.
         of_present: whether it is a form of an effect that is in the model.
+        replicates: whether it is chosen in both halves of the data.
     """
 
     explained: float
     describes: bool
     of_present: bool
+    replicates: bool = True
 
 
 @dataclass(frozen=True)
 class StepAttribution:
     """Attribution of a step; `unexplained`: mean square that may belong to another cause, in the same unit."""
 
-    kind: Attribution
+    kind: Support
     unexplained: float
 
 
@@ -57,36 +57,40 @@ def attribute_steps(steps: Sequence[ExplainedStep], left: float) -> tuple[StepAt
     """Attributions of successive steps. `left`: held-out mean square that stays unexplained after the last one."""
     found: list[StepAttribution] = []
     for step in reversed(steps):
-        shown: Attribution = "finding" if left <= MAX_UNEXPLAINED_RATIO * step.explained else "possible_cause"
-        found.append(StepAttribution("description" if step.describes else shown, left))
-        if found[-1].kind != "finding" and not step.of_present:
+        sure = step.replicates and left <= MAX_UNEXPLAINED_RATIO * step.explained
+        shown = Support.FINDING if sure else Support.POSSIBLE_CAUSE
+        found.append(StepAttribution(Support.DESCRIPTION if step.describes else shown, left))
+        if found[-1].kind != Support.FINDING and not step.of_present:
             left += max(step.explained, 0.0)
     return tuple(reversed(found))
 
 
 def unexplained_mean_square(report: DiagnosisReport) -> float:
     """Held-out mean square (m²) above the noise, where that is unknown above its bound; 0 if nothing is missing."""
-    if report.verdict in ("nothing_missing", "noise_unknown"):
+    if report.verdict.quiet:
         return 0.0
     floor = report.diagnosis.floor.rms or report.left.predictable.noise_bound
     return max(report.held_out.rms**2 - floor**2, 0.0)
 
 
 def unexplained_ratio(report: DiagnosisReport) -> float | None:
-    """Held-out mean square above a known noise that the effect to add would leave, per mean square that it takes away;
-    None where no effect is to be added, or the noise is unknown."""
-    floor = report.diagnosis.floor.rms
-    if report.first is None or floor is None:
+    """Held-out mean square above the noise that the effect to add would leave, per mean square that it takes away.
+
+    A noise that is not known is at most what a black-box model leaves. None where no effect is to be added.
+    """
+    floor = report.diagnosis.floor.rms or report.left.predictable.noise_bound
+    if report.first is None:
         return None
     left, before = report.first.held_out_rms**2, report.held_out.rms**2
     return max(left - floor**2, 0.0) / (before - left)
 
 
-def attribution_of(report: DiagnosisReport) -> Attribution | None:
+def attribution_of(report: DiagnosisReport) -> Support | None:
     """Attribution of the effect that a diagnosis would add; None where it would add none."""
-    if report.first is None or report.verdict not in ("effect_missing", "effect_describes"):
+    if report.first is None or not report.verdict.adds:
         return None
-    if report.verdict == "effect_describes":
-        return "description"
+    if report.verdict == Verdict.EFFECT_DESCRIBES:
+        return Support.DESCRIPTION
     ratio = unexplained_ratio(report)
-    return "possible_cause" if ratio is not None and ratio > MAX_UNEXPLAINED_RATIO else "finding"
+    unsure = ratio is not None and ratio > MAX_UNEXPLAINED_RATIO
+    return Support.POSSIBLE_CAUSE if unsure or not report.replicates else Support.FINDING

@@ -14,8 +14,9 @@ from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.notebook import ShownInNotebook
 from lrm_ident.diagnosis.attribution import ExplainedStep, StepAttribution, attribute_steps, unexplained_mean_square
 from lrm_ident.diagnosis.confirm import ConfirmedDiagnosis, Refit, confirm
-from lrm_ident.diagnosis.diagnose import Diagnosis, Verdict, diagnose
+from lrm_ident.diagnosis.diagnose import Diagnosis, diagnose
 from lrm_ident.diagnosis.diagnosis_report import DiagnosisReport, report_of
+from lrm_ident.diagnosis.judgement import Verdict
 from lrm_ident.diagnosis.screening.score_test import ScoredCandidate
 from lrm_ident.fitting.levenberg_marquardt import Fit
 from lrm_ident.fitting.loss import SQUARED, Loss
@@ -42,6 +43,7 @@ class AutoStep:
         freed: keys of base parameters that became identifiable with it.
         share: of the held-out mean square above the noise (of all, where that is unknown) that it took away.
         describes: whether it only describes (`ConfirmedDiagnosis.describes`).
+        replicates: whether it was chosen in both halves of the data.
     """
 
     added: str
@@ -54,6 +56,7 @@ class AutoStep:
     freed: tuple[str, ...] = ()
     share: float = 0.0
     describes: bool = False
+    replicates: bool = True
     rivals: Mapping[str, float] = field(default_factory=dict)
 
     @property
@@ -106,7 +109,10 @@ class AutoRun(ShownInNotebook):
             {effect.name for effect in self.model.effects},
             zip(self.steps[1:], self.explained, strict=True),
         )
-        steps = [ExplainedStep(square, step.describes, bool(present & {*step.refines})) for step, square in pairs]
+        steps = [
+            ExplainedStep(square, step.describes, bool(present & {*step.refines}), step.replicates)
+            for step, square in pairs
+        ]
         return attribute_steps(steps, unexplained_mean_square(self.report))
 
 
@@ -164,6 +170,7 @@ def _step(last: AutoStep, before: ConfirmedDiagnosis, one: ScoredCandidate) -> A
         refines=variants(one.candidate.effect),
         share=before.share,
         describes=before.describes,
+        replicates=before.replicates,
         rivals=before.diagnosis.rivals([one.name, *equivalent]),
     )
 

@@ -15,10 +15,12 @@ import numpy as np
 from scipy.special import chdtrc
 
 from lrm_ident.data.error_stats import ErrorStats, error_stats
-from lrm_ident.data.wording import in_mm
 from lrm_ident.diagnosis.add_effect import add_effects
 from lrm_ident.diagnosis.contradiction import can_be_contradicted
-from lrm_ident.diagnosis.diagnose import Diagnosis, Verdict, select_without
+from lrm_ident.diagnosis.diagnose import Diagnosis, select_without
+from lrm_ident.diagnosis.judgement import Verdict
+from lrm_ident.diagnosis.reason import Reason, ReasonKind
+from lrm_ident.diagnosis.replication import replicates
 from lrm_ident.diagnosis.screening.score_test import ScoredCandidate
 from lrm_ident.fitting.cross_validation import blocks_of_fit
 from lrm_ident.fitting.held_out import HeldOutBlock, deployed_residual, held_out_residual, held_out_squares
@@ -40,8 +42,6 @@ from lrm_math.model.deployed_model import of_a_session
 
 MOST_REFUSED = 8
 """Effects that are refused before the rest is left as structure: a bound on time."""
-DEPLOYED_WORSE = "it fits this session, but the model as deployed would be worse"
-CURVED_IN_PART = "a curve of the tracker that leaves more than the noise stands for something else"
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,7 +84,7 @@ class ConfirmedDiagnosis:
     blocks: tuple[HeldOutBlock, ...]
     refit: Refit | None
     supported: tuple[ScoredCandidate, ...]
-    refused: Mapping[str, str]
+    refused: Mapping[str, Reason]
     refuted: bool = False
     worse_deployed: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
@@ -102,6 +102,13 @@ class ConfirmedDiagnosis:
     def first(self) -> ScoredCandidate | None:
         """The effect to add, if any."""
         return self.supported[0] if self.supported else None
+
+    @cached_property
+    def replicates(self) -> bool:
+        """Whether the effect to add is chosen in both halves of the data; True where none is to be added."""
+        if self.first is None:
+            return True
+        return replicates(self.diagnosis.screening, self.first, self.diagnosis.equivalent[self.first.name])
 
     @property
     def share(self) -> float:
@@ -126,9 +133,9 @@ class ConfirmedDiagnosis:
         """Verdict of the diagnosis, with two changes: `effect_describes` of a refit that shows no cause, and
         `unexplained_structure` where refits confirmed no selected effect, unless nothing is missing."""
         verdict = self.diagnosis.verdict
-        if self.refuted and not self.supported and verdict != "nothing_missing":
-            return "unexplained_structure"
-        return "effect_describes" if self.describes else verdict
+        if self.refuted and not self.supported and verdict != Verdict.NOTHING_MISSING:
+            return Verdict.UNEXPLAINED_STRUCTURE
+        return Verdict.EFFECT_DESCRIBES if self.describes else verdict
 
 
 def confirm(
@@ -150,7 +157,7 @@ def confirm(
     if not blocks:
         on_progress("cross-validating the model as it is")
         blocks = blocks_of_fit(diagnosis.fit, diagnosis.data)
-    reasons = dict.fromkeys(refused, "a model with it could not be gone on with")
+    reasons = dict.fromkeys(refused, Reason(ReasonKind.NO_DIAGNOSIS))
     now = select_without(diagnosis, reasons) if refused else diagnosis
     promised, rival, refuted, squares = 0.0, "", bool(refused), held_out_squares(blocks)
     worse = dict[str, tuple[float, float]]()
@@ -163,7 +170,7 @@ def confirm(
         refuted |= trial.fitted
         if trial.worse_deployed:
             worse[scored.name] = trial.worse_deployed
-        reasons[scored.name] = trial.objection or f"it saves far less than {rival} promised, which its refit refused"
+        reasons[scored.name] = trial.objection or Reason(ReasonKind.LESS_THAN_PROMISED, names=(rival,))
         if trial.refit:
             break
         if trial.fitted and not scored.candidate.effect.variant_of:
@@ -178,7 +185,7 @@ class _Trial:
     """Trial of a candidate: its refit, or the objection to it; whether the fit converged; see `worse_deployed`."""
 
     refit: Refit | None
-    objection: str = ""
+    objection: Reason | None = None
     fitted: bool = True
     worse_deployed: tuple[float, float] | None = None
 
@@ -189,21 +196,21 @@ def _refit_trial(diagnosis: Diagnosis, scored: ScoredCandidate, blocks: tuple[He
     try:
         fitted = add_effects(diagnosis.fit.model, data, [effect], scored.shape, loss)
         if wald_p_value(fitted, [effect.keys[row] for row in scored.candidate.rows]) > WITHIN_TWO_DEVIATIONS:
-            return _Trial(None, "refitted, its own parameters lie within two standard deviations of zero")
+            return _Trial(None, Reason(ReasonKind.NEAR_ZERO))
         if absurd := _absurd(diagnosis.fit, fitted):
-            return _Trial(None, f"refitted, {absurd}")
+            return _Trial(None, Reason(ReasonKind.ABSURD, said=absurd))
         if _bends_what_it_measures(effect) and _leaves_more_than_noise(diagnosis, fitted):
-            return _Trial(None, CURVED_IN_PART)
+            return _Trial(None, Reason(ReasonKind.CURVED_IN_PART))
         refit = Refit(fitted, blocks_of_fit(fitted, data))
     except LrmError as error:
-        return _Trial(None, f"it could not be refitted: {error}", fitted=False)
+        return _Trial(None, Reason(ReasonKind.NOT_REFITTED, said=str(error)), fitted=False)
     if predicts_better(refit.squares, held_out_squares(blocks), MIN_GAIN):
         explains_all = not _leaves_more_than_noise(diagnosis, fitted)
         of_tracker = effect.part is ModelPart.MEASUREMENT and explains_all  # then its points cannot judge the arm
         worse = None if of_tracker else _worse_as_deployed(effect, refit, blocks)
-        return _Trial(refit) if worse is None else _Trial(None, DEPLOYED_WORSE, worse_deployed=worse)
-    before, after = in_mm(error_stats(held_out_residual(blocks)).rms), in_mm(refit.error.rms)
-    return _Trial(None, f"refitted, it does not surely predict better: {before} mm held out, {after} with it")
+        return _Trial(refit) if worse is None else _Trial(None, Reason(ReasonKind.WORSE_DEPLOYED), worse_deployed=worse)
+    before, after = error_stats(held_out_residual(blocks)).rms, refit.error.rms
+    return _Trial(None, Reason(ReasonKind.NOT_BETTER, (before, after)))
 
 
 def _bends_what_it_measures(effect: Effect) -> bool:
@@ -229,6 +236,20 @@ def _worse_as_deployed(effect: Effect, refit: Refit, blocks: tuple[HeldOutBlock,
     if paired_z((before**2).sum(axis=1), (after**2).sum(axis=1)) <= allowed:
         return None
     return error_stats(before).rms, error_stats(after).rms
+
+
+def objection_to(fitted: Fit, keys: Collection[str], before: Array, after: Array) -> str:
+    """Why a refit gives no evidence for an effect with the parameters `keys`, in words; empty where it does.
+
+    before, after: (N,), held-out squared distances without and with it (m²).
+    """
+    if wald_p_value(fitted, keys) > WITHIN_TWO_DEVIATIONS:
+        return "its own parameters lie within two standard errors of zero"
+    if absurd := next((one.sentence for one in implausible_of(fitted) if one.key in keys), ""):
+        return absurd
+    if not predicts_better(after, before, MIN_GAIN):
+        return "the model does not surely predict better with it"
+    return ""
 
 
 def _absurd(before: Fit, after: Fit) -> str:

@@ -13,7 +13,6 @@ import math
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,7 +20,8 @@ from scipy.special import chdtri
 
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.diagnosis.forward_selection import equivalent_effects, forward_select
-from lrm_ident.diagnosis.screening.candidates import REFINEMENT
+from lrm_ident.diagnosis.judgement import Verdict
+from lrm_ident.diagnosis.screening.candidates import REFINEMENT, Refusal
 from lrm_ident.diagnosis.screening.score_test import ScoredCandidate
 from lrm_ident.diagnosis.screening.screen import Screening, screen
 from lrm_ident.diagnosis.shifted_rows import ShiftedRows, shifted_rows
@@ -43,9 +43,6 @@ from lrm_math.model.model import Model
 MOST_ROUNDS = 3  # of leaving out outliers: a far one masks nearer ones
 MISSED = 0.05  # probability of a motion beyond its bound
 RIVALS_KEPT = 4  # of a step that is taken
-Verdict = Literal[
-    "effect_missing", "effect_describes", "unexplained_structure", "unpredictable", "nothing_missing", "noise_unknown"
-]
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,7 +67,7 @@ class Diagnosis:
     selected: tuple[ScoredCandidate, ...]
     equivalent: dict[str, tuple[str, ...]]
     unexplained: UnexplainedStructure
-    not_testable: tuple[tuple[Effect, str], ...]
+    not_testable: tuple[Refusal, ...]
     screened: NDArray[np.int64]
     screening: Screening
     outliers: tuple[int, ...] = ()
@@ -122,16 +119,16 @@ class Diagnosis:
         """Verdict of the screening. Structure counts if it is significant and the error exceeds the noise floor by
         `FLOOR_RATIO`, or, where that is unknown, neighbours are alike by `MORAN_THRESHOLD`."""
         if self.supported:
-            return "effect_missing"
+            return Verdict.EFFECT_MISSING
         if self.unexplained.functions:
-            return "unexplained_structure"
+            return Verdict.UNEXPLAINED_STRUCTURE
         structure, floor = self.structure, self.floor.sd
         matters = structure.moran_i > MORAN_THRESHOLD if floor is None else self.fit.sigma > FLOOR_RATIO * floor
         if structure.significant and matters:
-            return "unexplained_structure"
+            return Verdict.UNEXPLAINED_STRUCTURE
         if floor is None:
-            return "noise_unknown"
-        return "unpredictable" if self.above_floor else "nothing_missing"
+            return Verdict.NOISE_UNKNOWN
+        return Verdict.UNPREDICTABLE if self.above_floor else Verdict.NOTHING_MISSING
 
     def rivals(self, taken: Collection[str]) -> dict[str, float]:
         """Held-out RMS (m) that each of the best plausible effects not `taken` would leave alone, the least first."""

@@ -4,15 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from lrm_ident.data.error_stats import ErrorStats, error_stats
 from lrm_ident.data.notebook import ShownInNotebook
-from lrm_ident.data.wording import fall, in_mm, quantity
+from lrm_ident.data.wording import in_mm, quantity
 from lrm_ident.diagnosis.confirm import ConfirmedDiagnosis, confirm
-from lrm_ident.diagnosis.diagnose import Diagnosis, Verdict
+from lrm_ident.diagnosis.diagnose import Diagnosis
+from lrm_ident.diagnosis.judgement import Support, Verdict
+from lrm_ident.diagnosis.reason import Reason, ReasonKind
 from lrm_ident.diagnosis.screening.score_test import ScoredCandidate
 from lrm_ident.fitting.levenberg_marquardt import Fit
 from lrm_ident.residual.data_audit import audit
@@ -41,13 +43,19 @@ DISPLAY_UNITS = {
 }
 MOST_ESTIMATES = 4  # in a sentence, the most significant; all are in the JSON file
 TOO_MANY = 12  # estimates from which none is listed: coefficients of a curve
-NEXT_STEP: Mapping[str, str] = {
-    "unexplained_structure": "Searches for a formula. If you know the cause, write it as an effect: docs/effects.md",
-    "unpredictable": "Measure some of these poses again in another order. An error that repeats belongs to the arm; "
-    "one that does not is a loose part, creep or noise.",
-    "nothing_missing": "Sends it to lrmd, the program that drives the arm. To check it: lrm-ident verify --help",
-    "noise_unknown": "Measure five poses twice or more (column repeat_of), or state the noise of the instrument "
-    "(noise_sd_mm), and diagnose again.",
+NEXT_STEP: Mapping[Verdict, str] = {
+    Verdict.UNEXPLAINED_STRUCTURE: (
+        "Searches for a formula. If you know the cause, write it as an effect: docs/effects.md"
+    ),
+    Verdict.UNPREDICTABLE: (
+        "Measure some of these poses again in another order. An error that repeats belongs to the arm; "
+        "one that does not is a loose part, creep or noise."
+    ),
+    Verdict.NOTHING_MISSING: "Sends it to lrmd, the program that drives the arm. To check it: lrm-ident verify --help",
+    Verdict.NOISE_UNKNOWN: (
+        "Measure five poses twice or more (column repeat_of), or state the noise of the instrument "
+        "(noise_sd_mm), and diagnose again."
+    ),
 }
 """Advice after a verdict that names no cause."""
 
@@ -68,17 +76,17 @@ class RankedCandidate:
         held_out_rms: held-out RMS with it (m), by the linear screening unless `exact`.
         fit: with it, where it was refitted and cross-validated; else None. deployed: its held-out error as deployed.
         equivalent: names of effects that the data cannot distinguish from it.
-        claim: the effect with its estimates, in words; "" without evidence. why: one sentence on the verdict.
+        claim: the effect with its estimates, in words; "" without evidence. reason: of the verdict.
     """
 
     scored: ScoredCandidate
-    verdict: Literal["supported", "indistinguishable", "no_evidence"]
+    verdict: Support
     held_out_rms: float
     fit: Fit | None
     estimates: tuple[Estimate, ...]
     equivalent: tuple[str, ...]
     claim: str
-    why: str
+    reason: Reason
     deployed: DeployedError | None = None
 
     def __repr__(self) -> str:
@@ -88,6 +96,11 @@ class RankedCandidate:
     def name(self) -> str:
         """`id@place`, by which it is added."""
         return self.scored.name
+
+    @property
+    def why(self) -> str:
+        """The reason in one sentence."""
+        return str(self.reason)
 
     @property
     def exact(self) -> bool:
@@ -103,6 +116,7 @@ class DiagnosisReport(ShownInNotebook):
         fit, held_out: error of the model as it is, in the fit and cross-validated. deployed: as it is deployed.
         share: of the held-out mean square above the noise that the first candidate takes away.
         left: patterns of the residual without a name. hints: patterns of the estimates, which are no effects.
+        replicates: whether the first candidate is chosen in both halves of the data.
     """
 
     diagnosis: Diagnosis
@@ -116,6 +130,7 @@ class DiagnosisReport(ShownInNotebook):
     hint: str
     left: ResidualPatterns
     hints: tuple[str, ...]
+    replicates: bool = True
 
     def __repr__(self) -> str:
         fit = self.diagnosis.fit
@@ -131,7 +146,7 @@ class DiagnosisReport(ShownInNotebook):
     def far_rows(self) -> tuple[int, ...]:
         """Rows of the fit's outliers, the farthest first, where the error exceeds the noise and nothing predicts it."""
         found = self.left.predictable.more_to_find or self.diagnosis.unexplained.functions
-        if found or self.verdict not in ("unexplained_structure", "unpredictable"):
+        if found or self.verdict not in (Verdict.UNEXPLAINED_STRUCTURE, Verdict.UNPREDICTABLE):
             return ()
         fit = self.diagnosis.fit
         return tuple(sorted(fit.outliers, key=lambda row: -float(np.linalg.norm(fit.residual[row]))))
@@ -169,9 +184,9 @@ def report_of(confirmed: ConfirmedDiagnosis, predictable: PredictableError | Non
     diagnosis, supported = confirmed.diagnosis, confirmed.supported
     left = residual_patterns(diagnosis.fit, diagnosis.data, confirmed.blocks, diagnosis.outlier_distances, predictable)
     before = error_stats(confirmed.held_out)
-    quiet = confirmed.verdict in ("nothing_missing", "noise_unknown")
-    more = left.predictable.more_to_find and (quiet or confirmed.verdict == "unpredictable")
-    verdict = "unexplained_structure" if more or (quiet and left.regimes) else confirmed.verdict
+    quiet = confirmed.verdict.quiet
+    more = left.predictable.more_to_find and (quiet or confirmed.verdict == Verdict.UNPREDICTABLE)
+    verdict = Verdict.UNEXPLAINED_STRUCTURE if more or (quiet and left.regimes) else confirmed.verdict
     return DiagnosisReport(
         diagnosis=diagnosis,
         verdict=verdict,
@@ -184,6 +199,7 @@ def report_of(confirmed: ConfirmedDiagnosis, predictable: PredictableError | Non
         hint=NEXT_STEP[verdict] if verdict in NEXT_STEP else _hint(diagnosis, supported[:1]),
         left=left,
         hints=parameter_hints(diagnosis.fit),
+        replicates=confirmed.replicates,
     )
 
 
@@ -196,34 +212,30 @@ def _order(diagnosis: Diagnosis, supported: Sequence[ScoredCandidate]) -> list[S
 
 
 def _rank(scored: ScoredCandidate, confirmed: ConfirmedDiagnosis, before: ErrorStats) -> RankedCandidate:
-    """A candidate with its verdict and the sentence that gives the reason. `before`: held-out error without it."""
+    """A candidate with its verdict and the reason of it. `before`: held-out error without it."""
     diagnosis, supported = confirmed.diagnosis, confirmed.supported
     refit = confirmed.refit if scored in supported[:1] else None
     fitted, rms = (None, scored.alone.rms) if refit is None else (refit.fit, refit.error.rms)
     estimates = _estimates(scored) if fitted is None else _fitted_estimates(scored, fitted)
     leaders = tuple(one.name for one in supported[:1] if scored.name in diagnosis.equivalent[one.name])
     equivalent = leaders or (diagnosis.equivalent[scored.name] if scored in supported else ())
-    verdict: Literal["supported", "indistinguishable", "no_evidence"] = "no_evidence"
-    none = "no refit confirmed the effects that were selected" if confirmed.refused else "that may be chance"
-    other = "the effects above explain the same" if supported else none
-    why = f"alone it would leave {in_mm(rms)} mm, but {confirmed.refused.get(scored.name, other)}"
+    verdict = Support.NO_EVIDENCE
+    none = ReasonKind.UNCONFIRMED if confirmed.refused else ReasonKind.CHANCE
+    other = Reason(ReasonKind.BEHIND if supported else none)
+    reason = Reason(ReasonKind.REFUSED, (rms,), because=confirmed.refused.get(scored.name, other))
     claim = ""
     if equivalent or scored in supported:
         claim = _describe_effect(scored, estimates, fitted)
-        verdict = "indistinguishable" if equivalent else "supported"
-        better = f"the held-out error falls {fall(before.rms, rms)} mm"
-        rivals = f"{', '.join(equivalent[:4])}; several may be present"
-        unsure = f"; these poses cannot distinguish it from {rivals}" if equivalent else ""
-        if_this = f"if it is {scored.name}, " if equivalent else ""
-        why = f"{if_this}{claim}: {better}{unsure}"
+        verdict = Support.INDISTINGUISHABLE if equivalent else Support.SUPPORTED
+        reason = Reason(ReasonKind.EXPLAINS, (before.rms, rms), (scored.name, *equivalent), claim)
     elif scored.implausible:
-        why = scored.implausible
+        reason = scored.implausible
     elif scored.alone.rms > (1.0 - MIN_GAIN) * before.rms:
-        why = f"it would leave {in_mm(rms)} of {in_mm(before.rms)} mm held out"
-    if scored.name in diagnosis.unexplained.spurious:
-        why = f"it only resembles {diagnosis.unexplained.spurious[scored.name]}, which explains far more"
+        reason = Reason(ReasonKind.LITTLE, (rms, before.rms))
+    if function := diagnosis.unexplained.spurious.get(scored.name):
+        reason = Reason(ReasonKind.RESEMBLES, names=(function.name,))
     deployed = None if refit is None else DeployedError.of(refit.fit.model, diagnosis.data.poses, refit.blocks)
-    return RankedCandidate(scored, verdict, rms, fitted, estimates, equivalent, claim, why, deployed)
+    return RankedCandidate(scored, verdict, rms, fitted, estimates, equivalent, claim, reason, deployed)
 
 
 def _estimates(scored: ScoredCandidate) -> tuple[Estimate, ...]:
@@ -254,7 +266,7 @@ def _describe_effect(scored: ScoredCandidate, estimates: Sequence[Estimate], fit
     chosen = {p.name: _chosen(p, value) for p, value in zip(effect.parameters, scored.shape, strict=True)}
     numbers = {**chosen, **words}
     sentence = effect.about.claim
-    claim = sentence.format(place=effect.place_in_words, **numbers) if sentence else f"{effect.id} at {effect.place}"
+    claim = (sentence or f"{effect.id} at {{place}}").format(place=effect.place_in_words, **numbers)
     if fitted is not None and not any(f"{{{name}}}" in sentence for name in numbers):
         claim += f", by up to {in_mm(_largest_motion(fitted, effect))} mm at the tip"
     acting = [one for one in estimates if one.value]
@@ -304,4 +316,4 @@ def _hint(diagnosis: Diagnosis, first: Sequence[ScoredCandidate]) -> str:
     what = "; ".join(needs) or "several loads, joint angles that vary independently, a random order"
     if len(names) > 1 or kinds[names[0]].variant_of:
         return f"Measure poses that distinguish the possible causes: {what}."
-    return f"Add {names[0]}, refit everything, and diagnose again."
+    return "Add the best candidate, refit everything, and diagnose again."

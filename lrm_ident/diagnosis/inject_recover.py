@@ -15,7 +15,8 @@ import numpy as np
 from lrm_ident.data.error_stats import error_stats
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.diagnosis.diagnose import diagnose
-from lrm_ident.diagnosis.screening.candidates import split_testable, unfitted_effects
+from lrm_ident.diagnosis.judgement import Verdict
+from lrm_ident.diagnosis.screening.candidates import Refusal, split_testable, unfitted_effects
 from lrm_ident.fitting.effect_plugins import catalogue_with
 from lrm_ident.fitting.executors import as_finished
 from lrm_ident.fitting.identifiability import fit_identifiable
@@ -23,7 +24,7 @@ from lrm_ident.fitting.model_fit import nominal_model
 from lrm_ident.fitting.progress import OnProgress, silent
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_file import load_arm
-from lrm_math.effects import Effect, effects_at
+from lrm_math.effects import effects_at
 from lrm_math.errors import LrmError
 from lrm_math.kinematics.poses import Poses
 from lrm_math.model.equilibrium import solve_equilibrium
@@ -68,7 +69,7 @@ class InjectionPlan:
     effects_file: Path | None
 
 
-def detectable_effects(plan: InjectionPlan, pattern: str = "*") -> tuple[list[str], list[tuple[Effect, str]]]:
+def detectable_effects(plan: InjectionPlan, pattern: str = "*") -> tuple[list[str], list[Refusal]]:
     """Names of the effects that the poses can test and that match a pattern; the untestable effects with the reason."""
     base = nominal_model(load_arm(plan.arm))
     base = base.with_free(base.keys)
@@ -108,6 +109,6 @@ def _trial(plan: InjectionPlan, arm: Arm, name: str) -> InjectionTrial:
         found = diagnose(fit_identifiable(base, data, base.keys).fit.model, data, catalogue)
     except LrmError as error:
         return InjectionTrial(name, float("nan"), str(error), ())
-    first = [one.name for one in found.supported[:1] if found.verdict == "effect_missing"]
+    first = [one.name for one in found.supported[:1] if found.verdict == Verdict.EFFECT_MISSING]
     named = tuple(name for one in first for name in (one, *found.equivalent[one]))
     return InjectionTrial(name, error_stats(truth - without).rms, found.verdict, named)

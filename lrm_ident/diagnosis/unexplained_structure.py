@@ -26,13 +26,13 @@ class UnexplainedStructure:
 
     Attributes:
         functions: selected ones outside the catalogue, all at one place; empty if none saves enough.
-        spurious: names of the selected effects that they make needless, each with the name of the first function.
+        spurious: names of the selected effects that they make needless, each with the first function.
         in_sample: residual sum of squares (m²) that each function would leave alone.
         fit, weigh: the fit with the selected effects; relative weights of the rows.
     """
 
     functions: tuple[FreeFunction, ...]
-    spurious: dict[str, str]
+    spurious: dict[str, FreeFunction]
     in_sample: Mapping[FreeFunction, float]
     fit: LinearisedFit
     weigh: RowWeights
@@ -61,7 +61,7 @@ def unexplained_structure(
     linear, fit = selection.steps[0].fit, selection.steps[-1].fit
     in_sample = _squares(functions, fit, weigh)
     free = _select_free(in_sample, fit, weigh)
-    spurious: dict[str, str] = {}
+    spurious: dict[str, FreeFunction] = {}
     if free:
         names = {name for function in free for name in function.covariates}
         own = [
@@ -77,7 +77,7 @@ def unexplained_structure(
             others = [other.projected for other in selection.effects if other is not scored]
             without = linear.beside(*others, *among)
             if not improves_prediction(without.explain(scored.projected), without.baseline, linear.baseline):
-                spurious[scored.name] = free[0].name
+                spurious[scored.name] = free[0]
     return UnexplainedStructure(tuple(free), spurious, in_sample, fit, weigh)
 
 

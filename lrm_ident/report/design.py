@@ -9,6 +9,7 @@ import numpy as np
 from lrm_ident.data.measurement_file.known_columns import quantities_of_joints
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.wording import in_percent
+from lrm_ident.design.advice import NEEDED, CandidateCause, CausePair, as_measured, expected
 from lrm_ident.design.discrimination import TARGET_POWER, TEST_LEVEL, Discrimination, Rival
 from lrm_ident.design.observability import INDICES, UNITS, Observability, Units
 from lrm_ident.design.parameter_elimination import ParameterElimination
@@ -19,7 +20,7 @@ from lrm_ident.fitting.dependence import UnidentifiableParameter
 from lrm_ident.fitting.parameter_sets import TABLE_4_5
 from lrm_ident.report.document import Block, Document, ResultTable, heading, section
 from lrm_ident.report.fit import screen_unit, stats_in_mm
-from lrm_ident.report.plain_names import in_words, symbol
+from lrm_ident.report.plain_names import plain_name, symbol
 from lrm_math.arrays import Array
 from lrm_math.effects import Effect
 from lrm_math.model.model import Model
@@ -73,18 +74,20 @@ def choice_document(model: Model, found: PoseSelection, data: Measurements) -> D
 def design_document(task: DesignProblem, offer: CandidateSet, found: PoseDesign) -> Document:
     """Result of `lrm-ident design`, schema `lrm/design/1`; its figure shows expected errors and detectable sizes."""
     repeats, gains = len(found.poses) - len(found.rows), list(_gains(task, found))
+    leads = [*_leads(task, found)]
     together = len(found.rows) + (0 if task.measured is None else len(task.measured))
     title = f"{len(found.rows)} poses, {len(found.keys)} parameters"
     blocks: list[Block] = [
         heading(f"{title}, the arm known beforehand" if task.prior is not None else title),
         gains[0],
+        *leads,
         *_distinguished(task, found),
         f"To measure: {len(found.poses)} poses, {repeats} of them again (repeat_of), in random order. Approach "
         "each joint from the side in the columns approach1, approach2 …: +1 from smaller angles, -1 from larger ones.",
         *([TOO_FEW.format(together, len(found.keys))] if together < len(found.keys) and task.prior is None else []),
     ]
     details: list[Block] = [
-        *map(in_words, gains[1:]),
+        *gains[1:],
         f"Candidates: {offer.description}.",
         *(f"  refused: {count} with {rule}" for rule, count in offer.rejected.items() if count),
         *([] if task.prior is not None else [_index_table(title, found.observability, found.random_baseline)]),
@@ -103,7 +106,7 @@ def design_document(task: DesignProblem, offer: CandidateSet, found: PoseDesign)
         "now": None if found.before is None else _knowledge(found, found.before),
         "with_these": _knowledge(found, found.after),
         "with_blind_ones": _knowledge(found, found.random_after),
-        "in_words": gains,
+        "in_words": [*gains, *leads],
     }
     about = "candidates, observability indices, the least known parameters"
     return Document(blocks, "lrm/design/1", values, _knowledge_table(found), details, about)
@@ -168,16 +171,37 @@ def _gains(task: DesignProblem, found: PoseDesign) -> Iterator[str]:
         return
     if len(apart.rivals) > 1:
         earlier = "" if was is None else f"{was.cosine:.2f} now, "
+        one, other = (plain_name(rival.name) for rival in apart.rivals[:2])
         yield (
-            f"Cosine between the motions of {apart.rivals[0].name} and {apart.rivals[1].name}: {apart.cosine:.2f} "
+            f"Cosine between the motions of {one} and {other}: {apart.cosine:.2f} "
             f"({earlier}{random.cosine:.2f} with random poses; at 1 they are indistinguishable)."
         )
     for k, effect in enumerate(task.rivals):
         earlier = "" if was is None else f"; now {_least(effect, was, k)}"
         yield (
-            f"{apart.rivals[k].name} is distinguished from everything else in {in_percent(TARGET_POWER)} % of cases "
-            f"{_least(effect, apart, k)} (with random poses {_least(effect, random, k)}{earlier}); "
+            f"{plain_name(apart.rivals[k].name)} is distinguished from everything else in "
+            f"{in_percent(TARGET_POWER)} % of cases {_least(effect, apart, k)} "
+            f"(with random poses {_least(effect, random, k)}{earlier}); "
             f"{_errors(apart.rivals[k])}."
+        )
+
+
+def _leads(task: DesignProblem, found: PoseDesign) -> Iterator[str]:
+    """What a diagnosis after these poses is expected to tell of each pair of rivals of typical size."""
+    if len(task.rivals) < 2:
+        return
+    poses = as_measured(found.poses, task.measured)
+    parts = [poses] if task.measured is None else [task.measured, poses]
+    causes = [CandidateCause.typical(effect, found.keys) for effect in task.rivals]
+    least: dict[frozenset[str], CausePair] = {}
+    for pair in expected(task.model.with_free(found.keys), causes, parts, task.noise):
+        both = frozenset((pair.there, pair.instead))
+        least[both] = min(least.get(both, pair), pair, key=lambda one: (one.told, one.lead))
+    for pair in least.values():
+        told = "will" if pair.told else "will not"
+        yield (
+            f"At typical sizes a diagnosis {told} distinguish {pair.there} from {pair.instead}: it is expected to lead "
+            f"by {pair.lead:.1f} standard errors, {NEEDED:.1f} are needed; cosine {pair.cosine:.2f}."
         )
 
 

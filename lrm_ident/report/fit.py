@@ -15,7 +15,7 @@ from lrm_ident.fitting.identifiability import FEW_OUTLIERS
 from lrm_ident.fitting.levenberg_marquardt import Fit, implausible_of
 from lrm_ident.report.document import Block, CommandLine, Document, ResultTable, heading, section
 from lrm_ident.report.effects import field_blocks, field_values
-from lrm_ident.report.plain_names import in_words
+from lrm_ident.report.plain_names import plain_name
 from lrm_ident.residual.deployment.deployed_error import DeployedError
 from lrm_ident.residual.error_breakdown import Factor, ModelComparison, PoseGroup
 from lrm_ident.residual.noise_floor import NoiseFloor, noise_floor
@@ -54,7 +54,7 @@ def error_blocks(errors: ErrorSummary, title: str) -> list[Block]:
         rows = [(*row, turn) for row, turn in zip(rows, turns, strict=True)]
     table = ResultTable(columns, rows, title)
     deployed = errors.held_out.deployed
-    state = [] if deployed is None or deployed.state is None else [in_words(deployed.state.sentence)]
+    state = [] if deployed is None or deployed.state is None else [deployed.state.sentence_with(plain_name)]
     none = [] if errors.held_out.error else [f"held out: none, because {errors.held_out.reason}"]
     return [table, *none, *(words for words in state if words)]
 
@@ -170,7 +170,7 @@ def comparison_document(found: ModelComparison, files: Sequence[str] = ()) -> Do
     errors = ErrorSummary(found.nominal, found.error, found.held_out, found.predictable)
     field = field_of(found.equilibrium.model)
     box = found.predictable
-    black_box = [] if box is None else [f"Black-box model: {in_words(box.sentence)}"]
+    black_box = [] if box is None else [f"Black-box model: {box.sentence}"]
     title = f"{poses_count(len(data))}, {free} parameters"
     blocks = [
         heading(f"{title}: {_fails_where(found)}"),

@@ -13,11 +13,12 @@ from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.wording import decimals, enumerate_words
 from lrm_ident.diagnosis.attribution import ExplainedStep, StepAttribution, attribute_steps, term_of
 from lrm_ident.diagnosis.diagnosis_report import DiagnosisReport
+from lrm_ident.diagnosis.judgement import Support
 from lrm_ident.report.diagnosis.conclusion import UNKNOWN_FILES, CommandNames, Conclusion
 from lrm_ident.report.diagnosis.diagnosis import diagnosis_document
 from lrm_ident.report.document import Document, ResultTable
 from lrm_ident.report.fit import comparison_document, estimate_table
-from lrm_ident.report.plain_names import in_words
+from lrm_ident.report.plain_names import step_title
 from lrm_ident.report.plots.interactive.candidate_view import candidate_view
 from lrm_ident.report.step_card import (
     EarlierDiagnosis,
@@ -54,6 +55,11 @@ def data_of(entry: HistoryTable) -> str:
     return "" if entry.provenance is None else entry.provenance.data_sha256[:HASH_SHOWN]
 
 
+def done(entry: HistoryTable) -> str:
+    """What a step did, in plain words: `fit`, `add backlash in joint 2`."""
+    return f"{'add ' if entry.name.added else ''}{step_title(entry.name)}"
+
+
 def history_table(file: ModelFile) -> ResultTable:
     """Every step of a model's history with its error in the fit and held out, and the data that these are of."""
     known = [
@@ -64,7 +70,7 @@ def history_table(file: ModelFile) -> ResultTable:
     ]
     spec = f".{decimals(*known)}f"
     rows = [
-        (number, in_words(entry.step), entry.fit_rms_mm, entry.held_out_rms_mm, entry.deployed_rms_mm, data_of(entry))
+        (number, done(entry), entry.fit_rms_mm, entry.held_out_rms_mm, entry.deployed_rms_mm, data_of(entry))
         for number, entry in enumerate(file.history)
     ]
     columns = (
@@ -82,7 +88,7 @@ def history_values(file: ModelFile) -> list[dict[str, object]]:
     """History for JSON, unrounded."""
     return [
         {
-            "step": entry.step,
+            "step": str(entry.name),
             "indistinguishable_from": entry.indistinguishable,
             "fit_rms_mm": entry.fit_rms_mm,
             "held_out_rms_mm": entry.held_out_rms_mm,
@@ -188,7 +194,7 @@ class ModelReport:
         """What the step of every card shows; of errors that are not held out, only that it shows no cause."""
         left, floor, falls = self.unexplained_mean_square_mm2, self.floor_mm or 0.0, self.falls
         if left is None or not all(fall.held_out for fall in falls):
-            return tuple(StepAttribution("description", 0.0) if card.no_cause else None for card in self.cards)
+            return tuple(StepAttribution(Support.DESCRIPTION, 0.0) if card.no_cause else None for card in self.cards)
         steps = [
             ExplainedStep(
                 fall.explained, card.no_cause or takes_little(fall.after, fall.before, floor), card.of_present

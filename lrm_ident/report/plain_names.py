@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import re
-
 from lrm_math.arm.place_names import place_words
 from lrm_math.effects import EffectRef, ParameterRef, marked
 from lrm_math.effects.session_errors import session_words
+from lrm_math.model.step_name import StepName
 
 PLAIN = {
     "offsets": "geometry error of {place}",
@@ -73,12 +72,6 @@ PLAIN = {
 OF_A_SESSION = ("drift", "drift_curve", "change_point", "second_change_point", "session")
 """Effects that may move everything alike."""
 GREEK = {"alpha": "α", "beta": "β", "gamma": "γ", "theta": "θ"}
-SYMBOLS = {"q": "angle", "tau": "torque"}
-EFFECT = r"\b[a-z]\w*@\w+(?:(?:<-|\+)\w+)*"
-PLACE = r"(?P<place>(?:joint|link|mimic)\d+(?:(?:<-|\+)joint\d+)?)"
-ALONE = rf"(?<![\w.])(?:{PLACE}|(?P<symbol>q|tau)(?P<joint>\d+))(?![\w.]*\w)"
-CODE_NAME = re.compile(f"{EFFECT}|{ALONE}")
-"""An effect at a place; a joint or link; the symbol of a covariate. No keys of parameters (`offsets.joint2.a_mm`)."""
 
 
 def plain_name(name: str) -> str:
@@ -94,21 +87,9 @@ def place_in_words(name: str) -> str:
     return (session_words if kind in OF_A_SESSION else place_words)(place or "all places")
 
 
-def in_words(sentence: str) -> str:
-    """A sentence with its names in words: `backlash in joint 2`, `joint 4`, `the angle of joint 4`."""
-    return CODE_NAME.sub(_words_of, sentence)
-
-
-def _words_of(found: re.Match[str]) -> str:
-    name, place, symbol, joint = found[0], found["place"], found["symbol"], found["joint"]
-    if place:
-        return place_words(place)
-    return f"the {SYMBOLS[symbol]} of joint {joint}" if symbol else plain_name(name)
-
-
-def step_title(step: str) -> str:
+def step_title(step: StepName) -> str:
     """A step of a model's history in plain words: `fit`, or the plain name of the effect that was added."""
-    return plain_name(step.removeprefix("add ")) if step.startswith("add ") else step
+    return plain_name(step.added) if step.added else str(step)
 
 
 def symbol(key: str) -> str:

@@ -166,8 +166,8 @@ def _card(
     joint, driver = _shown(added[0].place if added else "", field, number, followed)
     return StepCard(
         number=number,
-        name=entry.step.removeprefix("add "),
-        title=_capital(step_title(entry.step)),
+        name=entry.name.added or str(entry.name),
+        title=_capital(step_title(entry.name)),
         claim=_claim(added, numbers),
         estimate=next(iter(numbers.values())) if free == 1 else "",
         estimates=tuple(f"{name} = {words}" for name, words in numbers.items()),

@@ -149,8 +149,8 @@ def story_of(
     known = dict(shows or {})
     steps = [StoryStep("nominal", "nominal", None, nominal_mm, nominal_mm)]
     for number, (entry, left) in enumerate(zip(history, left_mm, strict=True)):
-        kind: Kind = known.get(number) or course.shows.get(entry.step.removeprefix("add ")) or "effect"
-        title = step_title(entry.step) if number else GEOMETRY
+        kind: Kind = known.get(number) or course.shows.get(entry.name.added) or "effect"
+        title = step_title(entry.name) if number else GEOMETRY
         deployed = entry.deployed_rms_mm if held_out else None
         steps.append(StoryStep(title, kind if number else "fit", number, steps[-1].left_mm, left, deployed))
     noise = noise_mm if noise_mm is not None else course.noise_rms_mm

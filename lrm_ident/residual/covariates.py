@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -32,6 +33,8 @@ UNITS = {
     "total torque": "N·m",
 }
 SYMBOLS = {"angle": "q", "motion": "the last motion of q", "torque": "tau"}
+OF_A_JOINT = re.compile(r"(the last motion of )?(q|tau)(\d+)( before)?")
+"""A symbol of a quantity of one joint; `before`: at the poses measured before."""
 REDUNDANT = 0.999  # correlation above which a quantity is redundant beside another
 CONSTANT = 1e-9  # SI: a quantity that varies less is round-off
 
@@ -85,6 +88,15 @@ class Covariate:
         values = scaled(self.values)
         top = min(degree, len(levels(values, 3)[0]) - 1)
         return np.asarray(np.polynomial.legendre.legvander(values, max(top, 0))[:, 1:], dtype=np.float64)
+
+
+def symbol_words(symbol: str) -> str:
+    """A symbol in words: `the angle of joint 2` of `q2`; one without a joint stands for itself."""
+    found = OF_A_JOINT.fullmatch(symbol)
+    if found is None:
+        return symbol
+    moved, kind, joint, before = (part or "" for part in found.groups())
+    return f"{moved}the {'angle' if kind == 'q' else 'torque'} of joint {joint}{before}"
 
 
 def covariates(data: Measurements, torque: Array) -> tuple[Covariate, ...]:

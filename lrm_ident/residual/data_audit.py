@@ -16,7 +16,10 @@ MOST_OF_RANGE = 2 / 3
 
 
 def audit(data: Measurements, torque: Array) -> tuple[str, ...]:
-    """Deficiencies of the data, one sentence each, the most severe first. `torque`: (N, n), N·m."""
+    """Deficiencies of the data, one sentence each, the most severe first. `torque`: (N, n), N·m.
+
+    What to measure instead is the matter of `design.advice`, which tries it.
+    """
     excitation = Excitation(data.poses, torque)
     checks = (_levels, _order, _reversals, _signs, _loads)
     return tuple(sentence for check in checks for sentence in check(excitation))
@@ -32,7 +35,7 @@ def _levels(excitation: Excitation) -> Iterator[str]:
 
 def _order(excitation: Excitation) -> Iterator[str]:
     for joint, correlation in joints_of_order(excitation.poses.q).items():
-        yield f"order: follows joint {joint + 1} (correlation {correlation:.2f}); measure at random, to see drift"
+        yield f"order: follows joint {joint + 1} (correlation {correlation:.2f}), as drift would"
 
 
 def where_it_holds(q: Array, lower: Array, upper: Array) -> str:
@@ -61,7 +64,7 @@ def joints_of_order(q: Array) -> dict[int, float]:
 def _reversals(excitation: Excitation) -> Iterator[str]:
     never = [i + 1 for i in range(excitation.torque.shape[1]) if excitation.reversals(i) < FEW_REVERSALS]
     if never and excitation.poses.direction is not None:
-        yield (f"no reversal: {_joints(never)} came from one side; approach from both, to show friction")
+        yield f"no reversal: {_joints(never)} came from one side, so friction cannot show"
 
 
 def _signs(excitation: Excitation) -> Iterator[str]:
@@ -72,7 +75,7 @@ def _signs(excitation: Excitation) -> Iterator[str]:
 
 def _loads(excitation: Excitation) -> Iterator[str]:
     if len(np.unique(excitation.poses.payload)) == 1:
-        yield "one load: stiffness, backlash and mass look alike; measure with two loads"
+        yield "one load: stiffness, backlash and mass look alike"
 
 
 def _joints(numbers: Iterable[int]) -> str:

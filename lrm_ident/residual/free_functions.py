@@ -19,7 +19,7 @@ from itertools import combinations, product
 import numpy as np
 
 from lrm_ident.data.measurements import Measurements
-from lrm_ident.residual.covariates import CONSTANT, Covariate, covariates, distinct, levels, scaled
+from lrm_ident.residual.covariates import CONSTANT, Covariate, covariates, distinct, levels, scaled, symbol_words
 from lrm_math.arrays import Array
 from lrm_math.kinematics.forward import frames
 from lrm_math.model.equilibrium import Equilibrium
@@ -81,8 +81,9 @@ class FreeFunction:
 
     @property
     def name(self) -> str:
-        """Description, for instance `a free function of q1 and q4 at joint 3`."""
-        return f"a free function of {' and '.join(self.covariates)} {'in' if self.common else 'at'} {self.place}"
+        """Description, for instance `a free function of the angle of joint 1 at joint 3`."""
+        followed = " and ".join(map(symbol_words, self.covariates))
+        return f"a free function of {followed} {'in' if self.common else 'at'} {self.place}"
 
 
 def free_functions(

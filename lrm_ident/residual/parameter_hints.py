@@ -9,6 +9,7 @@ import numpy as np
 from lrm_ident.data.wording import quantity
 from lrm_ident.fitting.levenberg_marquardt import Fit
 from lrm_ident.residual.data_audit import FEW_LEVELS
+from lrm_math.arm.place_names import place_words
 from lrm_math.arrays import Array
 from lrm_math.effects import ParameterRef
 from lrm_math.effects.base import Excitation
@@ -67,8 +68,8 @@ def _few_levels(fitted: Fit) -> Iterator[str]:
         levels = excitation.levels(joint)
         own = [kind for kind in OF_THE_ANGLE if (kind, name) in free]
         if own and levels <= FEW_LEVELS:
-            kinds = " and ".join(own)
-            yield f"{kinds} of {name} rest on {levels} levels of the joint: at others it may err differently"
+            what = f"{' and '.join(own)} of {place_words(name)}"
+            yield f"{what} rest on {levels} levels of the joint: at others it may err differently"
 
 
 def _motion(fitted: Fit, columns: Array, chosen: Sequence[bool]) -> Array:

@@ -18,7 +18,7 @@ from lrm_ident.data.registration.row_choice import spaced_rows
 from lrm_ident.data.wording import enumerate_words, in_mm
 from lrm_ident.fitting.held_out import HeldOutBlock, held_out_residual
 from lrm_ident.residual.better_prediction import falls_by_share, vuong_z
-from lrm_ident.residual.covariates import covariates, distinct
+from lrm_ident.residual.covariates import covariates, distinct, symbol_words
 from lrm_ident.residual.thresholds import MIN_NAMELESS_GAIN, Z_THRESHOLD
 from lrm_math.arrays import Array
 
@@ -95,7 +95,7 @@ class PredictableError:
         before, after = in_mm(error_stats(self.before).rms), in_mm(self.error.rms)
         if not self.more_to_find:
             return f"{WHAT_IT_IS} predicts no better ({after} mm RMS with it)"
-        inputs = enumerate_words([IN_WORDS.get(name, name) for name in self.follows], NAMED)
+        inputs = enumerate_words([IN_WORDS.get(name) or symbol_words(name) for name in self.follows], NAMED)
         return (
             f"{WHAT_IT_IS} lowers the error from {before} to {after} mm RMS. So that part is systematic: it has a "
             f"cause. It depends on {inputs}."

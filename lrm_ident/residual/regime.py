@@ -18,7 +18,7 @@ from scipy.special import ndtr
 
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.wording import in_mm, in_percent
-from lrm_ident.residual.covariates import Covariate, covariates, levels
+from lrm_ident.residual.covariates import Covariate, covariates, levels, symbol_words
 from lrm_ident.residual.significance import benjamini_yekutieli
 from lrm_ident.residual.thresholds import MIN_REGIME_RATIO, SIGNIFICANCE
 from lrm_math.arrays import Array
@@ -65,8 +65,8 @@ class Regime:
 
     @property
     def where(self) -> str:
-        """Interval in words, for instance `q2 < -40°`."""
-        name, unit = self.name, UNITS[self.quantity.kind]
+        """Interval in words, for instance `the angle of joint 2 < -40°`."""
+        name, unit = symbol_words(self.quantity.symbol), UNITS[self.quantity.kind]
         if self.quantity.kind == "order":
             return _numbers(self.low, self.high)
         if self.low is None:

@@ -56,6 +56,7 @@ from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import Model
 from lrm_math.model.model_file import load_model
 from lrm_math.model.reading import AS_NAMED, Reading
+from lrm_math.model.step_name import FIT, StepName
 
 __all__ = [
     "EXAMPLE",
@@ -202,7 +203,7 @@ def save(fit: Fit, data: Measurements, path: str | Path) -> None:
     right = "lrm.save(fit, data, 'model.toml'); a study saves itself: study.save('model.toml')"
     numbers = of_kind(fit, Fit, "a fit", right).equilibrium.poses.number
     outliers = [] if numbers is None else np.setdiff1d(data.pose, numbers).tolist()
-    replace(_study(fit, data.without(outliers), None), step=StudyStep("fit", fit)).save(path)
+    replace(_study(fit, data.without(outliers), None), step=StudyStep(StepName(FIT), fit)).save(path)
 
 
 def _study(model: Model | Fit | Study, data: Measurements, loss: str | None) -> Study:

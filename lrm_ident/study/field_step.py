@@ -28,6 +28,7 @@ from lrm_math.effects import NOT_A_CAUSE
 from lrm_math.effects.field.residual_field import ResidualField
 from lrm_math.errors import LrmError
 from lrm_math.model.model import Model
+from lrm_math.model.step_name import ADD, StepName
 
 WHAT_IT_IS = f"{NOT_A_CAUSE}: a smooth function of the joint angles that predicts better, and explains nothing"
 
@@ -61,9 +62,12 @@ def field_step(model: Model, data: Measurements, loss: Loss, prior: Prior | None
     if predicts_better(_squares(before), _squares(after), MIN_GAIN):
         raise NoBetterPrediction(f"no residual field: beside the poses it predicts worse ({_words(before, after)})")
     fitted = fit_with_field(fit(model, data, loss=loss, prior=prior), data)
-    name = f"add {field.name}, {WHAT_IT_IS}"
     return StudyStep(
-        name, fitted, start=model, stated_prior=prior, held_out=HeldOutResidual.of(fitted.model, data.poses, blocks)
+        StepName(ADD, field.name),
+        fitted,
+        start=model,
+        stated_prior=prior,
+        held_out=HeldOutResidual.of(fitted.model, data.poses, blocks),
     )
 
 

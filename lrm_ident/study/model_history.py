@@ -38,6 +38,7 @@ from lrm_math.model.model_file import (
     range_table,
     to_model,
 )
+from lrm_math.model.step_name import StepName
 from lrm_math.toml_file import read_toml
 
 LEFT_OUT_SHOWN = 12
@@ -50,7 +51,7 @@ def model_file(
     data: Measurements,
     held_out: HeldOutResidual,
     arm: str,
-    step: str,
+    step: StepName,
     loss: str,
     before: Sequence[HistoryTable] = (),
     prior: str | None = None,
@@ -61,7 +62,7 @@ def model_file(
 
     Args:
         arm: name of a shipped arm or path of its file, as stored in the model file.
-        step: short description of the step.
+        step: what was done.
         prior: name of the prior of the fit, if any.
         rivals: held-out RMS (m) of other effects that were tried at this step, each alone.
         equivalent: effects that these poses cannot distinguish from the one that was added.
@@ -69,7 +70,8 @@ def model_file(
     model, date = fit.model, datetime.now(UTC).isoformat(timespec="seconds")
     own = file_of(model.effects)
     entry = HistoryTable(
-        step=step,
+        step=step.kind,
+        of=step.of,
         indistinguishable=list(equivalent),
         nominal_rms_mm=None if before else _nominal_rms_mm(fit, data),
         fit_rms_mm=error_stats(fit.residual).rms * 1e3,
@@ -109,7 +111,9 @@ def _nominal_rms_mm(fit: Fit, data: Measurements) -> float:
 def models_of_history(file: ModelFile) -> list[tuple[str, ModelFile]]:
     """Name of every step and the model file after it; a file without a history counts as one step."""
     entries = file.history
-    return [(entry.step, _file_at(file.arm, entries[: k + 1])) for k, entry in enumerate(entries)] or [("model", file)]
+    return [(str(entry.name), _file_at(file.arm, entries[: k + 1])) for k, entry in enumerate(entries)] or [
+        ("model", file)
+    ]
 
 
 def undo_step(file: ModelFile) -> ModelFile:
@@ -123,7 +127,7 @@ def _file_at(arm: str, history: Sequence[HistoryTable]) -> ModelFile:
     """Model file of the last entry of a history."""
     last = history[-1]
     return ModelFile(
-        schema="lrm/model/1",
+        schema="lrm/model/2",
         arm=arm,
         effects=last.effects,
         parameters=last.parameters,
@@ -168,7 +172,7 @@ def as_written(model: Model, arm: str) -> Model:
     """The model as it would be read from its own file: effects in its order, values rounded by the change of units."""
     effects, parameters = effect_names(model.effects), parameter_tables(model)
     file = ModelFile(
-        schema="lrm/model/1",
+        schema="lrm/model/2",
         arm=arm,
         effects=effects,
         parameters=parameters,

@@ -10,6 +10,7 @@ from lrm_ident.fitting.parameter_sets import Bounds
 from lrm_ident.fitting.priors import Prior
 from lrm_ident.residual.error_breakdown import HeldOutResidual
 from lrm_math.model.model import Model
+from lrm_math.model.step_name import StepName
 
 
 @dataclass(frozen=True, eq=False)
@@ -17,7 +18,7 @@ class StudyStep:
     """A step that was taken.
 
     Attributes:
-        name: as in the history of the model file, for instance `add backlash@joint2`; "" for a step without an entry.
+        name: as in the history of the model file; None for a step without an entry.
         fit: of the model after it.
         start: the model before it; None for a first fit.
         bounds: of the fit and its cross-validation; None: those that the effects state.
@@ -28,7 +29,7 @@ class StudyStep:
         equivalent: effects that these poses cannot distinguish from the one that was added.
     """
 
-    name: str
+    name: StepName | None
     fit: Fit
     start: Model | None = None
     bounds: Bounds | None = None

@@ -38,6 +38,7 @@ from lrm_math.errors import LrmError
 from lrm_math.model.deployed_model import named_part
 from lrm_math.model.model import Model
 from lrm_math.model.model_file import ModelFile, to_model
+from lrm_math.model.step_name import ADD, FIT, REFIT, StepName
 
 if TYPE_CHECKING:  # loaded by the steps that need them: a fit does without
     from lrm_ident.diagnosis.auto import AutoRun, AutoStep
@@ -104,7 +105,7 @@ class Study(ModelOnData, ShownInNotebook):
         bounds = fit_bounds(result.fit.model, unbounded)
         stated = with_unmeasured_angles(with_carried_states(result.fit, result.data))
         deployable = with_reverting_terms(stated, result.data)
-        step = StudyStep("fit", deployable, bounds=bounds, stated_prior=known, prior_name=name)
+        step = StudyStep(StepName(FIT), deployable, bounds=bounds, stated_prior=known, prior_name=name)
         begun = replace(self, data=result.data, loss=loss, source=None)
         return replace(begun, notices=(*self.notices, *model_error_words(result.data)))._after(step, None)
 
@@ -156,7 +157,7 @@ class Study(ModelOnData, ShownInNotebook):
         then = replace(own, data=found.data, notices=notices)
         equivalent = found.equivalent.get(added[0].name, ()) if len(added) == 1 else ()
         rivals = found.rivals([*(one.name for one in added), *equivalent])
-        step = StudyStep(f"add {effect}", fitted, start=own.model, rivals=rivals, equivalent=equivalent)
+        step = StudyStep(StepName(ADD, effect), fitted, start=own.model, rivals=rivals, equivalent=equivalent)
         return then._after(step, self)
 
     def add_field(self) -> Study:
@@ -190,7 +191,7 @@ class Study(ModelOnData, ShownInNotebook):
         def taken(step: AutoStep) -> None:
             """Follows the run with a study."""
             nonlocal now
-            name = f"add {step.added}" if step.added else ""
+            name = StepName(ADD, step.added) if step.added else None
             held_out = HeldOutResidual(step.held_out, deployed=step.deployed)
             rivals = step.rivals if step.added else None
             beside = step.equivalent
@@ -222,8 +223,9 @@ class Study(ModelOnData, ShownInNotebook):
         start = named_part(self._fitted)
         known = load_prior(prior, start, self.catalogue)
         result = fit_model(start, self.data, "identifiable", self.loss, prior=known).fit
-        name = f"with the prior {known.name}"
-        step = StudyStep(name, result, start=start, stated_prior=known, prior_name=prior_name_for(prior))
+        step = StudyStep(
+            StepName(REFIT, known.name), result, start=start, stated_prior=known, prior_name=prior_name_for(prior)
+        )
         return self._after(step, self)
 
     def transfer(self, to: str | Path, data: Measurements | None = None) -> Transfer:
@@ -291,7 +293,7 @@ class Study(ModelOnData, ShownInNotebook):
             self.data,
             self.held_out,
             self.arm,
-            step.name,
+            step.name or StepName(FIT),
             self.loss.name,
             history,
             step.file_prior,
@@ -320,9 +322,9 @@ class Study(ModelOnData, ShownInNotebook):
     def _steps(self) -> tuple[str, ...]:
         """Names of the steps so far, as in the history of `file`."""
         if self.source is not None:
-            return tuple(entry.step for entry in self.source.history)
+            return tuple(str(entry.name) for entry in self.source.history)
         before = () if self.before is None else self.before._steps
-        return (*before, self.step.name) if self.step is not None and self.step.name else before
+        return (*before, str(self.step.name)) if self.step is not None and self.step.name else before
 
     @property
     def _filed(self) -> Study | None:

@@ -37,6 +37,7 @@ from lrm_math.model.model_file import (
     parts_table,
     range_table,
 )
+from lrm_math.model.step_name import TRANSFER, StepName
 from lrm_math.model.uncertainty import expected_tip_error
 
 AXES = 3
@@ -84,14 +85,14 @@ class Transfer:
         """The model file. Its history begins with the transfer, if poses were measured."""
         if self.fit is not None and self.data is not None:
             unknown = HeldOutResidual(None, "the installation was identified from few poses")
-            return model_file(self.fit, self.data, unknown, self.arm, f"transfer from {self.start.bench}", "squared")
+            return model_file(self.fit, self.data, unknown, self.arm, StepName(TRANSFER, self.start.bench), "squared")
         model, known = self.start.model, self.covariance
         units = np.array([model.parameter(key).si for key in known.keys])
         errors = np.sqrt(np.diag(known.matrix)) / units
         date, before = datetime.now(UTC).isoformat(timespec="seconds"), self.source.provenance
         changes = {"arm_sha256": arm_sha256(model.arm), "tool": tool_version(), "date": date, "reading": None}
         return ModelFile(
-            schema="lrm/model/1",
+            schema="lrm/model/2",
             arm=self.arm,
             effects=effect_names(model.effects),
             parameters=parameter_tables(model),

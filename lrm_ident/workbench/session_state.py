@@ -126,7 +126,8 @@ def _did(taken: TakenSteps, step: tasks.StepResult, words: tuple[str | Path, ...
 
 def _followed(taken: TakenSteps, task: tasks.AutoTask, step: tasks.StepResult) -> TakenSteps:
     """A step of `auto`, whose command stands once in the list however many steps it has taken."""
-    number = int(step.files.model.stem.split("-")[1]) - task.number + 1
+    models = [one.files.model for one in taken.steps]
+    number = len(models) - models.index(task.files.model)
     before = taken if number == 1 else replace(taken, done=taken.done[:-1])
     words = ("auto", task.files.model, task.files.data, "-o", step.files.model)
     after = _did(before, step, (*words, "--max-effects", str(number), "--no-nested"))

@@ -72,7 +72,7 @@ class Backlash(_Play):
         """Backlash is identifiable only where the torque changes sign."""
         if excitation.both_signs(excitation.torque[:, self.joint]):
             return None
-        return f"gravity's torque on {self.place} has (nearly) always the same sign: the play stays at one end"
+        return "gravity's torque on it has (nearly) always the same sign: the play stays at one end"
 
 
 class AxialPlay(_Play):
@@ -121,8 +121,7 @@ class Hysteresis(JointEffect, LinearEffect):
         if excitation.poses.direction is None:
             return "the order of measurement is not known"
         if excitation.reversals(self.joint) < FEW_REVERSALS:
-            never = f"{self.place} (nearly) never reverses"
-            return f"{never}: the side that it comes from cannot be told from its angle or time"
+            return "it (nearly) never reverses: the side that it comes from cannot be told from its angle or time"
         return None
 
     def basis(self, poses: Poses, tau: Amounts) -> tuple[Amounts, ...]:

@@ -320,7 +320,7 @@ class AngleDependentEffect(JointEffect):
     def missing_excitation(self, excitation: Excitation) -> str | None:
         """The joint must be measured at three or more angles."""
         levels = excitation.levels(self.joint)
-        return None if levels >= 3 else f"{self.place} stands at {levels} levels only"
+        return None if levels >= 3 else f"it stands at {levels} levels only"
 
 
 class LoadedJointEffect(JointEffect):

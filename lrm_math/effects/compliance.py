@@ -110,8 +110,7 @@ class ServoDroop(PlainSpring, LoadedJointEffect):
         """The joint's encoder must have been read."""
         if excitation.feedback:
             return None
-        same = Compliance(self.arm, self.place).name
-        return f"without joint feedback (q1_meas_deg …) it is the same as {same}: one class"
+        return "without joint feedback (q1_meas_deg …) it is the same as the joint's compliance: one class"
 
 
 BEND_POINT = Parameter(

@@ -90,7 +90,7 @@ class _AngleSpline(LinearEffect):
 
     def missing_excitation(self, excitation: Excitation) -> str | None:
         """Needs as many levels as a line and a bend, at least."""
-        return _too_few_levels(excitation, self.followed, f"joint{self.followed + 1}", 6)
+        return _too_few_levels(excitation, self.followed, f"joint {self.followed + 1}", 6)
 
 
 class AngleCurve(_AngleSpline, JointEffect):
@@ -186,7 +186,7 @@ class CableCurve(LinearEffect):
     def missing_excitation(self, excitation: Excitation) -> str | None:
         """Both joints must move."""
         still = [joint for joint in self._pair if excitation.levels(joint) < 3]
-        return f"joint{still[0] + 1} stands at {excitation.levels(still[0])} levels only" if still else None
+        return f"joint {still[0] + 1} stands at {excitation.levels(still[0])} levels only" if still else None
 
     def basis(self, poses: Poses, tau: Amounts) -> tuple[Amounts, ...]:
         """Minus the B-splines of the sum on both; minus those of the difference on the first, plus on the second."""

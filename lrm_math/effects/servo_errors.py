@@ -159,7 +159,7 @@ class TransmissionRipple(AngleDependentEffect):
     def missing_excitation(self, excitation: Excitation) -> str | None:
         """The joint must be measured at many angles."""
         levels = excitation.levels(self.joint)
-        return None if levels >= FEWEST_ANGLES else f"{self.place} stands at {levels} levels only"
+        return None if levels >= FEWEST_ANGLES else f"it stands at {levels} levels only"
 
 
 class CoupledJoints(Effect):
@@ -203,7 +203,7 @@ class Coupling(CoupledJoints, LinearEffect):
     def missing_excitation(self, excitation: Excitation) -> str | None:
         """The other joint must move."""
         _, other = coupled_joints(self.place)
-        return None if excitation.levels(other) >= 2 else f"joint{other + 1} never moves"
+        return None if excitation.levels(other) >= 2 else f"joint {other + 1} never moves"
 
     def basis(self, poses: Poses, tau: Amounts) -> tuple[Amounts, ...]:
         """q_M."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import re
 from collections import Counter
 from dataclasses import replace
 from itertools import pairwise
@@ -30,8 +29,10 @@ from lrm_math.model.covariance import Covariance, CovarianceTable, to_covariance
 from lrm_math.model.model import Model, model_of
 from lrm_math.model.reading import Reading
 from lrm_math.model.session_state import CarriedState, StateAfterSession
+from lrm_math.model.step_name import StepName
 from lrm_math.toml_file import StrictSchema, read_toml
 
+SCHEMA, VERSION_1 = "lrm/model/2", "lrm/model/1"
 MOST_EFFECTS = 1000
 MOST_ANGLES = 1000
 FIT_AGAIN = "take the arm file of the fit, or fit again (lrm-ident fit --start)"
@@ -109,7 +110,8 @@ class DeployedTable(StrictSchema):
     warming_rad: dict[str, float] | None = None
 
 
-SENTENCE = re.compile(r"(add \S+), or (.+): these data cannot tell")
+RIVALS_1 = ", or ", ": these data cannot tell"
+"""What stood around the names of indistinguishable effects in the steps of older files of `lrm/model/1`."""
 
 
 class CourseTable(StrictSchema):
@@ -128,6 +130,7 @@ class CourseTable(StrictSchema):
 class HistoryTable(StrictSchema):
     """One `[[history]]` entry: a step, its errors, and the whole model after it.
 
+    `step`: `fit`, `add`, `refit` or `transfer`; `of`: the effect that was added, the prior, the bench (`StepName`).
     `nominal_rms_mm`: error of the nominal arm on the same data, of a fit.
     `deployed_rms_mm`: held-out error of the model as it is deployed, without what no rover can know.
     `indistinguishable`: effects (`id@place`) that these poses could not distinguish from the one that was added.
@@ -135,6 +138,7 @@ class HistoryTable(StrictSchema):
     """
 
     step: str
+    of: str = ""
     indistinguishable: list[str] = []
     nominal_rms_mm: float | None = None
     fit_rms_mm: float
@@ -153,22 +157,29 @@ class HistoryTable(StrictSchema):
 
     @model_validator(mode="before")
     @classmethod
-    def _from_sentence(cls, table: object) -> object:
-        """Files until November 2026 had the indistinguishable effects in the step's name."""
-        written = SENTENCE.fullmatch(str(table.get("step"))) if isinstance(table, dict) else None
-        if written is None or not isinstance(table, dict):
+    def _of_version_1(cls, table: object) -> object:
+        """`lrm/model/1` had what a step was taken of in its name, and until November 2026 its rivals too."""
+        if not isinstance(table, dict) or "of" in table or not isinstance(written := table.get("step"), str):
             return table
-        names = [name.split(" and ")[0] for name in written[2].split(", ")]
-        return {**table, "step": written[1], "indistinguishable": names}
+        kind, of = StepName.of_version_1(written)
+        beside = written.partition(RIVALS_1[0])[2]
+        named = [name.split(" and ")[0] for name in beside.removesuffix(RIVALS_1[1]).split(", ") if name]
+        return {"indistinguishable": named, **table, "step": kind, "of": of}
+
+    @property
+    def name(self) -> StepName:
+        """What the step did."""
+        return StepName(self.step, self.of)
 
 
 class ModelFile(StrictSchema):
-    """The whole file, schema `lrm/model/1`. `[parameters]` holds the fitted ones; others are zero.
+    """The whole file, schema `lrm/model/2`; `lrm/model/1` is read, too.
 
+    `[parameters]` holds the fitted ones; others are zero.
     `parts`: the effects of arm, installation and measurement, for the reader: the effects themselves say it.
     """
 
-    schema_: Literal["lrm/model/1"] = Field(alias="schema")
+    schema_: Literal["lrm/model/2"] = Field(alias="schema")
     arm: str
     effects: Annotated[list[str], Field(max_length=MOST_EFFECTS)]
     parameters: dict[str, float] = {}
@@ -179,6 +190,14 @@ class ModelFile(StrictSchema):
     parts: PartsTable = {}
     history: list[HistoryTable] = []
     provenance: ProvenanceTable | None = None
+
+    @model_validator(mode="before")
+    @classmethod
+    def _of_version_1(cls, table: object) -> object:
+        """Its tables are those of this version, but for the names of steps (`HistoryTable`)."""
+        if not isinstance(table, dict) or table.get("schema") != VERSION_1:
+            return table
+        return {**table, "schema": SCHEMA}
 
 
 def load_model(file: str | Path, catalogue: tuple[type[Effect], ...] = CATALOGUE) -> Model:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Literal, TypeAlias
 
@@ -28,9 +28,15 @@ class StateAfterSession:
     @property
     def sentence(self) -> str:
         """The state that is deployed in words; empty where there is none."""
-        by_state = {state: [name for name, one in self.carried.items() if one == state] for state in ("last", "mean")}
+        return self.sentence_with(str)
+
+    def sentence_with(self, named: Callable[[str], str]) -> str:
+        """The sentence with the names of effects as they are to be `named`."""
+        by_state = {
+            state: [named(name) for name, one in self.carried.items() if one == state] for state in ("last", "mean")
+        }
         parts = [f"the {state} state of {', '.join(names)}" for state, names in by_state.items() if names]
         kept = f"The deployed model keeps {' and '.join(parts)}" if parts else ""
         if not self.warming:
             return f"{kept}." if kept else ""
-        return f"{kept}. Where the time since power-on is known, {', '.join(self.warming)} follows it."
+        return f"{kept}. Where the time since power-on is known, {', '.join(map(named, self.warming))} follows it."

@@ -389,7 +389,7 @@ class Swing(MotionEffect):
         needs="quick starts and stops",
     )
     parameters = (
-        Parameter("frequency_Hz", "natural frequency", 5.0, 0.5, 14.0, scan=(2.0, 3.5, 5.0, 7.0)),
+        Parameter("frequency_Hz", "natural frequency", 5.0, 0.5, 14.0, scan=(1.6, 2.1, 2.7, 3.5, 4.5, 5.8, 7.5, 10.0)),
         Parameter("damping_ratio", "share of critical damping", 0.05, 0.003, 1.0, scan=(0.04, 0.15)),
     )
 

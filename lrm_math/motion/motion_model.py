@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Literal
 
+import numpy as np
 from pydantic import Field
 
 from lrm_math.arm.arm import Arm
@@ -48,6 +49,14 @@ class MotionModel:
         """The effects of a joint from 0."""
         return tuple(effect for effect in self.effects if effect.joint == joint)
 
+    def drawn(self, rng: np.random.Generator) -> MotionModel:
+        """A model as far from this one as its standard errors leave open: normal, each by itself, within bounds."""
+        values = dict(self.values)
+        for effect in self.effects:
+            for key, p in zip(effect.keys, effect.parameters, strict=True):
+                values[key] = float(np.clip(rng.normal(values[key], self.sigma.get(key, 0.0)), p.lower, p.upper))
+        return replace(self, values=values)
+
     @property
     def added(self) -> tuple[MotionEffect, ...]:
         """Effects beyond those that every joint has."""
@@ -71,10 +80,11 @@ class MotionModel:
 
 
 class MotionStep(StrictSchema):
-    """One step of a model's history: what was done, and the held-out error after it (deg RMS over all joints)."""
+    """One step of a model's history: what was done, and the held-out error after it, RMS of encoders or of a tip."""
 
     step: str
     held_out_deg: float | None = None
+    held_out_mm: float | None = None
 
 
 class MotionFile(StrictSchema):

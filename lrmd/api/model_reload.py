@@ -28,6 +28,7 @@ from lrmd.persistence.deployed_models import (
 )
 from lrmd.ramp.shared_memory import GravityRecord, SharedRecords
 from lrmd.safety.collision_guard import CollisionGuard, Guard
+from lrmd.safety.stability import stability_of
 
 IK_TIMEOUT, POLL_INTERVAL = 5.0, 0.005
 """s: time of the ik process for its present query and the new model, and how often its digest is read."""
@@ -120,8 +121,9 @@ class ActiveModel:
         model = self.deployed.model
         here = model if self._down is None else under_gravity(model, self._down)
         self.gravity = here.constant_gravity
-        if isinstance(self.guard, CollisionGuard) and self.guard.model is not None:
-            self.guard = replace(self.guard, model=here)
+        if isinstance(self.guard, CollisionGuard):
+            bending = None if self.guard.model is None else here
+            self.guard = replace(self.guard, model=bending, stability=stability_of(self._config, here))
 
     def wait_for_ik(self, deployed: DeployedModel) -> None:
         """Waits until the ik process answers with this model. Raises `RequestError`."""

@@ -28,6 +28,7 @@ from lrmd.ik.deployed_model import DeployedModel, deploy_file
 from lrmd.ik.service import solver_of
 from lrmd.ramp.parent import die_with_parent
 from lrmd.safety.collision_guard import Guard, guard_of
+from lrmd.safety.stability import stability_of
 
 MEMORY = 64 << 20
 """Bytes of address space for the file, beyond what the process and the nominal arm take."""
@@ -45,7 +46,9 @@ def load_checked(config: Config, path: Path | None) -> tuple[DeployedModel, Guar
         check_comes_to_rest(config.arm, deployed.model)
     except LrmError as error:
         raise FileError(deployed.path, "", str(error)) from None
-    return deployed, guard_of(config.arm, deployed.model if deployed.sha256 else None)
+    return deployed, guard_of(
+        config.arm, deployed.model if deployed.sha256 else None, stability_of(config, deployed.model)
+    )
 
 
 def check_in_trial(config: Config, path: Path | None) -> None:

@@ -35,7 +35,9 @@ from lrmd.messages.control import (
     HoldRequest,
     JogRequest,
     LeaseRequest,
+    MotionRequest,
     MoveRequest,
+    PayloadRequest,
     ReloadRequest,
     Reply,
     UndeployRequest,
@@ -283,8 +285,8 @@ class ApiProcess:
 
     def _save(self, now: int, at_once: bool = False) -> None:
         c = self._controller
-        levels = map(c.thermal.model.level, c.thermal.temperature)
-        state = (c.mode, c.position, c.report.moving, c.report.outputs, c.fallen.bits, c.payload, *levels)
+        skill, levels = c.skill_report.outcome, map(c.thermal.model.level, c.thermal.temperature)
+        state = (c.mode, c.position, c.report.moving, c.report.outputs, c.fallen.bits, c.payload, skill, *levels)
         if self._saving.due(state, c.report.moving, now) or at_once:
             c.stored = c.saved(time.time_ns())
             self._writer.put(c.stored)
@@ -305,11 +307,14 @@ class ApiProcess:
             self._model.wait_for_ik(deployed)
             return self._publisher.reloaded(tail, deployed)
         arrived = time.monotonic_ns()
+        left = isinstance(request, MotionRequest | PayloadRequest) and self._leave_stored_pose(request)
         if isinstance(request, MoveRequest | JogRequest):
             self._shared.wait_for_order(self._controller.order.number, SETTLING_TIME)
         with self._lock:
             now = time.monotonic_ns()
             self._observe(now)
+            if left:
+                self._saving.again()
             # a renewal counts from when it came, not from when the daemon had time for it
             result = self._controller.handle(request, arrived if isinstance(request, LeaseRequest) else now)
             self._write_order()
@@ -319,6 +324,19 @@ class ApiProcess:
             text = "the ramp did not confirm the hold in time; it reads the order as soon as it ticks"
             raise RequestError("hold_unconfirmed", text, retryable=True)
         return self._with_settling(tail, reply, result.final_leg)
+
+    def _leave_stored_pose(self, request: Message) -> bool:
+        """Takes the stored pose back before it may become untrue; whether there was one. Raises `RequestError`.
+
+        Without the lock while the disk is slow; so the sender is checked before, lest others outdate the pose.
+        """
+        with self._lock:
+            self._controller.check_sender(request, time.monotonic_ns())
+        try:
+            return self._writer.leave_pose()
+        except FileError as error:
+            text = f"{error}: its pose would be taken for the arm's after a fall; make the folder writable"
+            raise RequestError("state_not_saved", text) from None
 
     def _with_settling(self, tail: str, reply: Reply, final_leg: FinalLeg | None) -> Reply:
         """The reply, and how long the tip swings after the motion that it is of, where that is known.

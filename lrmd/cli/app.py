@@ -12,6 +12,7 @@ from typing import Any, NoReturn, TypeAlias, get_args
 
 from lrm_math.errors import LrmError
 from lrmd.cli import motion, skill, status
+from lrmd.cli.record import record
 from lrmd.client import MotionInterrupted
 from lrmd.messages.codec import field_named
 from lrmd.messages.kinematics import IkRequest
@@ -113,6 +114,8 @@ def parser() -> argparse.ArgumentParser:
     estop.add_argument("--why", default="", help="reason, for the log")
     logs = command("logs", status.logs, "print the last events")
     logs.add_argument("--follow", action="store_true", help="also print new events, until Ctrl-C")
+    written = "write the commands with their times into a file, for lrm-ident motion; nothing moves"
+    command("record", record, written, _record)
     text = "calibrate one servo with a protractor and write its table into an arm file; or measure the board's clock"
     command("level1", motion.level1, text, _level1)
     return p
@@ -121,6 +124,11 @@ def parser() -> argparse.ArgumentParser:
 def _state(c: argparse.ArgumentParser) -> None:
     c.add_argument("--watch", action="store_true", help="repeat until Ctrl-C")
     c.add_argument("--metrics", action="store_true", help="also show how punctual the real-time process is")
+
+
+def _record(c: argparse.ArgumentParser) -> None:
+    c.add_argument("-o", "--output", required=True, metavar="CSV", help="file to write, with NAME.toml beside it")
+    c.add_argument("--seconds", type=float, metavar="S", help="how long (default: until Ctrl-C)")
 
 
 def _arm(c: argparse.ArgumentParser) -> None:

@@ -15,6 +15,7 @@ from lrmd.errors import RequestError
 from lrmd.ramp.stepping import Move
 from lrmd.safety.collision_guard import ClearanceViolation, CollisionGuard, Guard
 from lrmd.safety.contact_force import ContactRules
+from lrmd.safety.stability import TipOverViolation
 from lrmd.safety.thermal_model import ThermalMonitor, Torques
 
 
@@ -62,6 +63,8 @@ class MotionCheck:
             self.guard(path, payload, ContactRules(tuple(contacts), self.touched))
         except ClearanceViolation as error:
             raise _collision(error, numbers[error.move]) from None
+        except TipOverViolation as error:
+            raise _tipping(error, numbers[error.move]) from None
 
     def check_settles(self, pulses: Pulses, payload: float) -> None:
         """Raises `RequestError` if the arm has no elastic equilibrium at pulses (ns) with a payload (kg)."""
@@ -87,6 +90,16 @@ def _collision(error: ClearanceViolation, waypoint: int) -> RequestError:
         "collision", f"waypoint {waypoint}: {error}", waypoint=waypoint, bodies=[error.first, error.second],
         distance_m=error.distance, fraction=error.fraction,
     )  # fmt: skip
+
+
+def _tipping(error: TipOverViolation, waypoint: int) -> RequestError:
+    return RequestError(
+        "tip_over",
+        f"waypoint {waypoint}: {error}",
+        waypoint=waypoint,
+        tip_over_rad=error.angle,
+        fraction=error.fraction,
+    )
 
 
 def corners(config: Config, ramp: Move) -> list[int]:

@@ -36,6 +36,7 @@ from lrmd.messages.control import (
 from lrmd.messages.kinematics import KinematicsRequest
 from lrmd.messages.skills import SenseCommand, SkillRequest
 from lrmd.messages.surroundings import contacts_of
+from lrmd.persistence.state_file import StoredState
 from lrmd.ramp.shared_memory import LinkState
 from lrmd.ramp.stepping import Move, Pace
 from lrmd.safety.collision_guard import CollisionGuard
@@ -270,8 +271,18 @@ class Controller(ControllerState):
         if self.skill is not None:
             self.skill.answer(self, number, reply, now)
 
+    def saved(self, wall: int) -> StoredState:
+        """The state to store; a skill may move the arm again at any time."""
+        state = super().saved(wall)
+        return state.model_copy(update={"still": state.still and self.skill_report.outcome != "running"})
+
     def handle(self, request: Message, now: int) -> RequestResult:
         """Carries out a request. Raises an `LrmError` if it cannot; then nothing has changed but an expired lease."""
+        self.check_sender(request, now)
+        return HANDLERS[type(request)](self, request, now)
+
+    def check_sender(self, request: Message, now: int) -> None:
+        """Raises `RequestError` for a request of a client that may not ask for it, or not now."""
         updates.expire_lease(self, now)
         if type(request) not in HANDLERS:
             raise RequestError("unknown_request", f"no such request: {type(request).__name__}")
@@ -281,7 +292,6 @@ class Controller(ControllerState):
             self.leasehold.check(request.lease)
         if isinstance(request, MotionRequest):
             self._check_overtaken(request)
-        return HANDLERS[type(request)](self, request, now)
 
     def _check_overtaken(self, request: MotionRequest) -> None:
         """Raises `RequestError` for a request whose sender does not know of the last stop."""

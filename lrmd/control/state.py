@@ -186,7 +186,8 @@ class ControllerState:
         """The state to store. Servos without a pulse since the start keep their stored one, and its `still`."""
         before = dict(self.stored.pulse_ns) if self.stored else {}
         known = {n: p for n, p in zip(self.config.names, self.position, strict=True) if p}
-        still = not self.report.moving and (self._stored_at_rest or before.keys() <= known.keys())
+        at_rest = not self.report.moving and self.mode is not Mode.MOVING
+        still = at_rest and (self._stored_at_rest or before.keys() <= known.keys())
         heat = {n: min(T, HOTTEST) for n, T in zip(self.config.names, self.thermal.temperature, strict=True)}
         state = StoredState(
             saved_wall_ns=wall, boots=self.boots, arm=self.config.arm.name, identity=self._identity, mode=self.mode,

@@ -62,6 +62,11 @@ class Planner:
         checked. Deterministic for one seed. An arm that stands within the margin, or in overlap, leaves it first, by
         moves that the guard allows.
         """
+        if self.guard.stability is not None:
+            steady = self.guard.stability.steady(np.array(start), np.array(goals), self.payload)
+            goals = [goal for goal, good in zip(goals, steady, strict=True) if good]
+            if not goals:
+                return "no path: the vehicle would be too near to tipping over at the goal"
         found = self._find_from(start, goals, seed, check_cancelled)
         if not isinstance(found, str):
             return found

@@ -252,7 +252,8 @@ class IkProcess:
                     content["places"].append(place)
                     yield
             case PlanRequest():
-                kind, content = PlanReply, _plan_content(service.plan(request, partial(self._pause, queued), known))
+                path = service.plan(request, partial(self._pause, queued), known)
+                kind, content = PlanReply, plan_content(service, path, request.payload_kg or 0.0)
         content |= {"model": service.deployed.path, "model_sha256": service.deployed.sha256}
         content["elapsed_ms"] = (time.perf_counter() - started) * 1e3
         return kind(**self._headers.next("ik"), **content)
@@ -279,12 +280,18 @@ class IkProcess:
         reply_error(query, error, self._log, self._headers.boot_id)
 
 
-def _plan_content(path: JointPath | LineEnd | str) -> dict[str, Any]:
+def plan_content(service: IkService, path: JointPath | LineEnd | str, payload: float) -> dict[str, Any]:
+    """The fields of a `PlanReply`, of a payload (kg)."""
     if isinstance(path, LineEnd):
         return {"found": False, "text": path.text, "ends_at_m": list(path.at)}
     if isinstance(path, str):
         return {"found": False, "text": path}
-    return {"found": True, "text": f"{len(path) - 1} straight moves", "waypoints_rad": [list(q) for q in path]}
+    angles = [angle for q in (path[0], path[-1]) if (angle := service.tip_over(q, payload)) is not None]
+    waypoints = [list(q) for q in path]
+    return {
+        "found": True, "text": f"{len(path) - 1} straight moves", "waypoints_rad": waypoints,
+        "tip_over_rad": angles if len(angles) == 2 else [],
+    }  # fmt: skip
 
 
 def run(config: Config, memory: SharedFd, boot_id: str) -> None:

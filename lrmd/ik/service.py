@@ -33,6 +33,7 @@ from lrmd.config import Config
 from lrmd.errors import RequestError
 from lrmd.ik.deployed_model import DeployedModel
 from lrmd.ik.planner import JointPath, Planner, with_corners
+from lrmd.ik.stabilise import steadier_poses
 from lrmd.ik.straight_line import LineEnd, line_path
 from lrmd.messages.codec import MessageError
 from lrmd.messages.kinematics import (
@@ -47,6 +48,7 @@ from lrmd.messages.kinematics import (
 from lrmd.messages.surroundings import ObstacleEntry, contacts_of
 from lrmd.safety.collision_guard import CollisionGuard
 from lrmd.safety.contact_force import ContactRules, permits, permitting
+from lrmd.safety.stability import Stability, stability_of
 
 UNIT = 1e-3
 """Largest deviation of a quaternion's length from 1."""
@@ -235,7 +237,7 @@ class IkService:
         command = content.get("q_rad") or content.get("nearest_rad")
         if command is not None:
             content["outside_range"] = self._outside(command)
-            content["tip_over_rad"] = self._tip_over(command, payload)
+            content["tip_over_rad"] = self.tip_over(command, payload)
         return IkAnswer(**content, elapsed_ms=(time.perf_counter() - started) * 1e3)
 
     def _goal(self, number: int, entry: GoalEntry) -> Goal:
@@ -262,7 +264,7 @@ class IkService:
             yield FkAnswer(
                 tcp_m=list(f.tcp), rotation=[list(row) for row in f.rotation], tau_nm=list(f.joint_torque),
                 sd_m=None if f.uncertainty is None else f.uncertainty.sd, outside_range=self._outside(q),
-                direction=arrival.side.astype(int).tolist(), tip_over_rad=self._tip_over(q, request.payload_kg or 0.0),
+                direction=arrival.side.astype(int).tolist(), tip_over_rad=self.tip_over(q, request.payload_kg or 0.0),
             )  # fmt: skip
 
     def _arrival(self, request: FkRequest, number: int, known: Known) -> Motion:
@@ -280,7 +282,7 @@ class IkService:
         within = self.deployed.model.within
         return [] if within is None else list(within.joints_outside(np.array(q)))
 
-    def _tip_over(self, q: Sequence[float], payload: float) -> float | None:
+    def tip_over(self, q: Sequence[float], payload: float) -> float | None:
         """How far (rad) the vehicle is from tipping over at commands (rad); None where the arm file has none."""
         vehicle = self._config.arm.vehicle
         if vehicle is None or not any(gravity := self._model.constant_gravity):
@@ -297,12 +299,30 @@ class IkService:
         """A path, or the reason why there is none. Raises `LrmError`, and what `check_cancelled` raises."""
         for name in ("from_rad", "to_rad"):
             self._check_angles(name, getattr(request, name))
+        if request.stabilise:
+            return self._steadied(request, check_cancelled)
         if request.line:
             return self._line(request, check_cancelled, known)
         goals = [request.to_rad] if request.to_rad is not None else self._permitting(request)._commands(request)
         guard = self._guard(request, np.array([request.from_rad, *goals]))
         planner = Planner(self._config, guard, request.payload_kg or 0.0)
         return planner.find(request.from_rad, goals, request.seed, check_cancelled)
+
+    def _steadied(self, request: PlanRequest, check_cancelled: CancellationCheck) -> JointPath | str:
+        """A path to a pose in which the vehicle is further from tipping over. Raises `LrmError`."""
+        vehicle, payload, start = self._config.arm.vehicle, request.payload_kg or 0.0, np.array(request.from_rad)
+        if vehicle is None or not any(self._model.constant_gravity):
+            raise RequestError("no_vehicle", f"the arm file of {self._config.arm.name} has no [vehicle], or no gravity")
+        guard, stability = self._guard(request, start[None]), Stability(vehicle, 0.0, self._model)
+        goals = steadier_poses(stability, guard, start, payload, request.seed, check_cancelled)
+        if not len(goals):
+            return "no pose was found in which the vehicle is further from tipping over than where the arm stands"
+        planner = Planner(self._config, guard, payload)
+        for goal in goals:
+            check_cancelled()
+            if guard.check(np.array([start, goal]), payload)[0].free:
+                return with_corners(self._config, np.array([start, goal]))
+        return planner.find(request.from_rad, goals.tolist(), request.seed, check_cancelled)
 
     def _line(
         self, request: PlanRequest, check_cancelled: CancellationCheck, known: Known
@@ -327,7 +347,8 @@ class IkService:
         if self._scene is None:
             raise LrmError(f"{self._config.arm.name} has no collision shapes: no path can be checked")
         rules = ContactRules(contacts_of(request.may_touch))
-        return CollisionGuard(self._scene, self._bending).permitting(rules, poses, request.payload_kg or 0.0)
+        guard = CollisionGuard(self._scene, self._bending, stability=stability_of(self._config, self._model))
+        return guard.permitting(rules, poses, request.payload_kg or 0.0)
 
     def _commands(self, request: PlanRequest) -> list[list[float]]:
         """Commands that reach the goal of a plan, nearest first. Raises `LrmError` if there are none."""

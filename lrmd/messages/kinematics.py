@@ -88,7 +88,8 @@ class FkRequest(KinematicsRequest):
 class PlanRequest(KinematicsRequest):
     """`rpc/plan`: a collision-free path from `from_rad` to `to_rad`, or to a goal; deterministic for one `seed`.
 
-    `line`: the tip goes straight to the goal, the tool turning evenly; to its orientation, or not at all.
+    `line`: the tip goes straight to the goal, the tool turning evenly; to its orientation, or not at all. `stabilise`:
+    to a pose in which the vehicle is further from tipping over, the furthest that is found.
     """
 
     from_rad: JointAngles
@@ -96,13 +97,14 @@ class PlanRequest(KinematicsRequest):
     goal: GoalEntry | None = None
     seed: Annotated[int, Field(ge=0, lt=2**32)] = 0
     line: bool = False
+    stabilise: bool = False
 
     @model_validator(mode="after")
     def _one_end(self) -> PlanRequest:
         if self.line and self.goal is None:
             raise ValueError("a line goes to a goal, not to to_rad")
-        if (self.to_rad is None) == (self.goal is None):
-            raise ValueError("give to_rad or goal, one of them")
+        if (self.to_rad is not None) + (self.goal is not None) + self.stabilise != 1:
+            raise ValueError("give to_rad or goal, one of them, or stabilise")
         return self
 
 
@@ -169,12 +171,14 @@ class PlanReply(KinematicsReply):
 
     Waypoints are the corners of the path and the points where a joint passes a point of its level-1 table, so that
     moves which are straight in pulses are straight in angles. `ends_at_m`: where a line ends that does not go on.
+    `tip_over_rad`: as of `FkAnswer`, at the start and at the end; empty where the arm file has no vehicle.
     """
 
     found: bool
     text: str
     waypoints_rad: Annotated[list[list[float]], Field(max_length=4000)] = []
     ends_at_m: list[float] | None = None
+    tip_over_rad: Annotated[list[float], Field(max_length=2)] = []
 
 
 class FkAnswer(Part):

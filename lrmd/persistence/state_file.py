@@ -3,8 +3,9 @@
 It is saved on change, at least once a minute, and during a motion only at an interval, in a thread of its own, so that
 a slow disk does not block the daemon.
 
-Where it cannot be saved, for instance because the disk is full, the last one is renamed, which takes no room: its pose
-is not that of the arm any more.
+Its pose is taken back, by a rename, before the arm may leave it. So where the disk has become read-only the pose that
+stays there is the arm's, as no motion begins. Where the file cannot be saved, for instance because the disk is full, it
+is renamed, too, which takes no room: its pose is not that of the arm any more.
 
 At a start it is set aside, with an event, if it is damaged or of another arm: its pulses are a pose of the arm and the
 servos that it was written for, and of no others.
@@ -180,6 +181,10 @@ class SaveSchedule:
         self._state: tuple[object, ...] = ()
         self._moving = False
 
+    def again(self) -> None:
+        """The next state is to be saved, whatever it is."""
+        self._state = ()
+
     def due(self, state: tuple[object, ...], moving: bool, now: int) -> bool:
         """Whether to save at `now` (ns); if so, it is the saved state from now on."""
         wait = self._moving_interval if moving and self._moving else 0
@@ -199,6 +204,7 @@ class BackgroundWriter:
         self._next: StoredState | None = None
         self._ending = False
         self._broken = False
+        self._has_pose = (folder / NAME).exists()
         self._thread = threading.Thread(target=self._run, name="writer", daemon=True)
         self._thread.start()
 
@@ -207,6 +213,20 @@ class BackgroundWriter:
         with self._wake:
             self._next = state
             self._wake.notify()
+
+    def leave_pose(self) -> bool:
+        """Takes the stored pose back, as the arm is about to leave it; False: it was not one that could be armed at.
+
+        Waits for the disk. Raises `FileError`: it cannot be taken back, and would be taken for the arm's after a fall.
+        """
+        if not self._has_pose:
+            return False
+        try:
+            outdate(self._folder)
+        except OSError as error:
+            raise FileError(self._folder / NAME, "", f"cannot be renamed ({error.strerror})") from None
+        self._has_pose = False
+        return True
 
     def close(self) -> None:
         """Waits until the queued state is saved."""
@@ -228,11 +248,14 @@ class BackgroundWriter:
         failure = None
         with suppress(OSError):
             try:
+                self._has_pose |= state.still  # from the rename on, which is before the end of `save`
                 save(self._folder, state)
+                self._has_pose = state.still
                 (self._folder / OUTDATED).unlink(missing_ok=True)
             except FileError as error:
                 failure = error
                 outdate(self._folder)
+                self._has_pose = False
         if self._broken is (failure is None):
             self._on_change(failure)
         self._broken = failure is not None

@@ -17,20 +17,20 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from itertools import pairwise
 
 import numpy as np
 
 from lrm_math.arm.arm import Arm
 from lrm_math.arrays import Array
 from lrm_math.collision.scene import Scene
-from lrm_math.collision.straight_move import ArmBodies, MotionClearance, check_bodies, rigid_bodies
+from lrm_math.collision.straight_move import ArmBodies, MotionClearance, check_path, rigid_bodies
 from lrm_math.errors import LrmError
 from lrm_math.kinematics.forward import frames
 from lrm_math.kinematics.poses import poses_of
 from lrm_math.model.equilibrium import batch_equilibrium
 from lrm_math.model.model import Model
 from lrmd.safety.contact_force import NO_CONTACTS, ContactRules, permits, permitting
+from lrmd.safety.stability import Stability, TipOverViolation, TippingMove
 
 Guard = Callable[[Sequence[Sequence[float]], float, ContactRules], None]
 """Raises an `LrmError` if straight moves through poses (rad, per joint) with a payload (kg) are not safe, contacts
@@ -67,18 +67,23 @@ class ClearanceViolation(LrmError):
 @dataclass(frozen=True)
 class CollisionGuard:
     """The `Guard` of an arm's collision `scene`; `model` predicts its sag, None for an uncalibrated arm. `touched`:
-    pairs that an earlier request was permitted to bring nearer than the margin."""
+    pairs that an earlier request was permitted to bring nearer than the margin. `stability`: of the vehicle, None if
+    nothing is to be kept of it."""
 
     scene: Scene
     model: Model | None
     touched: frozenset[frozenset[str]] = frozenset()
+    stability: Stability | None = None
 
     def __call__(self, path: Sequence[Sequence[float]], payload: float, contacts: ContactRules = NO_CONTACTS) -> None:
-        """Raises `ClearanceViolation` for a way through poses with a payload (kg) that is not allowed, `LrmError`."""
+        """Raises `ClearanceViolation` or `TipOverViolation` for a way through poses with a payload (kg) that is not
+        allowed, `LrmError`."""
         poses = self.scene.poses(path)
         found, move = self.permitting(contacts, poses, payload).check(poses, payload)
         if found.free:
             return
+        if isinstance(found, TippingMove):
+            raise TipOverViolation(found, move)
         if found.distance <= NO_EQUILIBRIUM:
             raise LrmError("the elastic equilibrium does not settle on the way: too much load for the arm")
         raise ClearanceViolation(found, self.scene.margin, move, self.scene.estimated)
@@ -93,16 +98,16 @@ class CollisionGuard:
     def check(self, path: Array, payload: float, keep: float | None = None) -> tuple[MotionClearance, int]:
         """The clearance on straight moves through poses (K, n), and the number of the move, from 0, that it is of.
 
-        The first move that is not free, or the last one; of the sagging arm where the rigid one is free. `keep`:
-        separation (m) that is required; None: what the rule requires of a way that begins at the first pose.
+        The first move that is not free, or the nearest one; of the sagging arm where the rigid one is free. `keep`:
+        separation (m) that is required; None: what the rule requires of a way that begins at the first pose. Of a way
+        that is free of collision the move on which the vehicle comes too near to tipping over.
         """
         for bodies in self.bodies(payload):
-            required = self._required(bodies, path[0]) if keep is None else keep
-            for move, (start, end) in enumerate(pairwise(path)):
-                found = check_bodies(bodies, start, end, required)
-                if not found.free or found.distance <= NO_EQUILIBRIUM:
-                    return replace(found, free=False), move
-        return found, move
+            found, move = check_path(bodies, path, self._required(bodies, path[0]) if keep is None else keep)
+            if not found.free or found.distance <= NO_EQUILIBRIUM:
+                return replace(found, free=False), move
+        tipping = None if self.stability is None else self.stability.refused(path, payload)
+        return (found, move) if tipping is None else tipping
 
     def _required(self, bodies: ArmBodies, start: Array) -> Array:
         """(pairs,), the separation (m) that the rule requires of a way that begins at a pose (n,)."""
@@ -146,6 +151,6 @@ class CollisionGuard:
         return out
 
 
-def guard_of(arm: Arm, model: Model | None) -> Guard | None:
+def guard_of(arm: Arm, model: Model | None, stability: Stability | None = None) -> Guard | None:
     """The guard of an arm, or None if its file has no collision shapes."""
-    return CollisionGuard(Scene.of(arm), model) if arm.shapes.capsules else None
+    return CollisionGuard(Scene.of(arm), model, stability=stability) if arm.shapes.capsules else None

@@ -42,10 +42,22 @@ def test_ros_finds_the_package_where_the_wheel_is_installed(wheel: Path) -> None
     assert {"share/lrm_ros2/package.xml", "share/ament_index/resource_index/packages/lrm_ros2"} <= placed
 
 
+def test_the_debian_package_keeps_nothing_without_a_known_hash() -> None:
+    text = (ROOT / "packaging" / "deb.sh").read_text(encoding="utf-8")
+    assert text.count("pip install") == 1, "in the function that all calls go through"
+    assert re.findall(r"^ *pip (.*)$", text, re.MULTILINE) == [
+        '--require-hashes -r "$REQUIREMENTS"',
+        '--require-hashes -r "$SOURCE/systemd/compiler.txt"',
+        '--no-deps --no-build-isolation "$WHAT"',
+    ]
+
+
 def test_the_debian_package_runs_from_where_it_is_unpacked(wheel: Path, tmp_path: Path) -> None:
     if shutil.which("dpkg-deb") is None:
         pytest.skip("dpkg-deb is not on this machine")
-    environment = os.environ | {"PYTHON": sys.executable, "OUT": str(tmp_path), "PIP_NO_DEPS": "1"}
+    none = tmp_path / "requirements.txt"
+    none.touch()
+    environment = os.environ | {"PYTHON": sys.executable, "OUT": str(tmp_path), "REQUIREMENTS": str(none)}
     script = [ROOT / "packaging" / "deb.sh", wheel]
     done = subprocess.run(script, env=environment, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr

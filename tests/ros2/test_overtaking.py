@@ -17,6 +17,7 @@ import pytest
 
 from lrm_ros2.action_types import CANCEL_GOAL, SEND_GOAL, TRIGGER
 from lrm_ros2.message_types import JOINT_TRAJECTORY
+from lrm_ros2.sender_watch import OVERTAKEN_S
 from lrmd.client import Rover
 from tests.ros2.test_bridge import ACTION, RosPeer, bridged, goal, point, ros_router, said, trajectory
 from tests.support.daemon.daemon_harness import HOME, wait_for_link
@@ -173,9 +174,9 @@ def test_an_order_after_a_stop_is_followed(bridge: BridgeUnderTest, order: str, 
     """At once where the stop was answered; after an empty trajectory, which has no answer, soon."""
     bridge.ready()
     answer = bridge.stop(stop)
-    time.sleep(0.5 if answer is None else 0.0)
+    time.sleep(1.0 if answer is None else 0.0)
     bridge.send(order)
-    wait_for(lambda: bridge.rover.joints().moving, "it is followed", 3.0)
+    wait_for(lambda: bridge.rover.joints().moving, "it is followed", 10.0)
     bridge.stop("hold")
 
 
@@ -207,8 +208,12 @@ def frozen_client(bridge: BridgeUnderTest, token: str) -> Iterator[subprocess.Po
         assert process.stdout is not None
         process.stdout.readline()
         time.sleep(0.3)
-        yield process
-        process.kill()
+        try:
+            yield process
+        finally:
+            process.kill()
+            process.wait()
+            time.sleep(2 * OVERTAKEN_S)  # until then an order may be one of its last
 
 
 @pytest.fixture

@@ -1,5 +1,8 @@
 """Random sequences of requests to the controller of random arms: does the collision guard keep its law in every tick?
 
+Contacts that requests permit, obstacles that come and go, loads and another client are among them. The distances are
+those of `independent_distances`.
+
 python -m tests.soak.guard_sequences --sequences 10000
 """
 
@@ -8,8 +11,12 @@ from __future__ import annotations
 import argparse
 import sys
 import time
+from dataclasses import dataclass
 
-from tests.support.daemon.guarded_sequence import GuardedSequence
+from tests.support.daemon.guarded_sequence import GuardedSequence, SequenceResult
+
+FASTER = 5
+"""So that more happens in a tick."""
 
 
 def main() -> int:
@@ -17,21 +24,43 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--sequences", type=int, default=10_000)
     parser.add_argument("--first", type=int, default=1000, help="seed of the first one")
+    parser.add_argument("--requests", type=int, default=4, help="kinds of behaviour in a row, of each sequence")
+    parser.add_argument("--tell", type=int, default=500, help="sequences between two lines of the output")
     options = parser.parse_args()
-    started, broken, accepted, refused, worst = time.process_time(), [], 0, 0, 0.0
+    started, total, broken = time.process_time(), Totals(), 0
     for seed in range(options.first, options.first + options.sequences):
-        result = GuardedSequence(seed).run(contacts=bool(seed % 2))
-        accepted, refused = accepted + result.accepted, refused + result.refused
-        worst = min(worst, result.least - result.required)
+        result = GuardedSequence(seed, FASTER).run(options.requests, contacts=True)
+        total = total.with_result(result)
         if not result.kept:
-            broken.append(seed)
             print(f"seed {seed}: {result}", flush=True)
-    seconds = time.process_time() - started
-    print(
-        f"{options.sequences} sequences, {accepted} requests carried out, {refused} refused, {seconds:.0f} s: "
-        f"{len(broken)} broke the law; least separation below what is required: {-worst * 1e6:.2f} um"
-    )
+            broken += 1
+        if total.sequences % options.tell == 0 or total.sequences == options.sequences:
+            print(f"{total}, {time.process_time() - started:.0f} s: {broken} broke the law", flush=True)
     return 1 if broken else 0
+
+
+@dataclass(frozen=True)
+class Totals:
+    """Counts over sequences, and the least separation (m) against what is required."""
+
+    sequences: int = 0
+    accepted: int = 0
+    refused: int = 0
+    touched: int = 0
+    worst: float = 0.0
+
+    def with_result(self, result: SequenceResult) -> Totals:
+        """With another sequence."""
+        return Totals(
+            self.sequences + 1, self.accepted + result.accepted, self.refused + result.refused,
+            self.touched + result.touched, min(self.worst, result.least - result.required),
+        )  # fmt: skip
+
+    def __str__(self) -> str:
+        return (
+            f"{self.sequences} sequences, {self.accepted} requests carried out, {self.refused} refused, {self.touched} "
+            f"pairs nearer as permitted, least separation below what is required: {-self.worst * 1e6:.2f} um"
+        )
 
 
 if __name__ == "__main__":

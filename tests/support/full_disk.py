@@ -1,4 +1,4 @@
-"""A disk that is full, for whoever writes to it."""
+"""Disks that are full, or have become read-only, for whoever writes to them."""
 
 from __future__ import annotations
 
@@ -31,3 +31,20 @@ def full_disk(folder: Path, size: int = 8192, room: int = 0) -> Iterator[Callabl
         yield filler.unlink
     finally:
         subprocess.run(["umount", str(folder)], check=True)
+
+
+@contextmanager
+def read_only(folder: Path) -> Iterator[None]:
+    """A folder that cannot be written while the block runs: mounted so, or without the right to."""
+    if os.geteuid() != 0:
+        folder.chmod(0o500)
+        yield
+        folder.chmod(0o700)
+        return
+    if subprocess.run(["mount", "--bind", str(folder), str(folder)], capture_output=True).returncode:
+        pytest.skip("mounting is not allowed here")
+    try:
+        subprocess.run(["mount", "-o", "remount,ro,bind", str(folder)], check=True)
+        yield
+    finally:
+        subprocess.run(["umount", "--lazy", str(folder)], check=True)

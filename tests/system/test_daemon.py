@@ -37,7 +37,7 @@ from tests.support.daemon.daemon_process import (
     wait_for,
 )
 from tests.support.daemon.pulse_invariants import read_frames
-from tests.support.full_disk import full_disk
+from tests.support.full_disk import full_disk, read_only
 
 FAR = {"joint1": 1.5}
 """Half a minute away from `HOME`."""
@@ -450,6 +450,50 @@ def test_a_full_disk_is_told_and_stops_nothing(tmp_path: Path) -> None:
         assert [path.name for path in setup.state.iterdir()] == ["state.json"]
         harness.daemon.signal(signal.SIGTERM)
         assert harness.daemon.process.wait(5) == 0
+
+
+def test_where_the_stored_pose_cannot_be_taken_back_the_arm_does_not_leave_it(tmp_path: Path) -> None:
+    """It would move, fall, and be armed at its old pose after a restart."""
+    setup = DaemonSetup.make(tmp_path)
+    with running_harness(setup) as harness, harness.rover.control("test"):
+        harness.arm()
+        wait_for(lambda: (stored := load(setup.state)) is not None and stored.still, "the pose is stored")
+        before = harness.rover.joints().pulse_us
+        with read_only(setup.state):
+            for ask in (lambda: harness.rover.move({"joint1": 0.5}), lambda: harness.rover.carry(0.1)):
+                with pytest.raises(
+                    RequestRefused, match=r"state\.json: cannot be renamed \(.*make the folder writable"
+                ):
+                    ask()
+            harness.rover.jog({"joint1": 0.5})
+            wait_for(lambda: any("cmd/jog" in e.text for e in harness.rover.events()), "the jog is refused")
+            assert harness.rover.joints().pulse_us == before
+            harness.rover.relax()
+            with pytest.raises(RequestRefused, match="cannot be renamed"):
+                harness.arm()
+        assert harness.rover.joints().on == [False] * len(before)
+        harness.arm()
+        harness.rover.move({"joint1": 0.1})
+
+
+def test_a_motion_takes_the_stored_pose_back_before_it_begins(tmp_path: Path) -> None:
+    """Also where the disk becomes read-only at once: the arm falls, and is not armed at the old pose."""
+    setup = DaemonSetup.make(tmp_path)
+    with running_harness(setup) as harness, harness.rover.control("test"):
+        harness.arm()
+        wait_for(lambda: (stored := load(setup.state)) is not None and stored.still, "the pose is stored")
+        harness.rover.move({"joint1": 0.8}, wait=False)
+        with read_only(setup.state):
+            time.sleep(0.3)
+            harness.rover.estop()
+            harness.daemon.process.kill()
+            harness.daemon.process.wait(10.0)
+    with (
+        running_harness(setup) as harness,
+        harness.rover.control("test"),
+        pytest.raises(RequestRefused, match="given"),
+    ):
+        arm_when_ready(harness.rover, "stored")
 
 
 @pytest.mark.parametrize("content", ["", '{"schema": "lrm/state/1", "boots": "many"}', "\0" * 400])

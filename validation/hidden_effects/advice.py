@@ -7,6 +7,8 @@ independent generator is measured there too, and everything is diagnosed again.
 
 from __future__ import annotations
 
+from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -14,7 +16,7 @@ from tempfile import TemporaryDirectory
 import numpy as np
 
 import lrm_ident as lrm
-from lrm_ident.design.advice import Advice
+from lrm_ident.design.advice import Advice, CausePair
 from lrm_ident.diagnosis.diagnose import diagnose
 from lrm_ident.diagnosis.diagnosis_report import DiagnosisReport, build_report
 from lrm_ident.report.diagnosis.advice import advice_of
@@ -35,6 +37,7 @@ HIDDEN = (
     "bending4",
 )
 POSES = 120
+CAN, IF_EXACT, CANNOT = "can be told", "can be told if the formula is exact", "cannot be told"
 
 
 @dataclass(frozen=True)
@@ -47,11 +50,18 @@ class Followed:
     after: tuple[str, ...]
 
     @property
-    def pairs(self) -> dict[str, tuple[bool, bool]]:
-        """By each other cause of the class: whether it was expected to be told from the truth, and whether it was."""
+    def pairs(self) -> dict[str, tuple[str, bool]]:
+        """By each other cause of the class: what was said of telling it from the truth, and whether it was told."""
         truth, *others = self.causes
-        alike = {frozenset((pair.there, pair.instead)) for pair in self.advice.alike}
-        return {one: (frozenset((truth, one)) not in alike, one not in self.after) for one in others}
+        of = {one: [pair for pair in self.advice.pairs if {pair.there, pair.instead} == {truth, one}] for one in others}
+        return {one: (_said(pairs), one not in self.after) for one, pairs in of.items()}
+
+
+def _said(pairs: Sequence[CausePair]) -> str:
+    """What was said beforehand of both orders of two causes."""
+    if not all(pair.told for pair in pairs):
+        return CANNOT
+    return IF_EXACT if pairs[0].one_form else CAN
 
 
 def followed(case: Case, seed: int) -> Followed | None:
@@ -85,7 +95,7 @@ def _diagnosed(case: Case, seed: int, q: Array, load: Array) -> DiagnosisReport:
 def main() -> None:
     """Prints each case, and the counts."""
     options = asked(__doc__, only=("", "only cases whose name contains one of these, by commas"), seeds=(2, "arms"))
-    told = beforehand = neither = pessimistic = 0
+    counts: Counter[tuple[str, bool]] = Counter()
     for name in (name for name in HIDDEN if any(word in name for word in options.only.split(","))):
         for seed in range(options.seeds):
             levels = FIVE_LEVELS_DEG if seed % 2 else THREE_LEVELS_DEG
@@ -93,18 +103,12 @@ def main() -> None:
             if found is None:
                 print(f"{name} {seed}: nothing to distinguish", flush=True)
                 continue
-            for other, (expected, was) in found.pairs.items():
-                told += expected and was
-                beforehand += not expected and not was
-                pessimistic += not expected and was
-                neither += expected and not was
-                said = "will be told" if expected else "will not"
+            for other, (said, was) in found.pairs.items():
+                counts[said, was] += 1
                 print(f"{name} {seed}: {found.causes[0]} from {other}: {said}, {'told' if was else 'not told'}")
             print(f"  after: {', '.join(found.after) or 'none'}; {found.advice.sentence}", flush=True)
-    print(
-        f"told apart after the advice {told}; said beforehand that it cannot be {beforehand}; said so and yet told "
-        f"{pessimistic}; promised and not told {neither}"
-    )
+    for (said, was), count in sorted(counts.items()):
+        print(f"{count:4d} pairs: {said}; {'told' if was else 'not told'} afterwards")
 
 
 if __name__ == "__main__":

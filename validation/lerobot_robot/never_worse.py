@@ -94,8 +94,8 @@ def rests(made: Correction, seed: int, count: int) -> Iterator[RestErrors]:
                 break
         q = goal
         try:
-            aim = _tip(made, q, None)
-            yield RestErrors(kind, *(float(np.linalg.norm(_tip(made, m.q, m) - aim)) for m in (sent, plain)))
+            aim = tip(made, q, None)
+            yield RestErrors(kind, *(float(np.linalg.norm(tip(made, m.q, m) - aim)) for m in (sent, plain)))
         except NoEquilibrium:
             continue
 
@@ -162,12 +162,12 @@ def _goal(made: Correction, kind: str, q: Array, rng: np.random.Generator) -> Ar
 
 def _least_singular(made: Correction, q: Array) -> float:
     """Smallest singular value (m/rad) of the position of the arm as drawn."""
-    tips = np.array([_tip(made, each, None) for each in (q, *(q + NUDGE * np.eye(len(q))))])
+    tips = np.array([tip(made, each, None) for each in (q, *(q + NUDGE * np.eye(len(q))))])
     return float(np.linalg.svd((tips[1:] - tips[0]).T / NUDGE, compute_uv=False)[-1])
 
 
-def _tip(made: Correction, q: Array, motion: Motion | None) -> Array:
-    """(3,), m, of the real arm whose encoders read q (n,), rad, after a motion; None: of the arm as drawn."""
+def tip(made: Correction, q: Array, motion: Motion | None) -> Array:
+    """(3,), tip (m) of the real arm whose encoders read q (n,), rad, after a motion; None: of the arm as drawn."""
     if motion is None:
         return np.asarray(made.drawn.kernel.forward(made.drawn.slots_at(q)[None])[0][0, :3, 3])
     return np.asarray(made.arm.kernel.forward(made.arm.settled(q, motion)[None])[0][0, :3, 3])

@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 
-from lrm_ident.data.rigid_motion import placement_motion
 from lrm_ident.measuring.sockets.board import SocketBoard
 from lrm_ident.measuring.sockets.solid import triangles
 from lrm_math.arrays import Array
@@ -15,7 +14,7 @@ from lrm_math.kinematics.forward import frames
 from lrm_math.kinematics.poses import poses_of
 from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import model_of
-from validation.touched_points.simulated_arms import ARM, STANDS, near_goal
+from validation.touched_points.simulated_arms import ARM, TOUCHES, planned
 
 PICTURE = Path(__file__).resolve().parents[2] / "docs" / "pictures" / "sockets.png"
 COLOURS = ("#3b6ea5", "#c1752c", "#5b8c5a")
@@ -38,13 +37,14 @@ def main() -> None:
     left.view_init(35, -60)
     left.set_title("the board: A to D flat, E on a post", fontsize=10)
     right = figure.add_subplot(1, 2, 2, projection="3d")
-    rng = np.random.default_rng(4)
-    for number, (stand, colour) in enumerate(zip(STANDS, COLOURS, strict=True), start=1):
-        T = placement_motion(stand)
+    plan = planned(TOUCHES)
+    for number, (stand, colour) in enumerate(zip(plan.stands, COLOURS, strict=True), start=1):
+        T = stand.motion(board.points)
         moved = triangles(board) * 1e-3 @ T[:3, :3].T + T[:3, 3]
         _draw_board(right, moved * 1e3, colour, 0.5)
         goal = T[:3, :3] @ (np.array(board.points["E"]) * 1e-3) + T[:3, 3]
-        joints = _skeleton(near_goal(goal, rng)) * 1e3
+        row = next(k for k, at in enumerate(zip(plan.points, plan.placement, strict=True)) if at == ("E", number))
+        joints = _skeleton(plan.q[row]) * 1e3
         right.plot(*joints.T, "o-", color=colour, markersize=3, linewidth=2)
         right.text(*(goal * 1e3 + [0, 0, 25]), f"placement {number}", fontsize=9, color=colour)
     _limits(right, np.array([150.0, 0.0, 150.0]), 230.0)

@@ -1,10 +1,10 @@
 """`python -m validation.touched_points.simulated_arms`: twelve SO-101s, calibrated by sockets alone.
 
 Each is jogged (torque on) until its tip is in a socket: 60 touches, five sockets at three placements; commands are
-those of 4096 counts a turn, and the tip sits in a socket within 0.15 mm per axis. A tracker of that noise measures the
-same poses. Then `auto` names what is missing, and both calibrations predict the tip at 100 fresh poses, up to a rigid
-motion, since neither where a board nor where a tracker stands is known. Six arms are those of the independent
-generator.
+those of 4096 counts a turn, and the tip sits in a socket within 0.15 mm per axis. Placements and postures are those of
+`lrm-ident sockets plan`. A tracker of that noise measures the same poses. Then
+`auto` names what is missing, and both calibrations predict the tip at 100 fresh poses, up to a rigid motion, since
+neither where a board nor where a tracker stands is known. Six arms are those of the independent generator.
 """
 
 from __future__ import annotations
@@ -13,17 +13,17 @@ import tempfile
 import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 
 import numpy as np
 
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.registration.similarity import similarity
-from lrm_ident.data.rigid_motion import placement_motion
 from lrm_ident.measuring.sockets.board import SocketBoard
+from lrm_ident.measuring.sockets.touch_plan import TouchPlan, plan_touches
 from lrm_ident.study import api as lrm
 from lrm_ident.study.study import Study
-from lrm_math.arm.arm import Placement
 from lrm_math.arm.arm_file import load_arm
 from lrm_math.arrays import Array
 from lrm_math.effects import effects_at, variants
@@ -43,13 +43,8 @@ ARM = load_arm("so101")
 JOINTS = [f"offsets.joint{k}.theta_rad" for k in range(1, ARM.dof + 1)]
 LIMITS = np.array([(joint.lower, joint.upper) for joint in ARM.joints]) * 0.99
 DEG, COUNT = np.radians(1.0), 2.0 * np.pi / 4096
-STANDS = (
-    Placement(0.14, 0.05, 0.0, 0.0, 0.0, 0.7),
-    Placement(0.22, -0.20, 0.0, 0.0, 0.0, -0.3),
-    Placement(0.13, -0.05, 0.24, 0.0, 0.6, 0.0),
-)
-"""Flat on the table near the arm, flat and far, high and leaning away."""
-TOUCHES, FRESH, NOISE_M = 60, 100, 0.15e-3
+PLACEMENTS = 3
+TOUCHES, FRESH, NOISE_M, MISSED_M = 60, 100, 0.15e-3, 1e-4
 HISTORY = 8
 RIPPLE = synthetic.ToothRipple(2, 5, 1.2 * DEG, 0.4)
 GEOMETRY_SD = {"theta_rad": 0.02, "d_m": 0.001, "a_m": 0.001, "alpha_rad": 0.01}
@@ -151,43 +146,42 @@ def joint_step(q: Array, error: Array) -> Array:
     return np.asarray(np.clip(np.linalg.lstsq(J, error, rcond=0.05)[0], -0.3, 0.3))
 
 
-def near_goal(goal: Array, rng: np.random.Generator) -> Array:
-    """(n,), rad, random joint angles with which the arm as drawn is at a goal (m)."""
-    drawn = model_of(ARM, ())
-    while True:
-        q = np.asarray(rng.uniform(*(0.7 * LIMITS.T)), dtype=np.float64)
-        for _ in range(25):
-            error = goal - solve_equilibrium(drawn, poses_of(q)).tcp[0]
-            if np.linalg.norm(error) < 1e-3:
-                return q
-            q = np.clip(q + joint_step(q, error), *LIMITS.T)
+@cache
+def planned(touches: int) -> TouchPlan:
+    """The touches that `lrm-ident sockets plan` proposes for an arm as drawn."""
+    return plan_touches(ARM, SocketBoard().points, touches, PLACEMENTS, NOISE_M)
 
 
-def jogged(tips: Tips, path: Array, first: int, goal: Array, rng: np.random.Generator) -> Array:
-    """(n,), rad, the command with which the true tip is in a socket (m) after a path (P, n)."""
-    while True:
-        q = near_goal(goal, rng)
-        for _ in range(8):
-            tip = tips(np.vstack([path, q]), first)[-1]
-            if np.linalg.norm(goal - tip) < 2e-5:
-                return q
-            q = np.clip(q + joint_step(q, goal - tip), *LIMITS.T)
+def jogged(tips: Tips, path: Array, first: int, goal: Array, begun: Array) -> Array:
+    """(n,), rad, the command with which the true tip is in a socket (m) after a path (P, n), jogged from a posture."""
+    q = begun
+    for _ in range(20):
+        tip = tips(np.vstack([path, q]), first)[-1]
+        if np.linalg.norm(goal - tip) < 2e-5:
+            break
+        q = np.clip(q + joint_step(q, goal - tip), *LIMITS.T)
+    return q
 
 
 def touched(tips: Tips, seed: int, touches: int = TOUCHES) -> tuple[Array, list[str], Array, Array]:
-    """Commands (N, n), rad, names of the sockets, numbers of the placements, and true tips (N, 3), m."""
-    rng, points = np.random.default_rng([seed, 67]), SocketBoard().points
+    """Commands (N, n), rad, names of the sockets, numbers of the placements, and true tips (N, 3), m.
+
+    A socket into which the tip cannot be jogged from its posture, because a limit is in the way, is left out.
+    """
+    rng, plan, points = np.random.default_rng([seed, 67]), planned(touches), SocketBoard().points
+    motions = [stand.motion(points) for stand in plan.stands]
     path, names, where, seen = np.zeros((0, ARM.dof)), [], [], []
-    for number in range(touches):
-        stand = number * len(STANDS) // touches
-        name = [*points][number % len(points)]
-        goal = (placement_motion(STANDS[stand]) @ [*np.array(points[name]) * 1e-3, 1.0])[:3]
-        goal = goal + rng.normal(0.0, NOISE_M, 3)
+    for begun, name, stand in zip(plan.q, plan.points, plan.placement, strict=True):
+        goal = (motions[stand - 1] @ [*np.array(points[name]) * 1e-3, 1.0])[:3] + rng.normal(0.0, NOISE_M, 3)
         first = max(0, len(path) - HISTORY)
-        path = np.vstack([path, jogged(tips, path[first:], first, goal, rng)])
+        q = jogged(tips, path[first:], first, goal, begun)
+        tip = tips(np.vstack([path[first:], q]), first)[-1]
+        if np.linalg.norm(goal - tip) > MISSED_M:
+            continue
+        path = np.vstack([path, q])
         names.append(name)
-        where.append(stand + 1)
-        seen.append(tips(path[first:], first)[-1])
+        where.append(stand)
+        seen.append(tip)
     return np.round(path / COUNT) * COUNT, names, np.array(where), np.array(seen)
 
 

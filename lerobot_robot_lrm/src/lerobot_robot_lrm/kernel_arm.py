@@ -7,7 +7,7 @@ from functools import cached_property, partial
 
 import numpy as np
 
-from lerobot_robot_lrm.least_deviation import HeldState, nearest_state
+from lerobot_robot_lrm.least_deviation import UNLIMITED, HeldState, nearest_state
 from lrm_math.arrays import Array
 from lrm_math.effects.targets import Kind
 from lrm_math.errors import NoEquilibrium
@@ -65,6 +65,7 @@ class KernelArmModel:
     def command(self, amounts: Array, goal: Array, side: Array, motion: Motion) -> tuple[Array, float]:
         """Commands (n,), rad, that hold the tool near a frame (4, 4), m, and how far its position stays from it (m).
 
+        Commands beyond a joint's limits come back to these, and the other joints make up for it as far as they can.
         The joints stay near their amounts (n,), rad, see `nearest_state`. Each arrives from `side` (n,), after a
         motion. Effects without a formula are constants for the kernel, iterated with secants (Anderson 1965). Raises
         `NoEquilibrium`.
@@ -72,7 +73,7 @@ class KernelArmModel:
         added, before = np.zeros_like(self.errors.constants), None
         for _ in range(MOST_STEPS):
             kernel = self.kernel if self.complete else self.kernel.with_(zero=self.errors.constants + added)
-            slots, tau, q = self._nearest(kernel, amounts, goal, side)
+            slots, tau, q = self._nearest(kernel, amounts, goal, side, self._limits)
             if self.complete:
                 return q, self._left(slots, goal)
             poses = self._poses(q, side, motion.turned(q, side))
@@ -85,16 +86,21 @@ class KernelArmModel:
 
     def joints_near(self, amounts: Array, goal: Array) -> Array:
         """(n,), slot amounts (rad) of the joints with the tool near a frame (4, 4), m, from amounts (n,)."""
-        slots, _, _ = self._nearest(self.kernel, amounts, goal, np.zeros(len(amounts)))
+        slots, _, _ = self._nearest(self.kernel, amounts, goal, np.zeros(len(amounts)), UNLIMITED)
         return np.asarray(slots[self.joints])
 
     def _left(self, slots: Array, goal: Array) -> float:
         return float(np.linalg.norm(self.kernel.forward(slots[None])[0][0, :3, 3] - goal[:3, 3]))
 
-    def _nearest(self, kernel: KernelModel, amounts: Array, goal: Array, side: Array) -> HeldState:
+    def _nearest(self, kernel: KernelModel, amounts: Array, goal: Array, side: Array, limits: Array) -> HeldState:
         slots = self.errors.constants.copy()
         slots[self.joints] = amounts
-        return nearest_state(kernel, partial(_held, kernel, side), slots, goal)
+        return nearest_state(kernel, partial(_held, kernel, side), slots, goal, limits)
+
+    @cached_property
+    def _limits(self) -> Array:
+        """(2, n), of commands (rad)."""
+        return np.array([(joint.lower, joint.upper) for joint in self.model.arm.joints]).T
 
     def settled(self, encoders: Array, motion: Motion) -> Array:
         """(V,), slot amounts of an arm whose encoders read angles (n,), rad, after a motion. Raises `NoEquilibrium`."""

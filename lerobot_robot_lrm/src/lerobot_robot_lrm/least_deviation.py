@@ -11,10 +11,15 @@ Therefore μ² = reach · miss/`GAIN`: this ratio stays near `GAIN`, whatever th
 a projection onto a box about the wish, is Lipschitz as each of them is: no branch, no line search and no test of
 convergence chooses between two answers. Orientation takes second place (Chiaverini 1997): it uses what the position
 leaves free, with a smaller gain.
+
+Where a command ends at a limit, the other joints make up for the tool's motion that this takes away (redistribution, as
+in saturated null-space control: Flacco, De Luca & Khatib 2012). A joint loses its part in that by and by, within
+`FADES` beyond its limit, so that the answer stays continuous.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from typing import TypeAlias
 
@@ -28,7 +33,12 @@ GAIN, ORIENTATION_GAIN = 12.0, 1.0
 """Radians by which a correction may change, near a singular pose, for one radian of the wish; see above."""
 FARTHEST = 0.15
 """rad: no joint is turned by more for the sake of the tool."""
-STEPS = 3
+STEPS, RETURNS = 3, 3
+"""Steps to the goal, and steps back within the limits."""
+FADES = math.radians(0.5)
+"""rad that a command must lie beyond its limit until the joint takes no part in making up for it."""
+UNLIMITED = np.array([[-np.inf], [np.inf]])
+"""(2, 1), rad: of joint angles, not of commands."""
 NUDGE = 1e-7
 """rad, of the difference quotients."""
 ROUND_OFF = 1e-5
@@ -39,7 +49,9 @@ HeldState: TypeAlias = tuple[Array, Array, Array]
 """Slot amounts (V,) in equilibrium, their loads (V,), and the command (n,) that holds them."""
 
 
-def nearest_state(arm: KernelModel, hold: Callable[[Array], HeldState], slots: Array, goal: Array) -> HeldState:
+def nearest_state(
+    arm: KernelModel, hold: Callable[[Array], HeldState], slots: Array, goal: Array, limits: Array = UNLIMITED
+) -> HeldState:
     """The state whose joints bring the tool near to a frame (4, 4), m, from amounts (V,) with the wished joint angles.
 
     None of these is left by more than `FARTHEST`. Arms of fewer than six joints are brought to the position alone: what
@@ -47,6 +59,7 @@ def nearest_state(arm: KernelModel, hold: Callable[[Array], HeldState], slots: A
 
     Args:
         hold: the state of amounts (V,) whose joints stay.
+        limits: (2, n) or (2, 1), of commands (rad), near which the state ends, not exactly at them.
     """
     joints = arm.moving.joints
     wished, state = slots[joints], hold(slots)
@@ -57,6 +70,29 @@ def nearest_state(arm: KernelModel, hold: Callable[[Array], HeldState], slots: A
         turned = _turned(J, J @ (state[0][joints] - wished) - miss, floors)
         moved = state[0].copy()
         moved[joints] = wished + np.clip(turned, -FARTHEST, FARTHEST)
+        state = hold(moved)
+    return _within(arm, hold, state, wished, limits)
+
+
+def _within(
+    arm: KernelModel, hold: Callable[[Array], HeldState], state: HeldState, wished: Array, limits: Array
+) -> HeldState:
+    """A state whose commands come back within their limits (2, n), rad, while the other joints make up for it.
+
+    A joint moves the tool by `reach` for each radian at most, so that the others turn by `GAIN` radians for it at most.
+    """
+    joints, taken = arm.moving.joints, np.zeros_like(wished)
+    floor = (arm.memory.reach / GAIN) ** 2
+    for _ in range(RETURNS):
+        beyond = state[2] - np.clip(state[2], *limits)
+        taken = taken + beyond
+        if not taken.any():
+            break
+        free = 1.0 - np.minimum(np.abs(taken) / FADES, 1.0)
+        J = _linearised(arm, state[0], np.eye(4))[1][:POSITION]
+        made_up = free * (_filtered(J * free, floor) @ (J @ beyond))
+        moved = state[0].copy()
+        moved[joints] = wished + np.clip(moved[joints] - wished - beyond + made_up, -FARTHEST, FARTHEST)
         state = hold(moved)
     return state
 

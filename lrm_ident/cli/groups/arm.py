@@ -32,7 +32,7 @@ from lrm_math.model.covariance import drawn_models
 from lrm_math.model.deployed_model import as_deployed, of_a_session
 from lrm_math.model.model import Model, model_of
 from lrm_math.model.model_file import load_covariance
-from lrm_math.motion.motion_model import load_motion
+from lrm_math.motion.motion_model import MotionModel, load_motion
 from lrm_math.number_list import parse_numbers
 from lrm_math.toml_file import schema_of
 
@@ -152,7 +152,13 @@ def export(
         ),
     ] = "",
     draws: Annotated[
-        int, Option(min=0, help="Write this many variants, drawn from the covariance of the model: FILE-001 …")
+        int,
+        Option(
+            "--draws",
+            "--samples",
+            min=0,
+            help="Write this many variants, drawn from what the fits of MODEL and of --motion leave open: FILE-001 …",
+        ),
     ] = 0,
     seed: arg.Seed = 0,
     motion: Annotated[
@@ -175,12 +181,14 @@ def export(
     given = {"--urdf": urdf, "--mjcf": mjcf, "--calibration": calibration, "--ros2-control": ros2_control}
     own = {option: path for option, path in given.items() if path is not None}
     write_for = writer_for(output, own, base, tip, places)
-    variants = _variants(Path(model), the_model, draws, seed, effects_file) if draws else [the_model]
+    moves = None if motion is None else load_motion(motion)[1]
+    variants = _variants(Path(model), the_model, draws, seed, effects_file, moves) if draws else [the_model]
     files = [output.with_stem(f"{output.stem}-{n:03d}") for n in range(1, draws + 1)] if draws else [output]
     made = [write_for(as_deployed(variant), path) for variant, path in zip(variants, files, strict=True)]
-    if motion is not None:
-        moves = load_motion(motion)[1]
-        made = [with_dynamics(file, path, moves, the_model) for file, path in zip(made, files, strict=True)]
+    if moves is not None:
+        rng = np.random.default_rng([seed, 1])
+        moved = [moves.drawn(rng) for _ in files] if draws else [moves]
+        made = [with_dynamics(*row) for row in zip(made, files, moved, variants, strict=True)]
     for file, path in zip(made, files, strict=True):
         write_text(path, file.text)
     where = f"{files[0]} … {files[-1]}" if draws else str(output)
@@ -223,8 +231,15 @@ def _model(name: str, effects_file: Path | None) -> Model:
     return model_of(load_arm(name), ())
 
 
-def _variants(path: Path, model: Model, count: int, seed: int, effects_file: Path | None) -> list[Model]:
-    """Models as far apart as the fit leaves open. Raises `FileError`."""
+def _variants(
+    path: Path, model: Model, count: int, seed: int, effects_file: Path | None, motion: MotionModel | None
+) -> list[Model]:
+    """Models as far apart as the fit leaves open; of an arm as drawn all alike, beside a motion model.
+
+    Raises `FileError`.
+    """
+    if not model.keys and motion is not None:
+        return [model] * count
     known = load_covariance(path, catalogue_with(effects_file)) if path.is_file() and len(model.keys) else None
     if known is None:
         raise FileError(path, "covariance", "missing", "--draws needs a model that fit wrote, with its covariance")

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import functools
+import inspect
+import shlex
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any, get_type_hints
 
 from typer import Argument, Option
 
@@ -16,7 +19,7 @@ from lrm_ident.cli.common import bars, notice, publish, show
 from lrm_ident.data.atomic_write import write_text
 from lrm_ident.data.wording import joint_labels
 from lrm_ident.measuring.campaign.plan import load_plan
-from lrm_ident.measuring.motion.motion_files import open_motion, read_moves, write_motion
+from lrm_ident.measuring.motion.motion_files import MotionSource, open_motion, write_motion
 from lrm_ident.measuring.motion.motion_page import motion_page
 from lrm_ident.measuring.motion.motion_picture import draw_motion
 from lrm_ident.measuring.motion.motion_report import (
@@ -51,59 +54,101 @@ group = command_group(
     "lrm-ident motion effects lists what it can find. docs/motion.md explains the words.",
 )
 Recording = Annotated[
-    Path, Argument(metavar="RECORDING", help="Folder of a LeRobot dataset (v2.1, v3; extra: lerobot).")
+    Path,
+    Argument(
+        metavar="RECORDING",
+        help="Folder of a LeRobot dataset (v2.1, v3; extra: lerobot), or a log of commands: a CSV of lrm record, or an "
+        "MCAP file with joint states (extra: mcap).",
+    ),
 ]
 MotionPath = Annotated[Path, Argument(metavar="MODEL", help="A motion model written by motion fit.")]
 NewMotion = Annotated[Path, Option("-o", "--output", metavar="MODEL2", help="Where to write the motion model.")]
-AngleUnitName = Annotated[str | None, Option(help="Unit of the dataset's angles: deg (default) or rad.")]
-Prefix = Annotated[
-    str | None, Option(metavar="WORD", help="Of a dataset of two arms: before the joints' names, left_.")
-]
+TIP_HELP = (
+    "What a tracker recorded while the commands were logged: a CSV with t_s, x_mm, y_mm, z_mm, an export of Motive or "
+    "Vicon, or an MCAP file."
+)
+SOURCE_OPTIONS: dict[str, Any] = {
+    "tip": (Path | None, Option(metavar="FILE", help=TIP_HELP)),
+    "tool": (str | None, Option(metavar="BODY", help="Of the tracker's file: the body at the tip.")),
+    "base": (str | None, Option(metavar="BODY", help="Of the tracker's file: the body at the base, if there is one.")),
+    "topic": (str | None, Option(metavar="TOPIC", help="Of an MCAP file: the joint states that are the commands.")),
+    "rotation": (str | None, Option(help="Of a Vicon export: helical or euler-xyz.")),
+    "rest": (Path | None, Option(metavar="MODEL", help="Fitted model of poses (default: the nominal arm).")),
+    "angle_unit": (str | None, Option(help="Unit of the recording's angles: deg (default) or rad.")),
+    "prefix": (str | None, Option(metavar="WORD", help="Of a dataset of two arms: before the joints' names, left_.")),
+}  # fmt: skip
+"""Options that a parameter `source` of a command stands for, beside RECORDING."""
+
+
+def _sourced(function: Callable[..., None]) -> Callable[..., None]:
+    """A command whose parameter `source` is typed as RECORDING and its options."""
+    signature, hints = inspect.signature(function), get_type_hints(function, include_extras=True)
+    shown = [
+        each.replace(name="recording", annotation=Recording)
+        if each.name == "source"
+        else each.replace(annotation=hints[each.name])
+        for each in signature.parameters.values()
+    ]
+    for name, (kind, option) in SOURCE_OPTIONS.items():
+        shown.append(
+            inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=None, annotation=Annotated[kind, option])
+        )
+
+    @functools.wraps(function)
+    def run(**values: Any) -> None:
+        said = {name: values.pop(name) for name in SOURCE_OPTIONS}
+        said["angle_unit"] = stated_reading({"angle_unit": said["angle_unit"]}).angle_unit
+        function(source=MotionSource(values.pop("recording"), **said), **values)
+
+    run.__signature__ = signature.replace(parameters=shown)  # type: ignore[attr-defined]
+    run.__annotations__ = {parameter.name: parameter.annotation for parameter in shown}
+    return run
 
 
 @contextmanager
-def _opened(
-    model: Path, recording: Path, angle_unit: str | None, prefix: str | None
-) -> Iterator[tuple[MotionFile, MotionStudy]]:
+def _opened(model: Path, source: MotionSource) -> Iterator[tuple[MotionFile, MotionStudy]]:
     """A study from its files, with bars on stderr."""
     with bars() as tick:
-        unit = stated_reading({"angle_unit": angle_unit}).angle_unit
-        file, study = open_motion(model, recording, unit, prefix, tick)
+        file, study = open_motion(model, source, tick)
         notice(*study.moves.notices)
         yield file, study
 
 
+def words_of(source: MotionSource) -> str:
+    """RECORDING and its options as typed."""
+    typed = {name: getattr(source, name) for name in SOURCE_OPTIONS}
+    options = [f"--{name.replace('_', '-')} {shlex.quote(str(v))}" for name, v in typed.items() if v is not None]
+    return " ".join([shlex.quote(str(source.recording)), *options])
+
+
 @command_of(group)
+@_sourced
 def fit(
-    recording: Recording,
+    source: MotionSource,
     output: Annotated[Path, Option("-o", "--output", metavar="MODEL", help="Where to write the motion model.")],
     arm: Annotated[str, Option("--arm", metavar="ARM", help="A shipped arm or an arm file.")] = SO101,
-    angle_unit: AngleUnitName = None,
-    prefix: Prefix = None,
     json: arg.JsonFile = None,
 ) -> None:
     """Fit the response of every servo: frequency, damping, zero."""
     with bars() as tick:
-        unit = stated_reading({"angle_unit": angle_unit}).angle_unit
-        moves = read_moves(recording, load_arm(arm), unit, prefix)
+        moves = source.moves(load_arm(arm))
         notice(*moves.notices)
         study = MotionStudy.of(moves, progress=tick).fit()
     write_motion(study, arm, output)
-    publish(motion_document(study, f"{recording.name}: reading less prediction, {len(moves)} moves"), json)
-    show(f"Model written to {output}", f"Next: lrm-ident motion diagnose {output} {recording}")
+    publish(motion_document(study, f"{moves.name}: reading less prediction, {len(moves)} moves"), json)
+    show(f"Model written to {output}", f"Next: lrm-ident motion diagnose {output} {words_of(source)}")
 
 
 @command_of(group)
+@_sourced
 def compare(
     model: MotionPath,
-    recording: Recording,
-    angle_unit: AngleUnitName = None,
-    prefix: Prefix = None,
+    source: MotionSource,
     figure: arg.FigureFile = None,
     json: arg.JsonFile = None,
 ) -> None:
     """Show where a motion model fails: at rest, in quick moves, after reversals, under load, early or late."""
-    with _opened(model, recording, angle_unit, prefix) as (_, study):
+    with _opened(model, source) as (_, study):
         document = comparison_document(study)
         publish(document, json)
         if figure:
@@ -112,32 +157,30 @@ def compare(
 
 
 @command_of(group)
+@_sourced
 def diagnose(
     model: MotionPath,
-    recording: Recording,
-    angle_unit: AngleUnitName = None,
-    prefix: Prefix = None,
+    source: MotionSource,
     json: arg.JsonFile = None,
     show_all: arg.ShowAll = False,
 ) -> None:
     """Find the effect of motion that a model is missing."""
-    with _opened(model, recording, angle_unit, prefix) as (_, study):
+    with _opened(model, source) as (_, study):
         found = study.screen()
-    publish(diagnosis_document(study, found, str(model), str(recording)), json, in_full=show_all)
+    publish(diagnosis_document(study, found, str(model), words_of(source)), json, in_full=show_all)
 
 
 @command_of(group)
+@_sourced
 def add(
     model: MotionPath,
-    recording: Recording,
+    source: MotionSource,
     effect: Annotated[str, Argument(metavar="EFFECT@JOINT", help="For instance dead_time@joint2.")],
     output: NewMotion,
-    angle_unit: AngleUnitName = None,
-    prefix: Prefix = None,
     json: arg.JsonFile = None,
 ) -> None:
     """Add an effect of motion at a joint and refit that joint."""
-    with _opened(model, recording, angle_unit, prefix) as (file, before):
+    with _opened(model, source) as (file, before):
         study = before.add(effect)
     write_motion(study, file.arm, output)
     publish(motion_document(study, f"with {effect}: reading less prediction"), json)
@@ -145,17 +188,16 @@ def add(
 
 
 @command_of(group)
+@_sourced
 def auto(
     model: MotionPath,
-    recording: Recording,
+    source: MotionSource,
     output: NewMotion,
-    angle_unit: AngleUnitName = None,
-    prefix: Prefix = None,
     figure: arg.FigureFile = None,
     json: arg.JsonFile = None,
 ) -> None:
     """Add missing effects of motion joint by joint, until none is found; a few minutes."""
-    with _opened(model, recording, angle_unit, prefix) as (file, before):
+    with _opened(model, source) as (file, before):
         study = before.auto()
         judged = study.judged()
     write_motion(study, file.arm, output)
@@ -167,15 +209,14 @@ def auto(
 
 
 @command_of(group)
+@_sourced
 def report(
     model: MotionPath,
-    recording: Recording,
+    source: MotionSource,
     output: Annotated[Path, Option("-o", "--output", metavar="HTML", help="Where to write the page.")],
-    angle_unit: AngleUnitName = None,
-    prefix: Prefix = None,
 ) -> None:
     """Write errors, effects, verdicts and a picture as one HTML page that needs no network."""
-    with _opened(model, recording, angle_unit, prefix) as (_, study):
+    with _opened(model, source) as (_, study):
         documents = [
             auto_document(study, study.judged(), str(model)),
             comparison_document(study),

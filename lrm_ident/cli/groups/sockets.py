@@ -10,14 +10,14 @@ from typer import Option
 
 from lrm_ident.cli import arguments as arg
 from lrm_ident.cli.command import command_group, command_of
-from lrm_ident.cli.common import show
+from lrm_ident.cli.common import progress, show
 from lrm_ident.data.atomic_write import write_bytes, write_text
 from lrm_ident.data.measurement_file.conventions import metadata_of
 from lrm_ident.data.measurement_file.write import metadata_toml
 from lrm_ident.measuring.sockets.board import RAISED, SocketBoard
 from lrm_ident.measuring.sockets.drill_plan import drill_plan
 from lrm_ident.measuring.sockets.solid import stl
-from lrm_math.arm.arm_file import arm_name_for, load_arm
+from lrm_math.arm.arm_file import MM, arm_name_for, load_arm
 from lrm_math.errors import FileError, LrmError
 
 sockets_command = command_of(command_group("sockets", "Measure by holding the tip in sockets; no tracker."))
@@ -30,9 +30,9 @@ def board(
         Option("-o", "--output", metavar="STL|PDF", help="Where to write it: .stl to print, .pdf to drill a plate."),
         arg.CompanionFiles({".toml": "metadata"}),
     ],
-    length_mm: Annotated[float, Option(help="Distance from socket A to B, and from D to C.")] = 120.0,
-    width_mm: Annotated[float, Option(help="Distance from socket A to D, and from B to C.")] = 80.0,
-    raised_mm: Annotated[float, Option(help="Height of socket E over the others; 0: none (a drilled plate).")] = 25.0,
+    length_mm: Annotated[float, Option(help="Distance from socket A to B, and from D to C.")] = 160.0,
+    width_mm: Annotated[float, Option(help="Distance from socket A to D, and from B to C.")] = 130.0,
+    raised_mm: Annotated[float, Option(help="Height of socket E over the others; 0: none (a drilled plate).")] = 60.0,
     opening_mm: Annotated[float, Option(help="Diameter of the cones of 90 deg.")] = 12.0,
     paper: Annotated[str, Option(help="a4 or letter, for a PDF.")] = "a4",
 ) -> None:
@@ -55,6 +55,43 @@ def board(
         f"Nominal distances, mm: {distances}",
         "Measure them: put two equal balls into two sockets, measure over both with a caliper, subtract one diameter.",
         "Printed lengths are off by 0.2 to 0.5 %, and the arm by as much: state what you measured, as [distances].",
+    )
+
+
+@sockets_command
+def plan(
+    output: Annotated[Path, Option("-o", "--output", metavar="CSV", help="Where to write the touches to make.")],
+    board: Annotated[
+        Path | None,
+        Option(metavar="TOML", help="The file that sockets board wrote. Default: the board of its default size."),
+    ] = None,
+    arm: arg.ArmName = None,
+    count: Annotated[int, Option("-n", "--count", min=1, help="How many touches.")] = 20,
+    placements: Annotated[int, Option(min=1, max=5, help="At how many placements of the board.")] = 3,
+    noise_mm: Annotated[float, Option(min=1e-3, help="Noise of a touch per axis: how exactly the tip sits.")] = 0.2,
+    seed: arg.Seed = 0,
+) -> None:
+    """Choose where to put the board and in which postures to touch it, before measuring."""
+    from lrm_ident.measuring.sockets.touch_plan import plan_touches
+
+    known = None if board is None else metadata_of(board)
+    if board is not None and (known is None or not known.points):
+        raise FileError(board, "", "states no [points]", "give the file that sockets board wrote")
+    points = SocketBoard().points if known is None or known.points is None else known.points
+    described = load_arm(arm or "so101")
+    with progress("trying placements") as tick:
+        found = plan_touches(described, points, count, placements, noise_mm * MM, seed, tick)
+    show(f"{count} touches of {described.name} at {placements} placements. Put the board:")
+    for number, stand in enumerate(found.stands, start=1):
+        show(f"  placement {number} ({found.placement.count(number)} touches): {stand.words}")
+    show(
+        f"Expected error of the tip: {found.tip_error / MM:.2f} mm RMS by the noise of {noise_mm:g} mm per axis "
+        f"(random postures at these placements: {found.random_tip_error / MM:.2f} mm).",
+    )
+    write_text(output, found.csv())
+    show(
+        f"The touches are in {output}: move near each posture, bring the tip into its socket, record.",
+        "A board may stand 20 mm or 10 deg elsewhere: where it stood is identified.",
     )
 
 

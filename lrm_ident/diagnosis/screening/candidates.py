@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from lrm_ident.diagnosis.reason import Reason, ReasonKind
 from lrm_math.arrays import Array
 from lrm_math.effects import CATALOGUE, FREE_FORMS, Effect, Parameter, variants
 from lrm_math.effects.base import Excitation
@@ -20,6 +21,8 @@ REFINEMENT, PLAIN, FORM = 0, 1, 2
 NO_TORQUE = 1e-9  # N·m: round-off
 Unfitted = tuple[Effect, tuple[int, ...]]
 """An effect, and the numbers of its parameters that are not fitted yet."""
+Refusal = tuple[Effect, Reason]
+"""An effect that cannot be tested, and why."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,14 +107,14 @@ def unfitted_rows(effect: Effect, fitted: Sequence[str]) -> tuple[int, ...]:
 
 def split_testable(
     effects: Iterable[Unfitted], equilibrium: Equilibrium, sensed: Sensed = TCP_ONLY
-) -> tuple[list[Unfitted], list[tuple[Effect, str]]]:
+) -> tuple[list[Unfitted], list[Refusal]]:
     """The effects that these poses can test, and the others with the reason."""
     excitation = Excitation(
         equilibrium.poses, equilibrium.joint_torque, sensed.feedback, sensed.distance_from is not None
     )
     loaded = _loaded_slots(equilibrium)
     tried = [
-        (effect, rows, _no_torque(effect, equilibrium, loaded) or effect.missing_excitation(excitation))
+        (effect, rows, _no_torque(effect, equilibrium, loaded) or _poses_lack(effect, excitation))
         for effect, rows in effects
     ]
     testable = [(effect, rows) for effect, rows, reason in tried if reason is None]
@@ -124,18 +127,24 @@ def _loaded_slots(equilibrium: Equilibrium) -> set[int]:
     return set(np.flatnonzero(np.abs(equilibrium.loads_on(every)).max(axis=0) >= NO_TORQUE).tolist())
 
 
-def _no_torque(effect: Effect, equilibrium: Equilibrium, loaded: Set[int]) -> str | None:
+def _poses_lack(effect: Effect, excitation: Excitation) -> Reason | None:
+    """What these poses lack, by the effect itself; None if they can show it."""
+    lacking = effect.missing_excitation(excitation)
+    return None if lacking is None else Reason(ReasonKind.POSES, said=lacking)
+
+
+def _no_torque(effect: Effect, equilibrium: Equilibrium, loaded: Set[int]) -> Reason | None:
     """Reason why an effect of loads cannot act at these poses: no masses, nothing of the model that gives way to them,
     or no load on its axes; None if it can."""
     kind = kind_of(effect)
     if (effect.load_slots or kind in (Kind.LOAD, Kind.WEIGHT, Kind.GRAVITY)) and equilibrium.weightless:
-        return "the arm's file gives no masses"
+        return Reason(ReasonKind.MASSLESS)
     if kind is Kind.GRAVITY and all(bound.idle for bound in equilibrium.model.binding.elastic):
-        return "nothing of the model gives way to gravity; fit compliances first"
+        return Reason(ReasonKind.RIGID)
     index = equilibrium.model.chain.index
     felt = {index[key] for key in effect.load_slots if key in index}
     if felt and not felt & loaded:
-        return f"gravity puts no load on {effect.place}"
+        return Reason(ReasonKind.UNLOADED)
     return None
 
 

@@ -10,7 +10,8 @@ from itertools import pairwise
 import numpy as np
 
 from lrm_ident.data.weights.whitening import RowWeights
-from lrm_ident.diagnosis.screening.candidates import Candidate
+from lrm_ident.diagnosis.reason import Reason, ReasonKind
+from lrm_ident.diagnosis.screening.candidates import Candidate, Refusal
 from lrm_ident.diagnosis.screening.column_sets import ColumnSets, columns_of, side_by_side, stacks_of
 from lrm_ident.diagnosis.screening.column_spaces import orthonormal_basis, projected_rank
 from lrm_ident.diagnosis.screening.linearised_fit import AT_ONCE, LinearEstimate, LinearisedFit
@@ -18,7 +19,6 @@ from lrm_ident.fitting.progress import OnProgress
 from lrm_ident.residual.significance import f_test_p_value
 from lrm_ident.residual.thresholds import MIN_DETECTABLE, SIGNIFICANCE, Z_THRESHOLD
 from lrm_math.arrays import Array
-from lrm_math.effects import Effect
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,7 +31,7 @@ class ScoredCandidate:
         projected: its columns, the fitted parameters' projected out.
         alone: estimate of it alone. added: (R N,), the motion that it explains, pose by pose (m).
         p_value: of the F test, corrected for the scan over shapes but not for the number of candidates.
-        implausible: why its estimate is physically impossible, or empty.
+        implausible: why its estimate is physically impossible, or None.
     """
 
     candidate: Candidate
@@ -41,7 +41,7 @@ class ScoredCandidate:
     alone: LinearEstimate
     added: Array
     p_value: float
-    implausible: str
+    implausible: Reason | None
 
     def __repr__(self) -> str:
         return f"<{self.name} alone: p = {self.p_value:.2g}>"
@@ -64,7 +64,7 @@ class ScoredCandidate:
 
 def score_candidates(
     found: Sequence[Candidate], linear: LinearisedFit, weigh: RowWeights, progress: OnProgress
-) -> tuple[list[ScoredCandidate], ColumnSets, list[tuple[Effect, str]]]:
+) -> tuple[list[ScoredCandidate], ColumnSets, list[Refusal]]:
     """Scores every candidate.
 
     Args:
@@ -82,8 +82,7 @@ def score_candidates(
         p_value = min(1.0, p_value * trial.candidate.trials)
         if trial.rank == 0 or (moved < MIN_DETECTABLE * linear.sigma and p_value > SIGNIFICANCE):
             each = moved / np.sqrt(linear.measured / linear.rows)
-            size = f"a typical size moves the TCP by only {each * 1e3:.2g} mm"
-            undetectable.append((trial.candidate.effect, f"{size} beyond what the fitted parameters already explain"))
+            undetectable.append((trial.candidate.effect, Reason(ReasonKind.HARDLY_MOVES, (float(each),))))
         else:
             detectable.append((trial, p_value))
             kept.append(columns)
@@ -131,10 +130,11 @@ def _at_best_shapes(
             yield _Trial(acting[row], len(one.rows), shape, rank, float(left[row])), own
 
 
-def _implausible(candidate: Candidate, alone: LinearEstimate) -> str:
-    """Why an estimate lies beyond the bounds of physics by more than its errors; empty if it does not."""
+def _implausible(candidate: Candidate, alone: LinearEstimate) -> Reason | None:
+    """Why an estimate lies beyond the bounds of physics by more than its errors; None if it does not."""
     for parameter, theta, error in zip(candidate.parameters, alone.theta, alone.error, strict=True):
         margin = Z_THRESHOLD * error
         if theta + margin < parameter.lower or theta - margin > parameter.upper:
-            return f"{parameter.name} would have to be {theta * parameter.typical / parameter.si:.3g}, against physics"
-    return ""
+            value = float(theta * parameter.typical / parameter.si)
+            return Reason(ReasonKind.IMPLAUSIBLE, (value,), (parameter.name,))
+    return None

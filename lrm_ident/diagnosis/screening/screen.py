@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.weights.whitening import RowWeights
-from lrm_ident.diagnosis.screening.candidates import differentiate_candidates, split_testable, unfitted_effects
+from lrm_ident.diagnosis.screening.candidates import Refusal, differentiate_candidates, split_testable, unfitted_effects
 from lrm_ident.diagnosis.screening.column_sets import ColumnSets
 from lrm_ident.diagnosis.screening.likely_shapes import with_likely_shapes
 from lrm_ident.diagnosis.screening.linearised_fit import LinearisedFit, linearise
@@ -57,7 +57,7 @@ class Screening:
     response: Response
     scored: list[ScoredCandidate]
     sets: ColumnSets
-    not_testable: tuple[tuple[Effect, str], ...]
+    not_testable: tuple[Refusal, ...]
     rates: EffectRates | None = None
 
     @cached_property

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from lrm_ident.diagnosis.symbolic_regression.grammar import LETTERS, Law
+from lrm_ident.residual.covariates import symbol_words
 
 TEMPLATE = '''"""{title}
 
@@ -22,7 +23,7 @@ class ProposedLaw(Effect):
         cause="Not known: a law proposed from measurements.",
         formula="{formula}",
         source="{source}",
-        claim="joint{joint} follows {follows}: {claims}",
+        claim="{{place}} follows {follows}: {claims}",
     )
     targets = ("{target}",)
     load_slots = {load_slots}
@@ -60,7 +61,7 @@ def law_source(law: Law, typical: tuple[float, ...], data: str, facts: str) -> s
         joint=law.joint + 1,
         formula=law.formula,
         source=f"lrm-ident propose, {data}",
-        follows=" and ".join(quantity.name for quantity in law.quantities),
+        follows=" and ".join(symbol_words(quantity.name) for quantity in law.quantities),
         claims=", ".join(f"{{{name}}}" for name in names),
         target=law.key,
         load_slots=repr(tuple(f"joint{k + 1}.theta" for k in law.torques_of)).replace("'", '"'),

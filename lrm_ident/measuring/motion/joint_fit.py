@@ -17,108 +17,21 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 from scipy.special import ndtri, stdtrit
 
-from lrm_ident.measuring.motion.moves import FOLDS, Moves
+from lrm_ident.measuring.motion.joint_moves import JointMoves
+from lrm_ident.measuring.motion.moves import FOLDS
 from lrm_math.arrays import Array
 from lrm_math.effects.base import Parameter
-from lrm_math.motion.base import JointDrive, MotionEffect
-from lrm_math.motion.simulation import simulate
+from lrm_math.motion.base import MotionEffect
 
 DIFFERENCE = 1e-3
 """Step of the differences, in typical sizes: friction makes the prediction piecewise smooth."""
 MOST_EVALUATIONS, SCREENING_EVALUATIONS, FOLD_EVALUATIONS = 25, 10, 4
 TOLERANCE = 1e-5
 MOST_STARTS = 24
-RANK = 1e-6
-"""Relative singular value below which columns are one."""
+UNSEEN = 1e-6
+"""Of the strongest derivative, in typical sizes: a parameter with a weaker one stays as it is."""
 LEAST_CLUSTERS = 5
 """Moves below which their scatter says nothing."""
-
-
-@dataclass(frozen=True, eq=False)
-class JointMoves:
-    """What one joint did in S moves of T frames, and what was measured of it in m numbers a frame.
-
-    Attributes:
-        target: (S, T, m), what `lever` times the joint's angle should be. lever: (S, T, m), 1 of an encoder, m/rad of a
-            tip. counted: (S, T), frames that count.
-        beside: (S, T, m, k), what else moves the target, k columns to first order; none of an encoder.
-    """
-
-    drive: JointDrive
-    target: Array
-    lever: Array
-    beside: Array
-    counted: NDArray[np.bool_]
-    substeps: int
-    fold: NDArray[np.int64]
-
-    @staticmethod
-    def of(moves: Moves, joint: int) -> JointMoves:
-        """The encoder of a joint from 0."""
-        target = moves.reading[:, :, [joint]]
-        return JointMoves(
-            moves.drive(joint), target, np.ones_like(target), np.empty((*target.shape, 0)), moves.counted,
-            moves.substeps, moves.fold,
-        )  # fmt: skip
-
-    def take(self, rows: NDArray[np.bool_]) -> JointMoves:
-        """Some of the moves; `rows`: (S,)."""
-        return JointMoves(
-            self.drive.take(rows), self.target[rows], self.lever[rows], self.beside[rows], self.counted[rows],
-            self.substeps, self.fold[rows],
-        )  # fmt: skip
-
-    @cached_property
-    def count(self) -> NDArray[np.int64]:
-        """(S,), numbers that count in each move."""
-        return np.asarray(self.counted.sum(axis=1) * self.target.shape[2])
-
-    @cached_property
-    def _span(self) -> Array:
-        """(N, r), orthonormal columns of what else moves the target."""
-        columns = self.beside[self.counted].reshape(-1, self.beside.shape[3])
-        scale = np.linalg.norm(columns, axis=0)
-        U, size, _ = np.linalg.svd(columns / np.where(scale > 0.0, scale, 1.0), full_matrices=False)
-        return np.asarray(U[:, size > RANK * max(size.max(initial=0.0), 1e-300)])
-
-    def _others(self, error: Array) -> Array:
-        """(k,), changes of what else moves the target that explain an error (N,) best."""
-        columns = self.beside[self.counted].reshape(-1, self.beside.shape[3])
-        scale = np.linalg.norm(columns, axis=0)
-        scale = np.where(scale > 0.0, scale, 1.0)
-        return np.asarray(np.linalg.lstsq(columns / scale, error, rcond=RANK)[0] / scale)
-
-    def predicted(self, effects: Sequence[MotionEffect], rows: Array) -> Array:
-        """(P, S, T), readings (rad) that the model predicts for each row of parameters (P, p), SI."""
-        values, at = [], 0
-        for effect in effects:
-            count = len(effect.parameters)
-            values.append([rows[:, [k]] for k in range(at, at + count)])
-            at += count
-        found = simulate(effects, values, self.drive)
-        return np.moveaxis(found[:: self.substeps], 0, 2)
-
-    def error(self, effects: Sequence[MotionEffect], rows: Array) -> Array:
-        """(P, N), target less prediction at the counted frames, all else as it is."""
-        predicted = self.predicted(effects, rows)[:, self.counted]
-        return np.asarray(self.target[self.counted] - self.lever[self.counted] * predicted[..., None]).reshape(
-            len(predicted), -1
-        )
-
-    def residual(self, effects: Sequence[MotionEffect], rows: Array) -> Array:
-        """(P, N), the same, less what else may explain it."""
-        error = self.error(effects, rows)
-        return error if not self.beside.shape[3] else error - (error @ self._span) @ self._span.T
-
-    def held_out(self, effects: Sequence[MotionEffect], values: Array, others: JointMoves) -> Array:
-        """(S,), mean square of each move, where all else is as the `others`' moves show it with the same values."""
-        error = self.error(effects, values[None])[0]
-        if self.beside.shape[3]:
-            change = others._others(others.error(effects, values[None])[0])
-            error = error - self.beside[self.counted].reshape(len(error), -1) @ change
-        squares = np.zeros(self.target.shape)
-        squares[self.counted] = error.reshape(-1, self.target.shape[2]) ** 2
-        return np.asarray(squares.sum(axis=(1, 2)) / np.maximum(self.count, 1))
 
 
 @dataclass(frozen=True, eq=False)
@@ -190,13 +103,17 @@ def fit_joint(
     start = _best_start(own, data, known)
     values, J, residual = _solve(own, data, start, most)
     parameters = [parameter for effect in own for parameter in effect.parameters]
-    free = np.array([p.lower < v < p.upper for p, v in zip(parameters, values.tolist(), strict=True)])
+    free = (_lower(own, data) < values) & (values < np.array([p.upper for p in parameters]))
     covariance = np.zeros((len(values), len(values)))
     scale = np.array([p.typical for p in parameters])[free]
     covariance[np.ix_(free, free)] = _clustered(J[:, free] * scale, residual, data.count) * np.outer(scale, scale)
     error = np.full(data.target.shape, np.nan)
     error[data.counted] = residual.reshape(-1, data.target.shape[2])
     return JointFit(own, data, values, covariance, error)
+
+
+def _lower(effects: Sequence[MotionEffect], data: JointMoves) -> Array:
+    return np.array([data.lower(effect, parameter) for effect in effects for parameter in effect.parameters])
 
 
 def _clustered(J: Array, residual: Array, count: NDArray[np.int64]) -> Array:
@@ -236,7 +153,7 @@ def _best_start(effects: Sequence[MotionEffect], data: JointMoves, known: Mappin
 def _solve(effects: Sequence[MotionEffect], data: JointMoves, start: Array, most: int) -> tuple[Array, Array, Array]:
     """Values (p,), derivatives of the prediction (N, p) and residual (N,) at the least squares."""
     parameters = [parameter for effect in effects for parameter in effect.parameters]
-    lower, upper = (np.array([getattr(p, name) for p in parameters]) for name in ("lower", "upper"))
+    lower, upper = _lower(effects, data), np.array([p.upper for p in parameters])
     typical = np.array([p.typical for p in parameters])
 
     @lru_cache(maxsize=2)
@@ -245,7 +162,9 @@ def _solve(effects: Sequence[MotionEffect], data: JointMoves, start: Array, most
         x = np.frombuffer(at)
         side = np.where(x + DIFFERENCE > upper / typical, -DIFFERENCE, DIFFERENCE)
         found = data.residual(effects, np.concatenate([x[None], x + np.diag(side)]) * typical)
-        return found[0], ((found[1:] - found[0]) / side[:, None]).T
+        J = ((found[1:] - found[0]) / side[:, None]).T
+        size = np.linalg.norm(J, axis=0)
+        return found[0], np.where(size > UNSEEN * size.max(initial=0.0), J, 0.0)
 
     def residual(x: Array) -> Array:
         return both(x.tobytes())[0]

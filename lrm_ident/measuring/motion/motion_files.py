@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -11,25 +12,73 @@ from lrm_ident.data.atomic_write import write_text
 from lrm_ident.fitting.progress import Progress, silent
 from lrm_ident.measuring.motion.motion_study import MotionStudy
 from lrm_ident.measuring.motion.moves import Moves, moves_of
+from lrm_ident.measuring.motion.tip_moves import tip_moves
+from lrm_ident.measuring.recordings.command_log import read_command_log
 from lrm_ident.measuring.recordings.lerobot import read_frames
+from lrm_ident.measuring.recordings.mcap_file import SUFFIX as MCAP
+from lrm_ident.measuring.recordings.mcap_file import read_mcap
+from lrm_ident.measuring.recordings.take import TipTrack
+from lrm_ident.measuring.recordings.tracker_csv import read_export
 from lrm_math.arm.arm import Arm
 from lrm_math.errors import FileError
-from lrm_math.model.reading import AngleUnit
-from lrm_math.motion.motion_model import MotionFile, MotionStep, load_motion
+from lrm_math.model.model import Model, model_of
+from lrm_math.model.model_file import load_model
+from lrm_math.model.reading import AngleUnit, Reading
+from lrm_math.motion.motion_model import MotionFile, load_motion
 
 DIGITS = 8
+LOGS = (".csv", ".mcap")
 
 
-def read_moves(recording: Path, arm: Arm, angle_unit: AngleUnit | None = None, prefix: str | None = None) -> Moves:
-    """The moves of a LeRobot dataset. Raises `FileError`."""
-    return moves_of(read_frames(recording, arm, angle_unit, prefix), arm, recording)
+@dataclass(frozen=True)
+class MotionSource:
+    """What an arm's moves are read from.
+
+    Attributes:
+        recording: a LeRobot dataset, or a log of commands (CSV or MCAP). tip: what a tracker recorded meanwhile; None:
+            it is in the log's own file. tool, base: bodies of it. topic: of commands in an MCAP file. rotation: as in
+            `read_export`. rest: a fitted model of poses; None: the nominal arm. angle_unit, prefix: see `read_frames`.
+    """
+
+    recording: Path
+    tip: Path | None = None
+    tool: str | None = None
+    base: str | None = None
+    topic: str | None = None
+    rotation: str | None = None
+    rest: Path | None = None
+    angle_unit: AngleUnit | None = None
+    prefix: str | None = None
+
+    def moves(self, arm: Arm) -> Moves:
+        """The moves. Raises `FileError`, `UnknownName`."""
+        if self.recording.suffix not in LOGS:
+            if self.tip is not None:
+                what = "is read beside a log of commands, and this is none"
+                raise FileError(self.recording, "--tip", what, f"a {' or '.join(LOGS)}")
+            return moves_of(read_frames(self.recording, arm, self.angle_unit, self.prefix), arm, self.recording)
+        tip = self.tip or self.recording
+        if tip.suffix != MCAP and self.tip is None:
+            raise FileError(
+                self.recording, "--tip", "a log of commands alone shows no motion", "--tip and the tracker's file"
+            )
+        log = read_command_log(self.recording, arm, Reading(angle_unit=self.angle_unit), self.topic)
+        take = read_mcap(tip) if tip.suffix == MCAP else read_export(tip, self.rotation)
+        track = TipTrack.of(take.path, take.pair(self.tool, self.base))
+        return tip_moves(log, track, self._at_rest(arm))
+
+    def _at_rest(self, arm: Arm) -> Model:
+        if self.rest is None:
+            return model_of(arm, ())
+        found = load_model(self.rest)
+        if found.arm != arm:
+            raise FileError(self.rest, "--rest", f"is a model of {found.arm.name}", f"one of {arm.name}")
+        return found
 
 
 def open_motion(
     model: Path,
-    recording: Path,
-    angle_unit: AngleUnit | None = None,
-    prefix: str | None = None,
+    source: MotionSource,
     progress: Progress = silent,
 ) -> tuple[MotionFile, MotionStudy]:
     """A model's file, and its study on a recording: fitted anew where that is not the one that it came from.
@@ -37,8 +86,9 @@ def open_motion(
     Raises `FileError`.
     """
     file, known = load_motion(model)
-    study = MotionStudy(known, read_moves(recording, known.arm, angle_unit, prefix), progress=progress)
-    before = [(step.step, float(np.radians(step.held_out_deg or np.nan))) for step in file.history]
+    study = MotionStudy(known, source.moves(known.arm), progress=progress)
+    scale = study.moves.scale
+    before = [(one.step, (one.held_out_deg or one.held_out_mm or np.nan) / scale) for one in file.history]
     fitted = study.refit(before)
     return file, fitted
 
@@ -58,7 +108,7 @@ def write_motion(study: MotionStudy, arm: str, path: Path) -> None:
         "parameters": {key: _rounded(study.model.values[key] / si) for key, si in units.items()},
         "sigma": {key: _rounded(study.model.sigma.get(key, 0.0) / si) for key, si in units.items()},
         "history": [
-            MotionStep(step=step, held_out_deg=_rounded(float(np.degrees(error)))).model_dump()
+            {"step": step, f"held_out_{study.moves.unit}": _rounded(error * study.moves.scale)}
             for step, error in study.history
         ],
     }

@@ -10,6 +10,7 @@ import numpy as np
 from lrm_ident.data.wording import enumerate_words, in_percent, joint_labels
 from lrm_ident.diagnosis.attribution import term_of
 from lrm_ident.measuring.motion.motion_study import JudgedEffect, MotionStudy
+from lrm_ident.measuring.motion.moves import Moves
 from lrm_ident.measuring.motion.regimes import worst_regimes
 from lrm_ident.measuring.motion.screening import JointScreening, MotionCandidate
 from lrm_ident.report.diagnosis.conclusion import MISSING, Conclusion, NextStep
@@ -26,10 +27,14 @@ UNITS = {"rad": (180.0 / np.pi, "deg"), "rad_per_s": (180.0 / np.pi, "deg/s"), "
 """Units in which people read a parameter, by that of its key."""
 
 
-def in_deg(angle: float) -> str:
-    """An angle (rad) in degrees, two significant digits at least."""
-    degrees = float(np.degrees(angle))
-    return f"{degrees:.3f}" if degrees < 0.1 else f"{degrees:.2f}"
+def in_unit(error: float, moves: Moves) -> str:
+    """An error (rad, m) in the moves' unit, two significant digits at least."""
+    shown = error * moves.scale
+    return f"{shown:.3f} {moves.unit}" if shown < 0.1 else f"{shown:.2f} {moves.unit}"
+
+
+def _number(error: float, moves: Moves) -> str:
+    return in_unit(error, moves).split()[0]
 
 
 def motion_document(study: MotionStudy, title: str) -> Document:
@@ -52,18 +57,18 @@ def diagnosis_document(
     study: MotionStudy, found: Sequence[JointScreening], model: str = "MODEL", data: str = "RECORDING"
 ) -> Document:
     """Result of `motion diagnose`; schema `lrm/motion-diagnosis/1`."""
-    best = max(found, key=lambda one: one.saved)
+    best, moves, unit = max(found, key=lambda one: one.saved), study.moves, study.moves.unit
     concluded = _conclusion(study, found, best, model, data)
     rows = sorted(
         (one for joint in found for one in joint.candidates if one.held_out is not None),
         key=lambda one: (one.verdict != "supported", -_saved(found, one)),
     )
     table = ResultTable(
-        ("candidate", "held out, deg RMS|", "", "status"),
+        ("candidate", f"held out, {unit} RMS|", "", "status"),
         [
             (
                 one.effect.name,
-                f"{in_deg(_before(found, one))} → {in_deg(one.held_out or np.nan)}",
+                f"{_number(_before(found, one), moves)} → {_number(one.held_out or np.nan, moves)}",
                 "█" * max(1, round(BAR * (one.held_out or 0.0) / _before(found, one))),
                 _status(found, one),
             )
@@ -80,7 +85,7 @@ def diagnosis_document(
     values = {
         **_values(study),
         "conclusion": concluded,
-        "ranking": [_candidate(found, one) for one in rows],
+        "ranking": [_candidate(found, one, moves) for one in rows],
         "not_testable": [
             {"effect": effect.id, "place": effect.place, "reason": reason}
             for one in found
@@ -95,7 +100,7 @@ def auto_document(study: MotionStudy, judged: Sequence[JudgedEffect], output: st
     """Result of `motion auto`; schema `lrm/motion-auto/1`."""
     identified = [one for one in judged if one.identified]
     names = enumerate_words([plain_name(one.effect.name) for one in identified], LISTED)
-    first, last = study.history[0][1], study.history[-1][1]
+    first, last, moves, unit = study.history[0][1], study.history[-1][1], study.moves, study.moves.unit
     ratio = max(fit.held_out_rms / noise for fit, noise in zip(study.fits, study.moves.noise, strict=True))
     if identified:
         headline = f"Identified: {names}"
@@ -105,19 +110,22 @@ def auto_document(study: MotionStudy, judged: Sequence[JudgedEffect], output: st
         headline = "No missing effect found: the remaining error is about the noise of a reading."
     else:
         headline = "No cause identified. The error is systematic, but no known effect explains it."
-    facts = [("held-out error", f"{in_deg(first)} → {in_deg(last)} deg RMS over all joints"), ("noise", _noise(study))]
+    facts = [
+        ("held-out error", f"{_number(first, moves)} → {in_unit(last, moves)} RMS {_over(moves)}"),
+        ("noise", _noise(study)),
+    ]
     if ratio > FLOOR_RATIO:
-        facts.append(("unexplained", f"the worst joint is {ratio:.1f} times as far off as its encoder's noise"))
+        facts.append(("unexplained", f"the worst joint is {ratio:.1f} times as far off as the noise of a reading"))
     concluded = Conclusion(headline, tuple(facts), (), (NextStep("Look where it still fails.", _compare(output)),))
     table = ResultTable(
-        ("effect", "size", "without it, deg RMS|", "what it is"),
+        ("effect", "size", f"without it, {unit} RMS|", "what it is"),
         [
-            (one.effect.name, _size(study, one.effect), in_deg(one.without), _kind(one))
+            (one.effect.name, _size(study, one.effect), _number(one.without, moves), _kind(one))
             for one in judged
         ],
         "Effects of the model, and the held-out error of their joint without them",
     )  # fmt: skip
-    steps = [f"{step}: {in_deg(error)} deg" for step, error in study.history]
+    steps = [f"{step}: {in_unit(error, moves)}" for step, error in study.history]
     blocks = concluded.blocks()
     if judged:
         blocks += ["", table]
@@ -131,7 +139,7 @@ def auto_document(study: MotionStudy, judged: Sequence[JudgedEffect], output: st
                 "kind": term_of(one.kind, one.rivals),
                 "identified": one.identified,
                 "indistinguishable_from": one.rivals,
-                "held_out_without_deg": np.degrees(one.without),
+                f"held_out_without_{unit}": one.without * moves.scale,
             }
             for one in judged
         ],
@@ -142,11 +150,12 @@ def auto_document(study: MotionStudy, judged: Sequence[JudgedEffect], output: st
 def _conclusion(
     study: MotionStudy, found: Sequence[JointScreening], best: JointScreening, model: str, data: str
 ) -> Conclusion:
-    first, files = best.first, f"{shlex.quote(model)} {shlex.quote(data)}"
+    moves = study.moves
+    first, files = best.first, f"{shlex.quote(model)} {data}"
     if first is None or first.held_out is None:
         left = [one for one in found if one.before.held_out_rms > FLOOR_RATIO * one.noise]
         facts: tuple[tuple[str, str], ...] = (
-            ("held-out error", f"{in_deg(study.held_out_rms)} deg RMS over all joints"),
+            ("held-out error", f"{in_unit(study.held_out_rms, moves)} RMS {_over(moves)}"),
             ("noise", _noise(study)),
         )
         if not left:
@@ -173,15 +182,15 @@ def _conclusion(
     else:
         headline, certainty = (
             f"{MISSING}: {what}",
-            f"identified: no other cause explains the error as well{_runner_up(best)}",
+            f"identified: no other cause explains the error as well{_runner_up(best, moves)}",
         )
     facts = (
         ("estimate", _claim(first)),
         (
             "held-out error",
-            f"{in_deg(before)} → {in_deg(after)} deg RMS of that joint, at moves that the fit did not use",
+            f"{_number(before, moves)} → {in_unit(after, moves)} RMS {_of(moves)}, at moves that the fit did not use",
         ),
-        ("noise", f"{in_deg(best.noise)} deg of a reading"),
+        ("noise", f"{in_unit(best.noise, moves)} of a reading"),
         ("certainty", certainty),
     )
     steps = (
@@ -194,12 +203,12 @@ def _conclusion(
     return Conclusion(headline, facts, (), steps)
 
 
-def _runner_up(found: JointScreening) -> str:
+def _runner_up(found: JointScreening, moves: Moves) -> str:
     others = [one for one in found.candidates[1:] if one.held_out is not None]
     if not others:
         return ""
     least = min(others, key=lambda one: one.held_out or np.inf)
-    return f"; the next best, {plain_name(least.effect.name)}, would leave {in_deg(least.held_out or np.nan)} deg"
+    return f"; the next best, {plain_name(least.effect.name)}, would leave {in_unit(least.held_out or np.nan, moves)}"
 
 
 def _claim(found: MotionCandidate) -> str:
@@ -228,13 +237,13 @@ def _kind(one: JudgedEffect) -> str:
 
 
 def _errors(study: MotionStudy, title: str) -> ResultTable:
-    labels = joint_labels(study.moves.arm)
+    labels = joint_labels(study.moves.arm) if study.moves.unit == "deg" else ["tip, along an axis"]
     rows = []
-    for label, fit, noise in zip(labels, study.fits, study.moves.noise.tolist(), strict=True):
-        told = (study.moves.reading - study.moves.command)[:, :, fit.effects[0].joint]
-        errors = (_rms(told[study.moves.counted]), _rms(fit.residual[study.moves.counted]), fit.held_out_rms, noise)
-        rows.append((label, *(float(np.degrees(value)) for value in errors)))
-    columns = ("joint", "command_deg|.3f", "fit_deg|.3f", "held_out_deg|.3f", "noise_deg|.3f")
+    for label, fit, noise in zip(labels, study.told_apart, study.moves.noise.tolist(), strict=False):
+        told, left = study.moves.beside_command(fit.effects[0].joint), fit.residual[study.moves.counted]
+        errors = (_rms(told), _rms(left), fit.held_out_rms, noise)
+        rows.append((label, *(float(value) * study.moves.scale for value in errors)))
+    columns = ("joint", *(f"{name}_{study.moves.unit}|.3f" for name in ("command", "fit", "held_out", "noise")))
     return ResultTable(columns, rows, title)
 
 
@@ -248,25 +257,26 @@ def _parameters(study: MotionStudy) -> ResultTable:
 
 
 def _values(study: MotionStudy) -> dict[str, object]:
+    unit, scale = study.moves.unit, study.moves.scale
     return {
         "arm": study.moves.arm.name,
         "recording": study.moves.name,
         "moves": len(study.moves),
-        "held_out_deg": np.degrees(study.held_out_rms),
-        "noise_deg": np.degrees(study.moves.noise),
+        f"held_out_{unit}": study.held_out_rms * scale,
+        f"noise_{unit}": study.moves.noise * scale,
         "effects_of_model": [effect.name for effect in study.model.effects],
-        "history": [{"step": step, "held_out_deg": np.degrees(error)} for step, error in study.history],
+        "history": [{"step": step, f"held_out_{unit}": error * scale} for step, error in study.history],
     }
 
 
-def _candidate(found: Sequence[JointScreening], one: MotionCandidate) -> dict[str, object]:
+def _candidate(found: Sequence[JointScreening], one: MotionCandidate, moves: Moves) -> dict[str, object]:
     values, sigma = one.fit.by_key, one.fit.sigma
     return {
         "effect": one.effect.id,
         "place": one.effect.place,
         "verdict": one.verdict,
-        "held_out_deg": np.degrees(one.held_out or np.nan),
-        "before_deg": np.degrees(_before(found, one)),
+        f"held_out_{moves.unit}": (one.held_out or np.nan) * moves.scale,
+        f"before_{moves.unit}": _before(found, one) * moves.scale,
         "p_value": one.p_value,
         "indistinguishable": one.effect.name in _screening(found, one).equivalent,
         "parameters": {
@@ -300,8 +310,17 @@ def _saved(found: Sequence[JointScreening], one: MotionCandidate) -> float:
 
 
 def _noise(study: MotionStudy) -> str:
-    low, high = (in_deg(float(value)) for value in (study.moves.noise.min(), study.moves.noise.max()))
-    return f"{low} to {high} deg of a reading" if low != high else f"{low} deg of a reading"
+    moves = study.moves
+    low, high = (in_unit(float(value), moves) for value in (moves.noise.min(), moves.noise.max()))
+    return f"{low.split()[0]} to {high} of a reading" if low != high else f"{low} of a reading"
+
+
+def _over(moves: Moves) -> str:
+    return "over all joints" if moves.unit == "deg" else "of the tip along an axis"
+
+
+def _of(moves: Moves) -> str:
+    return "of that joint" if moves.unit == "deg" else _over(moves)
 
 
 def _rms(values: Iterator[float] | np.ndarray) -> float:

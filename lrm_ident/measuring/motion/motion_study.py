@@ -12,9 +12,10 @@ from functools import cached_property
 
 import numpy as np
 
-from lrm_ident.diagnosis.attribution import Attribution, ExplainedStep, attribute_steps
+from lrm_ident.diagnosis.attribution import ExplainedStep, attribute_steps
+from lrm_ident.diagnosis.judgement import Support
 from lrm_ident.fitting.progress import Progress, silent
-from lrm_ident.measuring.motion.joint_fit import JointFit, JointMoves, fit_joint
+from lrm_ident.measuring.motion.joint_fit import JointFit, fit_joint
 from lrm_ident.measuring.motion.moves import Moves
 from lrm_ident.measuring.motion.screening import (
     JointScreening,
@@ -25,11 +26,9 @@ from lrm_ident.measuring.motion.screening import (
     without_effect,
 )
 from lrm_ident.residual.thresholds import FLOOR_RATIO
-from lrm_math.arrays import Array
-from lrm_math.effects.reference import ParameterRef
 from lrm_math.errors import LrmError
 from lrm_math.motion.base import MotionEffect
-from lrm_math.motion.effects import MOTION_EFFECTS, RestOffset
+from lrm_math.motion.effects import MOTION_EFFECTS
 from lrm_math.motion.motion_model import MotionCatalogue, MotionModel, effect_of
 
 MOST_ADDED = 5
@@ -46,14 +45,14 @@ class JudgedEffect:
     """
 
     effect: MotionEffect
-    kind: Attribution
+    kind: Support
     without: float
     rivals: tuple[str, ...]
 
     @property
     def identified(self) -> bool:
         """Whether its cause is identified."""
-        return self.kind == "finding" and not self.rivals
+        return self.kind == Support.FINDING and not self.rivals
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,7 +60,7 @@ class MotionStudy:
     """A model of motion on moves.
 
     Attributes:
-        fits: of each joint, once fitted. history: name of each step and its held-out error (rad RMS over all joints).
+        fits: of each joint, once fitted. history: name of each step and its held-out error (rad or m RMS, all joints).
     """
 
     model: MotionModel
@@ -171,7 +170,7 @@ class MotionStudy:
 
     def _with(self, effect: MotionEffect) -> MotionStudy:
         before = self.fits[effect.joint]
-        return self._replaced(with_effect(before, effect))._refitted([effect.joint])
+        return self._replaced(with_effect(before, effect))._refitted(self.moves.fitted_with(effect.joint))
 
     def _without(self, effect: MotionEffect) -> MotionStudy:
         return self._replaced(without_effect(self.fits[effect.joint], effect))
@@ -186,12 +185,11 @@ class MotionStudy:
         model, fits, moves = self.model, list(self.fits), self.moves
         chosen = list(joints)
         for turn in range(2 if twice else 1):
-            if fits:
-                moves = replace(moves, path=_path(fits))
+            moves, model = moves.tuned(model) if fits or moves.unit == "mm" else (moves, model)
             done: list[JointFit] = []
-            for number, joint in enumerate(chosen):
+            for number, data in enumerate(moves.measured(model, chosen)):
                 self.progress("fitting the joints", turn * len(chosen) + number, (2 if twice else 1) * len(chosen))
-                done.append(fit_joint(model.of_joint(joint), JointMoves.of(moves, joint), model.values))
+                done.append(fit_joint(model.of_joint(chosen[number]), data, model.values, moves.evaluations))
             for joint, fit in zip(chosen, done, strict=True):
                 model = model.with_joint(fit.effects, fit.by_key, fit.sigma)
                 if fits:
@@ -205,15 +203,10 @@ class MotionStudy:
 
     @cached_property
     def held_out_rms(self) -> float:
-        """rad RMS over all joints, at moves that the fit did not use."""
-        return float(np.sqrt(np.mean([fit.held_out_rms**2 for fit in self.fits])))
+        """rad or m, RMS over all joints, at moves that the fit did not use."""
+        return float(np.sqrt(np.mean([fit.held_out_rms**2 for fit in self.told_apart])))
 
-
-def _path(fits: Iterable[JointFit]) -> Array:
-    """(S, T, n), angles (rad) that the fits predict, without the offsets of their readings."""
-    out = []
-    for fit in fits:
-        predicted = fit.data.predicted(fit.effects, fit.values[None])[0]
-        offset = sum(value for key, value in fit.by_key.items() if ParameterRef.parse(key).id == RestOffset.id)
-        out.append(predicted - offset)
-    return np.stack(out, axis=2)
+    @property
+    def told_apart(self) -> tuple[JointFit, ...]:
+        """Fits whose errors are of different readings: every joint's encoder, or the one tip."""
+        return self.fits if self.moves.unit == "deg" else self.fits[:1]

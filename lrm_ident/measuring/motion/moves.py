@@ -6,20 +6,25 @@ in the model's state, too. Moves are cut where the arm is slowest.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
+from typing import ClassVar, Literal, Self
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
+from lrm_ident.measuring.motion.joint_moves import JointMoves, predicted
 from lrm_ident.measuring.recordings.lerobot import LeRobotFrames
 from lrm_math.arm.arm import Arm
 from lrm_math.arrays import Array
 from lrm_math.errors import FileError
 from lrm_math.motion.base import JointDrive
+from lrm_math.motion.effects import RestOffset
 from lrm_math.motion.loads import JointLoads, joint_loads, reference_inertia
+from lrm_math.motion.motion_model import MotionModel
 
 LEAD_S, SHORTEST_S, LONGEST_S = 0.5, 3.0, 6.0
 STEP_S = 0.0085
@@ -40,6 +45,7 @@ class Moves:
 
     Attributes:
         command, reading: (S, T, n), rad; of a frame the angle that was read, and that which was then commanded.
+        told: (S, (T − 1) substeps, n), rad, commanded at every step of the simulation.
         counted: (S, T), frames whose readings count. episode: (S,). noise: (n,), standard deviation of a reading (rad).
         path: (S, T, n), rad, along which the loads are taken: where the arm is, as far as known without its readings.
         name: of the recording. notices: what a person should know of it.
@@ -48,6 +54,7 @@ class Moves:
     arm: Arm
     dt: float
     command: Array
+    told: Array
     reading: Array
     counted: NDArray[np.bool_]
     episode: NDArray[np.int64]
@@ -56,13 +63,20 @@ class Moves:
     name: str
     notices: tuple[str, ...] = ()
 
+    unit: ClassVar[Literal["deg", "mm"]] = "deg"
+    """In which people read an error."""
+    evaluations: ClassVar[int] = 25
+    """Of a joint's fit, at most."""
+    scale: ClassVar[float] = float(np.degrees(1.0))
+    """Of errors (rad, m) in this unit."""
+
     def __len__(self) -> int:
         return len(self.command)
 
     @property
     def substeps(self) -> int:
         """Steps of the simulation to a frame."""
-        return int(np.ceil(self.dt / STEP_S))
+        return steps_of(self.dt)
 
     @cached_property
     def fold(self) -> NDArray[np.int64]:
@@ -83,25 +97,48 @@ class Moves:
         return reference_inertia(self.arm)
 
     def drive(self, joint: int) -> JointDrive:
-        """What a joint from 0 is told and bears, at the steps of the simulation.
-
-        A command stays until the next frame; loads go on changing meanwhile, and are straight between frames.
-        """
+        """What a joint from 0 is told and bears, at the steps of the simulation; loads are straight between frames."""
         n, loads = self.substeps, self.loads
-        command = np.repeat(self.command[:, :-1, joint].T, n, axis=0)
+        command = self.told[:, :, joint].T
         gravity, reaction, inertia = (
-            _between(x[:, :, joint], n) for x in (loads.gravity, loads.reaction, loads.inertia)
+            between(x[:, :, joint], n) for x in (loads.gravity, loads.reaction, loads.inertia)
         )
         return JointDrive(
             self.dt / n, command, gravity, reaction, inertia, float(self.reference[joint]), *self.start(joint)
         )
 
-    def take(self, rows: NDArray[np.int64] | NDArray[np.bool_]) -> Moves:
-        """Some of the moves."""
-        return replace(
-            self, command=self.command[rows], reading=self.reading[rows], counted=self.counted[rows],
-            episode=self.episode[rows], path=self.path[rows],
-        )  # fmt: skip
+    def measured(self, model: MotionModel, joints: Sequence[int]) -> list[JointMoves]:
+        """What was measured of some joints (from 0): their encoders, whatever the model says of the others."""
+        del model
+        return [
+            JointMoves(
+                self.drive(joint), target, np.ones_like(target), np.empty((*target.shape, 0)), self.counted,
+                self.substeps, self.fold,
+            )
+            for joint in joints
+            for target in [self.reading[:, :, [joint]]]
+        ]  # fmt: skip
+
+    def beside_command(self, joint: int) -> Array:
+        """(N,), readings less commands of a joint (rad) at the frames that count."""
+        return np.asarray((self.reading - self.command)[self.counted][:, joint])
+
+    def fitted_with(self, joint: int) -> Sequence[int]:
+        """Joints (from 0) that are fitted anew where the effects of one change."""
+        return [joint]
+
+    def tuned(self, model: MotionModel) -> tuple[Self, MotionModel]:
+        """The same along the model's path, and the model; encoders are fitted joint by joint."""
+        return self.along(model), model
+
+    def along(self, model: MotionModel) -> Self:
+        """The same, loads taken along the path that a model predicts, offsets of readings left out."""
+        path = []
+        for joint in range(self.arm.dof):
+            effects = [effect for effect in model.of_joint(joint) if not isinstance(effect, RestOffset)]
+            values = np.array([[model.values[key] for effect in effects for key in effect.keys]])
+            path.append(predicted(effects, values, self.drive(joint), self.substeps)[0])
+        return replace(self, path=np.stack(path, axis=2))
 
     def start(self, joint: int) -> tuple[Array, Array]:
         """(S,) each, reading and speed at the beginning (rad, rad/s): of the first two readings; at rest their mean."""
@@ -113,11 +150,16 @@ class Moves:
         return np.where(rests, mean, lead[:, 0]), np.where(rests, 0.0, (lead[:, 1] - lead[:, 0]) / self.dt)
 
 
-def _between(values: Array, n: int) -> Array:
+def between(values: Array, n: int) -> Array:
     """((T − 1) n, S), values (S, T) in the middle of each of n steps from frame to frame."""
     share = (np.arange(n) + 0.5) / n
     steps = values[:, :-1, None] + share * np.diff(values, axis=1)[:, :, None]
     return np.asarray(steps.reshape(len(values), -1).T)
+
+
+def steps_of(dt: float) -> int:
+    """Steps of the simulation to a frame (s)."""
+    return int(np.ceil(dt / STEP_S))
 
 
 def moves_of(frames: LeRobotFrames, arm: Arm, path: Path) -> Moves:
@@ -125,7 +167,24 @@ def moves_of(frames: LeRobotFrames, arm: Arm, path: Path) -> Moves:
     if frames.missing.any():
         raise FileError(path, "", f"{int(frames.missing.any(axis=1).sum())} frames lack a number", "record them again")
     dt = _frame_distance(frames, path)
-    pieces = [piece for rows in _episodes(frames) for piece in _pieces(frames.reading_speed(rows), rows, dt)]
+    rows, counted = cut(path, dt, [(frames.reading_speed(rows), rows) for rows in _episodes(frames)])
+    command = frames.command[rows]
+    smooth = followed(command, dt)
+    told = np.repeat(command[:, :-1], steps_of(dt), axis=1)  # a command stays until the next frame
+    return Moves(
+        arm, dt, command, told, frames.feedback[rows], counted, frames.episode[rows[:, 0]], _noise(frames, dt), smooth,
+        path.name, frames.notices,
+    )  # fmt: skip
+
+
+def cut(
+    path: Path, dt: float, episodes: Sequence[tuple[Array, NDArray[np.int64]]]
+) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
+    """Frames (S, T) of the moves, the last repeated in shorter ones, and which of them count.
+
+    `episodes`: how unfit for a cut each frame of an episode is, and its number. Raises `FileError`: too few moves.
+    """
+    pieces = [piece for unfit, rows in episodes for piece in _pieces(unfit, rows, dt)]
     if len(pieces) < LEAST_MOVES:
         what = f"{len(pieces)} moves of {SHORTEST_S:g} to {LONGEST_S:g} s"
         raise FileError(path, "", what, f"{LEAST_MOVES} at least: about a minute of motion")
@@ -133,13 +192,7 @@ def moves_of(frames: LeRobotFrames, arm: Arm, path: Path) -> Moves:
     rows = np.array([np.pad(piece, (0, T - len(piece)), mode="edge") for piece in pieces])
     length = np.array([len(piece) for piece in pieces])
     k = np.arange(T)
-    counted = (k >= round(LEAD_S / dt)) & (k < length[:, None])
-    command = frames.command[rows]
-    smooth = _followed(command, dt)
-    return Moves(
-        arm, dt, command, frames.feedback[rows], counted, frames.episode[rows[:, 0]], _noise(frames, dt), smooth,
-        path.name, frames.notices,
-    )  # fmt: skip
+    return rows, (k >= round(LEAD_S / dt)) & (k < length[:, None])
 
 
 def _frame_distance(frames: LeRobotFrames, path: Path) -> float:
@@ -173,7 +226,7 @@ def _pieces(speed: Array, rows: NDArray[np.int64], dt: float) -> list[NDArray[np
     return out
 
 
-def _followed(command: Array, dt: float, lag: float = 0.1) -> Array:
+def followed(command: Array, dt: float, lag: float = 0.1) -> Array:
     """(S, T, n), the command behind a first-order lag (s): about where an arm is."""
     out, share = np.empty_like(command), 1.0 - np.exp(-dt / lag)
     now = command[:, 0]

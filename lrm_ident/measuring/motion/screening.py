@@ -7,11 +7,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Literal
 
 import numpy as np
 from scipy.special import ndtr
 
+from lrm_ident.diagnosis.judgement import Support
 from lrm_ident.measuring.motion.joint_fit import SCREENING_EVALUATIONS, JointFit, fit_joint
 from lrm_ident.residual.thresholds import (
     EQUIVALENT_GAIN,
@@ -25,7 +25,6 @@ from lrm_math.motion.base import MotionEffect
 from lrm_math.motion.motion_model import MotionCatalogue
 
 BY_CHANCE = float(ndtr(-Z_THRESHOLD))
-Verdict = Literal["supported", "no_evidence", "implausible"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,7 +40,7 @@ class MotionCandidate:
     fit: JointFit
     held_out: float | None
     p_value: float
-    verdict: Verdict
+    verdict: Support
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,7 +62,7 @@ class JointScreening:
     def first(self) -> MotionCandidate | None:
         """The effect to add; None if none is supported."""
         best = self.candidates[0] if self.candidates else None
-        return best if best is not None and best.verdict == "supported" else None
+        return best if best is not None and best.verdict == Support.SUPPORTED else None
 
     @property
     def saved(self) -> float:
@@ -82,8 +81,8 @@ def screen_joint(before: JointFit, noise: float, catalogue: MotionCatalogue, tri
     if before.held_out_rms <= FLOOR_RATIO * noise:
         return JointScreening(before, noise, (), refused)
     found = [_candidate(before, effect, tried) for effect, reason in reasons if reason is None]
-    found.sort(key=lambda one: (one.verdict != "supported", one.held_out or np.inf))
-    best = found[0] if found and found[0].verdict == "supported" else None
+    found.sort(key=lambda one: (one.verdict != Support.SUPPORTED, one.held_out or np.inf))
+    best = found[0] if found and found[0].verdict == Support.SUPPORTED else None
     alike = () if best is None else _equivalent(before, best, found[1:])
     return JointScreening(before, noise, tuple(found), refused, alike)
 
@@ -91,7 +90,7 @@ def screen_joint(before: JointFit, noise: float, catalogue: MotionCatalogue, tri
 def with_effect(before: JointFit, effect: MotionEffect) -> JointFit:
     """The fit with a further effect, from the values before; to be fitted once more if it is kept."""
     order = (*before.effects, effect)
-    return fit_joint(order, before.data, before.by_key, SCREENING_EVALUATIONS)
+    return fit_joint(order, before.data, before.data.start(before.by_key, effect), SCREENING_EVALUATIONS)
 
 
 def without_effect(before: JointFit, effect: MotionEffect, instead: Sequence[MotionEffect] = ()) -> JointFit:
@@ -104,10 +103,11 @@ def _candidate(before: JointFit, effect: MotionEffect, tried: int) -> MotionCand
     fit = with_effect(before, effect)
     least = PROMISING * (1.0 - (1.0 - MIN_GAIN) ** 2)
     if fit.squares > (1.0 - least) * before.squares:
-        return MotionCandidate(effect, fit, None, 1.0, "no_evidence")
+        return MotionCandidate(effect, fit, None, 1.0, Support.NO_EVIDENCE)
     p_value = min(1.0, tried * p_of_gain(before, fit))
     supported = fit.held_out_rms < (1.0 - MIN_GAIN) * before.held_out_rms and p_value < SIGNIFICANCE
-    verdict: Verdict = "no_evidence" if not supported else "supported" if is_plausible(fit, effect) else "implausible"
+    plausible = Support.SUPPORTED if is_plausible(fit, effect) else Support.IMPLAUSIBLE
+    verdict = plausible if supported else Support.NO_EVIDENCE
     return MotionCandidate(effect, fit, fit.held_out_rms, p_value, verdict)
 
 
@@ -140,7 +140,7 @@ def _equivalent(before: JointFit, best: MotionCandidate, others: Sequence[Motion
     return tuple(
         one.effect.name
         for one in others
-        if one.verdict == "supported"
+        if one.verdict == Support.SUPPORTED
         and one.held_out is not None
         and before.held_out_rms**2 - one.held_out**2 >= least
         and not is_worse(one.fit, best.fit)

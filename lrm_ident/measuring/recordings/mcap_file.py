@@ -47,19 +47,32 @@ def read_joints(path: Path, arm: Arm, t: Array) -> Array:
 
     Raises `FileError`: there are none, of several topics, or of other joints.
     """
+    at, q = joint_track(path, arm)
+    return np.asarray(q[np.maximum(np.searchsorted(at, t, side="right") - 1, 0)])
+
+
+def joint_track(path: Path, arm: Arm, wanted: str | None = None) -> tuple[Array, Array]:
+    """Times (N,), s, ascending, and angles (N, n), rad, of a topic of joint states; `wanted`: its name.
+
+    Raises `FileError`: there are none, of several topics, or of other joints.
+    """
     topics: dict[str, str] = {}
     rows: defaultdict[str, list[tuple[float, list[float]]]] = defaultdict(list)
     for topic, kind, recorded, message in _messages(path):
         topics[topic] = kind
-        if kind == JOINTS:
+        if kind == JOINTS and wanted in (None, topic):
             rows[topic].append((_stamped(message.header.stamp, recorded), _angles(path, topic, message, arm)))
-    if len(rows) != 1:
-        what = f"has {len(rows)} topics of joint states" if rows else f"has no topic of joint states{_listed(topics)}"
+    if not rows and wanted is not None:
+        raise FileError(path, "--topic", f"no joint states in {wanted}{_listed(topics)}")
+    if len(rows) > 1:
+        what = f"has {len(rows)} topics of joint states: {', '.join(sorted(rows))}"
+        raise FileError(path, "", what, "should be one sensor_msgs/JointState, or give the poses as a CSV")
+    if not rows:
+        what = f"has no topic of joint states{_listed(topics)}"
         raise FileError(path, "", what, "should be one sensor_msgs/JointState, or give the poses as a CSV")
     (track,) = rows.values()
-    track.sort(key=lambda row: row[0])
-    last = np.searchsorted([at for at, _ in track], t, side="right") - 1
-    return np.array([q for _, q in track])[np.maximum(last, 0)]
+    said = dict(sorted(track, key=lambda row: row[0]))
+    return np.array([*said]), np.array([*said.values()])
 
 
 def _angles(path: Path, topic: str, message: Any, arm: Arm) -> list[float]:

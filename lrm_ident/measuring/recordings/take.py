@@ -14,6 +14,7 @@ from lrm_ident.measuring.tracker.frames import TargetNumbers, TargetPose, Tracke
 from lrm_math.arrays import Array
 from lrm_math.errors import FileError, UnknownName
 
+LEAST_FRAMES = 100
 TOOL, BASE = 1, 0
 """Numbers of the two bodies in the frames of a rest."""
 
@@ -98,3 +99,47 @@ def _seen(bodies: Mapping[int, BodyTrack], row: int) -> dict[int, TargetPose]:
         if np.isfinite(body.position[row]).all()
         and (body.rotation is None or number == TOOL or np.isfinite(body.rotation[row]).all())
     }
+
+
+@dataclass(frozen=True, eq=False)
+class TipTrack:
+    """A tip over N frames in which it was seen: times t (N,), ascending (s), and positions (N, 3), m."""
+
+    path: Path
+    t: Array
+    position: Array
+
+    @staticmethod
+    def of(path: Path, pair: BodyPair) -> TipTrack:
+        """The tip of a pair of bodies. Raises `FileError`: it was hardly seen, or times do not ascend."""
+        known = np.isfinite(pair.tip).all(axis=1)
+        if known.sum() < LEAST_FRAMES:
+            raise FileError(
+                path, "", f"{int(known.sum())} frames in which the tip was seen", f"{LEAST_FRAMES} at least"
+            )
+        t = pair.t[known]
+        if (np.diff(t) <= 0.0).any():
+            row = 1 + int(np.argmax(np.diff(t) <= 0.0))
+            raise FileError(path, f"frame {row + 1}", "its time is not after that of the frame before")
+        return TipTrack(path, t, pair.tip[known])
+
+    @property
+    def frame_s(self) -> float:
+        """Usual time between frames (s)."""
+        return float(np.median(np.diff(self.t)))
+
+    def at(self, t: Array) -> Array:
+        """(…, 3), positions (m) at times (…), straight between frames."""
+        return np.stack([np.interp(t, self.t, column) for column in self.position.T], axis=-1)
+
+    def seen(self, t: Array, gap: float) -> NDArray[np.bool_]:
+        """(…), whether frames less than a gap (s) apart are on both sides of a time (…)."""
+        after = np.searchsorted(self.t, t)
+        inside = (after > 0) & (after < len(self.t))
+        after = np.clip(after, 1, len(self.t) - 1)
+        return np.asarray(inside & (self.t[after] - self.t[after - 1] < gap))
+
+    @property
+    def noise(self) -> float:
+        """Scatter of a frame along an axis (m): of fourth differences, which motion hardly has; the median's (MAD)."""
+        return float(np.median(np.abs(np.diff(self.position, n=4, axis=0))) / np.sqrt(70.0) / 0.6745)

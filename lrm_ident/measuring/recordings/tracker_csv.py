@@ -1,4 +1,4 @@
-"""CSV exports of optical trackers: OptiTrack's Motive, and Vicon's Tracker and Nexus.
+"""CSV exports of trackers: OptiTrack's Motive, Vicon's Tracker and Nexus, and the plain `t_s, x_mm, y_mm, z_mm`.
 
 Motive, format versions 1.2x (docs.optitrack.com, "Data Export: CSV"): the first line has pairs of names and values,
 among them `Format Version`, `Rotation Type`, `Length Units`. After an empty line stand rows that say of every column
@@ -26,6 +26,8 @@ from scipy.spatial.transform import Rotation
 from lrm_ident.data.measurement_file.conventions import LENGTH_UNITS
 from lrm_ident.data.table_text.csv_file import DECIMAL_COMMA, read_text
 from lrm_ident.measuring.recordings.take import BodyTrack, RecordedTake, matrices
+from lrm_ident.measuring.tracker.growing_csv import COLUMNS as PLAIN
+from lrm_math.arm.arm_file import MM
 from lrm_math.arrays import Array
 from lrm_math.errors import FileError
 
@@ -54,7 +56,12 @@ def read_export(path: Path, rotation: str | None) -> RecordedTake:
         return _motive(path, cells)
     if begin in TITLES:
         return _vicon(path, cells, rotation)
-    right = "should be a .mat file of positions, an .mcap, or a CSV export of OptiTrack Motive, Vicon Tracker or Nexus"
+    if cells and {*PLAIN} <= {*cells[0]}:
+        return _plain(path, cells)
+    right = (
+        "should be a .mat file of positions, an .mcap, a CSV export of OptiTrack Motive, Vicon Tracker or Nexus, or a "
+        f"CSV with {', '.join(PLAIN)}"
+    )
     raise FileError(path, "line 1", f"begins with '{begin[:30]}'", right)
 
 
@@ -87,6 +94,11 @@ def _numbers(path: Path, rows: Cells, first: int, columns: Sequence[int]) -> Arr
                 except ValueError:
                     raise FileError(path, f"line {first + k + 1} of the table", f"'{cell}' is not a number") from None
     return out
+
+
+def _plain(path: Path, cells: Cells) -> RecordedTake:
+    numbers = _numbers(path, cells, 1, [cells[0].index(name) for name in PLAIN])
+    return RecordedTake(path, numbers[:, 0], {"tip": BodyTrack(numbers[:, 1:] * MM)})
 
 
 def _motive(path: Path, cells: Cells) -> RecordedTake:

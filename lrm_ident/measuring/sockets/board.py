@@ -27,9 +27,9 @@ class SocketBoard:
     apart, or a plate that is thinner than they are deep.
     """
 
-    length_mm: float = 120.0
-    width_mm: float = 80.0
-    raised_mm: float = 25.0
+    length_mm: float = 160.0
+    width_mm: float = 130.0
+    raised_mm: float = 60.0
     opening_mm: float = 12.0
     thickness_mm: float = 10.0
 

@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from weakref import WeakKeyDictionary
+
+import numpy as np
 
 from lrm_ident.design.advice import Advice, CandidateCause, advise
 from lrm_ident.diagnosis.attribution import attribution_of
 from lrm_ident.diagnosis.diagnosis_report import DiagnosisReport
+from lrm_ident.diagnosis.judgement import Support
 from lrm_math.effects import variants
 
 MOST_CAUSES = 4
 """That poses are sought for, the best first."""
+BY_ORDER = frozenset({"time", "session"})
+"""What only the order of measuring can tell, and no choice of poses."""
 _KNOWN: WeakKeyDictionary[DiagnosisReport, Advice | None] = WeakKeyDictionary()
 
 
@@ -20,8 +25,8 @@ def causes_of(report: DiagnosisReport) -> Sequence[str]:
     first, attribution = report.first, attribution_of(report)
     if first is None or attribution is None:
         return ()
-    known: Collection[str] = {one.name for one in report.ranking}
-    stands_for = variants(first.scored.candidate.effect) if attribution == "description" else (first.name,)
+    known = {one.name for one in report.ranking if BY_ORDER.isdisjoint(one.scored.candidate.effect.depends_on)}
+    stands_for = variants(first.scored.candidate.effect) if attribution == Support.DESCRIPTION else (first.name,)
     return [name for name in dict.fromkeys((*stands_for, *first.equivalent)) if name in known][:MOST_CAUSES]
 
 
@@ -38,7 +43,9 @@ def _advice(report: DiagnosisReport) -> Advice | None:
         return None
     diagnosis = report.diagnosis
     scored = {one.name: one.scored for one in report.ranking}
-    refit = report.first.fit if report.first is not None else None
+    first = report.first
+    to_explain = 0.0 if first is None else float(np.linalg.norm(first.scored.added))
+    refit = None if first is None else first.fit
     noise = diagnosis.floor.sd or (diagnosis.fit if refit is None else refit).sigma
-    causes = [CandidateCause.found(scored[name]) for name in names]
+    causes = [CandidateCause.found(scored[name], to_explain) for name in names]
     return advise(diagnosis.fit.model, causes, diagnosis.screened_subset[1].poses, noise)

@@ -12,12 +12,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from lrm_ident.data.wording import arrow, enumerate_words, in_mm
-from lrm_ident.diagnosis.attribution import Attribution, attribution_of, unexplained_ratio
+from lrm_ident.design.advice import Advice
+from lrm_ident.diagnosis.attribution import attribution_of, unexplained_ratio
 from lrm_ident.diagnosis.contradiction import can_be_contradicted
 from lrm_ident.diagnosis.diagnosis_report import DiagnosisReport, RankedCandidate
+from lrm_ident.diagnosis.judgement import Support, Verdict
 from lrm_ident.fitting.model_fit import DEFAULT_EFFECTS
+from lrm_ident.report.diagnosis.advice import advice_of, causes_of
 from lrm_ident.report.document import Block, CommandLine, Facts, heading, section
-from lrm_ident.report.plain_names import in_words, plain_name
+from lrm_ident.report.plain_names import plain_name
 from lrm_ident.report.repairs import by_hand
 from lrm_ident.report.story import ON_THE_ARM
 from lrm_ident.residual.data_audit import where_it_holds
@@ -26,17 +29,18 @@ from lrm_ident.residual.thresholds import MAX_UNEXPLAINED_RATIO
 from lrm_math.arm.arm import JointLimits
 from lrm_math.effects import CATALOGUE, variants
 
-BY_ORDER = frozenset({"time", "session"})
-LISTED, STANDS_FOR, REASONS, POSES_TO_MEASURE = 4, 2, 3, 40
+LISTED, STANDS_FOR, REASONS = 4, 2, 3
 MISSING = "Missing from the model"
 PART = 0.15
 """Share of the squared error from which an effect is said to explain part of it."""
 HEADLINES = {
-    "effect_describes": "No cause identified: the error is systematic, but these poses do not show why.",
-    "nothing_missing": "No missing effect found: the remaining error is about the measurement noise.",
-    "unexplained_structure": "No cause identified: the error is systematic, but no known effect explains it.",
-    "unpredictable": "No cause identified: the error exceeds the noise, but nothing measured predicts it.",
-    "noise_unknown": "No missing effect found, but the measurement noise is not known, so one may be hidden in it.",
+    Verdict.EFFECT_DESCRIBES: "No cause identified: the error is systematic, but these poses do not show why.",
+    Verdict.NOTHING_MISSING: "No missing effect found: the remaining error is about the measurement noise.",
+    Verdict.UNEXPLAINED_STRUCTURE: "No cause identified: the error is systematic, but no known effect explains it.",
+    Verdict.UNPREDICTABLE: "No cause identified: the error exceeds the noise, but nothing measured predicts it.",
+    Verdict.NOISE_UNKNOWN: (
+        "No missing effect found, but the measurement noise is not known, so one may be hidden in it."
+    ),
 }
 """First lines of the verdicts that name no effect to add as a cause."""
 
@@ -102,8 +106,8 @@ class Conclusion:
 def conclude(report: DiagnosisReport, names: CommandNames = UNKNOWN_FILES) -> Conclusion:
     """The conclusion of a diagnosis. `names`: of the files in its commands."""
     attribution, rivals = attribution_of(report), report.first.equivalent if report.first else ()
-    tells_why = attribution != "finding" or rivals or report.verdict == "unexplained_structure"
-    quiet = report.verdict in ("nothing_missing", "noise_unknown")
+    tells_why = attribution != Support.FINDING or rivals or report.verdict == Verdict.UNEXPLAINED_STRUCTURE
+    quiet = report.verdict.quiet
     return Conclusion(
         headline=_headline(report, attribution),
         facts=tuple((label, words) for label, words in _facts(report, attribution) if words),
@@ -119,14 +123,14 @@ def _has_already(report: DiagnosisReport) -> str:
     return enumerate_words([plain_name(name) for name in names], LISTED)
 
 
-def _headline(report: DiagnosisReport, attribution: Attribution | None) -> str:
+def _headline(report: DiagnosisReport, attribution: Support | None) -> str:
     first = report.first
     if first is None or attribution is None:
         return HEADLINES[report.verdict]
-    if attribution == "description":
+    if attribution == Support.DESCRIPTION:
         return _empirical_headline(report, first)
     what = _titled(first.name)
-    if attribution == "possible_cause":
+    if attribution == Support.POSSIBLE_CAUSE:
         return f"An effect is missing from the model. The best candidate: {what}"
     if first.equivalent:
         return f"{MISSING}: {what}, or another that these poses cannot distinguish from it"
@@ -138,37 +142,37 @@ def _empirical_headline(report: DiagnosisReport, first: RankedCandidate) -> str:
     if refined:
         return f"No new cause: the formula of {enumerate_words(sorted(map(plain_name, refined)), LISTED)} is not exact."
     if first.scored.candidate.effect.variant_of:
-        return HEADLINES["effect_describes"]
+        return HEADLINES[Verdict.EFFECT_DESCRIBES]
     if not can_be_contradicted(first.scored.candidate.effect, report.diagnosis.data.poses.q):
         return "No cause identified: with so few angles of its joint, any function of the angle fits as well."
     return "No cause identified: the best effect explains too little of the error to be called its cause."
 
 
-def _facts(report: DiagnosisReport, attribution: Attribution | None) -> Iterator[tuple[str, str]]:
+def _facts(report: DiagnosisReport, attribution: Support | None) -> Iterator[tuple[str, str]]:
     """Labelled facts; those without words are left out."""
     first = report.first
-    if first is not None and attribution != "description":
-        yield "estimate", in_words(first.claim)
+    if first is not None and attribution != Support.DESCRIPTION:
+        yield "estimate", first.claim
     yield "held-out error", _held_out(report)
     yield "as deployed", _deployed(report)
     scale = scale_uncertainty(report.diagnosis.fit)
     yield "tracker's scale", "" if scale is None else scale.sentence
     if first is not None and attribution is not None:
-        label = "empirical term" if attribution == "description" else "certainty"
+        label = "empirical term" if attribution == Support.DESCRIPTION else "certainty"
         yield label, _certainty(report, first, attribution)
-        yield "could be", _stands_for(report, first) if attribution == "description" else ""
-        named = attribution != "description" and not first.equivalent
+        yield "could be", _stands_for(report, first) if attribution == Support.DESCRIPTION else ""
+        named = attribution != Support.DESCRIPTION and not first.equivalent
         yield "repair", by_hand(first.scored.candidate.effect) if named else ""
-    if (first is None or attribution != "finding") and not _bounds_noise(report):
+    if (first is None or attribution != Support.FINDING) and not _bounds_noise(report):
         yield "black-box model", report.left.predictable.brief
-    if report.verdict == "unexplained_structure":
+    if report.verdict == Verdict.UNEXPLAINED_STRUCTURE:
         yield "acts most like", _looks_like(report)
-    yield "where", in_words(report.left.regimes[0].brief) if report.left.regimes else ""
+    yield "where", report.left.regimes[0].brief if report.left.regimes else ""
     yield "far off", " ".join(_far_poses(report))
     yield "rows", " ".join(f"{one.sentence[0].upper()}{one.sentence[1:]}." for one in report.diagnosis.shifted)
     outliers = report.diagnosis.outliers
     yield "left out", f"{enumerate_words(list(map(str, outliers)), 2 * LISTED)}, as outliers" if outliers else ""
-    if report.verdict in ("nothing_missing", "noise_unknown"):
+    if report.verdict.quiet:
         yield "in the model", _has_already(report)
         yield "hidden at most", _may_hide(report)
         yield "valid", valid_where(report)
@@ -193,10 +197,10 @@ def _held_out(report: DiagnosisReport) -> str:
     floor, sd = report.diagnosis.floor.rms, report.diagnosis.floor.sd
     bound = f"noise at most {in_mm(report.left.predictable.noise_bound)} mm"
     noise = bound if floor is None else f"measurement noise {in_mm(floor)} mm"
-    if report.verdict == "unpredictable" and sd is not None:
+    if report.verdict == Verdict.UNPREDICTABLE and sd is not None:
         noise += f": the error is {report.diagnosis.fit.sigma / sd:.2f} times as large"
     error, first = report.held_out.rms, report.first
-    if first is None or attribution_of(report) == "description":
+    if first is None or attribution_of(report) == Support.DESCRIPTION:
         return f"{in_mm(error)} mm RMS{_predicted(report) if _bounds_noise(report) else f' ({noise})'}"
     return f"{_fall(error, first.held_out_rms)} with it ({noise})"
 
@@ -223,12 +227,15 @@ def _deployed(report: DiagnosisReport) -> str:
     return f"{in_mm(deployed.now.rms)} mm RMS {ON_THE_ARM}{earlier}"
 
 
-def _certainty(report: DiagnosisReport, first: RankedCandidate, attribution: Attribution) -> str:
-    if attribution == "description":
+def _certainty(report: DiagnosisReport, first: RankedCandidate, attribution: Support) -> str:
+    if attribution == Support.DESCRIPTION:
         return f"{plain_name(first.name)}: {_fall(report.held_out.rms, first.held_out_rms)}"
     beside = enumerate_words([plain_name(name) for name in first.equivalent], LISTED)
-    if attribution == "possible_cause":
+    if attribution == Support.POSSIBLE_CAUSE:
         ratio = unexplained_ratio(report) or 0.0
+        if not report.replicates:
+            rivals = f" These poses cannot distinguish it from {beside}." if beside else ""
+            return f"only a candidate cause: fitted on each half of the data alone, it is not chosen in both.{rivals}"
         rivals = f" These poses cannot distinguish it from {beside}." if beside else ""
         return (
             f"only a candidate: it leaves {ratio:.1f} times the squared error that it explains (limit "
@@ -271,7 +278,7 @@ def _looks_like(report: DiagnosisReport) -> str:
     best = found.functions[0].name if found.functions else next(iter(named), "")
     if best not in named or 1.0 - (named[best] / held_out) ** 2 < PART:
         return ""
-    return f"{in_words(best)}, which leaves {in_mm(named[best])} mm"
+    return f"{best}, which leaves {in_mm(named[best])} mm"
 
 
 def _far_poses(report: DiagnosisReport) -> Iterator[str]:
@@ -307,25 +314,19 @@ def _may_hide(report: DiagnosisReport) -> str:
     return f"{in_mm(max(bounds.values()))} mm RMS by any one known effect (95 % bound)"
 
 
-def _next_steps(report: DiagnosisReport, attribution: Attribution | None, names: CommandNames) -> Iterator[NextStep]:
+def _next_steps(report: DiagnosisReport, attribution: Support | None, names: CommandNames) -> Iterator[NextStep]:
     first = report.first
     if first is None or attribution is None:
         yield _without_effect(report, names)
-        if report.verdict == "nothing_missing":
+        if report.verdict == Verdict.NOTHING_MISSING:
             export = f"lrm-ident arm export {shlex.quote(names.model)} -o arm.urdf"
             yield NextStep("Writes its rigid part for other programs; springs and play stay in the model.", export)
         return
     files = f"{shlex.quote(names.model)} {shlex.quote(names.data)}"
     add = f"lrm-ident add {files} {shlex.quote(first.name)} -o better.toml"
-    causes = _causes(report, first, attribution)
-    if causes and (len(causes) > 1 or first.equivalent):
-        arm, rivals = shlex.quote(names.arm), shlex.quote(",".join(causes[:LISTED]))
-        model, data = shlex.quote(names.model), shlex.quote(names.data)
-        poses = f"--separate {rivals} --have {data} -n {POSES_TO_MEASURE} -o next.csv"
-        words = f"Writes {POSES_TO_MEASURE} poses that distinguish them. Measure the tip there, append to {names.data}."
-        again = f"lrm-ident fit {data} --arm {arm} -o new.toml"
-        yield NextStep(words, f"lrm-ident design {arm} --model {model} {poses}", again)
-    if attribution == "description":
+    if (advice := advice_of(report)) is not None:
+        yield _to_distinguish(advice, causes_of(report), names)
+    if attribution == Support.DESCRIPTION:
         yield NextStep("Use the arm meanwhile: this corrects the error without knowing its cause.", add)
     else:
         auto = f"lrm-ident auto {files} -o best.toml"
@@ -335,17 +336,24 @@ def _next_steps(report: DiagnosisReport, attribution: Attribution | None, names:
             yield NextStep("In one go: adds this and every further effect until none is missing.", auto)
 
 
-def _causes(report: DiagnosisReport, first: RankedCandidate, attribution: Attribution) -> Sequence[str]:
-    """Effects that poses to be measured could distinguish; of those that follow the time only its order could."""
-    known = {one.name for one in report.ranking if BY_ORDER.isdisjoint(one.scored.candidate.effect.depends_on)}
-    stands_for = variants(first.scored.candidate.effect) if attribution == "description" else (first.name,)
-    return [name for name in dict.fromkeys((*stands_for, *first.equivalent)) if name in known]
+def _to_distinguish(advice: Advice, causes: Sequence[str], names: CommandNames) -> NextStep:
+    """The poses that distinguish causes, which were tried; without a command where none do."""
+    if advice.plan is None or not advice.helps:
+        return NextStep(advice.sentence)
+    arm, rivals = shlex.quote(names.arm), shlex.quote(",".join(causes))
+    model, data = shlex.quote(names.model), shlex.quote(names.data)
+    words = f"{advice.sentence} Measure the tip there, append to {names.data}."
+    poses = f"--separate {rivals} --have {data} {advice.plan.options} -o next.csv"
+    again = f"lrm-ident fit {data} --arm {arm} -o new.toml"
+    return NextStep(words, f"lrm-ident design {arm} --model {model} {poses}", again)
 
 
 def _without_effect(report: DiagnosisReport, names: CommandNames) -> NextStep:
     """The next step after a verdict without an effect to add."""
     command = {
-        "nothing_missing": f"lrm deploy {shlex.quote(names.model)}",
-        "unexplained_structure": f"lrm-ident propose {shlex.quote(names.model)} {shlex.quote(names.data)} -o law.py",
+        Verdict.NOTHING_MISSING: f"lrm deploy {shlex.quote(names.model)}",
+        Verdict.UNEXPLAINED_STRUCTURE: (
+            f"lrm-ident propose {shlex.quote(names.model)} {shlex.quote(names.data)} -o law.py"
+        ),
     }
     return NextStep(report.hint, command.get(report.verdict, ""))

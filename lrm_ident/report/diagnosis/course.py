@@ -14,13 +14,15 @@ from lrm_ident.data.error_stats import error_stats
 from lrm_ident.data.wording import change_words, enumerate_words, in_mm, p_words
 from lrm_ident.diagnosis.attribution import AttributionTerm, term_of
 from lrm_ident.diagnosis.auto import AutoRun, AutoStep
-from lrm_ident.diagnosis.confirm import ConfirmedDiagnosis
+from lrm_ident.diagnosis.confirm import ConfirmedDiagnosis, objection_to
 from lrm_ident.diagnosis.diagnosis_report import with_unit
+from lrm_ident.diagnosis.judgement import Support
+from lrm_ident.fitting.held_out import held_out_squares
 from lrm_ident.report.diagnosis.conclusion import UNKNOWN_FILES, CommandNames, conclude
 from lrm_ident.report.diagnosis.diagnosis import diagnosis_document, explains_words, left_values, no_cause
 from lrm_ident.report.document import Block, CommandLine, Document, Facts, ResultTable, heading
 from lrm_ident.report.fit import error_blocks, parameter_table
-from lrm_ident.report.plain_names import in_words, plain_name
+from lrm_ident.report.plain_names import plain_name
 from lrm_ident.report.story import ANEW, Story
 from lrm_ident.residual.error_breakdown import HeldOutResidual, NestedResidual
 from lrm_ident.residual.noise_floor import noise_floor
@@ -28,6 +30,7 @@ from lrm_ident.residual.thresholds import MAX_UNEXPLAINED_RATIO
 from lrm_ident.study.field_step import WHAT_IT_IS
 from lrm_ident.study.model_on_data import ErrorSummary
 from lrm_ident.study.step import StudyStep
+from lrm_math.effects import EffectRef, effect_of
 from lrm_math.model.deployed_model import field_of
 
 if TYPE_CHECKING:
@@ -77,9 +80,27 @@ def step_document(
     errors = {"before": before, "after": after}
     stats = {name: {"fit": error.fitted, "held_out": error.held_out.error} for name, error in errors.items()}
     values: dict[str, object] = {"added": effect, "parameters": now, **stats}
-    blocks: list[Block] = [*_step_headline(effect, before, after), *table, *following]
+    verdict = verdict_on(effect, step, before, after)
+    values |= {"verdict": verdict or None}
+    told = [Facts((("verdict", verdict),))] if verdict else []
+    blocks: list[Block] = [*_step_headline(effect, before, after), *told, *table, *following]
     about = "the errors before, every parameter"
     return Document(blocks, "lrm/step/1", values, details=[*earlier, parameter_table(step.fit)], about=about)
+
+
+def verdict_on(effect: str, step: StudyStep, before: ErrorSummary, after: ErrorSummary) -> str:
+    """Whether the data support an effect that was added, in words; empty where no held-out error tells."""
+    squares = [held_out_squares(errors.held_out.blocks) for errors in (before, after) if errors.held_out.blocks]
+    old, kind = () if step.start is None else step.start.free, EffectRef.parse(effect).id
+    own = [key for key in step.fit.model.free if key not in old and EffectRef.parse(effect_of(key)).id == kind]
+    if len(squares) < 2 or len(squares[0]) != len(squares[1]) or not own:
+        return ""
+    if objection := objection_to(step.fit, own, *squares):
+        return f"no evidence for it: {objection}. Undo the step unless you know the cause."
+    if step.equivalent:
+        rivals = enumerate_words([plain_name(name) for name in step.equivalent], RIVALS_SHOWN)
+        return f"supported, but these poses cannot distinguish it from {rivals}."
+    return "supported: the model surely predicts better with it. That alone does not identify it: see diagnose."
 
 
 def _step_headline(effect: str, before: ErrorSummary, after: ErrorSummary) -> Iterator[Block]:
@@ -166,14 +187,14 @@ def _sizes(course: AutoRun) -> Iterator[tuple[str, str]]:
     label = "estimate"
     for step, one in zip(course.steps[1:], course.attributions, strict=True):
         effect = present.get(step.added)
-        if one.kind == "description" or effect is None or effect.variant_of or not effect.about.claim:
+        if one.kind == Support.DESCRIPTION or effect is None or effect.variant_of or not effect.about.claim:
             continue
         words = {
             p.name: with_unit(fit.model.value(key) / p.si, errors.get(key, 0.0) / p.si, p.unit)
             for key, p in zip(effect.keys, effect.parameters, strict=True)
         }
         claim = effect.about.claim.format(place=effect.place_in_words, **words)
-        yield label, in_words(claim)
+        yield label, claim
         label = ""
 
 
@@ -203,7 +224,7 @@ def attribution_blocks(course: AutoRun) -> Iterator[Block]:
     ratios = [
         f"{step.added} ({one.unexplained / explained if explained > 0.0 else np.inf:.1f})"
         for step, one, explained in steps
-        if one.kind == "possible_cause"
+        if one.kind == Support.POSSIBLE_CAUSE
     ]
     if ratios:
         yield (

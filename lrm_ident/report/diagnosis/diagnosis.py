@@ -2,27 +2,31 @@
 
 from __future__ import annotations
 
-import re
 from collections import defaultdict
 from collections.abc import Collection, Iterator, Mapping, Sequence
 
 from lrm_ident.data.wording import in_mm, in_percent, named_joints, p_words, poses_words
-from lrm_ident.diagnosis.attribution import Attribution, attribution_of, unexplained_mean_square, unexplained_ratio
+from lrm_ident.diagnosis.attribution import attribution_of, unexplained_mean_square, unexplained_ratio
 from lrm_ident.diagnosis.contradiction import can_be_contradicted
 from lrm_ident.diagnosis.diagnose import Diagnosis
 from lrm_ident.diagnosis.diagnosis_report import DiagnosisReport, RankedCandidate
+from lrm_ident.diagnosis.judgement import Support, Verdict
+from lrm_ident.diagnosis.reason import Reason, ReasonKind
+from lrm_ident.diagnosis.screening.candidates import Refusal
 from lrm_ident.report.diagnosis.conclusion import PART, UNKNOWN_FILES, CommandNames, Conclusion, conclude, valid_where
 from lrm_ident.report.document import Block, Document, Facts, ResultTable, room_below, section
-from lrm_ident.report.plain_names import in_words, plain_name
+from lrm_ident.report.plain_names import plain_name
 from lrm_ident.residual.residual_patterns import ResidualPatterns
+from lrm_math.arm.place_names import place_words
 from lrm_math.arrays import Array
 from lrm_math.effects import Effect, compensable, variants
 
 SHOWN, REFUSED_SHOWN, RANKED, FEWEST = 4, 2, 30, 2
-STATUS = {"supported": "missing, too", "indistinguishable": "one of several"}
-ATTRIBUTED: Mapping[Attribution | None, str] = {"finding": "identified", "possible_cause": "candidate cause"}
+STATUS = {Support.SUPPORTED: "missing, too", Support.INDISTINGUISHABLE: "one of several"}
+ATTRIBUTED: Mapping[Support | None, str] = {Support.FINDING: "identified", Support.POSSIBLE_CAUSE: "candidate cause"}
 BAR = 16
 LIKE, SPLINE = "indistinguishable", "spline: fits any cause"
+HARDLY_SHOWS = "its typical size would hardly show in what is left now"
 MORAN = "spatial autocorrelation (Moran's I)"
 ABOUT = "every candidate, its reason, and what these poses cannot show"
 
@@ -31,7 +35,7 @@ def diagnosis_document(report: DiagnosisReport, names: CommandNames = UNKNOWN_FI
     """Result of `lrm-ident diagnose`, schema `lrm/diagnosis/1`. `names`: of the files in the commands to copy."""
     concluded = conclude(report, names)
     said = concluded.blocks()
-    counts = attribution_of(report) in ("finding", "possible_cause")
+    counts = attribution_of(report) in (Support.FINDING, Support.POSSIBLE_CAUSE)
     blocks = [*said, *(_candidates(report, room_below(said)) if counts else ())]
     details = [*_candidates(report, RANKED), *_details(report)]
     return Document(blocks, "lrm/diagnosis/1", _values(report, concluded), details=details, about=ABOUT)
@@ -75,7 +79,7 @@ def _values(report: DiagnosisReport, concluded: Conclusion) -> dict[str, object]
         "holds": valid_where(report),
         "hints": report.hints,
         "not_testable": [_refusal(effect, reason) for effect, reason in found.not_testable],
-        "next_poses_hint": in_words(report.hint),
+        "next_poses_hint": report.hint,
     }
 
 
@@ -87,16 +91,15 @@ def _candidates(report: DiagnosisReport, most: int) -> Iterator[Block]:
     if most < FEWEST:
         return
     before = report.held_out.rms
-    counted = [one for one in report.ranking if one.verdict != "no_evidence"][:SHOWN]
-    causes = [
-        one for one in report.ranking if one.verdict == "no_evidence" and not one.scored.candidate.effect.variant_of
-    ]
+    counted = [one for one in report.ranking if one.verdict != Support.NO_EVIDENCE][:SHOWN]
+    others = [one for one in report.ranking if one.verdict == Support.NO_EVIDENCE]
+    causes = [one for one in others if not one.scored.candidate.effect.variant_of]
     rows = []
     for number, advice in enumerate([*counted, *causes[:REFUSED_SHOWN]][:most]):
         rms, approximate = advice.held_out_rms, "" if advice.exact else "≈ "
         bar = "█" * max(1, min(round(BAR * rms / before), BAR))
         rows.append((advice.name, f"{approximate}{in_mm(rms)}", bar, _status(report, number, advice)))
-    if counted or report.verdict == "unexplained_structure":
+    if counted or report.verdict == Verdict.UNEXPLAINED_STRUCTURE:
         columns = ("candidate", "mm RMS|", f"bar: 0 to {in_mm(before)} mm", "status")
         yield ResultTable(columns, rows, "\nHeld-out error with each candidate added (≈: estimated without a refit)")
 
@@ -105,9 +108,9 @@ def _status(report: DiagnosisReport, number: int, advice: RankedCandidate) -> st
     """Status of a candidate, in a few words."""
     effect, first = advice.scored.candidate.effect, report.first
     beside = () if first is None else (first.name, *first.equivalent) if first.equivalent else ()
-    if advice.verdict != "no_evidence":
+    if advice.verdict != Support.NO_EVIDENCE:
         attribution = attribution_of(report) if number == 0 else None
-        if attribution == "description":
+        if attribution == Support.DESCRIPTION:
             return "empirical term"
         if effect.variant_of and number:
             return SPLINE
@@ -131,10 +134,10 @@ def _details(report: DiagnosisReport) -> list[Block]:
                 ("fit error", f"{in_mm(report.fit.rms)} mm RMS"),
                 ("noise", noise),
                 ("residuals", f"{MORAN} {found.structure.moran_i:.2f}, p {p_words(found.structure.p_value)}"),
-                ("black-box model", in_words(report.left.predictable.sentence)),
+                ("black-box model", report.left.predictable.sentence),
             )
         ),
-        *section(_concentrated(found), (in_words(one.sentence) for one in report.left.regimes)),
+        *section(_concentrated(found), (one.sentence for one in report.left.regimes)),
         *section("\nCandidates, one by one", _reasons(report)),
     ]
     if found.data.several_kinds:
@@ -142,13 +145,13 @@ def _details(report: DiagnosisReport) -> list[Block]:
             "≈ stands for all that was measured of a pose, each number weighed by its noise, as if it were a position: "
             "compare such figures with one another only. Figures without it are errors of the TCP."
         )
-    if report.verdict == "unexplained_structure":
+    if report.verdict == Verdict.UNEXPLAINED_STRUCTURE:
         ranking = found.unexplained.ranking
-        lines = (f"{in_words(function.name)} would leave {in_mm(rms)} mm held out" for function, rms in ranking)
+        lines = (f"{function.name} would leave {in_mm(rms)} mm held out" for function, rms in ranking)
         blocks += section("\nStructure of the residuals: what it acts like, and what that depends on", lines)
     if found.outliers:
         blocks.append(f"\nOutliers, left out: {poses_words(found.outliers)}")
-    blocks += section("\nPatterns in the estimates, which are no effects", map(in_words, report.hints))
+    blocks += section("\nPatterns in the estimates, which are no effects", report.hints)
     blocks += section("\nWhat these poses cannot show", report.limitations)
     return [*blocks, *section("\nNot testable with these poses", untestable(found.not_testable))]
 
@@ -156,8 +159,8 @@ def _details(report: DiagnosisReport) -> list[Block]:
 def _reasons(report: DiagnosisReport) -> Iterator[str]:
     """One line on every candidate that is ranked."""
     for advice in report.ranking[:RANKED]:
-        name = "" if advice.verdict != "no_evidence" else f"{plain_name(advice.name)}: "
-        yield f"{name}{in_words(advice.why)}"
+        name = "" if advice.verdict != Support.NO_EVIDENCE else f"{plain_name(advice.name)}: "
+        yield f"{name}{advice.reason.words(plain_name)}"
 
 
 def _concentrated(found: Diagnosis) -> str:
@@ -170,9 +173,10 @@ def _floor_mm(report: DiagnosisReport) -> float | None:
     return None if floor is None else floor * 1e3
 
 
-def _refusal(effect: Effect, reason: str) -> dict[str, str]:
+def _refusal(effect: Effect, reason: Reason) -> dict[str, str]:
     needs = effect.about.needs or "poses where it moves the TCP more"
-    return {"effect": effect.id, "place": effect.place, "reason": reason, "would_need": needs}
+    why = {"reason": str(reason), "kind": reason.kind}
+    return {"effect": effect.id, "place": effect.place, **why, "would_need": needs}
 
 
 def _advice(rank: int, advice: RankedCandidate, report: DiagnosisReport) -> dict[str, object]:
@@ -190,21 +194,20 @@ def _advice(rank: int, advice: RankedCandidate, report: DiagnosisReport) -> dict
         "indistinguishable_from": advice.equivalent,
         "online": compensable(effect),
         "is_form": bool(effect.variant_of),
-        "why": in_words(advice.why),
+        "reason": advice.reason.kind,
+        "why": advice.reason.words(plain_name),
     }
 
 
-def untestable(refused: Sequence[tuple[Effect, str]]) -> Iterator[str]:
+def untestable(refused: Sequence[Refusal]) -> Iterator[str]:
     """One line for all places of an effect that the data cannot test for the same reason."""
     by_reason: dict[tuple[str, str], list[str]] = defaultdict(list)
     for effect, reason in refused:
-        general = re.sub(rf"\b{re.escape(effect.place)}\b", "the joint", reason)
-        general += f" (needs {effect.about.needs})" if effect.about.needs else ""
-        if "typical size" in reason:
-            general = "its typical size would hardly show in what is left now"
-        by_reason[effect.id, general].append(effect.place)
-    for (name, reason), places in by_reason.items():
-        yield in_words(f"{name} at {', '.join(places)}: {reason}")
+        needs = f" (needs {effect.about.needs})" if effect.about.needs else ""
+        hardly = reason.kind is ReasonKind.HARDLY_MOVES
+        by_reason[effect.id, HARDLY_SHOWS if hardly else f"{reason}{needs}"].append(place_words(effect.place))
+    for (name, why), places in by_reason.items():
+        yield f"{name} at {', '.join(places)}: {why}"
 
 
 def explains_words(share: float, floor_known: bool) -> str:
@@ -220,9 +223,9 @@ def no_cause(effect: Effect, q: Array, present: Collection[str]) -> str:
     """
     refines = variants(effect)
     if there := [name for name in refines if name in present]:
-        return f"another formula for {in_words(' and '.join(there))}, no new cause"
+        return f"another formula for {' and '.join(map(plain_name, there))}, no new cause"
     if refines:
-        return f"an empirical term that may stand for {in_words(' or '.join(refines))}"
+        return f"an empirical term that may stand for {' or '.join(map(plain_name, refines))}"
     if not can_be_contradicted(effect, q):
         return "an empirical term: with so few angles any function of that joint's angle fits as well"
     return "an empirical term: it explains too little to be called a cause"

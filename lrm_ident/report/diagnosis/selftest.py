@@ -7,9 +7,9 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from lrm_ident.data.wording import enumerate_words
+from lrm_ident.diagnosis.screening.candidates import Refusal
 from lrm_ident.report.diagnosis.diagnosis import untestable
 from lrm_ident.report.document import Block, Document, ResultTable, heading, section
-from lrm_math.effects import Effect
 
 if TYPE_CHECKING:
     from lrm_ident.diagnosis.inject_recover import InjectionTrial
@@ -18,7 +18,7 @@ SHOWN = 8
 OUTCOMES = {"found": "● found", "one of a class": "◐ one of several", "missed": "○ missed", "wrong": "✕ wrong"}
 
 
-def selftest_document(poses: int, trials: Sequence[InjectionTrial], refused: Sequence[tuple[Effect, str]]) -> Document:
+def selftest_document(poses: int, trials: Sequence[InjectionTrial], refused: Sequence[Refusal]) -> Document:
     """Result of `lrm-ident selftest`, schema `lrm/selftest/1`: what would be named for each injected effect."""
     counts = Counter(trial.outcome for trial in trials)
     not_found = [trial for trial in trials if trial.outcome != "found"]

@@ -14,12 +14,14 @@ from lrm_ident.data.weights.whitening import RowWeights
 from lrm_ident.data.wording import in_mm
 from lrm_ident.diagnosis.diagnose import Diagnosis
 from lrm_ident.diagnosis.diagnosis_report import DiagnosisReport, RankedCandidate
+from lrm_ident.diagnosis.judgement import Support
 from lrm_ident.fitting.levenberg_marquardt import Fit
 from lrm_ident.report.diagnosis.conclusion import conclude
-from lrm_ident.report.plain_names import in_words, plain_name
+from lrm_ident.report.plain_names import plain_name
 from lrm_ident.report.plots.style import GREEN, HELD_OUT, MODEL, NOMINAL, TITLE_LINE, figure_file, finish, legend_below
-from lrm_ident.residual.covariates import SYMBOLS, covariates
+from lrm_ident.residual.covariates import SYMBOLS, covariates, symbol_words
 from lrm_ident.residual.free_functions import FreeFunction
+from lrm_math.arm.place_names import place_words
 from lrm_math.arrays import Array
 from lrm_math.effects import Effect, LoadedJointEffect
 from lrm_math.effects.base import Amounts
@@ -35,11 +37,11 @@ if TYPE_CHECKING:
 
 DRAWN = 9
 EVIDENCE = {
-    "supported": "improves the prediction",
-    "indistinguishable": "indistinguishable from others",
-    "no_evidence": "no evidence",
+    Support.SUPPORTED: "improves the prediction",
+    Support.INDISTINGUISHABLE: "indistinguishable from others",
+    Support.NO_EVIDENCE: "no evidence",
 }
-HATCH = {"supported": "", "indistinguishable": "//", "no_evidence": ".."}
+HATCH = {Support.SUPPORTED: "", Support.INDISTINGUISHABLE: "//", Support.NO_EVIDENCE: ".."}
 BANDS = ((MODEL, "o"), (HELD_OUT, "^"), (GREEN, "s"))
 GRID = 200
 LEAST_LEVER = 0.3  # of the longest: shorter ones turn little motion of the TCP into large angles
@@ -70,7 +72,7 @@ def _draw_ranking(axes: Axes, report: DiagnosisReport) -> None:
     for bar, advice in zip(bars, shown, strict=True):
         bar.set_hatch(HATCH[advice.verdict])
         bar.set_edgecolor("white")
-        bar.set_color(MODEL if advice.verdict != "no_evidence" else NOMINAL)
+        bar.set_color(MODEL if advice.verdict != Support.NO_EVIDENCE else NOMINAL)
     axes.tick_params(axis="y", labelsize=8)
     axes.bar_label(bars, [f"{'' if a.exact else '≈ '}{in_mm(a.held_out_rms)}" for a in shown], padding=8)
     now, floor = report.held_out.rms * 1e3, report.diagnosis.floor.rms
@@ -81,7 +83,7 @@ def _draw_ranking(axes: Axes, report: DiagnosisReport) -> None:
     verdicts = {advice.verdict for advice in shown}
     for verdict, words in EVIDENCE.items():
         if verdict in verdicts:
-            colour = MODEL if verdict != "no_evidence" else NOMINAL
+            colour = MODEL if verdict != Support.NO_EVIDENCE else NOMINAL
             axes.barh([-1], [0], color=colour, hatch=HATCH[verdict], edgecolor="white", label=words)
     axes.set_ylim(-0.6, len(shown) - 0.4)
     legend_below(axes, 2)
@@ -115,7 +117,7 @@ def _draw_form(axes: Axes, curve: DriverCurve) -> None:
     axes.plot(curve.at, curve.turn, color=MODEL, linewidth=2, label=" + ".join(map(plain_name, curve.effects)))
     low, high = curve.turn - 2.0 * curve.error, curve.turn + 2.0 * curve.error
     axes.fill_between(curve.at, low, high, color=MODEL, alpha=0.3, linewidth=0, label="two standard errors")
-    driver, joint = in_words(curve.driver), in_words(curve.joint)
+    driver, joint = symbol_words(curve.driver), place_words(curve.joint)
     title = f"The effect beside the data: {plain_name(curve.effects[-1])}"
     finish(axes, f"{driver}, {curve.unit}", f"turn of {joint}, °", title)
 
@@ -140,7 +142,7 @@ def _draw_anatomy(axes: Axes, found: Diagnosis, function: FreeFunction) -> None:
             axes.scatter(values[band], amount[band], s=14, color=colour, marker=marker, label=label)
     limit = float(np.quantile(np.abs(amount), 0.98))
     axes.set_ylim(-1.3 * limit, 1.3 * limit)
-    title = f"Structure of the residuals: {in_words(function.name)}"
+    title = f"Structure of the residuals: {function.name}"
     finish(axes, name, f"acts like a {acts_like}", title, legend=len(function.covariates) > 1)
 
 

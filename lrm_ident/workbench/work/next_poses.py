@@ -21,12 +21,13 @@ from lrm_ident.design.candidate_poses import (
     floor_above_table,
     parse_levels,
 )
+from lrm_ident.design.discrimination import UnsuitableRival
 from lrm_ident.design.pose_design import CandidateSet, DesignProblem, PoseDesign, design
 from lrm_ident.fitting.progress import Progress
 from lrm_ident.report.design import design_document, pose_table
 from lrm_ident.report.document import Document
 from lrm_ident.report.model_report import ModelReport
-from lrm_ident.report.plain_names import in_words, plain_name
+from lrm_ident.report.plain_names import plain_name
 from lrm_ident.study.study import Study
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.arm_file import GRAM, MM
@@ -83,6 +84,9 @@ def next_poses(study: Study, found: ModelReport, progress: Progress) -> NextPose
         try:
             offer = _offer(arm, levels, loads_g)
             chosen = design(task, offer.poses, ticked)
+        except UnsuitableRival as error:
+            refused.append(f"{plain_name(error.name)} {error.why}")
+            continue
         except LrmError as error:
             refused.append(str(error))
             continue
@@ -90,7 +94,7 @@ def next_poses(study: Study, found: ModelReport, progress: Progress) -> NextPose
         arguments = (study.arm, *(("--separate", ",".join(names)) if names else ()))
         arguments += ("--noise-mm", f"{noise_mm:g}", "--loads-g", ",".join(f"{load:g}" for load in loads_g))
         arguments += ("--levels", str(levels)) if levels != DEFAULT_LEVELS else ()
-        blocks = [*(f"Not for a stronger rival: {in_words(words)}." for words in refused), *document.blocks]
+        blocks = [*(f"Not for a stronger rival: {words}." for words in refused), *document.blocks]
         arms = _arms(arm, chosen.poses.q)
         table = pose_table(chosen).csv()
         return NextPoses(_sentence(names, chosen), replace(document, blocks=blocks), arms, table, arguments)

@@ -62,7 +62,7 @@ class Slip(JointEffect):
         if excitation.poses.history is None:
             return "the order of measurement is not known"
         if excitation.reversals(self.joint) < FEW_REVERSALS:
-            return f"{self.place} (nearly) never reverses"
+            return "it (nearly) never reverses"
         return None
 
 

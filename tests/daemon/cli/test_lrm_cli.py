@@ -10,12 +10,16 @@ from pathlib import Path
 from types import SimpleNamespace
 from unittest import mock
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from lrm_ident.measuring.recordings.command_log import read_command_log
+from lrm_math.arm.arm_file import load_arm
 from lrm_math.errors import LrmError
-from lrmd.cli import app
+from lrm_math.model.reading import Reading
+from lrmd.cli import app, record
 from lrmd.cli import text as cli_text
 from lrmd.cli.parsing import parse_angle, parse_angles
 from lrmd.client import MotionInterrupted, Rover
@@ -295,6 +299,29 @@ def test_somebody_else_has_the_lease(refuses, does) -> None:
         does("--take", "arm", "--q", ZERO)
         with pytest.raises(LrmError, match="lease"):
             other.move({"joint1": 0.1})
+
+
+@pytest.mark.usefixtures("daemon")
+def test_commands_are_recorded_until_the_pulses_end(
+    does: Callable[..., str], refuses: Callable[..., str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    path = tmp_path / "log.csv"
+    assert "first lrm arm" in refuses("record", "-o", str(path))
+    does("arm", "--q", ZERO)
+    monkeypatch.setattr(record, "SILENT_S", 0.01)
+    monkeypatch.setattr(Rover, "watch", lambda self, *of: [of[-1](self.joints()) for _ in range(5)])
+    assert "5 rows written" in does("record", "-o", str(path))
+    head, *rows = path.read_text().splitlines()
+    assert head == "t_s,q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg"
+    assert len(rows) == 5
+    log = read_command_log(path, load_arm("lrm-rover"), Reading())
+    assert (np.diff(log.t) > 0.0).all()
+    assert log.count_s == pytest.approx(4.88e-6)
+    assert np.abs(log.at(log.t)).max() < math.radians(0.3)
+    assert "is there already" in refuses("record", "-o", str(path))
+    assert "ends in .csv" in refuses("record", "-o", str(tmp_path / "log.txt"))
+    assert "more than 0" in refuses("record", "-o", str(tmp_path / "other.csv"), "--seconds", "0")
+    assert sorted(each.name for each in tmp_path.iterdir()) == ["log.csv", "log.toml"]
 
 
 # ---- what is refused

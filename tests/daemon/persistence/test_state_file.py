@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import os
+import time
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -121,6 +123,33 @@ def test_after_a_full_disk_the_pose_of_before_is_none(tmp_path: Path, monkeypatc
     writer.close()
     assert state_file.load(tmp_path) == saved(1_700_000)
     assert [path.name for path in tmp_path.iterdir()] == [state_file.NAME]
+
+
+def test_a_pose_that_the_arm_leaves_is_none(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The writer knows whether there is one, so that a motion under way asks nothing of the disk."""
+    writer = BackgroundWriter(tmp_path, lambda _: None)
+    assert not writer.leave_pose()
+    for still in (True, False):
+        writer.put(saved(1_500_000).model_copy(update={"still": still}))
+        wait_until(lambda still=still: (found := state_file.load(tmp_path)) is not None and found.still is still)
+        assert writer.leave_pose() is still
+        found = state_file.load(tmp_path)
+        assert found is not None
+        assert not found.still
+    writer.put(saved(1_600_000))
+    writer.close()
+    with monkeypatch.context() as patch:
+        patch.setattr(state_file.os, "replace", lambda *_: (_ for _ in ()).throw(OSError(30, "Read-only file system")))
+        with pytest.raises(FileError, match=r"state\.json: cannot be renamed \(Read-only file system\)"):
+            writer.leave_pose()
+    assert BackgroundWriter(tmp_path, lambda _: None).leave_pose()
+
+
+def wait_until(met: Callable[[], bool]) -> None:
+    end = time.monotonic() + 10.0
+    while not met():
+        assert time.monotonic() < end
+        time.sleep(0.005)
 
 
 def test_no_folder_is_an_error(tmp_path: Path) -> None:

@@ -197,7 +197,7 @@ def test_droop_and_flex_are_told_apart_by_joint_feedback(so101: Arm) -> None:
     assert [one.name for one in seen.supported][:1] == ["servo_droop@joint2"]
     blind = positions_only(data)
     unseen = diagnose(fitted(start, blind).model, blind)
-    reasons = {effect.name: reason for effect, reason in unseen.not_testable}
+    reasons = {effect.name: str(reason) for effect, reason in unseen.not_testable}
     assert "one class" in reasons["servo_droop@joint2"]
     assert not unseen.supported
     both = model_of(so101, (*start.effects, *effects_at(so101, "servo_droop@joint2")))

@@ -8,8 +8,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from lrm_ident.diagnosis.attribution import Attribution, ExplainedStep, attribute_steps
+from lrm_ident.diagnosis.attribution import ExplainedStep, attribute_steps
 from lrm_ident.diagnosis.auto import run_auto
+from lrm_ident.diagnosis.judgement import Support
 from lrm_ident.fitting.loss import SQUARED
 from lrm_ident.fitting.model_fit import fit_model
 from lrm_ident.residual.thresholds import MAX_UNEXPLAINED_RATIO
@@ -31,7 +32,7 @@ KNOWN: tuple[tuple[HiddenEffect, ...], ...] = (
 )
 
 
-def run(folder: Path, seed: int, *hidden: HiddenEffect) -> list[Attribution]:
+def run(folder: Path, seed: int, *hidden: HiddenEffect) -> list[Support]:
     model, data = upright_measurements(folder, seed, 300, 3e-4, hidden)
     course = run_auto(fit_model(model, data, "identifiable", SQUARED).fit.model, data)
     for step, one in zip(course.steps[1:], course.attributions, strict=True):

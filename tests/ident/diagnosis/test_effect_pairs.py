@@ -8,10 +8,11 @@ from tempfile import TemporaryDirectory
 
 import pytest
 
-from lrm_ident.diagnosis.confirm import CURVED_IN_PART, DEPLOYED_WORSE, _refit_trial
+from lrm_ident.diagnosis.confirm import _refit_trial
 from lrm_ident.diagnosis.diagnose import Diagnosis, diagnose
 from lrm_ident.diagnosis.effect_pairs import EffectPairs
 from lrm_ident.diagnosis.forward_selection import forward_select
+from lrm_ident.diagnosis.reason import Reason, ReasonKind
 from lrm_ident.diagnosis.screening.score_test import ScoredCandidate
 from lrm_ident.fitting.cross_validation import blocks_of_fit
 from lrm_ident.fitting.progress import silent
@@ -85,7 +86,7 @@ def test_a_curve_of_the_tracker_is_refused_where_it_leaves_more_than_the_noise(n
     found = diagnosed(name)
     curve = one_of(found, "frame_curve@frame")
     trial = _refit_trial(found, curve, blocks_of_fit(found.fit, found.data))
-    assert (trial.objection == CURVED_IN_PART) is refused
+    assert (trial.objection == Reason(ReasonKind.CURVED_IN_PART)) is refused
 
 
 def test_a_tracker_that_leaves_more_than_the_noise_must_not_make_the_deployed_arm_worse() -> None:
@@ -95,7 +96,7 @@ def test_a_tracker_that_leaves_more_than_the_noise_must_not_make_the_deployed_ar
         data, _ = recording.load(Path(folder))
     found = diagnose(Study.of(data).fit().model, data)
     trial = _refit_trial(found, one_of(found, TRACKER), blocks_of_fit(found.fit, found.data))
-    assert trial.objection == DEPLOYED_WORSE
+    assert trial.objection == Reason(ReasonKind.WORSE_DEPLOYED)
     without, with_it = trial.worse_deployed or (0.0, 0.0)
     assert with_it > without
 

@@ -14,6 +14,7 @@ import pytest
 from lrm_ident.diagnosis import confirm, forward_selection, unexplained_structure
 from lrm_ident.diagnosis.attribution import ExplainedStep, attribute_steps
 from lrm_ident.diagnosis.diagnose import Diagnosis
+from lrm_ident.diagnosis.reason import Reason, ReasonKind
 from lrm_ident.diagnosis.screening import score_test
 from lrm_ident.diagnosis.symbolic_regression import proposal
 from lrm_ident.residual import regime, thresholds
@@ -65,7 +66,7 @@ def parameters_near_zero(p_value: float, patch: Patch) -> bool:
     patch.setattr(confirm, "_absurd", lambda *_: "beyond its size")
     scored: Any = SimpleNamespace(candidate=SimpleNamespace(effect=SimpleNamespace(keys=()), rows=()), shape=None)
     diagnosis: Any = SimpleNamespace(data=None, fit=SimpleNamespace(loss=None, model=None))
-    return "standard deviations of zero" in confirm._refit_trial(diagnosis, scored, ()).objection
+    return confirm._refit_trial(diagnosis, scored, ()).objection == Reason(ReasonKind.NEAR_ZERO)
 
 
 def worth_naming(share: float, _: Patch) -> bool:

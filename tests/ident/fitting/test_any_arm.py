@@ -97,5 +97,5 @@ def test_every_arm_is_fitted_and_diagnosed(
     assert fit_document(result.fit, ErrorSummary(before, after, HeldOutResidual(None, "")), data).json()
     assert found.verdict
     if masses == "none":
-        reasons = {effect.id: reason for effect, reason in found.not_testable}
+        reasons = {effect.id: str(reason) for effect, reason in found.not_testable}
         assert all("gives no masses" in reasons[name] for name in ("backlash", "nonlinear_stiffness", "cable_spring"))

@@ -20,6 +20,7 @@ from lrm_math.effects import effects_at
 from lrm_math.errors import FileError
 from lrm_math.model.model import model_of
 from lrm_math.model.model_file import ModelFile
+from lrm_math.model.step_name import REFIT, StepName
 from lrm_math.toml_file import read_toml
 from tests.ident.fleet.conftest import ARM, ARMS, ODD, SOFT
 from tests.support.browser import SHOTS, BrowserLog, axe_violations, chromium
@@ -228,4 +229,4 @@ def test_rates_of_a_prior_file_reach_diagnose_and_auto(manifest: Path, tmp_path:
     better = tmp_path / "better.toml"
     said = stdout_of("auto", model, data, "--no-nested", "--max-effects", 1, "--prior", path, "-o", better)
     assert "Then with the prior x: all" in said
-    assert read_toml(better, ModelFile).history[-1].step == "with the prior x"
+    assert read_toml(better, ModelFile).history[-1].name == StepName(REFIT, "x")

@@ -144,7 +144,7 @@ def test_an_effect_that_is_expected_is_selected_before_one_that_predicts_as_well
         SimpleNamespace(
             name=name,
             size=1,
-            implausible="",
+            implausible=None,
             projected=linear.project(column),
             alone=linear.explain(linear.project(column)),
             candidate=SimpleNamespace(

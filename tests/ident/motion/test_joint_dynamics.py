@@ -8,6 +8,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
+import tomli_w
 
 from lrm_ident.data.robot_files.mjcf import mjcf
 from lrm_ident.data.robot_files.urdf_export import ExportedFile
@@ -16,6 +17,7 @@ from lrm_math.arm.arm_file import load_arm
 from lrm_math.errors import FileError
 from lrm_math.model.model import model_of
 from lrm_math.motion.motion_model import MotionModel, effect_of
+from tests.support.commands import stdout_of
 
 ARM = load_arm("so101")
 FREQUENCY, DAMPING, SAG, RUBS = 4.0, 0.4, 0.04, 0.02
@@ -74,3 +76,24 @@ def test_a_urdf_has_dynamics_and_other_files_are_refused() -> None:
         with_dynamics(ExportedFile("{}", "x", ()), Path("arm.json"), motion(), poses)
     with pytest.raises(FileError, match="is a model of so101"):
         with_dynamics(ExportedFile(text, "URDF", ()), Path("arm.urdf"), motion(), model_of(load_arm("so100"), ()))
+
+
+def test_variants_are_as_far_apart_as_the_fit_leaves_open(tmp_path: Path) -> None:
+    key, omega = "servo_response.joint5.frequency_Hz", 2.0 * np.pi * FREQUENCY
+    open_ = replace(motion(), sigma={key: 0.1})
+    rng = np.random.default_rng(0)
+    drawn = [open_.drawn(rng) for _ in range(400)]
+    assert np.std([one.values[key] for one in drawn]) == pytest.approx(0.1, rel=0.1)
+    assert {one.values["gravity_sag.joint5.k_rad_per_Nm"] for one in drawn} == {SAG}
+    found = [joint_dynamics(one, model_of(ARM, ()))[0]["wrist_roll"].armature for one in drawn]
+    assert np.std(found) == pytest.approx(2.0 * 0.1 / FREQUENCY / SAG / omega**2, rel=0.15)
+    tables = {
+        "schema": "lrm/motion/1", "arm": "so101", "effects": [effect.name for effect in open_.effects],
+        "parameters": dict(open_.values), "sigma": {key: 0.1},
+    }  # fmt: skip
+    (tmp_path / "motion.toml").write_text(tomli_w.dumps(tables))
+    stdout_of(
+        "arm", "export", "so101", "--motion", tmp_path / "motion.toml", "--samples", "3", "-o", tmp_path / "arm.xml"
+    )
+    texts = [(tmp_path / f"arm-00{n}.xml").read_text() for n in (1, 2, 3)]
+    assert len(set(texts)) == 3

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import shlex
 from pathlib import Path
-from typing import get_args
 
 import pytest
 
 import lrm_ident as lrm
 from lrm_ident.data.measurements import Measurements
-from lrm_ident.diagnosis.diagnose import Verdict
 from lrm_ident.diagnosis.diagnosis_report import NEXT_STEP
+from lrm_ident.diagnosis.judgement import Verdict
 from lrm_ident.report.diagnosis.conclusion import HEADLINES, CommandNames, conclude
 from lrm_ident.report.diagnosis.diagnosis import diagnosis_document
 from lrm_ident.report.document import blocks_html
@@ -57,8 +56,8 @@ def test_what_cannot_be_distinguished_is_no_cause(real: Measurements) -> None:
 
 
 def test_every_verdict_has_a_headline_and_a_next_step() -> None:
-    assert {*HEADLINES, "effect_missing"} == {*get_args(Verdict)}
-    assert {*NEXT_STEP, "effect_missing", "effect_describes"} == {*get_args(Verdict)}
+    assert {*HEADLINES, "effect_missing"} == {*Verdict}
+    assert {*NEXT_STEP, "effect_missing", "effect_describes"} == {*Verdict}
 
 
 def test_the_advised_command_runs_as_it_is_printed(

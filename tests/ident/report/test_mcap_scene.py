@@ -10,6 +10,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from lrm_ident.report.plots.comparison_scene import ENLARGED, topic_of
+from lrm_math.model.model_file import HistoryTable
 from tests.support.commands import part_of_example, run_command
 
 STEPS = ("0_nominal", "1_fit", "2_add_servo_gain@joint3")
@@ -47,6 +48,6 @@ def test_arm_and_arrows_of_every_pose_are_read_back(tmp_path: Path) -> None:
 
 
 def test_a_step_is_a_topic_without_its_rivals() -> None:
-    assert topic_of(2, "add backlash@joint2, or hysteresis@joint2: these data cannot tell") == (
-        "/errors/2_add_backlash@joint2"
-    )
+    old = {"step": "add backlash@joint2, or hysteresis@joint2: these data cannot tell"}
+    name = HistoryTable.model_validate({**old, "fit_rms_mm": 1.0, "effects": [], "parameters": {}}).name
+    assert topic_of(2, str(name)) == "/errors/2_add_backlash@joint2"

@@ -1,25 +1,62 @@
-"""Plain names: places and code names in the sentences of a report."""
+"""Plain names: what has a code name gets its words where it is a value, and no sentence is parsed for names."""
 
 from __future__ import annotations
 
-from lrm_ident.report.plain_names import in_words
+import re
+
+import numpy as np
+import pytest
+
+from lrm_ident.report.plain_names import plain_name
+from lrm_ident.residual.covariates import symbol_words
 from lrm_math.arm.arm_file import load_arm
+from lrm_math.effects import ALL_EFFECTS
+from lrm_math.effects.base import Excitation
 from lrm_math.effects.curves import CouplingCurve
 from lrm_math.effects.servo_errors import Coupling
+from lrm_math.kinematics.poses import poses_of
+from tests.conftest import ROOT
+
+CODE_NAME = re.compile(r"\w@\w|\b(?:joint|link|mimic|q|tau)\d+\b")
+"""An effect, a place, or the symbol of a quantity of one joint; no column, as `q1_meas_deg`."""
 
 
-def test_names_in_sentences_are_words() -> None:
-    assert in_words("From backlash@joint2, coupling@joint3<-joint2: add it") == (
-        "From backlash in joint 2, coupling of joint 3 by joint 2: add it"
-    )
-    assert in_words("cable_curve@joint1+joint2 follows q1, tau4; joint5.") == (
-        "a free curve over joints 1 and 2 (spline) follows the angle of joint 1, the torque of joint 4; joint 5."
-    )
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [
+        ("backlash@joint2", "backlash in joint 2"),
+        ("coupling@joint3<-joint2", "coupling of joint 3 by joint 2"),
+        ("cable_curve@joint1+joint2", "a free curve over joints 1 and 2 (spline)"),
+    ],
+)
+def test_names_of_effects_have_words(name: str, words: str) -> None:
+    assert plain_name(name) == words
 
 
-def test_names_of_columns_and_parameters_stay() -> None:
-    said = "q1_meas_deg and offsets.joint2.a_mm, compliance.base.k_rad_per_Nm, k"
-    assert in_words(said) == said
+@pytest.mark.parametrize(
+    ("symbol", "words"),
+    [
+        ("q1", "the angle of joint 1"),
+        ("tau14 before", "the torque of joint 14 before"),
+        ("the last motion of q3", "the last motion of the angle of joint 3"),
+        ("order", "order"),
+        ("q1_meas_deg", "q1_meas_deg"),
+    ],
+)
+def test_symbols_of_quantities_have_words(symbol: str, words: str) -> None:
+    assert symbol_words(symbol) == words
+
+
+@pytest.mark.parametrize("kind", ALL_EFFECTS, ids=lambda kind: kind.id)
+def test_what_an_effect_says_holds_no_code_name(kind: type) -> None:
+    """Its claim, and what poses lack to show it: an arm that stands still lacks everything."""
+    arm = load_arm("lrm-lab")
+    still = Excitation(poses_of(np.zeros((3, arm.dof))), np.zeros((3, arm.dof)))
+    for effect in (kind(arm, place) for place in kind.places(arm)):
+        numbers = {parameter.name: "0" for parameter in effect.parameters}
+        claim = effect.about.claim.format(place=effect.place_in_words, **numbers)
+        assert not CODE_NAME.search(claim), claim
+        assert not CODE_NAME.search(effect.missing_excitation(still) or "")
 
 
 def test_what_couples_two_joints_says_which_follows() -> None:
@@ -27,3 +64,12 @@ def test_what_couples_two_joints_says_which_follows() -> None:
     for kind in (Coupling, CouplingCurve):
         assert kind.about.claim.startswith("{place} by ")
         assert kind(arm, "joint3<-joint2").place_in_words == "joint 3 follows joint 2"
+
+
+def test_judgements_are_not_parsed() -> None:
+    """The rooms of diagnosis and report take no text apart; what people type and what formats need is named here."""
+    typed_or_written = {"glossary.py", "comparison_scene.py"}
+    sources = [path for room in ("diagnosis", "report") for path in (ROOT / "lrm_ident" / room).rglob("*.py")]
+    assert len(sources) > 50
+    parsing = {path.name for path in sources if "\nimport re\n" in path.read_text(encoding="utf-8")}
+    assert parsing == typed_or_written

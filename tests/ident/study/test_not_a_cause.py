@@ -15,6 +15,7 @@ from lrm_ident.study.model_history import model_text
 from lrm_ident.study.study import Study
 from lrm_math.effects import ALL_EFFECTS, NOT_A_CAUSE, marked
 from lrm_math.model.model_file import ModelFile, load_model
+from lrm_math.model.step_name import ADD, StepName
 from lrm_math.model.uncertainty import field_coverage
 from lrm_math.toml_file import read_toml
 from lrmd.cli.text import field_text
@@ -45,14 +46,14 @@ def test_the_catalogue_decides(kind: type) -> None:
         marked(kind.id),
         marked(f"{kind.id}@tool"),
         plain_name(f"{kind.id}@tool"),
-        step_title(f"add {kind.id}"),
+        step_title(StepName(ADD, kind.id)),
     ):
         assert (NOT_A_CAUSE in words) is not kind.names_a_cause
 
 
 def test_the_model_file_says_it_and_reads_the_same(study: Study, file: Path) -> None:
     assert f"# residual_field ({NOT_A_CAUSE})" in file.read_text().splitlines()
-    assert f"add residual_field@tool, {NOT_A_CAUSE}" in study.file.history[-1].step
+    assert study.file.history[-1].name == StepName(ADD, "residual_field@tool")
     assert load_model(file).free == study.model.free
     assert "#" not in model_text(study.undo().file), "causes alone need no mark"
 

@@ -15,6 +15,7 @@ from lrm_math.effects import effects_at
 from lrm_math.errors import LrmError
 from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import model_of
+from lrm_math.model.step_name import ADD, StepName
 from tests.conftest import ROOT
 from tests.support.commands import run_command, stdout_of
 from tests.support.source_files import files, imported_names
@@ -100,7 +101,7 @@ def test_auto_ends_alike_and_every_step_can_be_taken_back(folder: Path) -> None:
     run, end = study.auto(max_effects=1)
     end.save(folder / "end-in-python.toml")
     assert content(folder / "end-in-python.toml") == content(folder / "end.toml")
-    assert [entry.step.split(",")[0] for entry in end.file.history] == ["fit", f"add {run.steps[-1].added}"]
+    assert [str(entry.name) for entry in end.file.history] == ["fit", f"add {run.steps[-1].added}"]
     read = lrm.read_study(folder / "end.toml", folder / "data.csv", folder / "mine.py")
     for _ in run.steps[1:]:
         read, end = read.undo(), end.undo()
@@ -132,7 +133,7 @@ def test_an_added_effect_tells_the_rest_of_its_class(folder: Path) -> None:
     assert name == "servo_gain@joint1"
     assert rest
     step = study.add(name, screened).file.history[-1]
-    assert (step.step, step.indistinguishable) == (f"add {name}", list(rest))
+    assert (step.name, step.indistinguishable) == (StepName(ADD, name), list(rest))
     assert step.rivals_mm is not None
     assert not {name, *rest} & step.rivals_mm.keys()
 

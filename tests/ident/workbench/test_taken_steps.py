@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 from hypothesis import given
 from hypothesis import strategies as st
 
 from lrm_ident.workbench.session_state import TakenSteps, with_step, with_undone, without_last
-from lrm_ident.workbench.work.tasks import AddTask, OpenFiles, OpenTask, StepResult, StepView
+from lrm_ident.workbench.work.tasks import AddTask, AutoTask, OpenFiles, OpenTask, StepResult, StepView
 
 DATA = Path("data.csv")
 
@@ -38,3 +39,16 @@ def test_undo_and_redo_are_each_others_inverse(deeds: list[str]) -> None:
             taken = with_undone(taken)
         assert [one.shown.model for one in taken.steps] == models[-1]
         assert (taken.undone is not None) == bool(undone)
+
+
+def test_auto_is_one_command_however_its_files_are_called() -> None:
+    taken = with_step(TakenSteps(), OpenTask(DATA, None), step(0, None))
+    assert taken.last is not None
+    task = AutoTask(taken.last.files, Path(), 7, b"")
+    for number in (1, 2, 3):
+        new = step(number, str(number - 1))
+        named = replace(new, files=replace(new.files, model=Path(f"{'abc'[number - 1]}.toml")))
+        taken = with_step(taken, task, named)
+    assert [command.words[0] for command in taken.done] == ["fit", "auto"]
+    assert taken.done[-1].words[4:] == (Path("c.toml"), "--max-effects", "3", "--no-nested")
+    assert taken.count == 10

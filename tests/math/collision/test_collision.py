@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +21,14 @@ from lrm_math.arm.collision_shapes import Box, Capsule, HeightField, Shapes
 from lrm_math.arrays import Array
 from lrm_math.collision.distance import depth_in_box, segment_to_box, segment_to_segment
 from lrm_math.collision.scene import Scene, clearance, clearance_of
-from lrm_math.collision.straight_move import RESOLUTION, ArmBodies, MotionClearance, check_bodies, rigid_bodies
+from lrm_math.collision.straight_move import (
+    RESOLUTION,
+    ArmBodies,
+    MotionClearance,
+    check_bodies,
+    check_path,
+    rigid_bodies,
+)
 from lrm_math.effects import effects_at
 from lrm_math.errors import FileError, LrmError
 from lrm_math.kinematics.forward import frames
@@ -350,6 +358,25 @@ def check_move(scene: Scene, q0: ArrayLike, q1: ArrayLike, margin: float | None 
     """Whether the rigid arm keeps a margin (m; its own if None) by the distances of its bodies."""
     bodies = ArmBodies(scene, lambda q: scene.distances(scene.frames(q)))
     return check_bodies(bodies, scene.pose(q0), scene.pose(q1), scene.margin if margin is None else margin)
+
+
+@settings(max_examples=30)
+@given(shaped_arms, seeds, st.integers(2, 12), st.sampled_from([0.02, 0.3, 1.5]))
+def test_a_path_is_checked_as_its_moves_are_one_by_one(arm: Arm, seed: int, count: int, step: float) -> None:
+    scene, rng = Scene.of(arm), np.random.default_rng(seed)
+    path = np.cumsum(np.vstack([rng.uniform(-2, 2, arm.dof), rng.uniform(-step, step, (count, arm.dof))]), axis=0)
+    keep = np.minimum(scene.margin, scene.separations(scene.frames(path[:1]))[0] - rng.choice([0.0, 0.002]))
+    bodies = rigid_bodies(scene)
+    alone = [check_bodies(bodies, a, b, keep) for a, b in pairwise(path)]
+    found, move = check_path(bodies, path, keep)
+    refused = next((number for number, one in enumerate(alone) if not one.free), None)
+    assert found.free == (refused is None)
+    if refused is None:
+        assert found.distance - found.margin == pytest.approx(min(one.distance - one.margin for one in alone), abs=1e-6)
+        return
+    assert move == refused
+    assert found.proven == pytest.approx(alone[refused].proven, abs=1e-9)
+    assert (found.first, found.second) == (alone[refused].first, alone[refused].second)
 
 
 @pytest.mark.slow

@@ -24,6 +24,7 @@ from lrm_math.errors import FileError
 from lrm_math.model.covariance import covariance_table, to_covariance
 from lrm_math.model.model import Model, model_of
 from lrm_math.model.model_file import ModelFile, load_covariance, load_model
+from lrm_math.model.step_name import ADD, FIT, StepName
 from lrm_math.toml_file import read_toml
 from tests.conftest import EXAMPLE
 from tests.support.commands import part_of_example, stdout_of
@@ -43,7 +44,7 @@ def fitted(lab: Arm, measured: Measurements) -> Fit:
 
 
 def written(fit: Fit, data: Measurements, path: Path) -> ModelFile:
-    file = model_file(fit, data, HeldOutResidual(None, "not asked for"), "lrm-lab", "fit", "squared")
+    file = model_file(fit, data, HeldOutResidual(None, "not asked for"), "lrm-lab", StepName(FIT), "squared")
     path.write_text(model_text(file))
     return file
 
@@ -77,7 +78,7 @@ def test_the_fits_covariance_is_in_its_file(fitted: Fit, measured: Measurements,
 def test_undo_restores_every_byte(fitted: Fit, measured: Measurements, lab: Arm, tmp_path: Path) -> None:
     before = written(fitted, measured, tmp_path / "model.toml")
     more = add_effects(fitted.model, measured, effects_at(lab, "servo_gain@joint2"))
-    after = model_file(more, measured, HeldOutResidual(None, ""), "lrm-lab", "add", "squared", before.history)
+    after = model_file(more, measured, HeldOutResidual(None, ""), "lrm-lab", StepName(ADD), "squared", before.history)
     (tmp_path / "after.toml").write_text(model_text(after))
     read = read_toml(tmp_path / "after.toml", ModelFile)
     assert read.covariance is not None

@@ -84,12 +84,18 @@ def candidate_view(
         "joint": joint,
         "driver": drivers[0].name,
         "second": drivers[1].name if len(drivers) > 1 else "",
-        "refused": scored.implausible or found.unexplained.spurious.get(scored.name, ""),
+        "refused": _refused(scored, found),
         "form": rounded(np.where(seen, np.degrees(_drawn(turns[joint], rows)), np.nan), ANGLE),
         "around": rounded(np.where(seen, np.degrees(_drawn(around, rows)), np.nan), ANGLE),
         "about": {name: getattr(about, name) for name in ("cause", "formula", "needs", "source")},
         "size": _size(scored),
     }
+
+
+def _refused(scored: ScoredCandidate, found: Diagnosis) -> str:
+    """Why an effect is none of the supported ones: against physics, or the function that explains more."""
+    function = found.unexplained.spurious.get(scored.name)
+    return str(scored.implausible or ("" if function is None else function.name))
 
 
 def _drivers(

@@ -22,6 +22,7 @@ from lrm_ident.report.story import GEOMETRY, Story
 from lrm_ident.residual.picture.error_field import COLOURS, ErrorField
 from lrm_ident.residual.thresholds import MIN_GAIN
 from lrm_math.effects.reference import EffectRef
+from lrm_math.model.step_name import FIT
 
 SUPPORTED, BESIDE, EMPIRICAL = "supported", "beside", "empirical"
 STANDINGS = {
@@ -109,9 +110,10 @@ def _step(found: ModelReport, number: int) -> dict[str, Any]:
     step, lever = found.field.steps[number], found.field.lever
     mean = lever.mean(axis=1, keepdims=True)  # a turn about a short lever is enormous for a small error
     judged = (found.judged or {}).get(number)
+    entry = found.file.history[number].name if found.file.history else None
     return {
         "name": step.name,
-        "title": GEOMETRY if step.name == "fit" else step_title(step.name),
+        "title": step.name if entry is None else GEOMETRY if entry.kind == FIT else step_title(entry),
         "verdict": "" if judged is None else judged.verdict,
         "rms": in_mm(step.error.rms),
         "residual": rounded(step.residual * 1e3, UM),
@@ -123,8 +125,8 @@ def _entry(found: ModelReport, number: int) -> dict[str, Any]:
     """Errors of a step with the data that they are of; `rms`: of its model on the open data."""
     entry, step = found.file.history[number], found.field.steps[number]
     return {
-        "name": entry.step,
-        "title": step_title(entry.step),
+        "name": str(entry.name),
+        "title": step_title(entry.name),
         "fit": entry.fit_rms_mm,
         "held": entry.held_out_rms_mm,
         "deployed": entry.deployed_rms_mm,

@@ -35,6 +35,7 @@ from lrm_math.kinematics.poses import Poses
 from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import Model, model_of
 from lrm_math.model.model_file import load_model
+from lrm_math.model.step_name import ADD, FIT, StepName
 from tests.support.commands import stdout_of
 from tests.support.sweep import seeds
 from validation.hidden_effects.case import Case, hidden, nothing, on
@@ -169,7 +170,7 @@ def test_a_law_is_proposed_written_added_and_remembered(tmp_path: Path) -> None:
     law.write_text(found.best.source, encoding="utf-8")
     (kind,) = effects_in(law)
     fitted = add_effects(base_fit(arm, data), data, [kind(arm, "joint2")])
-    file = model_file(fitted, data, HeldOutResidual(None), str(SUM.arm_file), "add", "squared")
+    file = model_file(fitted, data, HeldOutResidual(None), str(SUM.arm_file), StepName(ADD), "squared")
     assert file.provenance is not None
     assert file.provenance.effects_file == law.resolve().as_posix()
     assert file.provenance.effects_sha256 == sha256_of(law)
@@ -227,7 +228,7 @@ def test_no_law_where_nothing_is_hidden(tmp_path: Path) -> None:
 def test_a_model_without_effects_of_its_own_names_no_file(tmp_path: Path) -> None:
     data, arm = case_data(NOTHING, tmp_path, 60), three_joints()
     fitted = fit(model_of(arm, effects_at(arm, "offsets@base")), data)
-    file = model_file(fitted, data, HeldOutResidual(None), str(SUM.arm_file), "fit", "squared")
+    file = model_file(fitted, data, HeldOutResidual(None), str(SUM.arm_file), StepName(FIT), "squared")
     assert file_of(fitted.model.effects) is None
     assert file.provenance is not None
     assert file.provenance.effects_file is None

@@ -13,6 +13,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from lrm_ident.data.measurement_file.load import load_measurements
+from lrm_ident.data.rigid_motion import rotation_vectors
 from lrm_ident.design.pose_design import DesignProblem, design
 from lrm_ident.fitting.loss import SQUARED
 from lrm_ident.fitting.model_fit import fit_model, nominal_model
@@ -20,6 +21,7 @@ from lrm_math.arm.arm_file import load_arm
 from lrm_math.arrays import Array
 from lrm_math.errors import LrmError
 from lrm_math.model.equilibrium import solve_equilibrium
+from lrm_math.model.sensed import tool_rotation
 from tests.support.commands import stderr_of, stdout_of
 
 pytest.importorskip("cv2", reason="OpenCV is not installed (extra 'camera')")
@@ -228,6 +230,12 @@ def test_commands_from_photos_to_data(tmp_path: Path) -> None:
     assert "pose3.png: 0 of 20 corners" in said
     measured = load_measurements(data, true.model.arm)
     assert measured.whitening.rows(5) == 6
+    # the orientation of the tool is in the file: apart from the rig's hidden errors it is the nominal arm's
+    turned = tool_rotation(solve_equilibrium(nominal_model(true.model.arm), measured.poses))
+    assert measured.attitude is not None
+    off = rotation_vectors(np.asarray(turned).transpose(0, 2, 1) @ measured.attitude)
+    assert np.degrees(np.linalg.norm(off - off.mean(axis=0), axis=1)).max() < 2.0
+    assert np.degrees(np.linalg.norm(rotation_vectors(turned[0].T @ np.asarray(turned)), axis=1)).max() > 20.0
     assert (
         np.linalg.norm(
             measured.tcp - solve_equilibrium(nominal_model(true.model.arm), measured.poses).tcp, axis=1

@@ -146,6 +146,23 @@ def test_rests_give_tips_and_the_joint_angles_at_them(
     np.testing.assert_allclose(tips, TIPS, atol=2e-5)
 
 
+@pytest.mark.parametrize("write", [write_cdr, write_json])
+def test_the_orientation_of_the_tool_against_the_base_reaches_the_file(
+    tmp_path: Path, write: Callable[[Path, tuple[str, ...]], None]
+) -> None:
+    """The tool stands as the room does, and the base turned in it."""
+    take, data = tmp_path / "take.mcap", tmp_path / "data.csv"
+    write(take, ALL)
+    words = ["--arm", "so101", "--tool", "/tool", "--base", "/base", "--orientation", "-o", data]
+    code, _, complaint = run_command("import", take, take, *words)
+    assert (code, complaint) == (0, "")
+    table = np.genfromtxt(data, delimiter=",", names=True)
+    x, y, z, w = BASE_TURN.inv().as_quat(canonical=True)
+    for column, expected in zip(("qw", "qx", "qy", "qz"), (w, x, y, z), strict=True):
+        assert table[column] == pytest.approx(np.full(len(TIPS), expected), abs=2e-6)
+    assert (table["srot_deg"] > 0.0).all()
+
+
 def test_poses_may_be_a_table_as_before(tmp_path: Path) -> None:
     take, poses = tmp_path / "take.mcap", tmp_path / "poses.csv"
     write_cdr(take, ("/tool", "/base"))

@@ -71,9 +71,9 @@ def test_board_is_written_with_where_its_sockets_are(tmp_path: Path) -> None:
         metadata = metadata_of(tmp_path / "board.toml")
         assert metadata is not None
         assert metadata.points is not None
-        assert metadata.points["C"] == [120.0, 80.0, 0.0]
+        assert metadata.points["C"] == [160.0, 130.0, 0.0]
         assert ("E" in metadata.points) == name.endswith("stl")
-        assert "A-C 144.22" in out
+        assert "A-C 206.16" in out
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,73 @@
+"""Replication of a cause: whether it is chosen in both halves of the data, each fitted alone (split-half reliability).
+
+Each candidate is estimated on one half and predicts the other, and the reverse. A cause replicates if it
+predicts both better than nothing does, and no other plain effect beats it in either. Halves are every other block of
+the joint space, and where the order is known its first and second half; what depends on time needs both of these.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lrm_ident.diagnosis.screening.candidates import FORM
+from lrm_ident.diagnosis.screening.linearised_fit import LinearisedFit, linearise
+from lrm_ident.diagnosis.screening.score_test import ScoredCandidate
+from lrm_ident.diagnosis.screening.screen import Screening
+from lrm_ident.fitting.cross_validation import held_out_folds
+from lrm_ident.residual.better_prediction import paired_z
+from lrm_ident.residual.thresholds import ONE_DEVIATION, Z_THRESHOLD
+
+NEEDS_ALL_TIMES = frozenset({"time", "session"})
+Halves = tuple[NDArray[np.int64], NDArray[np.int64]]
+
+
+def replicates(screening: Screening, one: ScoredCandidate, equivalent: Collection[str]) -> bool:
+    """Whether an effect is chosen in both halves of the screened poses. `equivalent`: names that are as good as it."""
+    rivals = [
+        number
+        for number, other in enumerate(screening.scored)
+        if other.name != one.name
+        and other.name not in equivalent
+        and not other.implausible
+        and other.candidate.priority != FORM
+        and not other.candidate.effect.variant_of
+    ]
+    own = screening.scored.index(one)
+    return all(_chosen(screening, halves, own, rivals) for halves in _halves(screening, one))
+
+
+def _halves(screening: Screening, one: ScoredCandidate) -> Iterator[Halves]:
+    data = screening.subset[1]
+    odd = held_out_folds(data) % 2
+    yield np.flatnonzero(odd == 0), np.flatnonzero(odd == 1)
+    if data.poses.direction is not None and NEEDS_ALL_TIMES.isdisjoint(one.candidate.effect.depends_on):
+        order = np.argsort(data.pose, kind="stable")
+        yield order[: len(order) // 2], order[len(order) // 2 :]
+
+
+def _chosen(screening: Screening, halves: Halves, own: int, rivals: Collection[int]) -> bool:
+    """Whether candidate number `own` predicts both halves better than nothing, and none of the rivals does better."""
+    if min(map(len, halves)) < 2:
+        return False
+    linear = _in_halves(screening.linear, halves)
+    columns = np.empty_like(screening.sets.columns)
+    columns[screening.linear.order] = screening.sets.columns
+    estimates = linear.explain_each(linear.in_folds(columns[linear.order], screening.sets.stacks))
+    found, before = estimates[own].held_out, linear.baseline.held_out
+    for half in halves:
+        if paired_z(found[half], before[half]) < ONE_DEVIATION:
+            return False
+        if any(paired_z(estimates[number].held_out[half], found[half]) > Z_THRESHOLD for number in rivals):
+            return False
+    return True
+
+
+def _in_halves(linear: LinearisedFit, halves: Halves) -> LinearisedFit:
+    """The same fit, its folds two halves."""
+    known, prior = slice(0, linear.measured), slice(linear.measured, None)
+    return linearise(
+        linear.basis[known], linear.residual[known], halves, linear.sigma, (linear.basis[prior], linear.residual[prior])
+    )

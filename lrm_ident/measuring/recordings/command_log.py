@@ -1,0 +1,84 @@
+"""Log of commanded angles: a CSV that `lrm record` writes (`t_s, q1_deg, …`), or joint states of an MCAP file.
+
+The file beside a CSV (`NAME.toml`) may say `count_us`, the board's rounding of pulses; angles are then those that it
+put out.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from pydantic import Field
+
+from lrm_ident.data.measurement_file.load import load_pose_table
+from lrm_ident.measuring.recordings.mcap_file import SUFFIX as MCAP
+from lrm_ident.measuring.recordings.mcap_file import joint_track
+from lrm_math.arm.arm import Arm
+from lrm_math.arrays import Array
+from lrm_math.errors import FileError
+from lrm_math.model.reading import Reading
+from lrm_math.toml_file import StrictSchema, read_toml
+
+GAP_S = 1.0
+SPARSE_S = 0.1
+"""s between two rows beyond which a ramp is not followed."""
+
+
+class LogFile(StrictSchema):
+    """`NAME.toml` beside a log. `count_us`: of the board; its pulses are whole multiples."""
+
+    schema_: str = Field("lrm/command-log/1", alias="schema")
+    arm: str = ""
+    count_us: float | None = Field(None, gt=0.0, le=100.0)
+
+
+@dataclass(frozen=True, eq=False)
+class CommandLog:
+    """Commanded angles q (N, n), rad, at times t (N,), s; `count_s`: rounding of the pulses, 0 if not known."""
+
+    path: Path
+    arm: Arm
+    t: Array
+    q: Array
+    count_s: float = 0.0
+
+    def at(self, t: Array) -> Array:
+        """(…, n), angles put out at times (…), straight between rows."""
+        flat = np.asarray(t, dtype=np.float64).reshape(-1)
+        out = np.stack([np.interp(flat, self.t, column) for column in self.q.T], axis=1)
+        for joint, column in enumerate(out.T if self.count_s else ()):
+            servo = self.arm.joints[joint].servo
+            if servo is not None:
+                pulse = np.floor(np.asarray(servo.pulse_of(column)) / self.count_s + 0.5) * self.count_s
+                out[:, joint] = servo.angle_of(pulse)
+        return out.reshape(*np.shape(t), -1)
+
+
+def read_command_log(path: Path, arm: Arm, reading: Reading, topic: str | None = None) -> CommandLog:
+    """A log of commands. `topic`: of an MCAP file with several of joint states. Raises `FileError`."""
+    if path.suffix == MCAP:
+        t, q = joint_track(path, arm, topic)
+        return _checked(CommandLog(path, arm, t, q))
+    poses, _ = load_pose_table(path, arm, reading)
+    if poses.t is None:
+        raise FileError(path, "header", "missing column t_s", "t_s (s) and q1_deg, ... as lrm record writes them")
+    beside, count = path.with_suffix(".toml"), None
+    if beside.is_file():
+        count = read_toml(beside, LogFile).count_us
+    return _checked(CommandLog(path, arm, poses.t, poses.q, 0.0 if count is None else 1e-6 * count))
+
+
+def _checked(log: CommandLog) -> CommandLog:
+    steps = np.diff(log.t)
+    if len(log.t) < 2 or (steps <= 0.0).any():
+        row = 1 + int(np.argmax(steps <= 0.0)) if len(log.t) > 1 else 0
+        raise FileError(log.path, f"row {row + 1}", "its time is not after that of the row before", "times that ascend")
+    if steps.max() > GAP_S:
+        row, what = int(np.argmax(steps)) + 2, f"{steps.max():.1f} s without a row before it"
+        raise FileError(log.path, f"row {row}", what, "a log without a pause; lrm record writes one")
+    if np.median(steps) > SPARSE_S:
+        what = f"rows {np.median(steps):.2g} s apart"
+        raise FileError(log.path, "t_s", what, f"the commands at least every {SPARSE_S:g} s, as lrm record writes them")
+    return log

@@ -1,0 +1,108 @@
+"""Advice is tried: what the poses proposed tell of two causes, and that nothing tells twins."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from lrm_ident.design.advice import NEEDED, CandidateCause, advise, as_measured, expected
+from lrm_ident.fitting.parameter_sets import fittable
+from lrm_math.arm.arm import Arm
+from lrm_math.arrays import Array
+from lrm_math.effects import effects_at
+from lrm_math.kinematics.poses import Poses
+from lrm_math.model.equilibrium import solve_equilibrium
+from lrm_math.model.model import Model, model_of
+from tests.support.random_arms import random_arm
+
+NOISE = 3e-4
+
+
+@pytest.fixture(scope="module")
+def arm() -> Arm:
+    return random_arm(3, 3)
+
+
+def base(arm: Arm) -> Model:
+    model = model_of(arm, (*effects_at(arm, "offsets"), *effects_at(arm, "compliance")))
+    return model.with_free(fittable(model))
+
+
+def causes(model: Model, *names: str) -> list[CandidateCause]:
+    return [CandidateCause.typical(effect, model.free) for name in names for effect in effects_at(model.arm, name)]
+
+
+def at_levels(arm: Arm, *levels: float) -> Poses:
+    q = np.random.default_rng(0).choice(levels, (60, arm.dof))
+    return as_measured(Poses(q, np.zeros(len(q))), None)
+
+
+def test_poses_at_any_angle_tell_what_two_levels_do_not(arm: Arm) -> None:
+    """At two levels a gain is an offset; the plan's poses were tried, and no more load was needed."""
+    model, measured = base(arm), at_levels(arm, -1.0, 1.0)
+    both = causes(model, "servo_gain@joint2", "coupling@joint2<-joint1")
+    now = expected(model, both, [measured], NOISE)
+    assert min(pair.lead for pair in now) < NEEDED
+    advice = advise(model, both, measured, NOISE, most=40)
+    assert advice.works
+    assert advice.plan is not None
+    assert "distinguish them" in advice.sentence
+    then = expected(model, both, [measured, advice.plan.poses], NOISE)
+    assert [pair.lead for pair in then] == [pair.lead for pair in advice.pairs]
+    assert min(pair.lead for pair in then) >= NEEDED
+
+
+def test_what_no_pose_tells_is_said_with_the_reason(arm: Arm) -> None:
+    """Without feedback a servo that yields and a joint that does are one motion."""
+    model = model_of(arm, effects_at(arm, "offsets"))
+    model = model.with_free(fittable(model))
+    twins = causes(model, "servo_droop@joint2", "compliance@joint2")
+    advice = advise(model, twins, None, NOISE, most=40)
+    assert not advice.works
+    assert not advice.helps
+    assert "No poses tried can distinguish" in advice.sentence
+    assert "they move the tip alike (cosine 1.00)" in advice.sentence
+
+
+def test_the_expected_lead_is_that_of_simulated_measurements(arm: Arm) -> None:
+    """Mean over noise of the paired z of squared residuals, each model refitted linearly: within a fifth."""
+    model, poses = base(arm), at_levels(arm, -1.0, -0.5, 0.0, 0.6, 1.1)
+    there, instead = causes(model, "servo_gain@joint2", "coupling@joint2<-joint1")
+    there = replace(there, size=0.5 * there.size)
+    lead = expected(model, [there, instead], [poses], NOISE)[0].lead
+    assert 2.0 < lead < 20.0
+    squares = _squares(model, poses, there, instead)
+    z = [float(d.mean() / d.std(ddof=1) * np.sqrt(len(d))) for d in squares]
+    assert np.mean(z) == pytest.approx(lead, rel=0.2)
+
+
+def _squares(model: Model, poses: Poses, there: CandidateCause, instead: CandidateCause) -> list[Array]:
+    """Differences of squared residuals per pose of measurements with `there`, fitted with either cause."""
+    from lrm_ident.design.advice import _columns
+
+    fitted, (own, other) = _columns(model, [there, instead], poses)
+    rng, out = np.random.default_rng(1), []
+    for _ in range(60):
+        seen = own[0] @ there.size + rng.normal(0.0, NOISE, len(fitted))
+        left = []
+        for columns in (other[0], own[0]):
+            A = np.concatenate([fitted, columns], axis=1)
+            residual = seen - A @ np.linalg.lstsq(A, seen, rcond=1e-9)[0]
+            left.append((residual.reshape(-1, 3) ** 2).sum(axis=1))
+        out.append(left[0] - left[1])
+    return out
+
+
+def test_poses_as_if_measured_have_an_order_and_times(arm: Arm) -> None:
+    first = at_levels(arm, -1.0, 1.0)
+    then = as_measured(Poses(first.q, first.payload), first)
+    assert then.number is not None
+    assert first.number is not None
+    assert then.t is not None
+    assert first.t is not None
+    assert then.number[0] == first.number[-1] + 1
+    assert then.t[0] > first.t[-1]
+    assert then.history is not None
+    solve_equilibrium(model_of(arm, effects_at(arm, "creep@joint2")), then)

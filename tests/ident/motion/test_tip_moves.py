@@ -1,0 +1,133 @@
+"""A tracked tip and a log of commands, by two clocks, show the link that swings; the oracle is a program of its own."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from lrm_ident.measuring.motion.motion_files import MotionSource, write_motion
+from lrm_ident.measuring.motion.motion_report import comparison_document, motion_document
+from lrm_ident.measuring.motion.motion_study import MotionStudy
+from lrm_ident.measuring.motion.tip_moves import TipMoves, tip_moves
+from lrm_ident.measuring.recordings.command_log import CommandLog
+from lrm_ident.measuring.recordings.take import TipTrack
+from lrm_math.arm.arm_file import load_arm
+from lrm_math.arrays import Array
+from lrm_math.errors import FileError
+from lrm_math.kinematics.chain import chain_of
+from lrm_math.kinematics.forward import chain_geometry
+from lrm_math.model.model import model_of
+from lrm_math.motion.effects import RestOffset, ServoResponse, Swing
+from lrm_math.motion.motion_model import load_motion
+from lrmd.sim.swing import inertia
+
+ARM = load_arm("lrm-rover")
+CLOCK_S, NOISE, SPEED, SERVO_S = 321.7, 2e-4, 0.5, 0.04
+POSTURE = np.array([0.0, 0.3, -0.5, 0.4, 0.3, 0.0])
+HZ, RATIO = 4.0, 0.05
+"""Of the swing of joint 1 at this posture."""
+
+
+@cache
+def recorded() -> tuple[CommandLog, TipTrack]:
+    """50 s in which joint 1 goes here and there, its servo with first-order lag, its link on a spring."""
+    rng, h = np.random.default_rng(1), 0.001
+    told, q = [], 0.0
+    while len(told) * h < 50.0:
+        goal = rng.uniform(-0.9, 0.9)
+        way = np.arange(1, int(abs(goal - q) / SPEED / h) + 2) * SPEED * h
+        told += [*(q + np.sign(goal - q) * np.minimum(way, abs(goal - q))), *([goal] * int(rng.uniform(0.8, 1.4) / h))]
+        q = goal
+    u = np.array(told)
+    servo, link = np.empty_like(u), np.empty_like(u)
+    s = y = v = 0.0
+    omega = 2.0 * np.pi * HZ
+    for k, goal in enumerate(u):
+        before, s = s, s + h / SERVO_S * (goal - s)
+        v += h * (omega**2 * (s - y) + 2.0 * RATIO * omega * ((s - before) / h - v))
+        y += h * v
+        servo[k], link[k] = s, y
+    t = 100.0 + h * np.arange(len(u))
+    return CommandLog(Path("log.csv"), ARM, t[::20], posed(u[::20])), tracked(t[::16], link[::16], rng)
+
+
+def posed(joint1: Array) -> Array:
+    q = np.tile(POSTURE, (len(joint1), 1))
+    q[:, 0] = joint1
+    return q
+
+
+def tracked(t: Array, joint1: Array, rng: np.random.Generator) -> TipTrack:
+    """The tip in a room of its own, 30 mm from the tool's frame."""
+    chain, q = chain_of(ARM), posed(joint1)
+    tool = chain_geometry(chain, chain.values(list(q.T)), len(q)).tool
+    at = (tool[3] + 0.03 * tool[0]).T
+    turn, _ = np.linalg.qr(np.random.default_rng(5).normal(size=(3, 3)))
+    turn *= np.sign(np.linalg.det(turn))
+    return TipTrack(
+        Path("tip.csv"), t + CLOCK_S, at @ turn.T + [1.0, 2.0, 0.5] + rng.normal(scale=NOISE, size=at.shape)
+    )
+
+
+@cache
+def study() -> MotionStudy:
+    moves = tip_moves(*recorded(), model_of(ARM, ()))
+    return MotionStudy.of(moves, (ServoResponse, RestOffset, Swing)).fit()
+
+
+def mean_hz() -> float:
+    """Frequency at the mean of all postures of what swings with `HZ` at this one."""
+    chain, rng = chain_of(ARM), np.random.default_rng(8)
+    lower, upper = (np.array([getattr(joint, side) for joint in ARM.joints]) for side in ("lower", "upper"))
+    mean = np.mean([inertia(chain, rng.uniform(lower, upper), 0.0)[0, 0] for _ in range(400)])
+    return float(HZ * np.sqrt(inertia(chain, POSTURE, 0.0)[0, 0] / mean))
+
+
+def test_the_link_that_swings_is_found_and_the_error_falls_to_the_noise() -> None:
+    start = study()
+    own = start.add("swing@joint1")
+    assert isinstance(own.moves, TipMoves)
+    assert own.moves.noise[0] == pytest.approx(NOISE, rel=0.15)
+    assert own.held_out_rms < 0.5 * start.held_out_rms
+    assert own.held_out_rms < 1.5 * NOISE
+    assert own.model.values["swing.joint1.frequency_Hz"] == pytest.approx(mean_hz(), rel=0.06)  # of 64 postures
+    assert own.model.values["swing.joint1.damping_ratio"] == pytest.approx(RATIO * mean_hz() / HZ, rel=0.1)
+    for document in (motion_document(own, "x"), comparison_document(own)):
+        assert "mm" in document.text()
+        assert document.json()
+
+
+def test_the_model_comes_back_from_its_file(tmp_path: Path) -> None:
+    write_motion(study(), "lrm-rover", tmp_path / "motion.toml")
+    file, _ = load_motion(tmp_path / "motion.toml")
+    assert file.history[0].held_out_mm == pytest.approx(1e3 * study().held_out_rms, rel=1e-6)
+
+
+def test_another_motion_is_refused_in_one_line() -> None:
+    log, track = recorded()
+    other = replace(track, position=track.position[::-1].copy())
+    with pytest.raises(FileError, match="does not follow that of the commands"):
+        tip_moves(log, other, model_of(ARM, ()))
+
+
+@pytest.mark.parametrize(
+    ("rows", "match"),
+    [
+        ("q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg\n0,0,0,0,0,0\n", "t_s"),
+        ("t_s,q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg\n0,0,0,0,0,0,0\n9,0,0,0,0,0,0\n", "without a row"),
+    ],
+)
+def test_a_log_that_cannot_serve_is_refused_in_one_line(tmp_path: Path, rows: str, match: str) -> None:
+    log, tip = tmp_path / "log.csv", tmp_path / "tip.csv"
+    log.write_text(rows)
+    tip.write_text("t_s,x_mm,y_mm,z_mm\n0,0,0,0\n")
+    with pytest.raises(FileError, match=match):
+        MotionSource(log, tip).moves(ARM)
+    with pytest.raises(FileError, match="--tip"):
+        MotionSource(log).moves(ARM)
+    with pytest.raises(FileError, match=r"read beside a log"):
+        MotionSource(tmp_path, tip).moves(ARM)
