@@ -12,7 +12,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from lrm_ident.data.wording import arrow, enumerate_words, in_mm
-from lrm_ident.design.advice import Advice
 from lrm_ident.diagnosis.attribution import attribution_of, unexplained_ratio
 from lrm_ident.diagnosis.contradiction import can_be_contradicted
 from lrm_ident.diagnosis.diagnosis_report import DiagnosisReport, RankedCandidate
@@ -111,7 +110,7 @@ def conclude(report: DiagnosisReport, names: CommandNames = UNKNOWN_FILES) -> Co
     return Conclusion(
         headline=_headline(report, attribution),
         facts=tuple((label, words) for label, words in _facts(report, attribution) if words),
-        reasons=report.limitations[:REASONS] if tells_why and not quiet else (),
+        reasons=(*_hopeless(report), *report.limitations)[:REASONS] if tells_why and not quiet else (),
         next=tuple(_next_steps(report, attribution, names)),
     )
 
@@ -324,8 +323,8 @@ def _next_steps(report: DiagnosisReport, attribution: Support | None, names: Com
         return
     files = f"{shlex.quote(names.model)} {shlex.quote(names.data)}"
     add = f"lrm-ident add {files} {shlex.quote(first.name)} -o better.toml"
-    if (advice := advice_of(report)) is not None:
-        yield _to_distinguish(advice, causes_of(report), names)
+    if (advice := advice_of(report)) is not None and advice.plan is not None and advice.helps:
+        yield _to_distinguish(advice.sentence, advice.plan.options, causes_of(report), names)
     if attribution == Support.DESCRIPTION:
         yield NextStep("Use the arm meanwhile: this corrects the error without knowing its cause.", add)
     else:
@@ -336,14 +335,19 @@ def _next_steps(report: DiagnosisReport, attribution: Support | None, names: Com
             yield NextStep("In one go: adds this and every further effect until none is missing.", auto)
 
 
-def _to_distinguish(advice: Advice, causes: Sequence[str], names: CommandNames) -> NextStep:
-    """The poses that distinguish causes, which were tried; without a command where none do."""
-    if advice.plan is None or not advice.helps:
-        return NextStep(advice.sentence)
+def _hopeless(report: DiagnosisReport) -> Iterator[str]:
+    """That no poses distinguish the causes, where none of those that were tried do."""
+    advice = advice_of(report)
+    if advice is not None and not advice.helps:
+        yield advice.sentence.partition(":")[0]
+
+
+def _to_distinguish(sentence: str, options: str, causes: Sequence[str], names: CommandNames) -> NextStep:
+    """The poses that distinguish causes, which were tried."""
     arm, rivals = shlex.quote(names.arm), shlex.quote(",".join(causes))
     model, data = shlex.quote(names.model), shlex.quote(names.data)
-    words = f"{advice.sentence} Measure the tip there, append to {names.data}."
-    poses = f"--separate {rivals} --have {data} {advice.plan.options} -o next.csv"
+    words = f"{sentence} Measure the tip there, append to {names.data}."
+    poses = f"--separate {rivals} --have {data} {options} -o next.csv"
     again = f"lrm-ident fit {data} --arm {arm} -o new.toml"
     return NextStep(words, f"lrm-ident design {arm} --model {model} {poses}", again)
 
