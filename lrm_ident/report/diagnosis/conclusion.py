@@ -324,7 +324,7 @@ def _next_steps(report: DiagnosisReport, attribution: Support | None, names: Com
     files = f"{shlex.quote(names.model)} {shlex.quote(names.data)}"
     add = f"lrm-ident add {files} {shlex.quote(first.name)} -o better.toml"
     if (advice := advice_of(report)) is not None and advice.plan is not None and advice.helps:
-        yield _to_distinguish(advice.sentence, advice.plan.options, causes_of(report), names)
+        yield _to_distinguish(advice.plan.options, causes_of(report), names)
     if attribution == Support.DESCRIPTION:
         yield NextStep("Use the arm meanwhile: this corrects the error without knowing its cause.", add)
     else:
@@ -342,11 +342,11 @@ def _hopeless(report: DiagnosisReport) -> Iterator[str]:
         yield advice.sentence.partition(":")[0]
 
 
-def _to_distinguish(sentence: str, options: str, causes: Sequence[str], names: CommandNames) -> NextStep:
+def _to_distinguish(options: str, causes: Sequence[str], names: CommandNames) -> NextStep:
     """The poses that distinguish causes, which were tried."""
     arm, rivals = shlex.quote(names.arm), shlex.quote(",".join(causes))
     model, data = shlex.quote(names.model), shlex.quote(names.data)
-    words = f"{sentence} Measure the tip there, append to {names.data}."
+    words = f"Writes poses that distinguish them. Measure the tip, append to {names.data}."
     poses = f"--separate {rivals} --have {data} {options} -o next.csv"
     again = f"lrm-ident fit {data} --arm {arm} -o new.toml"
     return NextStep(words, f"lrm-ident design {arm} --model {model} {poses}", again)
