@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -15,6 +15,8 @@ from lrm_math.effects import variants
 
 MOST_CAUSES = 4
 """That poses are sought for, the best first."""
+BY_ORDER = frozenset({"time", "session"})
+"""What only the order of measuring can tell, and no choice of poses."""
 _KNOWN: WeakKeyDictionary[DiagnosisReport, Advice | None] = WeakKeyDictionary()
 
 
@@ -23,7 +25,7 @@ def causes_of(report: DiagnosisReport) -> Sequence[str]:
     first, attribution = report.first, attribution_of(report)
     if first is None or attribution is None:
         return ()
-    known: Collection[str] = {one.name for one in report.ranking}
+    known = {one.name for one in report.ranking if BY_ORDER.isdisjoint(one.scored.candidate.effect.depends_on)}
     stands_for = variants(first.scored.candidate.effect) if attribution == Support.DESCRIPTION else (first.name,)
     return [name for name in dict.fromkeys((*stands_for, *first.equivalent)) if name in known][:MOST_CAUSES]
 

@@ -12,7 +12,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from lrm_ident.data.wording import arrow, enumerate_words, in_mm
-from lrm_ident.design.advice import Advice
 from lrm_ident.diagnosis.attribution import attribution_of, unexplained_ratio
 from lrm_ident.diagnosis.contradiction import can_be_contradicted
 from lrm_ident.diagnosis.diagnosis_report import DiagnosisReport, RankedCandidate
@@ -111,7 +110,7 @@ def conclude(report: DiagnosisReport, names: CommandNames = UNKNOWN_FILES) -> Co
     return Conclusion(
         headline=_headline(report, attribution),
         facts=tuple((label, words) for label, words in _facts(report, attribution) if words),
-        reasons=report.limitations[:REASONS] if tells_why and not quiet else (),
+        reasons=(*_hopeless(report), *report.limitations)[:REASONS] if tells_why and not quiet else (),
         next=tuple(_next_steps(report, attribution, names)),
     )
 
@@ -161,10 +160,8 @@ def _facts(report: DiagnosisReport, attribution: Support | None) -> Iterator[tup
         label = "empirical term" if attribution == Support.DESCRIPTION else "certainty"
         yield label, _certainty(report, first, attribution)
         yield "could be", _stands_for(report, first) if attribution == Support.DESCRIPTION else ""
-        yield (
-            "by hand",
-            "" if attribution == Support.DESCRIPTION or first.equivalent else by_hand(first.scored.candidate.effect),
-        )
+        named = attribution != Support.DESCRIPTION and not first.equivalent
+        yield "repair", by_hand(first.scored.candidate.effect) if named else ""
     if (first is None or attribution != Support.FINDING) and not _bounds_noise(report):
         yield "black-box model", report.left.predictable.brief
     if report.verdict == Verdict.UNEXPLAINED_STRUCTURE:
@@ -320,14 +317,14 @@ def _next_steps(report: DiagnosisReport, attribution: Support | None, names: Com
     first = report.first
     if first is None or attribution is None:
         yield _without_effect(report, names)
-        if report.verdict == "nothing_missing":
+        if report.verdict == Verdict.NOTHING_MISSING:
             export = f"lrm-ident arm export {shlex.quote(names.model)} -o arm.urdf"
             yield NextStep("Writes its rigid part for other programs; springs and play stay in the model.", export)
         return
     files = f"{shlex.quote(names.model)} {shlex.quote(names.data)}"
     add = f"lrm-ident add {files} {shlex.quote(first.name)} -o better.toml"
-    if (advice := advice_of(report)) is not None:
-        yield _to_distinguish(advice, causes_of(report), names)
+    if (advice := advice_of(report)) is not None and advice.plan is not None and advice.helps:
+        yield _to_distinguish(advice.plan.options, causes_of(report), names)
     if attribution == Support.DESCRIPTION:
         yield NextStep("Use the arm meanwhile: this corrects the error without knowing its cause.", add)
     else:
@@ -338,14 +335,19 @@ def _next_steps(report: DiagnosisReport, attribution: Support | None, names: Com
             yield NextStep("In one go: adds this and every further effect until none is missing.", auto)
 
 
-def _to_distinguish(advice: Advice, causes: Sequence[str], names: CommandNames) -> NextStep:
-    """The poses that distinguish causes, which were tried; without a command where none do."""
-    if advice.plan is None or not advice.helps:
-        return NextStep(advice.sentence)
+def _hopeless(report: DiagnosisReport) -> Iterator[str]:
+    """That no poses distinguish the causes, where none of those that were tried do."""
+    advice = advice_of(report)
+    if advice is not None and not advice.helps:
+        yield advice.sentence.partition(":")[0]
+
+
+def _to_distinguish(options: str, causes: Sequence[str], names: CommandNames) -> NextStep:
+    """The poses that distinguish causes, which were tried."""
     arm, rivals = shlex.quote(names.arm), shlex.quote(",".join(causes))
     model, data = shlex.quote(names.model), shlex.quote(names.data)
-    words = f"{advice.sentence} Measure the tip there, append to {names.data}."
-    poses = f"--separate {rivals} --have {data} {advice.plan.options} -o next.csv"
+    words = f"Writes poses that distinguish them. Measure the tip, append to {names.data}."
+    poses = f"--separate {rivals} --have {data} {options} -o next.csv"
     again = f"lrm-ident fit {data} --arm {arm} -o new.toml"
     return NextStep(words, f"lrm-ident design {arm} --model {model} {poses}", again)
 

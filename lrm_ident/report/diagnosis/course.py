@@ -187,7 +187,7 @@ def _sizes(course: AutoRun) -> Iterator[tuple[str, str]]:
     label = "estimate"
     for step, one in zip(course.steps[1:], course.attributions, strict=True):
         effect = present.get(step.added)
-        if one.kind == "description" or effect is None or effect.variant_of or not effect.about.claim:
+        if one.kind == Support.DESCRIPTION or effect is None or effect.variant_of or not effect.about.claim:
             continue
         words = {
             p.name: with_unit(fit.model.value(key) / p.si, errors.get(key, 0.0) / p.si, p.unit)

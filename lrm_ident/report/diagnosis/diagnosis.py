@@ -13,6 +13,7 @@ from lrm_ident.diagnosis.diagnosis_report import DiagnosisReport, RankedCandidat
 from lrm_ident.diagnosis.judgement import Support, Verdict
 from lrm_ident.diagnosis.reason import Reason, ReasonKind
 from lrm_ident.diagnosis.screening.candidates import Refusal
+from lrm_ident.report.diagnosis.advice import advice_of
 from lrm_ident.report.diagnosis.conclusion import PART, UNKNOWN_FILES, CommandNames, Conclusion, conclude, valid_where
 from lrm_ident.report.document import Block, Document, Facts, ResultTable, room_below, section
 from lrm_ident.report.plain_names import plain_name
@@ -35,7 +36,7 @@ def diagnosis_document(report: DiagnosisReport, names: CommandNames = UNKNOWN_FI
     """Result of `lrm-ident diagnose`, schema `lrm/diagnosis/1`. `names`: of the files in the commands to copy."""
     concluded = conclude(report, names)
     said = concluded.blocks()
-    counts = attribution_of(report) in ("finding", "possible_cause")
+    counts = attribution_of(report) in (Support.FINDING, Support.POSSIBLE_CAUSE)
     blocks = [*said, *(_candidates(report, room_below(said)) if counts else ())]
     details = [*_candidates(report, RANKED), *_details(report)]
     return Document(blocks, "lrm/diagnosis/1", _values(report, concluded), details=details, about=ABOUT)
@@ -153,6 +154,8 @@ def _details(report: DiagnosisReport) -> list[Block]:
         blocks.append(f"\nOutliers, left out: {poses_words(found.outliers)}")
     blocks += section("\nPatterns in the estimates, which are no effects", report.hints)
     blocks += section("\nWhat these poses cannot show", report.limitations)
+    advice = advice_of(report)
+    blocks += section("\nPoses that would distinguish the causes", () if advice is None else (advice.sentence,))
     return [*blocks, *section("\nNot testable with these poses", untestable(found.not_testable))]
 
 

@@ -94,7 +94,7 @@ def next_poses(study: Study, found: ModelReport, progress: Progress) -> NextPose
         arguments = (study.arm, *(("--separate", ",".join(names)) if names else ()))
         arguments += ("--noise-mm", f"{noise_mm:g}", "--loads-g", ",".join(f"{load:g}" for load in loads_g))
         arguments += ("--levels", str(levels)) if levels != DEFAULT_LEVELS else ()
-        blocks = [*(f"Not for a stronger rival: {words}." for words in refused), *document.blocks]
+        blocks = [*(f"Not for a stronger rival: {words}." for words in refused), *document.whole]
         arms = _arms(arm, chosen.poses.q)
         table = pose_table(chosen).csv()
         return NextPoses(_sentence(names, chosen), replace(document, blocks=blocks), arms, table, arguments)

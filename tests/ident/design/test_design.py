@@ -273,7 +273,7 @@ def test_the_commands_and_their_files(tmp_path: Path, lab: Arm) -> None:
         "option1",
     ]
     said = stdout_of("design", "lrm-lab", *words, "-o", poses, "--json", tmp_path / "d.json", "--figure", figure)
-    assert "distinguished from everything else" in said
+    assert "Smallest size that is distinguished from all else" in said
     table = read_csv(poses, ["pose", "q1_deg", "payload_g", "approach1", "approach6", "repeat_of"])
     assert len(table.rows) == 35
     assert set(numbers_of(table, "approach1")) == {-1.0, 1.0}

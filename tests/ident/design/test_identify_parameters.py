@@ -171,7 +171,7 @@ def written(folder: Path, arm: Arm) -> Path:
 def test_the_commands_and_what_stands_behind_their_figures(tmp_path: Path, lab: Arm) -> None:
     poses = written(tmp_path, lab)
     words = ["--json", tmp_path / "i.json", "--figure", tmp_path / "i.svg"]
-    said = stdout_of("identify-parameters", "lrm-lab", poses, *words)
+    said = stdout_of("identify-parameters", "lrm-lab", poses, "--all", *words)
     assert "δd1 moves the tip exactly like +0.866 mm δx_b +0.5 mm δz_b" in said
     found = json.loads((tmp_path / "i.json").read_text())
     assert found["schema"] == "lrm/identifiability/1"

@@ -50,4 +50,4 @@ def test_structure_says_what_it_looks_most_like(lab: Arm) -> None:
     assert [step.added for step in run.steps] == [""]
     assert report.verdict == "unexplained_structure"
     said = dict(conclude(report).facts)["acts most like"]
-    assert said.startswith("a free function of order in the gain of all joints: it would leave")
+    assert said.startswith("a free function of order in the gain of all joints, which leaves")

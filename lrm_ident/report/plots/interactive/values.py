@@ -61,7 +61,7 @@ def figure_values(found: ModelReport) -> dict[str, Any]:
         "marked": {why: list(numbers) for why, numbers in (found.marked or {}).items()},
         "where": _where(found),
         "next": _next(found, str(known.get("next_poses_hint", ""))),
-        "commands": [[one.command, said_of(one)] for one in _commands(found)],
+        "commands": [[one.command, one.words, one.then] for one in _commands(found)],
         "ranking": _ranking(found, known.get("ranking", ())),
     }
 
@@ -139,11 +139,6 @@ def _entry(found: ModelReport, number: int) -> dict[str, Any]:
 def _next(found: ModelReport, hint: str) -> str:
     """What to do next; nothing where commands and their words state it."""
     return "" if _commands(found) else hint
-
-
-def said_of(step: NextStep) -> str:
-    """What a command does, and the one after it."""
-    return f"{step.words} Then: {step.then}" if step.then else step.words
 
 
 def _commands(found: ModelReport) -> tuple[NextStep, ...]:

@@ -25,7 +25,8 @@ function lrmSteps(page) {
     if (next) next.replaceChildren(...(state.step === last ? following(v) : []));
     if (!box) return;
     const first = v.ranking.find((one) => one.verdict !== "no_evidence"), sketch = place("sketch");
-    if (sketch) sketch.replaceChildren(...(first && state.step === last ? [lrmSketch(first.name)] : []));
+    const caused = first && !v.facts.some(([label]) => label === "empirical term"); // what has no cause has no picture of one
+    if (sketch) sketch.replaceChildren(...(caused && state.step === last ? [lrmSketch(first.name)] : []));
     drawFacts(place("facts"), state.step === last ? v.facts : []);
     const own = state.step === last ? v.verdict : v.steps[state.step].verdict;
     const earlier = own ? `At step ${state.step}, before what came next: ${own}` : `Step ${state.step} of ${last} is shown; its diagnosis is not kept.`;
@@ -34,7 +35,8 @@ function lrmSteps(page) {
 
   // What to do next: in words, and as commands to copy.
   function following({ next, commands }) {
-    const copied = commands.flatMap(([command, words], k) => [element("br", ""), k ? "or: " : "", element("code", command), ` ${words}`]);
+    const copied = commands.flatMap(([command, words, then], k) => [element("br", ""), k ? "or: " : "", element("code", command), ` – ${words}`,
+      ...(then ? [" Then: ", element("code", then)] : [])]);
     const said = [next || commands.length ? `Next: ${next}` : "", ...copied];
     return said.filter(Boolean);
   }

@@ -50,11 +50,12 @@ function lrmStory(page) {
       const now = steps[steps.length - 1].left_mm;
       list.append(row({ title: `if added: ${one.title}`, kind: "if added", number: null, left: one.held, left_mm: one.heldOut, before_mm: now }, scale));
     }
-    const ends = [["as deployed", steps[steps.length - 1].deployed_mm], ["nested", story.nested_rms_mm],
+    const end = steps[steps.length - 1], other = end.deployed_mm !== null && end.deployed_mm !== undefined && words(end.deployed_mm) !== words(end.left_mm);
+    const ends = [["as deployed", other ? end.deployed_mm : null], ["nested", story.nested_rms_mm],
       [story.noise_rms_mm === null ? "noise at most" : "measurement noise", noise]].filter(([, mm]) => mm !== null && mm !== undefined);
     list.append(...ends.map(([title, mm]) => row({ title, kind: "end", number: null, left: words(mm), left_mm: mm, before_mm: mm }, scale)));
     list.style.setProperty("--noise", noise === null ? "-10%" : 100 * Math.min(noise / scale, 1) + "%");
-    const what = `${story.held_out ? "RMS error at poses that the fit did not use (held-out)" : "RMS error on these data"}, mm. Pale: error that remains. Solid: error taken away.` +
+    const what = `${story.held_out ? "RMS error at poses that the fit did not use (held-out)" : "RMS error on these data"}, mm. Pale: error that remains. Solid: error taken away.${one && one.gain !== null ? " Hatched: what the chosen effect would take away." : ""}` +
       (noise === null ? "" : " Dotted line: measurement noise.") + (scale < most ? " The bar of the nominal arm is cut short." : "");
     box.replaceChildren(list, element("p", what, "lrm-small lrm-soft"));
     lrmGlossary(box);
