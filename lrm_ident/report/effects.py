@@ -23,7 +23,7 @@ OFFLINE = "explains a measurement session; never deployed silently"
 def listed(command: str, title: str, names: Sequence[str]) -> Iterator[Block]:
     """Names in a few lines, and the command that explains one of them."""
     yield heading(f"{title}, each explained by {command}; all of them with --all:")
-    yield f"  {', '.join(names)}"
+    yield f"  {', '.join(map(marked, names))}"
 
 
 def effect_blocks(kind: type[Effect], in_full: bool) -> Iterator[Block]:

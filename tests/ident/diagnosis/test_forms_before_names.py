@@ -260,7 +260,7 @@ def test_gain_at_few_levels_is_hinted_at(lab: Arm, described: ArmDescription) ->
     few = replace(data, poses=replace(data.poses, q=q, payload=np.zeros(90)), tcp=tcp)
     model = model_of(lab, effects_at(lab, "servo_gain@joint2"))
     hints = parameter_hints(fit(replace(model, free=model.keys), few))
-    assert any(hint.startswith("servo_gain of joint2 rest on 3 levels") for hint in hints)
+    assert any(hint.startswith("servo_gain of joint 2 rest on 3 levels") for hint in hints)
 
 
 @pytest.mark.slow
