@@ -33,7 +33,7 @@ def _from_above(axes: Axes, found: dict[str, Any]) -> None:
     for name, area in areas().items():
         (x, y), (x_end, y_end) = 1e3 * np.array(area.low[:2]), 1e3 * np.array(area.high[:2])
         axes.fill([x, x_end, x_end, x], [y, y, y_end, y_end], color="#eeeeee", zorder=0)
-        axes.text(x, y_end + 4, name, fontsize=9, color="#555555")
+        axes.text(x + 2, y_end - 3, name, fontsize=9, color="#555555", verticalalignment="top")
     places = 1e3 * np.array([entry["place_m"] for entry in found["calibrated"]])
     for model, colour in COLOURS.items():
         lines = [(e["place_m"], e["tip_m"]) for e in found[model] if e["tip_m"] is not None]

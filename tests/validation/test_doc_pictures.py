@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from validation.doc_pictures import COMMANDS, PICTURES
 
-OF_A_PAGE = {"social-card", "fleet"}
-"""Screenshots: `validation.workbench.story`, and the test of a fleet's page in a browser."""
+OF_A_PAGE = {"social-card"}
+"""Screenshots, by `validation.workbench.story`."""
 
 
 def test_every_picture_has_a_script_and_every_script_a_picture() -> None:
