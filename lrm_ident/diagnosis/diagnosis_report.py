@@ -51,7 +51,10 @@ NEXT_STEP: Mapping[Verdict, str] = {
         "Measure some of these poses again in another order. An error that repeats belongs to the arm; "
         "one that does not is a loose part, creep or noise."
     ),
-    Verdict.NOTHING_MISSING: "Sends it to lrmd, the program that drives the arm. To check it: lrm-ident verify --help",
+    Verdict.NOTHING_MISSING: (
+        "Sends it to lrmd, the program that drives the arm. To check it with a tracker: "
+        "lrm-ident verify --tracker dtrack:5000 --goals 50"
+    ),
     Verdict.NOISE_UNKNOWN: (
         "Measure five poses twice or more (column repeat_of), or state the noise of the instrument "
         "(noise_sd_mm), and diagnose again."

@@ -22,13 +22,13 @@ OPEN = 6
 SENTENCE = 40
 """Letters of a cell from which a last column holds sentences, which stand below their row on a narrow screen."""
 BAR = "█"
-WORDS: Mapping[str, str] = {
-    "±": "±: standard error",
-    "held out": "held out: not used in the fit",
-    "rms": "RMS: root mean square",
+WORDS: Mapping[str, tuple[str, str]] = {
+    "±": ("±: standard error", '"standard error"'),
+    "held out": ("held out: not in the fit", "held-out"),
+    "rms": ("RMS: root mean square", "RMS"),
 }
-"""Words that the line below an output explains where it uses them."""
-EXPLAIN = "words: lrm-ident explain WORD"
+"""Words that the line below an output explains where it uses them, and what `explain` calls them."""
+EXPLAIN = "more: lrm-ident explain"
 COLUMNS, LINES, FOOT = 80, 20, 6
 """A terminal's width; lines of a result; those of them that stand around a table below a conclusion."""
 WHOLE_WORDS: Mapping[str, Any] = {"break_long_words": False, "break_on_hyphens": False}
@@ -199,11 +199,13 @@ def room_below(blocks: Sequence[Block]) -> int:
 def _jargon(blocks: Sequence[Block]) -> Iterator[str]:
     """What RMS or held out means, once below an output that uses it."""
     text = " ".join(map(_words_of, blocks)).lower().replace("held-out", "held out")
-    used = [*(line for word, line in WORDS.items() if word in text), EXPLAIN]
-    if len(used) > 1:
-        while len("; ".join(used)) > COLUMNS:
-            used.pop(-2)
-        yield "; ".join(used)
+    used = [explained for word, explained in WORDS.items() if word in text]
+    while used:
+        line = "; ".join([*(said for said, _ in used), f"{EXPLAIN} {used[-1][1]}"])
+        if len(line) <= COLUMNS:
+            yield line
+            return
+        used.pop()
 
 
 def _words_of(block: Block) -> str:

@@ -99,7 +99,10 @@ class Eccentricity(AngleDependentEffect, LinearEffect):
         ),
         formula="δq = Σ a_n sin nq + b_n (cos nq − 1), n = 1, 2",
         source="Fourier series of a periodic error of the joint",
-        claim="{place} turns unevenly: {a1_rad} and {b1_rad} once a turn, {a2_rad} and {b2_rad} twice",
+        claim=(
+            "{place} turns unevenly: sine {a1_rad} and cosine {b1_rad} once a turn, sine {a2_rad} and cosine {b2_rad} "
+            "twice"
+        ),
         needs="seven or more angles of the joint",
     )
     extrapolation = Extrapolation.PERIODIC

@@ -234,7 +234,7 @@ def _certainty(report: DiagnosisReport, first: RankedCandidate, attribution: Sup
         ratio = unexplained_ratio(report) or 0.0
         if not report.replicates:
             rivals = f" These poses cannot distinguish it from {beside}." if beside else ""
-            return f"only a candidate cause: fitted on each half of the data alone, it is not chosen in both.{rivals}"
+            return f"only a candidate cause: the two halves of the data do not agree on it.{rivals}"
         rivals = f" These poses cannot distinguish it from {beside}." if beside else ""
         return (
             f"only a candidate: it leaves {ratio:.1f} times the squared error that it explains (limit "

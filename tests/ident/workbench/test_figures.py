@@ -119,7 +119,7 @@ def test_what_explains_as_well_is_told_apart_and_every_card_says_what_was_found(
     stdout_of("report", first, EXAMPLE, "-o", page)
     ranking = {one["name"]: one for one in _values_of(page)["ranking"]}
     assert ranking["backlash@joint2"]["standing"] == "supported"
-    assert ranking["torque_curve@joint2"]["mark"] == "◌ explains it too, with more parameters"
+    assert ranking["torque_curve@joint2"]["mark"] == "◌ imitates the first, with more parameters"
     assert ranking["nonlinear_stiffness@joint2"]["standing"] == "partly"
     assert ranking["backlash@joint2"]["gain"] > 2.0 > ranking["nonlinear_stiffness@joint2"]["gain"] > 1.0
     bare = first.with_name("bare.toml")

@@ -47,7 +47,7 @@ def test_the_size_of_an_effect_moves_arrows_and_rms_before_any_refit(browser: An
     page.click(f"#lrm-ranking [data-name='{other}']")
     assert page.evaluate("lrm.state.size") == 0
     assert page.evaluate("lrm.scenes.field.content.residual") == measured
-    assert page.evaluate("lrm.scenes.field.content.title").startswith("0 ")
+    assert page.evaluate("lrm.scenes.field.content.title").startswith("geometry and springs: RMS")
     assert not seen.errors
 
 

@@ -30,7 +30,7 @@ STANDINGS = {
     EMPIRICAL: "◇ empirical term, no identified cause",
     "indistinguishable": "◐ indistinguishable with these poses",
     BESIDE: "● supported beside the first",
-    "explains_too": "◌ explains it too, with more parameters",
+    "explains_too": "◌ imitates the first, with more parameters",
     "as_well": "◌ explains it too, no better than the first",
     "partly": "◔ explains part of it",
     "no_evidence": "○ no evidence",
@@ -116,9 +116,18 @@ def _step(found: ModelReport, number: int) -> dict[str, Any]:
         "title": step.name if entry is None else GEOMETRY if entry.kind == FIT else step_title(entry),
         "verdict": "" if judged is None else judged.verdict,
         "rms": in_mm(step.error.rms),
+        "held": _held_out(found, number),
         "residual": rounded(step.residual * 1e3, UM),
         "turns": rounded(np.degrees(np.where(lever > SHARE**2 * mean, step.turns, np.nan)), ANGLE),
     }
+
+
+def _held_out(found: ModelReport, number: int) -> str:
+    """The held-out error of a step on the open data, as the headline prints it; empty where it is not known."""
+    entry = found.file.history[number] if found.file.history else None
+    if entry is None or entry.held_out_rms_mm is None or not of_data(entry, found.poses.sha256):
+        return ""
+    return in_mm(entry.held_out_rms_mm * 1e-3)
 
 
 def _entry(found: ModelReport, number: int) -> dict[str, Any]:

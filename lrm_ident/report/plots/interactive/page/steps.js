@@ -8,8 +8,11 @@ function lrmSteps(page) {
     const box = place("fall"), v = state.values, last = v.steps.length - 1;
     if (!box) return;
     const whole = v.story ? v.story.sentence.replaceAll(/(\d) mm/g, "$1\u00a0mm") : `RMS ${v.steps[last].rms} mm`;
+    const first = v.ranking.find((one) => one.verdict !== "no_evidence");
+    const caused = first && v.story && v.story.held_out && !v.facts.some(([label]) => label === "empirical term");
+    const added = caused ? ` → ${first.held} mm with ${first.title}` : "";
     const shown = state.step === last ? "" : ` Shown: step ${state.step}, ${v.steps[state.step].title}.`;
-    box.replaceChildren(element("span", whole, "lrm-fall-figure"), element("span", shown, "lrm-soft"));
+    box.replaceChildren(element("span", whole + added, "lrm-fall-figure"), element("span", shown, "lrm-soft"));
   }
 
   // What a step found; what the data cannot tell it from is named with it.
