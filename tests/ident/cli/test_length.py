@@ -124,8 +124,9 @@ def test_what_a_diagnosis_advises_runs_as_it_is_printed(model: str, folder: Path
             shutil.copy(folder / name, tmp_path / name)
     with pytest.MonkeyPatch.context() as patched:
         patched.chdir(tmp_path)
-        advised = ADVISED.findall(stdout_of("diagnose", f"{model}.toml", data))
-        assert advised
+        told = stdout_of("diagnose", f"{model}.toml", data)
+        advised = ADVISED.findall(told)
+        assert advised or "Next: Measure" in told
         for command in advised:
             words = shlex.split(command)[1:]
             said = stdout_of(*words, *(("--no-nested", "--max-effects", "1") if words[0] == "auto" else ()))
