@@ -113,7 +113,8 @@ class CollisionGuard:
         """(pairs,), the separation (m) that the rule requires of a way that begins at a pose (n,)."""
         here = np.minimum(self.scene.margin, bodies.separations(start[None])[0])
         names = self.scene.names.tolist()
-        alone = [frozenset(pair) in self.touched or not self.scene.around.isdisjoint(pair) for pair in names]
+        apart = self.touched | {frozenset(names[number]) for number in self.scene.permits}
+        alone = [frozenset(pair) in apart or not self.scene.around.isdisjoint(pair) for pair in names]
         common = here[~np.array(alone)].min(initial=self.scene.margin)
         return np.asarray(np.where(alone, here, common), dtype=np.float64)
 
