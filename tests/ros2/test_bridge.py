@@ -244,7 +244,7 @@ def test_an_action_is_followed_cancelled_and_held_when_its_client_is_lost(tmp_pa
             client = peer.client_of(f"{ACTION}/send_goal")
             time.sleep(0.5)
             assert not accepted(peer, 2, near, tolerance=True)
-            assert accepted(peer, 3, near)  # it does not arm: nothing moves
+            wait_for(lambda: accepted(peer, 3, near), "a new client's goal is taken")  # it does not arm: nothing moves
             status, code, why = result_of(peer, 3)
             assert (status, code) == (6, -4)
             assert "disarmed" in why

@@ -306,9 +306,21 @@ def test_files_of_other_kinds_are_named_in_one_line(content: bytes, said: str, t
 
 OPTION = re.compile(r"(?<![\w-])--[a-z][a-z0-9-]+[a-z0-9]")
 OTHERS = frozenset(
-    {"--src", "--dst", "--dst-storage", "--line", "--grid", "--cross-figure", "--frame-id", "--child-frame-id"}
+    {
+        "--src",
+        "--dst",
+        "--dst-storage",
+        "--line",
+        "--grid",
+        "--cross-figure",
+        "--frame-id",
+        "--child-frame-id",
+        "--rest",
+        "--topic",
+    }
 )
-"""Options of other programs that messages advise, colours of a page, and an example in a docstring."""
+"""Options of other programs that messages advise, colours of a page, an example in a docstring; two of a tip's
+recording, whose messages `test_tip_moves` reads."""
 
 
 def options_of(command: Any) -> Iterator[str]:

@@ -121,4 +121,4 @@ def test_without_a_known_noise_nothing_missing_is_never_said(lab: Arm) -> None:
     blind = replace(data, noise_sd=None)
     report = build_report(diagnose(model, blind, KINDS))
     assert report.verdict == "noise_unknown"
-    assert "measurement noise not known, at most" in str(diagnosis_document(report).blocks)
+    assert "noise at most" in str(diagnosis_document(report).blocks)

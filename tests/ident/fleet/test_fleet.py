@@ -228,5 +228,5 @@ def test_rates_of_a_prior_file_reach_diagnose_and_auto(manifest: Path, tmp_path:
     assert "no such prior" in stderr_of("diagnose", model, data, "--prior", "none")
     better = tmp_path / "better.toml"
     said = stdout_of("auto", model, data, "--no-nested", "--max-effects", 1, "--prior", path, "-o", better)
-    assert "Then with the prior x: all" in said
+    assert "Then refit: all" in said
     assert read_toml(better, ModelFile).history[-1].name == StepName(REFIT, "x")

@@ -11,6 +11,7 @@ import pytest
 
 from lrm_ident.data.measurement_file.load import load_measurements
 from lrm_ident.design.adaptive_batch import BATCH, FIRST_BATCH, AdaptiveFindings, StoppingGoal
+from lrm_ident.diagnosis.judgement import Verdict
 from lrm_ident.measuring.campaign import adaptive
 from lrm_ident.measuring.campaign.adaptive import AdaptiveCampaign
 from lrm_ident.measuring.campaign.data_file import ArmState, DataFile
@@ -114,7 +115,7 @@ def test_killed_it_goes_on_where_it_was(tmp_path: Path) -> None:
 
 
 def unsure(error: float = 1e-3, names: tuple[str, ...] = ("a@b", "c@d")) -> AdaptiveFindings:
-    return AdaptiveFindings(TRUE, (names,), (), TRUE, "nothing_missing", error, error, 3e-4)
+    return AdaptiveFindings(TRUE, (names,), (), TRUE, Verdict.NOTHING_MISSING, error, error, 3e-4)
 
 
 def given(monkeypatch: pytest.MonkeyPatch, *findings: AdaptiveFindings) -> None:
