@@ -31,6 +31,8 @@ from lrm_math.kinematics.forward import frames
 Indices = NDArray[np.intp]
 BATCH = 500
 """Poses computed at once: as many as stay in the processor's cache."""
+TOUCHING = 1e-9
+"""m: an axis that is nearer to an obstacle lies in it; where it crosses one, its distance is 0 but for rounding."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,7 +78,7 @@ class PlacedGrid:
         """(N, C), m, of axes `ends` (N, C, 2, 3) from the columns; `with_depth`: less the depth of an axis in them."""
         a, b = (((ends - self.origin) @ self.rotation).reshape(-1, 2, 3)[:, k] for k in (0, 1))
         apart = self.grid.distance(a, b)
-        inside = apart <= 0.0
+        inside = apart <= TOUCHING
         if with_depth and inside.any():
             apart[inside] -= self.grid.depth(a[inside], b[inside])
         return np.asarray(apart.reshape(ends.shape[:2]))
@@ -292,7 +294,7 @@ class Scene:
         in_box = np.einsum("nmej,mji->nmei", ends[:, c] - self.box_centre[k, None], self.box_rotation[k])
         a, b, half = in_box[:, :, 0], in_box[:, :, 1], self.box_half[k]
         to_boxes = segment_to_box(a, b, half)
-        inside = to_boxes <= 0.0
+        inside = to_boxes <= TOUCHING
         if with_depth and inside.any():
             to_boxes[inside] -= depth_in_box(a[inside], b[inside], np.broadcast_to(half, a.shape)[inside])
         to_grids = [grid.separations(ends[:, grid.capsules], with_depth) for grid in self.grids]

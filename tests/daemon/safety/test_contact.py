@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from lrm_math.arm.collision_shapes import WORLD, Capsule, HeightField
@@ -179,6 +179,7 @@ def test_two_parts_of_the_arm_may_never_touch(scene: Scene) -> None:
 
 
 @given(st.integers(0, 10_000))
+@example(350)
 @settings(max_examples=12, deadline=None)
 def test_the_independent_distances_are_those_of_the_scene(seed: int) -> None:
     """Of arms among boxes, a sphere and a map; those within the margin to 20 um."""
@@ -197,11 +198,7 @@ def test_the_independent_distances_are_those_of_the_scene(seed: int) -> None:
         found = theirs.get((first, second), theirs.get((second, first)))
         mine = ours[:, number] if second != "map" else np.maximum(ours[:, number], -scene.radii[number])
         near = mine < MARGIN
-        if second == "map":  # the oracle searches along a capsule, and may miss the nearest of many columns
-            assert (found[near] >= mine[near] - 2e-5).all()
-            assert not near.any() or np.mean(np.abs(found - mine)[near] < 2e-5) > 0.9
-        else:
-            assert found[near] == pytest.approx(mine[near], abs=2e-5), (first, second)
+        assert found[near] == pytest.approx(mine[near], abs=2e-5), (first, second)
         assert (found[~near] > MARGIN - 2e-5).all()
 
 
@@ -211,4 +208,11 @@ def test_no_sequence_of_requests_makes_a_permission_leak(seed: int) -> None:
     """To another pair, place, depth, request or client; the others keep the margin in every tick, and so do obstacles
     that come, move and go meanwhile. Told by distances that share no code with the guard's."""
     result = GuardedSequence(seed, FASTER).run(6, contacts=True)
+    assert result.kept, result
+
+
+@pytest.mark.parametrize("seed", [4241, 8030, 8121, 8525, 8963])
+def test_an_arm_that_is_armed_in_an_overlap_comes_no_deeper_by_a_permission(seed: int) -> None:
+    """Sequences that once did: by the room of another pair, or where an axis crosses a box and its depth was left out."""
+    result = GuardedSequence(seed, 5).run(4, contacts=True)
     assert result.kept, result

@@ -46,14 +46,15 @@ def bodies_apart(arm: Arm, placed: Array, around: Sequence[Obstacle], below: flo
     carrier = {c.name: 0 if c.frame == WORLD else c.frame for c in capsules} | {s.name: 0 for s in solids}
     found: dict[tuple[str, str], Array] = {}
 
-    def add(capsule: Capsule, other: Obstacle, signed: Signed, radius: float) -> None:
+    def add(capsule: Capsule, other: Obstacle, signed: Sequence[Signed], radius: float) -> None:
         apart = abs(carrier[capsule.name] - carrier[other.name]) > 1
         if apart and (capsule.name, other.name) not in arm.shapes.ignored:
-            found[capsule.name, other.name] = _least(*axes[capsule.name], signed, below + radius) - radius
+            nearest = [_least(*axes[capsule.name], one, below + radius) for one in signed]
+            found[capsule.name, other.name] = np.min(nearest, axis=0) - radius
 
     for number, capsule in enumerate(capsules):
         for other in capsules[number + 1 :]:
-            add(capsule, other, _to_segment(*axes[other.name]), capsule.radius + other.radius)
+            add(capsule, other, [_to_segment(*axes[other.name])], capsule.radius + other.radius)
         for solid in solids:
             add(capsule, solid, _to_solid(solid, placed[0, 0]), capsule.radius)
     return found
@@ -92,9 +93,10 @@ def _to_segment(start: Array, end: Array) -> Signed:
     return signed
 
 
-def _to_solid(solid: Obstacle, base: Array) -> Signed:
-    """Of a box the signed distance, of a heightfield that to its columns, 0 inside."""
-    rotation = turn(0, solid.rotation[0]) @ turn(1, solid.rotation[1]) @ turn(2, solid.rotation[2])  # type: ignore[union-attr]
+def _to_solid(solid: Obstacle, base: Array) -> list[Signed]:
+    """Of a box the signed distance; of a heightfield that to each column: each is convex, all together are not."""
+    assert isinstance(solid, Box | HeightField)
+    rotation = turn(0, solid.rotation[0]) @ turn(1, solid.rotation[1]) @ turn(2, solid.rotation[2])
     if isinstance(solid, Box):
         frame = (base if solid.in_base else np.eye(4)) @ shift(*solid.centre) @ rotation
         half = 0.5 * np.array(solid.size)
@@ -104,17 +106,18 @@ def _to_solid(solid: Obstacle, base: Array) -> Signed:
             outside = np.linalg.norm(np.maximum(beyond, 0.0), axis=-1)
             return np.asarray(outside + np.minimum(beyond.max(axis=-1), 0.0))
 
-        return signed
-    assert isinstance(solid, HeightField)
-    frame, cell = shift(*solid.origin) @ rotation, solid.cell
-    columns = [(i, j, h) for i, row in enumerate(solid.heights) for j, h in enumerate(row) if h > -np.inf]
+        return [signed]
+    frame = shift(*solid.origin) @ rotation
+    cells = [(i, j, high) for i, row in enumerate(solid.heights) for j, high in enumerate(row) if high > -np.inf]
+    return [_to_column(frame, solid.cell, *cell) for cell in cells]
+
+
+def _to_column(frame: Array, cell: float, i: int, j: int, high: float) -> Signed:
+    """Of the column in row i and place j of a grid, without end below."""
 
     def above(_: Array, points: Array) -> Array:
-        local, out = (points - frame[:3, 3]) @ frame[:3, :3], np.full(points.shape[:-1], np.inf)
-        for i, j, high in columns:
-            sides = [np.abs(local[..., axis] - (k + 0.5) * cell) - 0.5 * cell for axis, k in ((0, j), (1, i))]
-            squared = sum(np.maximum(gap, 0.0) ** 2 for gap in (*sides, local[..., 2] - high))
-            out = np.minimum(out, np.sqrt(squared))
-        return out
+        local = (points - frame[:3, 3]) @ frame[:3, :3]
+        sides = [np.abs(local[..., axis] - (k + 0.5) * cell) - 0.5 * cell for axis, k in ((0, j), (1, i))]
+        return np.sqrt(sum(np.maximum(gap, 0.0) ** 2 for gap in (*sides, local[..., 2] - high)))
 
     return above
