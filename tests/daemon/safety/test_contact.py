@@ -213,6 +213,6 @@ def test_no_sequence_of_requests_makes_a_permission_leak(seed: int) -> None:
 
 @pytest.mark.parametrize("seed", [4241, 8030, 8121, 8525, 8963])
 def test_an_arm_that_is_armed_in_an_overlap_comes_no_deeper_by_a_permission(seed: int) -> None:
-    """Sequences that once did: by the room of another pair, or where an axis crosses a box and its depth was left out."""
+    """Sequences that once did: by the room of another pair, or where the depth of an axis in a box was left out."""
     result = GuardedSequence(seed, 5).run(4, contacts=True)
     assert result.kept, result
