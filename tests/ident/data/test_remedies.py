@@ -319,8 +319,7 @@ OTHERS = frozenset(
         "--topic",
     }
 )
-"""Options of other programs that messages advise, colours of a page, an example in a docstring; two of a tip's
-recording, whose messages `test_tip_moves` reads."""
+"""Options of other programs that messages advise, colours of a page, and an example in a docstring."""
 
 
 def options_of(command: Any) -> Iterator[str]:

@@ -26,6 +26,8 @@ from lrm_math.model.model import model_of
 from lrm_math.motion.effects import RestOffset, ServoResponse, Swing
 from lrm_math.motion.motion_model import load_motion
 from lrmd.sim.swing import inertia
+from tests.conftest import EXAMPLE
+from tests.support.commands import stderr_of, stdout_of
 
 ARM = load_arm("lrm-rover")
 CLOCK_S, NOISE, SPEED, SERVO_S = 321.7, 2e-4, 0.5, 0.04
@@ -128,6 +130,11 @@ def test_one_mcap_file_has_commands_and_tip(tmp_path: Path) -> None:
     np.testing.assert_allclose(moves.tip[moves.counted].std(axis=0), same.tip[same.counted].std(axis=0), rtol=1e-2)
     with pytest.raises(FileError, match=r"no joint states in /arm: /joint_states"):
         MotionSource(path, topic="/arm").moves(ARM)
+    command = ("motion", "fit", path, "--arm", "lrm-rover", "-o", tmp_path / "motion.toml")
+    assert "no joint states in /arm" in stderr_of(*command, "--topic", "/arm")
+    rest = tmp_path / "rest.toml"
+    stdout_of("fit", EXAMPLE, "-o", rest)
+    assert "is a model of lrm-lab" in stderr_of(*command, "--rest", rest)
     with pytest.raises(UnknownName, match="hand"):
         MotionSource(path, tool="hand").moves(ARM)
 
