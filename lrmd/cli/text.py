@@ -112,8 +112,8 @@ def step_text(info: InfoState) -> str:
     """Largest change of a pulse at once: as commanded, and as the board puts it out in counts."""
     largest = math.ceil(round(info.step_us / info.count_us, 6)) * info.count_us
     return (
-        f"pulses: commanded in steps of at most {info.step_us:g} us per tick; put out in counts of "
-        f"{info.count_us:.2f} us ({info.pwm_hz:.0f} Hz), so in steps of at most {largest:.2f} us"
+        f"pulses: commanded in steps of at most {info.step_us:g} us per tick;\n"
+        f"put out in counts of {info.count_us:.2f} us ({info.pwm_hz:.0f} Hz), so in steps of at most {largest:.2f} us"
     )
 
 
@@ -168,8 +168,8 @@ def tcp_text(answer: FkAnswer) -> str:
     sd = "" if answer.sd_m is None else f", standard deviation {answer.sd_m * 1e3:.2f} mm"
     (r11, _, _), (r21, _, _), (r31, r32, r33) = answer.rotation
     angles = math.atan2(r32, r33), -math.asin(max(-1.0, min(1.0, r31))), math.atan2(r21, r11)
-    rpy = ", ".join(f"{math.degrees(a):.1f}" for a in angles)
-    torques = ", ".join(f"{t:.3f}" for t in answer.tau_nm)
+    rpy = ", ".join(f"{math.degrees(a):z.1f}" for a in angles)
+    torques = ", ".join(f"{t:z.3f}" for t in answer.tau_nm)
     lines = [f"TCP at ({x:.1f}, {y:.1f}, {z:.1f}) mm{sd}", f"roll, pitch, yaw ({rpy}) deg", f"torques ({torques}) Nm"]
     return "\n".join([*lines, *_range_lines(answer.outside_range)])
 
