@@ -76,7 +76,7 @@ class LrmArgumentParser(argparse.ArgumentParser):
         return options
 
 
-def parser() -> argparse.ArgumentParser:
+def parser() -> LrmArgumentParser:
     """The command line."""
     p = LrmArgumentParser("lrm", description=DESCRIPTION, formatter_class=argparse.RawDescriptionHelpFormatter)
     p.add_argument("--robot", default="rover", help="name of the robot whose daemon to use (default: %(default)s)")
