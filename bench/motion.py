@@ -14,10 +14,13 @@ from __future__ import annotations
 
 import argparse
 import json
+import re
+import subprocess
+import sys
 import tempfile
 import time
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -33,13 +36,14 @@ from lrm_math.arm.arm_file import load_arm
 from lrm_math.arrays import Array
 from lrm_math.model.model import model_of
 from lrm_math.motion.loads import reference_inertia
-from validation.encoder_checkup.teleoperation import COUNT_DEG, FPS, Recording
+from validation.encoder_checkup.teleoperation import FPS, Recording
 from validation.motion.cases import FIRST, MotionCase, arm_of
-from validation.motion.world import EPISODE_S, EPISODES, STIFF_NM_PER_RAD, _hand, recorded
+from validation.motion.world import STIFF_NM_PER_RAD, driven, encoder_readings, hand
 
-STEP_S, ITERATIONS = 0.002, 30
-CASES = ("nothing", "coulomb friction", "dead time", "play")
-OWN_ARMATURE, OWN_DAMPING = (0.5, 0.4, 0.3, 0.2, 0.1), (10.0, 8.0, 6.0, 4.0, 2.0)
+STEP_S, ITERATIONS, MADE = 1.0 / FPS / 8.0, 15, 2
+"""s of MuJoCo's step; iterations of its fit at most, episodes of 24 s of a recording."""
+CASES = ("coulomb friction", "play")
+OWN_ARMATURE, OWN_DAMPING = (0.5, 0.4, 0.3, 0.2, 0.1), (1.0, 0.8, 0.6, 0.4, 0.2)
 
 
 @dataclass(frozen=True)
@@ -124,7 +128,7 @@ def peer(task: Task) -> MotionScore:
             start = float(np.clip(guess[what][joint], low, high))
             params.add(sysid.Parameter(f"{label}.{what}", start, low, high, modifier=_modifier(label, what)))
 
-    def shifted(params: Any, predicted: Any, measured: Any, model: Any, *_: object, **__: object) -> tuple[Any, ...]:
+    def shifted(params: Any, predicted: Any, measured: Any, *_: object, **__: object) -> tuple[Any, ...]:
         names = [f"{label}_pos" for label in labels]
         given = {label: [params[f"{label}.{w}"].value[0] if w in task.free else 0.0 for w in ("delay", "bias")]
                  for label in labels}  # fmt: skip
@@ -153,6 +157,8 @@ def peer(task: Task) -> MotionScore:
 def _modifier(label: str, what: str) -> Callable[[Any, Any], None] | None:
     if what in ("bias", "delay"):
         return None
+    if what == "damping":  # a polynomial's coefficients, since MuJoCo 4.0
+        return lambda spec, parameter: spec.joint(label).damping.__setitem__(0, parameter.value[0])
     return lambda spec, parameter: setattr(spec.joint(label), what, parameter.value[0])
 
 
@@ -185,7 +191,7 @@ def so101_task(case: MotionCase, seed: int) -> Task:
     """An SO-101 with one cause hidden, its recordings, and its MJCF."""
     rng, arm = np.random.default_rng(seed), load_arm("so101")
     hidden, _ = arm_of(case, rng)
-    seen, unseen = recorded([hidden], rng)[0], recorded([hidden], rng)[0]
+    seen, unseen = (driven([hidden], commands(rng), rng)[0] for _ in range(2))
     stiffness = np.full(arm.dof, STIFF_NM_PER_RAD)
     xml = with_servos(mjcf(model_of(arm, ())).text, joint_labels(arm), stiffness)
     free = ("armature", "damping", "frictionloss", "bias", "delay")
@@ -214,17 +220,57 @@ def with_servos(xml: str, labels: tuple[str, ...], stiffness: Array) -> str:
 
 
 def own_task(seed: int) -> Task:
-    """The arm of mujoco.sysid's tests, with armatures and dampings that it does not know, simulated by MuJoCo."""
+    """The arm of mujoco.sysid's tests with the armatures and dampings of its other test, simulated by MuJoCo."""
     import mujoco
-    from mujoco import rollout
 
-    from lrm_ident.data.robot_files.mjcf_robot import read_robot
-    from lrm_ident.data.robot_files.urdf_arm import arm_of_urdf
-
-    del read_robot, arm_of_urdf
+    rng = np.random.default_rng(seed)
     source = (Path(mujoco.__file__).parent / "sysid" / "tests" / "conftest.py").read_text()
-    xml = source.split('ARM_XML = """\\\n')[1].split('"""')[0]
-    raise NotImplementedError(xml, rollout, seed, EPISODES, EPISODE_S, COUNT_DEG, _hand, tempfile, replace)
+    xml = re.sub("<asset>.*?</asset>", "", source.split('ARM_XML = """\\\n')[1].split('"""')[0], flags=re.DOTALL)
+    xml = xml.replace("<option ", f'<option timestep="{STEP_S!r}" ', 1)
+    xml = re.sub("<(jointvel|jointactuatorfrc).*?/>", "", xml)  # encoders alone
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "own.xml"
+        path.write_text(xml)
+        imported = [sys.executable, "-m", "lrm_ident", "arm", "import", str(path), "-o", str(path.with_suffix(".toml"))]
+        subprocess.run(imported, check=True, capture_output=True)
+        arm = load_arm(str(path.with_suffix(".toml")))
+    spec = mujoco.MjSpec.from_string(xml)
+    for number, (armature, damping) in enumerate(zip(OWN_ARMATURE, OWN_DAMPING, strict=True)):
+        spec.joint(f"joint{number + 1}").armature = armature
+        spec.joint(f"joint{number + 1}").damping[0] = damping
+    model = spec.compile()
+    seen, unseen = (_simulated(model, rng) for _ in range(2))
+    stiffness, braked = np.array([400.0] * 4 + [200.0]), np.array([40.0] * 4 + [20.0])
+    J = np.array(OWN_ARMATURE) + reference_inertia(arm)
+    omega = np.sqrt(stiffness / J)
+    ratio = (braked + np.array(OWN_DAMPING)) / (2.0 * omega * J)
+    names = "armature", "damping"
+    return Task("its own arm", arm, seen, unseen, omega / (2.0 * np.pi), ratio, stiffness, xml, names, braked)
+
+
+def _simulated(model: Any, rng: np.random.Generator) -> Recording:
+    """What MuJoCo's arm does in episodes of teleoperation."""
+    import mujoco
+
+    told = np.radians(encoder_readings(np.degrees(commands(rng)[:, 0]), rng))
+    data, out = mujoco.MjData(model), []
+    for episode in told:
+        mujoco.mj_resetData(model, data)
+        data.qpos[:] = episode[0]
+        for number, row in enumerate(episode):
+            out.append(data.qpos.copy())
+            data.ctrl[:] = row
+            while data.time < (number + 1) / FPS - 1e-9:
+                mujoco.mj_step(model, data)
+    read = encoder_readings(np.degrees(np.array(out)), rng)
+    N = told.shape[1]
+    t, number = np.tile(np.arange(N) / FPS, len(told)), np.repeat(np.arange(len(told)), N)
+    return Recording(np.degrees(told).reshape(-1, told.shape[2]), read, t, number)
+
+
+def commands(rng: np.random.Generator) -> Array:
+    """(E, 1, N, 5), rad, of a hand that leads one arm."""
+    return np.stack([hand(rng)[None] for _ in range(MADE)])
 
 
 def main() -> None:
@@ -234,23 +280,23 @@ def main() -> None:
     parser.add_argument("--json", type=Path)
     given = parser.parse_args()
     tasks: list[Callable[[], Task]] = []
+    if given.only != "so101":
+        tasks.append(lambda: own_task(9))
     if given.only != "own":
         chosen = [next(case for case in FIRST if case.name == name) for name in CASES]
         tasks += [lambda case=case, k=k: so101_task(case, k) for k, case in enumerate(chosen)]  # type: ignore[misc]
-    if given.only != "so101":
-        tasks.append(lambda: own_task(9))
     rows = []
     for make in tasks:
         task = make()
         mine, theirs = ours(task), peer(task)
         for one in (mine, theirs):
             rows.append(asdict(one))
-            print(
-                f"{one.arm:28} {one.tool:13} held out {one.held_out_deg:7.4f} deg, frequency {100 * one.frequency:5.2f} %,"
-                f" damping {100 * one.damping:6.2f} %, {one.seconds:6.1f} s, identified: {one.named}",
-                flush=True,
-            )
-        ratios = [getattr(theirs, key) / getattr(mine, key) for key in ("held_out_deg", "frequency", "damping", "seconds")]
+            errors = f"frequency {100 * one.frequency:.2f} %, damping {100 * one.damping:.2f} %"
+            print(f"{one.arm}, {one.tool}: held out {one.held_out_deg:.4f} deg RMS, {errors}, {one.seconds:.1f} s, "
+                  f"identified: {one.named}", flush=True)  # fmt: skip
+        ratios = [
+            getattr(theirs, key) / getattr(mine, key) for key in ("held_out_deg", "frequency", "damping", "seconds")
+        ]
         print(f"{task.name:28} theirs over ours: " + ", ".join(f"{ratio:.2f}" for ratio in ratios), flush=True)
     if given.json:
         given.json.write_text(json.dumps(rows, indent=1) + "\n")

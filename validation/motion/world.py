@@ -71,8 +71,8 @@ SLOWING_S = 60.0
 
 def recorded(arms: list[TrueJoints], rng: np.random.Generator) -> list[Recording]:
     """A recording of each arm: episodes of teleoperation at 30 frames a second."""
-    told = np.stack([np.stack([_hand(rng) for _ in arms]) for _ in range(EPISODES)])  # (E, C, N, 5)
-    return driven(arms, np.radians(_read(np.degrees(told), rng)), rng)
+    told = np.stack([np.stack([hand(rng) for _ in arms]) for _ in range(EPISODES)])  # (E, C, N, 5)
+    return driven(arms, np.radians(encoder_readings(np.degrees(told), rng)), rng)
 
 
 def driven(arms: list[TrueJoints], told: Array, rng: np.random.Generator) -> list[Recording]:
@@ -80,7 +80,7 @@ def driven(arms: list[TrueJoints], told: Array, rng: np.random.Generator) -> lis
     many, N = len(told), told.shape[2]
     parts = [_followed(arms, told[number], number * N / FPS) for number in range(many)]
     angle = np.stack([part + np.stack([arm.offset for arm in arms])[:, None] for part in parts])
-    read = _read(np.degrees(angle), rng)
+    read = encoder_readings(np.degrees(angle), rng)
     t, episode = np.tile(np.arange(N) / FPS, many), np.repeat(np.arange(many), N)
     return [
         Recording(np.degrees(told[:, c]).reshape(-1, JOINTS), read[:, c].reshape(-1, JOINTS), t, episode)
@@ -88,7 +88,7 @@ def driven(arms: list[TrueJoints], told: Array, rng: np.random.Generator) -> lis
     ]
 
 
-def _hand(rng: np.random.Generator) -> Array:
+def hand(rng: np.random.Generator) -> Array:
     """(N, 5), rad: smooth moves, quick and slow ones, between stops; a slight tremor."""
     N, rows = int(FPS * EPISODE_S), list[Array]()
     q = rng.uniform(-0.8, 0.8, JOINTS)
@@ -183,6 +183,6 @@ def _described() -> tuple[ArmDescription, TrueChain]:
     return arm, zero_configuration(arm, GroundTruth.nominal(arm))
 
 
-def _read(degrees: Array, rng: np.random.Generator) -> Array:
+def encoder_readings(degrees: Array, rng: np.random.Generator) -> Array:
     counts = degrees / COUNT_DEG + rng.normal(scale=FLICKER_COUNTS, size=degrees.shape)
     return np.asarray(np.round(counts) * COUNT_DEG)
