@@ -16,15 +16,20 @@ if TYPE_CHECKING:
     from lrmd.config import Config
 
 TEXT = """\
-The daemon that owns a robot arm on RC servos: it has the serial link to the servo board, changes every commanded pulse
-by at most 1 us per 6.5 ms tick (the board rounds it to counts: 4.88 us at 50 Hz), publishes state on zenoh, and moves
-the arm only on request.
+The daemon that owns a robot arm on RC servos: it has the serial link to the
+servo board, changes every commanded pulse by at most 1 us per 6.5 ms tick (the
+board rounds it to counts: 4.88 us at 50 Hz), publishes state on zenoh, and
+moves the arm only on request. CONFIG is usually /etc/lrm/lrmd.toml.
 
-  lrmd --config /etc/lrm/lrmd.toml           run (systemd does this)
-  lrmd --config /etc/lrm/lrmd.toml --check   load what the start loads, report its errors, and stop
-  lrmd --config /etc/lrm/lrmd.toml --undo    take the last deployed model back, where its file stops the start
-  lrmd --simulated                           run the shipped configuration on a simulated board and arm
-  lrmd --config lrmd.toml --simulated        run on a simulated board and arm instead of the port
+  lrmd --config CONFIG               run (systemd does this)
+  lrmd --config CONFIG --check       load what the start loads, report its
+                                     errors, and stop
+  lrmd --config CONFIG --undo        take the last deployed model back, where
+                                     its file stops the start
+  lrmd --simulated                   run the shipped configuration on a
+                                     simulated board and arm
+  lrmd --config CONFIG --simulated   run on a simulated board and arm instead
+                                     of the port
 """
 
 
