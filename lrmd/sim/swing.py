@@ -18,6 +18,7 @@ from lrm_math.arrays import Array
 from lrm_math.errors import LrmError, UnknownName
 from lrm_math.kinematics.chain import Chain
 from lrm_math.kinematics.forward import chain_geometry
+from lrm_math.kinematics.statics import weights
 from lrm_math.model.model import Model
 
 STEP = 0.001
@@ -122,14 +123,14 @@ class SwingingLinks:
 
 def inertia(chain: Chain, q: Array, payload: float) -> Array:
     """(n, n), kg m², of a chain's joints at a posture (n,), rad: the bodies beyond both of two joints."""
-    geometry = chain_geometry(chain, chain.values([np.array([angle]) for angle in q.tolist()]), 1)
+    bodies, values = weights(chain, payload), chain.values([np.array([angle]) for angle in q.tolist()])
+    geometry = chain_geometry(chain, values, 1, [body.com for body in bodies])
     slots = list(chain.joint_slots)
     axis, origin = geometry.axis[slots, :, 0], geometry.origin[slots, :, 0]
     M = np.zeros((len(q), len(q)))
-    for number, body in enumerate(chain.bodies):
-        mass = body.mass + (payload if body.carries_payload else 0.0)
+    for number, body in enumerate(bodies):
         beyond = np.array([chain.moved[slot] <= number for slot in slots])
         levers = np.cross(axis, geometry.body[number, :, 0] - origin) * beyond[:, None]
         turned = axis * beyond[:, None]
-        M += mass * (levers @ levers.T + GYRATION**2 * turned @ turned.T)
+        M += body.mass * (levers @ levers.T + GYRATION**2 * turned @ turned.T)
     return M
