@@ -187,12 +187,16 @@ class Arm:
         """The bodies, ordered from base to tool."""
         return outwards(self.bodies)
 
+    @property
+    def carries_on_tool(self) -> bool:
+        """Whether a load is carried by the tool alone."""
+        frames = {body.frame for body in self.bodies if body.carries_payload}
+        return frames == {len(self.links) + 1}
+
     def with_load_at(self, centre: Vector3) -> Arm:
         """The arm whose load has its centre elsewhere than its file says: `centre` is the shift along the tool's axes
         (m). Raises `LrmError`: no body on the tool carries a load."""
-        tool = len(self.links) + 1
-        carriers = [body for body in self.bodies if body.carries_payload]
-        if any(centre) and (not carriers or any(body.frame != tool for body in carriers)):
+        if any(centre) and not self.carries_on_tool:
             raise LrmError(f"{self.name}: no body on the tool carries the load, so the load's centre cannot be shifted")
         moved = (replace(body, load_at=centre) if body.carries_payload else body for body in self.bodies)
         return replace(self, bodies=tuple(moved))

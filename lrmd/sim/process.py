@@ -45,7 +45,8 @@ faults (--fault, or --ask while it runs; `at T` is in seconds of the board's clo
   chip S                       the PCA9685 does not answer for S seconds
   calm                         no more flips, losses, doubles
 
-questions (--ask): tcp, measure, joints, status, payload GRAMS, or a fault
+questions (--ask): tcp, measure, joints, status, payload GRAMS [X Y Z],
+or a fault
 """
 
 

@@ -65,7 +65,6 @@ class SwingingLinks:
         for name in springs:
             if name not in names:
                 raise UnknownName(f"joint of {truth.arm.name}", name, names)
-        self._chain = truth.chain
         self._soft = np.array([i for i, name in enumerate(names) if name in springs], dtype=np.int64)
         chosen = [springs[names[i]] for i in self._soft]
         self._stiffness, self._damping, self._friction = (
@@ -91,9 +90,9 @@ class SwingingLinks:
         held = np.abs(self._stiffness * self._z) <= STICTION * self._friction + self._stiffness * STILL
         return bool(np.all(np.abs(self._speed) < STILL_SPEED) and np.all(held) and not self._turning.any())
 
-    def weigh(self, q: Array, payload: float) -> None:
-        """Takes the links' inertia at a posture q (n,), rad, with a payload (kg); the speeds stay."""
-        M = inertia(self._chain, q, payload)
+    def weigh(self, chain: Chain, q: Array, payload: float) -> None:
+        """Takes the inertia of a chain's links at a posture q (n,), rad, with a payload (kg); the speeds stay."""
+        M = inertia(chain, q, payload)
         self._led = M[self._soft]
         self._own = self._led[:, self._soft]
         self._inverse = np.asarray(np.linalg.inv(self._own))
