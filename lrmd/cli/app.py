@@ -201,8 +201,9 @@ def _fk(c: argparse.ArgumentParser) -> None:
 
 
 def _deploy(c: argparse.ArgumentParser) -> None:
-    c.add_argument("model", nargs="?", type=Path, metavar="MODEL", help="a model file of lrm-ident")
-    c.add_argument("--undo", action="store_true", help="return to the model before the last one")
+    c.add_argument("model", nargs="?", type=Path, metavar="MODEL", help="a model file of lrm-ident, of poses or motion")
+    undo = "return to the model before the last one; with 'motion' to the motion model before"
+    c.add_argument("--undo", nargs="?", const="model", choices=["model", "motion"], help=undo)
     accept = "accept a model that moves the tip by more than a fifth of the reach, or loses much when deployed"
     c.add_argument("--accept", action="store_true", help=accept)
 
