@@ -180,6 +180,10 @@ def _skill(c: argparse.ArgumentParser) -> None:
     c.add_argument("--q", metavar="Q1,Q2,...", help="pose to stow in")
     c.add_argument("--gripper", metavar="ANGLE", help="where the gripper's servo turns to")
     c.add_argument("--payload-g", type=float, metavar="G", help="load that is grasped")
+    c.add_argument(
+        "--payload-centre-mm", nargs=3, type=float, metavar=("X", "Y", "Z"),
+        help="where its centre is from where the arm file takes it, along the tool's axes",
+    )  # fmt: skip
     c.add_argument("--listen", type=float, metavar="S", help="time after closing to tell that nothing is there")
     c.add_argument(
         "--touch",
@@ -197,8 +201,9 @@ def _fk(c: argparse.ArgumentParser) -> None:
 
 
 def _deploy(c: argparse.ArgumentParser) -> None:
-    c.add_argument("model", nargs="?", type=Path, metavar="MODEL", help="a model file of lrm-ident")
-    c.add_argument("--undo", action="store_true", help="return to the model before the last one")
+    c.add_argument("model", nargs="?", type=Path, metavar="MODEL", help="a model file of lrm-ident, of poses or motion")
+    undo = "return to the model before the last one; with 'motion' to the motion model before"
+    c.add_argument("--undo", nargs="?", const="model", choices=["model", "motion"], help=undo)
     accept = "accept a model that moves the tip by more than a fifth of the reach, or loses much when deployed"
     c.add_argument("--accept", action="store_true", help=accept)
 

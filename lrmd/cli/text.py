@@ -97,6 +97,8 @@ def info_text(info: InfoState) -> str:
     lines = [
         f"{info.robot}: arm {info.arm}, lrm-arm {info.version}, tick {info.tick_ms:g} ms, {model}",
         step_text(info),
+        *([] if info.motion_model is None else [motion_model_text(info.motion_model, info.motion_sha256)]),
+        *([] if info.motion_model is None and info.shaping == "off" else [shaping_text(info)]),
         paint(f"{'servo':<10}{'limits':>18}{'fastest':>12}", "bold"),
     ]
     for name, (low, high), rate in zip(info.names, info.limits_rad, info.rate_rad_per_s, strict=True):
@@ -120,6 +122,20 @@ def step_text(info: InfoState) -> str:
 def model_text(model: str, sha256: str) -> str:
     """Name and digest of the model."""
     return f"model {model}" + (f", sha256 {sha256[:12]}" if sha256 else "")
+
+
+def motion_model_text(model: str | None, sha256: str) -> str:
+    """Name and digest of the model of motion."""
+    return f"motion model {model}, sha256 {sha256[:12]}" if model else "no motion model"
+
+
+def shaping_text(info: InfoState) -> str:
+    """Whether moves are shaped, and where that is said."""
+    if info.motion_model is None:
+        return "moves are not shaped, and replies have no settling time, without a motion model"
+    if info.shaping == "off":
+        return "moves are not shaped: lrmd.toml says [motion] shaping = 'off'; a client can ask for it, move by move"
+    return f"moves are shaped from the next one on: {info.shaping} (lrmd.toml, [motion] shaping)"
 
 
 def field_text(field: FieldPart) -> str:

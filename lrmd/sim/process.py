@@ -46,7 +46,8 @@ faults (--fault, or --ask while it runs; T in seconds of the board's clock):
   chip S                       the PCA9685 does not answer for S seconds
   calm                         no more flips, losses, doubles
 
-questions (--ask): tcp, measure, joints, status, payload GRAMS, or a fault
+questions (--ask): tcp, measure, joints, status, payload GRAMS [X Y Z],
+or a fault
 """
 
 
