@@ -159,7 +159,18 @@ class StatePublisher:
             left_out=list(deployed.uncompensated),
             field=field, tip_moves_m=None if deployed.moved is None else deployed.moved.largest,
             tip_moves_rms_m=None if deployed.moved is None else deployed.moved.rms,
+            motion_model=self._motion_model, motion_sha256=self._motion_sha256,
         )  # fmt: skip
+
+    @property
+    def _motion_model(self) -> str | None:
+        known = self._controller.motion
+        return None if known is None else known.path
+
+    @property
+    def _motion_sha256(self) -> str:
+        known = self._controller.motion
+        return "" if known is None else known.sha256
 
     @property
     def _model_sha256(self) -> str:
@@ -250,6 +261,8 @@ class StatePublisher:
             pwm_hz=1.0 / (COUNTS_PER_PERIOD * config.clock.count_s), oscillator_hz=config.clock.oscillator_hz,
             lease_ms=config.lease / 1e6, command_ms=config.command / 1e6,
             model=self.model if self._model_sha256 else None, model_sha256=self._model_sha256,
+            motion_model=self._motion_model, motion_sha256=self._motion_sha256,
+            shaping=config.motion.shaping, within_m=config.motion.within_mm * 1e-3,
             stored_rad=stored_angles(config, stored), stored_still=still,
         )  # fmt: skip
 

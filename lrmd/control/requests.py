@@ -114,12 +114,18 @@ def _move(s: ControllerState, request: MoveRequest, now: int) -> RequestResult:
 
 
 def _shaped(s: ControllerState, request: MoveRequest, legs: list[Leg], start: Pulses, payload: float) -> list[Leg]:
-    """Legs from pulses (ns), shaped as the request or the configuration says. Raises `RequestError` without a model."""
+    """Legs from pulses (ns), shaped as the request says, or the configuration where there is a model of motion.
+
+    Raises `RequestError` for a request of a shape without a model.
+    """
     kind = request.shaping or s.config.motion.shaping
     if kind == "off" or (request.may_touch and request.shaping is None):
         return legs
     if s.motion is None:
-        raise RequestError("no_motion_model", f"shaping = '{kind}' needs a motion model: lrmd.toml, [motion] model")
+        if request.shaping is None:
+            return legs
+        text = f"shaping = '{kind}' needs a motion model: lrm deploy motion.toml, or [motion] model in lrmd.toml"
+        raise RequestError("no_motion_model", text)
     if request.may_touch:
         raise RequestError("contact", "a motion that may touch something is not shaped; leave out shaping")
     out = []

@@ -21,6 +21,7 @@ from lrmd.config import MS, Config
 from lrmd.control.motion_record import known_of
 from lrmd.errors import RequestError
 from lrmd.heap import return_freed_memory
+from lrmd.ik.arm_memory import ArmMemory
 from lrmd.ik.deployed_model import deploy, digest_of
 from lrmd.ik.fair_queue import FairQueue
 from lrmd.ik.planner import JointPath
@@ -107,6 +108,7 @@ class IkProcess:
         self._checked: tuple[bytes, bytes] | None = None
         self._gravity, self._load = GravityRecord(), LoadRecord()
         self._scene_number = 0
+        self._memory = ArmMemory()
         self._shared.values.ik_model = NO_MODEL
         self._update_model()
 
@@ -164,6 +166,7 @@ class IkProcess:
         self._update_gravity()
         self._update_load()
         self._update_scene()
+        self._follow_arm()
         for queued in self._queue:
             try:
                 queued.check()
@@ -241,6 +244,13 @@ class IkProcess:
         self._service = self._service.among(unpacked(told))
         self._scene_number = number
 
+    def _follow_arm(self) -> None:
+        """Takes over where the arm stands, for what of the model remembers it."""
+        if self._service is not None and self._service.nothing_known is not None:
+            now = time.monotonic_ns()
+            known = known_of(self._shared.read_knowledge(), now)
+            self._memory.follow(self._service, known, self._shared.values.payload, now)
+
     def _steps(self, queued: QueuedQuery) -> Steps:
         self._update_gravity()
         self._update_load()
@@ -249,7 +259,9 @@ class IkProcess:
         service = self._service
         if service is None:
             raise RequestError("no_model", "the model's file changed since the daemon loaded it; rpc/reload takes it")
-        known = known_of(self._shared.read_knowledge(), time.monotonic_ns())
+        self._follow_arm()
+        now = time.monotonic_ns()
+        known = self._memory.added_to(known_of(self._shared.read_knowledge(), now), service, now)
         kind: type[KinematicsReply]
         content: dict[str, Any] = {"left_out": list(service.deployed.uncompensated)}
         match request:
