@@ -97,6 +97,10 @@ class CalibratedSolver:
         """The solver where gravity's direction is known: a unit vector in the arm's frame."""
         return replace(self, arm=self.arm.under_gravity(down))
 
+    def with_load_at(self, centre: Vector3) -> CalibratedSolver:
+        """The solver where the load's centre is known (m), see `Arm.with_load_at`. Raises `LrmError`."""
+        return replace(self, arm=self.arm.with_load_at(centre))
+
     def with_offsets(self, added: Mapping[str, float]) -> CalibratedSolver:
         """The solver where small amounts (rad, m) are added to constant offsets, by their keys."""
         return replace(self, arm=self.arm.with_offsets(added))

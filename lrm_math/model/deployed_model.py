@@ -164,6 +164,11 @@ def under_gravity(model: Model, down: Vector3) -> Model:
     return replace(part, arm=replace(model.arm, gravity=(x, y, z)))
 
 
+def with_load_at(model: Model, centre: Vector3) -> Model:
+    """The model where the load's centre is known, see `Arm.with_load_at`. Raises `LrmError`."""
+    return replace(model, arm=model.arm.with_load_at(centre))
+
+
 def field_of(model: Model) -> ResidualField | None:
     """The residual field of a model; None without one."""
     return next((effect for effect in model.effects if isinstance(effect, ResidualField)), None)

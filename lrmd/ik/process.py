@@ -45,7 +45,7 @@ from lrmd.messages.kinematics import (
 from lrmd.messages.surroundings import unpacked
 from lrmd.messages.zenoh_session import GONE_KEY, key, own_client, reply_error, serve
 from lrmd.ramp.parent import SharedFd, die_with_parent
-from lrmd.ramp.shared_memory import NO_MODEL, GravityRecord, SharedRecords
+from lrmd.ramp.shared_memory import NO_MODEL, GravityRecord, LoadRecord, SharedRecords
 
 QUEUE = 16_000
 """Capacity of the queue in goals; what has no room is refused as `busy`. Clients that do not name themselves (zenoh's
@@ -106,7 +106,7 @@ class IkProcess:
         self._headers = HeaderSource(boot_id)
         self._service: IkService | None = None
         self._checked: tuple[bytes, bytes] | None = None
-        self._gravity = GravityRecord()
+        self._gravity, self._load = GravityRecord(), LoadRecord()
         self._scene_number = 0
         self._memory = ArmMemory()
         self._shared.values.ik_model = NO_MODEL
@@ -131,10 +131,10 @@ class IkProcess:
                 self._work()
 
     def _enqueue(self, query: zenoh.Query, request: KinematicsRequest) -> None:
-        asked, source = request.with_payload(self._shared.values.payload), query.source_info
+        source = query.source_info
         asker = "" if source is None else str(source.source_id.zid)
-        until = time.monotonic_ns() + int(asked.deadline_ms * MS)
-        for pushed_out in self._queue.add(asker, QueuedQuery(query, asker, asked, until)):
+        until = time.monotonic_ns() + int(request.deadline_ms * MS)
+        for pushed_out in self._queue.add(asker, QueuedQuery(query, asker, request, until)):
             pushed_out.cancelled.set()
             gave_way = RequestError("busy", "it gave way to another client's; ask again", retryable=True)
             self._refuse(pushed_out.query, gave_way)
@@ -164,6 +164,7 @@ class IkProcess:
         self._shared.ik[0] = time.monotonic_ns()
         self._update_model()
         self._update_gravity()
+        self._update_load()
         self._update_scene()
         self._follow_arm()
         for queued in self._queue:
@@ -209,8 +210,8 @@ class IkProcess:
         try:
             if found != accepted:
                 raise LrmError("the model's file is not the one that the daemon accepted; reload it")
-            self._service, self._gravity = IkService(self._config, deploy(self._config)), GravityRecord()
-            self._scene_number = 0
+            self._service = IkService(self._config, deploy(self._config))
+            self._gravity, self._load, self._scene_number = GravityRecord(), LoadRecord(), 0
             self._shared.values.ik_model = self._service.deployed.digest
         except LrmError as error:
             self._log.error("model_refused", text=str(error))
@@ -225,6 +226,15 @@ class IkProcess:
         except LrmError as error:
             self._log.error("gravity_refused", text=str(error))
         self._gravity = now
+
+    def _update_load(self) -> None:
+        """Takes over what the gripper carries."""
+        now, before = self._shared.read_load(), self._load
+        if now is None or now == before or self._service is None:
+            return
+        if (now.x, now.y, now.z) != (before.x, before.y, before.z):
+            self._service = self._service.with_load_at((now.x, now.y, now.z))
+        self._load = now
 
     def _update_scene(self) -> None:
         """Takes over the obstacles that the daemon knows."""
@@ -243,8 +253,10 @@ class IkProcess:
 
     def _steps(self, queued: QueuedQuery) -> Steps:
         self._update_gravity()
+        self._update_load()
         self._update_scene()
-        started, request, service = time.perf_counter(), queued.request, self._service
+        started, request = time.perf_counter(), queued.request.with_payload(self._load.mass)
+        service = self._service
         if service is None:
             raise RequestError("no_model", "the model's file changed since the daemon loaded it; rpc/reload takes it")
         self._follow_arm()

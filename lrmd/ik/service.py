@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lrm_math.arm.pulse_rounding import Rounding
-from lrm_math.arrays import Array, Vector3
+from lrm_math.arrays import ORIGIN, Array, Vector3
 from lrm_math.collision.contact import Contact
 from lrm_math.collision.scene import Clearance, ClosestPair, Scene, clearance_of
 from lrm_math.errors import LrmError, NoEquilibrium
@@ -25,7 +25,7 @@ from lrm_math.ik.methods import QUICKEST, method_named
 from lrm_math.kinematics.known import Known, Remembered
 from lrm_math.kinematics.motion import Motion
 from lrm_math.kinematics.poses import Poses, poses_of
-from lrm_math.model.deployed_model import as_deployed_with, followed_parts, memorised, under_gravity
+from lrm_math.model.deployed_model import as_deployed_with, followed_parts, memorised, under_gravity, with_load_at
 from lrm_math.model.equilibrium import solve_equilibrium, with_borne_loads
 from lrm_math.model.memory_record import after_stand, nothing_known
 from lrm_math.model.model import Model
@@ -168,6 +168,8 @@ class IkService:
         self.deployed, self._model = deployed, deployed.model
         self._measured = self._solver = solver_of(config, deployed)
         self._config, self._dof = config, config.dof
+        self._down: Vector3 | None = None
+        self._load_at = ORIGIN
         self._scene = Scene.of(config.arm) if config.arm.shapes.capsules else None
         self._feasibility = FeasibilityCheck(self._scene, self._solver.arm)
         self._remembering = _remembering(self._model)
@@ -175,11 +177,21 @@ class IkService:
 
     def under_gravity(self, down: Vector3 | None) -> IkService:
         """The service where gravity's direction is known, a unit vector in the arm's frame; None: as the model says."""
+        return self._in_state(down, self._load_at)
+
+    def with_load_at(self, centre: Vector3) -> IkService:
+        """The service where the load's centre is known (m), see `Arm.with_load_at`. Raises `LrmError`."""
+        return self._in_state(self._down, centre)
+
+    def _in_state(self, down: Vector3 | None, centre: Vector3) -> IkService:
         other = copy(self)
-        model, solver = self.deployed.model, self._measured
-        other._model = model if down is None else under_gravity(model, down)
+        other._down, other._load_at = down, centre
+        other._model, other._solver = self.deployed.model, self._measured
+        if down is not None:
+            other._model, other._solver = under_gravity(other._model, down), other._solver.under_gravity(down)
+        if any(centre):
+            other._model, other._solver = with_load_at(other._model, centre), other._solver.with_load_at(centre)
         other._remembering = _remembering(other._model)
-        other._solver = solver if down is None else solver.under_gravity(down)
         other._feasibility = replace(self._feasibility, arm=other._solver.arm)
         other._solver.warm_up()
         return other

@@ -13,10 +13,11 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from lrm_math.arrays import ORIGIN, Vector3
 from lrm_math.errors import LrmError, UnknownName
 from lrm_math.kinematics.poses import Poses
 from lrm_math.kinematics.statics import joint_torques
-from lrm_math.model.deployed_model import clock_of
+from lrm_math.model.deployed_model import clock_of, with_load_at
 from lrm_math.model.equilibrium import Equilibrium, solve_equilibrium
 from lrm_math.model.model import Model
 from lrmd.sim.creep import CreepingJoints, JointCreep
@@ -75,7 +76,7 @@ class SimulatedArm:
         if clock_of(truth) is not None:
             raise LrmError("truth: leave out the effect quantisation; the simulated chip rounds the pulses itself")
         self.truth, self._speed = truth, speed
-        self.payload = 0.0
+        self.payload, self.load_at = 0.0, ORIGIN
         self.session = 1
         self.servos = _servos(truth, channels, start, dead_band)
         self.joints = self.servos[: truth.arm.dof]
@@ -129,11 +130,14 @@ class SimulatedArm:
         self._update_temperatures()
         return AMBIENT + servo.rise
 
-    def set_payload(self, payload: float) -> None:
-        """Sets the payload in the gripper, kg. Raises `LrmError` unless it is 0 to 10."""
+    def set_payload(self, payload: float, centre: Vector3 = ORIGIN) -> None:
+        """Sets the payload in the gripper, kg, and its centre (m), see `Arm.with_load_at`. Raises `LrmError` unless the
+        payload is 0 to 10."""
         if not 0.0 <= payload <= 10.0:
             raise LrmError(f"payload {payload * 1e3:g} g; should be 0 to 10000")
-        self.payload = payload
+        if centre != self.load_at:
+            self.truth = with_load_at(self.truth, centre)
+        self.payload, self.load_at = payload, centre
         self._travel = math.inf
         self._moving = True
 
@@ -195,7 +199,7 @@ class SimulatedArm:
         for servo, torque in zip(self.joints, self._torques(self.q), strict=True):
             servo.torque = torque
         if self._swing is not None:
-            self._swing.weigh(np.array(self.q), self.payload)
+            self._swing.weigh(self.truth.chain, np.array(self.q), self.payload)
         self._travel = 0.0
 
     def _torques(self, q: list[float]) -> list[float]:

@@ -36,17 +36,19 @@ from lrmd.sim.swing import JointSpring
 
 COLUMNS = ("t_ns", "event", "prescale", "silence_ms", *(f"ch{channel}" for channel in range(CHANNELS)))
 HELP = """\
-faults (--fault, or --ask while it runs; `at T` is in seconds of the board's clock):
-  flip RATE | flip frame K     one bit arrives wrong       ... [in|out|both]: to the board, from it
+faults (--fault, or --ask while it runs; T in seconds of the board's clock):
+  flip RATE | flip frame K     one bit arrives wrong
   lose RATE | lose frame K     a frame gets lost
   double RATE | double frame K a frame arrives twice
-  stall S                      the line stands still for S seconds, then all arrives at once
+    ... in | out | both        frames to the board, from it, or both
+  stall S                      the line stands still for S s, then all arrives
   hangup S                     the device vanishes for S seconds
   brownout S                   the board loses power for S seconds
   chip S                       the PCA9685 does not answer for S seconds
   calm                         no more flips, losses, doubles
 
-questions (--ask): tcp, measure, joints, status, payload GRAMS, or a fault
+questions (--ask): tcp, measure, joints, status, payload GRAMS [X Y Z],
+or a fault
 """
 
 

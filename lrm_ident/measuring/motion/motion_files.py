@@ -20,11 +20,12 @@ from lrm_ident.measuring.recordings.mcap_file import read_mcap
 from lrm_ident.measuring.recordings.take import TipTrack
 from lrm_ident.measuring.recordings.tracker_csv import read_export
 from lrm_math.arm.arm import Arm
+from lrm_math.arm.arm_digest import arm_sha256
 from lrm_math.errors import FileError
 from lrm_math.model.model import Model, model_of
 from lrm_math.model.model_file import load_model
 from lrm_math.model.reading import AngleUnit, Reading
-from lrm_math.motion.motion_model import MotionFile, load_motion
+from lrm_math.motion.motion_model import SCHEMA, MotionFile, load_motion
 
 DIGITS = 8
 LOGS = (".csv", ".mcap")
@@ -57,12 +58,17 @@ class MotionSource:
                 what = "is read beside a log of commands, and this is none"
                 raise FileError(self.recording, "--tip", what, f"a {' or '.join(LOGS)}")
             return moves_of(read_frames(self.recording, arm, self.angle_unit, self.prefix), arm, self.recording)
+        log = read_command_log(self.recording, arm, Reading(angle_unit=self.angle_unit), self.topic)
+        if self.tip is None and (encoders := log.encoders()) is not None:
+            return moves_of(encoders, arm, self.recording)
         tip = self.tip or self.recording
         if tip.suffix != MCAP and self.tip is None:
             raise FileError(
-                self.recording, "--tip", "a log of commands alone shows no motion", "--tip and the tracker's file"
+                self.recording,
+                "--tip",
+                "a log of commands alone shows no motion",
+                "--tip and the tracker's file, or columns q1_meas_deg, ...",
             )
-        log = read_command_log(self.recording, arm, Reading(angle_unit=self.angle_unit), self.topic)
         take = read_mcap(tip) if tip.suffix == MCAP else read_export(tip, self.rotation)
         track = TipTrack.of(take.path, take.pair(self.tool, self.base))
         return tip_moves(log, track, self._at_rest(arm))
@@ -101,8 +107,9 @@ def write_motion(study: MotionStudy, arm: str, path: Path) -> None:
         for key, parameter in zip(effect.keys, effect.parameters, strict=True)
     }
     tables = {
-        "schema": "lrm/motion/1",
+        "schema": SCHEMA,
         "arm": arm,
+        "arm_sha256": arm_sha256(study.model.arm),
         "recording": study.moves.name,
         "effects": [effect.name for effect in study.model.effects],
         "parameters": {key: _rounded(study.model.values[key] / si) for key, si in units.items()},
