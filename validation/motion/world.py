@@ -73,8 +73,9 @@ def recorded(arms: list[TrueJoints], rng: np.random.Generator) -> list[Recording
     """A recording of each arm: episodes of teleoperation at 30 frames a second."""
     told = np.stack([np.stack([_hand(rng) for _ in arms]) for _ in range(EPISODES)])  # (E, C, N, 5)
     told = np.radians(_read(np.degrees(told), rng))
-    parts = [_followed(arms, told[number], number * EPISODE_S) for number in range(EPISODES)]
-    angle = np.stack([part + np.stack([arm.offset for arm in arms])[:, None] for part in parts])
+    begun = np.repeat(EPISODE_S * np.arange(EPISODES), len(arms))[:, None]
+    angle = _followed(arms * EPISODES, told.reshape(-1, *told.shape[2:]), begun).reshape(told.shape)
+    angle = angle + np.stack([arm.offset for arm in arms])[:, None]
     read = _read(np.degrees(angle), rng)
     N = told.shape[2]
     t, episode = np.tile(np.arange(N) / FPS, EPISODES), np.repeat(np.arange(EPISODES), N)
@@ -99,8 +100,8 @@ def _hand(rng: np.random.Generator) -> Array:
     return np.array(rows[:N]) + 0.002 * tremor[:, None]
 
 
-def _followed(arms: list[TrueJoints], told: Array, begun: float) -> Array:
-    """(C, N, 5), rad, what the encoders sit at in each frame; told: (C, N, 5)."""
+def _followed(arms: list[TrueJoints], told: Array, begun: Array) -> Array:
+    """(C, N, 5), rad, what the encoders sit at in each frame; told: (C, N, 5); begun: (C, 1), s since power-on."""
     p = {f.name: np.stack([getattr(arm, f.name) for arm in arms]) for f in fields(TrueJoints)}
     C, N, _ = told.shape
     ticks = round(1.0 / FPS / STEP_S)
