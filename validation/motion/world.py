@@ -72,13 +72,17 @@ SLOWING_S = 60.0
 def recorded(arms: list[TrueJoints], rng: np.random.Generator) -> list[Recording]:
     """A recording of each arm: episodes of teleoperation at 30 frames a second."""
     told = np.stack([np.stack([_hand(rng) for _ in arms]) for _ in range(EPISODES)])  # (E, C, N, 5)
-    told = np.radians(_read(np.degrees(told), rng))
-    begun = np.repeat(EPISODE_S * np.arange(EPISODES), len(arms))[:, None]
-    angle = _followed(arms * EPISODES, told.reshape(-1, *told.shape[2:]), begun).reshape(told.shape)
+    return driven(arms, np.radians(_read(np.degrees(told), rng)), rng)
+
+
+def driven(arms: list[TrueJoints], told: Array, rng: np.random.Generator) -> list[Recording]:
+    """A recording of each arm that is told (E, C, N, 5), rad, in episodes, each from rest."""
+    many, N = len(told), told.shape[2]
+    begun = np.repeat(N / FPS * np.arange(many), len(arms))[:, None]
+    angle = _followed(arms * many, told.reshape(-1, *told.shape[2:]), begun).reshape(told.shape)
     angle = angle + np.stack([arm.offset for arm in arms])[:, None]
     read = _read(np.degrees(angle), rng)
-    N = told.shape[2]
-    t, episode = np.tile(np.arange(N) / FPS, EPISODES), np.repeat(np.arange(EPISODES), N)
+    t, episode = np.tile(np.arange(N) / FPS, many), np.repeat(np.arange(many), N)
     return [
         Recording(np.degrees(told[:, c]).reshape(-1, JOINTS), read[:, c].reshape(-1, JOINTS), t, episode)
         for c in range(len(arms))
