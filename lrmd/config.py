@@ -94,7 +94,8 @@ class StateTable(StrictSchema):
 
 
 class MotionTable(StrictSchema):
-    """`[motion]`: a motion model of the arm, the distance within which its tip is at rest, and how moves are shaped."""
+    """`[motion]`: a motion model of the arm, while none is deployed; the distance within which its tip is at rest, and
+    how moves are shaped where there is a model."""
 
     model: str | None = None
     within_mm: Annotated[float, Field(ge=0.001, le=100)] = 0.1
@@ -245,8 +246,6 @@ def _config(t: DaemonFile, arm: Arm) -> Config:
         raise LrmError(f"link: silence_ms = {t.link.silence_ms} must be more than twice reply_ms = {t.link.reply_ms:g}")
     if t.link.reply_ms < 2 * t.ramp.tick_ms:
         raise LrmError(f"link: reply_ms = {t.link.reply_ms:g} must be at least twice tick_ms = {t.ramp.tick_ms:g}")
-    if t.motion.shaping != "off" and t.motion.model is None:
-        raise LrmError(f"motion: shaping = '{t.motion.shaping}' needs a model: its frequencies are not known")
     for name in t.simulation.spring:
         if name not in arm.joint_names:
             raise LrmError(f"simulation: unknown joint {name}; {name_suggestion(name, arm.joint_names)}")

@@ -16,15 +16,20 @@ if TYPE_CHECKING:
     from lrmd.config import Config
 
 TEXT = """\
-The daemon that owns a robot arm on RC servos: it has the serial link to the servo board, changes every commanded pulse
-by at most 1 us per 6.5 ms tick (the board rounds it to counts: 4.88 us at 50 Hz), publishes state on zenoh, and moves
-the arm only on request.
+The daemon that owns a robot arm on RC servos: it has the serial link to the
+servo board, changes every commanded pulse by at most 1 us per 6.5 ms tick (the
+board rounds it to counts: 4.88 us at 50 Hz), publishes state on zenoh, and
+moves the arm only on request. CONFIG is usually /etc/lrm/lrmd.toml.
 
-  lrmd --config /etc/lrm/lrmd.toml           run (systemd does this)
-  lrmd --config /etc/lrm/lrmd.toml --check   load what the start loads, report its errors, and stop
-  lrmd --config /etc/lrm/lrmd.toml --undo    take the last deployed model back, where its file stops the start
-  lrmd --simulated                           run the shipped configuration on a simulated board and arm
-  lrmd --config lrmd.toml --simulated        run on a simulated board and arm instead of the port
+  lrmd --config CONFIG               run (systemd does this)
+  lrmd --config CONFIG --check       load what the start loads, report its
+                                     errors, and stop
+  lrmd --config CONFIG --undo        take the last deployed model back, where
+                                     its file stops the start
+  lrmd --simulated                   run the shipped configuration on a
+                                     simulated board and arm
+  lrmd --config CONFIG --simulated   run on a simulated board and arm instead
+                                     of the port
 """
 
 
@@ -45,7 +50,8 @@ def main(argv: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser("lrmd", description=TEXT, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--config", type=Path, metavar="FILE", help="lrmd.toml; with --simulated the shipped one")
     parser.add_argument("--check", action="store_true", help="load what the start loads, and stop")
-    parser.add_argument("--undo", action="store_true", help="take the last deployed model back, without a daemon")
+    undo = "take the last deployed model back, without a daemon; with 'motion' that of motion"
+    parser.add_argument("--undo", nargs="?", const="model", choices=["model", "motion"], help=undo)
     parser.add_argument("--simulated", action="store_true", help="run on a simulated board instead of the port")
     parser.add_argument("--log-level", choices=["debug", "info", "warning", "error"], default="info")
     options = parser.parse_args(argv)
@@ -68,11 +74,11 @@ def main(argv: list[str] | None = None) -> int:
             print(f"{file}: in order; {check_start(config)}")
             return 0
         if options.undo:
-            from lrmd.persistence.deployed_models import undo_offline
+            from lrmd.persistence.deployed_models import DeployedVersions, ModelKind
             from lrmd.persistence.sole_user import sole_user
 
             with sole_user(config.state):
-                print(undo_offline(config.state))
+                print(DeployedVersions.of(config, ModelKind(options.undo)).undo_offline())
             return 0
         return_freed_memory()
         if options.simulated:

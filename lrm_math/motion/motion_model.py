@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Literal
+from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import Field
 
 from lrm_math.arm.arm import Arm
+from lrm_math.arm.arm_digest import WHAT_COUNTS, arm_sha256
 from lrm_math.arm.arm_file import load_arm
 from lrm_math.effects import EffectRef
 from lrm_math.errors import FileError, UnknownName
@@ -18,6 +20,8 @@ from lrm_math.motion.base import MotionEffect
 from lrm_math.motion.effects import MOTION_EFFECTS
 from lrm_math.toml_file import StrictSchema, read_toml
 
+SCHEMA = "lrm/motion/1"
+MOST_EFFECTS = 1000
 MotionCatalogue = tuple[type[MotionEffect], ...]
 
 
@@ -88,12 +92,13 @@ class MotionStep(StrictSchema):
 
 
 class MotionFile(StrictSchema):
-    """Schema of a motion model's file; parameters by key, in the keys' units."""
+    """Schema of a motion model's file; parameters by key, in the keys' units. `arm_sha256`: of the arm of the fit."""
 
     schema_: Literal["lrm/motion/1"] = Field(alias="schema")
     arm: str
+    arm_sha256: str | None = None
     recording: str = ""
-    effects: list[str]
+    effects: Annotated[list[str], Field(max_length=MOST_EFFECTS)]
     parameters: dict[str, float]
     sigma: dict[str, float] = {}
     history: list[MotionStep] = []
@@ -113,11 +118,15 @@ def effect_of(arm: Arm, name: str, catalogue: MotionCatalogue = MOTION_EFFECTS) 
 def load_motion(path: Path, catalogue: MotionCatalogue = MOTION_EFFECTS) -> tuple[MotionFile, MotionModel]:
     """A motion model's file, as it stands and as a model. Raises `FileError`."""
     file = read_toml(path, MotionFile)
-    arm = load_arm(file.arm)
-    try:
-        effects = tuple(effect_of(arm, name, catalogue) for name in file.effects)
-    except UnknownName as error:
-        raise FileError(path, "effects", str(error)) from None
+    return file, motion_of(path, file, load_arm(file.arm), catalogue)
+
+
+def motion_of(path: Path, file: MotionFile, arm: Arm, catalogue: MotionCatalogue = MOTION_EFFECTS) -> MotionModel:
+    """The model of a parsed file, of an arm. Raises `FileError`: no model, or one of another arm."""
+    if file.arm_sha256 not in (None, arm_sha256(arm)):
+        words = f"{arm.name} is not as it was when the model was fitted: {WHAT_COUNTS} differ"
+        raise FileError(path, "arm", words, "fit it again: lrm-ident motion fit")
+    effects = _effects_of(path, file, arm, catalogue)
     known = {key: p for effect in effects for key, p in zip(effect.keys, effect.parameters, strict=True)}
     for table, numbers in (("parameters", file.parameters), ("sigma", file.sigma)):
         for key in numbers:
@@ -130,6 +139,23 @@ def load_motion(path: Path, catalogue: MotionCatalogue = MOTION_EFFECTS) -> tupl
         if not known[key].lower <= value * known[key].si <= known[key].upper:
             bounds = f"{known[key].lower / known[key].si:g} to {known[key].upper / known[key].si:g}"
             raise FileError(path, "parameters", f"{key} = {value:g}", bounds)
+    for key, value in file.sigma.items():
+        if value < 0.0:
+            raise FileError(path, "sigma", f"{key} = {value:g}", "a standard error is not below zero")
     values = {key: value * known[key].si for key, value in file.parameters.items()}
     sigma = {key: value * known[key].si for key, value in file.sigma.items()}
-    return file, MotionModel(arm, effects, values, sigma)
+    return MotionModel(arm, effects, values, sigma)
+
+
+def _effects_of(path: Path, file: MotionFile, arm: Arm, catalogue: MotionCatalogue) -> tuple[MotionEffect, ...]:
+    """Each once, and those that every joint has among them. Raises `FileError`."""
+    if twice := [name for name, count in Counter(file.effects).items() if count > 1]:
+        raise FileError(path, "effects", f"{twice[0]} is named twice")
+    try:
+        effects = tuple(effect_of(arm, name, catalogue) for name in file.effects)
+    except UnknownName as error:
+        raise FileError(path, "effects", str(error)) from None
+    for effect in MotionModel.nominal(arm, catalogue).effects:
+        if effect.name not in file.effects:
+            raise FileError(path, "effects", f"{effect.name} is missing", "every joint has one")
+    return effects

@@ -57,7 +57,8 @@ def settling_after(
     if modes is not None:
         away = away + modes.deflections(moved, step)
     parts = away[:, :, None] * _jacobian(model, goal)
-    far = np.flatnonzero(np.linalg.norm(parts[len(path) :].sum(axis=1), axis=1) > within)
+    near = np.linalg.norm(parts[len(path) :].sum(axis=1), axis=1) <= within
+    far = np.flatnonzero(~near)  # what is no number is not near
     last = int(far[-1]) if len(far) else 0
     seconds = (last + 1) * step if len(far) else 0.0
     ends = parts[len(path) + last : len(path) + last + max(1, round(0.5 / step))]

@@ -16,16 +16,7 @@ from lrmd.config import Config
 from lrmd.errors import RequestError
 from lrmd.ik.deployed_model import DeployedModel
 from lrmd.ik.tip_movement import check_movement, tip_movement
-from lrmd.persistence.deployed_models import (
-    DeployedStack,
-    active_model,
-    load_stack,
-    model_in_use,
-    prune,
-    save_stack,
-    undo_named,
-    write_version,
-)
+from lrmd.persistence.deployed_models import DeployedVersions, ModelKind
 from lrmd.ramp.shared_memory import GravityRecord, SharedRecords
 from lrmd.safety.collision_guard import CollisionGuard, Guard
 from lrmd.safety.stability import stability_of
@@ -43,53 +34,44 @@ class ActiveModel:
     def __init__(self, config: Config, shared: SharedRecords) -> None:
         """Raises `LrmError` for a file that cannot be used."""
         self._config, self._shared = config, shared
+        self._versions = DeployedVersions.of(config, ModelKind.POSES)
         self._lock = threading.Lock()
         self._using = threading.Lock()
         self._down: Vector3 | None = None
         self.guard: Guard | None = None
         self.gravity = config.arm.gravity
-        with undo_named(config):
-            self.deployed = self._take(*load_checked(config, active_model(config)))
+        with self._versions.undo_named():
+            self.deployed = self._take(*load_checked(config, self._versions.in_use))
 
     def load(self) -> DeployedModel:
         """Reads the file; raises `LrmError` and keeps the present model if it cannot be used.
 
         The ik process sees the new digest after its present query, and loads the file itself.
         """
-        with self._one_at_a_time():
-            return self._take(*self._tried(active_model(self._config)))
+        with self.one_at_a_time():
+            return self._take(*self._tried(self._versions.in_use))
 
     def deploy(self, text: str, accept: bool = False) -> DeployedModel:
         """Keeps a model file's text as a new version and uses it. Raises `LrmError`; then nothing has changed.
 
         `accept`: also if the tip moves by much against the model in use.
         """
-        with self._one_at_a_time():
-            stack, path = load_stack(self._config.state), write_version(self._config.state, text)
-            try:
+        with self.one_at_a_time():
+            with self._versions.new(text) as path:
                 checked = self._tried(path)
                 moved = tip_movement(self.deployed.model, checked[0].model, self._config.arm)
                 check_movement(moved, self._config.arm, accept)
-                save_stack(self._config.state, stack.with_version(path.name))
-            except BaseException:
-                path.unlink(missing_ok=True)
-                raise
-            prune(self._config.state)
             return replace(self._take(*checked), moved=moved)
 
     def undo(self) -> DeployedModel:
         """Goes back to the version before. Raises `LrmError`: nothing was deployed, or that one cannot be used."""
-        with self._one_at_a_time():
-            stack = load_stack(self._config.state)
-            if not stack.versions:
-                raise RequestError("nothing_to_undo", "no deployed model is in use; the one of the configuration is")
-            before = DeployedStack(versions=stack.versions[:-1])
-            checked = self._tried(model_in_use(self._config, before))
-            save_stack(self._config.state, before)
+        with self.one_at_a_time():
+            with self._versions.undone() as before:
+                checked = self._tried(before)
             return self._take(*checked)
 
     @contextmanager
-    def _one_at_a_time(self) -> Iterator[None]:
+    def one_at_a_time(self) -> Iterator[None]:
         """Raises `RequestError` while another model is being loaded."""
         if not self._lock.acquire(blocking=False):
             raise RequestError("busy", "another model is being checked; ask again", retryable=True)

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 import resource
 import signal
+from collections.abc import Callable
 from multiprocessing import get_context
 from multiprocessing.connection import Connection
 from pathlib import Path
@@ -51,10 +52,16 @@ def load_checked(config: Config, path: Path | None) -> tuple[DeployedModel, Guar
     )
 
 
-def check_in_trial(config: Config, path: Path | None) -> None:
+Trial = Callable[[Config, Path | None], object]
+"""Loads and checks a model file; raises `LrmError`: not to be used. None: without one, takes as much memory."""
+
+
+def check_in_trial(config: Config, path: Path | None, trial_of: Trial = load_checked) -> None:
     """Loads and checks a model file as the daemon would, in another process. Raises `LrmError`: not to be used."""
     ours, theirs = get_context("spawn").Pipe(duplex=False)
-    trial = get_context("spawn").Process(target=run, args=(config, path, theirs), name="lrmd-model", daemon=True)
+    trial = get_context("spawn").Process(
+        target=run, args=(config, path, theirs, trial_of), name="lrmd-model", daemon=True
+    )
     trial.start()
     theirs.close()
     try:
@@ -80,17 +87,17 @@ def _ended(code: int | None) -> str:
     return f"cannot be checked: the process that did it ended ({code})"
 
 
-def run(config: Config, path: Path | None, answer: Connection) -> None:
+def run(config: Config, path: Path | None, answer: Connection, trial_of: Trial) -> None:
     """Entry point of the process: sends an empty text for a model that can be used, else why it cannot."""
     die_with_parent()
     for number in (signal.SIGINT, signal.SIGHUP):
         signal.signal(number, signal.SIG_IGN)
     give_way()
-    load_checked(config, None)
+    trial_of(config, None)
     before = _limit(_address_space() + MEMORY)
     what = ""
     try:
-        load_checked(config, path)
+        trial_of(config, path)
         reason = ""
     except LrmError as error:
         reason = str(error)

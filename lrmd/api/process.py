@@ -8,13 +8,14 @@ import time
 from collections import deque
 from collections.abc import Callable
 from functools import partial
-from typing import Any
+from typing import Any, TypeVar
 
 import structlog
 import zenoh
 
 from lrm_math.errors import FileError, LrmError
 from lrmd.api.children import ChildProcesses
+from lrmd.api.deployed_motion import ActiveMotion
 from lrmd.api.model_reload import ActiveModel
 from lrmd.api.presence import IkProbe, Presence
 from lrmd.api.publisher import EventRing, EventThrottle, StatePublisher
@@ -23,7 +24,7 @@ from lrmd.api.supervisor import ChildProcess, RestartLimitExceeded, silence
 from lrmd.api.systemd_notify import notify, watchdog_s
 from lrmd.api.zenoh_server import ZenohServer
 from lrmd.config import SECOND, Config
-from lrmd.control.motion_predictor import FinalLeg, MotionPredictor
+from lrmd.control.motion_predictor import FinalLeg
 from lrmd.control.requests import Controller
 from lrmd.control.state import ControllerEvent, Level
 from lrmd.control.state_machine import Mode
@@ -45,7 +46,7 @@ from lrmd.messages.control import (
 from lrmd.messages.surroundings import packed
 from lrmd.messages.zenoh_session import own_client
 from lrmd.persistence.state_file import BackgroundWriter, SaveSchedule, restored_state
-from lrmd.ramp.shared_memory import ArmKnowledge
+from lrmd.ramp.shared_memory import ArmKnowledge, LoadRecord
 from lrmd.safety.thermal_model import gravity_torques
 
 PERIOD, STANDBY_PERIOD = SECOND // 50, 4 * SECOND // 50
@@ -60,6 +61,7 @@ SETTLING_TIME = SECOND // 10
 IK_PAUSE = 10 * SECOND
 """ns until an ik process that does not start is tried again."""
 IK_TIMEOUT, ROUTER_TIMEOUT = 5 * SECOND, 2 * SECOND
+T = TypeVar("T")
 STOP_SIGNALS = (signal.SIGTERM, signal.SIGINT)
 
 
@@ -79,7 +81,11 @@ class ApiProcess:
         guard, stored = self._model.guard, restored_state(config, self._emit)
         torques = gravity_torques(config.arm, self._model.gravity)
         self._controller = Controller(config, torques, stored, guard, now, time.time_ns())
-        self._controller.motion = MotionPredictor.of(config)
+        self._motion = ActiveMotion(config, self._model)
+        self._controller.motion = self._motion.predictor
+        if self._controller.motion is None and config.motion.shaping != "off":
+            text = f"shaping = '{config.motion.shaping}' shapes no move until a motion model is deployed"
+            self._emit("no_motion_model", "warning", text)
         if self._controller.unchecked:
             self._emit("no_shapes", "warning", f"{self._controller.unchecked}; no move is checked")
         self._publisher = StatePublisher(config, self._controller, self._shared, self._ramp, self._ik, self.boot_id)
@@ -93,6 +99,7 @@ class ApiProcess:
         self._tick_seen, self._ticked_at = 0, now
         self._saving = SaveSchedule(config.save)
         self._knowledge: ArmKnowledge | None = None
+        self._load: LoadRecord | None = None
         self._obstacles = self._controller.obstacles
 
     def run(self) -> int:
@@ -167,10 +174,10 @@ class ApiProcess:
         except RequestError as error:
             self._reloading = self._reloading or error.code == "busy"
 
-    def _adopt(self, load: Callable[[], DeployedModel]) -> DeployedModel:
-        """Uses a model. Raises `RequestError` if it cannot be used: the model in use stays."""
+    def _loaded(self, load: Callable[[], T]) -> T:
+        """What is loaded. Raises `RequestError` if it cannot be used: the model in use stays."""
         try:
-            deployed = load()
+            return load()
         except RequestError:
             raise
         except LrmError as error:
@@ -179,12 +186,26 @@ class ApiProcess:
                 self._emit("model_refused", "error", text)
                 self._flush()
             raise RequestError("model", text) from None
+
+    def _adopt(self, load: Callable[[], DeployedModel]) -> DeployedModel:
+        """Uses a model. Raises `RequestError` if it cannot be used."""
+        deployed = self._loaded(load)
         with self._lock:
             self._publisher.model = deployed.path
             self._use_model("the new model", time.monotonic_ns())
             self._emit("model_loaded", "info", f"model {deployed.path}", model_sha256=deployed.sha256)
             self._flush()
         return deployed
+
+    def _adopt_motion(self, load: Callable[[], None]) -> DeployedModel:
+        """Uses a model of motion from the next motion on; the model of poses in use. Raises `RequestError`."""
+        self._loaded(load)
+        with self._lock:
+            known = self._controller.motion = self._motion.predictor
+            text = "no motion model: nothing is shaped" if known is None else f"motion model {known.path}"
+            self._emit("model_loaded", "info", text, motion_sha256="" if known is None else known.sha256)
+            self._flush()
+        return self._model.deployed
 
     def _use_model(self, cause: str, now: int) -> None:
         """Guard and torques of the model as it is now."""
@@ -226,7 +247,9 @@ class ApiProcess:
 
     def _write_order(self) -> None:
         self._shared.write_order(self._controller.order)
-        self._shared.values.payload = self._controller.payload
+        if (load := LoadRecord(self._controller.payload, *self._controller.load_at)) != self._load:
+            self._load = load
+            self._shared.write_load(load)
         if (obstacles := self._controller.obstacles) is not self._obstacles:
             self._obstacles = obstacles
             self._shared.write_scene(packed(obstacles.entries))
@@ -286,7 +309,8 @@ class ApiProcess:
     def _save(self, now: int, at_once: bool = False) -> None:
         c = self._controller
         skill, levels = c.skill_report.outcome, map(c.thermal.model.level, c.thermal.temperature)
-        state = (c.mode, c.position, c.report.moving, c.report.outputs, c.fallen.bits, c.payload, skill, *levels)
+        load = (c.payload, *c.load_at)
+        state = (c.mode, c.position, c.report.moving, c.report.outputs, c.fallen.bits, *load, skill, *levels)
         if self._saving.due(state, c.report.moving, now) or at_once:
             c.stored = c.saved(time.time_ns())
             self._writer.put(c.stored)
@@ -305,7 +329,8 @@ class ApiProcess:
         if isinstance(request, ReloadRequest | DeployRequest | UndeployRequest):
             deployed = self._changed_model(request)
             self._model.wait_for_ik(deployed)
-            return self._publisher.reloaded(tail, deployed)
+            with self._lock:
+                return self._publisher.reloaded(tail, deployed)
         arrived = time.monotonic_ns()
         left = isinstance(request, MotionRequest | PayloadRequest) and self._leave_stored_pose(request)
         if isinstance(request, MoveRequest | JogRequest):
@@ -349,9 +374,16 @@ class ApiProcess:
         return reply.model_copy(update={"settle_s": known.settle_s(final_leg), "within_m": within})
 
     def _changed_model(self, request: ReloadRequest | DeployRequest | UndeployRequest) -> DeployedModel:
-        if isinstance(request, DeployRequest):
-            return self._adopt(partial(self._model.deploy, request.text, request.accept))
-        return self._adopt(self._model.undo if isinstance(request, UndeployRequest) else self._model.load)
+        match request:
+            case DeployRequest(kind="motion"):
+                return self._adopt_motion(partial(self._motion.deploy, request.text))
+            case UndeployRequest(kind="motion"):
+                return self._adopt_motion(self._motion.undo)
+            case DeployRequest():
+                return self._adopt(partial(self._model.deploy, request.text, request.accept))
+            case UndeployRequest():
+                return self._adopt(self._model.undo)
+        return self._adopt(self._model.load)
 
     def report_refusal(self, tail: str, error: LrmError) -> None:
         """Emits an event for a refused command, which has no reply."""

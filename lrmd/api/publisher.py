@@ -159,7 +159,18 @@ class StatePublisher:
             left_out=list(deployed.uncompensated),
             field=field, tip_moves_m=None if deployed.moved is None else deployed.moved.largest,
             tip_moves_rms_m=None if deployed.moved is None else deployed.moved.rms,
+            motion_model=self._motion_model, motion_sha256=self._motion_sha256,
         )  # fmt: skip
+
+    @property
+    def _motion_model(self) -> str | None:
+        known = self._controller.motion
+        return None if known is None else known.path
+
+    @property
+    def _motion_sha256(self) -> str:
+        known = self._controller.motion
+        return "" if known is None else known.sha256
 
     @property
     def _model_sha256(self) -> str:
@@ -185,7 +196,7 @@ class StatePublisher:
         return ModeState(
             **self._header("state/mode"), mode=c.mode.value, why=c.why, since_mono_ns=c.since,
             holder=c.lease.holder if c.lease else None, link=c.report.link.name.lower(), payload_kg=c.payload,
-            stops=c.stops, troubles=c.troubles,
+            payload_centre_m=list(c.load_at), stops=c.stops, troubles=c.troubles,
         )  # fmt: skip
 
     def _faults(self) -> FaultsState:
@@ -250,6 +261,8 @@ class StatePublisher:
             pwm_hz=1.0 / (COUNTS_PER_PERIOD * config.clock.count_s), oscillator_hz=config.clock.oscillator_hz,
             lease_ms=config.lease / 1e6, command_ms=config.command / 1e6,
             model=self.model if self._model_sha256 else None, model_sha256=self._model_sha256,
+            motion_model=self._motion_model, motion_sha256=self._motion_sha256,
+            shaping=config.motion.shaping, within_m=config.motion.within_mm * 1e-3,
             stored_rad=stored_angles(config, stored), stored_still=still,
         )  # fmt: skip
 

@@ -7,11 +7,11 @@ import re
 import zenoh
 
 from lrm_math.errors import LrmError
+from lrmd.api.deployed_motion import predictor_of
 from lrmd.api.model_trial import load_checked
 from lrmd.config import Config
-from lrmd.control.motion_predictor import MotionPredictor
 from lrmd.messages.zenoh_session import client, own_endpoints, router
-from lrmd.persistence.deployed_models import active_model, undo_named
+from lrmd.persistence.deployed_models import DeployedVersions, ModelKind
 
 
 def check_start(config: Config) -> str:
@@ -19,8 +19,11 @@ def check_start(config: Config) -> str:
 
     Raises `LrmError` for what the start would refuse. The state file is not read: no content of it stops a start.
     """
-    with undo_named(config):
-        deployed, guard = load_checked(config, active_model(config))
+    poses, moves = (DeployedVersions.of(config, kind) for kind in (ModelKind.POSES, ModelKind.MOTION))
+    with poses.undo_named():
+        deployed, guard = load_checked(config, poses.in_use)
+    with moves.undo_named():
+        known = predictor_of(config, moves.in_use)
     try:
         router(config.zenoh)
         client(own_endpoints(config.zenoh), config.zenoh.config)
@@ -28,9 +31,7 @@ def check_start(config: Config) -> str:
         text = str(error).split(" at /")[0]
         said = re.search(r'msg: "(.*)', text)
         raise LrmError(f"zenoh: {said[1] if said else text}") from None
-    motion = (
-        "" if MotionPredictor.of(config) is None else f"; motion model {config.motion.model}, {config.motion.shaping}"
-    )
+    motion = "" if known is None else f"; motion model {known.path}, {config.motion.shaping}"
     model = f"model {deployed.path}" + (f" ({deployed.sha256[:12]})" if deployed.sha256 else "")
     shapes = "" if guard else "; no collision shapes: no move is checked"
     return f"{config.robot}, {config.arm.name}, servos {', '.join(config.names)}; {model}{shapes}{motion}"

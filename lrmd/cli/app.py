@@ -23,22 +23,25 @@ OptionGroup: TypeAlias = Callable[[argparse.ArgumentParser], None]
 DESCRIPTION = """\
 Drive a robot arm through lrmd, the daemon that owns it. Usual commands:
 
-  lrm state --watch                            show the state (always allowed)
-  lrm arm --q 0,-60,0,0,0,0                    switch the servos on; the angles are where the arm stands NOW
-  lrm move --joint 2 30deg --joint 3 -10deg    move two joints; Ctrl-C stops and holds
-  lrm move --q 0,-60,0,0,0,0                   move all joints, ending together
-  lrm disarm                                   switch the servos off: the arm falls
-  lrm estop                                    emergency stop: off at once, whoever is in command
+  lrm state --watch                    show the state (always allowed)
+  lrm arm --q 0,-60,0,0,0,0            switch the servos on; the angles say
+                                       where the arm stands NOW
+  lrm move --joint 2 30 --joint 3 -10  move two joints; Ctrl-C stops and holds
+  lrm move --q 0,-60,0,0,0,0           move all joints, ending together
+  lrm disarm                           switch the servos off: the arm falls
+  lrm estop                            emergency stop: off at once, whoever is
+                                       in command
 
-RC servos jump to the first pulse they get. So state where the arm stands when you arm it. --q gives its angles.
---stored: nobody touched the arm since the daemon left it. --board: take over a board that is still sending pulses.
+RC servos jump to the first pulse they get. So state where the arm stands when
+you arm it: --q gives its angles; --stored says that nobody touched the arm
+since the daemon left it; --board takes over a board that still sends pulses.
 Write angles as 30, 30deg or 0.5rad.
 """
 
 
 def main(argv: list[str] | None = None) -> int:
     """Runs one command. Exit code 0; 1 if a motion did not reach its goal or nobody reads on; 2 on any other error."""
-    options = parser().parse_args(argv)
+    options = parser().options_of(argv)
     try:
         with field_named():
             code = int(options.run(options))
@@ -65,8 +68,15 @@ class LrmArgumentParser(argparse.ArgumentParser):
         """Exits with code 2."""
         self.exit(2, f"lrm: {message}; see {self.prog} --help\n")
 
+    def options_of(self, argv: list[str] | None) -> argparse.Namespace:
+        """Options of a command line; words that a command does not know are reported with that command's help."""
+        options, unknown = self.parse_known_args(argv)
+        if unknown:
+            options.parser.error(f"unrecognized arguments: {' '.join(unknown)}")
+        return options
 
-def parser() -> argparse.ArgumentParser:
+
+def parser() -> LrmArgumentParser:
     """The command line."""
     p = LrmArgumentParser("lrm", description=DESCRIPTION, formatter_class=argparse.RawDescriptionHelpFormatter)
     p.add_argument("--robot", default="rover", help="name of the robot whose daemon to use (default: %(default)s)")
@@ -78,7 +88,7 @@ def parser() -> argparse.ArgumentParser:
     def command(name: str, run: Handler, text: str, *groups: OptionGroup) -> argparse.ArgumentParser:
         """Adds a command with its help text and its groups of options."""
         sub = commands.add_parser(name, help=text, description=text)
-        sub.set_defaults(run=run)
+        sub.set_defaults(run=run, parser=sub)
         for add_options in groups:
             add_options(sub)
         return sub
@@ -170,6 +180,10 @@ def _skill(c: argparse.ArgumentParser) -> None:
     c.add_argument("--q", metavar="Q1,Q2,...", help="pose to stow in")
     c.add_argument("--gripper", metavar="ANGLE", help="where the gripper's servo turns to")
     c.add_argument("--payload-g", type=float, metavar="G", help="load that is grasped")
+    c.add_argument(
+        "--payload-centre-mm", nargs=3, type=float, metavar=("X", "Y", "Z"),
+        help="where its centre is from where the arm file takes it, along the tool's axes",
+    )  # fmt: skip
     c.add_argument("--listen", type=float, metavar="S", help="time after closing to tell that nothing is there")
     c.add_argument(
         "--touch",
@@ -187,8 +201,9 @@ def _fk(c: argparse.ArgumentParser) -> None:
 
 
 def _deploy(c: argparse.ArgumentParser) -> None:
-    c.add_argument("model", nargs="?", type=Path, metavar="MODEL", help="a model file of lrm-ident")
-    c.add_argument("--undo", action="store_true", help="return to the model before the last one")
+    c.add_argument("model", nargs="?", type=Path, metavar="MODEL", help="a model file of lrm-ident, of poses or motion")
+    undo = "return to the model before the last one; with 'motion' to the motion model before"
+    c.add_argument("--undo", nargs="?", const="model", choices=["model", "motion"], help=undo)
     accept = "accept a model that moves the tip by more than a fifth of the reach, or loses much when deployed"
     c.add_argument("--accept", action="store_true", help=accept)
 

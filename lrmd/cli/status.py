@@ -8,10 +8,14 @@ import threading
 from pathlib import Path
 
 from lrm_math.errors import LrmError
+from lrm_math.toml_file import schema_of
 from lrmd.cli import text
 from lrmd.cli.parsing import open_rover
 from lrmd.client.model_text import text_to_deploy
 from lrmd.messages.control import Event
+
+MOTION_SCHEMA = "lrm/motion/1"
+"""Of a motion model's file; stated here since its schema takes a while to import."""
 
 
 def state(o: argparse.Namespace) -> int:
@@ -52,9 +56,11 @@ def logs(o: argparse.Namespace) -> int:
 
 
 def deploy(o: argparse.Namespace) -> int:
-    """`lrm deploy`: gives the daemon a model file, or takes the last one back."""
+    """`lrm deploy`: gives the daemon a model file, of poses or of motion, or takes the last one back."""
     if (o.model is None) == (not o.undo):
         raise LrmError("deploy: give a model file, or --undo")
+    if o.undo == "motion" or (o.model is not None and schema_of(o.model) == MOTION_SCHEMA):
+        return _deploy_motion(o)
     text_of_file, said = (None, []) if o.model is None else (text_to_deploy(o.model), _checked(o.model, o.accept))
     with open_rover(o) as rover:
         before = rover.info().model_sha256
@@ -71,6 +77,37 @@ def deploy(o: argparse.Namespace) -> int:
         if reply.field is not None:
             print(text.field_text(reply.field))
     return 0
+
+
+def _deploy_motion(o: argparse.Namespace) -> int:
+    """Of a model of motion: nothing moves by it, and it counts from the next motion on."""
+    text_of_file, said = (None, []) if o.model is None else (text_to_deploy(o.model), _motion_lines(o.model))
+    with open_rover(o) as rover:
+        before = rover.info().motion_sha256
+        reply = rover.undeploy("motion") if text_of_file is None else rover.deploy(text_of_file, kind="motion")
+        info = rover.info()
+    print(text.motion_model_text(reply.motion_model, reply.motion_sha256))
+    print(f"before: {before[:12] or 'none'}; back to it: lrm deploy --undo motion" if o.model else "undone")
+    for line in (*said, text.shaping_text(info)):
+        print(line)
+    return 0
+
+
+def _motion_lines(model: Path) -> list[str]:
+    """What a model of motion says of the arm, as far as the daemon uses it. Raises `FileError`: it is none."""
+    from lrm_math.motion.effects import Swing  # takes a while
+    from lrm_math.motion.motion_model import load_motion
+
+    file, known = load_motion(model)
+    swinging = [
+        f"{effect.place} {known.values[effect.keys[0]]:.2f} Hz" for effect in known.effects if isinstance(effect, Swing)
+    ]
+    lines = [f"swings (at the mean of all postures): {', '.join(swinging) or 'no joint, as far as this model knows'}"]
+    last = file.history[-1] if file.history else None
+    for error, unit in () if last is None else ((last.held_out_deg, "deg"), (last.held_out_mm, "mm")):
+        if error is not None:
+            lines.append(f"error of moves that its fit did not use: {error:.2g} {unit} RMS")
+    return lines
 
 
 def _checked(model: Path, accepted: bool) -> list[str]:

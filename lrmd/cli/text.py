@@ -97,6 +97,8 @@ def info_text(info: InfoState) -> str:
     lines = [
         f"{info.robot}: arm {info.arm}, lrm-arm {info.version}, tick {info.tick_ms:g} ms, {model}",
         step_text(info),
+        *([] if info.motion_model is None else [motion_model_text(info.motion_model, info.motion_sha256)]),
+        *([] if info.motion_model is None and info.shaping == "off" else [shaping_text(info)]),
         paint(f"{'servo':<10}{'limits':>18}{'fastest':>12}", "bold"),
     ]
     for name, (low, high), rate in zip(info.names, info.limits_rad, info.rate_rad_per_s, strict=True):
@@ -112,14 +114,28 @@ def step_text(info: InfoState) -> str:
     """Largest change of a pulse at once: as commanded, and as the board puts it out in counts."""
     largest = math.ceil(round(info.step_us / info.count_us, 6)) * info.count_us
     return (
-        f"pulses: commanded in steps of at most {info.step_us:g} us per tick; put out in counts of "
-        f"{info.count_us:.2f} us ({info.pwm_hz:.0f} Hz), so in steps of at most {largest:.2f} us"
+        f"pulses: commanded in steps of at most {info.step_us:g} us per tick;\n"
+        f"put out in counts of {info.count_us:.2f} us ({info.pwm_hz:.0f} Hz), so in steps of at most {largest:.2f} us"
     )
 
 
 def model_text(model: str, sha256: str) -> str:
     """Name and digest of the model."""
     return f"model {model}" + (f", sha256 {sha256[:12]}" if sha256 else "")
+
+
+def motion_model_text(model: str | None, sha256: str) -> str:
+    """Name and digest of the model of motion."""
+    return f"motion model {model}, sha256 {sha256[:12]}" if model else "no motion model"
+
+
+def shaping_text(info: InfoState) -> str:
+    """Whether moves are shaped, and where that is said."""
+    if info.motion_model is None:
+        return "moves are not shaped, and replies have no settling time, without a motion model"
+    if info.shaping == "off":
+        return "moves are not shaped: lrmd.toml says [motion] shaping = 'off'; a client can ask for it, move by move"
+    return f"moves are shaped from the next one on: {info.shaping} (lrmd.toml, [motion] shaping)"
 
 
 def field_text(field: FieldPart) -> str:
@@ -137,29 +153,33 @@ def _percent(share: float) -> str:
 
 def ik_text(answer: IkAnswer, names: Sequence[str]) -> str:
     """Commanded angles of a solved goal, and its predicted error."""
-    lines = [_angles("commands (deg)", answer.q_rad or [], names)]
+    commands = answer.q_rad or []
+    joints = names[: len(commands)]
+    lines = [f"{'':15}" + "".join(f"{name:>9}" for name in joints), _angles("commands (deg)", commands)]
     sd = "not known (the model file has no covariance)" if answer.sd_m is None else f"{answer.sd_m * 1e3:.2f} mm"
-    lines.append(f"predicted error {(answer.predicted_error_m or 0.0) * 1e3:.2g} mm, standard deviation {sd}")
+    lines.append(f"predicted error {(answer.predicted_error_m or 0.0) * 1e3:.2f} mm, standard deviation {sd}")
     if answer.rounded_error_m is not None:
-        lines.append(f"after rounding to the board's counts {answer.rounded_error_m * 1e3:.2f} mm")
+        turn = f", {math.degrees(answer.rounded_turn_rad):.2f} deg" if answer.rounded_turn_rad else ""
+        lines.append(f"after rounding to the board's counts {answer.rounded_error_m * 1e3:.2f} mm{turn} from the goal")
     if answer.detours:
         joints = ", ".join(f"joint{j}" for j in answer.detours)
         lines.append(f"{joints}: the error depends on the side it comes from; come from the other one")
     if any(answer.free_joints[:1]):
         lines.append(f"singular pose: joint{answer.free_joints[0]} can turn while the tool hardly moves")
     lines += _range_lines(answer.outside_range)
-    lines += [_angles(f"branch {i} (deg)", q, names) for i, q in enumerate(answer.branches_rad[1:], start=2)]
+    lines += [_angles(f"branch {i} (deg)", q) for i, q in enumerate(answer.branches_rad[1:], start=2)]
     return "\n".join(lines)
 
 
-def _angles(what: str, q: Sequence[float], names: Sequence[str]) -> str:
-    return f"{what}: " + ", ".join(f"{n} {math.degrees(a):.2f}" for n, a in zip(names, q, strict=False))
+def _angles(what: str, q: Sequence[float]) -> str:
+    return f"{what:15}" + "".join(f"{math.degrees(a):z9.2f}" for a in q)
 
 
 def path_text(waypoints: Sequence[Sequence[float]]) -> str:
     """The waypoints of a path, in degrees."""
-    rows = [" ".join(f"{math.degrees(a):8.1f}" for a in q) for q in waypoints]
-    return "\n".join([f"{len(waypoints) - 1} straight moves through (deg):", *rows])
+    rows = [" ".join(f"{math.degrees(a):z8.1f}" for a in q) for q in waypoints]
+    moves = "1 straight move" if len(waypoints) == 2 else f"{len(waypoints) - 1} straight moves"
+    return "\n".join([f"{moves} through (deg):", *rows])
 
 
 def tcp_text(answer: FkAnswer) -> str:
@@ -168,8 +188,8 @@ def tcp_text(answer: FkAnswer) -> str:
     sd = "" if answer.sd_m is None else f", standard deviation {answer.sd_m * 1e3:.2f} mm"
     (r11, _, _), (r21, _, _), (r31, r32, r33) = answer.rotation
     angles = math.atan2(r32, r33), -math.asin(max(-1.0, min(1.0, r31))), math.atan2(r21, r11)
-    rpy = ", ".join(f"{math.degrees(a):.1f}" for a in angles)
-    torques = ", ".join(f"{t:.3f}" for t in answer.tau_nm)
+    rpy = ", ".join(f"{math.degrees(a):z.1f}" for a in angles)
+    torques = ", ".join(f"{t:z.3f}" for t in answer.tau_nm)
     lines = [f"TCP at ({x:.1f}, {y:.1f}, {z:.1f}) mm{sd}", f"roll, pitch, yaw ({rpy}) deg", f"torques ({torques}) Nm"]
     return "\n".join([*lines, *_range_lines(answer.outside_range)])
 

@@ -6,11 +6,13 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Literal
 
+from lrm_math.arrays import ORIGIN
 from lrm_math.errors import LrmError
 from lrmd.client.session import NoReply, RoverSession, S
 from lrmd.messages.codec import Message, field_named, pack, unpack_shown
 from lrmd.messages.control import (
     ArmRequest,
+    DeployedKind,
     DeployRequest,
     DisarmRequest,
     EstopCommand,
@@ -109,9 +111,11 @@ class Rover(RoverSession):
         wait: bool = True,
         stops: int | None = None,
         may_touch: Sequence[ContactEntry] = (),
+        shaping: Literal["off", "zv", "zvd", "zvdd"] | None = None,
     ) -> float:
         """Moves servos (rad by name) through the waypoints; returns the duration (s). `stops`: of `mode` when the
-        motion was asked for, if that was before now. `may_touch`: contacts that it is permitted.
+        motion was asked for, if that was before now. `may_touch`: contacts that it is permitted. `shaping`: against
+        swing, by the daemon's motion model; None: as the daemon is configured.
 
         Raises `RequestRefused`; while waiting `MotionInterrupted` if the motion ends before its goal.
         """
@@ -119,7 +123,7 @@ class Rover(RoverSession):
         with field_named():
             request = MoveRequest(
                 lease=self._token(), stops=self._stops if stops is None else stops, waypoints=path, pace=pace,
-                speed=speed, payload_kg=payload_kg, may_touch=list(may_touch),
+                speed=speed, payload_kg=payload_kg, may_touch=list(may_touch), shaping=shaping,
             )  # fmt: skip
         reply = self._query(Reply, "rpc/move", request)
         seconds, self.unchecked, self.settle_s = reply.seconds or 0.0, reply.unchecked, reply.settle_s
@@ -127,10 +131,13 @@ class Rover(RoverSession):
             self._wait(("armed",), ("moving",), 2 * seconds + 5.0)
         return seconds
 
-    def carry(self, payload_kg: float) -> None:
-        """Tells the mass that the gripper carries from now on (kg). Nothing moves. Raises `RequestRefused`."""
+    def carry(self, payload_kg: float, centre_m: Sequence[float] = ORIGIN) -> None:
+        """Tells what the gripper carries from now on: mass (kg) and centre, see `PayloadRequest`. Nothing moves.
+
+        Raises `RequestRefused`.
+        """
         with field_named():
-            request = PayloadRequest(lease=self._token(), payload_kg=payload_kg)
+            request = PayloadRequest(lease=self._token(), payload_kg=payload_kg, payload_centre_m=list(centre_m))
         self._query(Reply, "rpc/payload", request)
 
     def jog(self, rates: Mapping[str, float]) -> None:
@@ -186,18 +193,19 @@ class Rover(RoverSession):
         """Reloads the model file in the daemon. Needs no lease; nothing moves."""
         return self._query(ReloadReply, "rpc/reload", ReloadRequest(), self._timeout + RELOAD_S)
 
-    def deploy(self, text: str, accept: bool = False) -> ReloadReply:
+    def deploy(self, text: str, accept: bool = False, kind: DeployedKind = "model") -> ReloadReply:
         """Gives the daemon a model file's text, to keep as a version and use from now on. Needs no lease.
 
-        `accept`: also if the tip moves by much. Raises `RequestRefused` with the code `needs_accept` without it.
+        `kind`: of poses, or of "motion". `accept`: also if the tip moves by much; without it `RequestRefused` is raised
+        with the code `needs_accept`.
         """
         with field_named():
-            request = DeployRequest(text=text, accept=accept)
+            request = DeployRequest(text=text, accept=accept, kind=kind)
         return self._query(ReloadReply, "rpc/deploy", request, self._timeout + RELOAD_S)
 
-    def undeploy(self) -> ReloadReply:
-        """Takes the last deployment back. Needs no lease."""
-        return self._query(ReloadReply, "rpc/undeploy", UndeployRequest(), self._timeout + RELOAD_S)
+    def undeploy(self, kind: DeployedKind = "model") -> ReloadReply:
+        """Takes the last deployment of a kind of model back. Needs no lease."""
+        return self._query(ReloadReply, "rpc/undeploy", UndeployRequest(kind=kind), self._timeout + RELOAD_S)
 
     def estop(self, why: str = "") -> None:
         """Stops all pulses at the next tick. Needs no lease.

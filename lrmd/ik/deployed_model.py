@@ -19,7 +19,7 @@ from lrm_math.model.uncertainty import FieldCoverage, field_coverage
 from lrm_math.toml_file import bounded_content, read_toml
 from lrmd.config import Config
 from lrmd.ik.tip_movement import TipMovement
-from lrmd.persistence.deployed_models import active_model, was_deployed
+from lrmd.persistence.deployed_models import DeployedVersions, ModelKind
 from lrmd.ramp.shared_memory import NOMINAL
 
 
@@ -45,9 +45,11 @@ class DeployedModel:
 
     @property
     def uncompensated(self) -> tuple[str, ...]:
-        """Those of `left_out` of which something never counts, not even where the time since power-on is known."""
-        warming = {} if self.model.state is None else self.model.state.warming
-        never = {effect.id for effect in self.model.effects if effect.name not in warming}
+        """Those of `left_out` of which something never counts, not even where it is known since when the arm has power,
+        and what it did before."""
+        state = self.model.state
+        followed = set() if state is None else {*state.warming, *state.memory}
+        never = {effect.id for effect in self.model.effects if effect.name not in followed}
         return tuple(name for name in self.left_out if name in never)
 
     @cached_property
@@ -58,7 +60,7 @@ class DeployedModel:
 
 def deploy(config: Config) -> DeployedModel:
     """The model in use: the last one deployed, that of the configuration, or the nominal arm. Raises `FileError`."""
-    return deploy_file(config, active_model(config))
+    return deploy_file(config, DeployedVersions.of(config, ModelKind.POSES).in_use)
 
 
 def deploy_file(config: Config, path: Path | None) -> DeployedModel:
@@ -67,8 +69,8 @@ def deploy_file(config: Config, path: Path | None) -> DeployedModel:
         return DeployedModel(model_of(config.arm, ()), None, "nominal", "", ())
     content = _content(path)
     tables = read_toml(path, ModelFile)
-    over_zenoh = was_deployed(config, path)
-    arm = _named_arm(config, path, tables.arm) if over_zenoh else arm_of(path, tables.arm)
+    over_zenoh = DeployedVersions.of(config, ModelKind.POSES).holds(path)
+    arm = named_arm(config, path, tables.arm) if over_zenoh else arm_of(path, tables.arm)
     _check_arm(config, path, tables, arm)
     if over_zenoh:
         tables = tables.model_copy(update={"provenance": None})
@@ -91,7 +93,7 @@ def _check_arm(config: Config, path: Path, tables: ModelFile, arm: Arm) -> None:
         raise FileError(path, "arm", words, FIT_AGAIN)
 
 
-def _named_arm(config: Config, path: Path, name: str) -> Arm:
+def named_arm(config: Config, path: Path, name: str) -> Arm:
     """The arm of a text that came over zenoh: a path would tell its sender which files exist. Raises `FileError`."""
     if name == config.arm.name:
         return config.arm
@@ -104,8 +106,13 @@ def _named_arm(config: Config, path: Path, name: str) -> Arm:
 
 def digest_of(config: Config) -> bytes:
     """Present digest of the model file in use. Raises `FileError`."""
-    path = active_model(config)
-    return NOMINAL if path is None else hashlib.sha256(_content(path)).hexdigest().encode()
+    path = DeployedVersions.of(config, ModelKind.POSES).in_use
+    return NOMINAL if path is None else content_sha256(path).encode()
+
+
+def content_sha256(path: Path) -> str:
+    """SHA-256 of a model file. Raises `FileError`."""
+    return hashlib.sha256(_content(path)).hexdigest()
 
 
 def _content(path: Path) -> bytes:

@@ -12,8 +12,11 @@ from lrmd.messages.surroundings import MOST_OBSTACLES, ContactEntry, Label, Obst
 
 Angles = Annotated[dict[Label, Annotated[float, Field(ge=-20, le=20)]], Field(max_length=16)]
 Servos = Annotated[list[Label], Field(max_length=16)]
+LoadCentre = Annotated[list[Annotated[float, Field(ge=-0.2, le=0.2)]], Field(min_length=3, max_length=3)]
+"""m: no further from the tool than a hand holds something."""
 Token = Annotated[str, Field(min_length=1, max_length=64)]
 Stops = Annotated[int, Field(ge=0, lt=2**53)]
+DeployedKind = Literal["model", "motion"]
 
 # ---- requests of clients
 
@@ -86,9 +89,13 @@ class MoveRequest(MotionRequest):
 
 
 class PayloadRequest(CommandRequest):
-    """`rpc/payload`: the mass that the gripper carries from now on. Nothing moves."""
+    """`rpc/payload`: the mass that the gripper carries from now on, and its centre. Nothing moves.
+
+    `payload_centre_m`: where the centre of the load lies from where the arm file takes it, along the tool's axes.
+    """
 
     payload_kg: Annotated[float, Field(ge=0, le=2)]
+    payload_centre_m: LoadCentre = [0.0, 0.0, 0.0]
 
 
 class JogRequest(MotionRequest):
@@ -122,15 +129,19 @@ class ReloadRequest(Message):
 class DeployRequest(Message):
     """`rpc/deploy`: a model file's `text`, kept as a new version and used at once. Nothing moves; needs no lease.
 
-    `accept`: also a model that moves the tip by more than a fifth of the reach, at the same commands.
+    `kind`: a "model" of poses, or one of "motion", which counts from the next motion on. `accept`: also a model of
+    poses that moves the tip by more than a fifth of the reach, at the same commands.
     """
 
     text: Annotated[str, Field(min_length=1, max_length=1_000_000)]
     accept: bool = False
+    kind: DeployedKind = "model"
 
 
 class UndeployRequest(Message):
-    """`rpc/undeploy`: back to the model before the last deployment. Nothing moves; needs no lease."""
+    """`rpc/undeploy`: back to the model of this `kind` before its last deployment. Nothing moves; needs no lease."""
+
+    kind: DeployedKind = "model"
 
 
 class EstopCommand(Message):
@@ -216,6 +227,7 @@ class ModeState(Header):
     holder: str | None
     link: str
     payload_kg: float
+    payload_centre_m: list[float]
     stops: int
     troubles: list[str] = []
 
@@ -309,7 +321,9 @@ class InfoState(Header):
     """`info`: configuration of the arm. `model_sha256`: of the loaded model file, empty for the nominal arm.
 
     `step_us`: largest change of a commanded pulse in one tick. The board rounds it to `count_us` at `pwm_hz`,
-    if its oscillator has `oscillator_hz` as configured.
+    if its oscillator has `oscillator_hz` as configured. `motion_model`, `motion_sha256`: file of the motion model in
+    use, None and empty without one. With one, moves are shaped as `shaping` says unless they say otherwise, and
+    `rpc/move` states when the tip stays `within_m` of its rest.
     """
 
     robot: str
@@ -332,6 +346,10 @@ class InfoState(Header):
     model_sha256: str
     stored_rad: dict[str, float]
     stored_still: bool
+    motion_model: str | None = None
+    motion_sha256: str = ""
+    shaping: Literal["off", "zv", "zvd", "zvdd"] = "off"
+    within_m: float | None = None
 
 
 class Event(Header):
@@ -378,11 +396,14 @@ class ReloadReply(Header):
     """Reply to `rpc/reload`, `rpc/deploy` and `rpc/undeploy`: the model, as in later replies of `rpc/ik`.
 
     `field`: its residual field; None without one. `tip_moves_m`, `tip_moves_rms_m`: of a deployment, how far the tip
-    moves at most, and RMS, against the model before it, at the same commands.
+    moves at most, and RMS, against the model before it, at the same commands. `motion_model`, `motion_sha256`: as in
+    `info`.
     """
 
     model: str
     model_sha256: str
+    motion_model: str | None = None
+    motion_sha256: str = ""
     left_out: list[str] = []
     field: FieldPart | None = None
     tip_moves_m: float | None = None

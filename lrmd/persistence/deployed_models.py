@@ -1,8 +1,9 @@
-"""Versions of the model that were deployed over zenoh: files in `models/` of the state directory, and which are on top.
+"""Versions of a model that were deployed over zenoh: files in a folder of the state directory, and which are on top.
 
 `deployed.json` is a stack: a deployment puts a version on it, an undo takes the last one off. The model in use is the
 one on top, or that of the configuration while the stack is empty. The last `KEPT` files of versions stay, for the
-record; those in the stack are among them, so the stack forgets its oldest ones.
+record; those in the stack are among them, so the stack forgets its oldest ones. The model of poses and that of motion
+have a folder and a stack each: an undo of one leaves the other.
 """
 
 from __future__ import annotations
@@ -11,6 +12,8 @@ import hashlib
 import re
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
+from enum import StrEnum
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -20,12 +23,23 @@ from lrm_math.atomic_file import write_atomically
 from lrm_math.errors import FileError, LrmError
 from lrm_math.toml_file import StrictSchema
 from lrmd.config import Config
+from lrmd.errors import RequestError
 
-FOLDER, STACK = "models", "deployed.json"
+STACK = "deployed.json"
 KEPT = 10
 """Files of versions, and versions to which an undo goes back, the one in use among them."""
 PATTERN = r"^\d{4,9}-[0-9a-f]{12}\.toml$"
 VersionName = Annotated[str, Field(pattern=PATTERN)]
+
+
+class ModelKind(StrEnum):
+    """What a model is of: where the arm stands, or how it moves there."""
+
+    POSES = "model"
+    MOTION = "motion"
+
+
+FOLDERS = {ModelKind.POSES: "models", ModelKind.MOTION: "motion_models"}
 
 
 class DeployedStack(StrictSchema):
@@ -39,95 +53,136 @@ class DeployedStack(StrictSchema):
         return DeployedStack(versions=(*self.versions, name)[-KEPT:])
 
 
-def load_stack(state: Path) -> DeployedStack:
-    """The stack in a state directory, empty if nothing was deployed yet. Raises `FileError` if it is damaged."""
-    path = state / FOLDER / STACK
-    try:
-        return DeployedStack.model_validate_json(path.read_bytes())
-    except FileNotFoundError:
-        return DeployedStack()
-    except OSError as error:
-        raise FileError(path, "", f"cannot be read ({error.strerror})") from None
-    except ValidationError:
-        raise FileError(path, "", "is damaged; without it the model of the configuration is used") from None
+@dataclass(frozen=True)
+class DeployedVersions:
+    """The versions of one kind of model in a state directory; `configured`: file of the configuration, or None."""
 
+    state: Path
+    kind: ModelKind = ModelKind.POSES
+    configured: Path | None = None
 
-def model_in_use(config: Config, stack: DeployedStack) -> Path | None:
-    """The model file on top of a stack, else that of the configuration; None: the nominal arm."""
-    return config.state / FOLDER / stack.versions[-1] if stack.versions else config.model
+    @staticmethod
+    def of(config: Config, kind: ModelKind) -> DeployedVersions:
+        """Those of the daemon's state directory."""
+        motion = None if config.motion.model is None else Path(config.motion.model)
+        return DeployedVersions(config.state, kind, motion if kind is ModelKind.MOTION else config.model)
 
+    @property
+    def folder(self) -> Path:
+        """Of the files."""
+        return self.state / FOLDERS[self.kind]
 
-def active_model(config: Config) -> Path | None:
-    """The model file in use; None: the nominal arm. Raises `FileError`."""
-    return model_in_use(config, load_stack(config.state))
+    @property
+    def stack(self) -> DeployedStack:
+        """The stack, empty if nothing was deployed yet. Raises `FileError` if it is damaged."""
+        path = self.folder / STACK
+        try:
+            return DeployedStack.model_validate_json(path.read_bytes())
+        except FileNotFoundError:
+            return DeployedStack()
+        except OSError as error:
+            raise FileError(path, "", f"cannot be read ({error.strerror})") from None
+        except ValidationError:
+            raise FileError(path, "", "is damaged; without it the model of the configuration is used") from None
 
+    @property
+    def in_use(self) -> Path | None:
+        """The file on top of the stack, else that of the configuration; None: there is none. Raises `FileError`."""
+        return self._top(self.stack)
 
-def was_deployed(config: Config, path: Path) -> bool:
-    """Whether a file is a version that came over zenoh, not one of the administrator's."""
-    return path.parent == config.state / FOLDER
+    def _top(self, stack: DeployedStack) -> Path | None:
+        return self.folder / stack.versions[-1] if stack.versions else self.configured
 
+    def holds(self, path: Path) -> bool:
+        """Whether a file is a version that came over zenoh, not one of the administrator's."""
+        return path.parent == self.folder
 
-def _versions(folder: Path) -> list[Path]:
-    """Files of versions, the oldest first."""
-    found = [path for path in folder.iterdir() if re.match(PATTERN, path.name)]
-    return sorted(found, key=lambda path: _number(path.name))
+    @contextmanager
+    def new(self, text: str) -> Iterator[Path]:
+        """A model's text as a new version, in use once the block ends; whatever ends it early, its file is gone.
 
-
-def _number(name: str) -> int:
-    return int(name.partition("-")[0])
-
-
-def prune(state: Path) -> None:
-    """Deletes the oldest files of versions beyond `KEPT` that are not in the stack. Raises `FileError`."""
-    in_use, files = set(load_stack(state).versions), _versions(state / FOLDER)
-    others = [path for path in files if path.name not in in_use]
-    for path in others[: max(0, len(files) - KEPT)]:
-        path.unlink(missing_ok=True)
-
-
-def write_version(state: Path, text: str) -> Path:
-    """Writes a model's text as a new version, which is not in use yet. Raises `FileError`."""
-    folder, content = state / FOLDER, text.encode()
-    try:
-        folder.mkdir(mode=0o750, parents=True, exist_ok=True)
-        number = 1 + max((_number(path.name) for path in _versions(folder)), default=0)
-    except OSError as error:
-        raise FileError(folder, "", f"cannot be written ({error.strerror})") from None
-    path = folder / f"{number:04d}-{hashlib.sha256(content).hexdigest()[:12]}.toml"
-    write_atomically(path, content)
-    return path
-
-
-def undo_offline(state: Path) -> str:
-    """Takes the last deployed model back without a daemon, whatever is in its file; what was done, in one line.
-
-    A damaged stack is set aside, and the model of the configuration is in use. Raises `FileError`.
-    """
-    path = state / FOLDER / STACK
-    try:
-        stack = load_stack(state)
-    except FileError:
-        aside = path.with_suffix(".damaged")
-        path.replace(aside)
-        return f"{path} is damaged and was renamed to {aside.name}: the model of the configuration is in use"
-    if not stack.versions:
-        return "no deployed model is in use; the one of the configuration is"
-    save_stack(state, DeployedStack(versions=stack.versions[:-1]))
-    before = stack.versions[-2] if stack.versions[1:] else "the model of the configuration"
-    return f"{stack.versions[-1]} was taken back; in use: {before}"
-
-
-@contextmanager
-def undo_named(config: Config) -> Iterator[None]:
-    """Adds to the error of a deployed model how to take it back without a daemon."""
-    try:
-        yield
-    except LrmError as error:
-        if not (config.state / FOLDER / STACK).exists():
+        Raises `FileError`.
+        """
+        stack, path = self.stack, self.write(text)
+        try:
+            yield path
+            self.save(stack.with_version(path.name))
+        except BaseException:
+            path.unlink(missing_ok=True)
             raise
-        raise LrmError(f"{error}; if that model was deployed, take it back: lrmd --config FILE --undo") from None
+        self.prune()
+
+    @contextmanager
+    def undone(self) -> Iterator[Path | None]:
+        """The file in use before the last deployment, in use again once the block ends. Raises `LrmError`."""
+        stack = self.stack
+        if not stack.versions:
+            text = {
+                ModelKind.POSES: "no deployed model is in use; the one of the configuration is",
+                ModelKind.MOTION: "no deployed model of motion is in use",
+            }
+            raise RequestError("nothing_to_undo", text[self.kind])
+        before = DeployedStack(versions=stack.versions[:-1])
+        yield self._top(before)
+        self.save(before)
+
+    def write(self, text: str) -> Path:
+        """Writes a model's text as a new version, which is not in use yet. Raises `FileError`."""
+        content = text.encode()
+        try:
+            self.folder.mkdir(mode=0o750, parents=True, exist_ok=True)
+            number = 1 + max((_number(path) for path in self._files()), default=0)
+        except OSError as error:
+            raise FileError(self.folder, "", f"cannot be written ({error.strerror})") from None
+        path = self.folder / f"{number:04d}-{hashlib.sha256(content).hexdigest()[:12]}.toml"
+        write_atomically(path, content)
+        return path
+
+    def save(self, stack: DeployedStack) -> None:
+        """Writes the stack atomically: a power cut leaves the old or the new one. Raises `FileError`."""
+        write_atomically(self.folder / STACK, stack.model_dump_json(by_alias=True).encode())
+
+    def prune(self) -> None:
+        """Deletes the oldest files of versions beyond `KEPT` that are not in the stack. Raises `FileError`."""
+        in_use, files = set(self.stack.versions), self._files()
+        others = [path for path in files if path.name not in in_use]
+        for path in others[: max(0, len(files) - KEPT)]:
+            path.unlink(missing_ok=True)
+
+    def _files(self) -> list[Path]:
+        """Files of versions, the oldest first."""
+        return sorted((path for path in self.folder.iterdir() if re.match(PATTERN, path.name)), key=_number)
+
+    def undo_offline(self) -> str:
+        """Takes the last deployed model back without a daemon, whatever is in its file; what was done, in one line.
+
+        A damaged stack is set aside, and the model of the configuration is in use. Raises `LrmError`.
+        """
+        path = self.folder / STACK
+        try:
+            stack = self.stack
+        except FileError:
+            aside = path.with_suffix(".damaged")
+            path.replace(aside)
+            return f"{path} is damaged and was renamed to {aside.name}: the model of the configuration is in use"
+        if not stack.versions:
+            return "no deployed model is in use; the one of the configuration is"
+        with self.undone() as before:
+            pass
+        now = before.name if before is not None and self.holds(before) else "the model of the configuration"
+        return f"{stack.versions[-1]} was taken back; in use: {now}"
+
+    @contextmanager
+    def undo_named(self) -> Iterator[None]:
+        """Adds to the error of a deployed model how to take it back without a daemon."""
+        try:
+            yield
+        except LrmError as error:
+            if not (self.folder / STACK).exists():
+                raise
+            undo = "lrmd --config FILE --undo" + (" motion" if self.kind is ModelKind.MOTION else "")
+            raise LrmError(f"{error}; if that model was deployed, take it back: {undo}") from None
 
 
-def save_stack(state: Path, stack: DeployedStack) -> None:
-    """Writes the stack atomically: a power cut leaves the old or the new one. Raises `FileError`."""
-    write_atomically(state / FOLDER / STACK, stack.model_dump_json(by_alias=True).encode())
+def _number(path: Path) -> int:
+    return int(path.name.partition("-")[0])

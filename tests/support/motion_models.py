@@ -19,12 +19,17 @@ def swinging(arm: str = "lrm-rover", **joints: tuple[float, float]) -> MotionMod
     return model
 
 
-def write_motion_model(model: MotionModel, path: Path) -> Path:
-    """The model's file, of a shipped arm; the path."""
+def motion_text(model: MotionModel) -> str:
+    """The text of the model's file, of a shipped arm."""
     effects = ", ".join(f'"{effect.name}"' for effect in model.effects)
     numbers = "\n".join(f'"{key}" = {value}' for key, value in model.values.items())
     head = f'schema = "lrm/motion/1"\narm = "{model.arm.name}"\neffects = [{effects}]\n[parameters]\n'
-    path.write_text(f"{head}{numbers}\n", encoding="utf-8")
+    return f"{head}{numbers}\n"
+
+
+def write_motion_model(model: MotionModel, path: Path) -> Path:
+    """The model's file, of a shipped arm; the path."""
+    path.write_text(motion_text(model), encoding="utf-8")
     return path
 
 

@@ -78,8 +78,9 @@ def recorded(arms: list[TrueJoints], rng: np.random.Generator) -> list[Recording
 def driven(arms: list[TrueJoints], told: Array, rng: np.random.Generator) -> list[Recording]:
     """A recording of each arm that is told (E, C, N, 5), rad, in episodes, each from rest."""
     many, N = len(told), told.shape[2]
-    parts = [_followed(arms, told[number], number * N / FPS) for number in range(many)]
-    angle = np.stack([part + np.stack([arm.offset for arm in arms])[:, None] for part in parts])
+    begun = np.repeat(N / FPS * np.arange(many), len(arms))[:, None]
+    angle = _followed(arms * many, told.reshape(-1, *told.shape[2:]), begun).reshape(told.shape)
+    angle = angle + np.stack([arm.offset for arm in arms])[:, None]
     read = encoder_readings(np.degrees(angle), rng)
     t, episode = np.tile(np.arange(N) / FPS, many), np.repeat(np.arange(many), N)
     return [
@@ -103,8 +104,8 @@ def hand(rng: np.random.Generator) -> Array:
     return np.array(rows[:N]) + 0.002 * tremor[:, None]
 
 
-def _followed(arms: list[TrueJoints], told: Array, begun: float) -> Array:
-    """(C, N, 5), rad, what the encoders sit at in each frame; told: (C, N, 5)."""
+def _followed(arms: list[TrueJoints], told: Array, begun: Array) -> Array:
+    """(C, N, 5), rad, what the encoders sit at in each frame; told: (C, N, 5); begun: (C, 1), s since power-on."""
     p = {f.name: np.stack([getattr(arm, f.name) for arm in arms]) for f in fields(TrueJoints)}
     C, N, _ = told.shape
     ticks = round(1.0 / FPS / STEP_S)

@@ -20,11 +20,12 @@ from lrm_ident.measuring.recordings.mcap_file import read_mcap
 from lrm_ident.measuring.recordings.take import TipTrack
 from lrm_ident.measuring.recordings.tracker_csv import read_export
 from lrm_math.arm.arm import Arm
+from lrm_math.arm.arm_digest import arm_sha256
 from lrm_math.errors import FileError
 from lrm_math.model.model import Model, model_of
 from lrm_math.model.model_file import load_model
 from lrm_math.model.reading import AngleUnit, Reading
-from lrm_math.motion.motion_model import MotionFile, load_motion
+from lrm_math.motion.motion_model import SCHEMA, MotionFile, load_motion
 
 DIGITS = 8
 LOGS = (".csv", ".mcap")
@@ -106,8 +107,9 @@ def write_motion(study: MotionStudy, arm: str, path: Path) -> None:
         for key, parameter in zip(effect.keys, effect.parameters, strict=True)
     }
     tables = {
-        "schema": "lrm/motion/1",
+        "schema": SCHEMA,
         "arm": arm,
+        "arm_sha256": arm_sha256(study.model.arm),
         "recording": study.moves.name,
         "effects": [effect.name for effect in study.model.effects],
         "parameters": {key: _rounded(study.model.values[key] / si) for key, si in units.items()},

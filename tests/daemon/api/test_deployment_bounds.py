@@ -12,7 +12,7 @@ from lrmd.api.model_reload import ActiveModel
 from lrmd.config import Config, load_config
 from lrmd.errors import RequestError
 from lrmd.main import main
-from lrmd.persistence.deployed_models import FOLDER
+from lrmd.persistence.deployed_models import DeployedVersions
 from lrmd.ramp.shared_memory import SharedRecords
 from tests.support.daemon.in_memory_daemon import CONFIG
 
@@ -40,7 +40,7 @@ def test_a_model_with_a_link_of_ten_metres_is_not_deployed(config: Config, activ
     for accept in ((), (True,)):
         with pytest.raises(LrmError):
             active.deploy(LINK.format(10_000.0), *accept)
-        assert not list((config.state / FOLDER).glob("*.toml"))
+        assert not list(DeployedVersions(config.state).folder.glob("*.toml"))
     with pytest.raises(RequestError, match="accepted"):
         active.deploy(LINK.format(200.0))
 
@@ -53,14 +53,14 @@ def test_a_damaged_deployed_file_is_taken_back_without_a_daemon(
     file.write_text(text, encoding="utf-8")
     for d in (1.0, 2.0):
         active.deploy(LINK.format(d))
-    versions = sorted((config.state / FOLDER).glob("*.toml"))
+    versions = sorted(DeployedVersions(config.state).folder.glob("*.toml"))
     versions[-1].write_text("half a fi", encoding="utf-8")
     assert main(["--config", str(file), "--check"]) == 2
     assert "take it back: lrmd --config FILE --undo" in capsys.readouterr().err
     assert main(["--config", str(file), "--undo"]) == 0
     assert versions[-2].name in capsys.readouterr().out
     assert main(["--config", str(file), "--check"]) == 0
-    (config.state / FOLDER / "deployed.json").write_text("{", encoding="utf-8")
+    (DeployedVersions(config.state).folder / "deployed.json").write_text("{", encoding="utf-8")
     assert main(["--config", str(file), "--check"]) == 2
     assert main(["--config", str(file), "--undo"]) == 0
     assert main(["--config", str(file), "--check"]) == 0
@@ -68,4 +68,4 @@ def test_a_damaged_deployed_file_is_taken_back_without_a_daemon(
 
 def test_the_state_folder_is_not_for_everybody(config: Config, active: ActiveModel) -> None:
     active.deploy(LINK.format(1.0))
-    assert (config.state / FOLDER).stat().st_mode & 0o007 == 0
+    assert DeployedVersions(config.state).folder.stat().st_mode & 0o007 == 0

@@ -21,7 +21,7 @@ from lrmd.api.model_trial import check_in_trial
 from lrmd.config import Config, load_config
 from lrmd.errors import RequestError
 from lrmd.ik.deployed_model import deploy_file
-from lrmd.persistence.deployed_models import FOLDER, KEPT, DeployedStack, load_stack, prune, save_stack, write_version
+from lrmd.persistence.deployed_models import KEPT, DeployedVersions
 from lrmd.ramp.shared_memory import SharedRecords
 from tests.conftest import ROOT
 from tests.support.daemon.in_memory_daemon import CONFIG
@@ -62,7 +62,7 @@ def active(config: Config) -> ActiveModel:
 
 def files(config: Config) -> list[str]:
     """Names in the folder of the versions."""
-    folder = config.state / FOLDER
+    folder = DeployedVersions(config.state).folder
     return sorted(path.name for path in folder.iterdir()) if folder.exists() else []
 
 
@@ -106,9 +106,9 @@ def test_whatever_stops_a_deployment_its_file_is_gone(
     config: Config, active: ActiveModel, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     for error in (KeyboardInterrupt, MemoryError, RecursionError, SystemExit, ZeroDivisionError, LrmError):
-        for step in ("check_in_trial", "load_checked", "save_stack"):
+        for owner, step in (model_reload, "check_in_trial"), (model_reload, "load_checked"), (DeployedVersions, "save"):
             with monkeypatch.context() as broken:
-                broken.setattr(model_reload, step, mock.Mock(side_effect=error("no")))
+                broken.setattr(owner, step, mock.Mock(side_effect=error("no")))
                 with pytest.raises(error):
                     active.deploy(MODEL)
             assert files(config) == []
@@ -146,20 +146,17 @@ def test_the_stack_and_the_files_are_bounded_and_agree(
     tmp_path_factory: pytest.TempPathFactory, deployments: list[bool]
 ) -> None:
     """A deployment (True) or an undo: what an undo goes back to is there, and the last one always is."""
-    state = tmp_path_factory.mktemp("state")
+    kept = DeployedVersions(tmp_path_factory.mktemp("state"))
     history: list[str] = []
     for number, deployed in enumerate(deployments):
-        stack = load_stack(state)
         if deployed:
-            name = write_version(state, f"text {number}").name
-            save_stack(state, stack.with_version(name))
-            prune(state)
-            history.append(name)
-        elif stack.versions:
-            save_stack(state, DeployedStack(versions=stack.versions[:-1]))
-            history.pop()
-        versions = list(load_stack(state).versions)
-        present = {path.name for path in (state / FOLDER).glob("*.toml")} if (state / FOLDER).exists() else set()
+            with kept.new(f"text {number}") as path:
+                history.append(path.name)
+        elif kept.stack.versions:
+            with kept.undone():
+                history.pop()
+        versions = list(kept.stack.versions)
+        present = {path.name for path in kept.folder.glob("*.toml")} if kept.folder.exists() else set()
         assert len(present) <= KEPT
         assert set(versions) <= present
         assert versions == history[len(history) - len(versions) :], "in their order"

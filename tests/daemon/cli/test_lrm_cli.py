@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import math
 import os
+import subprocess
 import sys
 from collections.abc import Callable, Iterator
+from importlib.metadata import entry_points
 from pathlib import Path
 from types import SimpleNamespace
 from unittest import mock
@@ -159,10 +161,10 @@ def test_arm_move_look_and_disarm(daemon: InMemoryDaemon, does: Callable[..., st
     log = does("logs")
     assert "holding -> disarmed: disarmed" in log
     assert log.index("arming -> armed") < log.index("moving -> armed: arrived")
-    first, second = does("info").splitlines()[:2]
+    first, second, third = does("info").splitlines()[:3]
     assert first == "rover: arm lrm-rover, lrm-arm 0.1.0, tick 6.5 ms, model nominal"
     assert "at most 1 us per tick" in second
-    assert second.endswith("counts of 4.88 us (50 Hz), so in steps of at most 4.88 us")
+    assert third.endswith("counts of 4.88 us (50 Hz), so in steps of at most 4.88 us")
     assert daemon.sim.core.lease is None, "every command gave its lease back"
 
 
@@ -496,10 +498,28 @@ def test_a_fault_shows_what_it_is_and_since_when() -> None:
 
 
 def test_the_examples_of_the_help_text_are_commands() -> None:
-    lines = [line.split("   ")[0].split() for line in app.DESCRIPTION.splitlines() if line.startswith("  lrm ")]
+    lines = [line[2:].split("  ")[0].split() for line in app.DESCRIPTION.splitlines() if line.startswith("  lrm ")]
     assert len(lines) >= 5
     for words in lines:
         app.parser().parse_args(words[1:])
+
+
+@pytest.mark.parametrize("program", ["lrm", "lrmd", "lrmd-board", "lrm-ros2"])
+def test_help_fits_eighty_columns(program: str) -> None:
+    entry = next(iter(entry_points(group="console_scripts", name=program)))
+    code = f"import sys; from {entry.module} import {entry.attr} as main; sys.argv = ['{program}', '--help']; main()"
+    said = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, env=os.environ | {"COLUMNS": "80"}
+    )
+    assert said.returncode == 0
+    assert max(map(len, said.stdout.splitlines())) <= 80
+
+
+def test_a_word_that_a_command_does_not_know_leads_to_its_own_help(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as ended:
+        app.main(["ik", "200", "0", "100", "--colour", "red"])
+    assert ended.value.code == 2
+    assert capsys.readouterr().err == "lrm: unrecognized arguments: --colour red; see lrm ik --help\n"
 
 
 def test_documents_use_commands_that_exist() -> None:

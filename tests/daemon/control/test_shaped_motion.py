@@ -9,8 +9,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from lrm_math.errors import FileError
-from lrmd.config import load_config
 from lrmd.control.motion_predictor import MotionPredictor
 from lrmd.control.state_machine import Mode
 from lrmd.errors import RequestError
@@ -19,8 +17,8 @@ from lrmd.messages.surroundings import ContactEntry
 from lrmd.ramp.shared_memory import RampFault, RampOrder
 from lrmd.ramp.stepping import MOST_DELAY, SHARES, Pace, move, valid_impulses
 from tests.daemon.control.test_motion_laws import armed, commanded, keep
-from tests.support.daemon.in_memory_daemon import CONFIG, SimulatedDaemon, config_at
-from tests.support.motion_models import swinging, write_motion_model
+from tests.support.daemon.in_memory_daemon import SimulatedDaemon, config_at
+from tests.support.motion_models import swinging
 
 MODEL = swinging(joint1=(3.0, 0.03), joint2=(4.0, 0.05))
 GOAL = {"joint1": 0.5, "joint2": -0.3}
@@ -141,20 +139,38 @@ def test_without_a_motion_model_nothing_is_shaped_nor_predicted(sim: SimulatedDa
     assert sim.core.handle(MoveRequest(lease=token, waypoints=[GOAL]), sim.now).final_leg.move.impulses == ()
 
 
-def configured(tmp_path, lines: str):
-    path = tmp_path / "lrmd.toml"
-    path.write_text(CONFIG.read_text() + lines)
-    return load_config(path)
+def test_the_shaping_of_the_configuration_waits_for_a_model(tmp_path) -> None:
+    config = config_at(330.0, tmp_path)
+    config = replace(config, motion=config.motion.model_copy(update={"shaping": "zv"}))
+    sim = SimulatedDaemon(config)
+    sim.run(30)
+    token = armed(sim)
+    request = MoveRequest(lease=token, waypoints=[GOAL])
+    assert sim.core.handle(request, sim.now).final_leg.move.impulses == ()
+    sim.core.motion = MotionPredictor(config, MODEL)
+    keep(sim, token, 30)
+    back = MoveRequest(lease=token, waypoints=[{"joint1": 0.0, "joint2": 0.0}])
+    assert sim.core.handle(back, sim.now).final_leg.move.impulses != ()
 
 
-def test_the_configuration_names_a_model_of_this_arm(tmp_path) -> None:
-    config = load_config(CONFIG)
-    assert MotionPredictor.of(config) is None
-    with pytest.raises(FileError, match="needs a model"):
-        configured(tmp_path, '\n[motion]\nshaping = "zv"\n')
-    model = write_motion_model(MODEL, tmp_path / "motion.toml")
-    config = configured(tmp_path, f'\n[motion]\nmodel = "{model}"\nshaping = "zv"\n')
-    assert MotionPredictor.of(config) is not None
-    model.write_text(model.read_text().replace("lrm-rover", "lrm-lab"))
-    with pytest.raises(FileError, match="lrm-lab"):
-        MotionPredictor.of(config)
+@pytest.mark.parametrize("shaping", ["off", "zvdd"])
+@given(at=st.integers(1, 250), soft=st.floats(1.0, 12.0))
+def test_another_model_leaves_a_motion_under_way_as_it_was_ordered(shaping, at, soft, tmp_path_factory) -> None:
+    """Tick by tick the pulses are those of a daemon whose model stays; the model is taken away, or another is there."""
+    config = config_at(330.0, tmp_path_factory.mktemp("config"))
+    ways = []
+    for other in (None, MotionPredictor(config, swinging(joint1=(soft, 0.02))), "stays"):
+        sim = SimulatedDaemon(config)
+        sim.core.motion = MotionPredictor(config, MODEL)
+        sim.run(30)
+        token = armed(sim)
+        sim.core.handle(MoveRequest(lease=token, waypoints=[GOAL], shaping=shaping), sim.now)
+        way = []
+        for tick in range(300):
+            if tick == at and other != "stays":
+                sim.core.motion = other
+            keep(sim, token, 1)
+            way.append(sim.ramp.position)
+        ways.append(way)
+    assert ways[0] == ways[1] == ways[2]
+    assert len(set(ways[0])) > 50

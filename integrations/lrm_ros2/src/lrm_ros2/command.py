@@ -40,7 +40,7 @@ def main(argv: list[str] | None = None) -> int:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser("lrm-ros2", description=TEXT, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser("lrm-ros2", description=TEXT)
     parser.add_argument("--robot", default="rover", help="whose daemon")
     parser.add_argument("--connect", metavar="ENDPOINTS", help="of the daemon; default LRM_CONNECT or this machine")
     parser.add_argument("--ros-router", default="127.0.0.1:7447", metavar="HOST:PORT", help="zenoh router of ROS 2")
