@@ -47,7 +47,7 @@ def errors_mm(folder: Path, goals: Array, loads: Array, waits: Sequence[float], 
     )
     setup, out = DaemonSetup.make(folder, {'# model = "/etc/lrm/model.toml"': f'model = "{model}"'}), []
     creep = f"--creep=joint2={COMPLIANCE}:{CONSTANT_S}"
-    with running_daemon(setup, creep, "--dead-band-us=0") as (board, _), setup.rover() as rover:
+    with running_daemon(setup, creep, "--dead-band-us=0.1") as (board, _), setup.rover() as rover:
         names = rover.info().names[:6]
         with rover.control("test"):
             arm_when_ready(rover, "given", dict.fromkeys(rover.info().names, 0.0))
