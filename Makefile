@@ -15,23 +15,24 @@ LEROBOT_PYTHON_NAME := $(if $(filter 0.4.%,$(LEROBOT)),python3.11,python3.12)
 LEROBOT_PYTHON ?= $(shell for p in $(LEROBOT_PYTHON_NAME) $$HOME/.pyenv/versions/*/bin/$(LEROBOT_PYTHON_NAME); do \
     "$$p" --version > /dev/null 2>&1 && { echo "$$p"; break; }; done)
 SIDE_BY_SIDE := -n 2 --dist worksteal
+INTEGRATIONS := integrations/lrm_ros2 integrations/lrm_skills integrations/lerobot_robot_lrm
 UNITS := --ignore tests/system --ignore tests/package --ignore-glob '*_in_browser.py'
 ONE_THREAD := OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 MKL_NUM_THREADS=1
 
 unexport PYTHONDONTWRITEBYTECODE  # with it every process of the daemon and of the tests compiles all sources anew
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo fetch test quick offline browser lint lint-github schemas docs site proofs history gallery benchmark sdist deb story check-tag bench soak wheels coverage camera confusion unfamiliar memory misreadings real-data vendor-arms newcomers touches touches-public tutorial closed-loop motion swing as-deployed readability json-numbers fleet transfer lerobot doors hashes pictures install uninstall clean
+.PHONY: help setup demo fetch test quick offline browser lint lint-github schemas docs site proofs history gallery benchmark sdist deb story check-tag bench soak wheels integrations coverage camera confusion unfamiliar memory misreadings real-data vendor-arms newcomers touches touches-public tutorial closed-loop motion swing as-deployed readability json-numbers fleet transfer lerobot doors hashes pictures install uninstall clean
 
 help: ## what there is to make
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 12
 
 setup: $(VENV)/.ready ## a virtual environment with everything but the peers of the benchmark
 
-$(VENV)/.ready: pyproject.toml constraints.txt hatch_build.py lrm_math/ik/kernel/ik_kernel.c
+$(VENV)/.ready: pyproject.toml $(INTEGRATIONS:%=%/pyproject.toml) constraints.txt hatch_build.py lrm_math/ik/kernel/ik_kernel.c
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "needs Python 3.11 or later; set PYTHON=")'
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-compile -c constraints.txt -e '.[ident,page,camera,lerobot,video,mujoco,cluster,xacro,ros2,site,dev]'
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-compile -c constraints.txt -e '.[ident,page,camera,lerobot,video,mujoco,cluster,xacro,site,dev]' $(INTEGRATIONS:%=-e ./%)
 	@touch $@
 
 demo: setup ## the whole story on a simulated arm (SEED=): measure, fit, find what is missing, deploy; on an SO-101 with ARM=so101, by touched sockets with BY=sockets; or on your own DATA= (ARM=)
@@ -120,6 +121,7 @@ bench: setup ## our figures beside the peers', as ratios; calibrated IK and the 
 	$(ONE_THREAD) $(BIN)/python -m bench --json $(OUT)/speed.json
 	$(ONE_THREAD) $(BIN)/python -m bench.ik
 	$(ONE_THREAD) $(BIN)/python -m bench.ik_field
+	$(ONE_THREAD) $(BIN)/python -m bench.motion
 	$(ONE_THREAD) $(BIN)/python -m validation.calibrated_ik
 	$(ONE_THREAD) $(BIN)/python -m validation.daemon_performance.ik_queries 20
 	$(ONE_THREAD) $(BIN)/python -m validation.daemon_performance --minutes $(MINUTES)
@@ -148,6 +150,9 @@ transfer: setup ## 20 simulated arms, calibrated on the rig, identified on the r
 wheels: setup ## wheels for x86-64 and aarch64 Linux, macOS and Windows, in dist/ (minutes)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt hatchling ziglang
 	for target in $(TARGETS); do LRM_WHEEL_TARGET=$$target $(BIN)/python -m pip wheel --quiet --disable-pip-version-check --no-build-isolation --no-deps --wheel-dir dist . || exit 1; done
+
+integrations: setup ## wheels and source distributions of integrations/, in dist/
+	for one in $(INTEGRATIONS); do (cd $$one && $(CURDIR)/$(BIN)/python -m hatchling build --directory $(CURDIR)/dist) || exit 1; done
 
 sdist: setup ## the source distribution, in dist/
 	$(BIN)/python -c 'from hatchling.build import build_sdist; print(build_sdist("dist"))'
@@ -227,15 +232,15 @@ lerobot: $(LEROBOT_VENV)/.ready ## the plug-in's tests with LeRobot itself (LERO
 	PYTHONPATH=. $(ONE_THREAD) $(LEROBOT_VENV)/bin/python -m validation.lerobot_robot
 	$(if $(filter 0.4.%,$(LEROBOT)),,PYTHONPATH=. $(ONE_THREAD) $(LEROBOT_VENV)/bin/python -m validation.lerobot_robot.recording)
 
-$(LEROBOT_VENV)/.ready: pyproject.toml lerobot_robot_lrm/pyproject.toml hatch_build.py
+$(LEROBOT_VENV)/.ready: pyproject.toml integrations/lerobot_robot_lrm/pyproject.toml hatch_build.py
 	@test -n "$(LEROBOT_PYTHON)" || { echo "LeRobot $(LEROBOT) needs Python 3.12, LeRobot 0.4 Python 3.11; set LEROBOT_PYTHON="; exit 1; }
 	$(LEROBOT_PYTHON) -m venv $(LEROBOT_VENV)
-	$(LEROBOT_VENV)/bin/python -m pip install --quiet --disable-pip-version-check --no-compile 'lerobot[feetech,dataset]==$(LEROBOT)' pytest hypothesis pyyaml hatchling -e '.[ident,lerobot]' -e ./lerobot_robot_lrm
+	$(LEROBOT_VENV)/bin/python -m pip install --quiet --disable-pip-version-check --no-compile 'lerobot[feetech,dataset]==$(LEROBOT)' pytest hypothesis pyyaml hatchling -e '.[ident,lerobot]' -e ./integrations/lerobot_robot_lrm
 	@touch $@
 
 doors: setup ## every door to a motor at 500 random instants, and 10000 random paths of LeRobot's corrected commands over 200 fitted models (an hour)
-	PYTHONPATH=lerobot_robot_lrm/src $(ONE_THREAD) $(BIN)/python -m tests.soak.doors --instants 500
-	PYTHONPATH=lerobot_robot_lrm/src $(ONE_THREAD) $(BIN)/python -m validation.lerobot_robot.paths
+	$(ONE_THREAD) $(BIN)/python -m tests.soak.doors --instants 500
+	$(ONE_THREAD) $(BIN)/python -m validation.lerobot_robot.paths
 
 HASHED = uv pip compile --quiet --constraints constraints.txt --generate-hashes --universal --python-version 3.11 \
 	--no-annotate --custom-compile-command "make hashes"

@@ -9,3 +9,5 @@ from numpy.typing import NDArray
 
 Array: TypeAlias = NDArray[np.float64]
 Vector3: TypeAlias = tuple[float, float, float]
+
+ORIGIN: Vector3 = (0.0, 0.0, 0.0)

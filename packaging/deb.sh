@@ -52,7 +52,7 @@ command -v "${CC:-cc}" >/dev/null || command -v gcc >/dev/null || command -v cla
     pip --require-hashes -r "$SOURCE/systemd/compiler.txt"
 rm -rf "$program/lib/bin"
 pip --no-deps --no-build-isolation "$WHAT"
-rm -rf "$program/lib/bin" "$program/lib/share"
+rm -rf "$program/lib/bin"
 for command in "lrmd lrmd.main" "lrmd-board lrmd.sim.process" "lrm lrmd.cli.app"; do
     name=${command% *}
     cat >"$program/bin/$name" <<STARTER

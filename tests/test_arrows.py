@@ -13,7 +13,7 @@ import sys
 import pytest
 
 from tests.conftest import ROOT
-from tests.support.source_files import files, imported_names, room_arrows, syntax_tree
+from tests.support.source_files import files, folder_of, imported_names, room_arrows, syntax_tree
 
 ON_THE_ROVER = {"numpy", "zenoh", "serial", "msgpack", "pydantic", "structlog"}
 STDLIB = set(sys.stdlib_module_names)
@@ -26,6 +26,8 @@ LAYERS = {
     "lrm_ros2": "diagnostics action_types message_types trajectory sender_watch arrivals ros_endpoints ros_node "
     "bridge action command",
     "lrm_skills": "behaviours rafcon_library",
+    "lerobot_robot_lrm": "units least_deviation kernel_arm correction bounded corrected_arm servo_check wrapped_robot "
+    "calibrated_robot calibrated_pair processor pipelines registration",
 }
 """Folders and modules of each package; each imports only from those before it, so there is no cycle between them."""
 
@@ -35,7 +37,7 @@ def test_folders_import_only_from_layers_below(package: str) -> None:
     layers = LAYERS[package].split()
     upward = []
     for path in files(package):
-        own = path.relative_to(ROOT / package).with_suffix("").parts[0]
+        own = path.relative_to(folder_of(package)).with_suffix("").parts[0]
         if own.startswith("__"):  # the package's own front may reach everything
             continue
         assert own in layers, f"{own} has no place in the layers of {package}"
@@ -78,7 +80,8 @@ def test_imports_of_the_projects_own_modules_name_some_that_are_there() -> None:
     for path in (path for package in (*LAYERS, "validation", "examples", "bench", "tests") for path in files(package)):
         for name in imported_names(path):
             if name.split(".")[0] in LAYERS:
-                module = ROOT.joinpath(*name.split(".")[:-1])
+                package, *rest = name.split(".")[:-1] or [name]
+                module = folder_of(package).joinpath(*rest)
                 assert module.is_dir() or module.with_suffix(".py").is_file(), f"{path.relative_to(ROOT)}: {name}"
 
 

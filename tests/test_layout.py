@@ -9,7 +9,7 @@ from tests.conftest import ROOT
 from tests.support.source_files import files, syntax_tree
 
 OTHERS = ("examples", "bench", "validation", "firmware", "tests/support", "tests/soak")
-PACKAGES = ("lrm_math", "lrmd", "lrm_ident", "lrm_ros2", "lrm_skills", *OTHERS)
+PACKAGES = ("lrm_math", "lrmd", "lrm_ident", "lrm_ros2", "lrm_skills", "lerobot_robot_lrm", *OTHERS)
 
 
 def test_public_class_names_are_unique() -> None:

@@ -212,15 +212,15 @@ def _blocks(
 def _deployed_residuals(part: Measurements, equilibrium: Equilibrium) -> tuple[Array | None, Array | None]:
     """(n, 3), residual of a fold's fit as it is deployed, with the state that its session effects leave behind (m).
 
-    The second: where no time since power-on is known. None: for a model without such effects; as the first.
-    `equilibrium`: at poses from the first measured to the last.
+    The second: where neither the time since power-on is known nor what the arm did before. None: for a model without
+    such effects; as the first. `equilibrium`: at poses from the first measured to the last.
     """
     state = state_after_session(equilibrium)
     if state is None:
         return None, None
     model, poses = equilibrium.model.with_state(state), part.poses
     deployed = part.position_error(solve_equilibrium(as_deployed_at(model, poses), poses))
-    if not state.warming:
+    if not (state.warming or state.memory):
         return deployed, None
     return deployed, part.position_error(solve_equilibrium(as_deployed(model), poses))
 

@@ -12,7 +12,7 @@ import numpy as np
 from lrm_math.arm.collision_shapes import Shapes
 from lrm_math.arm.servo_table import ServoTable
 from lrm_math.arm.vehicle import Vehicle
-from lrm_math.arrays import Array, Vector3
+from lrm_math.arrays import ORIGIN, Array, Vector3
 from lrm_math.errors import LrmError
 
 BASE = "base"
@@ -87,6 +87,7 @@ class Body:
     `frame`: the number of the frame it is fixed to (0 base, i after link i of L, L + 1 tool). `com`: its centre of mass
     there (m); with `near_end` it is given before the last translation along z of that frame.
     `loads_joint`: the first joint whose torque counts it (1 to L, those without a motor included).
+    `load_at`: from `com` to the centre of the load that it carries, along the axes of its frame (m).
     """
 
     name: str
@@ -96,6 +97,7 @@ class Body:
     loads_joint: int
     near_end: bool = False
     carries_payload: bool = False
+    load_at: Vector3 = ORIGIN
 
 
 @dataclass(frozen=True)
@@ -184,6 +186,20 @@ class Arm:
     def bodies_outwards(self) -> tuple[Body, ...]:
         """The bodies, ordered from base to tool."""
         return outwards(self.bodies)
+
+    @property
+    def carries_on_tool(self) -> bool:
+        """Whether a load is carried by the tool alone."""
+        frames = {body.frame for body in self.bodies if body.carries_payload}
+        return frames == {len(self.links) + 1}
+
+    def with_load_at(self, centre: Vector3) -> Arm:
+        """The arm whose load has its centre elsewhere than its file says: `centre` is the shift along the tool's axes
+        (m). Raises `LrmError`: no body on the tool carries a load."""
+        if any(centre) and not self.carries_on_tool:
+            raise LrmError(f"{self.name}: no body on the tool carries the load, so the load's centre cannot be shifted")
+        moved = (replace(body, load_at=centre) if body.carries_payload else body for body in self.bodies)
+        return replace(self, bodies=tuple(moved))
 
     @property
     def joint_names(self) -> tuple[str, ...]:

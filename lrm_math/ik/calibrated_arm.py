@@ -24,7 +24,7 @@ from lrm_math.ik.packed_arm import EquilibriumBatch, PackedArm
 from lrm_math.kinematics.pieper import PieperForm, pieper_form
 from lrm_math.kinematics.poses import poses_of
 from lrm_math.kinematics.screw_axes import screw_axes_of
-from lrm_math.model.deployed_model import under_gravity, with_offsets
+from lrm_math.model.deployed_model import under_gravity, with_load_at, with_offsets
 from lrm_math.model.model import Model
 
 SLACK = 0.4
@@ -92,6 +92,10 @@ class CalibratedArm(PackedArm):
     def under_gravity(self, down: Vector3) -> CalibratedArm:
         """The arm where gravity's direction is known (a unit vector), by the seeds of this one: ready at once."""
         return self._alike(under_gravity(self.model, down))
+
+    def with_load_at(self, centre: Vector3) -> CalibratedArm:
+        """The arm where the load's centre is known (m), see `Arm.with_load_at`, by the seeds of this one."""
+        return self._alike(with_load_at(self.model, centre))
 
     def with_offsets(self, added: Mapping[str, float]) -> CalibratedArm:
         """The arm with small amounts (rad, m) added to constant offsets, by the seeds of this one: ready at once."""

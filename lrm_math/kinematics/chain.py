@@ -25,7 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lrm_math.arm.arm import BASE, TOOL, Arm, Joint, MimicJoint, Placement
-from lrm_math.arrays import Array, Vector3
+from lrm_math.arrays import ORIGIN, Array, Vector3
 
 Number: TypeAlias = "float | Array"
 Vector: TypeAlias = "list[Number]"
@@ -65,12 +65,16 @@ class Slot:
 
 @dataclass(frozen=True)
 class AttachedBody:
-    """A body fixed to the frame before slot number `before`; `mass` in kg, centre of mass `com` (m) in that frame."""
+    """A body fixed to the frame before slot number `before`; `mass` in kg, centre of mass `com` (m) in that frame.
+
+    `load_at`: from `com` to the centre of the load that it carries (m).
+    """
 
     before: int
     mass: float
     com: Vector3
     carries_payload: bool
+    load_at: Vector3 = ORIGIN
 
 
 @dataclass(frozen=True, eq=False)
@@ -166,7 +170,8 @@ def chain_of(arm: Arm, bends_at_ends: frozenset[str] = frozenset()) -> Chain:
     frame_ends.append(len(slots))
     bodies = arm.bodies_outwards
     attachments = [
-        AttachedBody(frame_ends[b.frame] - (1 if b.near_end else 0), b.mass, b.com, b.carries_payload) for b in bodies
+        AttachedBody(frame_ends[b.frame] - (1 if b.near_end else 0), b.mass, b.com, b.carries_payload, b.load_at)
+        for b in bodies
     ]
     moved = [sum(b.before <= k for b in attachments) for k in range(len(slots))]
     numbers = {place: number for number, place in enumerate(arm.link_places, start=1)}

@@ -9,7 +9,7 @@ other in equal steps, and a number that is left out takes a step too.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 from weakref import WeakKeyDictionary
@@ -53,6 +53,8 @@ class Visits:
         gravity: (M, 3), unit vectors of gravity's direction, or None: as the arm file says.
         timed: whether times were measured. bore: the arm that bore the loads; None: the nominal one.
         start: (n,), angles before the first pose (rad); None: not known.
+        begun: memory of each effect, by name, before the first of them; None: of a file, whose effects' own parameters
+            tell what was before. Where it is given each step was spent at the pose that it leads to.
     """
 
     q: Array
@@ -63,15 +65,15 @@ class Visits:
     timed: bool = True
     bore: LoadedArm | None = None
     start: Array | None = None
+    begun: Mapping[str, tuple[float, ...]] | None = None
 
-    def reversals(self, joint: int) -> NDArray[np.bool_]:
-        """(M,), whether the move to each pose was against the last move of joint number `joint` from 0."""
+    def sides(self, joint: int, before: float = 0.0) -> Array:
+        """(M,), sign of the last move of joint number `joint` from 0 that led to each pose; `before`: to the first."""
         first = self.q[:1] if self.start is None else self.start[None]
-        side, turned = 0.0, np.zeros(len(self.q), dtype=np.bool_)
+        side, sides = before, np.empty(len(self.q))
         for i, move in enumerate(np.sign(np.diff(self.q, axis=0, prepend=first)[:, joint]).tolist()):
-            turned[i] = move * side < 0.0
-            side = move or side
-        return turned
+            sides[i] = side = move or side
+        return sides
 
     def loads(self, chain: Chain, slots: Sequence[str]) -> Array:
         """(M, len(slots)), gravity's load on slots, by their keys (N·m; N along a translation).
@@ -165,6 +167,7 @@ def followed(
     stood: Number = np.inf,
     rest: Number = 0.0,
     late: Number = 0.0,
+    start: float = 0.0,
 ) -> tuple[Number, Number]:
     """Memory dc/dt = (driver − c)/T at N poses: the part that is left of what was before, and the share of their own.
 
@@ -175,9 +178,26 @@ def followed(
     Args:
         driver: (M,), what is followed, at all visits. constant: T (s). stood: s; they may carry derivatives, too.
         rest: s that the first pose of a session had been held before its reading; before that there was no load.
+        start: c before the first visit of a record (`Visits.begun`), for which stood, rest and late do not count.
     """
-    past, own = differentiable(lambda *shapes: _followed(history.visits, driver, *shapes), constant, stood, rest, late)
+    past, own = differentiable(
+        lambda *shapes: _followed(history.visits, driver, start, *shapes), constant, stood, rest, late
+    )
     return history.own(past), history.own(own)
+
+
+def remembered(
+    visits: Visits,
+    driver: Array,
+    constant: float,
+    stood: float = np.inf,
+    rest: float = 0.0,
+    late: float = 0.0,
+    start: float = 0.0,
+) -> Array:
+    """(M,), the memory c of `followed` at the end of each visit."""
+    past, own = _followed(visits, driver, start, constant, stood, rest, late)
+    return np.asarray(past + own * driver)
 
 
 def differentiable(course: Callable[..., tuple[Any, ...]], *shapes: Any) -> tuple[Any, ...]:
@@ -193,15 +213,19 @@ def differentiable(course: Callable[..., tuple[Any, ...]], *shapes: Any) -> tupl
     return tuple(v if s is None else Dual(v, s) for v, s in zip(values, slopes, strict=True))
 
 
-def _followed(visits: Visits, driver: Array, constant: Any, stood: Any, rest: Any, late: Any) -> tuple[Array, Array]:
+def _followed(
+    visits: Visits, driver: Array, start: float, constant: Any, stood: Any, rest: Any, late: Any
+) -> tuple[Array, Array]:
     """The same at all visits."""
+    if visits.begun is not None:
+        stood, rest, late = np.inf, visits.step[0], 0.0
     step, there = np.where(visits.begins, rest, visits.step), (1.0 - late) * visits.step
     last = np.where(visits.begins, step, np.where(np.real(stood) < np.real(there), stood, there))
     kept, after = np.exp(-step / constant), np.exp(-last / constant)
     past, own = np.zeros_like(kept), 1.0 - after
-    state = before = 0.0
+    state = before = start
     rows = zip(visits.begins.tolist(), kept.tolist(), after.tolist(), own.tolist(), driver.tolist(), strict=True)
     for i, (begins, a, b, share, now) in enumerate(rows):
-        past[i] = 0.0 if begins else a * state + (b - a) * before
+        past[i] = a * start if begins else a * state + (b - a) * before
         state, before = past[i] + share * now, now
     return past, own

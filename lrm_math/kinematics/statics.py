@@ -14,13 +14,17 @@ from typing import TypeAlias
 import numpy as np
 
 from lrm_math.arrays import Array
-from lrm_math.kinematics.chain import INVERSE, PLANE, Angle, Chain, Number, Vector, is_zero, rotate, trig
+from lrm_math.kinematics.chain import INVERSE, PLANE, Angle, AttachedBody, Chain, Number, Vector, is_zero, rotate, trig
 from lrm_math.kinematics.forward import ChainGeometry
 
 Gravity: TypeAlias = tuple[Number, Number, Number]
 """Components of gravity in the frame of measurement (m/s²), floats or (N,)."""
 Loads: TypeAlias = "Sequence[Number] | Array"
 """Loads on several slots, each a float or (N,), or derivatives of each."""
+
+
+LEAST_MASS = 1e-12
+"""kg: of what has no mass at all, whose centre does not matter."""
 
 
 @dataclass(frozen=True)
@@ -41,11 +45,23 @@ class Weight:
 
 def weights(chain: Chain, payload: Number, added: Iterable[tuple[int, WeightChange]] = ()) -> tuple[Weight, ...]:
     """Every body in chain order, the payload (kg, float or `(N,)`) and the changes `added` (by number) included."""
-    out = [Weight(body.mass + payload if body.carries_payload else body.mass, body.com) for body in chain.bodies]
+    out = [_loaded(body, payload) for body in chain.bodies]
     for number, ballast in added:
         x, y, z = (c + s for c, s in zip(out[number].com, ballast.shift, strict=True))
         out[number] = Weight(out[number].mass + ballast.mass, (x, y, z))
     return tuple(out)
+
+
+def _loaded(body: AttachedBody, payload: Number) -> Weight:
+    """A body with the payload (kg, float or `(N,)`) that it carries: their mass, and their common centre."""
+    if not body.carries_payload:
+        return Weight(body.mass, body.com)
+    mass = body.mass + payload
+    if not any(body.load_at):
+        return Weight(mass, body.com)
+    share = payload / np.maximum(mass, LEAST_MASS)
+    x, y, z = (c + share * shift for c, shift in zip(body.com, body.load_at, strict=True))
+    return Weight(mass, (x, y, z))
 
 
 def loads(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 
@@ -17,7 +18,9 @@ from lrm_math.effects.offsets import Offsets
 from lrm_math.effects.servo_errors import Quantisation
 from lrm_math.errors import LrmError
 from lrm_math.kinematics.poses import Poses
+from lrm_math.model.lasting_parts import lasting_parts
 from lrm_math.model.model import Model
+from lrm_math.model.session_state import RememberedInSession, StateAfterSession
 
 COMPENSATED = {"angle", "direction"}
 
@@ -40,12 +43,16 @@ def as_deployed(model: Model) -> Model:
 
 def as_deployed_at(model: Model, poses: Poses) -> Model:
     """The model that a rover uses at poses: `as_deployed`, with the laws that follow the time since power-on
-    (`StateAfterSession.warming`) where that is known."""
-    if model.state is None or not _followed(model, poses):
-        return as_deployed(model)
-    state, warming = model.state, model.state.warming
-    followed = _part(model, [effect for effect in model.effects if effect.name in warming or not of_a_session(effect)])
-    return with_offsets(with_offsets(replace(followed, state=None), state.offsets), _taken_out(warming))
+    (`StateAfterSession.warming`), and those that follow what the arm did before (`memory`), where that is known."""
+    names = _followed(model, poses)
+    return as_deployed_with(model, names) if names else as_deployed(model)
+
+
+def as_deployed_with(model: Model, names: Collection[str]) -> Model:
+    """`as_deployed`, but some effects, by name, are themselves there instead of the state that stands for them."""
+    assert model.state is not None
+    kept = _part(model, [effect for effect in model.effects if effect.name in names or not of_a_session(effect)])
+    return with_offsets(with_offsets(replace(kept, state=None), model.state.offsets), _taken_out(model.state, names))
 
 
 def since_power_on(poses: Poses) -> bool:
@@ -53,32 +60,45 @@ def since_power_on(poses: Poses) -> bool:
     return poses.t is not None and (poses.power_cycle is None or not poses.power_cycle.any())
 
 
-def warming_offsets(model: Model, now: Poses) -> dict[str, float]:
-    """Differences of its joints' constant offsets (rad) from `as_deployed` at the time of one pose, by their keys.
+def followed_parts(model: Model, now: Poses) -> dict[str, float]:
+    """Differences of constant offsets, springs and gains (SI) from `as_deployed` at one pose, by their keys.
 
-    Empty where nothing of the model follows the time since power-on, or that is not known.
+    Of what follows the time since power-on, and of what follows what the arm did before (its history has the loads that
+    it bore, see `with_borne_loads`). Empty where nothing of the model does, or that is not known.
     """
-    if model.state is None or not _followed(model, now):
+    names = _followed(model, now)
+    if model.state is None or not names:
         return {}
-    found = _taken_out(model.state.warming)
+    found = Counter(_taken_out(model.state, names))
     for bound in model.binding.bound:
-        if bound.effect.name in model.state.warming:
-            (amount,) = bound.at(now)
-            found[_angle_key(bound.effect.name)] += float(np.asarray(amount).reshape(-1)[0])
-    return found
+        if bound.effect.name in names:
+            found.update(lasting_parts(model, bound, now, "last"))
+    return dict(found)
 
 
-def _followed(model: Model, poses: Poses) -> bool:
-    """Whether what follows the time since power-on can: its times are known, and what it warmed by if that counts."""
-    if model.state is None or not model.state.warming or not since_power_on(poses):
-        return False
-    warming = model.state.warming
+def memorised(model: Model) -> Mapping[str, RememberedInSession]:
+    """Memories, by effect's name, that a deployed model follows where it is known what the arm did before."""
+    return {} if model.state is None else model.state.memory
+
+
+def _followed(model: Model, poses: Poses) -> list[str]:
+    """Names of effects that are followed at poses: what they follow is known, and what it warmed by if that counts."""
+    if model.state is None:
+        return []
+    warming, history = model.state.warming, poses.history
     by_heat = [key for effect in model.effects if effect.name in warming for key in effect.keys if "_per_K" in key]
-    return poses.warmed is not None or not any(map(model.value, by_heat))
+    timed = since_power_on(poses) and (poses.warmed is not None or not any(map(model.value, by_heat)))
+    remembered = model.state.memory if history is not None and history.visits.timed else {}
+    return [*(warming if timed else ()), *remembered]
 
 
-def _taken_out(warming: Mapping[str, float]) -> dict[str, float]:
-    return {_angle_key(name): -part for name, part in warming.items()}
+def _taken_out(state: StateAfterSession, names: Collection[str]) -> dict[str, float]:
+    """What of a state's offsets stands for some effects, with the other sign."""
+    out = Counter({_angle_key(name): -part for name, part in state.warming.items() if name in names})
+    for name, memory in state.memory.items():
+        if name in names:
+            out.subtract(memory.parts)
+    return dict(out)
 
 
 def _angle_key(name: str) -> str:
@@ -142,6 +162,11 @@ def under_gravity(model: Model, down: Vector3) -> Model:
     x, y, z = (math.hypot(*model.arm.gravity) * component for component in down)
     part = _part(model, [effect for effect in model.effects if not isinstance(effect, Gravity)])
     return replace(part, arm=replace(model.arm, gravity=(x, y, z)))
+
+
+def with_load_at(model: Model, centre: Vector3) -> Model:
+    """The model where the load's centre is known, see `Arm.with_load_at`. Raises `LrmError`."""
+    return replace(model, arm=model.arm.with_load_at(centre))
 
 
 def field_of(model: Model) -> ResidualField | None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
+from collections.abc import Mapping
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
@@ -18,6 +19,7 @@ from lrm_math.arm.servo_settings import ServoSettings
 from lrm_math.effects import CATALOGUE, Effect, EffectRef, ModelPart, Parameter, ParameterRef, effects_at
 from lrm_math.effects.compliance import SPRINGS
 from lrm_math.effects.measured_range import MeasuredRange, UnmeasuredAngles
+from lrm_math.effects.memory.remembering import RememberingEffect
 from lrm_math.effects.offsets import Offsets
 from lrm_math.effects.reversion import Reversion
 from lrm_math.effects.servo_errors import ServoGain
@@ -28,7 +30,7 @@ from lrm_math.errors import FileError, LrmError, UnknownName
 from lrm_math.model.covariance import Covariance, CovarianceTable, to_covariance
 from lrm_math.model.model import Model, model_of
 from lrm_math.model.reading import Reading
-from lrm_math.model.session_state import CarriedState, StateAfterSession
+from lrm_math.model.session_state import CarriedState, RememberedInSession, StateAfterSession
 from lrm_math.model.step_name import StepName
 from lrm_math.toml_file import StrictSchema, read_toml
 
@@ -97,17 +99,31 @@ class RangeTable(StrictSchema):
     reversion: ReversionTable | None = None
 
 
+class MemoryTable(StrictSchema):
+    """Table `[deployed.memory.EFFECT]`: memory of an effect in its session.
+
+    `offsets`: what of those of `[deployed]` stands for it, in the same units. `mean`, `sd`: of the numbers that the
+    effect remembers, in SI (loads in N·m, squared ones in N²m², shares): of an arm of which nothing is known.
+    """
+
+    offsets: dict[str, float] = {}
+    mean: list[float]
+    sd: list[Annotated[float, Field(ge=0)]]
+
+
 class DeployedTable(StrictSchema):
     """Table `[deployed]`: state that effects of a session leave behind, for where the model is used later.
 
     `carried`: of each effect `id@place`, whether its last or its mean state. `offsets`: what is added to constant
     offsets, springs and gains, by their keys, in the keys' units. `warming_rad`: drifts of joints that follow the time
-    since power-on where it is known, each with the part of its joint's offset that it replaces then.
+    since power-on where it is known, each with the part of its joint's offset that it replaces then. `memory`: of each
+    effect that follows what the arm did before, where that is known.
     """
 
     carried: dict[str, CarriedState] = {}
     offsets: dict[str, float] = {}
     warming_rad: dict[str, float] | None = None
+    memory: dict[str, MemoryTable] | None = None
 
 
 RIVALS_1 = ", or ", ": these data cannot tell"
@@ -306,13 +322,28 @@ def _state_of(path: Path, table: DeployedTable | None, model: Model) -> StateAft
         for name in table.warming_rad or {}:
             if name not in laws:
                 raise UnknownName("joint's drift of this model", name, laws)
-        for key in table.offsets:
+        for key in (*table.offsets, *(key for one in (table.memory or {}).values() for key in one.offsets)):
             if key not in every:
                 raise UnknownName("offset", key, every)
-    except UnknownName as error:
+        memory = {name: _memory_of(name, one, model, every) for name, one in (table.memory or {}).items()}
+    except LrmError as error:
         raise FileError(path, "deployed", str(error)) from None
-    offsets = {key: value * every[key].si for key, value in table.offsets.items()}
-    return StateAfterSession(table.carried, offsets, table.warming_rad or {})
+    return StateAfterSession(table.carried, _in_si(table.offsets, every), table.warming_rad or {}, memory)
+
+
+def _memory_of(name: str, table: MemoryTable, model: Model, every: Mapping[str, Parameter]) -> RememberedInSession:
+    """Memory of an effect by name. Raises `LrmError`: an effect that has none, or of another number of numbers."""
+    known = {effect.name: effect for effect in model.effects if isinstance(effect, RememberingEffect)}
+    if name not in known:
+        raise UnknownName("effect with a memory of this model", name, [*known])
+    size = known[name].memories
+    if not len(table.mean) == len(table.sd) == size:
+        raise LrmError(f"memory of {name}: {len(table.mean)} and {len(table.sd)} numbers; should be {size} each")
+    return RememberedInSession(_in_si(table.offsets, every), tuple(table.mean), tuple(table.sd))
+
+
+def _in_si(offsets: Mapping[str, float], every: Mapping[str, Parameter]) -> dict[str, float]:
+    return {key: value * every[key].si for key, value in offsets.items()}
 
 
 def deployed_table(model: Model) -> DeployedTable | None:
@@ -320,9 +351,19 @@ def deployed_table(model: Model) -> DeployedTable | None:
     if model.state is None:
         return None
     units = {key: parameter.si for key, parameter in _offsets(model.arm).items()}
-    offsets = {key: value / units[key] for key, value in model.state.offsets.items()}
-    warming = dict(model.state.warming) or None
-    return DeployedTable(carried=dict(model.state.carried), offsets=offsets, warming_rad=warming)
+
+    def stated(offsets: Mapping[str, float]) -> dict[str, float]:
+        return {key: value / units[key] for key, value in offsets.items()}
+
+    state = model.state
+    memory = {
+        name: MemoryTable(offsets=stated(one.parts), mean=list(one.mean), sd=list(one.sd))
+        for name, one in state.memory.items()
+    }
+    return DeployedTable(
+        carried=dict(state.carried), offsets=stated(state.offsets), warming_rad=dict(state.warming) or None,
+        memory=memory or None,
+    )  # fmt: skip
 
 
 def parts_table(model: Model) -> PartsTable:

@@ -11,6 +11,21 @@ CarriedState: TypeAlias = Literal["last", "mean"]
 
 
 @dataclass(frozen=True)
+class RememberedInSession:
+    """Memory of an effect in its session.
+
+    Attributes:
+        parts: what of the offsets, springs and gains of `StateAfterSession` stands for it, by their keys; the effect
+            itself replaces them where it is known what the arm did before.
+        mean, sd: of each number of its memory, in the effect's order and units: of an arm of which nothing is known.
+    """
+
+    parts: Mapping[str, float]
+    mean: tuple[float, ...]
+    sd: tuple[float, ...]
+
+
+@dataclass(frozen=True)
 class StateAfterSession:
     """State that goes along where effects of a session are left out.
 
@@ -19,11 +34,13 @@ class StateAfterSession:
         offsets: what is added to constant offsets (rad, m), springs (rad/N·m) and gains, by their keys.
         warming: effects whose law is followed where the time since power-on is known, each with its part of the offset
             of its joint (rad), which its law replaces then.
+        memory: of each effect that follows what the arm did before, where that is known.
     """
 
     carried: Mapping[str, CarriedState]
     offsets: Mapping[str, float]
     warming: Mapping[str, float] = field(default_factory=dict)
+    memory: Mapping[str, RememberedInSession] = field(default_factory=dict)
 
     @property
     def sentence(self) -> str:
@@ -37,6 +54,12 @@ class StateAfterSession:
         }
         parts = [f"the {state} state of {', '.join(names)}" for state, names in by_state.items() if names]
         kept = f"The deployed model keeps {' and '.join(parts)}" if parts else ""
-        if not self.warming:
-            return f"{kept}." if kept else ""
-        return f"{kept}. Where the time since power-on is known, {', '.join(map(named, self.warming))} follows it."
+        said = [
+            f"Where {known}, {', '.join(map(named, names))} follows it"
+            for known, names in (
+                ("the time since power-on is known", self.warming),
+                ("it is known what the arm did before", self.memory),
+            )
+            if names
+        ]
+        return "".join(f"{sentence}. " for sentence in (kept, *said) if sentence).strip()

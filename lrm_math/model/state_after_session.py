@@ -9,7 +9,7 @@ grows with the angle is a gain.
 
 from __future__ import annotations
 
-from collections import Counter, defaultdict
+from collections import Counter
 from collections.abc import Collection, Mapping
 from dataclasses import replace
 
@@ -17,18 +17,16 @@ import numpy as np
 
 from lrm_math.arm.arm import BASE
 from lrm_math.effects import Effect
-from lrm_math.effects.compliance import SPRINGS
+from lrm_math.effects.memory.remembering import RememberingEffect
 from lrm_math.effects.offsets import Offsets
-from lrm_math.effects.servo_errors import ServoGain
 from lrm_math.effects.targets import Kind, kind_of
-from lrm_math.kinematics.chain import Number, Slot
-from lrm_math.kinematics.poses import Poses
 from lrm_math.model.deployed_model import as_deployed, of_a_session, with_offsets
 from lrm_math.model.derivatives import parameter_jacobian
 from lrm_math.model.effect_binding import BoundEffect, distortion
 from lrm_math.model.equilibrium import Equilibrium, solve_equilibrium
+from lrm_math.model.lasting_parts import lasting_parts
 from lrm_math.model.model import Model
-from lrm_math.model.session_state import CarriedState, StateAfterSession
+from lrm_math.model.session_state import CarriedState, RememberedInSession, StateAfterSession
 
 NO_RANK = 1e-9
 """Singular values below it times the largest are none: of motions of the base that the measured points do not show."""
@@ -65,13 +63,19 @@ def state_after_session(
         return None
     known = {**({} if model.state is None else model.state.carried), **(carried or {})}
     chosen = {effect.name: known.get(effect.name, usually_carried(effect)) for effect in passing_effects(model)}
-    left = _left_by_motions(settled, chosen)
+    bound = {one.effect.name: one for one in model.binding.bound if one.effect.name in chosen}
+    left = {name: lasting_parts(model, bound[name], settled.poses, chosen[name]) for name in bound}
     sums = Counter[str]()
     for amounts in left.values():
         sums.update(amounts)
     follow = model.state.warming if warming is None and model.state is not None else warming or ()
     parts = {name: sum(left[name].values()) for name in follow if name in left}
-    state = StateAfterSession(chosen, {key: amount for key, amount in sums.items() if amount}, parts)
+    memory = {
+        name: RememberedInSession(left[name], *found)
+        for name, one in bound.items()
+        if (found := _remembered(settled, one))
+    }
+    state = StateAfterSession(chosen, {key: amount for key, amount in sums.items() if amount}, parts, memory)
     if not any(of_a_session(bound.effect) for bound in model.binding.distorting):
         return state
     moved = as_deployed(model.with_state(state))
@@ -80,52 +84,14 @@ def state_after_session(
     return replace(state, offsets={**state.offsets, **added})
 
 
-def _left_by_motions(settled: Equilibrium, chosen: Mapping[str, CarriedState]) -> dict[str, dict[str, float]]:
-    """State of each effect that moves slots, by key of the constant offset, the spring or the gain of the same slot."""
-    model = settled.model
-    poses = replace(settled.poses, q=np.zeros_like(settled.poses.q))
-    bound = [one for one in model.binding.bound if one.effect.name in chosen]
-    return {one.effect.name: _left_by(model, one, poses, chosen[one.effect.name]) for one in bound}
-
-
-def _left_by(model: Model, bound: BoundEffect, poses: Poses, state: CarriedState) -> dict[str, float]:
-    """The same of one effect."""
-    left, unloaded = defaultdict[str, float](float), tuple(0.0 for _ in bound.loads)
-
-    def kept(amount: Number) -> float:
-        course = np.broadcast_to(np.asarray(amount, dtype=np.float64), len(poses))
-        return float(course[-1] if state == "last" else course.mean())
-
-    slots = [model.chain.slots[k] for k in bound.slots]
-    for slot, amount in zip(slots, bound.at(poses, unloaded), strict=True):
-        left[_offset_key(model, slot)] += kept(amount)
-    for i, rows in zip(bound.loads, bound.by_loads(poses, unloaded), strict=True):
-        for k, slot, response in zip(bound.slots, slots, rows, strict=True):
-            if k == model.load_slots[i]:
-                left[_spring_key(model, slot)] += float(np.mean(response))
-    for joint, rows in enumerate(bound.by_angles(poses, unloaded)):
-        for slot, gain in zip(slots, rows, strict=True):
-            if slot.joint == joint:
-                for key in ServoGain(model.arm, slot.place).keys:
-                    left[key] += kept(gain)
-    return {key: amount for key, amount in left.items() if key and amount}
-
-
-def _spring_key(model: Model, slot: Slot) -> str:
-    """Key of the linear spring of a slot; empty for a slot that has none."""
-    for kind in SPRINGS:
-        if slot.place in kind.places(model.arm):
-            spring = kind(model.arm, slot.place)
-            if slot.key in spring.targets:
-                return spring.keys[spring.targets.index(slot.key)]
-    return ""
-
-
-def _offset_key(model: Model, slot: Slot) -> str:
-    """Key of the constant offset of a slot; empty for a slot that has none."""
-    key = f"{Offsets.id}.{slot.place}.{slot.name}_{'rad' if slot.rotates else 'mm'}"
-    there = slot.place in Offsets.places(model.arm) and key in Offsets(model.arm, slot.place).keys
-    return key if there else ""
+def _remembered(settled: Equilibrium, bound: BoundEffect) -> tuple[tuple[float, ...], tuple[float, ...]] | None:
+    """Mean and standard deviation of each number of an effect's memory over the session; None of an effect without one,
+    or whose time constants are in poses, since no times were measured."""
+    history = settled.poses.history
+    if not isinstance(bound.effect, RememberingEffect) or history is None or not history.visits.timed:
+        return None
+    courses = bound.effect.memory(history.visits, bound.p)
+    return tuple(float(x.mean()) for x in courses), tuple(float(x.std()) for x in courses)
 
 
 def _rigid_motion(settled: Equilibrium, deployed: Model) -> dict[str, float]:

@@ -11,14 +11,16 @@ import numpy as np
 from lrm_math.arm.vehicle import Vehicle
 from lrm_math.arrays import Array, Vector3
 from lrm_math.kinematics.forward import chain_geometry
+from lrm_math.kinematics.statics import weights
 from lrm_math.model.equilibrium import Equilibrium
 
 
 def tip_over_angles(settled: Equilibrium, payload: float, vehicle: Vehicle, gravity: Vector3) -> Array:
     """(N,), rad: of a vehicle with an arm at an elastic equilibrium, with a payload (kg) and under gravity (m/s²)."""
     chain = settled.model.chain
-    geometry = chain_geometry(chain, settled.slots, len(settled.tcp))
-    masses = np.array([body.mass + payload * body.carries_payload for body in chain.bodies])
+    bodies = weights(chain, payload)
+    geometry = chain_geometry(chain, settled.slots, len(settled.tcp), [body.com for body in bodies])
+    masses = np.array([body.mass for body in bodies])
     moment = vehicle.mass * np.array(vehicle.com)[:, None] + np.einsum("b,bcn->cn", masses, geometry.body)
     return smallest_edge_angle((moment / (vehicle.mass + masses.sum())).T, vehicle, gravity)
 

@@ -19,6 +19,7 @@ from lrm_math.arm.arm import Arm, JointLimits
 from lrm_math.arrays import Array
 from lrm_math.kinematics.chain import chain_of
 from lrm_math.kinematics.forward import chain_geometry
+from lrm_math.kinematics.statics import weights
 from lrm_math.motion.effects import Swing
 from lrm_math.motion.motion_model import MotionModel
 
@@ -84,14 +85,14 @@ def mean_inertia(arm: Arm) -> Array:
 def links_inertia(arm: Arm, q: Array, payload: float = 0.0) -> Array:
     """(N, n, n), kg m², of the links about the joints at postures (N, n), rad, with a payload (kg)."""
     chain = chain_of(arm)
-    geometry = chain_geometry(chain, chain.values(list(q.T)), len(q))
+    bodies = weights(chain, payload)
+    geometry = chain_geometry(chain, chain.values(list(q.T)), len(q), [body.com for body in bodies])
     out = np.zeros((len(q), arm.dof, arm.dof))
     slots = list(chain.joint_slots)
     axis, origin = (x[slots].transpose(2, 0, 1) for x in (geometry.axis, geometry.origin))
-    for number, body in enumerate(chain.bodies):
-        mass = body.mass + (payload if body.carries_payload else 0.0)
+    for number, body in enumerate(bodies):
         moved = np.array([chain.moved[slot] <= number for slot in slots])[:, None]
         lever = np.cross(axis, geometry.body[number].T[:, None] - origin) * moved
         turned = GYRATION * axis * moved
-        out += mass * (lever @ lever.transpose(0, 2, 1) + turned @ turned.transpose(0, 2, 1))
+        out += body.mass * (lever @ lever.transpose(0, 2, 1) + turned @ turned.transpose(0, 2, 1))
     return out

@@ -46,7 +46,7 @@ from lrmd.messages.control import (
 from lrmd.messages.surroundings import packed
 from lrmd.messages.zenoh_session import own_client
 from lrmd.persistence.state_file import BackgroundWriter, SaveSchedule, restored_state
-from lrmd.ramp.shared_memory import ArmKnowledge
+from lrmd.ramp.shared_memory import ArmKnowledge, LoadRecord
 from lrmd.safety.thermal_model import gravity_torques
 
 PERIOD, STANDBY_PERIOD = SECOND // 50, 4 * SECOND // 50
@@ -99,6 +99,7 @@ class ApiProcess:
         self._tick_seen, self._ticked_at = 0, now
         self._saving = SaveSchedule(config.save)
         self._knowledge: ArmKnowledge | None = None
+        self._load: LoadRecord | None = None
         self._obstacles = self._controller.obstacles
 
     def run(self) -> int:
@@ -246,7 +247,9 @@ class ApiProcess:
 
     def _write_order(self) -> None:
         self._shared.write_order(self._controller.order)
-        self._shared.values.payload = self._controller.payload
+        if (load := LoadRecord(self._controller.payload, *self._controller.load_at)) != self._load:
+            self._load = load
+            self._shared.write_load(load)
         if (obstacles := self._controller.obstacles) is not self._obstacles:
             self._obstacles = obstacles
             self._shared.write_scene(packed(obstacles.entries))
@@ -306,7 +309,8 @@ class ApiProcess:
     def _save(self, now: int, at_once: bool = False) -> None:
         c = self._controller
         skill, levels = c.skill_report.outcome, map(c.thermal.model.level, c.thermal.temperature)
-        state = (c.mode, c.position, c.report.moving, c.report.outputs, c.fallen.bits, c.payload, skill, *levels)
+        load = (c.payload, *c.load_at)
+        state = (c.mode, c.position, c.report.moving, c.report.outputs, c.fallen.bits, *load, skill, *levels)
         if self._saving.due(state, c.report.moving, now) or at_once:
             c.stored = c.saved(time.time_ns())
             self._writer.put(c.stored)

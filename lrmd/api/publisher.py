@@ -196,7 +196,7 @@ class StatePublisher:
         return ModeState(
             **self._header("state/mode"), mode=c.mode.value, why=c.why, since_mono_ns=c.since,
             holder=c.lease.holder if c.lease else None, link=c.report.link.name.lower(), payload_kg=c.payload,
-            stops=c.stops, troubles=c.troubles,
+            payload_centre_m=list(c.load_at), stops=c.stops, troubles=c.troubles,
         )  # fmt: skip
 
     def _faults(self) -> FaultsState:

@@ -180,6 +180,10 @@ def _skill(c: argparse.ArgumentParser) -> None:
     c.add_argument("--q", metavar="Q1,Q2,...", help="pose to stow in")
     c.add_argument("--gripper", metavar="ANGLE", help="where the gripper's servo turns to")
     c.add_argument("--payload-g", type=float, metavar="G", help="load that is grasped")
+    c.add_argument(
+        "--payload-centre-mm", nargs=3, type=float, metavar=("X", "Y", "Z"),
+        help="where its centre is from where the arm file takes it, along the tool's axes",
+    )  # fmt: skip
     c.add_argument("--listen", type=float, metavar="S", help="time after closing to tell that nothing is there")
     c.add_argument(
         "--touch",

@@ -41,6 +41,7 @@ def _fields(o: argparse.Namespace, rover: Rover) -> dict[str, Any]:
         "q_rad": list(joint_angles(rover, o.q).values()) if o.q else None,
         "gripper_rad": parse_angle(o.gripper) if o.gripper else None,
         "payload_kg": payload_kg(o),
+        "payload_centre_m": None if o.payload_centre_mm is None else [v / 1000 for v in o.payload_centre_mm],
         "listen_s": o.listen,
         "speed": o.speed,
     }

@@ -6,6 +6,7 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Literal
 
+from lrm_math.arrays import ORIGIN
 from lrm_math.errors import LrmError
 from lrmd.client.session import NoReply, RoverSession, S
 from lrmd.messages.codec import Message, field_named, pack, unpack_shown
@@ -130,10 +131,13 @@ class Rover(RoverSession):
             self._wait(("armed",), ("moving",), 2 * seconds + 5.0)
         return seconds
 
-    def carry(self, payload_kg: float) -> None:
-        """Tells the mass that the gripper carries from now on (kg). Nothing moves. Raises `RequestRefused`."""
+    def carry(self, payload_kg: float, centre_m: Sequence[float] = ORIGIN) -> None:
+        """Tells what the gripper carries from now on: mass (kg) and centre, see `PayloadRequest`. Nothing moves.
+
+        Raises `RequestRefused`.
+        """
         with field_named():
-            request = PayloadRequest(lease=self._token(), payload_kg=payload_kg)
+            request = PayloadRequest(lease=self._token(), payload_kg=payload_kg, payload_centre_m=list(centre_m))
         self._query(Reply, "rpc/payload", request)
 
     def jog(self, rates: Mapping[str, float]) -> None:

@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from lrm_math.arrays import ORIGIN, Vector3
 from lrm_math.collision.contact import Contact
 from lrmd.config import Config
 from lrmd.control.ramp_orders import Leg, Pulses, angles, overlaid
@@ -18,17 +19,22 @@ from lrmd.safety.contact_force import ContactRules
 from lrmd.safety.stability import TipOverViolation
 from lrmd.safety.thermal_model import ThermalMonitor, Torques
 
+BEARABLE_S = 60.0
+"""s: a load with which a servo would be too hot sooner is not one that the arm carries."""
+
 
 class MotionCheck:
     """`guard` checks clearances, or None; `torques` gives the joint torques of a pose, `thermal` the temperatures.
 
     `touched`: pairs of bodies that requests were permitted to bring nearer than the margin, since they did.
+    `load_at`: the centre of the load (m), which `guard` knows, too.
     """
 
     def __init__(self, config: Config, torques: Torques, guard: Guard | None, thermal: ThermalMonitor) -> None:
         self._config, self._thermal = config, thermal
         self.torques, self.guard = torques, guard
         self.touched: frozenset[frozenset[str]] = frozenset()
+        self.load_at: Vector3 = ORIGIN
 
     def check(self, start: Pulses, legs: Sequence[Leg], payload: float, contacts: Sequence[Contact] = ()) -> None:
         """Raises `RequestError` for legs from pulses (ns) that collide, or end with more load on a hot servo than now.
@@ -66,9 +72,11 @@ class MotionCheck:
         except TipOverViolation as error:
             raise _tipping(error, numbers[error.move]) from None
 
-    def check_settles(self, pulses: Pulses, payload: float) -> None:
-        """Raises `RequestError` if the arm has no elastic equilibrium at pulses (ns) with a payload (kg)."""
-        if isinstance(self.guard, CollisionGuard) and not self.guard.settles(np.array(self._joints(pulses)), payload):
+    def check_bearable(self, pulses: Pulses, payload: float, guard: Guard | None, centre: Vector3) -> None:
+        """Raises `RequestError` where a servo would soon be too hot at pulses (ns) with a payload (kg) and its centre
+        (m), or where `guard`, which knows that centre, finds no elastic equilibrium."""
+        self._thermal.check_bearable(self._torques(pulses, payload, centre), BEARABLE_S)
+        if isinstance(guard, CollisionGuard) and not guard.settles(np.array(self._joints(pulses)), payload):
             text = f"with {payload * 1e3:.0f} g the arm would not come to rest where it stands: no load for this arm"
             raise RequestError("too_heavy", text)
 
@@ -78,7 +86,10 @@ class MotionCheck:
 
     def servo_torques(self, pulses: Pulses, payload: float) -> tuple[float, ...]:
         """Gravity torque (N m) on every servo for pulses (ns) and a payload (kg); 0 for servos that are no joint."""
-        tau = tuple(float(t) for t in self.torques(self._joints(pulses), payload))
+        return self._torques(pulses, payload, self.load_at)
+
+    def _torques(self, pulses: Pulses, payload: float, centre: Vector3) -> tuple[float, ...]:
+        tau = tuple(float(t) for t in self.torques(self._joints(pulses), payload, centre))
         return tau + (0.0,) * (len(self._config.servos) - len(tau))
 
     def _joints(self, pulses: Pulses) -> list[float]:

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from lrm_math.arrays import Array
+from lrm_math.arrays import Array, Vector3
 from lrm_math.motion.modes import modes_at
 from lrm_math.motion.motion_model import MotionModel
 from lrm_math.motion.settling import settling_after
@@ -26,10 +26,11 @@ from lrmd.ramp.stepping import SHARES, Move, Pace, valid_impulses
 
 @dataclass(frozen=True)
 class FinalLeg:
-    """The last leg of a motion: its `move` of pulses (ns), and the load (kg) that is carried along it."""
+    """The last leg of a motion: its `move` of pulses (ns), and the load (kg) and its centre (m) along it."""
 
     move: Move
     payload: float
+    load_at: Vector3
 
 
 class MotionPredictor:
@@ -38,9 +39,12 @@ class MotionPredictor:
     def __init__(self, config: Config, model: MotionModel, path: str = "", sha256: str = "") -> None:
         self._config, self._model, self.path, self.sha256 = config, model, path, sha256
 
-    def shaped(self, start: Pulses, leg: Leg, kind: ShaperKind, payload: float) -> Leg:
-        """The leg from pulses (ns), shaped; as it is where nothing swings, or its servos do not run together."""
-        modes = modes_at(self._model, self._angles(np.array([overlaid(start, leg.target)]))[0], payload)
+    def shaped(self, start: Pulses, leg: Leg, kind: ShaperKind, payload: float, load_at: Vector3) -> Leg:
+        """The leg from pulses (ns), shaped for a load (kg) and its centre (m).
+
+        As it is where nothing swings, or its servos do not run together.
+        """
+        modes = modes_at(self._carrying(load_at), self._angles(np.array([overlaid(start, leg.target)]))[0], payload)
         if modes is None or leg.pace is not Pace.TOGETHER:
             return leg
         impulses = shaper(kind, modes, self._config.tick / SECOND, SHARES, IMPULSES)
@@ -55,7 +59,10 @@ class MotionPredictor:
         rows = np.array([final_leg.move.at(k) for k in range(final_leg.move.length + 1)])
         path = self._angles(rows)
         within, tick = self._config.motion.within_mm * 1e-3, self._config.tick / SECOND
-        return settling_after(self._model, path[0], path, tick, within, final_leg.payload).seconds
+        return settling_after(self._carrying(final_leg.load_at), path[0], path, tick, within, final_leg.payload).seconds
+
+    def _carrying(self, load_at: Vector3) -> MotionModel:
+        return replace(self._model, arm=self._model.arm.with_load_at(load_at)) if any(load_at) else self._model
 
     def _angles(self, pulses: Array) -> Array:
         """(M, n), angles (rad) of the joints at pulses (M, servos), ns, as the board rounds them."""

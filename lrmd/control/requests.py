@@ -41,8 +41,6 @@ from lrmd.ramp.shared_memory import LinkState
 from lrmd.ramp.stepping import Move, Pace
 from lrmd.safety.collision_guard import CollisionGuard
 
-BEARABLE_S = 60.0
-"""s: a load with which a servo would be too hot sooner is not one that the arm carries."""
 SCENES_PER_S = 10
 """Each takes tens of milliseconds, and needs no lease: a flood of them must not keep the daemon from its work."""
 CONTACT_SPEED = 0.1
@@ -107,10 +105,11 @@ def _move(s: ControllerState, request: MoveRequest, now: int) -> RequestResult:
     s.motion_check.check(departure.start, legs, payload, contacts)
     legs = _shaped(s, request, legs, departure.start, payload)
     s.transition(Trigger.MOVE, "move", now)
-    s.payload, s.rest_goal = payload, None
+    s.carry(payload, s.load_at)
+    s.rest_goal = None
     s.motion_check.touch(contacts)
     s.orders.start(legs, departure, now, contacts)
-    final_leg = FinalLeg(_moves(legs, departure.start)[-1], payload)
+    final_leg = FinalLeg(_moves(legs, departure.start)[-1], payload, s.load_at)
     return RequestResult(seconds=_seconds(s, legs, departure), unchecked=s.unchecked, final_leg=final_leg)
 
 
@@ -131,7 +130,7 @@ def _shaped(s: ControllerState, request: MoveRequest, legs: list[Leg], start: Pu
         raise RequestError("contact", "a motion that may touch something is not shaped; leave out shaping")
     out = []
     for leg in legs:
-        out.append(s.motion.shaped(start, leg, kind, payload))
+        out.append(s.motion.shaped(start, leg, kind, payload, s.load_at))
         start = overlaid(start, leg.target)
     return out
 
@@ -199,11 +198,14 @@ def _gravity(s: ControllerState, request: GravityCommand, now: int) -> RequestRe
 def _payload(s: ControllerState, request: PayloadRequest, now: int) -> RequestResult:
     """Raises `RequestError` for a load that the arm cannot carry where it stands; a motion whose rest the guard does
     not allow with it is stopped."""
-    torques = s.motion_check.servo_torques(s.position, request.payload_kg)
-    if s.report.outputs and request.payload_kg > s.payload:
-        s.thermal.check_bearable(torques, BEARABLE_S)
-        s.motion_check.check_settles(s.position, request.payload_kg)
-    s.payload = request.payload_kg
+    payload, (x, y, z) = request.payload_kg, request.payload_centre_m
+    if any((x, y, z)) and not s.config.arm.carries_on_tool:
+        raise RequestError(
+            "payload", f"no body on the tool of {s.config.arm.name} carries a load: leave out its centre"
+        )
+    if s.report.outputs and payload and (payload > s.payload or (x, y, z) != s.load_at):
+        s.motion_check.check_bearable(s.position, payload, s.guard_with(s.obstacles, (x, y, z)), (x, y, z))
+    s.carry(payload, (x, y, z))
     updates.reconsider(s, now, "the new load")
     return RequestResult()
 
@@ -214,7 +216,7 @@ def _scene(s: ControllerState, request: SceneCommand, now: int) -> RequestResult
         raise RequestError("busy", f"obstacles are taken {SCENES_PER_S} times a second at most", retryable=True)
     s.obstacles_told_at, names = now, s.config.arm.shapes.names
     obstacles = s.obstacles.changed(request, names, now)
-    guard = obstacles.added_to(s.guard, s.config.arm)
+    guard = s.guard_with(obstacles, s.load_at)
     told = [entry.name for entry in request.put]
     if told and isinstance(guard, CollisionGuard):
         here = np.array(s.angles(s.position)[: s.config.dof])

@@ -114,7 +114,8 @@ class SkillRun:
             case SkillMotion():
                 return self._moved(s, step, now, carry_out)
             case SkillLoad():
-                request = PayloadRequest(lease=self.request.lease, payload_kg=step.payload_kg)
+                kg, centre = step.payload_kg, list(step.payload_centre_m)
+                request = PayloadRequest(lease=self.request.lease, payload_kg=kg, payload_centre_m=centre)
                 if self._tried(s, lambda: carry_out(request, now)):
                     self._resume(s, None, now)
                 return True

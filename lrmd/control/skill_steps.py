@@ -10,6 +10,7 @@ from collections.abc import Callable, Generator, Sequence
 from dataclasses import dataclass
 from typing import Any, TypeAlias
 
+from lrm_math.arrays import ORIGIN
 from lrm_math.errors import LrmError
 from lrmd.messages.kinematics import FkReply, FkRequest, GoalEntry, IkReply, IkRequest, PlanReply, PlanRequest
 from lrmd.messages.skills import SkillRequest
@@ -35,9 +36,10 @@ class SkillMotion:
 
 @dataclass(frozen=True)
 class SkillLoad:
-    """What the gripper carries from now on (kg)."""
+    """What the gripper carries from now on (kg), and its centre (m), see `PayloadRequest`."""
 
     payload_kg: float
+    payload_centre_m: Sequence[float] = ORIGIN
 
 
 @dataclass(frozen=True)
@@ -94,7 +96,7 @@ def grasp(r: SkillRequest, arm: SkillContext) -> Steps:
     assert r.payload_kg is not None
     yield arm.gripping("closing the gripper", r.gripper_rad)
     yield SensingPause(r.listen_s)
-    yield SkillLoad(r.payload_kg)
+    yield SkillLoad(r.payload_kg, r.payload_centre_m or ORIGIN)
     return f"carries {r.payload_kg * 1e3:.0f} g"
 
 

@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 from importlib.metadata import version
 from typing import Any, Literal
 
+from lrm_math.arrays import ORIGIN, Vector3
 from lrmd.config import Config
 from lrmd.control.fallen_servos import FallenServos
 from lrmd.control.gravity import KnownGravity
@@ -25,7 +26,7 @@ from lrmd.link.protocol import VERSION as PROTOCOL
 from lrmd.messages.control import FaultEntry
 from lrmd.persistence.state_file import HOTTEST, StoredState, arm_identity
 from lrmd.ramp.shared_memory import RampOrder, RampReport
-from lrmd.safety.collision_guard import Guard
+from lrmd.safety.collision_guard import CollisionGuard, Guard
 from lrmd.safety.thermal_model import ThermalMonitor, Torques
 
 Level = Literal["info", "warning", "error"]
@@ -97,6 +98,8 @@ class ControllerState:
         self.motion_check = MotionCheck(config, torques, guard, self.thermal)
         self.guard = guard
         self.obstacles = KnownObstacles()
+        if stored and config.arm.carries_on_tool:
+            self.carry(self.payload, stored.payload_centre_m)
         self.obstacles_told_at: int | None = None
         self.fallen = FallenServos(config, self.motion_check, stored)
         self.orders = OrderScheduler(config, now)
@@ -109,6 +112,24 @@ class ControllerState:
     def angles(self, pulses: Sequence[int]) -> list[float]:
         """Angle (rad) of every servo for these pulses (ns); 0 where none was ever sent."""
         return angles(self.config, pulses)
+
+    def guard_with(self, obstacles: KnownObstacles, centre: Vector3) -> Guard | None:
+        """The guard that knows obstacles, and the centre of the load (m). Raises `LrmError`: the arm can have none."""
+        guard = obstacles.added_to(self.guard, self.config.arm)
+        return guard.with_load_at(centre) if any(centre) and isinstance(guard, CollisionGuard) else guard
+
+    def carry(self, payload: float, centre: Sequence[float]) -> None:
+        """Takes a payload (kg) and its centre (m) for what the gripper carries. Raises `LrmError`: see `guard_with`."""
+        x, y, z = centre if payload else ORIGIN
+        if (x, y, z) != self.load_at:
+            self.motion_check.guard = self.guard_with(self.obstacles, (x, y, z))
+            self.motion_check.load_at = x, y, z
+        self.payload = payload
+
+    @property
+    def load_at(self) -> Vector3:
+        """Centre of the load (m), see `Arm.with_load_at`."""
+        return self.motion_check.load_at
 
     @property
     def lease(self) -> Lease | None:
@@ -191,7 +212,8 @@ class ControllerState:
         heat = {n: min(T, HOTTEST) for n, T in zip(self.config.names, self.thermal.temperature, strict=True)}
         state = StoredState(
             saved_wall_ns=wall, boots=self.boots, arm=self.config.arm.name, identity=self._identity, mode=self.mode,
-            still=still, pulse_ns=before | known, payload_kg=self.payload, temperature_c=heat,
+            still=still, pulse_ns=before | known, payload_kg=self.payload,
+            payload_centre_m=list(self.load_at), temperature_c=heat,
             fallen=self.fallen.names_if_all_ended(self.report, self.payload),
         )  # fmt: skip
         return self.motion_record.added_to(state)

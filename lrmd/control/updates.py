@@ -160,7 +160,7 @@ def adopt_guard(s: ControllerState, guard: Guard, now: int, cause: str = "the ne
 
 def reconsider(s: ControllerState, now: int, cause: str) -> None:
     """Asks the guard, with the obstacles and the load that are known now, about a motion under way in the same way."""
-    use_guard(s, s.obstacles.added_to(s.guard, s.config.arm), now, cause)
+    use_guard(s, s.guard_with(s.obstacles, s.load_at), now, cause)
 
 
 def drop_old_obstacles(s: ControllerState, now: int) -> None:

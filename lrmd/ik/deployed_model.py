@@ -45,9 +45,11 @@ class DeployedModel:
 
     @property
     def uncompensated(self) -> tuple[str, ...]:
-        """Those of `left_out` of which something never counts, not even where the time since power-on is known."""
-        warming = {} if self.model.state is None else self.model.state.warming
-        never = {effect.id for effect in self.model.effects if effect.name not in warming}
+        """Those of `left_out` of which something never counts, not even where it is known since when the arm has power,
+        and what it did before."""
+        state = self.model.state
+        followed = set() if state is None else {*state.warming, *state.memory}
+        never = {effect.id for effect in self.model.effects if effect.name not in followed}
         return tuple(name for name in self.left_out if name in never)
 
     @cached_property

@@ -21,6 +21,7 @@ from lrmd.config import MS, Config
 from lrmd.control.motion_record import known_of
 from lrmd.errors import RequestError
 from lrmd.heap import return_freed_memory
+from lrmd.ik.arm_memory import ArmMemory
 from lrmd.ik.deployed_model import deploy, digest_of
 from lrmd.ik.fair_queue import FairQueue
 from lrmd.ik.planner import JointPath
@@ -44,7 +45,7 @@ from lrmd.messages.kinematics import (
 from lrmd.messages.surroundings import unpacked
 from lrmd.messages.zenoh_session import GONE_KEY, key, own_client, reply_error, serve
 from lrmd.ramp.parent import SharedFd, die_with_parent
-from lrmd.ramp.shared_memory import NO_MODEL, GravityRecord, SharedRecords
+from lrmd.ramp.shared_memory import NO_MODEL, GravityRecord, LoadRecord, SharedRecords
 
 QUEUE = 16_000
 """Capacity of the queue in goals; what has no room is refused as `busy`. Clients that do not name themselves (zenoh's
@@ -105,8 +106,9 @@ class IkProcess:
         self._headers = HeaderSource(boot_id)
         self._service: IkService | None = None
         self._checked: tuple[bytes, bytes] | None = None
-        self._gravity = GravityRecord()
+        self._gravity, self._load = GravityRecord(), LoadRecord()
         self._scene_number = 0
+        self._memory = ArmMemory()
         self._shared.values.ik_model = NO_MODEL
         self._update_model()
 
@@ -129,10 +131,10 @@ class IkProcess:
                 self._work()
 
     def _enqueue(self, query: zenoh.Query, request: KinematicsRequest) -> None:
-        asked, source = request.with_payload(self._shared.values.payload), query.source_info
+        source = query.source_info
         asker = "" if source is None else str(source.source_id.zid)
-        until = time.monotonic_ns() + int(asked.deadline_ms * MS)
-        for pushed_out in self._queue.add(asker, QueuedQuery(query, asker, asked, until)):
+        until = time.monotonic_ns() + int(request.deadline_ms * MS)
+        for pushed_out in self._queue.add(asker, QueuedQuery(query, asker, request, until)):
             pushed_out.cancelled.set()
             gave_way = RequestError("busy", "it gave way to another client's; ask again", retryable=True)
             self._refuse(pushed_out.query, gave_way)
@@ -162,7 +164,9 @@ class IkProcess:
         self._shared.ik[0] = time.monotonic_ns()
         self._update_model()
         self._update_gravity()
+        self._update_load()
         self._update_scene()
+        self._follow_arm()
         for queued in self._queue:
             try:
                 queued.check()
@@ -206,8 +210,8 @@ class IkProcess:
         try:
             if found != accepted:
                 raise LrmError("the model's file is not the one that the daemon accepted; reload it")
-            self._service, self._gravity = IkService(self._config, deploy(self._config)), GravityRecord()
-            self._scene_number = 0
+            self._service = IkService(self._config, deploy(self._config))
+            self._gravity, self._load, self._scene_number = GravityRecord(), LoadRecord(), 0
             self._shared.values.ik_model = self._service.deployed.digest
         except LrmError as error:
             self._log.error("model_refused", text=str(error))
@@ -223,6 +227,16 @@ class IkProcess:
             self._log.error("gravity_refused", text=str(error))
         self._gravity = now
 
+    def _update_load(self) -> None:
+        """Takes over what the gripper carries."""
+        now, before = self._shared.read_load(), self._load
+        if now is None or now == before or self._service is None:
+            return
+        if (now.x, now.y, now.z) != (before.x, before.y, before.z):
+            self._memory.stood(self._service, time.monotonic_ns())
+            self._service = self._service.with_load_at((now.x, now.y, now.z))
+        self._load = now
+
     def _update_scene(self) -> None:
         """Takes over the obstacles that the daemon knows."""
         number = self._shared.values.scene_number
@@ -231,13 +245,24 @@ class IkProcess:
         self._service = self._service.among(unpacked(told))
         self._scene_number = number
 
+    def _follow_arm(self) -> None:
+        """Takes over where the arm stands, for what of the model remembers it."""
+        if self._service is not None and self._service.nothing_known is not None:
+            now = time.monotonic_ns()
+            known = known_of(self._shared.read_knowledge(), now)
+            self._memory.follow(self._service, known, self._load.mass, now)
+
     def _steps(self, queued: QueuedQuery) -> Steps:
         self._update_gravity()
+        self._update_load()
         self._update_scene()
-        started, request, service = time.perf_counter(), queued.request, self._service
+        started, request = time.perf_counter(), queued.request.with_payload(self._load.mass)
+        service = self._service
         if service is None:
             raise RequestError("no_model", "the model's file changed since the daemon loaded it; rpc/reload takes it")
-        known = known_of(self._shared.read_knowledge(), time.monotonic_ns())
+        self._follow_arm()
+        now = time.monotonic_ns()
+        known = self._memory.added_to(known_of(self._shared.read_knowledge(), now), service, now)
         kind: type[KinematicsReply]
         content: dict[str, Any] = {"left_out": list(service.deployed.uncompensated)}
         match request:

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lrm_math.arm.pulse_rounding import Rounding
-from lrm_math.arrays import Array, Vector3
+from lrm_math.arrays import ORIGIN, Array, Vector3
 from lrm_math.collision.contact import Contact
 from lrm_math.collision.scene import Clearance, ClosestPair, Scene, clearance_of
 from lrm_math.errors import LrmError, NoEquilibrium
@@ -22,14 +22,15 @@ from lrm_math.ik.calibrated import CalibratedSolver
 from lrm_math.ik.calibrated_arm import CalibratedArm, Method, friction_of
 from lrm_math.ik.goal import Goal, IkQuery, point, point_along, pose_rpy
 from lrm_math.ik.methods import QUICKEST, method_named
-from lrm_math.kinematics.known import Known
+from lrm_math.kinematics.known import Known, Remembered
 from lrm_math.kinematics.motion import Motion
-from lrm_math.kinematics.poses import poses_of
-from lrm_math.model.deployed_model import under_gravity, warming_offsets
-from lrm_math.model.equilibrium import solve_equilibrium
+from lrm_math.kinematics.poses import Poses, poses_of
+from lrm_math.model.deployed_model import as_deployed_with, followed_parts, memorised, under_gravity, with_load_at
+from lrm_math.model.equilibrium import solve_equilibrium, with_borne_loads
+from lrm_math.model.memory_record import after_stand, nothing_known
 from lrm_math.model.model import Model
 from lrm_math.model.tip_over import tip_over_angles
-from lrmd.config import Config
+from lrmd.config import SECOND, Config
 from lrmd.errors import RequestError
 from lrmd.ik.deployed_model import DeployedModel
 from lrmd.ik.planner import JointPath, Planner, with_corners
@@ -55,6 +56,8 @@ UNIT = 1e-3
 NO_EQUILIBRIUM = "the model has no elastic equilibrium there, or more than one: the load may be too heavy for the arm"
 UNIQUE_TOLERANCE = 1e-6
 """rad, m: slots of one equilibrium differ by less."""
+CLOSE = 1e-7
+"""m: tolerance of the tip by which an uncertain memory is judged."""
 UNKNOWN = Known()
 CancellationCheck = Callable[[], None]
 """Called before every move that a plan checks; raises an `LrmError` once the plan is not wanted any more."""
@@ -165,29 +168,62 @@ class IkService:
         self.deployed, self._model = deployed, deployed.model
         self._measured = self._solver = solver_of(config, deployed)
         self._config, self._dof = config, config.dof
+        self._down: Vector3 | None = None
+        self._load_at = ORIGIN
         self._scene = Scene.of(config.arm) if config.arm.shapes.capsules else None
         self._feasibility = FeasibilityCheck(self._scene, self._solver.arm)
+        self._remembering = _remembering(self._model)
         self._solver.warm_up()
 
     def under_gravity(self, down: Vector3 | None) -> IkService:
         """The service where gravity's direction is known, a unit vector in the arm's frame; None: as the model says."""
+        return self._in_state(down, self._load_at)
+
+    def with_load_at(self, centre: Vector3) -> IkService:
+        """The service where the load's centre is known (m), see `Arm.with_load_at`. Raises `LrmError`."""
+        return self._in_state(self._down, centre)
+
+    def _in_state(self, down: Vector3 | None, centre: Vector3) -> IkService:
         other = copy(self)
-        model, solver = self.deployed.model, self._measured
-        other._model = model if down is None else under_gravity(model, down)
-        other._solver = solver if down is None else solver.under_gravity(down)
+        other._down, other._load_at = down, centre
+        other._model, other._solver = self.deployed.model, self._measured
+        if down is not None:
+            other._model, other._solver = under_gravity(other._model, down), other._solver.under_gravity(down)
+        if any(centre):
+            other._model, other._solver = with_load_at(other._model, centre), other._solver.with_load_at(centre)
+        other._remembering = _remembering(other._model)
         other._feasibility = replace(self._feasibility, arm=other._solver.arm)
         other._solver.warm_up()
         return other
 
-    def warmed(self, known: Known) -> IkService:
-        """The service where the time since power-on is known, which the drift of a joint may follow."""
-        added = warming_offsets(self.deployed.model, known.poses(Motion.at([0.0] * self._dof)))
+    def at(self, now: Poses) -> IkService:
+        """The service at one pose of which it is known since when the arm has power, which the drift of a joint may
+        follow, and what it did before, which a memory follows."""
+        if now.history is not None and self._remembering is not None:
+            now = with_borne_loads(self._remembering, now)
+        added = followed_parts(self._model, now)
         if not added:
             return self
         other = copy(self)
         other._solver = self._solver.with_offsets(added)
         other._feasibility = replace(self._feasibility, arm=other._solver.arm)
         return other
+
+    @property
+    def nothing_known(self) -> Remembered | None:
+        """Memory of an arm of which nothing is known; None of a model that follows none."""
+        memory = memorised(self._model)
+        return nothing_known(memory) if memory else None
+
+    def after_stand(
+        self, before: Remembered, q: Array, payload: float, seconds: float, start: Array | None = None
+    ) -> Remembered:
+        """Memory after a stand, see `lrm_math.model.memory_record`; as before where the arm does not settle there."""
+        assert self._remembering is not None
+        try:
+            return after_stand(self._remembering, before, q, payload, seconds, start)
+        except NoEquilibrium:
+            return before
 
     def among(self, obstacles: Sequence[ObstacleEntry]) -> IkService:
         """The service of the arm among obstacles, beside those of its file."""
@@ -204,9 +240,47 @@ class IkService:
         goals = [self._goal(number, entry) for number, entry in enumerate(request.goals)]
         method = method_named(request.method, side=request.cube_side_m, points=request.cube_points)
         near, motion = _start(request.near_rad, known)
-        service = self.warmed(known)._permitting(request)
+        payload, rounding = request.payload_kg or 0.0, Rounding(request.round)
+        service = self._here(known, payload)._permitting(request)
         for goal in goals:
-            yield service._answer(goal, request.payload_kg or 0.0, near, method, Rounding(request.round), motion)
+            answer = service._answer(goal, payload, near, method, rounding, motion)
+            if known.remembered is not None and answer.q_rad is not None:
+                there = self._arriving(known, np.array(answer.q_rad), payload)
+                at_arrival = self.at(there)._permitting(request)
+                answer = at_arrival._answer(goal, payload, near, method, rounding, motion)
+                answer = answer.model_copy(update={"sd_m": self._with_memory(answer.sd_m, known, there)})
+            yield answer
+
+    def _here(self, known: Known, payload: float) -> IkService:
+        """The service of the arm where it stands now, see `at`."""
+        return self.at(known.poses(known.motion or Motion.at([0.0] * self._dof), payload))
+
+    def _arriving(self, known: Known, q: Array, payload: float, arrival: Motion | None = None) -> Poses:
+        """The pose at the end of the way to commands q (n,), rad, at full speed; `arrival`: its record, if given."""
+        seconds = 0.0
+        if known.motion is not None:
+            pulses = (
+                [s.pulse_ns(x) for s, x in zip(self._config.servos, p, strict=False)] for p in (known.motion.q, q)
+            )
+            most = max(abs(after - before) for before, after in zip(*pulses, strict=True))
+            seconds = -(-most // self._config.step) * self._config.tick / SECOND
+        return known.poses(arrival or known.arrived(q), payload, seconds)
+
+    def _with_memory(self, sd: float | None, known: Known, now: Poses) -> float | None:
+        """Standard deviation of the tip (m) at one pose, with what is not known of the arm's memory."""
+        if sd is None or known.remembered is None or now.history is None or self._remembering is None:
+            return sd
+        begun = (known.remembered.now, *known.remembered.or_else)
+        visits = [replace(now.history.visits, begun=one) for one in begun]
+        try:
+            tips = [self._tip(replace(now, history=replace(now.history, visits=one))) for one in visits]
+        except NoEquilibrium:
+            return None
+        return math.hypot(sd, *(float(np.linalg.norm(tip - tips[0])) for tip in tips[1:]))
+
+    def _tip(self, now: Poses) -> Array:
+        assert self._remembering is not None
+        return np.asarray(solve_equilibrium(self._remembering, now, tolerance=CLOSE).true_tcp[0])
 
     def _permitting(self, request: KinematicsRequest) -> IkService:
         """The service of one request, with the contacts that it permits. Raises `LrmError`."""
@@ -257,14 +331,17 @@ class IkService:
             self._check_angles(f"q_rad.{number}", q)
         for number, direction in enumerate(request.direction):
             self._check_angles(f"direction.{number}", direction)
-        solver = self.warmed(known)._solver
+        payload = request.payload_kg or 0.0
+        here = self._here(known, payload)
         for number, q in enumerate(request.q_rad):
             arrival = self._arrival(request, number, known)
-            f = solver.predicted(known.poses(arrival, request.payload_kg or 0.0))
+            now = self._arriving(known, arrival.q, payload, arrival)
+            f = (here if known.remembered is None else self.at(now))._solver.predicted(now)
             yield FkAnswer(
                 tcp_m=list(f.tcp), rotation=[list(row) for row in f.rotation], tau_nm=list(f.joint_torque),
-                sd_m=None if f.uncertainty is None else f.uncertainty.sd, outside_range=self._outside(q),
-                direction=arrival.side.astype(int).tolist(), tip_over_rad=self.tip_over(q, request.payload_kg or 0.0),
+                sd_m=self._with_memory(None if f.uncertainty is None else f.uncertainty.sd, known, now),
+                outside_range=self._outside(q),
+                direction=arrival.side.astype(int).tolist(), tip_over_rad=self.tip_over(q, payload),
             )  # fmt: skip
 
     def _arrival(self, request: FkRequest, number: int, known: Known) -> Motion:
@@ -332,7 +409,9 @@ class IkService:
         payload = request.payload_kg or 0.0
         _, here = _start(request.from_rad, known)
         motion = Motion.at(request.from_rad) if here is None else replace(here, q=np.array(request.from_rad))
-        found = line_path(self._solver, payload, motion, self._goal(0, request.goal), check_cancelled)
+        found = line_path(
+            self._here(known, payload)._solver, payload, motion, self._goal(0, request.goal), check_cancelled
+        )
         if isinstance(found, LineEnd):
             return found
         path = np.array(found)
@@ -378,6 +457,12 @@ class IkService:
         return {"verdict": "not_converged", "text": NO_EQUILIBRIUM if isinstance(reply, Solved) else str(reply)}
 
 
+def _remembering(model: Model) -> Model | None:
+    """The deployed arm with its effects with a memory; None of a model that follows none."""
+    memory = memorised(model)
+    return as_deployed_with(model, memory) if memory else None
+
+
 def _start(near: Sequence[float] | None, known: Known) -> tuple[Sequence[float] | None, Motion | None]:
     """Pose that the arm comes from (rad), and its record: where it stands, unless the request says another."""
     here = known.motion
@@ -396,4 +481,5 @@ def _solved(reply: Solved) -> dict[str, Any]:
     }  # fmt: skip
     if (r := reply.rounded) is not None:
         content |= {"counts": list(r.counts), "rounded_q_rad": list(r.q), "rounded_error_m": r.error}
+        content["rounded_turn_rad"] = reply.rounded_turn
     return content

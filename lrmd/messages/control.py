@@ -12,6 +12,8 @@ from lrmd.messages.surroundings import MOST_OBSTACLES, ContactEntry, Label, Obst
 
 Angles = Annotated[dict[Label, Annotated[float, Field(ge=-20, le=20)]], Field(max_length=16)]
 Servos = Annotated[list[Label], Field(max_length=16)]
+LoadCentre = Annotated[list[Annotated[float, Field(ge=-0.2, le=0.2)]], Field(min_length=3, max_length=3)]
+"""m: no further from the tool than a hand holds something."""
 Token = Annotated[str, Field(min_length=1, max_length=64)]
 Stops = Annotated[int, Field(ge=0, lt=2**53)]
 DeployedKind = Literal["model", "motion"]
@@ -87,9 +89,13 @@ class MoveRequest(MotionRequest):
 
 
 class PayloadRequest(CommandRequest):
-    """`rpc/payload`: the mass that the gripper carries from now on. Nothing moves."""
+    """`rpc/payload`: the mass that the gripper carries from now on, and its centre. Nothing moves.
+
+    `payload_centre_m`: where the centre of the load lies from where the arm file takes it, along the tool's axes.
+    """
 
     payload_kg: Annotated[float, Field(ge=0, le=2)]
+    payload_centre_m: LoadCentre = [0.0, 0.0, 0.0]
 
 
 class JogRequest(MotionRequest):
@@ -221,6 +227,7 @@ class ModeState(Header):
     holder: str | None
     link: str
     payload_kg: float
+    payload_centre_m: list[float]
     stops: int
     troubles: list[str] = []
 

@@ -8,7 +8,7 @@ from typing import Annotated, Literal, Self
 from pydantic import Field, model_validator
 
 from lrmd.messages.codec import Header, Message
-from lrmd.messages.control import MotionRequest
+from lrmd.messages.control import LoadCentre, MotionRequest
 from lrmd.messages.kinematics import GoalEntry, JointAngle, JointAngles, Payload
 from lrmd.messages.surroundings import ContactEntry
 
@@ -27,12 +27,14 @@ NEEDED: dict[str, tuple[str, ...]] = {
 ALLOWED: dict[str, tuple[str, ...]] = {
     "approach": ("gripper_rad", "may_touch"),
     "touch_down": ("may_touch",),
-    "grasp": ("listen_s",),
+    "grasp": ("payload_centre_m", "listen_s"),
     "retreat": ("may_touch",),
     "carry": ("near_rad",),
 }
 """Fields that a skill may have beside these."""
-CHOSEN = ("goal", "height_m", "q_rad", "near_rad", "gripper_rad", "payload_kg", "may_touch", "listen_s")
+CHOSEN = (
+    "goal", "height_m", "q_rad", "near_rad", "gripper_rad", "payload_kg", "payload_centre_m", "may_touch", "listen_s",
+)  # fmt: skip
 """Fields that only some skills have."""
 
 
@@ -41,8 +43,8 @@ class SkillRequest(MotionRequest):
 
     `goal`: where the tool grasps, or lets go; `height_m`: along the frame's z axis, above it or from where the tool is;
     `q_rad`: pose to stow in; `near_rad`: branches near it come first; `gripper_rad`: where the gripper turns to, before
-    an approach; `payload_kg`: what it grasps; `may_touch`: contacts of the straight line down or up; `listen_s`: how
-    long after closing somebody may say that nothing is there.
+    an approach; `payload_kg`, `payload_centre_m`: what it grasps, as in `PayloadRequest`; `may_touch`: contacts of the
+    straight line down or up; `listen_s`: how long after closing somebody may say that nothing is there.
     """
 
     skill: SkillName
@@ -52,6 +54,7 @@ class SkillRequest(MotionRequest):
     near_rad: JointAngles | None = None
     gripper_rad: JointAngle | None = None
     payload_kg: Payload | None = None
+    payload_centre_m: LoadCentre | None = None
     may_touch: Annotated[list[ContactEntry], Field(max_length=8)] = []
     listen_s: Annotated[float, Field(ge=0, le=10)] = 0.0
     speed: Annotated[float, Field(gt=0, le=1)] = 1.0

@@ -37,6 +37,9 @@ Emit = Callable[[str, Literal["error"], str], object]
 """Called with an event's code, level and text."""
 
 
+Centre = Annotated[list[Annotated[float, Field(ge=-0.2, le=0.2)]], Field(min_length=3, max_length=3)]
+
+
 class StoredArrival(StrictSchema):
     """How a joint came to where it is: sign of its last move, and states (−1 … 1) of its friction; 0: unknown."""
 
@@ -48,7 +51,8 @@ class StoredState(StrictSchema):
     """The state file, schema `lrm/state/1`: last commanded pulse (ns) and modelled temperature of each servo.
 
     `still`: no motion was under way when it was written, so the pulses are the arm's final position. `arm`, `identity`:
-    name and `arm_identity` of the arm that they are of, empty in files of older releases. `payload_kg`: its load.
+    name and `arm_identity` of the arm that they are of, empty in files of older releases. `payload_kg`,
+    `payload_centre_m`: its load, as in `PayloadRequest`.
     `fallen`: servos that are not at their pulse any more, or would not be without pulses; None in files of older
     releases: all may be.
     `arrival`: of joints whose last move is known. `powered_s`: time for which the joints have had pulses, 0 without,
@@ -64,6 +68,7 @@ class StoredState(StrictSchema):
     still: bool
     pulse_ns: dict[str, Annotated[int, Field(ge=0, le=20_000_000)]]
     payload_kg: Annotated[float, Field(ge=0, le=2)] = 0.0
+    payload_centre_m: Centre = [0.0] * 3
     temperature_c: dict[str, Annotated[float, Field(ge=-50, le=HOTTEST)]]
     fallen: list[str] | None = None
     arrival: dict[str, StoredArrival] = {}
@@ -134,7 +139,8 @@ def of_this_arm(stored: StoredState, config: Config) -> tuple[StoredState, str]:
         return without_pose, "it does not say which arm its pose is of (an older release wrote it)"
     if stored.arm == name:
         return without_pose, f"the geometry, clock or servo tables of {name} were changed since its pose was stored"
-    without_heat = without_pose.model_copy(update={"temperature_c": {}, "payload_kg": 0.0})
+    empty: dict[str, object] = {"payload_kg": 0.0, "payload_centre_m": [0.0] * 3}
+    without_heat = without_pose.model_copy(update={"temperature_c": {}, **empty})
     return without_heat, f"it is the state of {stored.arm}, and this daemon drives {name}"
 
 

@@ -189,6 +189,16 @@ class GravityRecord(Record):
     z: Annotated[float, ctypes.c_double] = 0.0
 
 
+@dataclass(frozen=True, slots=True)
+class LoadRecord(Record):
+    """What the gripper carries: its mass (kg), for queries that do not say it, and its centre (m)."""
+
+    mass: Annotated[float, ctypes.c_double] = 0.0
+    x: Annotated[float, ctypes.c_double] = 0.0
+    y: Annotated[float, ctypes.c_double] = 0.0
+    z: Annotated[float, ctypes.c_double] = 0.0
+
+
 BUCKET_NS, BUCKETS = 5_000, 512
 """Histogram of lateness: 512 buckets of 5 us, the last one open."""
 DIGEST = 64
@@ -211,13 +221,12 @@ class SharedValues(ctypes.Structure):
 
     `lateness`: counts per bucket. `ik`: [last heartbeat (ns, 0 = none yet), queries answered, refused]; `router`: [last
     heartbeat, emergency stops]. `duty`: share of the tick period that the ramp computes, 0 to 1, as a moving average.
-    `payload`: of the arm (kg), for queries that do not say it; `gravity`: its direction in use.
+    `load`: what the arm carries; `gravity`: its direction in use.
     `scene`: obstacles, `scene_number`: counts their changes. `model`: SHA-256 of the
     model file that the daemon accepted, `ik_model`: of the one in use by the ik process; see `NOMINAL` and `NO_MODEL`.
     """
 
     duty: float
-    payload: float
     scene_number: int
     model: bytes
     ik_model: bytes
@@ -226,7 +235,7 @@ class SharedValues(ctypes.Structure):
         ("knowledge", _mailbox(ArmKnowledge.layout())),
         ("estop_reason", _mailbox(ctypes.c_char * ESTOP_REASON_BYTES)), ("lateness", ctypes.c_uint64 * BUCKETS),
         ("ik", ctypes.c_uint64 * 3), ("router", ctypes.c_uint64 * 2), ("duty", ctypes.c_double),
-        ("payload", ctypes.c_double), ("gravity", _mailbox(GravityRecord.layout())),
+        ("load", _mailbox(LoadRecord.layout())), ("gravity", _mailbox(GravityRecord.layout())),
         ("scene", _mailbox(ctypes.c_char * SCENE_BYTES)), ("scene_number", ctypes.c_uint64),
         ("model", ctypes.c_char * DIGEST), ("ik_model", ctypes.c_char * DIGEST),
     )  # fmt: skip
@@ -305,6 +314,15 @@ class SharedRecords:
         """The direction of gravity in use, None before the first (ik process)."""
         data = self._read("gravity")
         return None if data is None else GravityRecord.unpack(data)
+
+    def write_load(self, load: LoadRecord) -> None:
+        """Publishes what the gripper carries (API process)."""
+        self._write("load", load.pack())
+
+    def read_load(self) -> LoadRecord | None:
+        """What the gripper carries, None before the first (ik process)."""
+        data = self._read("load")
+        return None if data is None else LoadRecord.unpack(data)
 
     def write_scene(self, obstacles: bytes) -> None:
         """Publishes the obstacles (API process)."""

@@ -21,12 +21,13 @@ from functools import partial
 import numpy as np
 
 from lrm_math.arm.arm import Arm
-from lrm_math.arrays import Array
+from lrm_math.arrays import Array, Vector3
 from lrm_math.collision.scene import Scene
 from lrm_math.collision.straight_move import ArmBodies, MotionClearance, check_path, rigid_bodies
 from lrm_math.errors import LrmError
 from lrm_math.kinematics.forward import frames
 from lrm_math.kinematics.poses import poses_of
+from lrm_math.model.deployed_model import with_load_at
 from lrm_math.model.equilibrium import batch_equilibrium
 from lrm_math.model.model import Model
 from lrmd.safety.contact_force import NO_CONTACTS, ContactRules, permits, permitting
@@ -124,6 +125,12 @@ class CollisionGuard:
         if self.model is None:
             return (rigid,)
         return rigid, ArmBodies(self.scene, partial(self._sagging, self.model, payload), SAG_RATE, SAMPLING_STEP)
+
+    def with_load_at(self, centre: Vector3) -> CollisionGuard:
+        """The guard of the arm whose load's centre is known (m), see `Arm.with_load_at`. Raises `LrmError`."""
+        bending = None if self.model is None else with_load_at(self.model, centre)
+        steady = self.stability and replace(self.stability, model=with_load_at(self.stability.model, centre))
+        return replace(self, model=bending, stability=steady)
 
     def settles(self, q: Array, payload: float) -> bool:
         """Whether the arm has an elastic equilibrium in a pose (n,) with a payload (kg)."""

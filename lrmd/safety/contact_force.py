@@ -11,12 +11,12 @@ from itertools import pairwise
 
 import numpy as np
 
-from lrm_math.arrays import Array, Vector3
+from lrm_math.arrays import ORIGIN, Array, Vector3
 from lrm_math.collision.contact import Contact, ContactPermit
 from lrm_math.collision.scene import Scene
 from lrm_math.errors import LrmError
 from lrm_math.kinematics.poses import poses_of
-from lrm_math.model.deployed_model import under_gravity
+from lrm_math.model.deployed_model import under_gravity, with_load_at
 from lrm_math.model.equilibrium import batch_equilibrium
 from lrm_math.model.model import Model
 from lrmd.errors import RequestError
@@ -67,7 +67,7 @@ def _yielding(scene: Scene, model: Model, permit: ContactPermit, q: Array, paylo
     down = _inward(scene, permit, q)
     if down is None or not any(model.arm.gravity) or not any(body.carries_payload for body in model.arm.bodies):
         return 0.0
-    pushed = under_gravity(model, down)
+    pushed = with_load_at(under_gravity(model, down), ORIGIN)  # the force acts at the tip, wherever the load is
     tips = []
     for load in (payload, payload + TEST_LOAD):
         settled, rows = batch_equilibrium(pushed, poses_of(q, load))

@@ -12,7 +12,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from enum import IntEnum
-from functools import partial
+from functools import lru_cache
 
 from lrm_math.arm.arm import Arm
 from lrm_math.arrays import Vector3
@@ -22,8 +22,8 @@ from lrmd.config import SECOND, Config
 from lrmd.errors import RequestError
 from lrmd.persistence.state_file import StoredState
 
-Torques = Callable[[Sequence[float], float], Sequence[float]]
-"""Gravity torque (N m) on every joint for a pose (rad) and a payload (kg)."""
+Torques = Callable[[Sequence[float], float, Vector3], Sequence[float]]
+"""Gravity torque (N m) on every joint for a pose (rad), a payload (kg) and its centre (m, see `Arm.with_load_at`)."""
 STEPS = 100
 """Updates within one time constant, at least; once a second for slow servos."""
 
@@ -82,7 +82,8 @@ class ThermalModel:
 
 def gravity_torques(arm: Arm, gravity: Vector3) -> Torques:
     """Function that computes the torques of gravity (m/s²) on the rigid nominal arm."""
-    return partial(joint_torques, chain_of(arm), gravity)
+    chain = lru_cache(maxsize=4)(lambda centre: chain_of(arm.with_load_at(centre)))
+    return lambda q, payload, centre: joint_torques(chain(centre), gravity, q, payload)
 
 
 @dataclass(frozen=True)

@@ -3,7 +3,7 @@
 A SOCK_SEQPACKET socket at `LINK.ctl`, which also keeps two boards from the same LINK.
 
     tcp | measure | joints | status      see `answer_query`
-    payload GRAMS                        sets the payload of the gripper
+    payload GRAMS [X Y Z]                sets the payload of the gripper and its centre (mm), see `Arm.with_load_at`
     any fault of lrmd.sim.faults         starts the fault now
 """
 
@@ -53,9 +53,10 @@ def answer_query(simulation: Simulation, question: str, now: int, random: Random
             return _joints(simulation)
         case ["status"]:
             return _status(simulation, now)
-        case ["payload", grams]:
-            _arm(simulation).set_payload(_grams(grams) * 1e-3)
-            return {"payload_g": _arm(simulation).payload * 1e3}
+        case ["payload", grams, *centre] if len(centre) in (0, 3):
+            x, y, z = (_number("payload", "mm", word) * 1e-3 for word in centre or "000")
+            _arm(simulation).set_payload(_number("payload", "grams", grams) * 1e-3, (x, y, z))
+            return _load(_arm(simulation))
         case [name, *_] if name in FAULT_NAMES:
             planned = parse_fault(question)
             if planned.at:
@@ -71,11 +72,15 @@ def _arm(simulation: Simulation) -> SimulatedArm:
     return simulation.arm
 
 
-def _grams(word: str) -> float:
+def _number(what: str, unit: str, word: str) -> float:
     try:
         return float(word)
     except ValueError:
-        raise LrmError(f"payload '{word}': should be a number of grams") from None
+        raise LrmError(f"{what} '{word}': should be a number of {unit}") from None
+
+
+def _load(arm: SimulatedArm) -> QueryReply:
+    return {"payload_g": arm.payload * 1e3, "payload_centre_mm": [1e3 * component for component in arm.load_at]}
 
 
 def _mm(position: Array) -> QueryReply:
@@ -84,7 +89,7 @@ def _mm(position: Array) -> QueryReply:
 
 def _conditions(simulation: Simulation, now: int) -> QueryReply:
     arm = _arm(simulation)
-    return {"t_s": now / SECOND, "session": arm.session, "payload_g": arm.payload * 1e3, "moving": arm.moving}
+    return {"t_s": now / SECOND, "session": arm.session, **_load(arm), "moving": arm.moving}
 
 
 def _joints(simulation: Simulation) -> QueryReply:
@@ -104,9 +109,7 @@ def _joints(simulation: Simulation) -> QueryReply:
 def _status(simulation: Simulation, now: int) -> QueryReply:
     board, chip = simulation.board, simulation.board.chip
     pulses = [chip.pulse(channel) for channel in range(CHANNELS)]
-    arm = (
-        {} if simulation.arm is None else {"session": simulation.arm.session, "payload_g": simulation.arm.payload * 1e3}
-    )
+    arm = {} if simulation.arm is None else {"session": simulation.arm.session, **_load(simulation.arm)}
     return {
         "t_s": now / SECOND,
         "boot": board.boot,

@@ -18,6 +18,7 @@ from lrm_math.arrays import Array
 from lrm_math.errors import LrmError, UnknownName
 from lrm_math.kinematics.chain import Chain
 from lrm_math.kinematics.forward import chain_geometry
+from lrm_math.kinematics.statics import weights
 from lrm_math.model.model import Model
 
 STEP = 0.001
@@ -64,7 +65,6 @@ class SwingingLinks:
         for name in springs:
             if name not in names:
                 raise UnknownName(f"joint of {truth.arm.name}", name, names)
-        self._chain = truth.chain
         self._soft = np.array([i for i, name in enumerate(names) if name in springs], dtype=np.int64)
         chosen = [springs[names[i]] for i in self._soft]
         self._stiffness, self._damping, self._friction = (
@@ -90,9 +90,9 @@ class SwingingLinks:
         held = np.abs(self._stiffness * self._z) <= STICTION * self._friction + self._stiffness * STILL
         return bool(np.all(np.abs(self._speed) < STILL_SPEED) and np.all(held) and not self._turning.any())
 
-    def weigh(self, q: Array, payload: float) -> None:
-        """Takes the links' inertia at a posture q (n,), rad, with a payload (kg); the speeds stay."""
-        M = inertia(self._chain, q, payload)
+    def weigh(self, chain: Chain, q: Array, payload: float) -> None:
+        """Takes the inertia of a chain's links at a posture q (n,), rad, with a payload (kg); the speeds stay."""
+        M = inertia(chain, q, payload)
         self._led = M[self._soft]
         self._own = self._led[:, self._soft]
         self._inverse = np.asarray(np.linalg.inv(self._own))
@@ -122,14 +122,14 @@ class SwingingLinks:
 
 def inertia(chain: Chain, q: Array, payload: float) -> Array:
     """(n, n), kg m², of a chain's joints at a posture (n,), rad: the bodies beyond both of two joints."""
-    geometry = chain_geometry(chain, chain.values([np.array([angle]) for angle in q.tolist()]), 1)
+    bodies, values = weights(chain, payload), chain.values([np.array([angle]) for angle in q.tolist()])
+    geometry = chain_geometry(chain, values, 1, [body.com for body in bodies])
     slots = list(chain.joint_slots)
     axis, origin = geometry.axis[slots, :, 0], geometry.origin[slots, :, 0]
     M = np.zeros((len(q), len(q)))
-    for number, body in enumerate(chain.bodies):
-        mass = body.mass + (payload if body.carries_payload else 0.0)
+    for number, body in enumerate(bodies):
         beyond = np.array([chain.moved[slot] <= number for slot in slots])
         levers = np.cross(axis, geometry.body[number, :, 0] - origin) * beyond[:, None]
         turned = axis * beyond[:, None]
-        M += mass * (levers @ levers.T + GYRATION**2 * turned @ turned.T)
+        M += body.mass * (levers @ levers.T + GYRATION**2 * turned @ turned.T)
     return M

@@ -12,7 +12,7 @@ from tests.conftest import ROOT
 from tests.doors.door import DoorKind
 from tests.support.source_files import files, imported_names, syntax_tree
 
-SHIPPED = ("lrm_math", "lrmd", "lrm_ident", "lrm_ros2", "lrm_skills", "lerobot_robot_lrm/src/lerobot_robot_lrm")
+SHIPPED = ("lrm_math", "lrmd", "lrm_ident", "lrm_ros2", "lrm_skills", "lerobot_robot_lrm")
 WRITERS = {"serial", "scservo_sdk", "dynamixel_sdk", "smbus", "smbus2", "can"}
 """Packages that a motor is reached by."""
 CALLS = {

@@ -156,7 +156,7 @@ class RosDoor:
 @contextmanager
 def ros_door(seed: int) -> Iterator[RosDoor]:
     """A client on the stack, which is left with nothing moving."""
-    pytest.importorskip("zenoh_ros2_sdk", reason="zenoh-ros2-sdk is not installed (lrm-arm[ros2])")
+    pytest.importorskip("zenoh_ros2_sdk", reason="zenoh-ros2-sdk is not installed (lrm-ros2)")
     stack = _stack()
     stack.ready()
     token = stack.peer.token_of(f"{ACTION}/send_goal").replace(str(stack.peer.session.info.zid()), "ZID")

@@ -16,7 +16,7 @@ from tests.conftest import ROOT
 def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("wheel")
     words = [sys.executable, "-m", "hatchling", "build", "--target", "wheel", "--directory", str(folder)]
-    subprocess.run(words, cwd=ROOT / "lerobot_robot_lrm", check=True, capture_output=True)
+    subprocess.run(words, cwd=ROOT / "integrations" / "lerobot_robot_lrm", check=True, capture_output=True)
     (made,) = folder.glob("*.whl")
     return made
 

@@ -1,4 +1,4 @@
-"""The packages beside the wheel: Debian's, conda's, ROS's index; each says what pyproject.toml says."""
+"""The packages beside the wheel: integrations, Debian's, conda's, ROS's index; each says what pyproject.toml says."""
 
 from __future__ import annotations
 
@@ -19,6 +19,7 @@ from tests.conftest import ROOT
 from tests.package.test_wheel import wheel as wheel
 
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+INTEGRATIONS = sorted(path.parent for path in (ROOT / "integrations").glob("*/pyproject.toml"))
 CONDA_NAMES = {"msgpack": "msgpack-python", "matplotlib": "matplotlib-base"}
 
 
@@ -33,11 +34,46 @@ def test_the_recipe_for_conda_asks_for_what_the_package_asks_for() -> None:
     assert recipe["build"]["python"]["entry_points"] == scripts
 
 
-def test_ros_finds_the_package_where_the_wheel_is_installed(wheel: Path) -> None:
-    described = ET.parse(ROOT / "lrm_ros2" / "package.xml").getroot()
+@pytest.fixture(scope="module")
+def integrations(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    """Their wheels, by the folder's name; each is built of its source distribution."""
+    folder = tmp_path_factory.mktemp("integrations")
+    for project in INTEGRATIONS:
+        words = [sys.executable, "-m", "hatchling", "build", "--directory", str(folder)]
+        subprocess.run(words, cwd=project, check=True, capture_output=True)
+    return {project.name: next(folder.glob(f"{project.name}-*.whl")) for project in INTEGRATIONS}
+
+
+@pytest.mark.parametrize("project", INTEGRATIONS, ids=lambda project: project.name)
+def test_an_integration_is_of_the_projects_version_and_needs_the_project(project: Path) -> None:
+    described = tomllib.loads((project / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    assert described["version"] == PROJECT["version"]
+    assert f"{PROJECT['name']}>=0.1" in described["dependencies"]
+    assert described["requires-python"] == PROJECT["requires-python"]
+
+
+def test_an_integration_has_its_own_code_and_the_project_has_none_of_it(
+    integrations: dict[str, Path], wheel: Path
+) -> None:
+    for name, own in integrations.items():
+        with zipfile.ZipFile(own) as opened, zipfile.ZipFile(wheel) as project:
+            tops = {entry.split("/")[0] for entry in opened.namelist()}
+            assert {one for one in tops if ".d" not in one} == {name}
+            assert not [entry for entry in project.namelist() if name in entry]
+
+
+def test_the_projects_extra_brings_the_bridge_and_its_command(integrations: dict[str, Path]) -> None:
+    assert PROJECT["optional-dependencies"]["ros2"] == ["lrm-ros2>=0.1"]
+    with zipfile.ZipFile(integrations["lrm_ros2"]) as opened:
+        (entries,) = (name for name in opened.namelist() if name.endswith("entry_points.txt"))
+        assert "lrm-ros2 = lrm_ros2.command:main" in opened.read(entries).decode()
+
+
+def test_ros_finds_the_package_where_the_wheel_is_installed(integrations: dict[str, Path]) -> None:
+    described = ET.parse(ROOT / "integrations" / "lrm_ros2" / "package.xml").getroot()
     assert described.findtext("name") == "lrm_ros2"
     assert described.findtext("version") == PROJECT["version"]
-    with zipfile.ZipFile(wheel) as opened:
+    with zipfile.ZipFile(integrations["lrm_ros2"]) as opened:
         placed = {name.partition(".data/data/")[2] for name in opened.namelist()}
     assert {"share/lrm_ros2/package.xml", "share/ament_index/resource_index/packages/lrm_ros2"} <= placed
 

@@ -14,7 +14,11 @@ from validation.readability.texts import of_helps, page
 
 PAGES = {
     path.relative_to(ROOT).as_posix(): path
-    for path in (ROOT / "README.md", ROOT / "lerobot_robot_lrm" / "README.md", *sorted((ROOT / "docs").rglob("*.md")))
+    for path in (
+        ROOT / "README.md",
+        *sorted((ROOT / "integrations").glob("*/README.md")),
+        *sorted((ROOT / "docs").rglob("*.md")),
+    )
 }
 
 

@@ -7,7 +7,7 @@ import pytest
 from lrm_ros2.action_types import CANCEL_GOAL, FEEDBACK, GET_RESULT, SEND_GOAL, TRIGGER, action_texts
 from lrm_ros2.message_types import add_types, message_type, type_hash, type_store
 
-pytest.importorskip("rosbags", reason="rosbags is not installed (lrm-arm[ros2])")
+pytest.importorskip("rosbags", reason="rosbags is not installed (lrm-ros2)")
 dynamic = pytest.importorskip("mcap_ros2._dynamic", reason="mcap-ros2-support is not installed")
 
 

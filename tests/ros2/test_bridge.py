@@ -33,9 +33,11 @@ from lrmd.client import Rover
 from tests.support.daemon.daemon_harness import HOME, wait_for_link
 from tests.support.daemon.daemon_process import SLOW_BOARD, DaemonSetup, free_port, running_daemon, wait_for
 
-pytest.importorskip("zenoh_ros2_sdk", reason="zenoh-ros2-sdk is not installed (lrm-arm[ros2])")
+pytest.importorskip("zenoh_ros2_sdk", reason="zenoh-ros2-sdk is not installed (lrm-ros2)")
 dynamic = pytest.importorskip("mcap_ros2._dynamic", reason="mcap-ros2-support is not installed")
 
+HERE = os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)}
+"""For processes: the bridge of this checkout, installed or not."""
 HASHES = {  # as `ros2 topic info --verbose` prints it
     JOINT_STATE: "RIHS01_a13ee3a330e346c9d87b5aa18d24e11690752bd33a0350f11c5882bc9179260e",
 }
@@ -146,7 +148,7 @@ def ros_router(port: int) -> Iterator[RosPeer]:
 def bridged(setup: DaemonSetup, port: int, log: Path, *options: str) -> Iterator[subprocess.Popen[bytes]]:
     command = [sys.executable, "-m", "lrm_ros2", "--connect", setup.endpoint, "--ros-router", f"127.0.0.1:{port}"]
     with log.open("wb") as out:
-        process = subprocess.Popen([*command, *options], stdout=out, stderr=subprocess.STDOUT, env=dict(os.environ))
+        process = subprocess.Popen([*command, *options], stdout=out, stderr=subprocess.STDOUT, env=HERE)
     try:
         wait_for(lambda: b"bridge of" in log.read_bytes(), f"the bridge is up: {log.read_text()}", 30.0)
         yield process
@@ -323,7 +325,7 @@ def test_no_router_is_said_in_a_line(tmp_path: Path) -> None:
     with running_daemon(setup):
         command = [sys.executable, "-m", "lrm_ros2", "--connect", setup.endpoint]
         ended = subprocess.run(
-            [*command, "--ros-router", f"127.0.0.1:{free_port()}"], capture_output=True, text=True, timeout=60
+            [*command, "--ros-router", f"127.0.0.1:{free_port()}"], env=HERE, capture_output=True, text=True, timeout=60
         )
     assert ended.returncode == 2
     assert ended.stderr.startswith("lrm-ros2: no zenoh router of ROS 2 at 127.0.0.1:")

@@ -46,7 +46,7 @@ def skills_done(daemon: InMemoryDaemon) -> int:
 
 @pytest.fixture
 def trees() -> Any:
-    return pytest.importorskip("py_trees", reason="py_trees is not installed (pip install py_trees)")
+    return pytest.importorskip("py_trees", reason="py_trees is not installed (lrm-skills[py-trees])")
 
 
 def test_a_fetch_as_a_behaviour_tree(trees: Any, daemon: InMemoryDaemon, rover: Rover) -> None:

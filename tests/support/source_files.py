@@ -10,9 +10,15 @@ from pathlib import Path
 from tests.conftest import ROOT
 
 
+def folder_of(package: str) -> Path:
+    """Where a package of the project is: at its root, or in `integrations/NAME/src`; another folder as it is named."""
+    integration = ROOT / "integrations" / package / "src" / package
+    return integration if integration.is_dir() else ROOT / package
+
+
 def files(folder: str) -> list[Path]:
-    """The Python files below a folder of the project; there is at least one."""
-    found = sorted((ROOT / folder).rglob("*.py"))
+    """The Python files below a package or a folder of the project; there is at least one."""
+    found = sorted(folder_of(folder).rglob("*.py"))
     assert found, folder
     return found
 

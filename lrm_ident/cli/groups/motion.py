@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import inspect
+import math
 import shlex
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -13,7 +14,7 @@ from typing import Annotated, Any, get_type_hints
 from typer import Argument, Option
 
 from lrm_ident.cli import arguments as arg
-from lrm_ident.cli.arm_access import SO101
+from lrm_ident.cli.arm_access import SO101, ArmAccess, load_changer, resumable
 from lrm_ident.cli.command import command_group, command_of, stated_reading
 from lrm_ident.cli.common import bars, notice, publish, show
 from lrm_ident.data.atomic_write import write_text
@@ -30,13 +31,15 @@ from lrm_ident.measuring.motion.motion_report import (
 )
 from lrm_ident.measuring.motion.motion_study import MotionStudy
 from lrm_ident.measuring.motion.settling_times import longest, settling_times
+from lrm_ident.measuring.recordings.command_log import read_command_log
 from lrm_ident.report.document import Block, Document, ResultTable
 from lrm_ident.report.effects import listed
 from lrm_ident.report.plain_names import PLAIN
 from lrm_math.arm.arm_file import load_arm
 from lrm_math.errors import UnknownName
+from lrm_math.model.reading import AS_NAMED
 from lrm_math.motion.effects import MOTION_EFFECTS
-from lrm_math.motion.motion_model import MotionFile, load_motion
+from lrm_math.motion.motion_model import MotionFile, effect_of, load_motion
 
 group = command_group(
     "motion",
@@ -226,6 +229,94 @@ def report(
         page = motion_page(MotionStudy.of(study.moves).fit(), study, documents)
     write_text(output, page)
     show(f"Page written to {output}")
+
+
+@command_of(group)
+def design(
+    model: MotionPath,
+    separate: Annotated[
+        str,
+        Option(
+            metavar="EFFECTS",
+            help="Effects to distinguish, by commas: coulomb_friction@joint2,motion_play@joint2.",
+        ),
+    ],
+    output: Annotated[Path, Option("-o", "--output", metavar="MOVES", help="Where to write the moves, a CSV.")],
+    count: Annotated[int, Option("-n", "--count", min=10, max=60, help="How many moves for a joint.")] = 12,
+    speed: Annotated[
+        float | None,
+        Option(
+            min=1.0,
+            max=180.0,
+            metavar="DEG_PER_S",
+            help="Of a joint at most. Default: the daemon's ramp; 30 for an arm without pulses.",
+        ),
+    ] = None,
+    noise_deg: Annotated[float, Option(min=0.001, help="Noise of an encoder.")] = 0.045,
+    noise_mm: Annotated[
+        float, Option(min=0.001, help="Noise of a tracker per axis; for an arm without encoders.")
+    ] = 0.3,
+    seed: arg.Seed = 0,
+    json: arg.JsonFile = None,
+) -> None:
+    """Choose safe moves that distinguish effects of motion: ramps, steps, stairs and chirps of one joint at a time.
+
+    All stay inside the limits and clear of the arm's own bodies and table. Tries the moves in simulation before it
+    proposes them, and reports which effects none of them distinguishes.
+    """
+    from lrm_ident.measuring.excitation.design_report import motion_design_document
+    from lrm_ident.measuring.excitation.motion_design import MotionDesignTask, motion_design
+
+    known = load_motion(model)[1]
+    rivals = tuple(effect_of(known.arm, name.strip()) for name in separate.split(",") if name.strip())
+    by_tip = known.arm.joints[0].servo is not None
+    noise = 1e-3 * noise_mm if by_tip else math.radians(noise_deg)
+    rate = None if speed is None else math.radians(speed)
+    task = MotionDesignTask(known, rivals, count, noise, by_tip, rate, seed)
+    with bars() as tick:
+        found = motion_design(task, tick)
+    document = motion_design_document(task, found, str(output))
+    write_text(output, found.sequence.csv())
+    publish(document, json)
+    show(f"Moves written to {output}")
+
+
+@command_of(group)
+def play(
+    moves: Annotated[Path, Argument(metavar="MOVES", help="Moves that motion design wrote, or a log of lrm record.")],
+    robot: arg.AnyRobot = "rover",
+    output: Annotated[
+        Path | None,
+        Option("-o", "--output", metavar="CSV", help="Where to write commands and encoders; not with a daemon."),
+    ] = None,
+    connect: arg.Connect = None,
+    arm: arg.ArmName = None,
+    take: arg.Take = False,
+    speed: arg.Speed = None,
+    release: arg.Release = False,
+) -> None:
+    """Drive an arm along MOVES, and record its encoders for motion fit and motion diagnose.
+
+    A daemon checks every way for collisions; its arm has no encoders, so let lrm record and a tracker run meanwhile.
+    With LeRobot or bare servos keep the way free. The arm first goes to the first pose in a straight line. Ctrl-C
+    holds, and what was recorded is kept.
+    """
+    from lrm_ident.measuring.campaign.move_player import keeps_rows, play, played_csv, sequence_of
+    from lrm_ident.measuring.campaign.session import RealClock
+    from lrm_ident.measuring.excitation.sequence import PlayedRow
+
+    rows: list[PlayedRow] = []
+    with ArmAccess(robot, connect, speed, take, release).connection(arm, "lrm-ident motion play") as link:
+        keeps_rows(output, link.daemon is not None)
+        sequence = sequence_of(read_command_log(moves, link.arm, AS_NAMED))
+        show(f"{sequence.t[-1] - sequence.t[0]:.0f} s of moves")
+        try:
+            with resumable("What was played is kept"), link.drive(RealClock(), load_changer(None)) as driven:
+                play(driven.arm, sequence, rows)
+        finally:
+            if output is not None and rows:
+                write_text(output, played_csv(rows))
+                show(f"{len(rows)} rows written to {output}", f"Next: lrm-ident motion fit {output} -o motion.toml")
 
 
 @command_of(group)

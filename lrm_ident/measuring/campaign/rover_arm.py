@@ -18,8 +18,10 @@ from lrm_ident.data.rigid_motion import quaternions
 from lrm_ident.measuring.campaign.data_file import ArmState
 from lrm_ident.measuring.campaign.plan import PlannedPose
 from lrm_ident.measuring.campaign.run import Clock, Unreachable
+from lrm_ident.measuring.excitation.sequence import MoveSequence, PlayedRow
 from lrm_ident.measuring.verification.goal_commands import NOMINAL, GoalCommand
 from lrm_math.arm.servo_table import ServoTable
+from lrm_math.arrays import Array
 from lrm_math.errors import LrmError
 from lrm_math.ik.goal import Goal
 from lrmd.client import (
@@ -51,6 +53,9 @@ ATTEMPTS, LEASE_BACK_S = 5, 1.0
 OVER = ("lease", "wrong_mode", "name_taken", "link", "not_armed", "overtaken")
 """Codes of refusals that end a campaign: the arm is somebody else's, not armed any more, or somebody stopped it."""
 DEADLINE_MS = 10_000.0
+FASTER, SAME_SHARE, STANDS = 1.05, 0.05, 1e-3
+"""Times the ramp's rate that a sequence may seem to be; shares of it that differ by less are one motion; one that is
+none."""
 
 
 @dataclass(frozen=True)
@@ -138,6 +143,37 @@ class RoverArm:
         if self.at_pose is not None and not self.at_pose.holds(goal):
             raise MotionInterrupted(self.at_pose.mode, self.at_pose.why)
         return ArmState(goal, self.direction, temperature, self.session)
+
+    def check_speed(self, moves: MoveSequence) -> None:
+        """Raises `LrmError`: faster than the ramp."""
+        if (most := self._shares(moves).max()) > FASTER:
+            raise LrmError(f"the moves are {most:.2f} times as fast as the ramp of {self.info.robot}")
+
+    def _shares(self, moves: MoveSequence) -> Array:
+        """(K − 1,), of the ramp's rate between knots."""
+        rates = np.array(self.info.rate_rad_per_s[: self.info.joints])
+        ways = np.abs(np.diff(moves.knots.q, axis=0))
+        return np.asarray((ways / rates).max(axis=1) / np.diff(moves.knots.t))
+
+    def follow(self, moves: MoveSequence, keep: Callable[[PlayedRow], object]) -> None:
+        """Along a sequence of commands from its first, piece by piece, each at its share of the ramp's rate.
+
+        The daemon keeps limits, rate and distances. `keep` gets nothing: there are no encoders. Raises `LrmError`: what
+        the daemon refuses; see `check_speed`.
+        """
+        del keep
+        self.check_speed(moves)
+        knots, shares = moves.knots, [*self._shares(moves).tolist(), 0.0]
+        leg: list[dict[str, float]] = []
+        for number, (share, after) in enumerate(pairwise(shares)):
+            if share < STANDS:
+                self.clock.sleep(float(knots.t[number + 1] - knots.t[number]))
+                continue
+            leg.append(dict(zip(self.names, knots.q[number + 1].tolist(), strict=True)))
+            if abs(after - share) > SAME_SHARE * share:
+                self.rover.move(*leg, speed=min(share, 1.0), stops=self.stops)
+                leg = []
+        self.direction = last_directions(knots.q.tolist(), self.direction)
 
     def commanded(self) -> tuple[float, ...]:
         """See `CampaignArm`."""

@@ -16,6 +16,7 @@ from lrm_ident.measuring.campaign.data_file import ArmState
 from lrm_ident.measuring.campaign.plan import PlannedPose
 from lrm_ident.measuring.campaign.rover_arm import APPROACH, last_directions
 from lrm_ident.measuring.campaign.run import Clock, Unreachable
+from lrm_ident.measuring.excitation.sequence import MoveSequence, PlayedRow
 from lrm_ident.measuring.servo_bus.torque_on import TORQUE
 from lrm_math.arm.arm import Arm
 from lrm_math.arm.servo_settings import ServoSettings
@@ -33,6 +34,10 @@ QUIET, LONGEST_S, GLANCE_S = math.radians(0.3), 5.0, 0.2
 HOT_C, COOL_C = 55.0, 45.0
 """Servos switch off at 70 °C."""
 READS = 5
+LOOKED = 150
+"""Commands of a sequence between two looks at the temperature."""
+FASTER = 1.001
+"""Times the allowed speed that rounded commands may seem to be."""
 Answer = TypeVar("Answer")
 
 
@@ -115,6 +120,37 @@ class ServoArm:
         self._move(pose.q)
         self._rest = self._quiet()
         return ArmState(self._target, self.direction, self.temperature(), self.session)
+
+    def check_speed(self, moves: MoveSequence) -> None:
+        """Raises `LrmError`: faster than `speed`, or beyond the servos' own limits."""
+        if moves.fastest.max() > FASTER * self.speed:
+            joint = int(np.argmax(moves.fastest))
+            what = f"the moves turn {self.servos.joints[joint]} at {math.degrees(moves.fastest[joint]):.1f} deg/s"
+            raise LrmError(f"{what}; --speed allows {math.degrees(self.speed):g} deg/s")
+        for q in moves.knots.q.tolist():
+            if why := self.servos.beyond_limits(q):
+                raise LrmError(why)
+
+    def follow(self, moves: MoveSequence, keep: Callable[[PlayedRow], object]) -> None:
+        """Along a sequence of commands from its first, never faster than it; `keep` gets every row.
+
+        Raises `LrmError` where a joint is held up, lost its torque, or is too warm; see `check_speed`.
+        """
+        self.check_speed(moves)
+        self._check_torque()
+        begun, last = self.clock.now(), self._target
+        for number, (t, q) in enumerate(zip(moves.t.tolist(), moves.q.tolist(), strict=True)):
+            late = self.clock.now() - begun - t
+            begun += max(late, 0.0)  # what was late is not made up for: that would be faster
+            self.clock.sleep(-late)
+            seen = self.seen()
+            self._send(q)
+            keep(PlayedRow(self.clock.now(), self._target, seen))
+            if number % WATCHED == 0:
+                self._check_follows()
+            if number % LOOKED == 0 and (why := self.too_warm()):
+                raise LrmError(f"{why}; the arm holds")
+        self.direction = last_directions([last, self._target], self.direction)
 
     def settings(self) -> ServoSettings:
         """Settings of the servos."""

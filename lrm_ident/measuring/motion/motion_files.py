@@ -58,12 +58,17 @@ class MotionSource:
                 what = "is read beside a log of commands, and this is none"
                 raise FileError(self.recording, "--tip", what, f"a {' or '.join(LOGS)}")
             return moves_of(read_frames(self.recording, arm, self.angle_unit, self.prefix), arm, self.recording)
+        log = read_command_log(self.recording, arm, Reading(angle_unit=self.angle_unit), self.topic)
+        if self.tip is None and (encoders := log.encoders()) is not None:
+            return moves_of(encoders, arm, self.recording)
         tip = self.tip or self.recording
         if tip.suffix != MCAP and self.tip is None:
             raise FileError(
-                self.recording, "--tip", "a log of commands alone shows no motion", "--tip and the tracker's file"
+                self.recording,
+                "--tip",
+                "a log of commands alone shows no motion",
+                "--tip and the tracker's file, or columns q1_meas_deg, ...",
             )
-        log = read_command_log(self.recording, arm, Reading(angle_unit=self.angle_unit), self.topic)
         take = read_mcap(tip) if tip.suffix == MCAP else read_export(tip, self.rotation)
         track = TipTrack.of(take.path, take.pair(self.tool, self.base))
         return tip_moves(log, track, self._at_rest(arm))

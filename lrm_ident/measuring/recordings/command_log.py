@@ -12,7 +12,8 @@ from pathlib import Path
 import numpy as np
 from pydantic import Field
 
-from lrm_ident.data.measurement_file.load import load_pose_table
+from lrm_ident.data.measurement_file.load import load_pose_table, read_pose_feedback
+from lrm_ident.measuring.recordings.lerobot import LeRobotFrames
 from lrm_ident.measuring.recordings.mcap_file import SUFFIX as MCAP
 from lrm_ident.measuring.recordings.mcap_file import joint_track
 from lrm_math.arm.arm import Arm
@@ -22,6 +23,8 @@ from lrm_math.model.reading import Reading
 from lrm_math.toml_file import StrictSchema, read_toml
 
 GAP_S = 1.0
+GAPS = 1.5
+"""Times the usual distance of rows beyond which nothing was recorded between them."""
 SPARSE_S = 0.1
 """s between two rows beyond which a ramp is not followed."""
 
@@ -43,6 +46,17 @@ class CommandLog:
     t: Array
     q: Array
     count_s: float = 0.0
+
+    def encoders(self) -> LeRobotFrames | None:
+        """The rows as frames, where the file has what the encoders read (`q1_meas_deg, …`); gaps end an episode."""
+        if self.path.suffix == MCAP:
+            return None
+        read, _ = read_pose_feedback(self.path, self.arm)
+        if read is None:
+            return None
+        steps = np.diff(self.t)
+        episode = np.concatenate([[0], np.cumsum(steps > GAPS * np.median(steps))])
+        return LeRobotFrames(self.q, read, self.t, episode)
 
     def at(self, t: Array) -> Array:
         """(…, n), angles put out at times (…), straight between rows."""

@@ -89,11 +89,12 @@ def rows_as_deployed(model: Model, poses: Poses) -> NDArray[np.int64]:
 
     A last state held where each of its effects was within a tenth of its range from its end: after a change, in the
     last session, in a warm arm. The other poses were measured with another zero, or a colder arm. What follows the time
-    since power-on holds at all times.
+    since power-on, or what the arm did before, holds at all times.
     """
     held = np.ones(len(poses), dtype=np.bool_)
     known = model.state
-    carried = {} if known is None else {name: one for name, one in known.carried.items() if name not in known.warming}
+    followed = set() if known is None else {*known.warming, *known.memory}
+    carried = {} if known is None else {name: one for name, one in known.carried.items() if name not in followed}
     for bound in model.binding.bound:
         if carried.get(bound.effect.name) == "last":
             for amount in bound.at(poses, (0.0,) * len(bound.loads)):

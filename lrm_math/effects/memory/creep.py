@@ -4,15 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import cached_property
+from typing import ClassVar
 
 import numpy as np
 
 from lrm_math.arm.arm import BASE, Arm
 from lrm_math.arrays import Array
-from lrm_math.effects.base import Amounts, Description, Effect, Excitation, Extrapolation, Parameter
+from lrm_math.effects.base import Amounts, Description, Extrapolation, Parameter
+from lrm_math.effects.memory.remembering import RememberingEffect
 from lrm_math.kinematics.chain import Number, chain_of
 from lrm_math.kinematics.dual import Dual
-from lrm_math.kinematics.history import followed
+from lrm_math.kinematics.history import Visits, followed, remembered
 from lrm_math.kinematics.poses import Poses
 
 LONG_S = 1e5
@@ -28,12 +30,12 @@ EVEN = 0.05
 """Share by which steps of time may differ and still be equal ones."""
 
 
-class _SlowSpring(Effect):
+class _SlowSpring(RememberingEffect):
     """Deflection of a joint or of the base that lags behind the load that was held at the poses before."""
 
-    depends_on = ("time",)
-    remembers = True
     extrapolation = Extrapolation.PROPORTIONAL
+    paces: ClassVar[tuple[str, ...]] = ("",)
+    """Names of the paces at which it lags behind."""
 
     @classmethod
     def places(cls, arm: Arm) -> tuple[str, ...]:
@@ -51,6 +53,11 @@ class _SlowSpring(Effect):
         return self.targets
 
     @property
+    def memories(self) -> int:
+        """One of each motion at each pace."""
+        return len(self.paces) * len(self.targets)
+
+    @property
     def axes(self) -> tuple[str, ...]:
         """Suffix of the parameters of each motion."""
         return ("_x", "_y") if self.place == BASE else ("",)
@@ -62,10 +69,6 @@ class _SlowSpring(Effect):
         known = poses.history is None or _even(poses.history.visits.step)
         return {name: scan for name, scan in found.items() if name != "late_s_per_s" or not known}
 
-    def missing_excitation(self, excitation: Excitation) -> str | None:
-        """The order must be known."""
-        return "the order of measurement is not known" if excitation.poses.history is None else None
-
     def yielded(
         self,
         poses: Poses,
@@ -75,18 +78,35 @@ class _SlowSpring(Effect):
         stood: Number,
         rest: Number,
         late: Number,
+        pace: int = 0,
     ) -> list[Number]:
-        """k c of each motion; where nobody knows what was before, the load has been held for long: k τ."""
+        """k c of each motion; where nobody knows what was before, the load has been held for long: k τ. `pace`: number
+        of this one among those of the effect."""
         if poses.history is None:
             return [a * load for a, load in zip(k, tau, strict=True)]
         held = poses.history.visits.loads(chain_of(self.arm), self.load_slots)
         out: list[Number] = []
-        for a, load, borne in zip(k, tau, held.T, strict=True):
+        for a, load, borne, start in zip(k, tau, held.T, self._began(poses.history.visits, pace), strict=True):
             past, own = (
-                followed(poses.history, borne, constant, stood, rest, late) if isinstance(a, Dual) or a else (0.0, 0.0)
+                followed(poses.history, borne, constant, stood, rest, late, start)
+                if isinstance(a, Dual) or a
+                else (0.0, 0.0)
             )
             out.append(a * (past + own * load))
         return out
+
+    def lagging(
+        self, visits: Visits, constant: float, stood: float, rest: float, late: float, pace: int = 0
+    ) -> tuple[Array, ...]:
+        """(M,) for each motion: the load c that its deflection has reached at the end of each visit (N·m)."""
+        held = visits.loads(chain_of(self.arm), self.load_slots)
+        starts = self._began(visits, pace)
+        return tuple(remembered(visits, x, constant, stood, rest, late, c) for x, c in zip(held.T, starts, strict=True))
+
+    def _began(self, visits: Visits, pace: int) -> tuple[float, ...]:
+        """The same of one pace before the first visit."""
+        size = len(self.targets)
+        return self.began(visits)[pace * size : (pace + 1) * size]
 
 
 STOOD = Parameter(
@@ -131,12 +151,18 @@ class Creep(_SlowSpring):
         *k, constant, stood, rest, late = p
         return tuple(self.yielded(poses, tau, k, constant, stood, rest, late))
 
+    def memory(self, visits: Visits, p: Sequence[float]) -> tuple[Array, ...]:
+        """c of each motion (N·m)."""
+        constant, stood, rest, late = p[-4:]
+        return self.lagging(visits, constant, stood, rest, late)
+
 
 class CreepSpectrum(_SlowSpring):
     """Creep at several paces at once, as polymers have: two more beside that of the plain creep."""
 
     id = "creep_spectrum"
     variant_of = (Creep.id,)
+    paces = tuple(PACES_S)
     about = Description(
         cause="A polymer yields at many paces at once, from seconds to hours.",
         formula="δ = Σ k_i c_i, T_i dc_i/dt = τ − c_i, a fast and a slow one",
@@ -167,10 +193,16 @@ class CreepSpectrum(_SlowSpring):
         size = len(self.targets)
         *k, fast, slow, late = p
         one, other = (
-            self.yielded(poses, tau, some, constant, LONG_S, LONG_S, late)
-            for some, constant in ((k[:size], fast), (k[size:], slow))
+            self.yielded(poses, tau, some, constant, LONG_S, LONG_S, late, pace)
+            for pace, (some, constant) in enumerate(((k[:size], fast), (k[size:], slow)))
         )
         return tuple(a + b for a, b in zip(one, other, strict=True))
+
+    def memory(self, visits: Visits, p: Sequence[float]) -> tuple[Array, ...]:
+        """c of each motion at each pace (N·m)."""
+        fast, slow, late = p[-3:]
+        one, other = (self.lagging(visits, x, LONG_S, LONG_S, late, pace) for pace, x in enumerate((fast, slow)))
+        return (*one, *other)
 
 
 def _even(step: Array) -> bool:

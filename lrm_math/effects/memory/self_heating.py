@@ -4,18 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from lrm_math.effects.base import Amounts, Description, Excitation, Extrapolation, JointEffect, Parameter
+from lrm_math.arrays import Array
+from lrm_math.effects.base import Amounts, Description, Extrapolation, JointEffect, Parameter
+from lrm_math.effects.memory.remembering import RememberingEffect
 from lrm_math.kinematics.chain import chain_of
-from lrm_math.kinematics.history import followed
+from lrm_math.kinematics.history import Visits, followed, remembered
 from lrm_math.kinematics.poses import Poses
 
 
-class SelfHeating(JointEffect):
+class SelfHeating(RememberingEffect, JointEffect):
     """Zero and gain of a servo that follow the heat of the load that it held: cold when a session begins."""
 
     id = "self_heating"
     depends_on = ("time", "angle")
-    remembers = True
+    memories = 1
     extrapolation = Extrapolation.PROPORTIONAL
     about = Description(
         cause="A servo's losses grow with the square of the torque that it holds; as it warms, its angle drifts.",
@@ -35,10 +37,15 @@ class SelfHeating(JointEffect):
         zero, gain, constant = p
         if poses.history is None:
             return (0.0,)
-        held = poses.history.visits.loads(chain_of(self.arm), self.targets)[:, 0] ** 2
-        past, own = followed(poses.history, held, constant)
+        held, [start] = self._losses(poses.history.visits), self.began(poses.history.visits)
+        past, own = followed(poses.history, held, constant, start=start)
         return ((zero + gain * poses.angle(self.joint)) * (past + own * poses.history.own(held)),)
 
-    def missing_excitation(self, excitation: Excitation) -> str | None:
-        """The order must be known."""
-        return "the order of measurement is not known" if excitation.poses.history is None else None
+    def memory(self, visits: Visits, p: Sequence[float]) -> tuple[Array, ...]:
+        """θ (N²m²)."""
+        [start] = self.began(visits)
+        return (remembered(visits, self._losses(visits), p[2], start=start),)
+
+    def _losses(self, visits: Visits) -> Array:
+        """(M,), τ² at all visits (N²m²)."""
+        return visits.loads(chain_of(self.arm), self.targets)[:, 0] ** 2

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lrm_math.arrays import Array
 from lrm_math.effects.base import FEW_REVERSALS, Amounts, Description, Excitation, Extrapolation, JointEffect, Parameter
+from lrm_math.effects.memory.remembering import RememberingEffect
 from lrm_math.kinematics.chain import Number, chain_of
 from lrm_math.kinematics.history import Visits, differentiable
 from lrm_math.kinematics.poses import Poses
@@ -17,12 +17,11 @@ SHARES = (1.0, 3.0, 10.0, 30.0, 100.0)
 """Loads that slip 63 % of the way at one reversal, over the usual load: about the reversals to its bound."""
 
 
-class Slip(JointEffect):
+class Slip(RememberingEffect, JointEffect):
     """Zero of a joint that slips towards its load at every reversal, to a bound: tight when the data begin."""
 
     id = "slip"
-    depends_on = ("time",)
-    remembers = True
+    memories = 2
     extrapolation = Extrapolation.PROPORTIONAL
     about = Description(
         cause="A horn or a clamp that is not tight slips a little whenever its joint reverses under load.",
@@ -48,10 +47,24 @@ class Slip(JointEffect):
         if poses.history is None:
             return (0.0,)
         visits = poses.history.visits
-        load, turns = self._loads(visits), visits.reversals(self.joint)
-        (slipped,) = differentiable(lambda scale: (_slipped(load, turns, scale),), p[1])
+        (slipped,) = differentiable(lambda scale: (self._slipped(visits, scale),), p[1])
         z: Number = poses.history.own(slipped)
         return (p[0] * z,)
+
+    def memory(self, visits: Visits, p: Sequence[float]) -> tuple[Array, ...]:
+        """z, and the side of the joint's last move (−1, 0 unknown, +1)."""
+        return self._slipped(visits, p[1]), visits.sides(self.joint, self.began(visits)[1])
+
+    def _slipped(self, visits: Visits, scale: complex) -> Array:
+        """(M,), z at all visits."""
+        load, (z, side) = self._loads(visits), self.began(visits)
+        sides = visits.sides(self.joint, side)
+        turned = sides * np.append(side, sides[:-1]) < 0.0
+        kept, out = np.where(turned, np.exp(-np.abs(load) / scale), 1.0), []
+        for left, towards in zip(kept.tolist(), np.sign(load).tolist(), strict=True):
+            z = towards + left * (z - towards)
+            out.append(z)
+        return np.array(out)
 
     def _loads(self, visits: Visits) -> Array:
         """(M,), torque at all visits (N·m)."""
@@ -64,12 +77,3 @@ class Slip(JointEffect):
         if excitation.reversals(self.joint) < FEW_REVERSALS:
             return "it (nearly) never reverses"
         return None
-
-
-def _slipped(load: Array, turned: NDArray[np.bool_], scale: complex) -> Array:
-    """(M,), z at all visits."""
-    kept = np.where(turned, np.exp(-np.abs(load) / scale), 1.0)
-    z, out = 0.0, np.zeros_like(kept)
-    for i, (left, side) in enumerate(zip(kept.tolist(), np.sign(load).tolist(), strict=True)):
-        z = out[i] = side + left * (z - side)
-    return out

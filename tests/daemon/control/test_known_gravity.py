@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from lrm_math.arrays import Vector3
+from lrm_math.arrays import ORIGIN, Vector3
 from lrmd.config import SECOND, Config, load_config
 from lrmd.control.gravity import PERIOD, STEP, KnownGravity, angle_between
 from lrmd.errors import RequestError
@@ -101,9 +101,9 @@ def test_the_command_needs_no_lease_and_heat_follows_it(config: Config) -> None:
     assert sim.core.gravity.due(sim.now)
     upright, level = [0.0] * 6, config.arm.gravity
     x, y, z = leaning(20.0)
-    tau = gravity_torques(config.arm, (x, y, z))(upright, 0.0)
+    tau = gravity_torques(config.arm, (x, y, z))(upright, 0.0, ORIGIN)
     sim.core.motion_check.torques = gravity_torques(config.arm, (x, y, z))
     assert sim.core.motion_check.servo_torques(sim.core.position, 0.0)[:6] == pytest.approx(
-        tuple(gravity_torques(config.arm, (x, y, z))(sim.core.angles(sim.core.position)[:6], 0.0))
+        tuple(gravity_torques(config.arm, (x, y, z))(sim.core.angles(sim.core.position)[:6], 0.0, ORIGIN))
     )
-    assert np.abs(np.array(tau) - gravity_torques(config.arm, level)(upright, 0.0)).max() > 0.1
+    assert np.abs(np.array(tau) - gravity_torques(config.arm, level)(upright, 0.0, ORIGIN)).max() > 0.1

@@ -320,7 +320,7 @@ def test_hot_servos_derate_then_rest_then_stop(sim: SimulatedDaemon) -> None:
 def test_a_warm_servo_accepts_no_pose_with_more_torque(sim: SimulatedDaemon) -> None:
     token = armed(sim)
     sim.core.thermal.temperature = (75.0, *sim.core.thermal.temperature[1:])
-    sim.core.motion_check.torques = lambda q, _: (q[0], 0, 0, 0, 0, 0)
+    sim.core.motion_check.torques = lambda q, *_: (q[0], 0, 0, 0, 0, 0)
     with pytest.raises(LrmError, match="75 degC"):
         sim.core.handle(MoveRequest(lease=token, waypoints=[{"joint1": 0.5}]), sim.now)
     sim.core.handle(MoveRequest(lease=token, waypoints=[{"joint2": 0.5}]), sim.now)

@@ -3,23 +3,32 @@
 from __future__ import annotations
 
 import itertools
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from lrm_math.arrays import Array
+from lrm_math.arm.arm import Arm
+from lrm_math.arrays import ORIGIN, Array
 from lrm_math.collision.scene import Scene, clearance_of
+from lrm_math.kinematics.chain import chain_of
 from lrm_math.kinematics.forward import frames
 from lrm_math.kinematics.poses import poses_of
+from lrm_math.kinematics.statics import joint_torques
+from lrm_math.model.deployed_model import with_load_at
 from lrm_math.model.equilibrium import solve_equilibrium
 from lrmd.config import Config, load_config
+from lrmd.control.requests import Controller
 from lrmd.control.state_machine import Mode
 from lrmd.errors import RequestError
 from lrmd.ik.deployed_model import DeployedModel, deploy
 from lrmd.ik.planner import Planner
-from lrmd.messages.control import ArmRequest, JogRequest, LeaseRequest, MoveRequest, PayloadRequest
+from lrmd.messages.control import ArmRequest, JogRequest, LeaseRequest, MoveRequest, PayloadRequest, SceneCommand
+from lrmd.messages.surroundings import ObstacleEntry
+from lrmd.persistence.state_file import StoredState
 from lrmd.safety.collision_guard import CollisionGuard, guard_of
+from lrmd.safety.thermal_model import gravity_torques
 from tests.conftest import TABLE_B2
 from tests.support.daemon.in_memory_daemon import CONFIG, SimulatedDaemon
 
@@ -158,8 +167,9 @@ def test_the_planner_refuses_what_the_guard_refuses_and_its_path_is_accepted(con
     assert sim.core.mode is Mode.MOVING
 
 
-def carry(sim: LoadedDaemon, payload: float) -> None:
-    sim.core.handle(PayloadRequest(lease=sim.token, payload_kg=payload), sim.now)
+def carry(sim: LoadedDaemon, payload: float, centre: Sequence[float] = ORIGIN) -> None:
+    request = PayloadRequest(lease=sim.token, payload_kg=payload, payload_centre_m=list(centre))
+    sim.core.handle(request, sim.now)
 
 
 def test_a_load_is_a_state_that_the_guard_follows_at_once(sim: LoadedDaemon) -> None:
@@ -181,9 +191,95 @@ def test_a_load_that_is_told_under_way_stops_a_motion_whose_rest_collides(sim: L
 
 
 def test_a_load_that_the_servos_cannot_bear_is_refused_and_changes_nothing(sim: LoadedDaemon) -> None:
-    sim.core.motion_check.torques = lambda _, payload: (0.0, 10.0 * payload, 0.0, 0.0, 0.0, 0.0)
+    sim.core.motion_check.torques = lambda _, payload, __: (0.0, 10.0 * payload, 0.0, 0.0, 0.0, 0.0)
     with pytest.raises(RequestError, match=r"joint2 would hold 20\.00 Nm") as refused:
         carry(sim, 2.0)
     assert refused.value.code == "too_heavy"
     assert sim.core.payload == 0.0
     assert sim.core.mode is Mode.ARMED
+
+
+OUTWARDS = (0.0, 0.0, 0.15)
+LIGHTER = 0.4
+
+
+def test_the_guard_follows_the_centre_of_a_load_at_once(sim: LoadedDaemon, config: Config, deployed) -> None:
+    """The same mass, held further out, sags onto the ground; dropped and grasped at the TCP again it does not."""
+    far = replace(deployed, model=with_load_at(deployed.model, OUTWARDS))
+    assert nearest(config, deployed, straight(), LIGHTER) > nearest(config, far, straight(), LIGHTER) + 0.002
+    carry(sim, HEAVY, OUTWARDS)
+    assert sim.core.load_at == OUTWARDS
+    guard = sim.core.motion_check.guard
+    assert isinstance(guard, CollisionGuard)
+    assert guard.model is not None
+    assert guard.model.arm == config.arm.with_load_at(OUTWARDS)
+    with pytest.raises(RequestError, match="palm and ground"):
+        sim.move(LOW)
+    carry(sim, 0.0)
+    assert sim.core.load_at == ORIGIN
+    sim.move(LOW)
+
+
+def test_the_centre_outlives_a_new_model_obstacles_and_a_restart(sim: LoadedDaemon, config: Config, deployed) -> None:
+    carry(sim, 0.1, OUTWARDS)
+    expected = config.arm.with_load_at(OUTWARDS)
+
+    def guarded(core: Controller) -> Arm:
+        guard = core.motion_check.guard
+        assert isinstance(guard, CollisionGuard)
+        assert guard.model is not None
+        return guard.model.arm
+
+    sim.core.adopt_guard(guard_of(config.arm, deployed.model), sim.now)
+    assert guarded(sim.core) == expected
+    box = ObstacleEntry.model_validate(
+        {"name": "stone", "shape": "sphere", "position_m": [0, 0.9, 0.9], "radius_m": 0.01}
+    )
+    sim.core.handle(SceneCommand(owner="test", put=[box]), sim.now)
+    assert guarded(sim.core) == expected
+    sim.move(ABOVE, payload=0.15)
+    assert sim.core.load_at == OUTWARDS
+    stored = StoredState.model_validate_json(sim.core.saved(0).model_dump_json(by_alias=True))
+    again = Controller(config, gravity_torques(config.arm, config.arm.gravity), stored, sim.core.guard, sim.now, 1)
+    assert (again.payload, again.load_at) == (0.15, OUTWARDS)
+    assert guarded(again) == expected
+
+
+def test_torques_of_the_thermal_model_have_the_centre(sim: LoadedDaemon, config: Config) -> None:
+    sim.core.motion_check.torques = gravity_torques(config.arm, config.arm.gravity)
+    q = sim.core.angles(sim.core.position)[: config.dof]
+    for centre in (ORIGIN, OUTWARDS, (0.05, -0.02, 0.0)):
+        carry(sim, 0.1, centre)
+        found = sim.core.motion_check.servo_torques(sim.core.position, sim.core.payload)
+        expected = joint_torques(chain_of(config.arm.with_load_at(centre)), config.arm.gravity, q, 0.1)
+        assert found[:6] == pytest.approx(expected, abs=1e-12)
+
+
+def test_a_centre_that_the_servos_cannot_bear_is_refused_and_changes_nothing(sim: LoadedDaemon) -> None:
+    """The same mass at the TCP is borne; further out joint 2 would be too hot."""
+    sim.core.motion_check.torques = lambda _, payload, centre: (
+        0.0,
+        payload * (1.0 + 200.0 * centre[2]),
+        0.0,
+        0.0,
+        0.0,
+        0.0,
+    )
+    carry(sim, 0.5)
+    with pytest.raises(RequestError, match="joint2 would hold") as refused:
+        carry(sim, 0.5, OUTWARDS)
+    assert refused.value.code == "too_heavy"
+    assert (sim.core.payload, sim.core.load_at) == (0.5, ORIGIN)
+    carry(sim, 0.0, OUTWARDS)
+    assert sim.core.load_at == ORIGIN
+
+
+def test_an_arm_that_carries_no_load_on_its_tool_has_no_centre_to_state(config: Config) -> None:
+    bodies = tuple(body for body in config.arm.bodies if not body.carries_payload)
+    sim = SimulatedDaemon(replace(config, arm=replace(config.arm, bodies=bodies)))
+    sim.run(30)
+    lease = sim.core.handle(LeaseRequest(action="acquire", holder="test"), sim.now).lease
+    assert lease is not None
+    with pytest.raises(RequestError, match="no body on the tool of lrm-"):
+        sim.core.handle(PayloadRequest(lease=lease.token, payload_kg=0.1, payload_centre_m=[0.01, 0, 0]), sim.now)
+    sim.core.handle(PayloadRequest(lease=lease.token, payload_kg=0.1), sim.now)

@@ -13,8 +13,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
-from lrm_math.arrays import Array
+from lrm_math.arrays import ORIGIN, Array
 from lrm_math.collision.scene import Scene, clearance, clearance_of
 from lrm_math.effects.measured_range import MeasuredRange
 from lrm_math.errors import LrmError
@@ -22,7 +23,7 @@ from lrm_math.ik.answer import Solved
 from lrm_math.ik.methods import DEFAULT, METHODS, Direct, Iterative
 from lrm_math.kinematics.forward import frames
 from lrm_math.kinematics.poses import poses_of
-from lrm_math.model.deployed_model import under_gravity
+from lrm_math.model.deployed_model import under_gravity, with_load_at
 from lrm_math.model.equilibrium import solve_equilibrium
 from lrmd.config import Config, load_config
 from lrmd.ik.deployed_model import deploy
@@ -139,8 +140,19 @@ def assert_true(answer: IkAnswer, goal: GoalEntry, payload: float, exact: bool =
     counts = answer.counts or []
     put_out = [float(t.angle_of(clock.pulse_of(c))) for t, c in zip(tables, counts, strict=True) if t is not None]
     np.testing.assert_allclose(put_out, answer.rounded_q_rad or [], atol=1e-12)
-    lands = bent(np.array([put_out]), payload)[0, -1, :3, 3]
-    assert answer.rounded_error_m == pytest.approx(math.dist(lands, goal.position_m), abs=EXACT)
+    lands = bent(np.array([put_out]), payload)[0, -1]
+    assert answer.rounded_error_m == pytest.approx(math.dist(lands[:3, 3], goal.position_m), abs=EXACT)
+    assert answer.rounded_turn_rad == pytest.approx(turn_between(lands[:3, :3], goal), abs=1e-6)
+
+
+def turn_between(tool: Array, goal: GoalEntry) -> float:
+    """Angle (rad) between a tool (3, 3) and what a goal asks of it, by scipy; 0 for a position alone."""
+    if goal.quaternion_xyzw is not None:
+        return float((Rotation.from_matrix(tool).inv() * Rotation.from_quat(goal.quaternion_xyzw)).magnitude())
+    if goal.approach is None:
+        return 0.0
+    along = np.array(goal.approach) / np.linalg.norm(goal.approach)
+    return float(np.arctan2(np.linalg.norm(np.cross(tool[:, 2], along)), tool[:, 2] @ along))
 
 
 @pytest.mark.slow
@@ -477,3 +489,29 @@ def test_a_known_direction_of_gravity_is_that_of_another_arm_file() -> None:
     assert [one.model_dump() for one in tilted.under_gravity(None).forward(request)] == [
         one.model_dump() for one in level
     ]
+
+
+def test_the_centre_of_a_load_counts_in_forward_and_inverse_on_a_slope_too() -> None:
+    """Told before or after gravity's direction; the centre of zero gives the very same answers as before."""
+    centre, down = (0.03, -0.02, 0.06), (math.sin(0.1), 0.0, -math.cos(0.1))
+    q = np.random.default_rng(3).uniform(-1.0, 1.0, (4, 6)).tolist()
+    request = FkRequest(q_rad=q, payload_kg=0.1)
+    model = with_load_at(under_gravity(deploy(config()).model, down), centre)
+    expected = solve_equilibrium(model, poses_of(q, 0.1))
+    for told in (
+        service().under_gravity(down).with_load_at(centre),
+        service().with_load_at(centre).under_gravity(down),
+    ):
+        found = list(told.forward(request))
+        np.testing.assert_allclose([one.tcp_m for one in found], expected.true_tcp, atol=1e-9)
+        np.testing.assert_allclose([one.tau_nm for one in found], expected.joint_torque, atol=1e-9)
+    goals = IkRequest(goals=[GoalEntry(position_m=one.tcp_m) for one in found], payload_kg=0.1, near_rad=q[0])
+    solved = [answer for answer in told.inverse(goals) if answer.q_rad is not None]
+    assert solved
+    for answer in solved:
+        reached = solve_equilibrium(model, poses_of(answer.q_rad, 0.1, np.array([answer.direction])))
+        np.testing.assert_allclose(reached.true_tcp[0], answer.tcp_m, atol=EXACT)
+    level = [one.model_dump() for one in service().forward(request)]
+    moved = service().with_load_at(centre)
+    assert [one.model_dump() for one in moved.with_load_at(ORIGIN).forward(request)] == level
+    assert [one.model_dump() for one in moved.forward(request)] != level

@@ -17,6 +17,7 @@ from lrm_math.arm.servo_table import PwmClock, ServoTable
 from lrm_math.effects import effects_at
 from lrm_math.errors import LrmError, UnknownName
 from lrm_math.kinematics.poses import Poses, poses_of
+from lrm_math.model.deployed_model import with_load_at
 from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import Model, model_of
 from lrmd.link import protocol
@@ -314,6 +315,13 @@ def test_load_bends_the_arm_and_heats_the_servos(rover: Arm) -> None:
     heavy = rig.arm.equilibrium().tcp[-1]
     np.testing.assert_allclose(heavy, solve_equilibrium(truth, poses_of(rig.arm.q, 0.1)).tcp[0], atol=1e-8)
     assert heavy[2] < light[2] - 1e-3
+    at, q = (0.02, -0.01, 0.05), rig.arm.q
+    rig.arm.set_payload(0.1, at)
+    outward = rig.arm.equilibrium().tcp[-1]
+    np.testing.assert_allclose(outward, solve_equilibrium(with_load_at(truth, at), poses_of(q, 0.1)).tcp[0], atol=1e-8)
+    assert np.linalg.norm(outward - heavy) > 1e-4
+    rig.arm.set_payload(0.1)
+    np.testing.assert_allclose(rig.arm.equilibrium().tcp[-1], heavy, atol=1e-9)
     hold(60)
     warm = [rig.arm.temperature(servo) for servo in rig.arm.servos]
     assert all(b >= a - 1e-9 for a, b in zip(cool, warm, strict=True))

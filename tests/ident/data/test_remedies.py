@@ -24,6 +24,7 @@ from tests.conftest import ROOT
 from tests.ident.data.test_every_form import cells
 from tests.ident.measuring.recordings.test_lerobot import written as dataset
 from tests.support.commands import run_command
+from tests.support.source_files import files
 from tests.support.vendor_robots import vendor_parts
 
 Words = tuple[object, ...]
@@ -376,7 +377,7 @@ def test_no_message_advises_an_option_that_no_test_follows() -> None:
     lacking = {
         f"{path.relative_to(ROOT)}: {option}"
         for package in ("lrm_ident", "lrm_math", "lerobot_robot_lrm")
-        for path in sorted((ROOT / package).rglob("*.py"))
+        for path in files(package)
         for words in messages(ast.parse(path.read_text()))
         for option in OPTION.findall(words)
         if option not in typed

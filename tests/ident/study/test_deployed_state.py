@@ -15,7 +15,7 @@ from lrm_ident.study.study import Study
 from lrm_math.arm.arm_file import load_arm
 from lrm_math.effects import effects_at
 from lrm_math.kinematics.poses import poses_of
-from lrm_math.model.deployed_model import as_deployed, as_deployed_at, of_a_session, warming_offsets
+from lrm_math.model.deployed_model import as_deployed, as_deployed_at, followed_parts, of_a_session
 from lrm_math.model.equilibrium import solve_equilibrium
 from lrm_math.model.model import Model, model_of
 from lrm_math.model.model_file import load_model
@@ -130,9 +130,9 @@ def test_a_drift_with_temperature_follows_it_only_where_it_is_known() -> None:
     model = world(law).with_state(StateAfterSession({DRIFT: "last"}, {"offsets.joint1.theta_rad": 0.07}, {DRIFT: 0.07}))
     pose, t = poses_of([0.1, 0.2]), np.array([600.0])
     warm = replace(pose, t=t, temperature=np.array([30.0]), warmed=np.array([10.0]))
-    assert warming_offsets(model, replace(pose, t=t)) == {}
+    assert followed_parts(model, replace(pose, t=t)) == {}
     expected = 0.05 * (1.0 - np.exp(-600.0 / 1800.0)) + 0.01 - 0.07
-    assert warming_offsets(model, warm) == pytest.approx({"offsets.joint1.theta_rad": expected})
+    assert followed_parts(model, warm) == pytest.approx({"offsets.joint1.theta_rad": expected})
     assert not any(of_a_session(effect) for effect in as_deployed_at(model, replace(pose, t=t)).effects)
 
 

@@ -10,6 +10,7 @@ from lrm_math.arm.arm import Arm
 from lrm_math.effects import ALL_EFFECTS, Effect
 from lrm_math.effects.reference import EffectRef, ParameterRef, effect_of
 from tests.conftest import ROOT
+from tests.support.source_files import files
 
 BY_HAND = re.compile(r'partition\("@"\)|split\("@"|\}@\{|"@"\.join|key\.(split\("\."|partition\("\."|startswith\()')
 
@@ -40,7 +41,7 @@ def test_names_are_built_and_parsed_in_one_file() -> None:
     by_hand = {
         str(path.relative_to(ROOT)): found
         for package in packages
-        for path in (ROOT / package).rglob("*.py")
+        for path in files(package)
         if path.name != "reference.py" and (found := BY_HAND.findall(path.read_text(encoding="utf-8")))
     }
     assert by_hand == {}

@@ -65,6 +65,13 @@ def test_parameters_of_the_lab_arm(lab: Arm, seed: int) -> None:
 
 
 @pytest.mark.slow
+def test_parameters_of_an_arm_that_carries_a_load_aside(lab: Arm) -> None:
+    poses = some_poses(lab, seed=4, count=3)
+    assert poses.payload.any()
+    assert_parameter_derivatives(full_model(lab.with_load_at((0.04, -0.03, 0.06)), seed=4), poses, every=3)
+
+
+@pytest.mark.slow
 @settings(max_examples=6)
 @given(arms, st.integers(0, 100))
 def test_parameters_of_any_arm(arm: Arm, seed: int) -> None:

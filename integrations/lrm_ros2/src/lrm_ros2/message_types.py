@@ -53,7 +53,7 @@ def type_store(distribution: str) -> Any:
     try:
         from rosbags.typesys import Stores, get_typestore
     except ImportError:
-        raise LrmError("the bridge to ROS 2 needs more packages; pip install 'lrm-arm[ros2]'") from None
+        raise LrmError("the bridge to ROS 2 needs more packages; pip install lrm-ros2") from None
     store = get_typestore(Stores(f"ros2_{distribution}"))
     add_types(store, TEXTS, SERVICES if distribution not in WITHOUT_HASHES else ())
     return store

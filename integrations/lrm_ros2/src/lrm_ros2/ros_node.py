@@ -57,7 +57,7 @@ class RosNode:
         try:
             import zenoh_ros2_sdk as sdk
         except ImportError:
-            raise LrmError("the bridge to ROS 2 needs more packages; pip install 'lrm-arm[ros2]'") from None
+            raise LrmError("the bridge to ROS 2 needs more packages; pip install lrm-ros2") from None
         where = f"{self._network.host}:{self._network.port}"
         with ExitStack() as stack:
             self._sdk, self._session = sdk, _session(sdk, self._network, where)

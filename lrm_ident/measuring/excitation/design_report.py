@@ -1,0 +1,63 @@
+"""Result of `lrm-ident motion design` in words: what the moves tell apart, and what none tells."""
+
+from __future__ import annotations
+
+import shlex
+from collections import Counter
+
+import numpy as np
+
+from lrm_ident.data.wording import enumerate_words
+from lrm_ident.measuring.excitation.motion_design import MotionDesign, MotionDesignTask
+from lrm_ident.report.diagnosis.conclusion import Conclusion, NextStep
+from lrm_ident.report.document import Document, ResultTable
+
+LISTED = 4
+
+
+def motion_design_document(task: MotionDesignTask, found: MotionDesign, output: str) -> Document:
+    """Schema `lrm/motion-design/1`."""
+    both = found.both_told()
+    told = [f"{a} from {b}" for (a, b), apart in both.items() if apart]
+    left = [f"{a} from {b}" for (a, b), apart in both.items() if not apart]
+    joints = enumerate_words([str(k + 1) for k in sorted({move.joint for move in found.moves})], LISTED)
+    if not left:
+        headline = f"These {len(found.moves)} moves tell {enumerate_words(told, LISTED)}."
+    elif told:
+        headline = f"These {len(found.moves)} moves tell {enumerate_words(told, LISTED)}, but not {left[0]}."
+    else:
+        headline = f"None of the {found.offered} safe moves tells {enumerate_words(left, LISTED)}."
+    kinds = [f"{n} {kind}" for kind, n in Counter(move.kind for move in found.moves).items()]
+    facts = [
+        ("moves", f"{len(found.moves)} of joint {joints}: {enumerate_words(kinds, LISTED)}"),
+        ("time", f"{found.sequence.t[-1]:.0f} s with the ways between; no joint is faster than {_speed(found)} deg/s"),
+    ]
+    if left:
+        facts.append(("not told", f"{enumerate_words(left, LISTED)}, at this speed and this noise"))
+    table = ResultTable(
+        ("if there is", "and the model has", "random|.2f", "these|.2f", "told apart"),
+        [(one.effect, one.rival, one.random, one.designed, "yes" if one.told else "no") for one in found.pairs],
+        "Expected held-out error with the wrong effect, over the noise: random moves, and these",
+    )
+    steps = (
+        NextStep(
+            "Keep the way free, make the moves, and record them.",
+            f"lrm-ident motion play {shlex.quote(output)} --robot ROBOT" + ("" if task.by_tip else " -o RECORDING.csv"),
+        ),
+    )
+    concluded = Conclusion(headline, tuple(facts), (), steps)
+    values = {
+        "arm": task.model.arm.name,
+        "conclusion": concluded,
+        "moves": [{"kind": move.kind, "joint": move.joint + 1, "start_rad": move.q[0]} for move in found.moves],
+        "offered": found.offered,
+        "seconds": float(found.sequence.t[-1]),
+        "fastest_rad_per_s": found.sequence.fastest,
+        "pairs": [vars(one) for one in found.pairs],
+        "trials": [vars(one) for one in found.trials],
+    }
+    return Document([*concluded.blocks(), "", table], "lrm/motion-design/1", values)
+
+
+def _speed(found: MotionDesign) -> str:
+    return f"{np.degrees(found.sequence.fastest.max()):.0f}"

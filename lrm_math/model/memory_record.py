@@ -1,0 +1,71 @@
+"""Memory of an arm as who drives it keeps it: integrated from what was commanded, by the effects' own formulas.
+
+The numbers are those that a file of the same stands gives (`Visits`): one source for what is shown and what is driven.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from lrm_math.arrays import Array
+from lrm_math.effects.memory.remembering import RememberingEffect
+from lrm_math.kinematics.history import History, Visits
+from lrm_math.kinematics.known import Remembered
+from lrm_math.kinematics.poses import Poses
+from lrm_math.model.equilibrium import with_borne_loads
+from lrm_math.model.model import Model
+from lrm_math.model.session_state import RememberedInSession
+
+SETTLED, MOST_LOADS = 1e-10, 12
+"""N·m (N²m², or a share): change of a memory that counts as none; how often its loads are found."""
+
+
+def nothing_known(memory: Mapping[str, RememberedInSession]) -> Remembered:
+    """Memory of an arm of which nothing is known: as it was in the session of its model, on average."""
+    mean = {name: one.mean for name, one in memory.items()}
+    further = {
+        name: tuple(m + s for m, s in zip(one.mean, one.sd, strict=True)) for name, one in memory.items() if any(one.sd)
+    }
+    return Remembered(mean, tuple({**mean, name: values} for name, values in further.items()))
+
+
+def after_stand(
+    model: Model, before: Remembered, q: Array, payload: float, seconds: float, start: Array | None = None
+) -> Remembered:
+    """Memory after the arm stood for some time at commands q (n,), rad, with a payload (kg).
+
+    Args:
+        model: of the deployed arm with its effects with a memory (`as_deployed_with`).
+        before: memory when it came there.
+        start: (n,), commands that it came from (rad); None: it did not move.
+    """
+    load = np.array([payload])
+    stand = Visits(q[None], load, np.array([seconds]), np.array([True]), start=start)
+    now, *others = (_held(model, replace(stand, begun=one)) for one in (before.now, *before.or_else))
+    return Remembered(now, tuple(others))
+
+
+def _held(model: Model, visits: Visits) -> dict[str, tuple[float, ...]]:
+    """Memory after one visit, by effect: what it does moves the load that it follows, so that is found again."""
+    poses = Poses(visits.q, visits.payload, history=History(visits, np.array([0])))
+    before: list[float] = []
+    for _ in range(MOST_LOADS):
+        poses = with_borne_loads(model, poses)
+        assert poses.history is not None
+        found = _memory(model, poses.history.visits)
+        numbers = [x for memory in found.values() for x in memory]
+        if before and np.abs(np.subtract(numbers, before)).max(initial=0.0) < SETTLED:
+            break
+        before = numbers
+    return found
+
+
+def _memory(model: Model, visits: Visits) -> dict[str, tuple[float, ...]]:
+    return {
+        effect.name: tuple(float(course[-1]) for course in effect.memory(visits, p))
+        for effect, p in model.parts()
+        if isinstance(effect, RememberingEffect) and effect.name in (visits.begun or {})
+    }
