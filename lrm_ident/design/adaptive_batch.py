@@ -82,11 +82,11 @@ def assess(data: Measurements) -> AdaptiveFindings:
     last = run.steps[-1]
     squares = (last.held_out**2).sum(axis=1)
     error = float(squares.std(ddof=1) / np.sqrt(len(squares)))
-    unsure = next((number for number, step in enumerate(run.steps) if step.equivalent), None)
-    names = () if unsure is None else (run.steps[unsure].added, *run.steps[unsure].equivalent)
+    unsure = next((number for number, step in enumerate(run.steps) if step.evidence.equivalent), None)
+    names = () if unsure is None else (run.steps[unsure].added, *run.steps[unsure].evidence.equivalent)
     return AdaptiveFindings(
         model=last.fit.model,
-        named=tuple((step.added, *step.equivalent) for step in run.steps[1:]),
+        named=tuple((step.added, *step.evidence.equivalent) for step in run.steps[1:]),
         rivals=tuple(effect for name in names[:MOST_RIVALS] for effect in effects_at(run.model.arm, name)),
         before=run.model if unsure is None else run.steps[max(unsure - 1, 0)].fit.model,
         verdict=run.verdict,

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from lrm_ident.diagnosis.diagnosis_report import DiagnosisReport
+from lrm_ident.diagnosis.evidence import Evidence
 from lrm_ident.diagnosis.judgement import Support, Verdict
 from lrm_ident.residual.thresholds import MAX_UNEXPLAINED_RATIO
 
@@ -30,22 +31,6 @@ def term_of(kind: Support, equivalent: Collection[str]) -> AttributionTerm:
 
 
 @dataclass(frozen=True)
-class ExplainedStep:
-    """One added effect.
-
-    Attributes:
-        explained: held-out mean square that it took away. describes: whether it only describes.
-        of_present: whether it is a form of an effect that is in the model.
-        replicates: whether it is chosen in both halves of the data.
-    """
-
-    explained: float
-    describes: bool
-    of_present: bool
-    replicates: bool = True
-
-
-@dataclass(frozen=True)
 class StepAttribution:
     """Attribution of a step; `unexplained`: mean square that may belong to another cause, in the same unit."""
 
@@ -53,15 +38,18 @@ class StepAttribution:
     unexplained: float
 
 
-def attribute_steps(steps: Sequence[ExplainedStep], left: float) -> tuple[StepAttribution, ...]:
-    """Attributions of successive steps. `left`: held-out mean square that stays unexplained after the last one."""
+def attribute_steps(steps: Sequence[tuple[float, Evidence]], left: float) -> tuple[StepAttribution, ...]:
+    """Attributions of successive steps, of each the held-out mean square that it took away, and the evidence for it.
+
+    left: held-out mean square that stays unexplained after the last one.
+    """
     found: list[StepAttribution] = []
-    for step in reversed(steps):
-        sure = step.replicates and left <= MAX_UNEXPLAINED_RATIO * step.explained
+    for explained, step in reversed(steps):
+        sure = step.replicates and left <= MAX_UNEXPLAINED_RATIO * explained
         shown = Support.FINDING if sure else Support.POSSIBLE_CAUSE
         found.append(StepAttribution(Support.DESCRIPTION if step.describes else shown, left))
         if found[-1].kind != Support.FINDING and not step.of_present:
-            left += max(step.explained, 0.0)
+            left += max(explained, 0.0)
     return tuple(reversed(found))
 
 

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
 
@@ -12,10 +12,11 @@ import numpy as np
 from lrm_ident.data.error_stats import error_stats
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.notebook import ShownInNotebook
-from lrm_ident.diagnosis.attribution import ExplainedStep, StepAttribution, attribute_steps, unexplained_mean_square
+from lrm_ident.diagnosis.attribution import StepAttribution, attribute_steps, unexplained_mean_square
 from lrm_ident.diagnosis.confirm import ConfirmedDiagnosis, Refit, confirm
 from lrm_ident.diagnosis.diagnose import Diagnosis, diagnose
 from lrm_ident.diagnosis.diagnosis_report import DiagnosisReport, report_of
+from lrm_ident.diagnosis.evidence import NO_EVIDENCE, Evidence
 from lrm_ident.diagnosis.judgement import Verdict
 from lrm_ident.diagnosis.screening.score_test import ScoredCandidate
 from lrm_ident.fitting.levenberg_marquardt import Fit
@@ -35,15 +36,10 @@ class AutoStep:
     """One step of `auto`.
 
     Attributes:
-        added: `effect@place`, "" at the start. refines: the effects, `effect@place`, of which it is another form.
+        added: `effect@place`, "" at the start. evidence: for it.
         fit: with it. held_out: (N, 3), held-out residual with it (m). deployed: held-out error of it as deployed.
         data: the measurements that were fitted, outliers left out.
-        equivalent: the other effects of its equivalence class, which these data cannot distinguish from it.
-        rivals: held-out RMS (m) that the next best effects outside its class would have left alone.
         freed: keys of base parameters that became identifiable with it.
-        share: of the held-out mean square above the noise (of all, where that is unknown) that it took away.
-        describes: whether it only describes (`ConfirmedDiagnosis.describes`).
-        replicates: whether it was chosen in both halves of the data.
     """
 
     added: str
@@ -51,18 +47,13 @@ class AutoStep:
     held_out: Array
     deployed: DeployedError
     data: Measurements
-    equivalent: tuple[str, ...] = ()
-    refines: tuple[str, ...] = ()
+    evidence: Evidence = NO_EVIDENCE
     freed: tuple[str, ...] = ()
-    share: float = 0.0
-    describes: bool = False
-    replicates: bool = True
-    rivals: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def names(self) -> tuple[str, ...]:
         """Causes that it can stand for (`effect@place`): the effects that a form refines, or itself; and its class."""
-        return (*(self.refines or (self.added,)), *self.equivalent)
+        return (*(self.evidence.refines or (self.added,)), *self.evidence.equivalent)
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,14 +96,9 @@ class AutoRun(ShownInNotebook):
     @property
     def attributions(self) -> tuple[StepAttribution, ...]:
         """Attributions of the steps after the start: whether each shows a cause (mean squares in m²)."""
-        present, pairs = (
-            {effect.name for effect in self.model.effects},
-            zip(self.steps[1:], self.explained, strict=True),
-        )
-        steps = [
-            ExplainedStep(square, step.describes, bool(present & {*step.refines}), step.replicates)
-            for step, square in pairs
-        ]
+        present = {effect.name for effect in self.model.effects}
+        known = [replace(step.evidence, of_present=bool(present & {*step.evidence.refines})) for step in self.steps[1:]]
+        steps = list(zip(self.explained, known, strict=True))
         return attribute_steps(steps, unexplained_mean_square(self.report))
 
 
@@ -163,16 +149,15 @@ def run_auto(
 def _step(last: AutoStep, before: ConfirmedDiagnosis, one: ScoredCandidate) -> AutoStep:
     """The step that adds an effect after the `last` one, without the results of the diagnosis with it."""
     equivalent = before.diagnosis.equivalent[one.name]
-    return replace(
-        last,
-        added=one.name,
-        equivalent=equivalent,
+    evidence = Evidence(
+        equivalent,
+        rivals=before.diagnosis.rivals([one.name, *equivalent]),
         refines=variants(one.candidate.effect),
         share=before.share,
         describes=before.describes,
         replicates=before.replicates,
-        rivals=before.diagnosis.rivals([one.name, *equivalent]),
     )
+    return replace(last, added=one.name, evidence=evidence)
 
 
 def _taken(step: AutoStep, after: ConfirmedDiagnosis) -> AutoStep:

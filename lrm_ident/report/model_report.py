@@ -11,7 +11,7 @@ import numpy as np
 from lrm_ident.data.error_stats import error_stats
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.wording import decimals, enumerate_words
-from lrm_ident.diagnosis.attribution import ExplainedStep, StepAttribution, attribute_steps, term_of
+from lrm_ident.diagnosis.attribution import StepAttribution, attribute_steps, term_of
 from lrm_ident.diagnosis.diagnosis_report import DiagnosisReport
 from lrm_ident.diagnosis.judgement import Support
 from lrm_ident.report.diagnosis.conclusion import UNKNOWN_FILES, CommandNames, Conclusion
@@ -194,13 +194,13 @@ class ModelReport:
         """What the step of every card shows; of errors that are not held out, only that it shows no cause."""
         left, floor, falls = self.unexplained_mean_square_mm2, self.floor_mm or 0.0, self.falls
         if left is None or not all(fall.held_out for fall in falls):
-            return tuple(StepAttribution(Support.DESCRIPTION, 0.0) if card.no_cause else None for card in self.cards)
-        steps = [
-            ExplainedStep(
-                fall.explained, card.no_cause or takes_little(fall.after, fall.before, floor), card.of_present
+            return tuple(
+                StepAttribution(Support.DESCRIPTION, 0.0) if card.evidence.describes else None for card in self.cards
             )
-            for card, fall in zip(self.cards, falls, strict=True)
-        ]
+        little = [takes_little(fall.after, fall.before, floor) for fall in falls]
+        known = [card.evidence for card in self.cards]
+        known = [replace(one, describes=one.describes or so) for one, so in zip(known, little, strict=True)]
+        steps = [(fall.explained, one) for fall, one in zip(falls, known, strict=True)]
         return attribute_steps(steps, left)
 
     @property
@@ -213,7 +213,7 @@ class ModelReport:
         left = [one for one in held if one is not None] if known else [one.error.rms * 1e3 for one in self.field.steps]
         shown = zip(self.cards, self.attributions, strict=True)
         kinds: dict[int, Kind] = {
-            card.number: term_of(one.kind, card.equivalent) for card, one in shown if one is not None
+            card.number: term_of(one.kind, card.evidence.equivalent) for card, one in shown if one is not None
         }
         nominal = error_stats(self.field.nominal_residual).rms * 1e3
         bound = None if self.diagnosis is None else cast(float | None, self.diagnosis.values["noise_bound_rms_mm"])

@@ -12,6 +12,7 @@ from lrm_ident.data.error_stats import error_stats
 from lrm_ident.data.wording import arrow, in_mm
 from lrm_ident.diagnosis.contradiction import can_be_contradicted
 from lrm_ident.diagnosis.diagnosis_report import with_unit
+from lrm_ident.diagnosis.evidence import Evidence
 from lrm_ident.report.diagnosis.conclusion import Conclusion
 from lrm_ident.report.document import Document
 from lrm_ident.report.plain_names import step_title
@@ -70,10 +71,8 @@ class StepCard:
         number: of the step in the history. name: `effect@place`, or the step's own. title: the same in plain words.
         claim: the sentence with its estimates. estimate: the one number of an effect that has one, else "".
         estimates: all of them. joint: from 0, driver: name of the covariate, that its motion follows.
-        equivalent: what the data could not tell it from.
-        rivals_mm: held-out RMS (mm) that others alone would have left; None where that is not known.
-        no_cause: whether it shows none: it is a form of other effects, or these angles could not contradict its
-            formula. of_present: whether it is a form of an effect in the model.
+        evidence: for it. It only describes if it is a form of other effects, or these angles could not contradict its
+            formula.
     """
 
     number: int
@@ -84,16 +83,13 @@ class StepCard:
     estimates: tuple[str, ...]
     joint: int
     driver: str
-    equivalent: tuple[str, ...]
-    rivals_mm: Mapping[str, float] | None = None
-    no_cause: bool = False
-    of_present: bool = False
+    evidence: Evidence
 
     def unrivalled(self, after: float) -> bool:
         """Whether no other effect alone would have left about as little as was left `after` the step (mm, held out)."""
-        if self.rivals_mm is None or self.equivalent:
+        if self.evidence.rivals is None or self.evidence.equivalent:
             return False
-        return all(left > (1.0 + AS_WELL) * after for left in self.rivals_mm.values())
+        return all(left * 1e3 > (1.0 + AS_WELL) * after for left in self.evidence.rivals.values())
 
 
 def judgement(diagnosis: Document) -> EarlierDiagnosis:
@@ -108,16 +104,16 @@ def rivals(card: StepCard, judged: EarlierDiagnosis | None) -> tuple[tuple[str, 
 
     Without a judgement it is known what these alone would have left, of steps that kept it.
     """
-    why = _alone(card.rivals_mm or {}) if judged is None else judged.why
-    names = dict.fromkeys((*card.equivalent, *why))
+    why = _alone(card.evidence.rivals or {}) if judged is None else judged.why
+    names = dict.fromkeys((*card.evidence.equivalent, *why))
     others = [name for name in names if name != card.name][:RIVALS_KEPT]
     return tuple((name, why.get(name, "these poses cannot distinguish it")) for name in others)
 
 
-def _alone(rivals_mm: Mapping[str, float]) -> dict[str, str]:
+def _alone(rivals: Mapping[str, float]) -> dict[str, str]:
     free = {kind.id for kind in FREE_FORMS}
-    curve = {name: "; a spline, with more parameters" if EffectRef.parse(name).id in free else "" for name in rivals_mm}
-    return {name: f"alone it would have left {in_mm(left * 1e-3)} mm{curve[name]}" for name, left in rivals_mm.items()}
+    curve = {name: "; a spline, with more parameters" if EffectRef.parse(name).id in free else "" for name in rivals}
+    return {name: f"alone it would have left {in_mm(left)} mm{curve[name]}" for name, left in rivals.items()}
 
 
 def error_fall(file: ModelFile, field: ErrorField, number: int, sha256: str, steps: int = 1) -> ErrorFall:
@@ -161,6 +157,12 @@ def _card(
     before, after = ({effect.name: effect for effect in model.effects} for model in models)
     added = [effect for name, effect in after.items() if name not in before]
     numbers = {name: words for effect in added for name, words in _estimates(effect, entry).items()}
+    evidence = Evidence(
+        tuple(entry.indistinguishable),
+        rivals=None if entry.rivals_mm is None else {name: left * 1e-3 for name, left in entry.rivals_mm.items()},
+        of_present=any(name in present for effect in added for name in variants(effect)),
+        describes=any(effect.variant_of or not can_be_contradicted(effect, q) for effect in added),
+    )
     free = sum(key in entry.sigma for effect in added for key in effect.keys)
     followed = of_law(added[0], known) if added else known
     joint, driver = _shown(added[0].place if added else "", field, number, followed)
@@ -173,10 +175,7 @@ def _card(
         estimates=tuple(f"{name} = {words}" for name, words in numbers.items()),
         joint=joint,
         driver=driver,
-        equivalent=tuple(entry.indistinguishable),
-        rivals_mm=entry.rivals_mm,
-        no_cause=any(effect.variant_of or not can_be_contradicted(effect, q) for effect in added),
-        of_present=any(name in present for effect in added for name in variants(effect)),
+        evidence=evidence,
     )
 
 

@@ -13,7 +13,7 @@ def with_course(file: ModelFile, course: AutoRun, nested: NestedResidual) -> Mod
     noise, found = course.report.diagnosis.floor.rms, nested.error
     shown = zip(course.steps[1:], course.attributions, strict=True)
     table = CourseTable(
-        shows={step.added: term_of(one.kind, step.equivalent) for step, one in shown},
+        shows={step.added: term_of(one.kind, step.evidence.equivalent) for step, one in shown},
         noise_rms_mm=None if noise is None else noise * 1e3,
         nested_rms_mm=None if found is None else found.rms * 1e3,
         nested_deployed_rms_mm=None if nested.deployed is None else nested.deployed.now.rms * 1e3,

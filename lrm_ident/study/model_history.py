@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -16,6 +16,7 @@ from lrm_ident.data.error_stats import error_stats
 from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.registration.set_up import nominal_arm
 from lrm_ident.data.wording import enumerate_words
+from lrm_ident.diagnosis.evidence import NO_EVIDENCE, Evidence
 from lrm_ident.fitting.effect_plugins import file_of, sha256_of
 from lrm_ident.fitting.levenberg_marquardt import Fit
 from lrm_ident.residual.error_breakdown import HeldOutResidual
@@ -55,8 +56,7 @@ def model_file(
     loss: str,
     before: Sequence[HistoryTable] = (),
     prior: str | None = None,
-    rivals: Mapping[str, float] | None = None,
-    equivalent: Sequence[str] = (),
+    evidence: Evidence = NO_EVIDENCE,
 ) -> ModelFile:
     """The model file of a fit: one entry appended to the history `before`.
 
@@ -64,15 +64,14 @@ def model_file(
         arm: name of a shipped arm or path of its file, as stored in the model file.
         step: what was done.
         prior: name of the prior of the fit, if any.
-        rivals: held-out RMS (m) of other effects that were tried at this step, each alone.
-        equivalent: effects that these poses cannot distinguish from the one that was added.
+        evidence: for the effect that was added, if one was.
     """
     model, date = fit.model, datetime.now(UTC).isoformat(timespec="seconds")
-    own = file_of(model.effects)
+    own, rivals = file_of(model.effects), evidence.rivals
     entry = HistoryTable(
         step=step.kind,
         of=step.of,
-        indistinguishable=list(equivalent),
+        indistinguishable=list(evidence.equivalent),
         nominal_rms_mm=None if before else _nominal_rms_mm(fit, data),
         fit_rms_mm=error_stats(fit.residual).rms * 1e3,
         held_out_rms_mm=None if held_out.error is None else held_out.error.rms * 1e3,

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 
+from lrm_ident.diagnosis.evidence import NO_EVIDENCE, Evidence
 from lrm_ident.fitting.levenberg_marquardt import Fit
 from lrm_ident.fitting.parameter_sets import Bounds
 from lrm_ident.fitting.priors import Prior
@@ -25,8 +25,7 @@ class StudyStep:
         stated_prior: prior of the fit, if one was stated. prior_name: its name, as in a model file; None: that of the
             fit's own prior.
         held_out: held-out residual, where it is known already.
-        rivals: held-out RMS (m) of other effects that were tried, each alone, the least first; None where none was.
-        equivalent: effects that these poses cannot distinguish from the one that was added.
+        evidence: for the effect that was added, if one was.
     """
 
     name: StepName | None
@@ -36,8 +35,7 @@ class StudyStep:
     stated_prior: Prior | None = None
     prior_name: str | None = None
     held_out: HeldOutResidual | None = None
-    rivals: Mapping[str, float] | None = None
-    equivalent: tuple[str, ...] = ()
+    evidence: Evidence = NO_EVIDENCE
 
     @property
     def prior(self) -> Prior | None:

@@ -14,6 +14,7 @@ from lrm_ident.data.measurements import Measurements
 from lrm_ident.data.notebook import NotebookPage, ShownInNotebook
 from lrm_ident.data.weights.model_error import model_error_words
 from lrm_ident.data.wording import poses_words
+from lrm_ident.diagnosis.evidence import Evidence
 from lrm_ident.fitting.effect_plugins import Catalogue, catalogue_with
 from lrm_ident.fitting.identifiability import fit_identifiable
 from lrm_ident.fitting.loss import SQUARED, Loss, loss_named
@@ -156,8 +157,8 @@ class Study(ModelOnData, ShownInNotebook):
         notices = (*notices, *assumed_steps(added, own.data.poses))
         then = replace(own, data=found.data, notices=notices)
         equivalent = found.equivalent.get(added[0].name, ()) if len(added) == 1 else ()
-        rivals = found.rivals([*(one.name for one in added), *equivalent])
-        step = StudyStep(StepName(ADD, effect), fitted, start=own.model, rivals=rivals, equivalent=equivalent)
+        evidence = Evidence(equivalent, found.rivals([*(one.name for one in added), *equivalent]))
+        step = StudyStep(StepName(ADD, effect), fitted, start=own.model, evidence=evidence)
         return then._after(step, self)
 
     def add_field(self) -> Study:
@@ -193,9 +194,7 @@ class Study(ModelOnData, ShownInNotebook):
             nonlocal now
             name = StepName(ADD, step.added) if step.added else None
             held_out = HeldOutResidual(step.held_out, deployed=step.deployed)
-            rivals = step.rivals if step.added else None
-            beside = step.equivalent
-            one = StudyStep(name, step.fit, now.model, held_out=held_out, rivals=rivals, equivalent=beside)
+            one = StudyStep(name, step.fit, now.model, held_out=held_out, evidence=step.evidence)
             now = replace(own, data=step.data)._after(one, now)
             on_step(step, now)
 
@@ -297,8 +296,7 @@ class Study(ModelOnData, ShownInNotebook):
             self.loss.name,
             history,
             step.file_prior,
-            step.rivals,
-            step.equivalent,
+            step.evidence,
         )
 
     def summary(self) -> str:

@@ -34,7 +34,7 @@ Answers = dict[str, list[list[str]]]
 def our_answer(study: Study) -> list[list[str]]:
     """Causes that `auto` finds, each with its class."""
     run, _ = study.auto()
-    steps = [step for step in run.steps if step.added and not step.describes]
+    steps = [step for step in run.steps if step.added and not step.evidence.describes]
     return [[name for name in step.names if EffectRef.parse(name).id in EFFECTS] for step in steps]
 
 

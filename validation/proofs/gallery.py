@@ -75,7 +75,7 @@ def lines() -> Iterator[tuple[object, ...]]:
 
 def _said(run: Any) -> str:
     found = [
-        f"{plain_name(step.added)}: {term_of(attribution.kind, step.equivalent)}"
+        f"{plain_name(step.added)}: {term_of(attribution.kind, step.evidence.equivalent)}"
         for step, attribution in zip(run.steps[1:], run.attributions, strict=True)
         if step.added and EffectRef.parse(step.added).id not in ALWAYS_TRUE
     ]

@@ -12,7 +12,8 @@ from functools import cached_property
 
 import numpy as np
 
-from lrm_ident.diagnosis.attribution import ExplainedStep, attribute_steps
+from lrm_ident.diagnosis.attribution import attribute_steps
+from lrm_ident.diagnosis.evidence import Evidence
 from lrm_ident.diagnosis.judgement import Support
 from lrm_ident.fitting.progress import Progress, silent
 from lrm_ident.measuring.motion.joint_fit import JointFit, fit_joint
@@ -142,8 +143,9 @@ class MotionStudy:
         added = sorted(added, key=lambda effect: -bare[effect.name].held_out_rms)
         left = max(fit.held_out_rms**2 - (FLOOR_RATIO * noise) ** 2, 0.0)
         steps = [
-            ExplainedStep(
-                bare[effect.name].held_out_rms ** 2 - fit.held_out_rms**2, not is_plausible(fit, effect), False
+            (
+                bare[effect.name].held_out_rms ** 2 - fit.held_out_rms**2,
+                Evidence(describes=not is_plausible(fit, effect)),
             )
             for effect in added
         ]

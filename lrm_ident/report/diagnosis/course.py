@@ -57,14 +57,14 @@ def step_blocks(number: int, step: AutoStep, start: AutoStep, nominal: float | N
             yield f"   –  {'nominal arm, before any fit':30s} {in_mm(nominal):>7s}  {BLOCK * BAR}{cut}"
     there = "" if in_mm(step.deployed.now.rms) == in_mm(held_out) else f"  as deployed {in_mm(step.deployed.now.rms)}"
     yield f"{number:4d}  {step.added or 'start: fitted model':30s} {in_mm(held_out):>7s}  {bar}{there}"
-    if step.equivalent:
-        rivals = enumerate_words(step.equivalent, RIVALS_SHOWN)
+    if step.evidence.equivalent:
+        rivals = enumerate_words(step.evidence.equivalent, RIVALS_SHOWN)
         yield Text(f"      or {rivals}: these poses cannot distinguish them", style="dim")
     if step.added:
         known = noise_floor(step.data, step.fit.equilibrium).rms is not None
         present = {effect.name: effect for effect in step.fit.model.effects}
-        why_none = no_cause(present[step.added], step.data.poses.q, present) if step.describes else ""
-        yield Text(f"      {explains_words(step.share, known)}{why_none and '; '}{why_none}", style="dim")
+        why_none = no_cause(present[step.added], step.data.poses.q, present) if step.evidence.describes else ""
+        yield Text(f"      {explains_words(step.evidence.share, known)}{why_none and '; '}{why_none}", style="dim")
     if step.freed:
         yield Text(f"      now identifiable: {enumerate_words(step.freed, RIVALS_SHOWN)}", style="dim")
 
@@ -97,8 +97,8 @@ def verdict_on(effect: str, step: StudyStep, before: ErrorSummary, after: ErrorS
         return ""
     if objection := objection_to(step.fit, own, *squares):
         return f"no evidence for it: {objection}. Undo the step unless you know the cause."
-    if step.equivalent:
-        rivals = enumerate_words([plain_name(name) for name in step.equivalent], RIVALS_SHOWN)
+    if step.evidence.equivalent:
+        rivals = enumerate_words([plain_name(name) for name in step.evidence.equivalent], RIVALS_SHOWN)
         return f"supported, but these poses cannot distinguish it from {rivals}."
     return "supported: the model surely predicts better with it. That alone does not identify it: see diagnose."
 
@@ -136,9 +136,9 @@ def course_document(
         "steps": [
             {
                 "added": step.added,
-                "indistinguishable_from": step.equivalent,
-                "form_of": step.refines,
-                "share_of_excess": step.share,
+                "indistinguishable_from": step.evidence.equivalent,
+                "form_of": step.evidence.refines,
+                "share_of_excess": step.evidence.share,
                 **({"is": attributed[number - 1].kind} if number else {}),
                 "freed": step.freed,
                 "parameters": len(step.fit.model.free),
@@ -212,14 +212,14 @@ def attribution_blocks(course: AutoRun) -> Iterator[Block]:
     steps = list(zip(course.steps[1:], course.attributions, course.explained, strict=True))
 
     def named(term: AttributionTerm) -> list[AutoStep]:
-        return [step for step, one, _ in steps if term_of(one.kind, step.equivalent) == term]
+        return [step for step, one, _ in steps if term_of(one.kind, step.evidence.equivalent) == term]
 
     if found := named("identified cause"):
         title = "Identified cause" if len(found) == 1 else "Identified causes"
         names = [f"{plain_name(step.added)} ({step.added})" for step in found]
         yield heading(f"{title}: {enumerate_words(names, len(found))}")
     for step in named("indistinguishable cause"):
-        others = enumerate_words(list(step.equivalent), SHOWN)
+        others = enumerate_words(list(step.evidence.equivalent), SHOWN)
         yield heading(f"Indistinguishable with these poses: {step.added}, or {others}")
     ratios = [
         f"{step.added} ({one.unexplained / explained if explained > 0.0 else np.inf:.1f})"

@@ -8,8 +8,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from lrm_ident.diagnosis.attribution import ExplainedStep, attribute_steps
+from lrm_ident.diagnosis.attribution import attribute_steps
 from lrm_ident.diagnosis.auto import run_auto
+from lrm_ident.diagnosis.evidence import Evidence
 from lrm_ident.diagnosis.judgement import Support
 from lrm_ident.fitting.loss import SQUARED
 from lrm_ident.fitting.model_fit import fit_model
@@ -36,7 +37,7 @@ def run(folder: Path, seed: int, *hidden: HiddenEffect) -> list[Support]:
     model, data = upright_measurements(folder, seed, 300, 3e-4, hidden)
     course = run_auto(fit_model(model, data, "identifiable", SQUARED).fit.model, data)
     for step, one in zip(course.steps[1:], course.attributions, strict=True):
-        assert (one.kind == "description") == step.describes
+        assert (one.kind == "description") == step.evidence.describes
     return [one.kind for one in course.attributions]
 
 
@@ -49,22 +50,27 @@ def test_a_cause_without_a_form_is_no_finding_of_another(tmp_path: Path, seed: i
     assert "finding" not in attributed
 
 
-steps = st.builds(ExplainedStep, st.floats(-0.1, 10.0), st.booleans(), st.booleans())
+steps = st.tuples(
+    st.floats(-0.1, 10.0),
+    st.builds(Evidence, describes=st.booleans(), of_present=st.booleans(), replicates=st.booleans()),
+)
+Course = list[tuple[float, Evidence]]
 
 
 @given(st.lists(steps, max_size=8), st.floats(0.0, 20.0))
-def test_attributions_of_any_sequence_of_steps(course: list[ExplainedStep], left: float) -> None:
+def test_attributions_of_any_sequence_of_steps(course: Course, left: float) -> None:
     found = attribute_steps(course, left)
-    for number, (step, one) in enumerate(zip(course, found, strict=True)):
+    for number, ((explained, step), one) in enumerate(zip(course, found, strict=True)):
         later = zip(course[number + 1 :], found[number + 1 :], strict=True)
-        no_cause = [each for each, other in later if other.kind != "finding" and not each.of_present]
-        assert one.unexplained == pytest.approx(left + sum(max(each.explained, 0.0) for each in no_cause))
+        no_cause = [taken for (taken, each), other in later if other.kind != "finding" and not each.of_present]
+        assert one.unexplained == pytest.approx(left + sum(max(taken, 0.0) for taken in no_cause))
         assert (one.kind == "description") == step.describes
-        assert one.kind != "finding" or one.unexplained <= MAX_UNEXPLAINED_RATIO * step.explained
+        assert one.kind != "finding" or one.unexplained <= MAX_UNEXPLAINED_RATIO * explained
+        assert one.kind != "finding" or step.replicates
 
 
 @given(st.lists(steps, max_size=8), st.floats(0.0, 20.0), st.floats(0.0, 20.0))
-def test_more_that_stays_shows_no_more(course: list[ExplainedStep], left: float, more: float) -> None:
+def test_more_that_stays_shows_no_more(course: Course, left: float, more: float) -> None:
     less, greater = attribute_steps(course, left), attribute_steps(course, left + more)
     assert all(one.kind == "finding" or other.kind != "finding" for one, other in zip(less, greater, strict=True))
 

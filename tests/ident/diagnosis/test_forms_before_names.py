@@ -139,7 +139,7 @@ def test_a_form_of_what_is_there_describes_and_is_no_new_cause(lab: Arm, describ
     assert (report.verdict, confirmed.describes) == ("effect_describes", True)
     assert 0.5 < report.share < 1.1
     step = run_auto(named, data, max_effects=1).steps[1]
-    assert (step.describes, step.share) == (True, confirmed.share)
+    assert (step.evidence.describes, step.evidence.share) == (True, confirmed.share)
 
 
 @pytest.mark.slow

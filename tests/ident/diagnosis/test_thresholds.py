@@ -12,8 +12,9 @@ import numpy as np
 import pytest
 
 from lrm_ident.diagnosis import confirm, forward_selection, unexplained_structure
-from lrm_ident.diagnosis.attribution import ExplainedStep, attribute_steps
+from lrm_ident.diagnosis.attribution import attribute_steps
 from lrm_ident.diagnosis.diagnose import Diagnosis
+from lrm_ident.diagnosis.evidence import Evidence
 from lrm_ident.diagnosis.reason import Reason, ReasonKind
 from lrm_ident.diagnosis.screening import score_test
 from lrm_ident.diagnosis.symbolic_regression import proposal
@@ -141,7 +142,7 @@ def takes_enough(share: float, _: Patch) -> bool:
 
 
 def much_is_left(ratio: float, _: Patch) -> bool:
-    return attribute_steps([ExplainedStep(1.0, False, False)], ratio)[0].kind != "finding"
+    return attribute_steps([(1.0, Evidence())], ratio)[0].kind != "finding"
 
 
 def no_excess(part: float, _: Patch) -> bool:

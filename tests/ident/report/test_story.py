@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 
 from lrm_ident.diagnosis.attribution import StepAttribution, term_of
+from lrm_ident.diagnosis.evidence import Evidence
 from lrm_ident.report.diagnosis.course import attribution_blocks
 from lrm_ident.report.plots.story import draw_story
 from lrm_ident.report.story import GEOMETRY, Story, story_of_file
@@ -99,7 +100,7 @@ def test_one_of_a_class_is_no_identified_cause_at_any_door() -> None:
     """Else the card says *identified* where the verdict says that these poses cannot distinguish it."""
     one, other = "servo_gain@joint1", "cable_spring@joint1"
     course: Any = SimpleNamespace(
-        steps=[None, SimpleNamespace(added=one, equivalent=(other,))],
+        steps=[None, SimpleNamespace(added=one, evidence=Evidence((other,)))],
         attributions=[StepAttribution("finding", 0.0)],
         explained=[1.0],
         report=SimpleNamespace(diagnosis=SimpleNamespace(floor=SimpleNamespace(rms=None))),

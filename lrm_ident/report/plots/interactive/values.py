@@ -177,11 +177,11 @@ def _card(found: ModelReport, card: StepCard, fall: ErrorFall, shown: StepAttrib
         "fall": fall.words,
         "share": fall.share_of_excess(floor),
         "shows": kind,
-        "label": "" if kind is None else term_of(kind, card.equivalent),
+        "label": "" if kind is None else term_of(kind, card.evidence.equivalent),
         "ratio": shown.unexplained / fall.explained if shown is not None and known else None,
         "rivals": [{"name": name, "title": plain_name(name), "why": why} for name, why in rivals(card, judged)],
-        "equivalent": [plain_name(name) for name in card.equivalent],
-        "asked": judged is not None or card.rivals_mm is not None,
+        "equivalent": [plain_name(name) for name in card.evidence.equivalent],
+        "asked": judged is not None or card.evidence.rivals is not None,
         "unrivalled": kind == "finding" and fall.held_out and card.unrivalled(fall.after),
     }
 

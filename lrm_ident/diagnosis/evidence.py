@@ -1,0 +1,32 @@
+"""Evidence: what speaks for an effect that was added, from the diagnosis that chose it to the card of its step."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """What is known of an effect that was added.
+
+    Attributes:
+        equivalent: the other effects of its equivalence class, which these data cannot distinguish from it.
+        rivals: held-out RMS (m) that the next best effects outside its class would have left alone, the least first;
+            None where that is not known.
+        refines: the effects, `effect@place`, of which it is another form. of_present: whether one of them is there.
+        share: of the held-out mean square above the noise (of all, where that is unknown) that it took away.
+        describes: whether it only describes (`ConfirmedDiagnosis.describes`).
+        replicates: whether it was chosen in both halves of the data.
+    """
+
+    equivalent: tuple[str, ...] = ()
+    rivals: Mapping[str, float] | None = None
+    refines: tuple[str, ...] = ()
+    of_present: bool = False
+    share: float = 0.0
+    describes: bool = False
+    replicates: bool = True
+
+
+NO_EVIDENCE = Evidence()

@@ -1,0 +1,145 @@
+"""Rules by which refits, halves and rows decide, one case on either side of each, without a fit."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from lrm_ident.diagnosis import auto, confirm, replication
+from lrm_ident.diagnosis.reason import Reason, ReasonKind
+from lrm_ident.diagnosis.shifted_rows import ShiftedRows, shifted_rows
+from lrm_ident.study.parameter_estimates import parameter_estimates
+from lrm_math.arrays import Array
+
+POSES = 40
+Patch = pytest.MonkeyPatch
+
+
+def scored(name: str, alone: float = 1.0) -> Any:
+    """A candidate that alone leaves so much of the mean square."""
+    effect = SimpleNamespace(variant_of=(), depends_on=("q",), name=name)
+    candidate = SimpleNamespace(effect=effect, priority="")
+    return SimpleNamespace(
+        name=name, implausible=None, candidate=candidate, alone=SimpleNamespace(held_out=np.full(POSES, alone))
+    )
+
+
+def confirmed(patch: Patch, left_by_second: float) -> Any:
+    """A diagnosis whose first effect promises half of the error and is refused by its refit; then a second one's refit
+    leaves so much."""
+    first, second = scored("first", 0.5), scored("second")
+
+    def diagnosis(*supported: Any) -> Any:
+        return SimpleNamespace(supported=supported, squared_held_out=np.ones(POSES))
+
+    trials = {
+        "first": confirm._Trial(None, Reason(ReasonKind.NEAR_ZERO)),
+        "second": confirm._Trial(SimpleNamespace(squares=np.full(POSES, left_by_second))),  # type: ignore[arg-type]
+    }
+    patch.setattr(confirm, "held_out_squares", lambda _: np.ones(POSES))
+    patch.setattr(confirm, "_refit_trial", lambda _, one, __: trials[one.name])
+    patch.setattr(confirm, "select_without", lambda _, names: diagnosis(*([second] if "second" not in names else [])))
+    return confirm.confirm(diagnosis(first, second), ("blocks",))  # type: ignore[arg-type]
+
+
+def test_an_effect_that_saves_far_less_than_a_refused_one_promised_is_refused(monkeypatch: Patch) -> None:
+    found = confirmed(monkeypatch, 0.8)  # saves 0.2; half of what was promised is 0.25
+    assert found.supported == ()
+    assert found.refused["second"] == Reason(ReasonKind.LESS_THAN_PROMISED, names=("first",))
+
+
+def test_one_that_saves_half_of_that_is_confirmed(monkeypatch: Patch) -> None:
+    found = confirmed(monkeypatch, 0.7)
+    assert [one.name for one in found.supported] == ["second"]
+    assert set(found.refused) == {"first"}
+
+
+def fitted(at_bound: tuple[str, ...] = ()) -> Any:
+    """A fit of two parameters, each ten standard errors off zero."""
+    keys = ("a.x.p", "b.x.p")
+    parameter = SimpleNamespace(si=1.0, unit="mm")
+    model = SimpleNamespace(free=keys, value=lambda _: 10.0, parameter=lambda _: parameter)
+    return SimpleNamespace(
+        model=model, at_bound=at_bound, standard_error=np.ones(2), correlation=np.eye(2), told=np.array([0.5, 0.5])
+    )
+
+
+def test_a_parameter_at_its_bound_is_no_evidence() -> None:
+    assert confirm.wald_p_value(fitted(), ["a.x.p"]) < 1e-9
+    assert confirm.wald_p_value(fitted(("a.x.p",)), ["a.x.p"]) == 1.0
+
+
+def test_of_a_parameter_at_its_bound_neither_error_nor_share_of_the_data_is_stated() -> None:
+    bound, inside = parameter_estimates(fitted(("a.x.p",))).values()
+    assert (bound.standard_error, bound.from_data) == (None, None)
+    assert (inside.standard_error, inside.from_data) == (1.0, 0.5)
+
+
+def test_an_estimate_that_was_absurd_before_is_no_objection(monkeypatch: Patch) -> None:
+    old, new = (SimpleNamespace(key=key, sentence=f"{key} is absurd") for key in ("old", "new"))
+    monkeypatch.setattr(confirm, "implausible_of", lambda fit: fit)
+    assert confirm._absurd((old,), (old,)) == ""  # type: ignore[arg-type]
+    assert confirm._absurd((old,), (old, new)) == "new is absurd"  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("wrong", [1, 2])
+def test_one_row_alone_is_no_shifted_block(wrong: int) -> None:
+    true = np.arange(30.0).reshape(10, 3)
+    measured = true.copy()
+    measured[4 : 4 + wrong] = true[3 : 3 + wrong]
+    found = shifted_rows(np.arange(10), measured, true, 0.5)
+    assert found == ((ShiftedRows(4, 5, 1),) if wrong == 2 else ())
+
+
+def halves_of(depends_on: tuple[str, ...], patch: Patch) -> list[Any]:
+    patch.setattr(replication, "held_out_folds", lambda _: np.arange(POSES) % 4)
+    data = SimpleNamespace(poses=SimpleNamespace(direction=np.zeros((POSES, 6))), pose=np.arange(POSES))
+    one = SimpleNamespace(candidate=SimpleNamespace(effect=SimpleNamespace(depends_on=depends_on)))
+    return list(replication._halves(SimpleNamespace(subset=(None, data)), one))  # type: ignore[arg-type]
+
+
+def test_what_depends_on_time_is_not_asked_of_the_first_half_of_the_session(monkeypatch: Patch) -> None:
+    assert len(halves_of(("q",), monkeypatch)) == 2
+    assert len(halves_of(("time",), monkeypatch)) == 1
+
+
+def chosen(own: tuple[float, float], rival: tuple[float, float], patch: Patch) -> bool:
+    """Whether a candidate replicates that leaves so much of each half, beside a rival that leaves so much."""
+    halves = (np.arange(POSES // 2), np.arange(POSES // 2, POSES))
+    ripple = 0.01 * np.where(np.arange(POSES) % 2, 1.0, -1.0)
+
+    def squares(left: tuple[float, float], sign: float = 1.0) -> Array:
+        return np.repeat(left, POSES // 2) + sign * ripple
+
+    estimates = [SimpleNamespace(held_out=squares(own)), SimpleNamespace(held_out=squares(rival))]
+    linear = SimpleNamespace(
+        baseline=SimpleNamespace(held_out=squares((1.0, 1.0), -1.0)),
+        explain_each=lambda _: estimates,
+        in_folds=lambda *_: None,
+        order=np.arange(POSES),
+    )
+    patch.setattr(replication, "_in_halves", lambda *_: linear)
+    sets = SimpleNamespace(columns=np.zeros((POSES, 1)), stacks=None)
+    return replication._chosen(SimpleNamespace(linear=linear, sets=sets), halves, 0, [1])  # type: ignore[arg-type]
+
+
+def test_a_cause_replicates_where_it_helps_in_both_halves(monkeypatch: Patch) -> None:
+    assert chosen((0.5, 0.5), (1.0, 1.0), monkeypatch)
+    assert not chosen((0.5, 1.1), (2.0, 2.0), monkeypatch)
+
+
+def test_a_rival_that_is_better_in_one_half_contradicts_it(monkeypatch: Patch) -> None:
+    assert not chosen((0.5, 0.5), (1.0, 0.2), monkeypatch)
+
+
+def test_the_rivals_of_a_step_are_none_of_its_class() -> None:
+    asked: list[list[str]] = []
+    diagnosis = SimpleNamespace(equivalent={"one": ("twin",)}, rivals=lambda taken: asked.append(taken) or {"far": 1.0})
+    before: Any = SimpleNamespace(diagnosis=diagnosis, share=0.5, describes=False, replicates=True)
+    start = auto.AutoStep("", None, np.zeros((1, 3)), None, None)  # type: ignore[arg-type]
+    step = auto._step(start, before, scored("one"))
+    assert asked == [["one", "twin"]]
+    assert (step.names, step.evidence.rivals) == (("one", "twin"), {"far": 1.0})
