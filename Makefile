@@ -121,6 +121,7 @@ bench: setup ## our figures beside the peers', as ratios; calibrated IK and the 
 	$(ONE_THREAD) $(BIN)/python -m bench --json $(OUT)/speed.json
 	$(ONE_THREAD) $(BIN)/python -m bench.ik
 	$(ONE_THREAD) $(BIN)/python -m bench.ik_field
+	$(ONE_THREAD) $(BIN)/python -m bench.motion
 	$(ONE_THREAD) $(BIN)/python -m validation.calibrated_ik
 	$(ONE_THREAD) $(BIN)/python -m validation.daemon_performance.ik_queries 20
 	$(ONE_THREAD) $(BIN)/python -m validation.daemon_performance --minutes $(MINUTES)

@@ -51,6 +51,21 @@ class NamedEffect:
 
 
 @dataclass(frozen=True)
+class MotionFit:
+    """RMS errors (deg) of each joint: of its command, of a model at moves that the fit did not use, of its encoder."""
+
+    command_deg: tuple[float, ...]
+    held_out_deg: tuple[float, ...]
+    noise_deg: tuple[float, ...]
+
+    @classmethod
+    def of(cls, path: Path) -> MotionFit:
+        """From the values of `motion fit` or `add`."""
+        joints = read_json(path)["joints"]
+        return cls(*(tuple(one[f"{name}_deg"] for one in joints) for name in ("command", "held_out", "noise")))
+
+
+@dataclass(frozen=True)
 class DemoSteps:
     """A demo in a folder.
 
@@ -129,6 +144,31 @@ class DemoSteps:
         page, result = self.file("report.html"), self.file("report.json")
         self._ident("report", self.file(name), self.file("measured.csv"), "-o", page, "--json", result)
         return str(read_json(Path(result))["diagnosis"]["conclusion"]["headline"])
+
+    def fit_motion(self, recording: str) -> MotionFit:
+        """The response of the servos, from a recording in the folder."""
+        result = self.file("motion-fit.json")
+        files = self.file(recording), "--arm", "so101", "-o", self.file("motion.toml")
+        self._ident("motion", "fit", *files, "--json", result)
+        return MotionFit.of(Path(result))
+
+    def diagnose_motion(self, recording: str) -> NamedEffect:
+        """Diagnosis of what the model of motion misses."""
+        result = self.file("motion-diagnosis.json")
+        self._ident("motion", "diagnose", self.file("motion.toml"), self.file(recording), "--json", result)
+        names = {f"{one['effect']}@{one['place']}": one for one in read_json(Path(result))["ranking"]}
+        first = next((name for name, one in names.items() if one["verdict"] == "supported"), None)
+        if first is None:
+            return NamedEffect("no_evidence", "", (), None)
+        rivals = tuple(name for name, one in names.items() if one["indistinguishable"] and name != first)
+        return NamedEffect("effect_missing", first, rivals, None)
+
+    def add_motion(self, recording: str, effect: str) -> MotionFit:
+        """The model of motion with the effect."""
+        result = self.file("motion-better.json")
+        files = self.file("motion.toml"), self.file(recording), effect, "-o", self.file("motion-better.toml")
+        self._ident("motion", "add", *files, "--json", result)
+        return MotionFit.of(Path(result))
 
     def _ident(self, *words: str) -> None:
         self._run("lrm-ident", words)

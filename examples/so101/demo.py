@@ -5,7 +5,8 @@ gripper and a webcam beside it. The lens is calibrated, the arm driven to poses 
 what is missing named and added; and goals that were never photographed are visited: with commands of the arm as drawn,
 corrected by the fitted model, and by that with the effect. What is simulated: the arm, its Feetech servos (their real
 protocol on a real pty) and the camera (rendered pictures from a real address). What is real: every command, and the
-detector.
+detector. At the end the arm's motion is recorded, a cause that its servos hide is named and added, and the error of
+unseen moves falls (`examples.so101.motion_demo`).
 """
 
 from __future__ import annotations
@@ -27,6 +28,7 @@ from examples.demo.steps import DemoSteps
 from examples.so101.camera import ARM, DRAWN, SCENE, poses_for_photos
 from examples.so101.hidden_arm import NAMED, SIMPLER
 from examples.so101.launch import SPEED, simulated_camera, simulated_so101
+from examples.so101.motion_demo import show_motion
 from lrm_ident.cli.common import show
 from lrm_ident.measuring.verification.goal_commands import GoalCommand, ModelSolver
 from lrm_ident.report.document import heading
@@ -84,6 +86,7 @@ def run_demo(folder: Path, seed: int, photos: int = PHOTOS, goals: int = GOALS) 
     truth, seconds = DemoTruth(seed, *NAMED[effect], SIMPLER.get(effect, "")), time.monotonic() - began
     noise_mm = camera_noise_mm(results.values())
     conclude(folder, truth, named, results, "commands corrected by", noise_mm, seconds, reported)
+    show_motion(folder, seed)
 
 
 def camera_noise_mm(results: Iterable[Mapping[str, Any]]) -> float:

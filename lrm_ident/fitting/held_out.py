@@ -23,7 +23,8 @@ class HeldOutBlock:
         test_turn: (n, 3), test residual of the orientation as rotation vectors (rad), NaN where not measured.
         deployed_residual: (n, 3), of the TCP (m) where the fit is used `as_deployed_at` these poses; None: as
             `test_residual`.
-        time_unknown_residual: (n, 3), the same where no time since power-on is known; None: that changes nothing.
+        time_unknown_residual: (n, 3), the same where neither the time since power-on is known nor what the arm did
+            before; None: that changes nothing.
     """
 
     train: NDArray[np.int64]
@@ -59,7 +60,7 @@ def deployed_residual(blocks: Sequence[HeldOutBlock]) -> Array:
 
 
 def time_unknown_residual(blocks: Sequence[HeldOutBlock]) -> Array | None:
-    """(N, 3), `deployed_residual` where no time since power-on is known (m); None where that changes nothing."""
+    """(N, 3), `deployed_residual` where nothing is known of before (m); None where that changes nothing."""
     return _in_order(blocks, [block.time_unknown_residual for block in blocks])
 
 

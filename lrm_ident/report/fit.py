@@ -68,10 +68,11 @@ def deployed_rows(deployed: DeployedError | None) -> list[tuple[str, ErrorStats]
     """Rows of a table of errors for a model as it is deployed."""
     if deployed is None:
         return []
+    remembers = deployed.state is not None and deployed.state.memory
     rows = {
         "held out, as deployed on the arm": deployed.now,
         "as deployed, at earlier poses": deployed.otherwise,
-        "as deployed, power-on time unknown": deployed.time_unknown,
+        f"as deployed, {'what it did before' if remembers else 'power-on time'} unknown": deployed.time_unknown,
     }
     return [(name, error) for name, error in rows.items() if error is not None]
 

@@ -178,7 +178,8 @@ class Solved(_Reply):
         predicted_turn: rotation from the goal's orientation or approach (rad).
         uncertainty: of the prediction, from the parameters' covariance and the joints' repeatability; None if not
             known.
-        rounded: after rounding to the servo board's counts; None without a clock.
+        rounded: after rounding to the servo board's counts; None without a clock. `rounded_turn`: rotation from the
+            goal's orientation or approach there (rad).
         steps: of the method. `cube_error`: m, error before the final Newton's method, for the cube.
     """
 
@@ -191,6 +192,7 @@ class Solved(_Reply):
     rounded: RoundedCommand | None
     steps: int
     cube_error: float | None
+    rounded_turn: float | None = None
     verdict: ClassVar[IkVerdict] = IkVerdict.SOLVED
 
     @property

@@ -192,12 +192,13 @@ class CalibratedSolver:
 
     def _prediction(self, query: IkQuery, branch: Branch, tool: list[float], rounding: Rounding) -> dict[str, Any]:
         """Reply part of the first branch, whose equilibrium takes the tool to a frame given by columns."""
-        ax, ay, az, bx, by, bz, cx, cy, cz, x, y, z = tool
-        rotation = (ax, bx, cx), (ay, by, cy), (az, bz, cz)
+        x, y, z = tool[9:]
+        rotation, rounded = _rotation(tool), self._rounded(query, branch, rounding)
+        there = None if rounded is None else self.arm.tool_at(query.payload, rounded.q, branch, branch.slots)
         return {
             "tcp": (x, y, z), "rotation": rotation, "predicted_error": math.dist((x, y, z), query.goal.position),
             "predicted_turn": query.goal.angle_from(rotation), "uncertainty": self._uncertainty_of(query, branch),
-            "rounded": self._rounded(query, branch, rounding),
+            "rounded": rounded, "rounded_turn": None if there is None else query.goal.angle_from(_rotation(there)),
         }  # fmt: skip
 
     def _uncertainty_of(self, query: IkQuery, branch: Branch) -> PositionUncertainty | None:
@@ -220,6 +221,12 @@ class CalibratedSolver:
             return tool[9:]
 
         return round_to_counts(self.servos, branch.q, rounding, position, query.goal.position)
+
+
+def _rotation(tool: Sequence[float]) -> Rotation:
+    """Rows of the rotation of a tool frame by columns, twelve numbers."""
+    ax, ay, az, bx, by, bz, cx, cy, cz = tool[:9]
+    return (ax, bx, cx), (ay, by, cy), (az, bz, cz)
 
 
 def _checked_load(payload: float) -> float:

@@ -159,7 +159,8 @@ def ik_text(answer: IkAnswer, names: Sequence[str]) -> str:
     sd = "not known (the model file has no covariance)" if answer.sd_m is None else f"{answer.sd_m * 1e3:.2f} mm"
     lines.append(f"predicted error {(answer.predicted_error_m or 0.0) * 1e3:.2f} mm, standard deviation {sd}")
     if answer.rounded_error_m is not None:
-        lines.append(f"after rounding to the board's counts {answer.rounded_error_m * 1e3:.2f} mm")
+        turn = f", {math.degrees(answer.rounded_turn_rad):.2f} deg" if answer.rounded_turn_rad else ""
+        lines.append(f"after rounding to the board's counts {answer.rounded_error_m * 1e3:.2f} mm{turn} from the goal")
     if answer.detours:
         joints = ", ".join(f"joint{j}" for j in answer.detours)
         lines.append(f"{joints}: the error depends on the side it comes from; come from the other one")

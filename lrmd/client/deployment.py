@@ -13,6 +13,7 @@ from lrm_math.arrays import Array
 from lrm_math.effects.measured_range import Interval
 from lrm_math.effects.reference import ParameterRef
 from lrm_math.errors import FileError, LrmError
+from lrm_math.kinematics.history import history_of
 from lrm_math.kinematics.poses import Poses
 from lrm_math.model.covariance import Covariance, implausible_estimates
 from lrm_math.model.deployed_model import FIT_STATE, as_deployed, as_deployed_at, unknown_state
@@ -37,7 +38,8 @@ class Deployment:
         state: sentences on the state of session effects that is deployed, and on terms that end with the measured
             range; empty where there are none.
         difference: RMS distance (m) between the predictions of both over the measured range and session.
-        time_unknown: the same where no time since power-on is known, as after pulses without a daemon.
+        time_unknown: the same where nothing is known of before, as after pulses without a daemon: neither the time
+            since power-on nor what the arm did.
         standard_error: of the predicted tip over that range (m); None: the file has no covariance.
         last: the last step of its history, with the errors that it had; None: the file has no history.
         implausible: sentences on estimates that no real arm has.
@@ -99,7 +101,7 @@ class Deployment:
         if self.difference > NOTHING:
             yield f"left out of the model: {self.difference * 1e3:.2f} mm RMS over its session"
         if self.time_unknown - self.difference > NOTHING:
-            yield f"where no time since power-on is known: {self.time_unknown * 1e3:.2f} mm RMS over its session"
+            yield f"where nothing is known of before: {self.time_unknown * 1e3:.2f} mm RMS over its session"
         said = []
         if self.last is not None:
             shown = {"as deployed, held out": self.last.deployed_rms_mm, "held out": self.last.held_out_rms_mm}
@@ -144,7 +146,9 @@ def _session_poses(model: Model) -> Poses:
     ]
     session = np.ceil(np.linspace(0.0, max(steps), POSES + 1)[1:]) if steps else None
     q = rng.uniform(lower, upper, (POSES, model.arm.dof))
-    return Poses(q, np.zeros(POSES), t=t, session=session, number=np.arange(1, POSES + 1), running=running)
+    number, load = np.arange(1, POSES + 1), np.zeros(POSES)
+    history = None if t is None else history_of(q, load, t, session, number)
+    return Poses(q, load, t=t, session=session, number=number, running=running, history=history)
 
 
 def _evenly(span: Interval | None) -> Array | None:

@@ -46,6 +46,12 @@ class ArmMemory:
                 self._stood(service, q, now, self._q)
         self._q, self._payload, self._seen = q, payload, now
 
+    def stood(self, service: IkService, now: int) -> None:
+        """Integrates the stand so far, as before its service changes."""
+        if self._remembered is not None:
+            self._stood(service, self._q, now)
+            self._seen = now
+
     def _stood(self, service: IkService, q: Array, until: int, start: Array | None = None) -> None:
         self._remembered = self._after(service, q, until, start)
         self._since = until

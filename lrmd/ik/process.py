@@ -233,6 +233,7 @@ class IkProcess:
         if now is None or now == before or self._service is None:
             return
         if (now.x, now.y, now.z) != (before.x, before.y, before.z):
+            self._memory.stood(self._service, time.monotonic_ns())
             self._service = self._service.with_load_at((now.x, now.y, now.z))
         self._load = now
 
@@ -249,7 +250,7 @@ class IkProcess:
         if self._service is not None and self._service.nothing_known is not None:
             now = time.monotonic_ns()
             known = known_of(self._shared.read_knowledge(), now)
-            self._memory.follow(self._service, known, self._shared.values.payload, now)
+            self._memory.follow(self._service, known, self._load.mass, now)
 
     def _steps(self, queued: QueuedQuery) -> Steps:
         self._update_gravity()

@@ -481,4 +481,5 @@ def _solved(reply: Solved) -> dict[str, Any]:
     }  # fmt: skip
     if (r := reply.rounded) is not None:
         content |= {"counts": list(r.counts), "rounded_q_rad": list(r.q), "rounded_error_m": r.error}
+        content["rounded_turn_rad"] = reply.rounded_turn
     return content

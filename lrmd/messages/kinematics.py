@@ -119,12 +119,13 @@ class IkAnswer(Part):
 
     If solved: `q_rad` are the commands, `branches_rad` all solutions within the limits and free of collision, `tcp_m`
     the predicted tool position, `sd_m` its standard deviation (None without covariance), `counts` the PWM counts with
-    `rounded_error_m`, `direction` the side from which each joint has to arrive (0: either), `detours` the joints that
-    would not, `cube_error_m` the error before the polish. `free_joints`: for each branch the joint, from 1, that can
-    turn while the tool hardly moves, the others following: a singular pose, the branch is one of a family; 0: none.
-    Else `nearest_rad`, the command nearest to the goal, or the two `bodies` of a collision and their `clearance_m`
-    (overlap below 0). `outside_range`: joints, from 1, that `q_rad` or `nearest_rad` puts outside the range that the
-    model was fitted on; there its error is not known. `tip_over_rad`: as of `FkAnswer`, at the same commands.
+    `rounded_error_m` and `rounded_turn_rad`, `direction` the side from which each joint has to arrive (0: either),
+    `detours` the joints that would not, `cube_error_m` the error before the polish. `free_joints`: for each branch the
+    joint, from 1, that can turn while the tool hardly moves, the others following: a singular pose, the branch is one
+    of a family; 0: none. Else `nearest_rad`, the command nearest to the goal, or the two `bodies` of a collision and
+    their `clearance_m` (overlap below 0). `outside_range`: joints, from 1, that `q_rad` or `nearest_rad` puts outside
+    the range that the model was fitted on; there its error is not known. `tip_over_rad`: as of `FkAnswer`, at the same
+    commands.
     """
 
     verdict: Literal["solved", "out_of_reach", "outside_limits", "not_converged", "collision"]
@@ -139,6 +140,7 @@ class IkAnswer(Part):
     counts: list[int] | None = None
     rounded_q_rad: list[float] | None = None
     rounded_error_m: float | None = None
+    rounded_turn_rad: float | None = None
     direction: list[int] = []
     detours: list[int] = []
     cube_error_m: float | None = None

@@ -2,7 +2,8 @@
 
 Its true errors are a model (`lrm/model/1`, the *truth*) unknown to the daemon, on an arm file with the servos' true
 servo tables. Servos move in their own coordinate, the angle by their own sensor; the model gives the TCP in static
-equilibrium under gravity, computed on request only. With `springs` the links swing behind the servos (`swing.py`).
+equilibrium under gravity, computed on request only. With `springs` the links swing behind the servos (`swing.py`), with
+`creeps` they yield slowly (`creep.py`).
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ from lrm_math.kinematics.statics import joint_torques
 from lrm_math.model.deployed_model import clock_of, with_load_at
 from lrm_math.model.equilibrium import Equilibrium, solve_equilibrium
 from lrm_math.model.model import Model
+from lrmd.sim.creep import CreepingJoints, JointCreep
 from lrmd.sim.pca9685_chip import Pca9685Chip
 from lrmd.sim.servo import LARGE_SERVO, SMALL_SERVO, SimulatedServo
 from lrmd.sim.swing import JointSpring, SwingingLinks
@@ -33,6 +35,8 @@ SWING_STEP = 2_000_000
 """ns: the same of servos behind which links swing, whose speed it takes as constant."""
 HEAT_STEP = 1_000_000_000
 """ns, the longest step of the thermal model."""
+CREEP_STEP = 0.02
+"""s, the shortest step of creep."""
 LOAD_STEP = math.radians(2.0)
 """rad of travel after which the gravity torques are updated; they are also updated at rest."""
 MOST_SESSIONS = 64
@@ -51,6 +55,7 @@ class SimulatedArm:
         speed: ratio of the board's clock to the one by which the servos warm up. The daemon's model of their
             temperatures runs on the computer's clock, so a board whose clock is faster must not heat them faster.
         springs: by joint, those on which its links swing; none: they stand as their servos do.
+        creeps: of joints that yield slowly under a load that is held.
 
     Raises:
         LrmError: a joint without servo table or channel, a channel given twice, or a truth with the effect
@@ -66,6 +71,7 @@ class SimulatedArm:
         dead_band: float | None = None,
         speed: float = 1.0,
         springs: Mapping[str, JointSpring] | None = None,
+        creeps: Mapping[str, JointCreep] | None = None,
     ) -> None:
         if clock_of(truth) is not None:
             raise LrmError("truth: leave out the effect quantisation; the simulated chip rounds the pulses itself")
@@ -75,7 +81,8 @@ class SimulatedArm:
         self.servos = _servos(truth, channels, start, dead_band)
         self.joints = self.servos[: truth.arm.dof]
         self._swing = SwingingLinks(truth, springs) if springs else None
-        self._now = self._warm_until = 0
+        self._creep = CreepingJoints(truth.arm.joint_names, creeps) if creeps else None
+        self._now = self._warm_until = self._crept_until = 0
         self._count_s = 0.0
         self._changes = -1
         self._travel = math.inf
@@ -89,6 +96,7 @@ class SimulatedArm:
             self._now += step
             self._step(step * 1e-9)
         self._now = max(now, self._now)
+        self._creep_on()
         if self._now - self._warm_until >= HEAT_STEP:
             self._update_temperatures()
         if chip.changes != self._changes:
@@ -111,10 +119,11 @@ class SimulatedArm:
 
     @property
     def link_angles(self) -> list[float]:
-        """Joint angles (rad) of the links, which may swing behind the servos."""
-        if self._swing is None:
-            return self.q
-        return [q + z for q, z in zip(self.q, self._swing.deflection.tolist(), strict=True)]
+        """Joint angles (rad) of the links, which may swing and creep behind the servos."""
+        q = self.q
+        if self._swing is not None:
+            q = [angle + z for angle, z in zip(q, self._swing.deflection.tolist(), strict=True)]
+        return q if self._creep is None else [a + z for a, z in zip(q, self._creep.deflection, strict=True)]
 
     def temperature(self, servo: SimulatedServo) -> float:
         """Winding temperature, °C."""
@@ -150,6 +159,13 @@ class SimulatedArm:
         )
         return solve_equilibrium(self.truth, poses)
 
+    def _creep_on(self) -> None:
+        """Takes creep up to now, under the torques at the present angles of the links."""
+        elapsed = (self._now - self._crept_until) * 1e-9 / self._speed
+        if self._creep is not None and elapsed >= CREEP_STEP:
+            self._crept_until = self._now
+            self._creep.yield_to(self._torques(self.link_angles), elapsed)
+
     def _step(self, dt: float) -> None:
         before = self.q
         furthest = max(abs(servo.move(dt)) for servo in self.servos)
@@ -180,14 +196,14 @@ class SimulatedArm:
     def _update_loads(self) -> None:
         """Gravity torque (N·m) on every joint of the nominal arm; its compliance hardly changes it."""
         self._update_temperatures()
-        for servo, torque in zip(self.joints, self._torques(), strict=True):
+        for servo, torque in zip(self.joints, self._torques(self.q), strict=True):
             servo.torque = torque
         if self._swing is not None:
             self._swing.weigh(self.truth.chain, np.array(self.q), self.payload)
         self._travel = 0.0
 
-    def _torques(self) -> list[float]:
-        return joint_torques(self.truth.chain, self.truth.constant_gravity, self.q, self.payload)
+    def _torques(self, q: list[float]) -> list[float]:
+        return joint_torques(self.truth.chain, self.truth.constant_gravity, q, self.payload)
 
     def _update_temperatures(self) -> None:
         elapsed = (self._now - self._warm_until) * 1e-9 / self._speed

@@ -27,6 +27,7 @@ from lrmd.ramp.process import MonotonicClock
 from lrmd.sim.arm import SimulatedArm
 from lrmd.sim.board import SimulatedBoard
 from lrmd.sim.control_socket import ControlServer, QueryReply, answer_query, control_path, query_board
+from lrmd.sim.creep import JointCreep
 from lrmd.sim.faults import parse_fault
 from lrmd.sim.pca9685_chip import Pca9685Chip
 from lrmd.sim.pty_port import PtyPort
@@ -146,6 +147,12 @@ def springs_of(texts: Sequence[str]) -> dict[str, JointSpring]:
     return {joint.strip(): JointSpring.parse(spring) for joint, _, spring in pairs}
 
 
+def creeps_of(texts: Sequence[str]) -> dict[str, JointCreep]:
+    """`joint2=0.05:60` -> creep by joint. Raises `LrmError`."""
+    pairs = [text.partition("=") for text in texts]
+    return {joint.strip(): JointCreep.parse(creep) for joint, _, creep in pairs}
+
+
 def truth_of(arm: str, truth: Path | None) -> Model:
     """The true model of the arm; the nominal arm by default. Raises `LrmError`."""
     nominal = load_arm(arm)
@@ -190,6 +197,13 @@ def parser() -> argparse.ArgumentParser:
         metavar="JOINT=K:D[:F]",
         help="the link swings behind its servo: stiffness (N m/rad), damping (N m s/rad), dry friction (N m)",
     )
+    p.add_argument(
+        "--creep",
+        action="append",
+        default=[],
+        metavar="JOINT=K:T",
+        help="the joint yields slowly under a load: compliance in the long run (rad/(N m)), time constant (s)",
+    )
     p.add_argument("--noise-mm", type=number, default=0.3, help="of `measure`, per coordinate (default: %(default)s)")
     p.add_argument("--fault", action="append", default=[], metavar="'FAULT [at T]'", help="may be repeated")
     p.add_argument("--seed", type=int, help="makes boot numbers, faults and noise repeat")
@@ -218,8 +232,10 @@ def simulation_of(options: argparse.Namespace) -> Simulation:
     truth = truth_of(options.arm, options.truth)
     band = None if options.dead_band_us is None else options.dead_band_us * 1e-6
     channels = channels_of(options.channels, truth)
-    springs = springs_of(options.spring)
-    arm = SimulatedArm(truth, channels, options.start_deg, dead_band=band, speed=options.speed, springs=springs)
+    springs, creeps = springs_of(options.spring), creeps_of(options.creep)
+    arm = SimulatedArm(
+        truth, channels, options.start_deg, dead_band=band, speed=options.speed, springs=springs, creeps=creeps
+    )
     random = Random(options.seed)
     board = SimulatedBoard(Pca9685Chip(options.osc_hz), random)
     return Simulation(board, arm, random, [parse_fault(text) for text in options.fault])

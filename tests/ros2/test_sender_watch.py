@@ -24,7 +24,7 @@ def token_of(session: str, kind: str = "MP") -> str:
     return f"@ros2_lv/0/{session}/1/2/{kind}/%/%/tester/%lrm%joint_trajectory/type/hash/qos"
 
 
-class Network:
+class SenderQueues:
     """Daemon, watch and senders. What goes to a sender, and what comes from it, waits in a queue."""
 
     def __init__(self) -> None:
@@ -85,7 +85,7 @@ def test_no_order_is_followed_that_was_sent_before_the_last_stop() -> None:
     """Long random sequences: what breaks the law takes a dozen events in the right order."""
     followed = 0
     for seed in range(200):
-        rng, network = random.Random(seed), Network()
+        rng, network = random.Random(seed), SenderQueues()
         for _ in range(300):
             event, session = rng.choice(EVENTS), rng.choice(SESSIONS)
             if event == "stop":
@@ -101,7 +101,7 @@ def test_no_order_is_followed_that_was_sent_before_the_last_stop() -> None:
 
 @given(stops=st.integers(0, 9))
 def test_an_order_is_followed_once_its_sender_has_answered_since_the_last_stop(stops: int) -> None:
-    network = Network()
+    network = SenderQueues()
     network.stops = stops
     network.hear()
     for session in SESSIONS:
@@ -115,7 +115,7 @@ def test_an_order_is_followed_once_its_sender_has_answered_since_the_last_stop(s
 
 
 def test_a_session_is_asked_as_soon_as_anything_of_it_is_there() -> None:
-    network = Network()
+    network = SenderQueues()
     network.hear()
     network.watch.token("@ros2_lv/0/a/1/1/NN/%/%/tester", there=True)
     assert len(network.questions["a"]) == 1
@@ -127,7 +127,7 @@ def test_a_session_is_asked_as_soon_as_anything_of_it_is_there() -> None:
 
 
 def test_an_answer_of_the_daemon_before_a_restart_is_of_that_daemon() -> None:
-    network = Network()
+    network = SenderQueues()
     network.watch.token(token_of("a"), there=True)
     network.stops = 3
     for boot_id in ("one", "two"):
@@ -139,7 +139,7 @@ def test_an_answer_of_the_daemon_before_a_restart_is_of_that_daemon() -> None:
 
 
 def test_what_may_have_waited_for_long_and_whose_sender_is_unknown_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    network = Network()
+    network = SenderQueues()
     with pytest.raises(LrmError, match="no liveliness token"):
         network.watch.newer_than(END)
     network.watch.token(token_of("a"), there=True)

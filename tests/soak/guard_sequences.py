@@ -13,7 +13,22 @@ import sys
 import time
 from dataclasses import dataclass
 
+import numpy as np
+
 from tests.support.daemon.guarded_sequence import GuardedSequence, SequenceResult
+
+
+class SequenceWithCentres(GuardedSequence):
+    """Its loads have their centres anywhere; all else is as in the sequence of the same seed."""
+
+    def __init__(self, seed: int) -> None:
+        super().__init__(seed, FASTER)
+        self.centres = np.random.default_rng([seed, 1])
+
+    def load_at(self) -> list[float]:
+        """Anywhere within what a message may say (m)."""
+        return [float(x) for x in self.centres.uniform(-0.2, 0.2, 3)]
+
 
 FASTER = 5
 """So that more happens in a tick."""
@@ -29,7 +44,7 @@ def main() -> int:
     options = parser.parse_args()
     started, total, broken = time.process_time(), Totals(), 0
     for seed in range(options.first, options.first + options.sequences):
-        result = GuardedSequence(seed, FASTER).run(options.requests, contacts=True)
+        result = SequenceWithCentres(seed).run(options.requests, contacts=True)
         total = total.with_result(result)
         if not result.kept:
             print(f"seed {seed}: {result}", flush=True)

@@ -27,7 +27,7 @@ HEAD = "pose,q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg\n"
 
 
 @dataclass(frozen=True)
-class Bench:
+class CampaignSetup:
     """A plan of poses, the port of a tracker, and the file to measure into."""
 
     setup: DaemonSetup
@@ -37,7 +37,7 @@ class Bench:
     poses: Path
 
     @classmethod
-    def make(cls, folder: Path) -> Bench:
+    def make(cls, folder: Path) -> CampaignSetup:
         setup = DaemonSetup.make(folder, {**SLOW_BOARD, "step_us = 1.0": "step_us = 10.0"})
         q = np.array([[0, -60, 0, 0, 0, 0]]) + 10.0 * np.arange(1, POSES + 1)[:, None] * [1, 0, 1, -1, 0, 1]
         rows = [",".join([str(k), *(f"{angle:g}" for angle in row)]) for k, row in enumerate(q, start=1)]
@@ -79,7 +79,7 @@ def arm_at(rover: Rover, degrees: Sequence[float]) -> None:
 
 
 def test_killed_the_arm_holds_and_resumed_no_pose_is_lost_or_doubled(tmp_path: Path) -> None:
-    bench = Bench.make(tmp_path)
+    bench = CampaignSetup.make(tmp_path)
     daemon = running_daemon(bench.setup, "--start-deg", "0,-60,0,0,0,0")
     with daemon as (board, _), tracker_of(board, bench.port), bench.setup.rover() as rover:
         arm_at(rover, START)
@@ -103,7 +103,7 @@ def test_killed_the_arm_holds_and_resumed_no_pose_is_lost_or_doubled(tmp_path: P
 
 @pytest.mark.parametrize("what", ["stopped", "taken and moved"])
 def test_an_arm_that_did_not_stand_during_its_rest_leaves_no_row(tmp_path: Path, what: str) -> None:
-    bench = Bench.make(tmp_path)
+    bench = CampaignSetup.make(tmp_path)
     daemon = running_daemon(bench.setup, "--start-deg", "0,-60,0,0,0,0")
     with daemon as (board, _), tracker_of(board, bench.port), bench.setup.rover() as rover:
         arm_at(rover, START)
@@ -126,7 +126,7 @@ def test_an_arm_that_did_not_stand_during_its_rest_leaves_no_row(tmp_path: Path,
 
 def test_a_daemon_that_was_killed_and_armed_anew_begins_another_session(tmp_path: Path) -> None:
     """Also where the board went on pulsing, and its pulses are adopted."""
-    bench = Bench.make(tmp_path)
+    bench = CampaignSetup.make(tmp_path)
     with BoardProcess(bench.setup, "--start-deg", "0,-60,0,0,0,0") as board, tracker_of(board, bench.port):
         with connected(bench.setup) as (daemon, rover):
             arm_at(rover, START)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 
 import numpy as np
@@ -91,7 +92,13 @@ def test_a_contact_names_shapes_of_the_arm_file_and_a_load_is_a_state(rover: Rov
     rover.carry(0.06)
     assert rover.mode().payload_kg == 0.06
     wait_for(lambda: tip(rover)[2] < before[2] - 1e-4, "the arm sags under it")
+    at_tcp = tip(rover)
+    rover.carry(0.06, (0.0, 0.03, 0.1))
+    assert rover.mode().payload_centre_m == [0.0, 0.03, 0.1]
+    wait_for(lambda: math.dist(tip(rover), at_tcp) > 1e-4, "it sags in another way under one that is further out")
     rover.carry(0.0)
+    assert rover.mode().payload_centre_m == [0.0, 0.0, 0.0]
+    wait_for(lambda: np.allclose(tip(rover), before, atol=1e-9), "and stands as before without")
 
 
 def test_a_skill_is_planned_by_the_ik_process_and_a_hold_ends_it(rover: Rover) -> None:

@@ -71,20 +71,25 @@ SLOWING_S = 60.0
 
 def recorded(arms: list[TrueJoints], rng: np.random.Generator) -> list[Recording]:
     """A recording of each arm: episodes of teleoperation at 30 frames a second."""
-    told = np.stack([np.stack([_hand(rng) for _ in arms]) for _ in range(EPISODES)])  # (E, C, N, 5)
-    told = np.radians(_read(np.degrees(told), rng))
-    parts = [_followed(arms, told[number], number * EPISODE_S) for number in range(EPISODES)]
-    angle = np.stack([part + np.stack([arm.offset for arm in arms])[:, None] for part in parts])
-    read = _read(np.degrees(angle), rng)
-    N = told.shape[2]
-    t, episode = np.tile(np.arange(N) / FPS, EPISODES), np.repeat(np.arange(EPISODES), N)
+    told = np.stack([np.stack([hand(rng) for _ in arms]) for _ in range(EPISODES)])  # (E, C, N, 5)
+    return driven(arms, np.radians(encoder_readings(np.degrees(told), rng)), rng)
+
+
+def driven(arms: list[TrueJoints], told: Array, rng: np.random.Generator) -> list[Recording]:
+    """A recording of each arm that is told (E, C, N, 5), rad, in episodes, each from rest."""
+    many, N = len(told), told.shape[2]
+    begun = np.repeat(N / FPS * np.arange(many), len(arms))[:, None]
+    angle = _followed(arms * many, told.reshape(-1, *told.shape[2:]), begun).reshape(told.shape)
+    angle = angle + np.stack([arm.offset for arm in arms])[:, None]
+    read = encoder_readings(np.degrees(angle), rng)
+    t, episode = np.tile(np.arange(N) / FPS, many), np.repeat(np.arange(many), N)
     return [
         Recording(np.degrees(told[:, c]).reshape(-1, JOINTS), read[:, c].reshape(-1, JOINTS), t, episode)
         for c in range(len(arms))
     ]
 
 
-def _hand(rng: np.random.Generator) -> Array:
+def hand(rng: np.random.Generator) -> Array:
     """(N, 5), rad: smooth moves, quick and slow ones, between stops; a slight tremor."""
     N, rows = int(FPS * EPISODE_S), list[Array]()
     q = rng.uniform(-0.8, 0.8, JOINTS)
@@ -99,8 +104,8 @@ def _hand(rng: np.random.Generator) -> Array:
     return np.array(rows[:N]) + 0.002 * tremor[:, None]
 
 
-def _followed(arms: list[TrueJoints], told: Array, begun: float) -> Array:
-    """(C, N, 5), rad, what the encoders sit at in each frame; told: (C, N, 5)."""
+def _followed(arms: list[TrueJoints], told: Array, begun: Array) -> Array:
+    """(C, N, 5), rad, what the encoders sit at in each frame; told: (C, N, 5); begun: (C, 1), s since power-on."""
     p = {f.name: np.stack([getattr(arm, f.name) for arm in arms]) for f in fields(TrueJoints)}
     C, N, _ = told.shape
     ticks = round(1.0 / FPS / STEP_S)
@@ -179,6 +184,6 @@ def _described() -> tuple[ArmDescription, TrueChain]:
     return arm, zero_configuration(arm, GroundTruth.nominal(arm))
 
 
-def _read(degrees: Array, rng: np.random.Generator) -> Array:
+def encoder_readings(degrees: Array, rng: np.random.Generator) -> Array:
     counts = degrees / COUNT_DEG + rng.normal(scale=FLICKER_COUNTS, size=degrees.shape)
     return np.asarray(np.round(counts) * COUNT_DEG)

@@ -31,13 +31,20 @@ MOST = 64
 
 
 class Bench:
-    """The simulated rover's arm at one PWM frequency."""
+    """The simulated rover's arm at one PWM frequency.
 
-    def __init__(self, pwm_hz: float) -> None:
+    `off`: relative error of the frequencies that the shaper knows. `band`: dead band of the servos (s of pulse).
+    """
+
+    def __init__(self, pwm_hz: float, off: float = 0.0, band: float = 0.0) -> None:
         self.config = config_at(pwm_hz, Path(mkdtemp()))
         self.arm = self.config.arm
         self.servos = self.config.servos[: self.arm.dof]
-        self.known = known_model(self.arm)
+        self.known = known_model(self.arm, off)
+        turn = np.array(
+            [abs(float(s.table.angle_of(1.5e-3 + band)) - float(s.table.angle_of(1.5e-3))) for s in self.servos]
+        )
+        self.bands = turn.tolist()
         self.tick, self.frame = self.config.tick * 1e-9, 1.0 / pwm_hz
 
     def pulses(self, q: Array) -> Array:
@@ -83,8 +90,8 @@ class Bench:
         links.weigh(q, 0.0)
         for k in range(round((seconds + AFTER_S) / H)):
             goal = told(k * H)
-            left = zip(goal, q, kinds, strict=True)
-            after = np.array([g - remaining_travel(g - x, H, kind, 0.0) for g, x, kind in left])
+            left = zip(goal, q, kinds, self.bands, strict=True)
+            after = np.array([g - remaining_travel(g - x, H, kind, band) for g, x, kind, band in left])
             if k % 25 == 0:
                 links.weigh(after, 0.0)
             links.follow(q, after, H)

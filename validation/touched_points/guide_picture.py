@@ -38,8 +38,8 @@ def main() -> None:
     left.set_title("the board: A to D flat, E on a post", fontsize=10)
     right = figure.add_subplot(1, 2, 2, projection="3d")
     plan = planned(TOUCHES)
-    for number, (stand, colour) in enumerate(zip(plan.stands, COLOURS, strict=True), start=1):
-        T = stand.motion(board.points)
+    for number, (placement, colour) in enumerate(zip(plan.placements, COLOURS, strict=True), start=1):
+        T = placement.motion(board.points)
         moved = triangles(board) * 1e-3 @ T[:3, :3].T + T[:3, 3]
         _draw_board(right, moved * 1e3, colour, 0.5)
         goal = T[:3, :3] @ (np.array(board.points["E"]) * 1e-3) + T[:3, 3]

@@ -171,10 +171,10 @@ def touched(tips: Tips, seed: int, touches: int = TOUCHES) -> tuple[Array, list[
     A socket into which the tip cannot be jogged from its posture, because a limit is in the way, is left out.
     """
     rng, plan, points = np.random.default_rng([seed, 67]), planned(touches), SocketBoard().points
-    motions = [stand.motion(points) for stand in plan.stands]
+    motions = [placement.motion(points) for placement in plan.placements]
     path, names, where, seen = np.zeros((0, ARM.dof)), [], [], []
-    for begun, name, stand in zip(plan.q, plan.points, plan.placement, strict=True):
-        goal = (motions[stand - 1] @ [*np.array(points[name]) * 1e-3, 1.0])[:3] + rng.normal(0.0, NOISE_M, 3)
+    for begun, name, number in zip(plan.q, plan.points, plan.placement, strict=True):
+        goal = (motions[number - 1] @ [*np.array(points[name]) * 1e-3, 1.0])[:3] + rng.normal(0.0, NOISE_M, 3)
         first = max(0, len(path) - HISTORY)
         q = jogged(tips, path[first:], first, goal, begun)
         tip = tips(np.vstack([path[first:], q]), first)[-1]
@@ -182,7 +182,7 @@ def touched(tips: Tips, seed: int, touches: int = TOUCHES) -> tuple[Array, list[
             continue
         path = np.vstack([path, q])
         names.append(name)
-        where.append(stand)
+        where.append(number)
         seen.append(tip)
     return np.round(path / COUNT) * COUNT, names, np.array(where), np.array(seen)
 

@@ -82,8 +82,8 @@ def plan(
     with progress("trying placements") as tick:
         found = plan_touches(described, points, count, placements, noise_mm * MM, seed, tick)
     show(f"{count} touches of {described.name} at {placements} placements. Put the board:")
-    for number, stand in enumerate(found.stands, start=1):
-        show(f"  placement {number} ({found.placement.count(number)} touches): {stand.words}")
+    for number, placement in enumerate(found.placements, start=1):
+        show(f"  placement {number} ({found.placement.count(number)} touches): {placement.words}")
     show(
         f"Expected error of the tip: {found.tip_error / MM:.2f} mm RMS by the noise of {noise_mm:g} mm per axis "
         f"(random postures at these placements: {found.random_tip_error / MM:.2f} mm; a tracker of this noise: "

@@ -11,9 +11,12 @@ from numpy.typing import NDArray
 
 from lrm_math.arrays import Array
 from lrm_math.effects.base import Parameter
+from lrm_math.effects.reference import ParameterRef
 from lrm_math.motion.base import JointDrive, MotionEffect
+from lrm_math.motion.effects import AccelerationLimit, DriveLimit, ServoResponse, SpeedLimit
 from lrm_math.motion.simulation import simulate
 
+LIMITS = (SpeedLimit, AccelerationLimit, DriveLimit)
 RANK = 1e-6
 """Relative singular value below which columns are one."""
 
@@ -59,9 +62,14 @@ class JointMoves:
         return parameter.lower
 
     def start(self, known: Mapping[str, float], added: MotionEffect) -> Mapping[str, float]:
-        """Values (SI) to start from where an effect is added to a fit with known ones."""
-        del added
-        return known
+        """Values (SI) to start from where an effect is added to a fit with known ones; those left out are scanned.
+
+        A servo that was fitted without a limit is as slow as the limit made it.
+        """
+        if not isinstance(added, LIMITS):
+            return known
+        slow = str(ParameterRef(ServoResponse.id, added.place, ServoResponse.parameters[0].name))
+        return {key: value for key, value in known.items() if key != slow}
 
     @cached_property
     def count(self) -> NDArray[np.int64]:

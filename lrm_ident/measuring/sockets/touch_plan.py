@@ -57,7 +57,7 @@ RANDOM_DRAWS = 9
 
 
 @dataclass(frozen=True)
-class Stand:
+class BoardPlacement:
     """A placement of the board.
 
     `distance`, `height`: of its middle from the arm's base (m). `pan`: its direction from there (rad). `lean`: by how
@@ -90,14 +90,14 @@ class TouchPlan:
     """Touches to make, placement by placement.
 
     Attributes:
-        stands: where the board stands. q: (N, n), rad, with which the arm as drawn is in the socket.
+        placements: where the board stands. q: (N, n), rad, with which the arm as drawn is in the socket.
         points: (N,), names of the sockets. placement: (N,), numbers from 1.
         tip_error, random_tip_error: RMS distance (m) of the tip from where it will be predicted, as far as the noise
             goes; the second with as many random postures at the same placements.
         tracker_error: the same by a tracker of this noise at the same poses, which has one frame for all of them.
     """
 
-    stands: tuple[Stand, ...]
+    placements: tuple[BoardPlacement, ...]
     q: Array
     points: tuple[str, ...]
     placement: tuple[int, ...]
@@ -119,7 +119,7 @@ class TouchPlan:
 class _Touches:
     """Touches that are possible at one placement: q (N, n), rad, socket (N,), and their columns (N, 3, P + 6), m."""
 
-    stand: Stand
+    placement: BoardPlacement
     q: Array
     points: tuple[str, ...]
     columns: Array
@@ -149,8 +149,8 @@ def plan_touches(
     for done, ((distance, height, lean), pan) in enumerate(every):
         progress(done, len(every))
         far, table = reach(arm), arm.table or 0.0
-        stand = Stand(distance * far, table + height * far, lean, pan)
-        if (touches := problem.touches(points, stand)) is not None:
+        placement = BoardPlacement(distance * far, table + height * far, lean, pan)
+        if (touches := problem.touches(points, placement)) is not None:
             possible.append(touches)
     if len(possible) < placements:
         what = f"the arm reaches all sockets at {len(possible)} of {len(every)} placements that were tried"
@@ -193,9 +193,9 @@ class _Problem:
         F = F - Q @ (Q.T @ F)
         return cls(arm, keys, prior, F.T @ F / FRESH, noise, rng)
 
-    def touches(self, points: Points, stand: Stand) -> _Touches | None:
+    def touches(self, points: Points, placement: BoardPlacement) -> _Touches | None:
         """Those that are possible at a placement; None if some socket is out of reach there."""
-        T, names = stand.motion(points), [name for name in points for _ in range(POSTURES)]
+        T, names = placement.motion(points), [name for name in points for _ in range(POSTURES)]
         goals = np.array([(T @ [*np.array(points[name]) * MM, 1.0])[:3] for name in names])
         if np.linalg.norm(goals, axis=1).max() > reach(self.arm) or goals[:, 2].min() < (self.arm.table or 0.0) - MM:
             return None
@@ -206,7 +206,7 @@ class _Problem:
             return None
         settled = solve_equilibrium(nominal_model(self.arm, DEFAULT_EFFECTS), poses_of(q[found]))
         columns = np.concatenate([parameter_jacobian(settled, self.keys), _rigid(settled.tcp)], axis=2)
-        return _Touches(stand, q[found], reached, columns)
+        return _Touches(placement, q[found], reached, columns)
 
     def reduced(self, touches: _Touches) -> Array:
         """(P, P), mean information of a touch (1/m²) on the arm, without what it tells of the placement."""
@@ -243,7 +243,7 @@ class _Problem:
         drawn = [self.rng.choice(len(where), count, replace=False) for _ in range(RANDOM_DRAWS)]
         errors = [self._error_of(columns[each], known) for each in (rows, *drawn)]
         return TouchPlan(
-            stands=tuple(touches.stand for touches in chosen),
+            placements=tuple(touches.placement for touches in chosen),
             q=np.concatenate([touches.q for touches in chosen])[rows],
             points=tuple(names[row] for row in rows),
             placement=tuple(where[rows].tolist()),

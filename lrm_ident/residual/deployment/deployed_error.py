@@ -24,7 +24,8 @@ class DeployedError:
     Attributes:
         now: at the poses where the state that is deployed held (`rows_as_deployed`).
         otherwise: at the others, such as of a colder arm; None where the state held at all.
-        time_unknown: where no time since power-on is known; None: nothing of the model follows that time.
+        time_unknown: where neither the time since power-on is known nor what the arm did before; None: nothing of the
+            model follows them.
         state: what the deployed model keeps of its session; None: nothing.
     """
 

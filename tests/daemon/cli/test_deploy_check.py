@@ -107,7 +107,7 @@ def test_a_drift_that_follows_the_time_is_not_left_out(tmp_path: Path) -> None:
     checked.check()
     lines = "\n".join(checked.lines())
     assert "left out of the model" not in lines
-    assert re.search(r"where no time since power-on is known: \d+\.\d\d mm RMS over its session", lines)
+    assert re.search(r"where nothing is known of before: \d+\.\d\d mm RMS over its session", lines)
     assert "Where the time since power-on is known, drift@joint2 follows it." in lines
 
 

@@ -22,7 +22,8 @@ def arm() -> SkilledDaemon:
 def test_the_skills_of_a_fetch_one_after_the_other(arm: SkilledDaemon) -> None:
     fetch: list[tuple[str, dict[str, Any]]] = [
         ("approach", {"goal": GOAL, "height_m": 0.05, "gripper_rad": 0.2}), ("touch_down", {"goal": GOAL}),
-        ("grasp", {"gripper_rad": -0.1, "payload_kg": 0.03}), ("retreat", {"height_m": 0.05}),
+        ("grasp", {"gripper_rad": -0.1, "payload_kg": 0.03, "payload_centre_m": [0.0, 0.01, 0.02]}),
+        ("retreat", {"height_m": 0.05}),
         ("carry", {"goal": GOAL}), ("drop", {"gripper_rad": 0.2}), ("stow", {"q_rad": [0.0] * 6}),
     ]  # fmt: skip
     loads = []
@@ -30,8 +31,9 @@ def test_the_skills_of_a_fetch_one_after_the_other(arm: SkilledDaemon) -> None:
         arm.begin(name, **fields)
         arm.keep(900, answers=True)
         assert (arm.core.skill_report.number, arm.core.skill_report.skill, arm.outcome) == (number, name, "reached")
-        loads.append(arm.core.payload)
-    assert loads == [0.0, 0.0, 0.03, 0.03, 0.03, 0.0, 0.0]
+        loads.append((arm.core.payload, *arm.core.load_at))
+    empty, carried = (0.0, 0.0, 0.0, 0.0), (0.03, 0.0, 0.01, 0.02)
+    assert loads == [empty, empty, carried, carried, carried, empty, empty]
     assert arm.q[:6] == pytest.approx([0.0] * 6, abs=1e-3)
     assert arm.q[arm.config.index("gripper")] == pytest.approx(0.2, abs=1e-3)
 

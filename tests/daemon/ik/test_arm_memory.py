@@ -209,3 +209,25 @@ def test_a_model_file_keeps_the_memory_and_refuses_one_of_another_size(tmp_path:
     path.write_text(written.replace("mean = [0.1]", "mean = [0.1, 0.2]"))
     with pytest.raises(FileError, match="memory of creep@joint2: 2 and 1 numbers; should be 1 each"):
         load_model(path)
+
+
+def test_a_stand_counts_with_the_load_and_the_centre_that_it_was_made_with() -> None:
+    """Nothing of the time before a load was told counts with that load, nor the other way round."""
+    q, stand = np.array([0.0, 0.6, 0.2, 0.0, 0.0, 0.0]), 100.0
+    arm = DrivenArm(service(model()), q)
+    begun = arm.known.remembered
+    assert begun is not None
+    expected, before = arm.ik.after_stand(begun, q, 0.0, stand + 1.0), arm.ik
+    arm.stand(stand)
+    arm.now += SECOND
+    arm.memory.stood(arm.ik, arm.now)
+    arm.ik = before.with_load_at((0.0, 0.0, 0.15))
+    arm.memory.follow(arm.ik, Known(arm.motion), 0.2, arm.now)
+    arm.now += round(stand * SECOND)
+    arm.memory.follow(arm.ik, Known(arm.motion), 0.2, arm.now)
+    found, expected = arm.known.remembered, arm.ik.after_stand(expected, q, 0.2, stand)
+    assert found is not None
+    elsewhere = before.after_stand(expected, q, 0.2, stand)
+    for name, numbers in expected.now.items():
+        assert found.now[name] == pytest.approx(numbers, rel=1e-9, abs=1e-12)
+    assert found.now["creep@joint2"] != pytest.approx(elsewhere.now["creep@joint2"], rel=1e-3)

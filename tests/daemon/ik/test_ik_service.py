@@ -13,6 +13,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from lrm_math.arrays import ORIGIN, Array
 from lrm_math.collision.scene import Scene, clearance, clearance_of
@@ -139,8 +140,19 @@ def assert_true(answer: IkAnswer, goal: GoalEntry, payload: float, exact: bool =
     counts = answer.counts or []
     put_out = [float(t.angle_of(clock.pulse_of(c))) for t, c in zip(tables, counts, strict=True) if t is not None]
     np.testing.assert_allclose(put_out, answer.rounded_q_rad or [], atol=1e-12)
-    lands = bent(np.array([put_out]), payload)[0, -1, :3, 3]
-    assert answer.rounded_error_m == pytest.approx(math.dist(lands, goal.position_m), abs=EXACT)
+    lands = bent(np.array([put_out]), payload)[0, -1]
+    assert answer.rounded_error_m == pytest.approx(math.dist(lands[:3, 3], goal.position_m), abs=EXACT)
+    assert answer.rounded_turn_rad == pytest.approx(turn_between(lands[:3, :3], goal), abs=1e-6)
+
+
+def turn_between(tool: Array, goal: GoalEntry) -> float:
+    """Angle (rad) between a tool (3, 3) and what a goal asks of it, by scipy; 0 for a position alone."""
+    if goal.quaternion_xyzw is not None:
+        return float((Rotation.from_matrix(tool).inv() * Rotation.from_quat(goal.quaternion_xyzw)).magnitude())
+    if goal.approach is None:
+        return 0.0
+    along = np.array(goal.approach) / np.linalg.norm(goal.approach)
+    return float(np.arctan2(np.linalg.norm(np.cross(tool[:, 2], along)), tool[:, 2] @ along))
 
 
 @pytest.mark.slow

@@ -189,7 +189,7 @@ def test_the_longest_message_that_the_limits_allow_is_read() -> None:
     answer = IkAnswer(
         verdict="solved", text="x" * 200, q_rad=q, branches_rad=[q] * 8, free_joints=[6] * 8, tcp_m=q[:3],
         predicted_error_m=1e-9, predicted_turn_rad=0.1, sd_m=0.1, counts=[4000] * 6, rounded_q_rad=q,
-        rounded_error_m=0.1, direction=[1] * 6, detours=[1] * 6, cube_error_m=0.1, elapsed_ms=0.1,
+        rounded_error_m=0.1, rounded_turn_rad=0.1, direction=[1] * 6, detours=[1] * 6, cube_error_m=0.1, elapsed_ms=0.1,
     )  # fmt: skip
     reply = IkReply(
         boot_id="b" * 16, seq=1, t_mono_ns=2**60, t_wall_ns=2**60, model="m" * 99, model_sha256="0" * 64, left_out=[],

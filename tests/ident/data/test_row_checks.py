@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
 
 from lrm_ident.data.measurement_file.commanded_poses import after_gap, directions
 from lrm_ident.data.measurement_file.load import load_measurements
@@ -171,6 +172,7 @@ def as_file(folder: Path, data: Measurements, quaternion: list[str], joints: lis
     return path
 
 
+QUATERNION = ["qw", "qx", "qy", "qz"]
 JOINTS = ["shoulder_pan", "shoulder_lift", "elbow_flex", "wrist_flex", "wrist_roll"]
 
 
@@ -202,6 +204,19 @@ def test_the_error_of_orientations_stands_in_the_tables(tmp_path: Path) -> None:
     assert "orientation RMS, deg" in " ".join(out.split())
     assert '"turn_rms_deg"' in (tmp_path / "fit.json").read_text()
     assert "orientation RMS, deg" in " ".join(stdout_of("compare", tmp_path / "model.toml", path).split())
+
+
+def test_compare_prints_by_how_much_tools_are_turned_that_the_model_does_not_explain(tmp_path: Path) -> None:
+    """Fresh orientations turned by 2 degrees, each about an axis of its own."""
+    made, fresh = so101_data(60, 1), so101_data(60, 1)
+    stdout_of("fit", as_file(tmp_path, made, QUATERNION, JOINTS), "--arm", "so101", "-o", tmp_path / "model.toml")
+    assert fresh.attitude is not None
+    axes = np.random.default_rng(7).normal(size=(60, 3))
+    turn = Rotation.from_rotvec(np.radians(2.0) * axes / np.linalg.norm(axes, axis=1, keepdims=True)).as_matrix()
+    path = as_file(tmp_path, replace(fresh, attitude=turn @ fresh.attitude), QUATERNION, JOINTS)
+    out = stdout_of("compare", tmp_path / "model.toml", path)
+    row = next(line for line in out.splitlines() if line.strip().startswith("model"))
+    assert float(row.split()[-1]) == pytest.approx(2.0, abs=0.05), out
 
 
 def test_the_joints_own_names_are_columns(tmp_path: Path) -> None:

@@ -290,7 +290,8 @@ class GuardedSequence:
         self.request_move(self.anywhere())
         self.tick(int(self.rng.integers(0, 60)))
         heavy = float(10.0 ** self.rng.uniform(-2.5, 0.3))
-        self.request(PayloadRequest(lease=self.token, payload_kg=heavy if self.rng.random() < 0.8 else 0.0))
+        mass = heavy if self.rng.random() < 0.8 else 0.0
+        self.request(PayloadRequest(lease=self.token, payload_kg=mass, payload_centre_m=self.load_at()))
         self.creep()
 
     def take_over(self) -> None:
@@ -309,6 +310,10 @@ class GuardedSequence:
         self.sim.core.adopt_guard(CollisionGuard(self.scene, model), self.sim.now)
 
     # ---- what it needs for that
+
+    def load_at(self) -> list[float]:
+        """Where the centre of the next load is (m): where the arm file has it."""
+        return [0.0, 0.0, 0.0]
 
     def start(self) -> Array:
         """A pose that is just clear of an obstacle, clear, within the margin, or in overlap."""

@@ -29,7 +29,7 @@ def test_the_tip_of_the_arm_as_drawn_is_in_each_socket_from_its_open_side() -> N
     plan, model = planned(), model_of(ARM, ())
     T = frames(model.chain, model.chain.values([*np.ascontiguousarray(plan.q.T)]), len(plan.q))
     for number, (name, stand) in enumerate(zip(plan.points, plan.placement, strict=True)):
-        board = plan.stands[stand - 1].motion(POINTS)
+        board = plan.placements[stand - 1].motion(POINTS)
         goal = (board @ [*np.array(POINTS[name]) * 1e-3, 1.0])[:3]
         np.testing.assert_allclose(T[number, -1, :3, 3], goal, atol=2e-4)
         assert np.degrees(np.arccos(-T[number, -1, :3, 2] @ board[:3, 2])) < 55.0

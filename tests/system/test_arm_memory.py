@@ -1,0 +1,74 @@
+"""An arm that creeps, driven by a real daemon: goals are hit by a model whose memory the daemon follows."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from lrm_math.arm.arm_file import load_arm
+from lrm_math.arrays import Array
+from lrm_math.kinematics.poses import poses_of
+from lrm_math.model.equilibrium import solve_equilibrium
+from lrm_math.model.model import model_of
+from lrmd.client import FkRequest, IkRequest
+from lrmd.messages.kinematics import GoalEntry
+from tests.support.daemon.daemon_harness import arm_when_ready
+from tests.support.daemon.daemon_process import DaemonSetup, running_daemon, wait_for
+
+COMPLIANCE, CONSTANT_S = 0.08, 8.0
+GOALS, WAIT_S, DEADLINE_MS = 6, 6.0, 10_000.0
+MEMORY = '[deployed.memory."creep@joint2"]\nmean = [{mean}]\nsd = [{sd}]\noffsets = {{ {offsets} }}\n'
+
+
+def reached(count: int, seed: int) -> tuple[Array, Array]:
+    """Tip positions (count, 3) of random poses (m), raised and lowered in turn, and their loads (N·m)."""
+    rng, arm = np.random.default_rng(seed), load_arm("lrm-rover")
+    q = rng.uniform(-0.15, 0.15, (count, arm.dof))
+    q[:, 1] += np.where(np.arange(count) % 2, -0.5, 0.7)
+    settled = solve_equilibrium(model_of(arm, ()), poses_of(q))
+    return settled.tcp, settled.joint_torque[:, 1]
+
+
+def errors_mm(folder: Path, goals: Array, loads: Array, waits: Sequence[float], *, remembers: bool) -> list[float]:
+    """Distances of the tip from goals (mm) at arrival, of a daemon with or without the memory in its model."""
+    folder.mkdir()
+    mean, sd = float(loads.mean()), float(loads.std())
+    offsets = f'"offsets.joint2.theta_rad" = {COMPLIANCE * mean}'
+    model = folder / "model.toml"
+    model.write_text(
+        'schema = "lrm/model/1"\narm = "lrm-rover"\neffects = ["creep@joint2"]\n'
+        f'[parameters]\n"creep.joint2.k_rad_per_Nm" = {COMPLIANCE}\n"creep.joint2.T_s" = {CONSTANT_S}\n'
+        f'[deployed]\ncarried = {{ "creep@joint2" = "mean" }}\noffsets = {{ {offsets} }}\n'
+        + (MEMORY.format(mean=mean, sd=sd, offsets=offsets) if remembers else "")
+    )
+    setup, out = DaemonSetup.make(folder, {'# model = "/etc/lrm/model.toml"': f'model = "{model}"'}), []
+    creep = f"--creep=joint2={COMPLIANCE}:{CONSTANT_S}"
+    with running_daemon(setup, creep, "--dead-band-us=0.1") as (board, _), setup.rover() as rover:
+        names = rover.info().names[:6]
+        with rover.control("test"):
+            arm_when_ready(rover, "given", dict.fromkeys(rover.info().names, 0.0))
+            wait_for(lambda: rover.mode().mode == "armed", "armed")
+            for goal, wait in zip(goals, waits, strict=True):
+                time.sleep(wait)
+                request = IkRequest(goals=[GoalEntry(position_m=goal.tolist())], deadline_ms=DEADLINE_MS)
+                [answer] = rover.ik(request).answers
+                assert answer.q_rad is not None, answer.text
+                rover.move(dict(zip(names, answer.q_rad, strict=True)))
+                tip = board.ask("tcp")
+                out.append(float(np.linalg.norm([float(str(tip[f"{x}_mm"])) for x in "xyz"] - 1e3 * goal)))
+            assert not rover.fk(FkRequest(q_rad=[rover.commanded_q()])).left_out or not remembers
+    return out
+
+
+@pytest.mark.slow
+def test_goals_are_hit_with_the_memory_and_missed_without(tmp_path: Path) -> None:
+    """The first goal is of an arm of which nothing is known yet."""
+    (goals, loads), waits = reached(GOALS, 1), np.random.default_rng(2).uniform(0.0, WAIT_S, GOALS)
+    known, forgotten = (
+        errors_mm(tmp_path / str(remembers), goals, loads, waits, remembers=remembers) for remembers in (True, False)
+    )
+    assert np.sqrt(np.mean(np.square(known[2:]))) < 0.5 * np.sqrt(np.mean(np.square(forgotten[2:])))
