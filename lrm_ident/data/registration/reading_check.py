@@ -152,11 +152,10 @@ def check_reading(arm: Arm, data: Measurements) -> ReadingCheck | None:
     if one_pose or _spread(nominal_tcp(arm, points.poses)) == 0.0:
         return None
     read = points.scored(points.as_read)
-    hung = min(_hung_otherwise(points), key=lambda scored: scored.score, default=read)
+    hung = _hung_otherwise(points, read)
     if read.share <= FLOOR:
-        better = hung if _sags_so(points, read, hung) else _hidden_sign(points, read)
-        return ReadingCheck(read, (better or read,))
-    every = [read, *_alternatives(points), hung]
+        return ReadingCheck(read, hung or (_hidden_sign(points, read) or read,))
+    every = [read, *_alternatives(points), *hung]
     if min(scored.share for scored in every) > GOOD:
         every += _other_arms(points)
     if read.overdetermined and min(scored.share for scored in every) > DOUBTFUL:
@@ -248,20 +247,22 @@ def _other_arms(points: PointSet) -> Iterator[Scored]:
             yield replace(points, arm=other).scored(points.as_read.also(words, COMPOUND, f"--arm {name}"))
 
 
-def _hung_otherwise(points: PointSet) -> Iterator[Scored]:
-    """The data as read, of the arm with gravity in each other direction, where the data do not state it."""
-    if points.poses.gravity is None:
-        for arm, words in hung_otherwise(points.arm):
-            said = "gravity looks to act in another direction on the arm"
-            yield replace(points, arm=arm).scored(points.as_read.also(said, COMPOUND, f"state {words} in the arm file"))
+def _hung_otherwise(points: PointSet, read: Scored) -> tuple[Scored, ...]:
+    """The data as read, of the arm with gravity in the best other direction, where the data do not state it.
 
-
-def _sags_so(points: PointSet, read: Scored, hung: Scored) -> bool:
-    """Whether an arm with gravity in another direction explains what neither the stated one nor a rigid arm does."""
-    if not read.overdetermined or hung.score >= SAGS_SO * read.score:
-        return False
+    Empty if it does not explain what neither the stated direction nor an arm without weight does.
+    """
+    if points.poses.gravity is not None or not read.overdetermined:
+        return ()
+    said, every = "gravity looks to act in another direction on the arm", []
+    for arm, words in hung_otherwise(points.arm):
+        hypothesis = points.as_read.also(said, COMPOUND, f"state {words} in the arm file")
+        every.append(replace(points, arm=arm).scored(hypothesis))
+    best = min(every, key=lambda scored: scored.score)
+    if best.score >= SAGS_SO * read.score:
+        return ()
     weightless = replace(points, arm=replace(points.arm, gravity=(0.0, 0.0, 0.0)))
-    return hung.score < SAGS_SO * weightless.scored(points.as_read).score
+    return (best,) if best.score < SAGS_SO * weightless.scored(points.as_read).score else ()
 
 
 def _hidden_sign(points: PointSet, read: Scored) -> Scored | None:
