@@ -7,7 +7,9 @@ Two kinds of arms, each recorded twice: both tools fit the first recording, and 
 - mujoco.sysid's own arm with position servos (of its tests), simulated by MuJoCo: the model that it fits is the truth.
   Encoders of 12 bits at 30 Hz. It fits armature and damping; stiffness is given.
 
-`python -m bench.motion [--only so101|own] [--json FILE]`; mujoco.sysid: extra `bench`.
+The model of motion starts anew at each move, of 6 s at most, mujoco.sysid's at each episode of 24 s.
+
+`python -m bench.motion [--only so101|own] [--episodes N] [--json FILE]`; mujoco.sysid: extra `bench`.
 """
 
 from __future__ import annotations
@@ -43,7 +45,7 @@ from validation.motion.cases import FIRST, MotionCase, arm_of
 from validation.motion.world import STIFF_NM_PER_RAD, driven, encoder_readings, hand
 
 STEP_S, ITERATIONS, MADE = 1.0 / FPS / 16.0, 8, 2
-"""s of MuJoCo's step; iterations of its fit at most, episodes of 24 s of a recording."""
+"""s of MuJoCo's step; iterations of its fit at most; episodes of 24 s of a recording, if no other number is given."""
 CASES = ("coulomb friction", "play")
 OWN_ARMATURE, OWN_DAMPING = (0.5, 0.4, 0.3, 0.2, 0.1), (1.0, 0.8, 0.6, 0.4, 0.2)
 
@@ -194,11 +196,11 @@ def _off(task: Task, frequency: Array, damping: Array) -> tuple[float, float]:
     return float(np.sqrt(np.mean(parts[0] ** 2))), float(np.sqrt(np.mean(parts[1] ** 2)))
 
 
-def so101_task(case: MotionCase, seed: int) -> Task:
+def so101_task(case: MotionCase, seed: int, episodes: int) -> Task:
     """An SO-101 with one cause hidden, its recordings, and its MJCF."""
     rng, arm = np.random.default_rng(seed), load_arm("so101")
     hidden, _ = arm_of(case, rng)
-    seen, unseen = (driven([hidden], commands(rng), rng)[0] for _ in range(2))
+    seen, unseen = (driven([hidden], commands(rng, episodes), rng)[0] for _ in range(2))
     stiffness = np.full(arm.dof, STIFF_NM_PER_RAD)
     xml = with_servos(mjcf(model_of(arm, ())).text, joint_labels(arm), stiffness)
     free = ("armature", "damping", "frictionloss", "bias", "delay")
@@ -226,7 +228,7 @@ def with_servos(xml: str, labels: tuple[str, ...], stiffness: Array) -> str:
     return str(spec.to_xml())
 
 
-def own_task(seed: int) -> Task:
+def own_task(seed: int, episodes: int) -> Task:
     """The arm of mujoco.sysid's tests with the armatures and dampings of its other test, simulated by MuJoCo."""
     import mujoco
 
@@ -246,7 +248,7 @@ def own_task(seed: int) -> Task:
         spec.joint(f"joint{number + 1}").armature = armature
         spec.joint(f"joint{number + 1}").damping[0] = damping
     model = spec.compile()
-    seen, unseen = (_simulated(model, rng) for _ in range(2))
+    seen, unseen = (_simulated(model, rng, episodes) for _ in range(2))
     stiffness, braked = np.array([400.0] * 4 + [200.0]), np.array([40.0] * 4 + [20.0])
     J = np.array(OWN_ARMATURE) + reference_inertia(arm)
     omega = np.sqrt(stiffness / J)
@@ -255,11 +257,11 @@ def own_task(seed: int) -> Task:
     return Task("its own arm", arm, seen, unseen, omega / (2.0 * np.pi), ratio, stiffness, xml, names, braked)
 
 
-def _simulated(model: Any, rng: np.random.Generator) -> Recording:
+def _simulated(model: Any, rng: np.random.Generator, episodes: int) -> Recording:
     """What MuJoCo's arm does in episodes of teleoperation."""
     import mujoco
 
-    told = np.radians(encoder_readings(np.degrees(commands(rng)[:, 0]), rng))
+    told = np.radians(encoder_readings(np.degrees(commands(rng, episodes)[:, 0]), rng))
     data, out = mujoco.MjData(model), []
     for episode in told:
         mujoco.mj_resetData(model, data)
@@ -275,23 +277,24 @@ def _simulated(model: Any, rng: np.random.Generator) -> Recording:
     return Recording(np.degrees(told).reshape(-1, told.shape[2]), read, t, number)
 
 
-def commands(rng: np.random.Generator) -> Array:
+def commands(rng: np.random.Generator, episodes: int) -> Array:
     """(E, 1, N, 5), rad, of a hand that leads one arm."""
-    return np.stack([hand(rng)[None] for _ in range(MADE)])
+    return np.stack([hand(rng)[None] for _ in range(episodes)])
 
 
 def main() -> None:
     """Prints the scores, and their ratios."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else "")
     parser.add_argument("--only", default="", help="so101 or own")
+    parser.add_argument("--episodes", type=int, default=MADE, help="of 24 s, of each recording")
     parser.add_argument("--json", type=Path)
     given = parser.parse_args()
     tasks: list[Callable[[], Task]] = []
     if given.only != "so101":
-        tasks.append(lambda: own_task(9))
+        tasks.append(lambda: own_task(9, given.episodes))
     if given.only != "own":
         chosen = [next(case for case in FIRST if case.name == name) for name in CASES]
-        tasks += [lambda case=case, k=k: so101_task(case, k) for k, case in enumerate(chosen)]  # type: ignore[misc]
+        tasks += [lambda case=case, k=k: so101_task(case, k, given.episodes) for k, case in enumerate(chosen)]  # type: ignore[misc]
     rows = []
     for make in tasks:
         task = make()
