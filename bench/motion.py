@@ -15,6 +15,7 @@ The model of motion starts anew at each move, of 6 s at most, mujoco.sysid's at 
 from __future__ import annotations
 
 import argparse
+import importlib
 import io
 import json
 import re
@@ -85,9 +86,14 @@ class Task:
     servo_damping: Array
 
 
+def module(name: str) -> Any:
+    """A module of the extra `bench`, imported when it is needed."""
+    return importlib.import_module(name)
+
+
 def frames(made: Recording) -> LeRobotFrames:
     """As read from a dataset."""
-    return LeRobotFrames(np.radians(made.action), np.radians(made.state), made.t, made.episode)
+    return LeRobotFrames(np.radians(made.action), np.radians(made.state), made.t, made.episode.astype(np.int64))
 
 
 def ours(task: Task) -> MotionScore:
@@ -111,10 +117,7 @@ def ours(task: Task) -> MotionScore:
 
 def peer(task: Task) -> MotionScore:
     """`mujoco.sysid.optimize` with its default optimiser, as its tests use it."""
-    import mujoco
-    from absl import logging
-    from mujoco import sysid
-
+    mujoco, sysid, logging = map(module, ("mujoco", "mujoco.sysid", "absl.logging"))
     logging.set_verbosity(logging.ERROR)
     begun = time.perf_counter()
     spec = mujoco.MjSpec.from_string(task.xml)
@@ -173,8 +176,7 @@ def _modifier(label: str, what: str) -> Callable[[Any, Any], None] | None:
 
 def _sequences(task: Task, made: Recording, spec: Any) -> Any:
     """The episodes; commands hold from frame to frame, at the simulation's steps."""
-    from mujoco import sysid
-
+    sysid = module("mujoco.sysid")
     model = spec.compile()
     parts = [np.flatnonzero(made.episode == number) for number in np.unique(made.episode)]
     t = np.arange(len(parts[0])) / FPS
@@ -210,8 +212,7 @@ def so101_task(case: MotionCase, seed: int, episodes: int) -> Task:
 
 def with_servos(xml: str, labels: tuple[str, ...], stiffness: Array) -> str:
     """An MJCF without contacts whose position servos have a stiffness and no damping, with a sensor for each joint."""
-    import mujoco
-
+    mujoco = module("mujoco")
     spec = mujoco.MjSpec.from_string(xml)
     for actuator in list(spec.actuators):
         spec.delete(actuator)
@@ -230,8 +231,7 @@ def with_servos(xml: str, labels: tuple[str, ...], stiffness: Array) -> str:
 
 def own_task(seed: int, episodes: int) -> Task:
     """The arm of mujoco.sysid's tests with the armatures and dampings of its other test, simulated by MuJoCo."""
-    import mujoco
-
+    mujoco = module("mujoco")
     rng = np.random.default_rng(seed)
     source = (Path(mujoco.__file__).parent / "sysid" / "tests" / "conftest.py").read_text()
     xml = re.sub("<asset>.*?</asset>", "", source.split('ARM_XML = """\\\n')[1].split('"""')[0], flags=re.DOTALL)
@@ -259,8 +259,7 @@ def own_task(seed: int, episodes: int) -> Task:
 
 def _simulated(model: Any, rng: np.random.Generator, episodes: int) -> Recording:
     """What MuJoCo's arm does in episodes of teleoperation."""
-    import mujoco
-
+    mujoco = module("mujoco")
     told = np.radians(encoder_readings(np.degrees(commands(rng, episodes)[:, 0]), rng))
     data, out = mujoco.MjData(model), []
     for episode in told:
@@ -273,8 +272,8 @@ def _simulated(model: Any, rng: np.random.Generator, episodes: int) -> Recording
                 mujoco.mj_step(model, data)
     read = encoder_readings(np.degrees(np.array(out)), rng)
     N = told.shape[1]
-    t, number = np.tile(np.arange(N) / FPS, len(told)), np.repeat(np.arange(len(told)), N)
-    return Recording(np.degrees(told).reshape(-1, told.shape[2]), read, t, number)
+    t, number_of = np.tile(np.arange(N) / FPS, len(told)), np.repeat(np.arange(len(told), dtype=np.float64), N)
+    return Recording(np.degrees(told).reshape(-1, told.shape[2]), read, t, number_of)
 
 
 def commands(rng: np.random.Generator, episodes: int) -> Array:
