@@ -7,12 +7,15 @@ Two kinds of arms, each recorded twice: both tools fit the first recording, and 
 - mujoco.sysid's own arm with position servos (of its tests), simulated by MuJoCo: the model that it fits is the truth.
   Encoders of 12 bits at 30 Hz. It fits armature and damping; stiffness is given.
 
-`python -m bench.motion [--only so101|own] [--json FILE]`; mujoco.sysid: extra `bench`.
+The model of motion starts anew at each move, of 6 s at most, mujoco.sysid's at each episode of 24 s.
+
+`python -m bench.motion [--only so101|own] [--episodes N] [--json FILE]`; mujoco.sysid: extra `bench`.
 """
 
 from __future__ import annotations
 
 import argparse
+import importlib
 import io
 import json
 import re
@@ -43,7 +46,7 @@ from validation.motion.cases import FIRST, MotionCase, arm_of
 from validation.motion.world import STIFF_NM_PER_RAD, driven, encoder_readings, hand
 
 STEP_S, ITERATIONS, MADE = 1.0 / FPS / 16.0, 8, 2
-"""s of MuJoCo's step; iterations of its fit at most, episodes of 24 s of a recording."""
+"""s of MuJoCo's step; iterations of its fit at most; episodes of 24 s of a recording, if no other number is given."""
 CASES = ("coulomb friction", "play")
 OWN_ARMATURE, OWN_DAMPING = (0.5, 0.4, 0.3, 0.2, 0.1), (1.0, 0.8, 0.6, 0.4, 0.2)
 
@@ -83,9 +86,14 @@ class Task:
     servo_damping: Array
 
 
+def module(name: str) -> Any:
+    """A module of the extra `bench`, imported when it is needed."""
+    return importlib.import_module(name)
+
+
 def frames(made: Recording) -> LeRobotFrames:
     """As read from a dataset."""
-    return LeRobotFrames(np.radians(made.action), np.radians(made.state), made.t, made.episode)
+    return LeRobotFrames(np.radians(made.action), np.radians(made.state), made.t, made.episode.astype(np.int64))
 
 
 def ours(task: Task) -> MotionScore:
@@ -109,10 +117,7 @@ def ours(task: Task) -> MotionScore:
 
 def peer(task: Task) -> MotionScore:
     """`mujoco.sysid.optimize` with its default optimiser, as its tests use it."""
-    import mujoco
-    from absl import logging
-    from mujoco import sysid
-
+    mujoco, sysid, logging = map(module, ("mujoco", "mujoco.sysid", "absl.logging"))
     logging.set_verbosity(logging.ERROR)
     begun = time.perf_counter()
     spec = mujoco.MjSpec.from_string(task.xml)
@@ -171,8 +176,7 @@ def _modifier(label: str, what: str) -> Callable[[Any, Any], None] | None:
 
 def _sequences(task: Task, made: Recording, spec: Any) -> Any:
     """The episodes; commands hold from frame to frame, at the simulation's steps."""
-    from mujoco import sysid
-
+    sysid = module("mujoco.sysid")
     model = spec.compile()
     parts = [np.flatnonzero(made.episode == number) for number in np.unique(made.episode)]
     t = np.arange(len(parts[0])) / FPS
@@ -194,11 +198,11 @@ def _off(task: Task, frequency: Array, damping: Array) -> tuple[float, float]:
     return float(np.sqrt(np.mean(parts[0] ** 2))), float(np.sqrt(np.mean(parts[1] ** 2)))
 
 
-def so101_task(case: MotionCase, seed: int) -> Task:
+def so101_task(case: MotionCase, seed: int, episodes: int) -> Task:
     """An SO-101 with one cause hidden, its recordings, and its MJCF."""
     rng, arm = np.random.default_rng(seed), load_arm("so101")
     hidden, _ = arm_of(case, rng)
-    seen, unseen = (driven([hidden], commands(rng), rng)[0] for _ in range(2))
+    seen, unseen = (driven([hidden], commands(rng, episodes), rng)[0] for _ in range(2))
     stiffness = np.full(arm.dof, STIFF_NM_PER_RAD)
     xml = with_servos(mjcf(model_of(arm, ())).text, joint_labels(arm), stiffness)
     free = ("armature", "damping", "frictionloss", "bias", "delay")
@@ -208,8 +212,7 @@ def so101_task(case: MotionCase, seed: int) -> Task:
 
 def with_servos(xml: str, labels: tuple[str, ...], stiffness: Array) -> str:
     """An MJCF without contacts whose position servos have a stiffness and no damping, with a sensor for each joint."""
-    import mujoco
-
+    mujoco = module("mujoco")
     spec = mujoco.MjSpec.from_string(xml)
     for actuator in list(spec.actuators):
         spec.delete(actuator)
@@ -226,10 +229,9 @@ def with_servos(xml: str, labels: tuple[str, ...], stiffness: Array) -> str:
     return str(spec.to_xml())
 
 
-def own_task(seed: int) -> Task:
+def own_task(seed: int, episodes: int) -> Task:
     """The arm of mujoco.sysid's tests with the armatures and dampings of its other test, simulated by MuJoCo."""
-    import mujoco
-
+    mujoco = module("mujoco")
     rng = np.random.default_rng(seed)
     source = (Path(mujoco.__file__).parent / "sysid" / "tests" / "conftest.py").read_text()
     xml = re.sub("<asset>.*?</asset>", "", source.split('ARM_XML = """\\\n')[1].split('"""')[0], flags=re.DOTALL)
@@ -246,7 +248,7 @@ def own_task(seed: int) -> Task:
         spec.joint(f"joint{number + 1}").armature = armature
         spec.joint(f"joint{number + 1}").damping[0] = damping
     model = spec.compile()
-    seen, unseen = (_simulated(model, rng) for _ in range(2))
+    seen, unseen = (_simulated(model, rng, episodes) for _ in range(2))
     stiffness, braked = np.array([400.0] * 4 + [200.0]), np.array([40.0] * 4 + [20.0])
     J = np.array(OWN_ARMATURE) + reference_inertia(arm)
     omega = np.sqrt(stiffness / J)
@@ -255,11 +257,10 @@ def own_task(seed: int) -> Task:
     return Task("its own arm", arm, seen, unseen, omega / (2.0 * np.pi), ratio, stiffness, xml, names, braked)
 
 
-def _simulated(model: Any, rng: np.random.Generator) -> Recording:
+def _simulated(model: Any, rng: np.random.Generator, episodes: int) -> Recording:
     """What MuJoCo's arm does in episodes of teleoperation."""
-    import mujoco
-
-    told = np.radians(encoder_readings(np.degrees(commands(rng)[:, 0]), rng))
+    mujoco = module("mujoco")
+    told = np.radians(encoder_readings(np.degrees(commands(rng, episodes)[:, 0]), rng))
     data, out = mujoco.MjData(model), []
     for episode in told:
         mujoco.mj_resetData(model, data)
@@ -271,27 +272,28 @@ def _simulated(model: Any, rng: np.random.Generator) -> Recording:
                 mujoco.mj_step(model, data)
     read = encoder_readings(np.degrees(np.array(out)), rng)
     N = told.shape[1]
-    t, number = np.tile(np.arange(N) / FPS, len(told)), np.repeat(np.arange(len(told)), N)
-    return Recording(np.degrees(told).reshape(-1, told.shape[2]), read, t, number)
+    t, number_of = np.tile(np.arange(N) / FPS, len(told)), np.repeat(np.arange(len(told), dtype=np.float64), N)
+    return Recording(np.degrees(told).reshape(-1, told.shape[2]), read, t, number_of)
 
 
-def commands(rng: np.random.Generator) -> Array:
+def commands(rng: np.random.Generator, episodes: int) -> Array:
     """(E, 1, N, 5), rad, of a hand that leads one arm."""
-    return np.stack([hand(rng)[None] for _ in range(MADE)])
+    return np.stack([hand(rng)[None] for _ in range(episodes)])
 
 
 def main() -> None:
     """Prints the scores, and their ratios."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else "")
     parser.add_argument("--only", default="", help="so101 or own")
+    parser.add_argument("--episodes", type=int, default=MADE, help="of 24 s, of each recording")
     parser.add_argument("--json", type=Path)
     given = parser.parse_args()
     tasks: list[Callable[[], Task]] = []
     if given.only != "so101":
-        tasks.append(lambda: own_task(9))
+        tasks.append(lambda: own_task(9, given.episodes))
     if given.only != "own":
         chosen = [next(case for case in FIRST if case.name == name) for name in CASES]
-        tasks += [lambda case=case, k=k: so101_task(case, k) for k, case in enumerate(chosen)]  # type: ignore[misc]
+        tasks += [lambda case=case, k=k: so101_task(case, k, given.episodes) for k, case in enumerate(chosen)]  # type: ignore[misc]
     rows = []
     for make in tasks:
         task = make()

@@ -24,6 +24,7 @@ from lrm_ident.measuring.recordings.lerobot import LeRobotFrames
 from lrm_math.arm.arm_file import load_arm
 from lrm_math.motion.base import MotionEffect
 from lrm_math.motion.motion_model import MotionModel, effect_of
+from validation.encoder_checkup.teleoperation import Recording
 from validation.motion.world import TrueJoints, driven
 from validation.options import asked
 
@@ -92,10 +93,12 @@ def recordings(
     for arm, one in zip(arms, hidden, strict=True):
         CAUSES[one.cause](arm)
     told = np.stack([as_moves(ARM, own, NOISE, smooth=False).command for own in moves], axis=1)
-    return [
-        moves_of(LeRobotFrames(np.radians(made.action), np.radians(made.state), made.t, made.episode), ARM, Path())
-        for made in driven(arms, told, rng)
-    ]
+    return [moves_of(frames_of(made), ARM, Path()) for made in driven(arms, told, rng)]
+
+
+def frames_of(made: Recording) -> LeRobotFrames:
+    """As read from a dataset."""
+    return LeRobotFrames(np.radians(made.action), np.radians(made.state), made.t, made.episode.astype(np.int64))
 
 
 def base_fit(moves: Moves) -> JointFit:
