@@ -26,14 +26,14 @@ from lrm_ident.residual.thresholds import MIN_GAIN
 
 NEXT_STEP: Mapping[Verdict, str] = {
     Verdict.UNEXPLAINED_STRUCTURE: (
-        "Searches for a formula. If you know the cause, write it as an effect: docs/effects.md"
+        "Search for a formula. If you know the cause, write it as an effect: docs/effects.md"
     ),
     Verdict.UNPREDICTABLE: (
         "Measure some of these poses again in another order. An error that repeats belongs to the arm; "
         "one that does not is a loose part, creep or noise."
     ),
     Verdict.NOTHING_MISSING: (
-        "Sends it to lrmd, the program that drives the arm. To check it with a tracker: "
+        "Give it to lrmd, the program that drives the arm. To check it with a tracker: "
         "lrm-ident verify --tracker dtrack:5000 --goals 50"
     ),
     Verdict.NOISE_UNKNOWN: (

@@ -221,6 +221,7 @@ class IkProcess:
         now = self._shared.read_gravity()
         if now is None or now == self._gravity or self._service is None:
             return
+        self._memory.stood(self._service, time.monotonic_ns())
         try:
             self._service = self._service.under_gravity((now.x, now.y, now.z) if now.known else None)
         except LrmError as error:
