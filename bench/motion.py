@@ -13,6 +13,7 @@ Two kinds of arms, each recorded twice: both tools fit the first recording, and 
 from __future__ import annotations
 
 import argparse
+import io
 import json
 import re
 import subprocess
@@ -20,6 +21,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable
+from contextlib import redirect_stdout
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -40,7 +42,7 @@ from validation.encoder_checkup.teleoperation import FPS, Recording
 from validation.motion.cases import FIRST, MotionCase, arm_of
 from validation.motion.world import STIFF_NM_PER_RAD, driven, encoder_readings, hand
 
-STEP_S, ITERATIONS, MADE = 1.0 / FPS / 8.0, 15, 2
+STEP_S, ITERATIONS, MADE = 1.0 / FPS / 16.0, 8, 2
 """s of MuJoCo's step; iterations of its fit at most, episodes of 24 s of a recording."""
 CASES = ("coulomb friction", "play")
 OWN_ARMATURE, OWN_DAMPING = (0.5, 0.4, 0.3, 0.2, 0.1), (1.0, 0.8, 0.6, 0.4, 0.2)
@@ -128,7 +130,11 @@ def peer(task: Task) -> MotionScore:
             start = float(np.clip(guess[what][joint], low, high))
             params.add(sysid.Parameter(f"{label}.{what}", start, low, high, modifier=_modifier(label, what)))
 
-    def shifted(params: Any, predicted: Any, measured: Any, *_: object, **__: object) -> tuple[Any, ...]:
+    def shifted(
+        params: Any, predicted: Any, measured: Any, model: Any, every: bool, *, state: Any
+    ) -> tuple[Any, ...]:  # of the states: the sensors of a rollout stand one step late in time
+        del model, every
+        predicted = sysid.TimeSeries(state[:, 0], state[:, 1 : 1 + task.arm.dof], predicted.signal_mapping)
         names = [f"{label}_pos" for label in labels]
         given = {label: [params[f"{label}.{w}"].value[0] if w in task.free else 0.0 for w in ("delay", "bias")]
                  for label in labels}  # fmt: skip
@@ -140,7 +146,8 @@ def peer(task: Task) -> MotionScore:
         return measured.data - data, sysid.TimeSeries(measured.times, data, measured.signal_mapping), measured
 
     residual = sysid.build_residual_fn(models_sequences=[_sequences(task, task.seen, spec)], modify_residual=shifted)
-    found, _ = sysid.optimize(params, residual, verbose=False, max_iters=ITERATIONS, x_scale="jac")
+    with redirect_stdout(io.StringIO()):
+        found, _ = sysid.optimize(params, residual, verbose=False, max_iters=ITERATIONS, x_scale="jac")
     seconds = time.perf_counter() - begun
     predict = sysid.build_residual_fn(models_sequences=[_sequences(task, task.unseen, spec)], modify_residual=shifted)
     missed = np.concatenate([np.ravel(part) for part in predict(found.as_vector(), found)[0]])

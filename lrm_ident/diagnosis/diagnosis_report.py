@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 
 from lrm_ident.data.error_stats import ErrorStats, error_stats
 from lrm_ident.data.notebook import ShownInNotebook
-from lrm_ident.data.wording import in_mm, quantity
+from lrm_ident.diagnosis.claim import Estimate, claim_of, fitted_estimates, screened_estimates
 from lrm_ident.diagnosis.confirm import ConfirmedDiagnosis, confirm
 from lrm_ident.diagnosis.diagnose import Diagnosis
 from lrm_ident.diagnosis.judgement import Support, Verdict
@@ -24,35 +23,17 @@ from lrm_ident.residual.parameter_hints import parameter_hints
 from lrm_ident.residual.predictability import PredictableError
 from lrm_ident.residual.residual_patterns import ResidualPatterns, residual_patterns
 from lrm_ident.residual.thresholds import MIN_GAIN
-from lrm_math.effects import Effect, Parameter
-from lrm_math.model.equilibrium import solve_equilibrium
 
-DISPLAY_UNITS = {
-    "rad": (180.0 / np.pi, "°"),
-    "rad_per_rad": (100.0, " %"),
-    "rad_per_Nm": (1.0, " rad/Nm"),
-    "rad_per_Nm2": (1.0, " rad/Nm²"),
-    "rad_per_rad_per_Nm2": (1.0, " /Nm²"),
-    "per_turn": (1.0, ""),
-    "s_per_s": (1.0, ""),
-    "rad_per_Nm3": (1.0, " rad/Nm³"),
-    "Nm_per_rad": (1.0, " Nm/rad"),
-    "mm_per_m": (1.0, " mm/m"),
-    "rad_per_K": (180.0 / np.pi, "°/K"),
-    "mm_per_K": (1.0, " mm/K"),
-}
-MOST_ESTIMATES = 4  # in a sentence, the most significant; all are in the JSON file
-TOO_MANY = 12  # estimates from which none is listed: coefficients of a curve
 NEXT_STEP: Mapping[Verdict, str] = {
     Verdict.UNEXPLAINED_STRUCTURE: (
-        "Searches for a formula. If you know the cause, write it as an effect: docs/effects.md"
+        "Search for a formula. If you know the cause, write it as an effect: docs/effects.md"
     ),
     Verdict.UNPREDICTABLE: (
         "Measure some of these poses again in another order. An error that repeats belongs to the arm; "
         "one that does not is a loose part, creep or noise."
     ),
     Verdict.NOTHING_MISSING: (
-        "Sends it to lrmd, the program that drives the arm. To check it with a tracker: "
+        "Give it to lrmd, the program that drives the arm. To check it with a tracker: "
         "lrm-ident verify --tracker dtrack:5000 --goals 50"
     ),
     Verdict.NOISE_UNKNOWN: (
@@ -61,14 +42,6 @@ NEXT_STEP: Mapping[Verdict, str] = {
     ),
 }
 """Advice after a verdict that names no cause."""
-
-
-class Estimate(NamedTuple):
-    """Estimate of a parameter: its name with the unit, value and standard error in that unit."""
-
-    name: str
-    value: float
-    error: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -219,7 +192,7 @@ def _rank(scored: ScoredCandidate, confirmed: ConfirmedDiagnosis, before: ErrorS
     diagnosis, supported = confirmed.diagnosis, confirmed.supported
     refit = confirmed.refit if scored in supported[:1] else None
     fitted, rms = (None, scored.alone.rms) if refit is None else (refit.fit, refit.error.rms)
-    estimates = _estimates(scored) if fitted is None else _fitted_estimates(scored, fitted)
+    estimates = screened_estimates(scored) if fitted is None else fitted_estimates(scored, fitted)
     leaders = tuple(one.name for one in supported[:1] if scored.name in diagnosis.equivalent[one.name])
     equivalent = leaders or (diagnosis.equivalent[scored.name] if scored in supported else ())
     verdict = Support.NO_EVIDENCE
@@ -228,7 +201,7 @@ def _rank(scored: ScoredCandidate, confirmed: ConfirmedDiagnosis, before: ErrorS
     reason = Reason(ReasonKind.REFUSED, (rms,), because=confirmed.refused.get(scored.name, other))
     claim = ""
     if equivalent or scored in supported:
-        claim = _describe_effect(scored, estimates, fitted)
+        claim = claim_of(scored, estimates, fitted)
         verdict = Support.INDISTINGUISHABLE if equivalent else Support.SUPPORTED
         reason = Reason(ReasonKind.EXPLAINS, (before.rms, rms), (scored.name, *equivalent), claim)
     elif scored.implausible:
@@ -239,73 +212,6 @@ def _rank(scored: ScoredCandidate, confirmed: ConfirmedDiagnosis, before: ErrorS
         reason = Reason(ReasonKind.RESEMBLES, names=(function.name,))
     deployed = None if refit is None else DeployedError.of(refit.fit.model, diagnosis.data.poses, refit.blocks)
     return RankedCandidate(scored, verdict, rms, fitted, estimates, equivalent, claim, reason, deployed)
-
-
-def _estimates(scored: ScoredCandidate) -> tuple[Estimate, ...]:
-    """Estimates of the linear screening."""
-    return tuple(
-        Estimate(p.name, float(theta * p.typical / p.si), float(error * p.typical / p.si))
-        for p, theta, error in zip(scored.candidate.parameters, scored.alone.theta, scored.alone.error, strict=True)
-    )
-
-
-def _fitted_estimates(scored: ScoredCandidate, fitted: Fit) -> tuple[Estimate, ...]:
-    """Estimates of the refit, with the shape parameters that it holds."""
-    effect, model = scored.candidate.effect, fitted.model
-    errors = dict(zip(model.free, fitted.standard_error, strict=True))
-    return tuple(
-        Estimate(p.name, model.value(key) / p.si, float(errors.get(key, 0.0)) / p.si)
-        for key, p in zip(effect.keys, effect.parameters, strict=True)
-        if key in errors or p.fixed is not None
-    )
-
-
-def _describe_effect(scored: ScoredCandidate, estimates: Sequence[Estimate], fitted: Fit | None) -> str:
-    """Claim of an effect with its estimates, for instance `joint2 has 2.3 ± 0.1° of play`; where the claim has no
-    number, as of a curve, with the largest motion that the effect makes."""
-    effect = scored.candidate.effect
-    units = {p.name: p.unit for p in effect.parameters}
-    words = {name: with_unit(value, error, units[name]) for name, value, error in estimates}
-    chosen = {p.name: _chosen(p, value) for p, value in zip(effect.parameters, scored.shape, strict=True)}
-    numbers = {**chosen, **words}
-    sentence = effect.about.claim
-    claim = (sentence or f"{effect.id} at {{place}}").format(place=effect.place_in_words, **numbers)
-    if fitted is not None and not any(f"{{{name}}}" in sentence for name in numbers):
-        claim += f", by up to {in_mm(_largest_motion(fitted, effect))} mm at the tip"
-    acting = [one for one in estimates if one.value]
-    further = [one for one in acting if one.name not in sentence]
-    if effect.variant_of:  # coefficients of a curve mean nothing to a reader
-        return claim
-    if any(one not in further for one in acting if one.error) or not further or len(further) > TOO_MANY:
-        return claim
-    surest = sorted(further, key=lambda one: -abs(one.value) / max(one.error, 1e-300))[:MOST_ESTIMATES]
-    shown = [name for name in words if name in {one.name for one in surest}]
-    meanings, more = {p.name: p.meaning for p in effect.parameters}, len(further) - MOST_ESTIMATES
-    surest_values = ", ".join(f"{meanings[name]} {words[name]}" for name in shown)
-    return f"{claim} ({surest_values}{f' and {more} more' if more > 0 else ''})"
-
-
-def _largest_motion(fitted: Fit, effect: Effect) -> float:
-    """Largest motion of the TCP by an effect of a fitted model at the measured poses (m)."""
-    without = fitted.model.with_values_of([key for key in effect.keys if key in fitted.model.free], 0.0)
-    moved = fitted.equilibrium.tcp - solve_equilibrium(without, fitted.equilibrium.poses, fitted.equilibrium).tcp
-    return float(np.linalg.norm(moved, axis=1).max())
-
-
-def _chosen(parameter: Parameter, value: float) -> str:
-    """Value of a shape parameter (SI) with its unit, for instance the pose of a change; 0 for other parameters."""
-    return "0" if parameter.fixed is None else with_unit(value / parameter.si, None, parameter.unit)
-
-
-def with_unit(value: float, error: float | None, unit: str) -> str:
-    """Estimate with its standard error, if any, in the unit that is shown, for instance `2.3 ± 0.1°`."""
-    scale, symbol = DISPLAY_UNITS.get(unit, (1.0, f" {unit}"))
-    if unit == "pose":
-        return f"pose {value:.0f}"
-    shown = value * scale
-    if error:
-        return f"{quantity(shown, error * scale)}{symbol}"
-    return f"{f'{shown:.0f}' if abs(shown) >= 100 else f'{shown:.3g}'}{symbol}"
 
 
 def _hint(diagnosis: Diagnosis, first: Sequence[ScoredCandidate]) -> str:

@@ -15,7 +15,7 @@ from lrm_ident.design.observability import INDICES, UNITS, Observability, Units
 from lrm_ident.design.parameter_elimination import ParameterElimination
 from lrm_ident.design.pose_design import CandidateSet, DesignProblem, ExpectedAccuracy, PoseDesign
 from lrm_ident.design.pose_selection import PoseSelection
-from lrm_ident.diagnosis.diagnosis_report import with_unit
+from lrm_ident.diagnosis.claim import with_unit
 from lrm_ident.fitting.dependence import UnidentifiableParameter
 from lrm_ident.fitting.parameter_sets import TABLE_4_5
 from lrm_ident.report.document import Block, Document, ResultTable, heading, section

@@ -10,8 +10,8 @@ import numpy as np
 
 from lrm_ident.data.error_stats import error_stats
 from lrm_ident.data.wording import arrow, in_mm
+from lrm_ident.diagnosis.claim import with_unit
 from lrm_ident.diagnosis.contradiction import can_be_contradicted
-from lrm_ident.diagnosis.diagnosis_report import with_unit
 from lrm_ident.diagnosis.evidence import Evidence
 from lrm_ident.report.diagnosis.conclusion import Conclusion
 from lrm_ident.report.document import Document

@@ -140,6 +140,7 @@ class _Motions:
 
     @classmethod
     def of(cls, bodies: ArmBodies, travel: Array) -> _Motions:
+        """Bounds for moves that travel so far (rad)."""
         turned = np.abs(travel)
         speed = bodies.rate * (turned @ bodies.scene.motion_bound.T)
         bend = 2.0 * bodies.rate * turned.sum(axis=1, keepdims=True) * speed

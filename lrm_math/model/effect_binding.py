@@ -240,6 +240,7 @@ def frame_basis(bound: BoundEffect, position: Sequence[Number]) -> Rows:
     square = _product("xx", seen) + _product("yy", seen) + _product("zz", seen)
 
     def of_target(name: str) -> Amounts:
+        """Amounts along the three axes of a target, `x` or `xyz`-like: an axis, then a term of the coordinates."""
         row = AXES.index(name[0])
         if len(name) == 1:
             return tuple(float(axis == row) for axis in range(len(AXES)))

@@ -69,7 +69,7 @@ MotionPath = Annotated[Path, Argument(metavar="MODEL", help="A motion model writ
 NewMotion = Annotated[Path, Option("-o", "--output", metavar="MODEL2", help="Where to write the motion model.")]
 TIP_HELP = (
     "What a tracker recorded while the commands were logged: a CSV with t_s, x_mm, y_mm, z_mm, an export of Motive or "
-    "Vicon, or an MCAP file."
+    "Vicon, DTrack's ASCII output, or an MCAP file."
 )
 SOURCE_OPTIONS: dict[str, Any] = {
     "tip": (Path | None, Option(metavar="FILE", help=TIP_HELP)),

@@ -33,7 +33,7 @@ def import_(
         Path,
         Argument(
             metavar="RECORDING",
-            help="A CSV of OptiTrack Motive or Vicon, an .mcap, or a .mat with a position per pose.",
+            help="A CSV of OptiTrack Motive or Vicon, DTrack's ASCII output, an .mcap, or a .mat of positions.",
         ),
     ],
     poses: Annotated[

@@ -237,6 +237,7 @@ def _resolved(joints: dict[str, UrdfJoint]) -> dict[str, UrdfJoint]:
     by_name = {joint.name: joint for joint in joints.values()}
 
     def resolved(joint: UrdfJoint) -> UrdfJoint:
+        """One joint, as a follower of its last leader."""
         ratio, offset, leader = 1.0, 0.0, joint
         for _ in joints:
             if leader.mimic is None or leader.fault is not None:

@@ -42,6 +42,7 @@ def with_likely_shapes(candidate: Candidate, residual: Array) -> Candidate:
     error = error - fitted @ (fitted.T @ error)
 
     def explained(shape: tuple[float, ...]) -> float:
+        """Square of the residual (m²) that the candidate takes with a shape, beside the plain columns."""
         columns = np.zeros((len(candidate.rows), len(error)))
         for column, row in zip(columns, candidate.rows, strict=True):
             amounts = effect.amounts(settled.poses, tau, [1.0 if i == row else p for i, p in enumerate(shape)])

@@ -43,7 +43,7 @@ def motion_page(before: MotionStudy, after: MotionStudy, documents: Sequence[Doc
         picture = Path(folder) / "move.png"
         draw_motion(before, after, picture)
         image = b64encode(picture.read_bytes()).decode()
-    shown = f'<p><img alt="Command, encoder and prediction of the worst move" src="data:image/png;base64,{image}"></p>'
+    shown = f'<p><img alt="Command, reading and prediction of the worst move" src="data:image/png;base64,{image}"></p>'
     first, *others = (blocks_html(document.whole) for document in documents)
     title = f"Motion: {after.moves.name}, {after.moves.arm.name}"
     return PAGE.format(title=escape(title), body="\n".join([first, shown, *others]))

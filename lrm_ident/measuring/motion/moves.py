@@ -123,6 +123,10 @@ class Moves:
         """(N,), readings less commands of a joint (rad) at the frames that count."""
         return np.asarray((self.reading - self.command)[self.counted][:, joint])
 
+    def told_and_read(self, joint: int) -> tuple[Array, Array]:
+        """(S, T, m) each, what a joint's encoder would read of the commands (rad), and what it read."""
+        return self.command[:, :, [joint]], self.reading[:, :, [joint]]
+
     def fitted_with(self, joint: int) -> Sequence[int]:
         """Joints (from 0) that are fitted anew where the effects of one change."""
         return [joint]

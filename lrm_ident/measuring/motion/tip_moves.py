@@ -146,6 +146,11 @@ class TipMoves(Moves):
         del joint
         return np.asarray((self.tip - self._tips(self.command)[0])[self.counted]).reshape(-1)
 
+    def told_and_read(self, joint: int) -> tuple[Array, Array]:
+        """(S, T, 3) each, tip of the commands, and the tracked one, in the tracker's frame (m), whatever the joint."""
+        del joint
+        return self._tips(self.command)[0], self.tip
+
     def fitted_with(self, joint: int) -> Sequence[int]:
         """All joints: the tip moves with each of them."""
         del joint

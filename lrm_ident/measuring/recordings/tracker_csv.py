@@ -1,4 +1,5 @@
-"""CSV exports of trackers: OptiTrack's Motive, Vicon's Tracker and Nexus, and the plain `t_s, x_mm, y_mm, z_mm`.
+"""Exports of trackers: CSV of OptiTrack's Motive, of Vicon's Tracker and Nexus, and the plain `t_s, x_mm, y_mm, z_mm`;
+DTrack's ASCII output (`dtrack_file`).
 
 Motive, format versions 1.2x (docs.optitrack.com, "Data Export: CSV"): the first line has pairs of names and values,
 among them `Format Version`, `Rotation Type`, `Length Units`. After an empty line stand rows that say of every column
@@ -25,6 +26,7 @@ from scipy.spatial.transform import Rotation
 
 from lrm_ident.data.measurement_file.conventions import LENGTH_UNITS
 from lrm_ident.data.table_text.csv_file import DECIMAL_COMMA, read_text
+from lrm_ident.measuring.recordings.dtrack_file import dtrack_take, is_dtrack
 from lrm_ident.measuring.recordings.take import BodyTrack, RecordedTake, matrices
 from lrm_ident.measuring.tracker.growing_csv import COLUMNS as PLAIN
 from lrm_math.arm.arm_file import MM
@@ -50,7 +52,10 @@ def read_export(path: Path, rotation: str | None) -> RecordedTake:
 
     Raises `FileError`: not as described above, other units, no body, sections of different lengths.
     """
-    cells = _cells(path)
+    text = read_text(path).text
+    if is_dtrack(text):
+        return dtrack_take(path, text)
+    cells = _cells(path, text)
     begin = cells[0][0] if cells else ""
     if begin == "Format Version":
         return _motive(path, cells)
@@ -59,19 +64,19 @@ def read_export(path: Path, rotation: str | None) -> RecordedTake:
     if cells and {*PLAIN} <= {*cells[0]}:
         return _plain(path, cells)
     right = (
-        "should be a .mat file of positions, an .mcap, a CSV export of OptiTrack Motive, Vicon Tracker or Nexus, or a "
-        f"CSV with {', '.join(PLAIN)}"
+        "should be a .mat file of positions, an .mcap, a CSV export of OptiTrack Motive, Vicon Tracker or Nexus, "
+        f"DTrack's ASCII output, or a CSV with {', '.join(PLAIN)}"
     )
     raise FileError(path, "line 1", f"begins with '{begin[:30]}'", right)
 
 
-def _cells(path: Path) -> Cells:
+def _cells(path: Path, text: str) -> Cells:
     """All lines, empty ones as one empty cell, without spaces around; semicolons, tabs or commas.
 
     As Excel saves an export: with a line `sep=;`, and decimal commas where commas do not divide cells.
     Raises `FileError`.
     """
-    text = re.sub(r'\A"?sep=."?\s*\n', "", read_text(path).text, flags=re.IGNORECASE)
+    text = re.sub(r'\A"?sep=."?\s*\n', "", text, flags=re.IGNORECASE)
     delimiter = max(";\t,", key=text.count)
     try:
         rows = list(csv.reader(text.splitlines(), delimiter=delimiter))

@@ -179,6 +179,7 @@ class _Problem:
 
     @classmethod
     def of(cls, arm: Arm, noise: float, seed: int) -> _Problem:
+        """The problem of an arm touched with a noise (m); its fresh poses are drawn with the seed."""
         model, rng = nominal_model(arm, DEFAULT_EFFECTS), np.random.default_rng(seed)
         keys = tuple(key for key in model.keys if ParameterRef.parse(key).effect != BASE_OFFSETS)
         free = model.with_free(keys)

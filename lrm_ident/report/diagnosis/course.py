@@ -14,8 +14,8 @@ from lrm_ident.data.error_stats import error_stats
 from lrm_ident.data.wording import change_words, enumerate_words, in_mm, p_words
 from lrm_ident.diagnosis.attribution import AttributionTerm, term_of
 from lrm_ident.diagnosis.auto import AutoRun, AutoStep
+from lrm_ident.diagnosis.claim import with_unit
 from lrm_ident.diagnosis.confirm import ConfirmedDiagnosis, objection_to
-from lrm_ident.diagnosis.diagnosis_report import with_unit
 from lrm_ident.diagnosis.judgement import Support
 from lrm_ident.fitting.held_out import held_out_squares
 from lrm_ident.report.diagnosis.conclusion import UNKNOWN_FILES, CommandNames, conclude

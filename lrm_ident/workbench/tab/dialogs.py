@@ -55,6 +55,7 @@ def save_dialog(session: WorkbenchSession, do: Do) -> None:
         replaces.bind_visibility_from(path, "value", backward=lambda name: Path(name).expanduser().is_file())
 
         def save() -> None:
+            """Writes it. Raises `LrmError` if a file is there that may not be replaced."""
             to = Path(path.value).expanduser()
             if to.is_file() and not replaces.value:
                 raise LrmError(f"{to} is there already: mark *Replace the file that is there*, or give another name")

@@ -65,7 +65,16 @@ ONE_OF: dict[str, list[dict[str, Any]]] = {
     "ArmRequest": [{"where": "given", "servos": None}, {"where": "stored", "q_rad": {}}],
     "IkRequest": [{}],
     "FkRequest": [{"near_rad": None}, {"direction": []}],
-    "SkillRequest": [{"skill": "approach", "q_rad": None, "near_rad": None, "payload_kg": None, "listen_s": 0.0}],
+    "SkillRequest": [
+        {
+            "skill": "approach",
+            "q_rad": None,
+            "near_rad": None,
+            "payload_kg": None,
+            "payload_centre_m": None,
+            "listen_s": 0.0,
+        }
+    ],
     "PlanRequest": [
         {"goal": None, "line": False, "stabilise": False},
         {"to_rad": None, "stabilise": False},

@@ -27,7 +27,7 @@ STIFF = 20.0
 def swung(spring: JointSpring, seconds: float = 4.0) -> np.ndarray:
     """Deflections of joint 2 (rad), every ms, after its servo stopped at once from 0.3 rad/s."""
     swing = SwingingLinks(TRUTH, {"joint2": spring})
-    swing.weigh(HERE, 0.0)
+    swing.weigh(TRUTH.chain, HERE, 0.0)
     step, out = np.array([0.0, 0.0003, 0.0, 0.0, 0.0, 0.0]), []
     for k in range(3000):
         swing.follow(HERE + (k - 3000) * step, HERE + (k - 2999) * step, 0.001)

@@ -10,7 +10,9 @@ from typing import Any
 
 import numpy as np
 import pytest
+from matplotlib.axes import Axes
 
+from lrm_ident.measuring.motion import motion_picture
 from lrm_ident.measuring.motion.motion_files import MotionSource, write_motion
 from lrm_ident.measuring.motion.motion_report import comparison_document, motion_document
 from lrm_ident.measuring.motion.motion_study import MotionStudy
@@ -103,6 +105,24 @@ def test_the_link_that_swings_is_found_and_the_error_falls_to_the_noise() -> Non
     for document in (motion_document(own, "x"), comparison_document(own)):
         assert "mm" in document.text()
         assert document.json()
+
+
+def test_the_picture_of_a_tip_names_what_was_tracked(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    said: list[str] = []
+
+    def note(axes: Axes, *words: str) -> None:
+        said.extend([*words, *axes.get_legend_handles_labels()[1]])
+        curves = {line.get_label(): line.get_ydata() for line in axes.get_lines()}
+        if "tracked tip" in curves:
+            apart = [np.std(curves[name] - curves["tracked tip"]) for name in ("predicted before", "predicted after")]
+            assert apart[1] < 0.5 * apart[0], "mm, of the tip along one axis"
+
+    monkeypatch.setattr(motion_picture, "finish", note)
+    motion_picture.draw_motion(study(), study().add("swing@joint1"), tmp_path / "move.png")
+    assert (tmp_path / "move.png").stat().st_size > 0
+    assert "tracked tip" in said
+    assert "reading − prediction, mm" in said
+    assert not any("encoder" in one or "deg" in one for one in said)
 
 
 def test_the_model_comes_back_from_its_file(tmp_path: Path) -> None:

@@ -16,8 +16,9 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from lrm_ident.data.weights.whitening import RowWeights
+from lrm_ident.diagnosis.claim import DISPLAY_UNITS
 from lrm_ident.diagnosis.diagnose import Diagnosis
-from lrm_ident.diagnosis.diagnosis_report import DISPLAY_UNITS, RankedCandidate
+from lrm_ident.diagnosis.diagnosis_report import RankedCandidate
 from lrm_ident.diagnosis.screening.score_test import ScoredCandidate
 from lrm_ident.report.plots.interactive.group_means import explained_by_means, joints_of, of_law, shown_most
 from lrm_ident.residual.covariates import Covariate, scaled

@@ -171,8 +171,9 @@ def _card(found: ModelReport, card: StepCard, fall: ErrorFall, shown: StepAttrib
     kind, floor = None if shown is None else shown.kind, found.floor_mm
     known = shown is not None and found.diagnosis is not None and fall.explained > 0.0
     judged = (found.judged or {}).get(card.number - 1)
+    own = {key: value for key, value in plain(card).items() if key != "evidence"}  # what is shown of it stands below
     return {
-        **plain(card),
+        **own,
         **plain(fall),
         "fall": fall.words,
         "share": fall.share_of_excess(floor),

@@ -32,8 +32,10 @@ function lrmField(page) {
   function drawStep(id, number, bar, residual = left(number)) {
     const v = state.values, step = v.steps[number], box = place(id), chosen = page.marked();
     if (!box || !step) return;
-    const title = page.whatIf.active(number, page.candidate())
-      ? `what if: RMS ${words(page.whatIf.rms(residual))} mm, before any refit` : `${state.beside === null ? "" : number === Math.max(state.step, state.beside) ? "after: " : "before: "}${step.title}: RMS ${step.rms} mm${step.held ? ` (held out ${step.held})` : " on these data"}`;
+    const alone = `${step.title}: RMS ${step.rms} mm${step.held ? ` (held out ${step.held})` : " on these data"}`;
+    const when = number === Math.max(state.step, state.beside) ? "after" : "before";
+    const error = state.beside === null ? alone : `${when}: ${step.held ? `${step.held} mm RMS held out` : `${step.rms} mm RMS`}`;
+    const title = page.whatIf.active(number, page.candidate()) ? `what if: RMS ${words(page.whatIf.rms(residual))} mm, before any refit` : error;
     const deed = { hover: page.hover, toggle: page.toggle, mark: (rows) => page.brush(new Set(rows.map((row) => v.pose[row]))) };
     scenes[id] = scenes[id] || lrmScene(box, deed);
     scenes[id].show({ title, box: boxOfField(), bar,
