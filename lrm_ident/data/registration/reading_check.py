@@ -259,10 +259,15 @@ def _hung_otherwise(points: PointSet, read: Scored) -> tuple[Scored, ...]:
         hypothesis = points.as_read.also(said, COMPOUND, f"state {words} in the arm file")
         every.append(replace(points, arm=arm).scored(hypothesis))
     best = min(every, key=lambda scored: scored.score)
-    if best.score >= SAGS_SO * read.score:
-        return ()
+    return (best,) if _sags_so(points, read, best) else ()
+
+
+def _sags_so(points: PointSet, read: Scored, hung: Scored) -> bool:
+    """Whether an arm with gravity in another direction explains what neither the stated one nor a rigid arm does."""
+    if hung.score >= SAGS_SO * read.score:
+        return False
     weightless = replace(points, arm=replace(points.arm, gravity=(0.0, 0.0, 0.0)))
-    return (best,) if best.score < SAGS_SO * weightless.scored(points.as_read).score else ()
+    return hung.score < SAGS_SO * weightless.scored(points.as_read).score
 
 
 def _hidden_sign(points: PointSet, read: Scored) -> Scored | None:

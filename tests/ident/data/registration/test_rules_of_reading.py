@@ -48,7 +48,7 @@ def found(lab: Arm, patch: Patch, read: Scored, *others: Scored) -> list[str]:
     patch.setattr(reading_check, "nominal_tcp", lambda *_: np.eye(3))
     patch.setattr(reading_check.PointSet, "as_read", None)
     patch.setattr(reading_check.PointSet, "scored", lambda *_: read)
-    patch.setattr(reading_check, "_hung_otherwise", lambda _: iter(()))
+    patch.setattr(reading_check, "_hung_otherwise", lambda *_: ())
     patch.setattr(reading_check, "_alternatives", lambda _: iter(others))
     for name in ("_other_arms", "_unrelated_columns"):
         patch.setattr(reading_check, name, nothing)
