@@ -65,9 +65,9 @@ def announcement(moves: MoveSequence, names: Sequence[str], here: Sequence[float
         for name, a, b, rate in zip(names, low, high, fastest, strict=True)
         if b - a > SEEN_DEG
     ]
-    first = f"first to the first pose, {names[int(np.argmax(to_first))]} by {to_first.max():.1f} deg"
-    what = f"then {moves.t[-1] - moves.t[0]:.0f} s of moves: {', '.join(ranges) or 'no joint turns'}"
-    return f"It moves now: {first}; {what}. Ctrl-C holds."
+    first = f"to the first pose, {names[int(np.argmax(to_first))]} by {to_first.max():.1f} deg, then "
+    what = f"{moves.t[-1] - moves.t[0]:.0f} s of moves: {', '.join(ranges) or 'no joint turns'}"
+    return f"It moves now: {first if to_first.max() > SEEN_DEG else ''}{what}. Ctrl-C holds."
 
 
 def played_csv(rows: Sequence[PlayedRow]) -> str:

@@ -147,12 +147,14 @@ class ServoArm:
         self.check_moves(moves)
         check_begins(self.names, self._target, moves, MOVES_BEGIN)
         self._check_torque()
-        begun, last = self.clock.now(), self._target
-        for number, (t, q) in enumerate(zip(moves.t.tolist(), moves.q.tolist(), strict=True)):
-            late = self.clock.now() - begun - t
-            begun += max(late, 0.0)  # what was late is not made up for: that would be faster
-            self.clock.sleep(-late)
+        begun, reading, last = self.clock.now(), 0.0, self._target
+        for number, (t, q) in enumerate(zip((moves.t - moves.t[0]).tolist(), moves.q.tolist(), strict=True)):
+            self.clock.sleep(begun + t - reading - self.clock.now())
+            asked = self.clock.now()
             seen = self.seen()
+            reading = min(reading or math.inf, self.clock.now() - asked)
+            self.clock.sleep(begun + t - self.clock.now())
+            begun = max(begun, self.clock.now() - t)  # what was late is not made up for: that would be faster
             self._send(q)
             keep(PlayedRow(self.clock.now(), self._target, seen))
             if number % WATCHED == 0:
