@@ -307,7 +307,7 @@ def play(
 
     rows: list[PlayedRow] = []
     with ArmAccess(robot, connect, speed, take, release).connection(arm, "lrm-ident motion play") as link:
-        keeps_rows(output, link.daemon is not None, moves)
+        keeps_rows(output, link.daemon is not None)
         sequence = sequence_of(read_command_log(moves, link.arm, AS_NAMED))
         try:
             with resumable("What was played is kept"), link.drive(RealClock(), load_changer(None)) as driven:

@@ -8,7 +8,6 @@ from pathlib import Path
 
 import numpy as np
 
-from lrm_ident.data.atomic_write import check_outputs
 from lrm_ident.data.measurement_file.known_columns import ANGLE, FEEDBACK
 from lrm_ident.measuring.campaign.plan import PlannedPose
 from lrm_ident.measuring.campaign.rover_arm import RoverArm
@@ -81,14 +80,9 @@ def played_csv(rows: Sequence[PlayedRow]) -> str:
     return "\n".join(out) + "\n"
 
 
-def keeps_rows(path: Path | None, by_daemon: bool, moves: Path) -> None:
-    """Checks that there is a file where encoders are read, which can be written, and none where there are none.
-
-    Raises `LrmError`.
-    """
+def keeps_rows(path: Path | None, by_daemon: bool) -> None:
+    """Checks that there is a file where encoders are read, and none where there are none. Raises `LrmError`."""
     if by_daemon and path is not None:
         raise LrmError("-o: a daemon's arm has no encoders; log its commands with lrm record, its tip with a tracker")
     if not by_daemon and path is None:
         raise LrmError("-o RECORDING.csv is missing: what the encoders read has to be kept")
-    if path is not None:
-        check_outputs({"-o": path}, [moves])

@@ -135,7 +135,8 @@ class Follower:
 
     def __init__(self, clock: Clock, busy: float = 0.0, every: int = 1) -> None:
         self.every, self.asked = every, 0
-        self.clock, self.busy, self.at, self.told = clock, busy, (0.0,) * 5, list[tuple[float, tuple[float, ...]]]()
+        self.clock, self.busy, self.told = clock, busy, list[tuple[float, tuple[float, ...]]]()
+        self.at: tuple[float, ...] = (0.0,) * 5
         self.heat = 30.0
 
     def angles(self) -> tuple[float, ...]:
