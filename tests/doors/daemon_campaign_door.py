@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from functools import partial
 from types import SimpleNamespace
 from typing import Any
 from unittest.mock import patch
@@ -68,11 +69,15 @@ class DaemonCampaignDoor(DaemonDoor):
                 rover.plan = straight  # type: ignore[assignment,method-assign]
                 arm = RoverArm(rover, self.time, lambda _: None, 1)
                 while self._poses:
-                    arm.go(PlannedPose(1, tuple(self._poses.popleft()), 0.0, (0,) * JOINTS, 1))
+                    self._goes(arm, self._poses.popleft())
                     self.time.sleep(PAUSE_S)
                     arm.disturbed()
         finally:
             self._poses.clear()
+
+    def _goes(self, arm: RoverArm, wish: Sequence[float]) -> None:
+        """What is done for a wish: the next pose."""
+        arm.go(PlannedPose(1, tuple(wish), 0.0, (0,) * JOINTS, 1))
 
     def lose_contact(self) -> None:
         """The campaign is killed."""
@@ -94,10 +99,10 @@ class DaemonCampaignDoor(DaemonDoor):
 
 
 @contextmanager
-def daemon_campaign(seed: int) -> Iterator[DaemonCampaignDoor]:
+def daemon_campaign(make: type[DaemonCampaignDoor], seed: int) -> Iterator[DaemonCampaignDoor]:
     """A campaign, the daemon and somebody who stops it, by one clock."""
     time = Lockstep(lambda t: door.advance(t))
-    door = DaemonCampaignDoor(seed, time)
+    door = make(seed, time)
     clock = SimpleNamespace(sleep=time.sleep, monotonic=time.now)
     alone = patch.object(Rover, "_keep_alive", lambda *_: None)
     with patch("lrmd.client.rover.time", clock), alone, door.daemon.reachable(), time.ended():
@@ -106,7 +111,7 @@ def daemon_campaign(seed: int) -> Iterator[DaemonCampaignDoor]:
 
 DOORS = (
     DoorKind(
-        "campaign over the daemon", ("lrm_ident.measuring.campaign.rover_arm", "lrmd.client.rover"), daemon_campaign,
-        0.5, 0.5, NEAR,
+        "campaign over the daemon", ("lrm_ident.measuring.campaign.rover_arm", "lrmd.client.rover"),
+        partial(daemon_campaign, DaemonCampaignDoor), 0.5, 0.5, NEAR,
     ),
 )  # fmt: skip

@@ -123,7 +123,11 @@ class CampaignDoor(ServosDoor):
         """See `MotionDoor`: one pose after the other, so what is on its way is interrupted first."""
         self.stop()
         if self.arm is not None:
-            self.time.starts(partial(self.arm.go, PlannedPose(1, tuple(wish), 0.0, (1,) * ARM.dof, 1)))
+            self.time.starts(partial(self.goes, self.arm, wish))
+
+    def goes(self, arm: ServoArm, wish: Sequence[float]) -> None:
+        """What is done for a wish: the next pose."""
+        arm.go(PlannedPose(1, tuple(wish), 0.0, (1,) * ARM.dof, 1))
 
     def stop(self) -> None:
         """See `MotionDoor`."""
@@ -202,7 +206,7 @@ def calibrated_robot(seed: int) -> Iterator[CalibratedRobotDoor]:
 
 
 @contextmanager
-def campaign_over_lerobot(seed: int) -> Iterator[CampaignDoor]:
+def campaign_over_lerobot(door_class: type[CampaignDoor], seed: int) -> Iterator[CampaignDoor]:
     """A campaign that drives a robot of LeRobot."""
     servos = [FeetechServo(number) for number in range(1, 6)]
     placed(servos, random.Random(seed), False)
@@ -218,7 +222,7 @@ def campaign_over_lerobot(seed: int) -> Iterator[CampaignDoor]:
     def lose() -> None:
         robot.bus.lost += 1
 
-    door = CampaignDoor(servos, FeetechBus(servos), connect, unplug, lose)
+    door = door_class(servos, FeetechBus(servos), connect, unplug, lose)
     door.follower = robot
     with door.time.ended():
         yield door
@@ -226,7 +230,7 @@ def campaign_over_lerobot(seed: int) -> Iterator[CampaignDoor]:
 
 @contextmanager
 def campaign_over_bus(
-    kind: BusServoKind, make: type[FeetechServo], wire: type[FeetechBus], seed: int
+    kind: BusServoKind, make: type[FeetechServo], wire: type[FeetechBus], door_class: type[CampaignDoor], seed: int
 ) -> Iterator[CampaignDoor]:
     """A campaign that drives servos on a bus; nobody waits for answers that do not come."""
     servos = [make(number) for number in range(1, 6)]
@@ -234,7 +238,7 @@ def campaign_over_bus(
     line = DoorLine(wire(servos), random.Random(seed + 1))
     looks = count()
     connect = partial(held_servos, "x", ServoHost(line, kind), ARM, (1, 2, 3, 4, 5))
-    door = CampaignDoor(servos, line.bus, connect, line.unplug, line.lose)
+    door = door_class(servos, line.bus, connect, line.unplug, line.lose)
     with patch.object(servo_bus, "time", SimpleNamespace(monotonic=lambda: 0.2 * next(looks))), door.time.ended():
         yield door
 
@@ -244,10 +248,13 @@ BUS = (
     "lrm_ident.measuring.servo_bus.servos",
     "lrm_ident.measuring.servo_bus.torque_on",
 )
+FEETECH_BUS = partial(campaign_over_bus, FEETECH, FeetechServo, FeetechBus)
+DYNAMIXEL_BUS = partial(campaign_over_bus, DYNAMIXEL, DynamixelServo, DynamixelBus)
+LEROBOT_CAMPAIGN = ("lrm_ident.measuring.campaign.lerobot_robot",)
 LEROBOT = ("lerobot_robot_lrm.calibrated_robot", "lerobot_robot_lrm.wrapped_robot")
 DOORS = (
     DoorKind("LeRobot robot", LEROBOT, calibrated_robot, 0.0, 0.0),
-    DoorKind("campaign over LeRobot", ("lrm_ident.measuring.campaign.lerobot_robot",), campaign_over_lerobot, 0.0, 0.2),
-    DoorKind("Feetech bus", BUS, partial(campaign_over_bus, FEETECH, FeetechServo, FeetechBus), 0.0, 0.2),
-    DoorKind("Dynamixel bus", BUS, partial(campaign_over_bus, DYNAMIXEL, DynamixelServo, DynamixelBus), 0.0, 0.2),
+    DoorKind("campaign over LeRobot", LEROBOT_CAMPAIGN, partial(campaign_over_lerobot, CampaignDoor), 0.0, 0.2),
+    DoorKind("Feetech bus", BUS, partial(FEETECH_BUS, CampaignDoor), 0.0, 0.2),
+    DoorKind("Dynamixel bus", BUS, partial(DYNAMIXEL_BUS, CampaignDoor), 0.0, 0.2),
 )

@@ -298,8 +298,8 @@ def play(
     """Drive an arm along MOVES, and record its encoders for motion fit and motion diagnose.
 
     A daemon checks every way for collisions; its arm has no encoders, so let lrm record and a tracker run meanwhile.
-    With LeRobot or bare servos keep the way free. The arm first goes to the first pose in a straight line. Ctrl-C
-    holds, and what was recorded is kept.
+    With LeRobot or bare servos keep the way free; the arm first goes to the first pose in a straight line, and has to
+    stand within 30 deg of it. Ctrl-C holds, and what was recorded is kept.
     """
     from lrm_ident.measuring.campaign.move_player import keeps_rows, play, played_csv, sequence_of
     from lrm_ident.measuring.campaign.session import RealClock
@@ -307,12 +307,11 @@ def play(
 
     rows: list[PlayedRow] = []
     with ArmAccess(robot, connect, speed, take, release).connection(arm, "lrm-ident motion play") as link:
-        keeps_rows(output, link.daemon is not None)
+        keeps_rows(output, link.daemon is not None, moves)
         sequence = sequence_of(read_command_log(moves, link.arm, AS_NAMED))
-        show(f"{sequence.t[-1] - sequence.t[0]:.0f} s of moves")
         try:
             with resumable("What was played is kept"), link.drive(RealClock(), load_changer(None)) as driven:
-                play(driven.arm, sequence, rows)
+                play(driven.arm, sequence, rows, show)
         finally:
             if output is not None and rows:
                 write_text(output, played_csv(rows))

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
+import numpy as np
+
+from lrm_ident.data.atomic_write import check_outputs
 from lrm_ident.data.measurement_file.known_columns import ANGLE, FEEDBACK
 from lrm_ident.measuring.campaign.plan import PlannedPose
 from lrm_ident.measuring.campaign.rover_arm import RoverArm
@@ -15,9 +18,14 @@ from lrm_ident.measuring.excitation.sequence import MoveSequence, PlayedRow
 from lrm_ident.measuring.recordings.command_log import CommandLog
 from lrm_math.errors import FileError, LrmError
 
+SEEN_DEG = 0.05
+"""deg: a joint that turns less stands."""
+
 
 def sequence_of(log: CommandLog) -> MoveSequence:
-    """The moves of a log of commands. Raises `FileError`: beyond the limits."""
+    """The moves of a log of commands. Raises `FileError`: no numbers, or beyond the limits."""
+    if not (np.isfinite(log.t).all() and np.isfinite(log.q).all()):
+        raise FileError(log.path, "", "a time or an angle is no number", "finite times and angles in every row")
     for number, joint in enumerate(log.arm.joints):
         low, high = float(log.q[:, number].min()), float(log.q[:, number].max())
         if low < joint.lower or high > joint.upper:
@@ -28,16 +36,38 @@ def sequence_of(log: CommandLog) -> MoveSequence:
     return MoveSequence(log.t, log.q)
 
 
-def play(arm: CampaignArm, moves: MoveSequence, rows: list[PlayedRow]) -> None:
+def play(
+    arm: CampaignArm,
+    moves: MoveSequence,
+    rows: list[PlayedRow],
+    announce: Callable[[str], object],
+) -> None:
     """Drives to the first pose, and along the moves; `rows` gets what was played, of an arm with encoders.
 
-    Raises `LrmError`.
+    `announce`: called before anything moves with what will. Raises `LrmError`; what `check_moves` says, before that.
     """
     if not isinstance(arm, ServoArm | RoverArm):
         raise LrmError("this arm plays no moves")
-    arm.check_speed(moves)
+    arm.check_moves(moves)
+    if why := arm.too_warm():
+        raise LrmError(f"{why}: let it cool first")
+    announce(announcement(moves, arm.names, arm.commanded()))
     arm.go(PlannedPose(1, tuple(moves.q[0].tolist()), 0.0, (), 1))
     arm.follow(moves, rows.append)
+
+
+def announcement(moves: MoveSequence, names: Sequence[str], here: Sequence[float]) -> str:
+    """What will move, from where the arm stands (rad): the way to the first pose, each joint's range, and how long."""
+    to_first = np.degrees(np.abs(moves.q[0] - np.array(here)))
+    low, high, fastest = (np.degrees(each) for each in (moves.q.min(axis=0), moves.q.max(axis=0), moves.fastest))
+    ranges = [
+        f"{name} {a:.0f} to {b:.0f} deg at up to {rate:.0f} deg/s"
+        for name, a, b, rate in zip(names, low, high, fastest, strict=True)
+        if b - a > SEEN_DEG
+    ]
+    first = f"to the first pose, {names[int(np.argmax(to_first))]} by {to_first.max():.1f} deg, then "
+    what = f"{moves.t[-1] - moves.t[0]:.0f} s of moves: {', '.join(ranges) or 'no joint turns'}"
+    return f"It moves now: {first if to_first.max() > SEEN_DEG else ''}{what}. Ctrl-C holds."
 
 
 def played_csv(rows: Sequence[PlayedRow]) -> str:
@@ -51,9 +81,14 @@ def played_csv(rows: Sequence[PlayedRow]) -> str:
     return "\n".join(out) + "\n"
 
 
-def keeps_rows(path: Path | None, by_daemon: bool) -> None:
-    """Checks that there is a file where encoders are read, and none where there are none. Raises `LrmError`."""
+def keeps_rows(path: Path | None, by_daemon: bool, moves: Path) -> None:
+    """Checks that there is a file where encoders are read, which can be written, and none where there are none.
+
+    Raises `LrmError`.
+    """
     if by_daemon and path is not None:
         raise LrmError("-o: a daemon's arm has no encoders; log its commands with lrm record, its tip with a tracker")
     if not by_daemon and path is None:
         raise LrmError("-o RECORDING.csv is missing: what the encoders read has to be kept")
+    if path is not None:
+        check_outputs({"-o": path}, [moves])

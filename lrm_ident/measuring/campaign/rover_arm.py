@@ -53,9 +53,11 @@ ATTEMPTS, LEASE_BACK_S = 5, 1.0
 OVER = ("lease", "wrong_mode", "name_taken", "link", "not_armed", "overtaken")
 """Codes of refusals that end a campaign: the arm is somebody else's, not armed any more, or somebody stopped it."""
 DEADLINE_MS = 10_000.0
-FASTER, SAME_SHARE, STANDS = 1.05, 0.05, 1e-3
+MOVES_BEGIN = math.radians(1.0)
+"""rad by which a joint may stand beside the first of a sequence of commands when that begins."""
+FASTER, SAME_SHARE, STANDS, MOST_WAYPOINTS = 1.05, 0.05, 1e-3, 1000
 """Times the ramp's rate that a sequence may seem to be; shares of it that differ by less are one motion; one that is
-none."""
+none; waypoints of a request."""
 
 
 @dataclass(frozen=True)
@@ -139,13 +141,24 @@ class RoverArm:
             self._move(self._within(beside), pose.payload)
         self._move(goal, pose.payload)
         temperature = max(self.rover.thermal().temperature_c)
+        self._stands(goal)
+        return ArmState(goal, self.direction, temperature, self.session)
+
+    def _stands(self, goal: Sequence[float]) -> None:
+        """Notes the state after a motion. Raises `MotionInterrupted`: the arm does not stand at its goal (rad)."""
         self.at_pose = self._control_state()
         if self.at_pose is not None and not self.at_pose.holds(goal):
             raise MotionInterrupted(self.at_pose.mode, self.at_pose.why)
-        return ArmState(goal, self.direction, temperature, self.session)
 
-    def check_speed(self, moves: MoveSequence) -> None:
-        """Raises `LrmError`: faster than the ramp."""
+    def check_moves(self, moves: MoveSequence) -> None:
+        """Raises `LrmError`: faster than the ramp, or beyond the daemon's limits."""
+        lowest, highest = moves.q.min(axis=0).tolist(), moves.q.max(axis=0).tolist()
+        limits = self.info.limits_rad[: self.info.joints]
+        for name, least, most, (low, high) in zip(self.names, lowest, highest, limits, strict=True):
+            if least < low or most > high:
+                turns = f"the moves turn {name} from {math.degrees(least):.1f} to {math.degrees(most):.1f} deg"
+                allowed = f"{math.degrees(low):.1f} to {math.degrees(high):.1f} deg"
+                raise LrmError(f"{turns}; {self.info.robot} allows {allowed}")
         if (most := self._shares(moves).max()) > FASTER:
             raise LrmError(f"the moves are {most:.2f} times as fast as the ramp of {self.info.robot}")
 
@@ -159,10 +172,11 @@ class RoverArm:
         """Along a sequence of commands from its first, piece by piece, each at its share of the ramp's rate.
 
         The daemon keeps limits, rate and distances. `keep` gets nothing: there are no encoders. Raises `LrmError`: what
-        the daemon refuses; see `check_speed`.
+        the daemon refuses, or the arm did not stand where a piece left it until the next; see `check_moves`.
         """
         del keep
-        self.check_speed(moves)
+        self.check_moves(moves)
+        check_begins(self.names, self.commanded(), moves, MOVES_BEGIN)
         knots, shares = moves.knots, [*self._shares(moves).tolist(), 0.0]
         leg: list[dict[str, float]] = []
         for number, (share, after) in enumerate(pairwise(shares)):
@@ -170,10 +184,17 @@ class RoverArm:
                 self.clock.sleep(float(knots.t[number + 1] - knots.t[number]))
                 continue
             leg.append(dict(zip(self.names, knots.q[number + 1].tolist(), strict=True)))
-            if abs(after - share) > SAME_SHARE * share:
+            if abs(after - share) > SAME_SHARE * share or len(leg) == MOST_WAYPOINTS:
+                self._check_undisturbed()
                 self.rover.move(*leg, speed=min(share, 1.0), stops=self.stops)
+                self._stands([*leg[-1].values()])
                 leg = []
+        self._check_undisturbed()
         self.direction = last_directions(knots.q.tolist(), self.direction)
+
+    def _check_undisturbed(self) -> None:
+        if why := self.disturbed():
+            raise LrmError(f"the moves ended: {why}")
 
     def commanded(self) -> tuple[float, ...]:
         """See `CampaignArm`."""
@@ -259,6 +280,16 @@ class RoverArm:
                 raise
             raise Unreachable(str(error)) from None
         self.direction = last_directions(plan.waypoints_rad, self.direction)
+
+
+def check_begins(names: Sequence[str], here: Sequence[float], moves: MoveSequence, bound: float) -> None:
+    """Raises `LrmError`: a joint stands further (rad) from the first of a sequence of commands than a bound."""
+    off = np.abs(moves.q[0] - np.array(here))
+    if not off.max() <= bound:
+        worst = int(np.argmax(off))
+        where = f"{names[worst]} stands at {math.degrees(here[worst]):.1f} deg"
+        begin = f"the moves begin at {math.degrees(moves.q[0, worst]):.1f} deg"
+        raise LrmError(f"{where}, {begin}; bring it within {math.degrees(bound):g} deg first")
 
 
 def last_directions(way: Sequence[Sequence[float]], before: Sequence[int]) -> tuple[int, ...]:

@@ -14,7 +14,7 @@ import numpy as np
 
 from lrm_ident.measuring.campaign.data_file import ArmState
 from lrm_ident.measuring.campaign.plan import PlannedPose
-from lrm_ident.measuring.campaign.rover_arm import APPROACH, last_directions
+from lrm_ident.measuring.campaign.rover_arm import APPROACH, MOVES_BEGIN, check_begins, last_directions
 from lrm_ident.measuring.campaign.run import Clock, Unreachable
 from lrm_ident.measuring.excitation.sequence import MoveSequence, PlayedRow
 from lrm_ident.measuring.servo_bus.torque_on import TORQUE
@@ -34,6 +34,8 @@ QUIET, LONGEST_S, GLANCE_S = math.radians(0.3), 5.0, 0.2
 HOT_C, COOL_C = 55.0, 45.0
 """Servos switch off at 70 °C."""
 READS = 5
+BEGINS = math.radians(30.0)
+"""rad by which a joint may stand beside the first pose of a sequence: nobody checks the straight way there."""
 LOOKED = 150
 """Commands of a sequence between two looks at the temperature."""
 FASTER = 1.001
@@ -121,8 +123,14 @@ class ServoArm:
         self._rest = self._quiet()
         return ArmState(self._target, self.direction, self.temperature(), self.session)
 
-    def check_speed(self, moves: MoveSequence) -> None:
-        """Raises `LrmError`: faster than `speed`, or beyond the servos' own limits."""
+    @property
+    def names(self) -> list[str]:
+        """Names of the joints."""
+        return list(self.servos.joints)
+
+    def check_moves(self, moves: MoveSequence) -> None:
+        """Raises `LrmError`: they begin too far away, are faster than `speed`, or beyond the servos' own limits."""
+        check_begins(self.names, self._target, moves, BEGINS)
         if moves.fastest.max() > FASTER * self.speed:
             joint = int(np.argmax(moves.fastest))
             what = f"the moves turn {self.servos.joints[joint]} at {math.degrees(moves.fastest[joint]):.1f} deg/s"
@@ -132,18 +140,21 @@ class ServoArm:
                 raise LrmError(why)
 
     def follow(self, moves: MoveSequence, keep: Callable[[PlayedRow], object]) -> None:
-        """Along a sequence of commands from its first, never faster than it; `keep` gets every row.
+        """Along a sequence of commands from its first, where it stands, never faster than it; `keep` gets every row.
 
-        Raises `LrmError` where a joint is held up, lost its torque, or is too warm; see `check_speed`.
+        Raises `LrmError` where a joint is held up, lost its torque, or is too warm; see `check_moves`.
         """
-        self.check_speed(moves)
+        self.check_moves(moves)
+        check_begins(self.names, self._target, moves, MOVES_BEGIN)
         self._check_torque()
-        begun, last = self.clock.now(), self._target
-        for number, (t, q) in enumerate(zip(moves.t.tolist(), moves.q.tolist(), strict=True)):
-            late = self.clock.now() - begun - t
-            begun += max(late, 0.0)  # what was late is not made up for: that would be faster
-            self.clock.sleep(-late)
+        begun, reading, last = self.clock.now(), 0.0, self._target
+        for number, (t, q) in enumerate(zip((moves.t - moves.t[0]).tolist(), moves.q.tolist(), strict=True)):
+            self.clock.sleep(begun + t - reading - self.clock.now())
+            asked = self.clock.now()
             seen = self.seen()
+            reading = min(reading or math.inf, self.clock.now() - asked)
+            self.clock.sleep(begun + t - self.clock.now())
+            begun = max(begun, self.clock.now() - t)  # what was late is not made up for: that would be faster
             self._send(q)
             keep(PlayedRow(self.clock.now(), self._target, seen))
             if number % WATCHED == 0:

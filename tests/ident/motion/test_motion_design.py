@@ -16,7 +16,7 @@ from lrm_ident.measuring.excitation.excitations import as_moves, offered, ramp_s
 from lrm_ident.measuring.excitation.motion_design import MotionDesign, MotionDesignTask, motion_design
 from lrm_ident.measuring.excitation.sequence import MoveSequence, PlayedRow
 from lrm_ident.measuring.motion.motion_files import MotionSource
-from lrm_ident.measuring.recordings.command_log import read_command_log
+from lrm_ident.measuring.recordings.command_log import CommandLog, read_command_log
 from lrm_math.arm.arm_file import load_arm
 from lrm_math.collision.scene import Scene
 from lrm_math.errors import LrmError
@@ -129,16 +129,18 @@ class Clock:
 
 
 class Follower:
-    """Servos that follow at once. `busy`: s that every answer takes."""
+    """Servos that follow at once. `busy`: s that an answer takes, one of `every` so many."""
 
     name, joints, step = "follower", tuple(joint.name for joint in SO101.joints), 0.0
 
-    def __init__(self, clock: Clock, busy: float = 0.0) -> None:
+    def __init__(self, clock: Clock, busy: float = 0.0, every: int = 1) -> None:
+        self.every, self.asked = every, 0
         self.clock, self.busy, self.at, self.told = clock, busy, (0.0,) * 5, list[tuple[float, tuple[float, ...]]]()
         self.heat = 30.0
 
     def angles(self) -> tuple[float, ...]:
-        self.clock.sleep(self.busy)
+        self.asked += 1
+        self.clock.sleep(self.busy if self.asked % self.every == 0 else 0.0)
         return self.at
 
     def command(self, q: tuple[float, ...]) -> None:
@@ -168,14 +170,16 @@ def arm_of(follower: Follower, speed: float = 30.0) -> ServoArm:
     return ServoArm(follower, SO101, follower.clock, lambda _: None, float(np.radians(speed)))  # type: ignore[arg-type]
 
 
-@pytest.mark.parametrize("busy", [0.0, 0.05])
-def test_plays_what_is_written_and_never_faster(design: MotionDesign, tmp_path: Path, busy: float) -> None:
+@pytest.mark.parametrize(("busy", "every"), [(0.0, 1), (0.05, 1), (0.02, 5), (0.3, 5)])
+def test_plays_what_is_written_and_never_faster(design: MotionDesign, tmp_path: Path, busy: float, every: int) -> None:
     path = tmp_path / "moves.csv"
     path.write_text(design.sequence.csv())
-    moves, rows = sequence_of(read_command_log(path, SO101, AS_NAMED)), list[PlayedRow]()
-    follower = Follower(Clock(), busy)
-    play(arm_of(follower), moves, rows)
+    moves, rows, said = sequence_of(read_command_log(path, SO101, AS_NAMED)), list[PlayedRow](), list[str]()
+    follower = Follower(Clock(), busy, every)
+    follower.at = tuple((moves.q[0] + 0.2).tolist())
+    play(arm_of(follower), moves, rows, said.append)
     assert len(rows) == len(moves.t)
+    assert len(said) == 1
     assert np.abs(np.array([row.command for row in rows]) - moves.q).max() < 1e-9
     t, q = np.array([t for t, _ in follower.told]), np.array([q for _, q in follower.told])
     assert (np.abs(np.diff(q, axis=0)).max(axis=1) <= np.radians(30.0) * (np.diff(t) + 1e-4)).all()
@@ -188,9 +192,26 @@ def test_plays_what_is_written_and_never_faster(design: MotionDesign, tmp_path: 
 
 def test_refuses_before_anything_moves(design: MotionDesign) -> None:
     follower, far = Follower(Clock()), design.sequence.q.copy()
+    with pytest.raises(LrmError, match=r"elbow_flex stands at 0\.0 deg, the moves begin at .* within 30 deg first"):
+        play(arm_of(follower), design.sequence, [], print)
+    follower.at = tuple(far[0].tolist())
+    with pytest.raises(LrmError, match="within 1 deg"):
+        arm_of(follower).follow(MoveSequence(design.sequence.t, far + 0.02), print)
     with pytest.raises(LrmError, match="--speed allows 20 deg/s"):
-        play(arm_of(follower, 20.0), design.sequence, [])
+        play(arm_of(follower, 20.0), design.sequence, [], print)
     assert not follower.told
     follower.heat = 60.0
     with pytest.raises(LrmError, match="is 60"):
-        play(arm_of(follower), MoveSequence(design.sequence.t, far), [])
+        play(arm_of(follower), MoveSequence(design.sequence.t, far), [], print)
+    assert not follower.told
+
+
+@pytest.mark.parametrize(("number", "words"), [(np.nan, "no number"), (np.inf, "no number"), (4.0, "q2_deg")])
+def test_a_log_of_no_numbers_or_beyond_the_limits_is_refused(
+    design: MotionDesign, tmp_path: Path, number: float, words: str
+) -> None:
+    """However they came into the log: an MCAP file may have any."""
+    q = design.sequence.q.copy()
+    q[7, 1] = number
+    with pytest.raises(LrmError, match=words):
+        sequence_of(CommandLog(tmp_path / "moves.mcap", SO101, design.sequence.t, q))

@@ -20,7 +20,7 @@ FALL = 0.3
 
 @pytest.fixture
 def door() -> Iterator[CampaignDoor]:
-    with campaign_over_bus(FEETECH, TorqueOnGoalServo, FeetechBus, 3) as opened:
+    with campaign_over_bus(FEETECH, TorqueOnGoalServo, FeetechBus, CampaignDoor, 3) as opened:
         opened.torque_on()
         yield opened
 
@@ -54,7 +54,7 @@ def test_at_a_rest_the_next_pose_is_not_approached(door: CampaignDoor) -> None:
 
 
 def test_in_motion_it_ends_within_a_glance_and_says_what_still_has_torque() -> None:
-    with campaign_over_bus(FEETECH, PlainServo, FeetechBus, 3) as door:
+    with campaign_over_bus(FEETECH, PlainServo, FeetechBus, CampaignDoor, 3) as door:
         door.torque_on()
         door.ask([-0.8, -0.8, 0.8, 0.8, 0.8])
         door.pass_time(0.5)
