@@ -7,6 +7,7 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from copy import copy
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -20,7 +21,7 @@ from lrm_math.errors import LrmError, NoEquilibrium
 from lrm_math.ik.answer import SAME, Branch, CalibratedReply, NoAllowedBranch, Solved, Unsolved, apart
 from lrm_math.ik.calibrated import CalibratedSolver
 from lrm_math.ik.calibrated_arm import CalibratedArm, Method, friction_of
-from lrm_math.ik.goal import Goal, IkQuery, point, point_along, pose_rpy
+from lrm_math.ik.goal import Goal, IkQuery, point, point_along, pose, pose_rpy
 from lrm_math.ik.methods import QUICKEST, method_named
 from lrm_math.kinematics.known import Known, Remembered
 from lrm_math.kinematics.motion import Motion
@@ -59,6 +60,8 @@ UNIQUE_TOLERANCE = 1e-6
 CLOSE = 1e-7
 """m: tolerance of the tip by which an uncertain memory is judged."""
 UNKNOWN = Known()
+PASSES, ARRIVED = 4, 1e-5
+"""Of the iteration for the memory at arrival: its largest number, and the change of the commands that ends it (rad)."""
 CancellationCheck = Callable[[], None]
 """Called before every move that a plan checks; raises an `LrmError` once the plan is not wanted any more."""
 
@@ -245,11 +248,33 @@ class IkService:
         for goal in goals:
             answer = service._answer(goal, payload, near, method, rounding, motion)
             if known.remembered is not None and answer.q_rad is not None:
-                there = self._arriving(known, np.array(answer.q_rad), payload)
-                at_arrival = self.at(there)._permitting(request)
-                answer = at_arrival._answer(goal, payload, near, method, rounding, motion)
-                answer = answer.model_copy(update={"sd_m": self._with_memory(answer.sd_m, known, there)})
+                tool = service._solver.predicted(service._arriving(known, np.array(answer.q_rad), payload)).rotation
+
+                def ask(at: IkService, asked: Goal) -> IkAnswer:
+                    return at._permitting(request)._answer(asked, payload, near, method, rounding, motion)
+
+                held, free = (partial(ask, asked=each) for each in (pose(goal.position, tool), goal))
+                answer = self._at_arrival(answer, known, payload, held, free)
             yield answer
+
+    def _at_arrival(
+        self, answer: IkAnswer, known: Known, payload: float, held: Callable[[IkService], IkAnswer],
+        free: Callable[[IkService], IkAnswer],
+    ) -> IkAnswer:  # fmt: skip
+        """The answer with the arm's memory at the end of its own way, by fixed-point iteration.
+
+        `held`: the question with the tool turned as in the first answer, which keeps the branch; `free`: without.
+        """
+        for _ in range(PASSES):
+            before = answer.q_rad or []
+            there = self._arriving(known, np.array(before), payload)
+            answer = held(self.at(there))
+            solved = answer.q_rad is not None
+            answer = answer if solved else free(self.at(there))
+            answer = answer.model_copy(update={"sd_m": self._with_memory(answer.sd_m, known, there)})
+            if not solved or apart(answer.q_rad or [], before) < ARRIVED:
+                break
+        return answer
 
     def _here(self, known: Known, payload: float) -> IkService:
         """The service of the arm where it stands now, see `at`."""
