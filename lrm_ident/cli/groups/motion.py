@@ -312,6 +312,8 @@ def play(
         try:
             with resumable("What was played is kept"), link.drive(RealClock(), load_changer(None)) as driven:
                 play(driven.arm, sequence, rows, show)
+            if link.daemon is not None and link.daemon.unchecked:
+                notice(f"not checked for collisions: {link.daemon.unchecked}")
         finally:
             if output is not None and rows:
                 write_text(output, played_csv(rows))
