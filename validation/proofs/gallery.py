@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import io
 from collections.abc import Iterator
+from contextlib import chdir
 from pathlib import Path
 from typing import Any
 
@@ -53,13 +54,13 @@ def lines() -> Iterator[tuple[object, ...]]:
     """A line for each case."""
     REPORTS.mkdir(parents=True, exist_ok=True)
     PICTURES.mkdir(parents=True, exist_ok=True)
-    with chromium() as browser:
+    with chdir(REPORTS), chromium() as browser:  # commands on the pictures name files, no folders
         for name, hidden in HIDDEN.items():
-            table = write_case(CASES[name], SEED, POSES, REPORTS)
+            table = write_case(CASES[name], SEED, POSES, Path())
             run, study = lrm.Study.of(lrm.load(table, arm=ARM_FILE.stem)).fit().auto()
-            study.save(model := REPORTS / f"{name}-model.toml")
-            run_tool("report", model, table, "-o", report := REPORTS / f"{name}.html")
-            _picture(browser, report, PICTURES / f"{name}.png")
+            study.save(model := Path(f"{name}-model.toml"))
+            run_tool("report", model, table, "-o", report := Path(f"{name}.html"))
+            _picture(browser, report.resolve(), PICTURES / f"{name}.png")
             held_out, deployed = study.held_out.error, study.held_out.deployed
             line = (
                 hidden,
