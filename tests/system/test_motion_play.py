@@ -40,7 +40,8 @@ LONG = ((0.0, 0.0), (0.5, 0.0), (8.5, 30.0), (12.0, 30.0), (20.0, 0.0))
 @contextmanager
 def armed(folder: Path) -> Iterator[tuple[DaemonSetup, Rover]]:
     """A daemon whose arm stands at the start with pulses, and nobody has its lease."""
-    setup = DaemonSetup.make(folder, {**SLOW_BOARD, "step_us = 1.0": "step_us = 10.0"})
+    patient = {"lease_ms = 400": "lease_ms = 500"}  # the longest: on a busy machine it runs out by itself
+    setup = DaemonSetup.make(folder, {**SLOW_BOARD, **patient, "step_us = 1.0": "step_us = 10.0"})
     with running_daemon(setup, "--start-deg", ",".join(f"{q:g}" for q in START)), setup.rover() as rover:
         wait_for_link(rover)
         names = rover.info().names[:6]
@@ -106,7 +107,9 @@ def test_a_stop_in_the_middle_ends_it_and_nothing_moves_any_more(
     with armed(tmp_path) as (setup, rover):
         asked = command(setup, moves_csv(tmp_path / "moves.csv", *LONG))
         with subprocess.Popen(asked, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True) as player:
-            wait_for(lambda: angles(rover)[0] > (29.99 if at_rest else 10.0), "it moves", 60.0)
+            there = 29.99 if at_rest else 10.0
+            wait_for(lambda: angles(rover)[0] > there or player.poll() is not None, "it moves", 60.0, 0.05)
+            assert player.poll() is None, player.communicate()[0]
             time.sleep(1.0 if at_rest else 0.0)
             stops: dict[str, Callable[[], object]] = {
                 "hold": rover.hold,

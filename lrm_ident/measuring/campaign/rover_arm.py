@@ -182,12 +182,14 @@ class RoverArm:
         for number, (share, after) in enumerate(pairwise(shares)):
             if share < STANDS:
                 self.clock.sleep(float(knots.t[number + 1] - knots.t[number]))
+                self._check_undisturbed()
                 continue
             leg.append(dict(zip(self.names, knots.q[number + 1].tolist(), strict=True)))
             if abs(after - share) > SAME_SHARE * share or len(leg) == MOST_WAYPOINTS:
-                self._check_undisturbed()
                 self.rover.move(*leg, speed=min(share, 1.0), stops=self.stops)
                 self._stands([*leg[-1].values()])
+                if self.at_pose is None:  # the lease had expired: who knows what happened meanwhile
+                    self._check_undisturbed()
                 leg = []
         self._check_undisturbed()
         self.direction = last_directions(knots.q.tolist(), self.direction)

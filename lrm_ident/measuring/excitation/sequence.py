@@ -11,8 +11,8 @@ import numpy as np
 from lrm_ident.measuring.excitation.excitations import FRAME_S, ExcitingMove, SafeWays
 from lrm_math.arrays import Array
 
-STRAIGHT = 1e-6
-"""rad by which a row may lie beside the line of its neighbours to be left out of the knots."""
+STRAIGHT = 5e-6
+"""rad by which a row may lie beside the line of its neighbours to be left out of the knots; `csv` rounds to 1e-6."""
 
 
 @dataclass(frozen=True, eq=False)
