@@ -21,9 +21,9 @@ from lrm_ident.report.diagnosis.conclusion import conclude
 from lrm_ident.report.plain_names import plain_name
 from lrm_math.effects.reference import EffectRef
 from tests.support.browser import PATIENCE_MS, chromium
+from tests.support.commands import stdout_of
 from validation.hidden_effects.cases import CASES
 from validation.hidden_effects.data import ARM_FILE, write_case
-from validation.hidden_effects.examine import run_tool
 from validation.hidden_effects.outcome import ALWAYS_TRUE
 from validation.options import asked
 from validation.proofs.result_file import FOLDER, ROOT, computed, write
@@ -59,7 +59,7 @@ def lines() -> Iterator[tuple[object, ...]]:
             table = write_case(CASES[name], SEED, POSES, Path())
             run, study = lrm.Study.of(lrm.load(table, arm=ARM_FILE.stem)).fit().auto()
             study.save(model := Path(f"{name}-model.toml"))
-            run_tool("report", model, table, "-o", report := Path(f"{name}.html"))
+            stdout_of("report", model, table, "-o", report := Path(f"{name}.html"))
             _picture(browser, report.resolve(), PICTURES / f"{name}.png")
             held_out, deployed = study.held_out.error, study.held_out.deployed
             line = (
