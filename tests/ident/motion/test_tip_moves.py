@@ -197,7 +197,15 @@ def test_a_log_that_cannot_serve_is_refused_in_one_line(tmp_path: Path, rows: st
     tip.write_text("t_s,x_mm,y_mm,z_mm\n0,0,0,0\n")
     with pytest.raises(FileError, match=match):
         MotionSource(log, tip).moves(ARM)
-    with pytest.raises(FileError, match="--tip"):
+    with pytest.raises(FileError, match=match):
         MotionSource(log).moves(ARM)
     with pytest.raises(FileError, match=r"read beside a log"):
         MotionSource(tmp_path, tip).moves(ARM)
+
+
+def test_a_log_without_encoders_needs_a_tip(tmp_path: Path) -> None:
+    head = ",".join(["t_s", *(f"q{number}_deg" for number in range(1, 7))])
+    rows = "\n".join(f"{0.02 * row:.2f},{0.1 * row:.1f},0,0,0,0,0" for row in range(200))
+    (tmp_path / "log.csv").write_text(f"{head}\n{rows}\n")
+    with pytest.raises(FileError, match="--tip"):
+        MotionSource(tmp_path / "log.csv").moves(ARM)
