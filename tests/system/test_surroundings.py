@@ -54,9 +54,8 @@ def test_kinematics_and_moves_know_an_obstacle_until_it_is_gone(rover: Rover) ->
 
 
 def test_an_obstacle_inside_the_arm_is_an_event(rover: Rover) -> None:
-    rover.tell_obstacles("map", ObstacleEntry(name="hand", shape="sphere", position_m=tip(rover), radius_m=0.05))
-
     def refused() -> bool:
+        rover.tell_obstacles("map", ObstacleEntry(name="hand", shape="sphere", position_m=tip(rover), radius_m=0.05))
         return any(event.code == "refused" and event.detail["why"] == "obstacle" for event in rover.events())
 
     wait_for(refused, "the refusal is told")
