@@ -224,14 +224,18 @@ PAGE_MM, MARGIN_MM, MM_PER_PX = 297.0, 14.0, 25.4 / 96.0
 
 
 @pytest.mark.slow
-def test_of_ten_steps_the_first_card_is_on_page_one(browser: Any, tmp_path: Path) -> None:
-    """All that stands above it fits with it on one page; and no card is more than half of one."""
-    data = part_of_example(tmp_path, 200)
+def test_of_ten_steps_the_first_card_is_on_page_one(browser: Any, tmp_path: Path, monkeypatch: Any) -> None:
+    """All that stands above it fits with it on one page; and no card is more than half of one.
+
+    With files in the working folder: commands on the page name files as they were given, and long paths wrap.
+    """
+    monkeypatch.chdir(tmp_path)
+    data = part_of_example(tmp_path, 200).relative_to(tmp_path)
     study = lrm.Study.of(lrm.load(data)).fit()
     for effect in TEN:
         study = study.add(effect)
-    study.save(tmp_path / "m.toml")
-    stdout_of("report", tmp_path / "m.toml", data, "-o", tmp_path / "r.html")
+    study.save(Path("m.toml"))
+    stdout_of("report", "m.toml", data, "-o", "r.html")
     page = browser.new_context(viewport=SIZE).new_page()
     page.goto((tmp_path / "r.html").as_uri())
     page.wait_for_selector("#lrm-card-9 .main-svg", state="attached")
