@@ -68,7 +68,7 @@ class MotionScore:
 
 
 @dataclass(frozen=True)
-class Task:
+class MotionTask:
     """An arm, two recordings of it, and its true natural frequencies (Hz) and damping ratios, (n,).
 
     `xml`: its MJCF with position servos of given stiffness. `free`: what mujoco.sysid fits of every joint.
@@ -96,7 +96,7 @@ def frames(made: Recording) -> LeRobotFrames:
     return LeRobotFrames(np.radians(made.action), np.radians(made.state), made.t, made.episode.astype(np.int64))
 
 
-def ours(task: Task) -> MotionScore:
+def ours(task: MotionTask) -> MotionScore:
     """`motion fit` and `motion auto`, the best model on the other recording."""
     begun = time.perf_counter()
     study = MotionStudy.of(moves_of(frames(task.seen), task.arm, Path("seen"))).fit().auto()
@@ -115,7 +115,7 @@ def ours(task: Task) -> MotionScore:
     return MotionScore("lrm-ident", task.name, _degrees(squares), *_off(task, *own), seconds, named)
 
 
-def peer(task: Task) -> MotionScore:
+def peer(task: MotionTask) -> MotionScore:
     """`mujoco.sysid.optimize` with its default optimiser, as its tests use it."""
     mujoco, sysid, logging = map(module, ("mujoco", "mujoco.sysid", "absl.logging"))
     logging.set_verbosity(logging.ERROR)
@@ -174,7 +174,7 @@ def _modifier(label: str, what: str) -> Callable[[Any, Any], None] | None:
     return lambda spec, parameter: setattr(spec.joint(label), what, parameter.value[0])
 
 
-def _sequences(task: Task, made: Recording, spec: Any) -> Any:
+def _sequences(task: MotionTask, made: Recording, spec: Any) -> Any:
     """The episodes; commands hold from frame to frame, at the simulation's steps."""
     sysid = module("mujoco.sysid")
     model = spec.compile()
@@ -192,13 +192,13 @@ def _degrees(squares: list[Any]) -> float:
     return float(np.degrees(np.sqrt(np.mean(squares))))
 
 
-def _off(task: Task, frequency: Array, damping: Array) -> tuple[float, float]:
+def _off(task: MotionTask, frequency: Array, damping: Array) -> tuple[float, float]:
     """Relative errors, RMS over the joints."""
     parts = (frequency / task.frequency - 1.0, damping / task.damping - 1.0)
     return float(np.sqrt(np.mean(parts[0] ** 2))), float(np.sqrt(np.mean(parts[1] ** 2)))
 
 
-def so101_task(case: MotionCase, seed: int, episodes: int) -> Task:
+def so101_task(case: MotionCase, seed: int, episodes: int) -> MotionTask:
     """An SO-101 with one cause hidden, its recordings, and its MJCF."""
     rng, arm = np.random.default_rng(seed), load_arm("so101")
     hidden, _ = arm_of(case, rng)
@@ -207,7 +207,9 @@ def so101_task(case: MotionCase, seed: int, episodes: int) -> Task:
     xml = with_servos(mjcf(model_of(arm, ())).text, joint_labels(arm), stiffness)
     free = ("armature", "damping", "frictionloss", "bias", "delay")
     name = f"SO-101, {case.name}"
-    return Task(name, arm, seen, unseen, hidden.frequency_hz, hidden.damping, stiffness, xml, free, np.zeros(arm.dof))
+    return MotionTask(
+        name, arm, seen, unseen, hidden.frequency_hz, hidden.damping, stiffness, xml, free, np.zeros(arm.dof)
+    )
 
 
 def with_servos(xml: str, labels: tuple[str, ...], stiffness: Array) -> str:
@@ -229,7 +231,7 @@ def with_servos(xml: str, labels: tuple[str, ...], stiffness: Array) -> str:
     return str(spec.to_xml())
 
 
-def own_task(seed: int, episodes: int) -> Task:
+def own_task(seed: int, episodes: int) -> MotionTask:
     """The arm of mujoco.sysid's tests with the armatures and dampings of its other test, simulated by MuJoCo."""
     mujoco = module("mujoco")
     rng = np.random.default_rng(seed)
@@ -254,7 +256,7 @@ def own_task(seed: int, episodes: int) -> Task:
     omega = np.sqrt(stiffness / J)
     ratio = (braked + np.array(OWN_DAMPING)) / (2.0 * omega * J)
     names = "armature", "damping"
-    return Task("its own arm", arm, seen, unseen, omega / (2.0 * np.pi), ratio, stiffness, xml, names, braked)
+    return MotionTask("its own arm", arm, seen, unseen, omega / (2.0 * np.pi), ratio, stiffness, xml, names, braked)
 
 
 def _simulated(model: Any, rng: np.random.Generator, episodes: int) -> Recording:
@@ -288,7 +290,7 @@ def main() -> None:
     parser.add_argument("--episodes", type=int, default=MADE, help="of 24 s, of each recording")
     parser.add_argument("--json", type=Path)
     given = parser.parse_args()
-    tasks: list[Callable[[], Task]] = []
+    tasks: list[Callable[[], MotionTask]] = []
     if given.only != "so101":
         tasks.append(lambda: own_task(9, given.episodes))
     if given.only != "own":

@@ -17,11 +17,11 @@ WAY_PARTS = 4
 
 
 @dataclass(frozen=True, eq=False)
-class Remembered:
+class MemoryState:
     """Memory of an arm's effects, by name, that is followed while its moves are known.
 
     Attributes:
-        now: memory of each (`RememberingEffect.memory`). or_else: the same, one for each effect of which something is
+        now: memory of each (`EffectWithMemory.memory`). or_else: the same, one for each effect of which something is
             not known: that effect's memory one standard deviation further.
     """
 
@@ -45,7 +45,7 @@ class Known:
     running: float | None = None
     temperature: float | None = None
     warmed: float | None = None
-    remembered: Remembered | None = None
+    remembered: MemoryState | None = None
 
     def arrived(self, q: Array) -> Motion:
         """The record after a straight move from the present pose to commands q (n,), rad."""
@@ -63,7 +63,7 @@ class Known:
             t=running, running=running, temperature=temperature, warmed=warmed, history=history,
         )  # fmt: skip
 
-    def _history(self, remembered: Remembered, q: Array, payload: float, seconds: float) -> History:
+    def _history(self, remembered: MemoryState, q: Array, payload: float, seconds: float) -> History:
         """The middles of the parts of the way from here, and the command q (n,), rad, at its end."""
         assert self.motion is not None
         here, parts = self.motion.q, (np.arange(WAY_PARTS) + 0.5) / WAY_PARTS

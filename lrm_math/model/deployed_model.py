@@ -20,7 +20,7 @@ from lrm_math.errors import LrmError
 from lrm_math.kinematics.poses import Poses
 from lrm_math.model.lasting_parts import lasting_parts
 from lrm_math.model.model import Model
-from lrm_math.model.session_state import RememberedInSession, StateAfterSession
+from lrm_math.model.session_state import SessionMemory, StateAfterSession
 
 COMPENSATED = {"angle", "direction"}
 
@@ -76,7 +76,7 @@ def followed_parts(model: Model, now: Poses) -> dict[str, float]:
     return dict(found)
 
 
-def memorised(model: Model) -> Mapping[str, RememberedInSession]:
+def memorised(model: Model) -> Mapping[str, SessionMemory]:
     """Memories, by effect's name, that a deployed model follows where it is known what the arm did before."""
     return {} if model.state is None else model.state.memory
 

@@ -11,30 +11,30 @@ from dataclasses import replace
 import numpy as np
 
 from lrm_math.arrays import Array
-from lrm_math.effects.memory.remembering import RememberingEffect
+from lrm_math.effects.memory.effect_with_memory import EffectWithMemory
 from lrm_math.kinematics.history import History, Visits
-from lrm_math.kinematics.known import Remembered
+from lrm_math.kinematics.known import MemoryState
 from lrm_math.kinematics.poses import Poses
 from lrm_math.model.equilibrium import with_borne_loads
 from lrm_math.model.model import Model
-from lrm_math.model.session_state import RememberedInSession
+from lrm_math.model.session_state import SessionMemory
 
 SETTLED, MOST_LOADS = 1e-10, 12
 """N·m (N²m², or a share): change of a memory that counts as none; how often its loads are found."""
 
 
-def nothing_known(memory: Mapping[str, RememberedInSession]) -> Remembered:
+def nothing_known(memory: Mapping[str, SessionMemory]) -> MemoryState:
     """Memory of an arm of which nothing is known: as it was in the session of its model, on average."""
     mean = {name: one.mean for name, one in memory.items()}
     further = {
         name: tuple(m + s for m, s in zip(one.mean, one.sd, strict=True)) for name, one in memory.items() if any(one.sd)
     }
-    return Remembered(mean, tuple({**mean, name: values} for name, values in further.items()))
+    return MemoryState(mean, tuple({**mean, name: values} for name, values in further.items()))
 
 
 def after_stand(
-    model: Model, before: Remembered, q: Array, payload: float, seconds: float, start: Array | None = None
-) -> Remembered:
+    model: Model, before: MemoryState, q: Array, payload: float, seconds: float, start: Array | None = None
+) -> MemoryState:
     """Memory after the arm stood for some time at commands q (n,), rad, with a payload (kg).
 
     Args:
@@ -45,7 +45,7 @@ def after_stand(
     load = np.array([payload])
     stand = Visits(q[None], load, np.array([seconds]), np.array([True]), start=start)
     now, *others = (_held(model, replace(stand, begun=one)) for one in (before.now, *before.or_else))
-    return Remembered(now, tuple(others))
+    return MemoryState(now, tuple(others))
 
 
 def _held(model: Model, visits: Visits) -> dict[str, tuple[float, ...]]:
@@ -67,5 +67,5 @@ def _memory(model: Model, visits: Visits) -> dict[str, tuple[float, ...]]:
     return {
         effect.name: tuple(float(course[-1]) for course in effect.memory(visits, p))
         for effect, p in model.parts()
-        if isinstance(effect, RememberingEffect) and effect.name in (visits.begun or {})
+        if isinstance(effect, EffectWithMemory) and effect.name in (visits.begun or {})
     }

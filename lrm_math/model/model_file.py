@@ -19,7 +19,7 @@ from lrm_math.arm.servo_settings import ServoSettings
 from lrm_math.effects import CATALOGUE, Effect, EffectRef, ModelPart, Parameter, ParameterRef, effects_at
 from lrm_math.effects.compliance import SPRINGS
 from lrm_math.effects.measured_range import MeasuredRange, UnmeasuredAngles
-from lrm_math.effects.memory.remembering import RememberingEffect
+from lrm_math.effects.memory.effect_with_memory import EffectWithMemory
 from lrm_math.effects.offsets import Offsets
 from lrm_math.effects.reversion import Reversion
 from lrm_math.effects.servo_errors import ServoGain
@@ -30,7 +30,7 @@ from lrm_math.errors import FileError, LrmError, UnknownName
 from lrm_math.model.covariance import Covariance, CovarianceTable, to_covariance
 from lrm_math.model.model import Model, model_of
 from lrm_math.model.reading import Reading
-from lrm_math.model.session_state import CarriedState, RememberedInSession, StateAfterSession
+from lrm_math.model.session_state import CarriedState, SessionMemory, StateAfterSession
 from lrm_math.model.step_name import StepName
 from lrm_math.toml_file import StrictSchema, read_toml
 
@@ -331,15 +331,15 @@ def _state_of(path: Path, table: DeployedTable | None, model: Model) -> StateAft
     return StateAfterSession(table.carried, _in_si(table.offsets, every), table.warming_rad or {}, memory)
 
 
-def _memory_of(name: str, table: MemoryTable, model: Model, every: Mapping[str, Parameter]) -> RememberedInSession:
+def _memory_of(name: str, table: MemoryTable, model: Model, every: Mapping[str, Parameter]) -> SessionMemory:
     """Memory of an effect by name. Raises `LrmError`: an effect that has none, or of another number of numbers."""
-    known = {effect.name: effect for effect in model.effects if isinstance(effect, RememberingEffect)}
+    known = {effect.name: effect for effect in model.effects if isinstance(effect, EffectWithMemory)}
     if name not in known:
         raise UnknownName("effect with a memory of this model", name, [*known])
     size = known[name].memories
     if not len(table.mean) == len(table.sd) == size:
         raise LrmError(f"memory of {name}: {len(table.mean)} and {len(table.sd)} numbers; should be {size} each")
-    return RememberedInSession(_in_si(table.offsets, every), tuple(table.mean), tuple(table.sd))
+    return SessionMemory(_in_si(table.offsets, every), tuple(table.mean), tuple(table.sd))
 
 
 def _in_si(offsets: Mapping[str, float], every: Mapping[str, Parameter]) -> dict[str, float]:

@@ -11,7 +11,7 @@ CarriedState: TypeAlias = Literal["last", "mean"]
 
 
 @dataclass(frozen=True)
-class RememberedInSession:
+class SessionMemory:
     """Memory of an effect in its session.
 
     Attributes:
@@ -40,7 +40,7 @@ class StateAfterSession:
     carried: Mapping[str, CarriedState]
     offsets: Mapping[str, float]
     warming: Mapping[str, float] = field(default_factory=dict)
-    memory: Mapping[str, RememberedInSession] = field(default_factory=dict)
+    memory: Mapping[str, SessionMemory] = field(default_factory=dict)
 
     @property
     def sentence(self) -> str:

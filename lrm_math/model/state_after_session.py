@@ -17,7 +17,7 @@ import numpy as np
 
 from lrm_math.arm.arm import BASE
 from lrm_math.effects import Effect
-from lrm_math.effects.memory.remembering import RememberingEffect
+from lrm_math.effects.memory.effect_with_memory import EffectWithMemory
 from lrm_math.effects.offsets import Offsets
 from lrm_math.effects.targets import Kind, kind_of
 from lrm_math.model.deployed_model import as_deployed, of_a_session, with_offsets
@@ -26,7 +26,7 @@ from lrm_math.model.effect_binding import BoundEffect, distortion
 from lrm_math.model.equilibrium import Equilibrium, solve_equilibrium
 from lrm_math.model.lasting_parts import lasting_parts
 from lrm_math.model.model import Model
-from lrm_math.model.session_state import CarriedState, RememberedInSession, StateAfterSession
+from lrm_math.model.session_state import CarriedState, SessionMemory, StateAfterSession
 
 NO_RANK = 1e-9
 """Singular values below it times the largest are none: of motions of the base that the measured points do not show."""
@@ -71,9 +71,7 @@ def state_after_session(
     follow = model.state.warming if warming is None and model.state is not None else warming or ()
     parts = {name: sum(left[name].values()) for name in follow if name in left}
     memory = {
-        name: RememberedInSession(left[name], *found)
-        for name, one in bound.items()
-        if (found := _remembered(settled, one))
+        name: SessionMemory(left[name], *found) for name, one in bound.items() if (found := _remembered(settled, one))
     }
     state = StateAfterSession(chosen, {key: amount for key, amount in sums.items() if amount}, parts, memory)
     if not any(of_a_session(bound.effect) for bound in model.binding.distorting):
@@ -88,7 +86,7 @@ def _remembered(settled: Equilibrium, bound: BoundEffect) -> tuple[tuple[float, 
     """Mean and standard deviation of each number of an effect's memory over the session; None of an effect without one,
     or whose time constants are in poses, since no times were measured."""
     history = settled.poses.history
-    if not isinstance(bound.effect, RememberingEffect) or history is None or not history.visits.timed:
+    if not isinstance(bound.effect, EffectWithMemory) or history is None or not history.visits.timed:
         return None
     courses = bound.effect.memory(history.visits, bound.p)
     return tuple(float(x.mean()) for x in courses), tuple(float(x.std()) for x in courses)

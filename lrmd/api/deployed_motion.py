@@ -53,7 +53,7 @@ def check_comes_to_rest(config: Config, path: Path | None) -> None:
             raise FileError(path or "nominal", "parameters", words, "an arm that comes to rest; look at the damping")
 
 
-class ActiveMotion:
+class ActiveMotionModel:
     """The model of motion in use as `predictor`; None without one. `models`: with which it takes turns."""
 
     def __init__(self, config: Config, models: ActiveModel) -> None:

@@ -15,7 +15,7 @@ import zenoh
 
 from lrm_math.errors import FileError, LrmError
 from lrmd.api.children import ChildProcesses
-from lrmd.api.deployed_motion import ActiveMotion
+from lrmd.api.deployed_motion import ActiveMotionModel
 from lrmd.api.model_reload import ActiveModel
 from lrmd.api.presence import IkProbe, Presence
 from lrmd.api.publisher import EventRing, EventThrottle, StatePublisher
@@ -81,7 +81,7 @@ class ApiProcess:
         guard, stored = self._model.guard, restored_state(config, self._emit)
         torques = gravity_torques(config.arm, self._model.gravity)
         self._controller = Controller(config, torques, stored, guard, now, time.time_ns())
-        self._motion = ActiveMotion(config, self._model)
+        self._motion = ActiveMotionModel(config, self._model)
         self._controller.motion = self._motion.predictor
         if self._controller.motion is None and config.motion.shaping != "off":
             text = f"shaping = '{config.motion.shaping}' shapes no move until a motion model is deployed"

@@ -14,7 +14,7 @@ from dataclasses import replace
 import numpy as np
 
 from lrm_math.arrays import Array
-from lrm_math.kinematics.known import Known, Remembered
+from lrm_math.kinematics.known import Known, MemoryState
 from lrm_math.kinematics.motion import STILL
 from lrmd.config import SECOND
 from lrmd.ik.service import IkService
@@ -25,7 +25,7 @@ class ArmMemory:
 
     def __init__(self) -> None:
         self._model = ""
-        self._remembered: Remembered | None = None
+        self._remembered: MemoryState | None = None
         self._q: Array = np.zeros(0)
         self._payload = 0.0
         self._since = self._seen = 0
@@ -56,7 +56,7 @@ class ArmMemory:
         self._remembered = self._after(service, q, until, start)
         self._since = until
 
-    def _after(self, service: IkService, q: Array, until: int, start: Array | None = None) -> Remembered | None:
+    def _after(self, service: IkService, q: Array, until: int, start: Array | None = None) -> MemoryState | None:
         """The memory after the arm stood at q (n,), rad, until then."""
         seconds = max(0, until - self._since) / SECOND
         if self._remembered is None or not (seconds or start is not None):

@@ -23,7 +23,7 @@ from lrm_math.ik.calibrated import CalibratedSolver
 from lrm_math.ik.calibrated_arm import CalibratedArm, Method, friction_of
 from lrm_math.ik.goal import Goal, IkQuery, point, point_along, pose, pose_rpy
 from lrm_math.ik.methods import QUICKEST, method_named
-from lrm_math.kinematics.known import Known, Remembered
+from lrm_math.kinematics.known import Known, MemoryState
 from lrm_math.kinematics.motion import Motion
 from lrm_math.kinematics.poses import Poses, poses_of
 from lrm_math.model.deployed_model import as_deployed_with, followed_parts, memorised, under_gravity, with_load_at
@@ -213,14 +213,14 @@ class IkService:
         return other
 
     @property
-    def nothing_known(self) -> Remembered | None:
+    def nothing_known(self) -> MemoryState | None:
         """Memory of an arm of which nothing is known; None of a model that follows none."""
         memory = memorised(self._model)
         return nothing_known(memory) if memory else None
 
     def after_stand(
-        self, before: Remembered, q: Array, payload: float, seconds: float, start: Array | None = None
-    ) -> Remembered:
+        self, before: MemoryState, q: Array, payload: float, seconds: float, start: Array | None = None
+    ) -> MemoryState:
         """Memory after a stand, see `lrm_math.model.memory_record`; as before where the arm does not settle there."""
         assert self._remembering is not None
         try:

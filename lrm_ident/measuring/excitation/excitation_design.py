@@ -31,7 +31,7 @@ MOST_SIZES = 8
 
 
 @dataclass(frozen=True, eq=False)
-class Signatures:
+class Sensitivities:
     """How effects change the readings of S moves, as inner products over the noise.
 
     Attributes:
@@ -63,9 +63,9 @@ class Signatures:
         return np.asarray(np.sum(told / (told + least), axis=-1))
 
 
-def signatures(
+def sensitivities(
     model: MotionModel, joint: int, rivals: Sequence[MotionEffect], data: JointMoves, noise: float
-) -> Signatures:
+) -> Sensitivities:
     """Of the effects that a joint's model has, and of rivals, on moves. `noise`: of a reading, rad or m."""
     own = model.of_joint(joint)
     values = np.array([model.values[key] for effect in own for key in effect.keys])
@@ -81,7 +81,9 @@ def signatures(
         of.append(tuple(range(len(columns), len(columns) + len(sizes))))
         columns += [*(seen - plain[0])]
     X = np.stack(columns)[..., None] * data.lever / noise * data.counted[..., None]
-    return Signatures(np.einsum("astm,bstm->sab", X, X, optimize=True), basis, tuple(of), data.count.astype(np.float64))
+    return Sensitivities(
+        np.einsum("astm,bstm->sab", X, X, optimize=True), basis, tuple(of), data.count.astype(np.float64)
+    )
 
 
 def _sizes(effect: MotionEffect) -> Array:
@@ -91,7 +93,7 @@ def _sizes(effect: MotionEffect) -> Array:
     return np.concatenate([typical[None], typical + DIFFERENCE * np.diag(typical), scans])
 
 
-def chosen(known: Signatures, count: int) -> NDArray[np.int64]:
+def chosen(known: Sensitivities, count: int) -> NDArray[np.int64]:
     """(count,), numbers of the moves that discriminate best, none twice."""
     S = len(known.gram)
     picked: list[int] = []

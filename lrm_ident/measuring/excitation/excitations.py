@@ -72,7 +72,7 @@ def _least_turn(angle: Sequence[float], pulse: Sequence[float]) -> float:
 
 def offered(arm: Arm, joint: int, speed: float, rules: ClearanceRules, seed: int) -> tuple[ExcitingMove, ...]:
     """Safe moves of a joint (from 0) at a speed (rad/s) at most, in a few postures. Raises `LrmError`: none is safe."""
-    ways = SafeWays.of(arm, rules)
+    ways = CollisionFreePaths.of(arm, rules)
     postures = ways.connected(random_poses(arm, TRIED, rules, seed))
     found = []
     for q, scale, sign in product(postures, (1.0, 0.5), (1.0, -1.0)):
@@ -88,7 +88,7 @@ def offered(arm: Arm, joint: int, speed: float, rules: ClearanceRules, seed: int
 
 
 @dataclass(frozen=True, eq=False)
-class SafeWays:
+class CollisionFreePaths:
     """Straight ways of an arm that keep its limits, the rules, and the margin between its bodies."""
 
     arm: Arm
@@ -96,7 +96,7 @@ class SafeWays:
     scene: Scene | None
 
     @classmethod
-    def of(cls, arm: Arm, rules: ClearanceRules) -> SafeWays:
+    def of(cls, arm: Arm, rules: ClearanceRules) -> CollisionFreePaths:
         """The ways of an arm; without shapes only the lines between its joints are held to the rules."""
         return cls(arm, rules, Scene.of(arm) if arm.shapes.capsules else None)
 
@@ -229,7 +229,7 @@ def random_moves(
 
     Raises `LrmError`: no two postures have a free way.
     """
-    ways = SafeWays.of(arm, rules)
+    ways = CollisionFreePaths.of(arm, rules)
     poses = random_poses(arm, TRIED, rules, int(rng.integers(1 << 31)))
     here, found = ways.connected(poses)[0], []
     for _ in range(count):

@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lrm_ident.fitting.progress import Progress, silent
-from lrm_ident.measuring.excitation.excitation_design import Signatures, chosen, signatures
+from lrm_ident.measuring.excitation.excitation_design import Sensitivities, chosen, sensitivities
 from lrm_ident.measuring.excitation.excitations import (
+    CollisionFreePaths,
     ExcitingMove,
-    SafeWays,
     as_moves,
     measured,
     offered,
@@ -113,7 +113,7 @@ def motion_design(task: MotionDesignTask, progress: Progress = silent) -> Motion
     moves: list[ExcitingMove] = []
     pairs: list[DesignedPair] = []
     tried: list[EffectTrial] = []
-    ways = SafeWays.of(arm, rules)
+    ways = CollisionFreePaths.of(arm, rules)
     plain = random_moves(arm, task.count, speeds, rules, rng)
     for number, joint in enumerate(joints):
         progress("designing the moves", number, len(joints))
@@ -122,9 +122,9 @@ def motion_design(task: MotionDesignTask, progress: Progress = silent) -> Motion
         every, usual = (as_moves(arm, some, task.noise, task.by_tip) for some in (offer, plain))
         data = measured(every, joint, task.by_tip)
         _check_testable(rivals, data.drive)
-        known = signatures(task.model, joint, rivals, data, task.noise)
+        known = sensitivities(task.model, joint, rivals, data, task.noise)
         picked = chosen(known, task.count)
-        beside = signatures(task.model, joint, rivals, measured(usual, joint, task.by_tip), task.noise)
+        beside = sensitivities(task.model, joint, rivals, measured(usual, joint, task.by_tip), task.noise)
         best = [offer[k] for k in picked]
         tried_with = measured(as_moves(arm, best, task.noise, task.by_tip), joint, task.by_tip)
         said = trials(task.model, rivals, tried_with, task.noise, rng)
@@ -146,9 +146,9 @@ def _check_testable(rivals: Sequence[MotionEffect], drive: JointDrive) -> None:
 
 def _pairs(
     rivals: Sequence[MotionEffect],
-    known: Signatures,
+    known: Sensitivities,
     picked: NDArray[np.int64],
-    beside: Signatures,
+    beside: Sensitivities,
     said: Sequence[EffectTrial],
 ) -> list[DesignedPair]:
     these, random = (

@@ -8,7 +8,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from lrm_ident.measuring.excitation.excitations import FRAME_S, ExcitingMove, SafeWays
+from lrm_ident.measuring.excitation.excitations import FRAME_S, CollisionFreePaths, ExcitingMove
 from lrm_math.arrays import Array
 
 STRAIGHT = 5e-6
@@ -23,7 +23,7 @@ class MoveSequence:
     q: Array
 
     @classmethod
-    def of(cls, moves: Sequence[ExcitingMove], ways: SafeWays, home: Array, speeds: Array) -> MoveSequence:
+    def of(cls, moves: Sequence[ExcitingMove], ways: CollisionFreePaths, home: Array, speeds: Array) -> MoveSequence:
         """The moves in order, and between them free ways over the `home` posture at speeds (n,), rad/s."""
         t, q = [moves[0].t], [moves[0].q]
         for before, move in pairwise(moves):

@@ -11,7 +11,7 @@ import numpy as np
 from lrm_math.arm.arm import BASE, Arm
 from lrm_math.arrays import Array
 from lrm_math.effects.base import Amounts, Description, Extrapolation, Parameter
-from lrm_math.effects.memory.remembering import RememberingEffect
+from lrm_math.effects.memory.effect_with_memory import EffectWithMemory
 from lrm_math.kinematics.chain import Number, chain_of
 from lrm_math.kinematics.dual import Dual
 from lrm_math.kinematics.history import Visits, followed, remembered
@@ -30,7 +30,7 @@ EVEN = 0.05
 """Share by which steps of time may differ and still be equal ones."""
 
 
-class _SlowSpring(RememberingEffect):
+class _SlowSpring(EffectWithMemory):
     """Deflection of a joint or of the base that lags behind the load that was held at the poses before."""
 
     extrapolation = Extrapolation.PROPORTIONAL

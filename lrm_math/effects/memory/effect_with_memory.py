@@ -11,7 +11,7 @@ from lrm_math.effects.base import Effect, Excitation
 from lrm_math.kinematics.history import Visits
 
 
-class RememberingEffect(Effect):
+class EffectWithMemory(Effect):
     """An effect with a memory: a few numbers that what the arm did before has left."""
 
     depends_on: ClassVar[tuple[str, ...]] = ("time",)

@@ -6,13 +6,13 @@ from collections.abc import Sequence
 
 from lrm_math.arrays import Array
 from lrm_math.effects.base import Amounts, Description, Extrapolation, JointEffect, Parameter
-from lrm_math.effects.memory.remembering import RememberingEffect
+from lrm_math.effects.memory.effect_with_memory import EffectWithMemory
 from lrm_math.kinematics.chain import chain_of
 from lrm_math.kinematics.history import Visits, followed, remembered
 from lrm_math.kinematics.poses import Poses
 
 
-class SelfHeating(RememberingEffect, JointEffect):
+class SelfHeating(EffectWithMemory, JointEffect):
     """Zero and gain of a servo that follow the heat of the load that it held: cold when a session begins."""
 
     id = "self_heating"

@@ -8,7 +8,7 @@ import numpy as np
 
 from lrm_math.arrays import Array
 from lrm_math.effects.base import FEW_REVERSALS, Amounts, Description, Excitation, Extrapolation, JointEffect, Parameter
-from lrm_math.effects.memory.remembering import RememberingEffect
+from lrm_math.effects.memory.effect_with_memory import EffectWithMemory
 from lrm_math.kinematics.chain import Number, chain_of
 from lrm_math.kinematics.history import Visits, differentiable
 from lrm_math.kinematics.poses import Poses
@@ -17,7 +17,7 @@ SHARES = (1.0, 3.0, 10.0, 30.0, 100.0)
 """Loads that slip 63 % of the way at one reversal, over the usual load: about the reversals to its bound."""
 
 
-class Slip(RememberingEffect, JointEffect):
+class Slip(EffectWithMemory, JointEffect):
     """Zero of a joint that slips towards its load at every reversal, to a bound: tight when the data begin."""
 
     id = "slip"

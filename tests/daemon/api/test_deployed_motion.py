@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from lrm_math.errors import FileError, LrmError
-from lrmd.api.deployed_motion import ActiveMotion, check_comes_to_rest, predictor_of
+from lrmd.api.deployed_motion import ActiveMotionModel, check_comes_to_rest, predictor_of
 from lrmd.api.model_reload import ActiveModel
 from lrmd.config import Config, load_config
 from lrmd.errors import RequestError
@@ -44,11 +44,11 @@ def config(tmp_path: Path) -> Config:
 
 
 @pytest.fixture
-def active(config: Config) -> ActiveMotion:
-    return ActiveMotion(config, ActiveModel(config, SharedRecords.create()))
+def active(config: Config) -> ActiveMotionModel:
+    return ActiveMotionModel(config, ActiveModel(config, SharedRecords.create()))
 
 
-def deploy(motion: ActiveMotion, text: str) -> None:
+def deploy(motion: ActiveMotionModel, text: str) -> None:
     """Asks again where a busy machine had no time for the check."""
     for _ in range(5):
         try:
@@ -65,12 +65,12 @@ def in_use(config: Config) -> str | None:
     return None if path is None else path.name
 
 
-def test_deployed_kept_after_a_restart_and_taken_back(config: Config, active: ActiveMotion) -> None:
+def test_deployed_kept_after_a_restart_and_taken_back(config: Config, active: ActiveMotionModel) -> None:
     assert active.predictor is None
     for text in (TEXT, OTHER):
         deploy(active, text)
     assert active.predictor is not None
-    again = ActiveMotion(config, ActiveModel(config, SharedRecords.create()))
+    again = ActiveMotionModel(config, ActiveModel(config, SharedRecords.create()))
     assert again.predictor is not None
     assert again.predictor.sha256 == active.predictor.sha256
     assert in_use(config) == Path(again.predictor.path).name
@@ -104,7 +104,7 @@ def test_an_arm_that_swings_for_ever_is_refused(config: Config, tmp_path: Path) 
     check_comes_to_rest(config, path)
 
 
-def test_a_refused_text_leaves_the_model_in_use(config: Config, active: ActiveMotion) -> None:
+def test_a_refused_text_leaves_the_model_in_use(config: Config, active: ActiveMotionModel) -> None:
     """Through the process that tries it."""
     deploy(active, TEXT)
     before = in_use(config), active.predictor
@@ -115,7 +115,7 @@ def test_a_refused_text_leaves_the_model_in_use(config: Config, active: ActiveMo
 
 def test_models_of_poses_and_of_motion_are_kept_apart(config: Config) -> None:
     poses = ActiveModel(config, SharedRecords.create())
-    moves = ActiveMotion(config, poses)
+    moves = ActiveMotionModel(config, poses)
     deploy(moves, TEXT)
     poses.deploy('schema = "lrm/model/2"\narm = "lrm-rover"\neffects = []\n')
     moves.undo()
@@ -129,7 +129,7 @@ def test_the_file_of_the_configuration_is_used_while_none_is_deployed(config: Co
     path = tmp_path / "motion.toml"
     path.write_text(OTHER)
     named = replace(config, motion=config.motion.model_copy(update={"model": str(path)}))
-    moves = ActiveMotion(named, ActiveModel(named, SharedRecords.create()))
+    moves = ActiveMotionModel(named, ActiveModel(named, SharedRecords.create()))
     assert moves.predictor is not None
     assert moves.predictor.path == str(path)
     deploy(moves, TEXT)
@@ -142,7 +142,7 @@ def test_the_file_of_the_configuration_is_used_while_none_is_deployed(config: Co
 
 
 def test_a_damaged_file_stops_the_start_and_is_taken_back_without_a_daemon(
-    tmp_path: Path, config: Config, active: ActiveMotion, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, config: Config, active: ActiveMotionModel, capsys: pytest.CaptureFixture[str]
 ) -> None:
     file = tmp_path / "lrmd.toml"
     file.write_text(CONFIG.read_text("utf-8").replace("/var/lib/lrmd", str(config.state)), "utf-8")

@@ -23,7 +23,7 @@ from lrm_math.model.deployed_model import as_deployed, as_deployed_at
 from lrm_math.model.equilibrium import solve_equilibrium, with_borne_loads
 from lrm_math.model.model import Model, model_of
 from lrm_math.model.model_file import deployed_table, load_model
-from lrm_math.model.session_state import RememberedInSession, StateAfterSession
+from lrm_math.model.session_state import SessionMemory, StateAfterSession
 from lrmd.config import SECOND, Config, load_config
 from lrmd.ik.arm_memory import ArmMemory
 from lrmd.ik.deployed_model import DeployedModel
@@ -60,7 +60,7 @@ def model(names: tuple[str, ...] = MEMORIES, sd: float = 0.0) -> Model:
     of = model_of(arm, effects, {k: v for k, v in SIZES.items() if k in keys} | prompt | stood)
     count = {"creep@base": 2, "slip@joint3": 2}
     memory = {
-        name: RememberedInSession(KEPT if name == names[0] else {}, *((x,) * count.get(name, 1) for x in (0.0, sd)))
+        name: SessionMemory(KEPT if name == names[0] else {}, *((x,) * count.get(name, 1) for x in (0.0, sd)))
         for name in names
     }
     return of.with_state(StateAfterSession(dict.fromkeys(names, "last"), KEPT, {}, memory))
@@ -206,7 +206,7 @@ def test_a_model_file_keeps_the_memory_and_refuses_one_of_another_size(tmp_path:
     path.write_text(written)
     state = load_model(path).state
     assert state is not None
-    assert state.memory == {"creep@joint2": RememberedInSession({"offsets.joint2.theta_rad": 0.01}, (0.1,), (0.25,))}
+    assert state.memory == {"creep@joint2": SessionMemory({"offsets.joint2.theta_rad": 0.01}, (0.1,), (0.25,))}
     path.write_text(written.replace("mean = [0.1]", "mean = [0.1, 0.2]"))
     with pytest.raises(FileError, match="memory of creep@joint2: 2 and 1 numbers; should be 1 each"):
         load_model(path)

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from lrm_ident.measuring.campaign.move_player import play, played_csv, sequence_of
 from lrm_ident.measuring.campaign.servo_arm import ServoArm
-from lrm_ident.measuring.excitation.excitation_design import Signatures, chosen
+from lrm_ident.measuring.excitation.excitation_design import Sensitivities, chosen
 from lrm_ident.measuring.excitation.excitations import as_moves, offered, ramp_speeds, rules_of
 from lrm_ident.measuring.excitation.motion_design import MotionDesign, MotionDesignTask, motion_design
 from lrm_ident.measuring.excitation.sequence import MoveSequence, PlayedRow
@@ -97,7 +97,7 @@ def test_more_moves_never_tell_less(seed: int) -> None:
     """λ of any pair grows with every move: Gram matrices of random columns."""
     rng = np.random.default_rng(seed)
     X = rng.normal(size=(9, 40, 6))
-    known = Signatures(np.einsum("sta,stb->sab", X, X), (0, 1), ((2, 3), (4, 5)), np.full(9, 40.0))
+    known = Sensitivities(np.einsum("sta,stb->sab", X, X), (0, 1), ((2, 3), (4, 5)), np.full(9, 40.0))
     picked = chosen(known, 5)
     assert len(set(picked.tolist())) == 5
     grams = np.cumsum(known.gram[picked], axis=0)
