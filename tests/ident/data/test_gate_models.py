@@ -170,8 +170,8 @@ ROBOT_RULES: dict[str, tuple[Callable[[Any], None], str]] = {
     "unit": (in_percent, "range_0_100"),
     "names": (of_others, "elbow_flex"),
 }
-LEROBOT = ("LeRobot robot", "LeRobot pair", "LeRobot processor", "campaign over LeRobot")
-IN_COUNTS = ("Feetech bus", "Dynamixel bus")
+LEROBOT = ("LeRobot robot", "LeRobot pair", "LeRobot processor", "campaign over LeRobot", "moves over LeRobot")
+IN_COUNTS = ("Feetech bus", "Dynamixel bus", "moves on a Feetech bus", "moves on a Dynamixel bus")
 """Servos that are asked by their numbers and answer in whole counts: one of the rules is left."""
 
 
