@@ -118,8 +118,8 @@ def discrimination_of(
 
 
 def _test(effect: Effect, others: Array, columns: Array, noise: float) -> Rival:
-    name, live = effect.name, columns.any(axis=0)  # a drift with temperature moves nothing where none is measured
-    columns = columns[:, live]
+    live = np.flatnonzero(columns.any(axis=0))  # a drift with temperature moves nothing where none is measured
+    name, columns = effect.name, columns[:, live]
     own = _project_out(others, columns)
     rows, size = own.shape
     if not size:
@@ -129,7 +129,7 @@ def _test(effect: Effect, others: Array, columns: Array, noise: float) -> Rival:
     if freedom < 1 or values[-1] <= ROUND_OFF * float(np.linalg.norm(columns)) / noise:
         return Rival(name, (), TEST_LEVEL, None)
     error = np.sqrt(np.diag(np.linalg.inv(own.T @ own))) * noise
-    free = [p for p, moves in zip((p for p in effect.parameters if p.fixed is None), live, strict=False) if moves]
+    free = [[p for p in effect.parameters if p.fixed is None][k] for k in live]
     errors = tuple((p.name, float(e * p.typical / p.si)) for p, e in zip(free, error, strict=True))
     noncentrality = float(values[-1] ** 2)
     detectable_size = float(np.sqrt(_required_noncentrality(size, freedom) / noncentrality))

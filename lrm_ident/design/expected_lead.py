@@ -24,8 +24,8 @@ from lrm_math.effects import FREE_FORMS, Effect
 from lrm_math.kinematics.history import PACE_S, history_of
 from lrm_math.kinematics.motion import recorded
 from lrm_math.kinematics.poses import Poses
-from lrm_math.model.equilibrium import Equilibrium, solve_equilibrium, with_borne_loads
-from lrm_math.model.model import Model, model_of
+from lrm_math.model.equilibrium import solve_equilibrium, with_borne_loads
+from lrm_math.model.model import Model
 
 NEEDED = Z_THRESHOLD + 1.2816
 """Standard errors to be expected: then nine in ten measurements show the `Z_THRESHOLD` that a name needs."""
@@ -90,7 +90,6 @@ class CauseColumns:
     causes: tuple[CandidateCause, ...]
     known: Array
     columns: tuple[tuple[Array, ...], ...]
-    shapes: tuple[tuple[tuple[float, ...], ...], ...]
     likely: tuple[int, ...]
 
     def left(self, motion: Array) -> Array:
@@ -125,22 +124,22 @@ def told_in_trials(
     """How many of `TRIALS` simulated measurements of each cause tell it from each other one, as a diagnosis compares:
     squared errors per pose, in pairs, the shapes of both fitted.
 
-    The tip of a cause that is there is that of the whole model; it is fitted linearly. A cause with a memory has another
-    of its time constants in every measurement. `noise`: m per axis.
+    All is linear about the model. A cause with a memory has another of its time constants in every measurement.
+    `noise`: m per axis.
     """
     rng, known = np.random.default_rng(seed), cause_columns(model, causes, parts, noise)
-    settled = [solve_equilibrium(model, with_borne_loads(model, part)) for part in parts]
     bases = [[orthonormal_basis(known.left(shape)) for shape in shapes] for shapes in known.columns]
     count = {}
     for a, one in enumerate(causes):
-        motions = [_motion(one, shape, settled) for shape in known.shapes[a][: known.likely[a]]]
+        motions = [columns @ one.size for columns in known.columns[a][: known.likely[a]]]
         seen = np.stack([motions[k % len(motions)] for k in range(TRIALS)], axis=1)
         rest = known.left(seen + rng.normal(0.0, noise, seen.shape))
         errors = [_least_errors(rest, shapes, len(seen)) for shapes in bases]
         for b, other in enumerate(causes):
             if a != b:
                 differ = errors[b] - errors[a]
-                z = differ.mean(axis=0) / (differ.std(axis=0, ddof=1) / np.sqrt(len(differ)))
+                error = np.maximum(differ.std(axis=0, ddof=1) / np.sqrt(len(differ)), NO_MOTION**2)
+                z = differ.mean(axis=0) / error
                 count[one.effect.name, other.effect.name] = int(np.count_nonzero(z >= Z_THRESHOLD))
     return count
 
@@ -151,22 +150,6 @@ def _least_errors(rest: Array, bases: Sequence[Array], rows: int) -> Array:
     best = (left**2).sum(axis=1).argmin(axis=0)
     chosen = left[best, :, np.arange(rest.shape[1])].T[:rows]
     return np.asarray((chosen.reshape(-1, 3, rest.shape[1]) ** 2).sum(axis=1))
-
-
-def _motion(cause: CandidateCause, shape: tuple[float, ...], settled: Sequence[Equilibrium]) -> Array:
-    """(3 N,), motion of the tip by a cause of its size at all poses (m)."""
-    values = list(shape)
-    for row, size in zip(cause.rows, cause.size, strict=True):
-        values[row] += float(size) * cause.effect.parameters[row].typical
-    out = []
-    for before in settled:
-        model = before.model
-        held = {key: model.value(key) for key in model.keys} | dict(zip(cause.effect.keys, values, strict=True))
-        effects = [effect for effect in model.effects if effect.name != cause.effect.name]
-        there = replace(model_of(model.arm, (*effects, cause.effect), held), within=model.within)
-        after = solve_equilibrium(there, with_borne_loads(there, before.poses))
-        out.append((after.tcp - before.tcp).reshape(-1))
-    return np.concatenate(out)
 
 
 def _share_a_form(one: Effect, other: Effect) -> bool:
@@ -186,15 +169,14 @@ def cause_columns(model: Model, causes: Sequence[CandidateCause], parts: Sequenc
     ridge = noise / PRIOR_SD * np.eye(fitted.shape[1])
     wanted = [(cause.effect, cause.rows) for cause in causes]
     candidates = [differentiate_candidates(one, wanted)[1] for one in settled]
-    columns, every, likely = [], [], []
+    columns, likely = [], []
     for k, cause in enumerate(causes):
         own = [part[k] for part in candidates]
         shapes, count = _shapes(cause, own)
         columns.append(tuple(np.concatenate([one.columns(shape) for one in own]) for shape in shapes))
-        every.append(shapes)
         likely.append(count)
     known = orthonormal_basis(np.concatenate([fitted, ridge]))
-    return CauseColumns(tuple(causes), known, tuple(columns), tuple(every), tuple(likely))
+    return CauseColumns(tuple(causes), known, tuple(columns), tuple(likely))
 
 
 def _shapes(cause: CandidateCause, own: Sequence[Candidate]) -> tuple[tuple[tuple[float, ...], ...], int]:

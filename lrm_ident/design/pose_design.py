@@ -124,8 +124,9 @@ class DesignProblem:
 
     Attributes:
         model: at whose parameters everything is linearised. keys: fitted parameters; None for all that are identifiable
-            at the candidates with this noise. Those of a rival that is fitted already are fitted as the rival's.
-        rivals: effects to discriminate. causes: the same as they are thought to be there; empty: of typical size. noise: m per axis. measured: poses measured already, or None.
+            at the candidates with this noise. Those of a rival that is fitted already are the rival's.
+        rivals: effects to discriminate. causes: as they are thought to be there; empty: of typical size.
+        noise: m per axis. measured: poses measured already, or None.
         repeats: how many of the poses to measure twice. first_number: of the first new pose.
         weights: with which poses will be measured; without a stated standard deviation: `noise`, the same for all.
         measured_weights: with which those that are measured already were; None: as the others will be.
@@ -231,7 +232,8 @@ def beside(problem: DesignProblem, keys: Sequence[str]) -> tuple[str, ...]:
     own = {effect.name: {*effect.keys} for effect in problem.rivals}
     fitted = {name for name, rows in own.items() if rows & {*keys} and not _lacks(problem, name, keys)}
     if fitted and len(own) == 1:
-        raise UnsuitableRival(*fitted, "has nothing that is not fitted already; name effects that the model lacks")
+        why = "has nothing that is not fitted already; name effects that the model lacks"
+        raise UnsuitableRival(next(iter(fitted)), why)
     taken = {key for name in fitted for key in own[name]}
     return tuple(key for key in keys if key not in taken)
 
