@@ -227,6 +227,7 @@ swing: setup ## the simulated rover's arm swings: settling as predicted, moves s
 
 memory: setup ## worlds that creep, warm under load and slip, and worlds that do not, through auto (10 minutes)
 	$(BIN)/python -m validation.hidden_effects --part memory,memory-blind --seeds 3 --poses 150 --jobs 2
+	$(ONE_THREAD) $(BIN)/python -m validation.hidden_effects.dwell --seeds 3
 
 unfamiliar: setup ## the second catalogue, other forms, arms and awkward data through auto, on the half for tuning (20 minutes)
 	$(BIN)/python -m validation.hidden_effects --part tune --seeds 1 --jobs 2
