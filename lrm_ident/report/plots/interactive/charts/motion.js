@@ -19,15 +19,16 @@ const lrmMotion = (() => {
   function drawMove() {
     const what = values.what[place("what").value], move = what.moves[place("move").value];
     const x = move.told.map((_, k) => move.start + k * move.dt);
+    const time = { range: [x[0], x[x.length - 1]] };
     const line = (y, name, tint, more = {}) => Object.assign({ x, y, name, mode: "lines", line: { color: tint, width: 1.5 } }, more);
     place("errors").textContent = `${what.label}, all moves: ${what.words[0]} before, ${what.words[1]} after (RMS)`;
     Plotly.react(place("path"), [
       line(move.told, "command", colour("line"), { line: { color: colour("line"), width: 1, shape: "hv" } }),
       { x, y: move.read, name: values.read, mode: "markers", marker: { color: colour("ink"), size: 4 } },
       line(move.before, "predicted before", colour("held")), line(move.after, "predicted after", colour("model")),
-    ], layout({ dragmode: "zoom", yaxis: { title: { text: `${what.label}, ${values.unit}` } } }), CONFIG);
+    ], layout({ dragmode: "zoom", xaxis: time, yaxis: { title: { text: `${what.label}, ${values.unit}` } } }), CONFIG);
     Plotly.react(place("left"), [line(move.left[0], "before", colour("held")), line(move.left[1], "after", colour("model"))],
-      layout({ dragmode: "zoom", xaxis: { title: { text: "time in the move, s" } },
+      layout({ dragmode: "zoom", xaxis: { ...time, title: { text: "time in the move, s" } },
         yaxis: { title: { text: `reading − prediction, ${values.unit}` } } }), CONFIG);
   }
 
