@@ -14,6 +14,7 @@ from lrm_ident.data.wording import joint_labels
 from lrm_ident.measuring.motion.motion_picture import AXES, READ
 from lrm_ident.measuring.motion.motion_report import auto_document, comparison_document, in_unit, motion_document
 from lrm_ident.measuring.motion.motion_study import MotionStudy
+from lrm_ident.report.diagnosis.conclusion import Conclusion
 from lrm_ident.report.document import blocks_html
 from lrm_ident.report.plain_names import plain_name
 from lrm_ident.report.plots.interactive.assets import SCRIPTS_OF_MOTION
@@ -59,9 +60,10 @@ def motion_page(before: MotionStudy, after: MotionStudy, model: str) -> str:
     document = auto_document(after, after.judged(), model)
     documents = (document, comparison_document(after), motion_document(after, "Errors of the model"))
     blocks = "\n".join(blocks_html(one.whole) for one in documents)
-    verdict, title = str(document.values["conclusion"].headline), f"Motion: {after.moves.name}, {after.moves.arm.name}"
+    concluded, title = document.values["conclusion"], f"Motion: {after.moves.name}, {after.moves.arm.name}"
+    assert isinstance(concluded, Conclusion)
     steps_px = 90 + 30 * len(after.history)
-    body = BODY.format(title=escape(title), verdict=escape(verdict), blocks=blocks, steps_px=steps_px)
+    body = BODY.format(title=escape(title), verdict=escape(concluded.headline), blocks=blocks, steps_px=steps_px)
     values = values_text(motion_figures(before, after))
     return standalone_page(title, body, values, document, SCRIPTS_OF_MOTION, START, "lrmMotion.show(lrmValues);")
 
@@ -95,7 +97,7 @@ def _what(
     before: MotionStudy, after: MotionStudy, joint: int, axis: int, label: str, shown: list[int]
 ) -> dict[str, Any]:
     moves, scale = after.moves, after.moves.scale
-    entries = []
+    entries: list[dict[str, Any]] = []
     for move in shown:
         count = moves.counted[move]
         told, read = (x[move, :, axis][count] for x in moves.told_and_read(joint))
