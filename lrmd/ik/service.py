@@ -34,7 +34,7 @@ from lrm_math.model.tip_over import tip_over_angles
 from lrmd.config import SECOND, Config
 from lrmd.errors import RequestError
 from lrmd.ik.deployed_model import DeployedModel
-from lrmd.ik.planner import JointPath, Planner, with_corners
+from lrmd.ik.planner import JointPath, NoPlan, Planner, with_corners
 from lrmd.ik.stabilise import steadier_poses
 from lrmd.ik.straight_line import LineEnd, line_path
 from lrmd.messages.codec import MessageError
@@ -397,7 +397,7 @@ class IkService:
 
     def plan(
         self, request: PlanRequest, check_cancelled: CancellationCheck, known: Known = UNKNOWN
-    ) -> JointPath | LineEnd | str:
+    ) -> JointPath | NoPlan:
         """A path, or the reason why there is none. Raises `LrmError`, and what `check_cancelled` raises."""
         for name in ("from_rad", "to_rad"):
             self._check_angles(name, getattr(request, name))
@@ -410,7 +410,7 @@ class IkService:
         planner = Planner(self._config, guard, request.payload_kg or 0.0)
         return planner.find(request.from_rad, goals, request.seed, check_cancelled)
 
-    def _steadied(self, request: PlanRequest, check_cancelled: CancellationCheck) -> JointPath | str:
+    def _steadied(self, request: PlanRequest, check_cancelled: CancellationCheck) -> JointPath | NoPlan:
         """A path to a pose in which the vehicle is further from tipping over. Raises `LrmError`."""
         vehicle, payload, start = self._config.arm.vehicle, request.payload_kg or 0.0, np.array(request.from_rad)
         if vehicle is None or not any(self._model.constant_gravity):
@@ -418,7 +418,8 @@ class IkService:
         guard, stability = self._guard(request, start[None]), Stability(vehicle, 0.0, self._model)
         goals = steadier_poses(stability, guard, start, payload, request.seed, check_cancelled)
         if not len(goals):
-            return "no pose was found in which the vehicle is further from tipping over than where the arm stands"
+            where = "than where the arm stands"
+            return NoPlan(f"no pose was found in which the vehicle is further from tipping over {where}")
         planner = Planner(self._config, guard, payload)
         for goal in goals:
             check_cancelled()
@@ -426,9 +427,7 @@ class IkService:
                 return with_corners(self._config, np.array([start, goal]))
         return planner.find(request.from_rad, goals.tolist(), request.seed, check_cancelled)
 
-    def _line(
-        self, request: PlanRequest, check_cancelled: CancellationCheck, known: Known
-    ) -> JointPath | LineEnd | str:
+    def _line(self, request: PlanRequest, check_cancelled: CancellationCheck, known: Known) -> JointPath | NoPlan:
         """A straight line of the tip, or where it ends. Raises `LrmError`."""
         assert request.goal is not None
         payload = request.payload_kg or 0.0
