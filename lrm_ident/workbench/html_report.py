@@ -8,7 +8,7 @@ from pathlib import Path
 
 from lrm_ident.report.document import Document, Facts, blocks_html, table_html
 from lrm_ident.report.model_report import ModelReport
-from lrm_ident.report.plots.interactive.assets import BELOW, BESIDE, LIBRARY, SCRIPTS, STYLE, THEME, TOLD
+from lrm_ident.report.plots.interactive.assets import BELOW, BESIDE, LIBRARY, PROLOGUE, SCRIPTS, STYLE, TOLD
 from lrm_ident.report.plots.interactive.values import figure_values, values_text
 from lrm_ident.workbench.work.tasks import section_html
 
@@ -93,7 +93,7 @@ def standalone_page(
     library = LIBRARY.read_text(encoding="utf-8")
     return PAGE.format(
         title=escape(title),
-        theme=THEME.read_text(encoding="utf-8"),
+        theme=PROLOGUE,
         style=STYLE.read_text(encoding="utf-8"),
         own_style=OWN_STYLE,
         body=body,

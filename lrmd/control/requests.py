@@ -117,6 +117,7 @@ def _move(s: ControllerState, request: MoveRequest, now: int) -> RequestResult:
 def _shaped(s: ControllerState, request: MoveRequest, legs: list[Leg], start: Pulses, payload: float) -> list[Leg]:
     """Legs from pulses (ns), shaped as the request says, or the configuration where there is a model of motion.
 
+    Only the last leg is timed; those before it are shaped by `zv` then.
     Raises `RequestError` for a request of a shape without a model.
     """
     kind = request.shaping or s.config.motion.shaping
@@ -129,9 +130,10 @@ def _shaped(s: ControllerState, request: MoveRequest, legs: list[Leg], start: Pu
         raise RequestError("no_motion_model", text)
     if request.may_touch:
         raise RequestError("contact", "a motion that may touch something is not shaped; leave out shaping")
-    out = []
-    for leg in legs:
-        out.append(s.motion.shaped(start, leg, kind, payload, s.load_at))
+    out: list[Leg] = []
+    for left in range(len(legs), 0, -1):
+        leg, own = legs[-left], "zv" if kind == "timed" and left > 1 else kind
+        out.append(s.motion.shaped(start, leg, own, payload, s.load_at))
         start = overlaid(start, leg.target)
     return out
 

@@ -28,7 +28,7 @@ from lrm_math.kinematics.motion import Motion
 from lrm_math.kinematics.poses import Poses, poses_of
 from lrm_math.model.deployed_model import as_deployed_with, followed_parts, memorised, under_gravity, with_load_at
 from lrm_math.model.equilibrium import solve_equilibrium, with_borne_loads
-from lrm_math.model.memory_record import after_stand, nothing_known
+from lrm_math.model.memory_record import after_stand, nothing_known, when_powered
 from lrm_math.model.model import Model
 from lrm_math.model.tip_over import tip_over_angles
 from lrmd.config import SECOND, Config
@@ -217,6 +217,14 @@ class IkService:
         """Memory of an arm of which nothing is known; None of a model that follows none."""
         memory = memorised(self._model)
         return nothing_known(memory) if memory else None
+
+    def when_powered(self, q: Array, payload: float) -> MemoryState:
+        """Memory of an arm that has just got power at commands q (n,), rad, with a payload (kg)."""
+        assert self._remembering is not None
+        try:
+            return when_powered(self._remembering, memorised(self._model), q, payload)
+        except NoEquilibrium:
+            return nothing_known(memorised(self._model))
 
     def after_stand(
         self, before: MemoryState, q: Array, payload: float, seconds: float, start: Array | None = None

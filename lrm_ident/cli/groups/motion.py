@@ -35,7 +35,7 @@ from lrm_ident.measuring.recordings.command_log import read_command_log
 from lrm_ident.measuring.recordings.readers import FORMATS
 from lrm_ident.report.document import Block, Document, ResultTable
 from lrm_ident.report.effects import listed
-from lrm_ident.report.plain_names import PLAIN
+from lrm_ident.report.plain_names import WORDS
 from lrm_math.arm.arm_file import load_arm
 from lrm_math.errors import UnknownName
 from lrm_math.model.reading import AS_NAMED
@@ -350,7 +350,7 @@ def effects(
     if name is not None and name not in known:
         raise UnknownName("effect of motion", name, list(known))
     if name is None:
-        rows = [(kind.id, PLAIN[kind.id].format(place="a joint"), kind.about.cause) for kind in known.values()]
+        rows = [(kind.id, WORDS[kind.id]["name"].format(place="a joint"), kind.about.cause) for kind in known.values()]
         table = ResultTable(("effect", "name", "cause"), rows, "Effects of motion")
         names = list(listed("lrm-ident motion effects EFFECT", "Effects of motion", list(known)))
         document = Document(names, "lrm/motion-effects/1", {"effects": table.records()}, None, [table], "their causes")

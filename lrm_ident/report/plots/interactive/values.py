@@ -14,7 +14,7 @@ from lrm_ident.diagnosis.attribution import StepAttribution, term_of
 from lrm_ident.report.diagnosis.conclusion import UNKNOWN_FILES, NextStep
 from lrm_ident.report.document import plain
 from lrm_ident.report.model_report import ModelReport, data_of
-from lrm_ident.report.plain_names import plain_name, step_title
+from lrm_ident.report.plain_names import plain_name, step_title, words_of
 from lrm_ident.report.plots.interactive.candidate_view import ANGLE, SHARE, UM, rounded
 from lrm_ident.report.plots.interactive.group_means import explained_by_means, fair_rows, shown_most
 from lrm_ident.report.step_card import AS_WELL, ErrorFall, StepCard, error_fall, of_data, rivals
@@ -176,6 +176,7 @@ def _card(found: ModelReport, card: StepCard, fall: ErrorFall, shown: StepAttrib
         **own,
         **plain(fall),
         "fall": fall.words,
+        "sketch": words_of(card.name, "sketch"),
         "share": fall.share_of_excess(floor),
         "shows": kind,
         "label": "" if kind is None else term_of(kind, card.evidence.equivalent),
@@ -256,6 +257,7 @@ def _candidate(view: Mapping[str, Any], advice: Mapping[str, Any], standing: str
     return {
         **view,
         "title": plain_name(view["name"]),
+        "sketch": words_of(view["name"], "sketch"),
         "verdict": advice["verdict"],
         "standing": standing,
         "mark": STANDINGS[standing],
