@@ -210,7 +210,7 @@ class IkProcess:
         try:
             if found != accepted:
                 raise LrmError("the model's file is not the one that the daemon accepted; reload it")
-            self._service = IkService(self._config, deploy(self._config))
+            self._service = IkService.of(self._config, deploy(self._config))
             self._gravity, self._load, self._scene_number = GravityRecord(), LoadRecord(), 0
             self._shared.values.ik_model = self._service.deployed.digest
         except LrmError as error:

@@ -131,7 +131,7 @@ def share_of(q: Array) -> float:
 def test_plans_and_inverse_kinematics_know_a_map(config: Config) -> None:
     """A plan goes round a column that the straight way meets; a goal in it is a collision."""
     plain = replace(config, model=None)
-    service = IkService(plain, deploy(plain)).among([rock(config, 0.5)])
+    service = IkService.of(plain, deploy(plain)).among([rock(config, 0.5)])
     guard = CollisionGuard(Scene.of(config.arm, around=[rock(config, 0.5).built()]), None)
     assert not guard.check(np.array([ABOVE, AWAY]), 0.0)[0].free
     path = service.plan(PlanRequest(from_rad=ABOVE.tolist(), to_rad=AWAY.tolist()), lambda: None)

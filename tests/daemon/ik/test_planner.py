@@ -92,7 +92,7 @@ def workcell_with_post(name: str, folder: Path, size: tuple[float, float, float]
     known = dict(zip(thesis.keys, thesis.values.tolist(), strict=True))
     model = model_of(arm, effects_at(arm, "offsets") + effects_at(arm, "compliance"), known)
     config = replace(config, arm=arm)
-    return Workcell(config, model, IkService(config, DeployedModel(model, None, "model.toml", "00" * 32, ())))
+    return Workcell(config, model, IkService.of(config, DeployedModel(model, None, "model.toml", "00" * 32, ())))
 
 
 @pytest.fixture(scope="module", params=["lrm-lab", "lrm-rover"])
@@ -213,7 +213,7 @@ def with_margin(place: Workcell, margin: float) -> IkService:
     """The same arm and model, with another safety margin (m)."""
     shapes = replace(place.config.arm.shapes, margin=margin)
     config = replace(place.config, arm=replace(place.config.arm, shapes=shapes))
-    return IkService(config, DeployedModel(place.model, None, "model.toml", "00" * 32, ()))
+    return IkService.of(config, DeployedModel(place.model, None, "model.toml", "00" * 32, ()))
 
 
 def sagging_pose(place: Workcell) -> tuple[Array, float, float]:
