@@ -31,6 +31,7 @@ from lrm_ident.measuring.motion.motion_report import (
 from lrm_ident.measuring.motion.motion_study import MotionStudy
 from lrm_ident.measuring.motion.settling_times import longest, settling_times
 from lrm_ident.measuring.recordings.command_log import read_command_log
+from lrm_ident.measuring.recordings.readers import FORMATS
 from lrm_ident.report.document import Block, Document, ResultTable
 from lrm_ident.report.effects import listed
 from lrm_ident.report.plain_names import WORDS
@@ -67,10 +68,7 @@ Recording = Annotated[
 ]
 MotionPath = Annotated[Path, Argument(metavar="MODEL", help="A motion model written by motion fit.")]
 NewMotion = Annotated[Path, Option("-o", "--output", metavar="MODEL2", help="Where to write the motion model.")]
-TIP_HELP = (
-    "What a tracker recorded while the commands were logged: a CSV with t_s, x_mm, y_mm, z_mm, an export of Motive or "
-    "Vicon, DTrack's ASCII output, or an MCAP file."
-)
+TIP_HELP = f"What a tracker recorded while the commands were logged: {FORMATS}."
 SOURCE_OPTIONS: dict[str, Any] = {
     "tip": (Path | None, Option(metavar="FILE", help=TIP_HELP)),
     "tool": (str | None, Option(metavar="BODY", help="Of the tracker's file: the body at the tip.")),

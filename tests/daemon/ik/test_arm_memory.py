@@ -71,7 +71,7 @@ def model(names: tuple[str, ...] = MEMORIES, sd: float = 0.0) -> Model:
 
 def service(of: Model, covariance: Covariance | None = None) -> IkService:
     left_out = tuple(sorted({name.partition("@")[0] for name in of.state.memory} if of.state else ()))
-    return IkService(config(), DeployedModel(of, covariance, "", "sha", left_out))
+    return IkService.of(config(), DeployedModel(of, covariance, "", "sha", left_out))
 
 
 class DrivenArm:

@@ -19,7 +19,7 @@ import zenoh
 
 from lrm_math.arrays import Array
 from lrm_math.collision.scene import Scene
-from lrm_math.collision.straight_move import check_bodies, rigid_bodies
+from lrm_math.collision.straight_move import check_path, rigid_bodies
 from lrmd.config import Config, load_config
 from tests.soak.hostile.trial import Trial
 from tests.support.daemon.daemon_process import ROOT, wait_for
@@ -100,7 +100,8 @@ class Stranger:
         some = rng.uniform(-0.9, 0.9, (4000, len(home)))
         spare = self.distances(some) - self.scene.margin
         near = some[(spare > 5e-3) & (spare < 15e-3)]
-        q = next(q for q in near if check_bodies(rigid_bodies(self.scene), home, q, self.scene.margin).free)
+        bodies = rigid_bodies(self.scene)
+        q = next(q for q in near if check_path(bodies, np.array([home, q]), self.scene.margin)[0].free)
         with self.renewed():  # on a busy machine the reply to a move, which predicts its swing, outlasts a lease
             moved = self.ask("rpc/move", lease=self.lease, waypoints=[self.named(home), self.named(q)])
             assert moved is not None, "the arm goes home and near the obstacle"
