@@ -279,7 +279,7 @@ def with_diagnosis(found: ModelReport, report: DiagnosisReport, names: CommandNa
     known = covariates(data, fitted.equilibrium.joint_torque)
     views = tuple(candidate_view(one, diagnosis, known, rows) for one in report.ranking[:CANDIDATES])
     numbers = diagnosis.data.pose
-    regimes = {f"regime {one.where}": tuple(report.left.pose[one.rows].tolist()) for one in report.left.regimes}
+    regimes = {f"regime {one.where}": tuple(report.patterns.pose[one.rows].tolist()) for one in report.patterns.regimes}
     far = tuple(int(numbers[row]) for row in report.far_rows)
     marked = {**(found.marked or {}), "outliers": diagnosis.outliers, "far poses": far, **regimes}
     return replace(found, diagnosis=diagnosis_document(report, names), candidates=views, marked=marked)

@@ -81,7 +81,6 @@ class CommandBar:
         with ui.element("div").classes("lrm-do"):
             ui.html('<span id="lrm-asked" role="status" hidden></span>', sanitize=False)
             with ui.element("div").classes("lrm-work").props('id="lrm-work" aria-live=polite') as self.work:
-                ui.spinner(size="18px")
                 self.what = ui.label()
                 bar = ui.linear_progress(0.0, show_value=False).classes("lrm-bar-of-work")
                 self.bar = bar.props('instant-feedback aria-label="progress"')
