@@ -45,17 +45,6 @@ have it by that count (95 % interval); hollow: one of several causes that this a
 </section>
 </main>
 """
-START = """
-document.getElementById("lrm-theme").onclick = () => lrmFleet.theme(lrmTheme());
-lrmTheme.follow(lrmFleet.theme);
-let lrmOnScreen = "light";
-window.addEventListener("beforeprint", () => {
-  lrmOnScreen = document.documentElement.dataset.theme;
-  lrmFleet.theme("light");
-  lrmChart.onPaper(true);
-});
-window.addEventListener("afterprint", () => { lrmChart.onPaper(false); lrmFleet.theme(lrmOnScreen); });
-"""
 
 
 def fleet_page(found: FleetResult, name: str) -> str:
@@ -63,7 +52,7 @@ def fleet_page(found: FleetResult, name: str) -> str:
     title, document = f"Fleet: {name}", fleet_document(found)
     body = BODY.format(title=escape(title), verdict=escape(_verdict(found)), blocks=blocks_html(document.blocks))
     figures = values_text(fleet_figures(found))
-    return standalone_page(title, body, figures, document, SCRIPTS_OF_FLEET, START, "lrmFleet.show(lrmValues);")
+    return standalone_page(title, body, figures, document, SCRIPTS_OF_FLEET, end="lrmFleet.show(lrmValues);")
 
 
 def _verdict(found: FleetResult) -> str:

@@ -80,7 +80,7 @@ lrmGlossary(document.querySelector(".lrm-numbers"));
 
 
 def standalone_page(
-    title: str, body: str, values: str, document: Document, scripts: Sequence[Path], start: str, end: str = ""
+    title: str, body: str, values: str, document: Document, scripts: Sequence[Path], start: str = "", end: str = ""
 ) -> str:
     """The page's text.
 

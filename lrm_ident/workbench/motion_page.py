@@ -49,10 +49,6 @@ BODY = """<header>
 </section>
 </main>
 """
-START = """
-document.getElementById("lrm-theme").onclick = () => lrmMotion.theme(lrmTheme());
-lrmTheme.follow(lrmMotion.theme);
-"""
 
 
 def motion_page(before: MotionStudy, after: MotionStudy, model: str) -> str:
@@ -65,7 +61,7 @@ def motion_page(before: MotionStudy, after: MotionStudy, model: str) -> str:
     steps_px = 90 + 30 * len(after.history)
     body = BODY.format(title=escape(title), verdict=escape(concluded.headline), blocks=blocks, steps_px=steps_px)
     values = values_text(motion_figures(before, after))
-    return standalone_page(title, body, values, document, SCRIPTS_OF_MOTION, START, "lrmMotion.show(lrmValues);")
+    return standalone_page(title, body, values, document, SCRIPTS_OF_MOTION, end="lrmMotion.show(lrmValues);")
 
 
 def motion_figures(before: MotionStudy, after: MotionStudy) -> dict[str, Any]:

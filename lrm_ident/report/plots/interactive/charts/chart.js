@@ -72,6 +72,16 @@ const lrmChart = (() => {
   return { colour, layout, at, curve, binned, range, onPaper, CONFIG };
 })();
 
+// What the pages of a fleet and of motion share: the theme with its button, and light paper. `draw`: all figures anew.
+function lrmPlainPage(draw) {
+  const page = document.documentElement, theme = (name) => { page.dataset.theme = name; draw(); };
+  let onScreen = "light";
+  document.getElementById("lrm-theme").onclick = () => theme(lrmTheme());
+  lrmTheme.follow(theme);
+  window.addEventListener("beforeprint", () => { onScreen = page.dataset.theme; theme("light"); lrmChart.onPaper(true); });
+  window.addEventListener("afterprint", () => { lrmChart.onPaper(false); theme(onScreen); });
+}
+
 // Charts in view are drawn first, the others when there is nothing else to do; each in a task of its own, so that the page
 // answers in between.
 function lrmQueue(page) {

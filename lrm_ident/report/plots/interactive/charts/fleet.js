@@ -103,7 +103,6 @@ const lrmFleet = (() => {
   }
 
   function redraw() {
-    if (!state.values || !window.Plotly) return;
     drawErrors();
     drawEffects();
     drawParameter();
@@ -126,14 +125,10 @@ const lrmFleet = (() => {
     choices("tag", [["", "as in the manifest"], ...values.tags.map((name) => [name, name])], state.tag, (name) => { state.tag = name; });
     choices("key", values.parameters.map((p) => [p.key, p.label + (p.outliers.length ? " (an arm stands out)" : "")]), state.key,
       (key) => { state.key = key; });
+    lrmPlainPage(redraw);
     redraw();
   }
 
-  function theme(name) {
-    document.documentElement.dataset.theme = name;
-    redraw();
-  }
-
-  return { show, theme, mark, state };
+  return { show, mark, state };
 })();
 window.lrmFleet = lrmFleet;

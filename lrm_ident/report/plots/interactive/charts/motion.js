@@ -37,7 +37,6 @@ const lrmMotion = (() => {
   }
 
   function redraw() {
-    if (!values || !window.Plotly) return;
     drawSteps();
     drawMove();
   }
@@ -49,10 +48,9 @@ const lrmMotion = (() => {
     place("what").onchange = () => { moves(); drawMove(); };
     place("move").onchange = drawMove;
     moves();
+    lrmPlainPage(redraw);
     redraw();
   }
 
-  function theme(name) { document.documentElement.dataset.theme = name; redraw(); }
-
-  return { show, theme };
+  return { show };
 })();
