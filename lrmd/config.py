@@ -99,7 +99,7 @@ class MotionTable(StrictSchema):
 
     model: str | None = None
     within_mm: Annotated[float, Field(ge=0.001, le=100)] = 0.1
-    shaping: Literal["off", "zv", "zvd", "zvdd"] = "off"
+    shaping: Literal["off", "zv", "zvd", "zvdd", "timed"] = "off"
 
 
 class SpringEntry(StrictSchema):

@@ -56,7 +56,7 @@ def settling_after(
     away = moved - moved[-1]
     if modes is not None:
         away = away + modes.deflections(moved, step)
-    parts = away[:, :, None] * _jacobian(model, goal)
+    parts = away[:, :, None] * tip_jacobian(model, goal)
     near = np.linalg.norm(parts[len(path) :].sum(axis=1), axis=1) <= within
     far = np.flatnonzero(~near)  # what is no number is not near
     last = int(far[-1]) if len(far) else 0
@@ -104,7 +104,7 @@ def _led(model: MotionModel, joint: int) -> tuple[MotionEffect, ...]:
     return tuple(effect for effect in model.of_joint(joint) if not isinstance(effect, Swing))
 
 
-def _jacobian(model: MotionModel, q: Array) -> Array:
+def tip_jacobian(model: MotionModel, q: Array) -> Array:
     """(n, 3), m of the tip for each rad of a joint at a posture."""
     chain = chain_of(model.arm)
     geometry = chain_geometry(chain, chain.values([np.array([angle]) for angle in q.tolist()]), 1)

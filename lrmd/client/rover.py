@@ -111,7 +111,7 @@ class Rover(RoverSession):
         wait: bool = True,
         stops: int | None = None,
         may_touch: Sequence[ContactEntry] = (),
-        shaping: Literal["off", "zv", "zvd", "zvdd"] | None = None,
+        shaping: Literal["off", "zv", "zvd", "zvdd", "timed"] | None = None,
     ) -> float:
         """Moves servos (rad by name) through the waypoints; returns the duration (s). `stops`: of `mode` when the
         motion was asked for, if that was before now. `may_touch`: contacts that it is permitted. `shaping`: against

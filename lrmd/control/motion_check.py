@@ -57,7 +57,7 @@ class MotionCheck:
         """
         path, numbers, here = [self._joints(start)], [], start
         for number, leg in enumerate(legs, start=1):
-            ramp = replace(leg, impulses=()).move(here)  # a shaped move takes the same way
+            ramp = replace(leg, impulses=(), waits=()).move(here)  # a shaped move takes the same way
             for there in (self._joints(ramp.at(k)) for k in corners(self._config, ramp)):
                 if there != path[-1]:
                     path.append(there)

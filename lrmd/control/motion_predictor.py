@@ -3,25 +3,31 @@
 Theory of operation: without a model (deployed, or `[motion] model` of the configuration) nothing is predicted and
 nothing shaped. Another model counts from the next motion on: one under way goes on as it was ordered.
 The modes are those of the posture in which a leg ends, with the load that is carried. A leg whose servos run together
-goes the same way shaped, only with gentler ends. One whose servos run each at their own rate, jogs, contacts and the
+goes the same way shaped, only with gentler ends; a timed one (`lrm_math.motion.waits`) waits for some ticks before its
+last counts. One whose servos run each at their own rate, jogs, contacts and the
 way to rest of a hot arm are never shaped. A hold or an emergency stop orders no motion, so there is nothing to shape.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Literal, TypeAlias
 
 import numpy as np
 
+from lrm_math.arm.pca9685 import COUNTS_PER_PERIOD
 from lrm_math.arrays import Array, Vector3
 from lrm_math.motion.modes import modes_at
 from lrm_math.motion.motion_model import MotionModel
 from lrm_math.motion.settling import settling_after
 from lrm_math.motion.shaping import ShaperKind, shaper
+from lrm_math.motion.waits import waits_of
 from lrmd.config import SECOND, Config
 from lrmd.control.ramp_orders import Leg, Pulses, overlaid
 from lrmd.ramp.shared_memory import IMPULSES
 from lrmd.ramp.stepping import SHARES, Move, Pace, valid_impulses
+
+LegShape: TypeAlias = ShaperKind | Literal["timed"]
 
 
 @dataclass(frozen=True)
@@ -39,11 +45,13 @@ class MotionPredictor:
     def __init__(self, config: Config, model: MotionModel, path: str = "", sha256: str = "") -> None:
         self._config, self._model, self.path, self.sha256 = config, model, path, sha256
 
-    def shaped(self, start: Pulses, leg: Leg, kind: ShaperKind, payload: float, load_at: Vector3) -> Leg:
+    def shaped(self, start: Pulses, leg: Leg, kind: LegShape, payload: float, load_at: Vector3) -> Leg:
         """The leg from pulses (ns), shaped for a load (kg) and its centre (m).
 
         As it is where nothing swings, or its servos do not run together.
         """
+        if kind == "timed":
+            return self._timed(start, leg, payload, load_at)
         modes = modes_at(self._carrying(load_at), self._angles(np.array([overlaid(start, leg.target)]))[0], payload)
         if modes is None or leg.pace is not Pace.TOGETHER:
             return leg
@@ -51,15 +59,26 @@ class MotionPredictor:
         fits = valid_impulses(impulses) and len(impulses) <= IMPULSES
         return replace(leg, impulses=impulses) if fits else leg
 
+    def _timed(self, start: Pulses, leg: Leg, payload: float, load_at: Vector3) -> Leg:
+        """The leg, waiting so that the jolts of its last counts cancel; as it is unless its servos run together."""
+        if leg.pace is not Pace.TOGETHER:
+            return leg
+        path, tick = self._path(leg.move(start)), self._config.tick / SECOND
+        frame = COUNTS_PER_PERIOD * self._config.clock.count_s
+        return replace(leg, waits=waits_of(self._carrying(load_at), path, tick, frame, payload))
+
     def settle_s(self, final_leg: FinalLeg) -> float:
         """Time (s) from the end of the last leg until the tip stays within `motion.within_mm` of its rest.
 
         The command is the board's: pulses rounded to its counts, tick by tick.
         """
-        rows = np.array([final_leg.move.at(k) for k in range(final_leg.move.length + 1)])
-        path = self._angles(rows)
+        path = self._path(final_leg.move)
         within, tick = self._config.motion.within_mm * 1e-3, self._config.tick / SECOND
         return settling_after(self._carrying(final_leg.load_at), path[0], path, tick, within, final_leg.payload).seconds
+
+    def _path(self, move: Move) -> Array:
+        """(M + 1, n), angles (rad) that the board puts out after each tick of a move."""
+        return self._angles(np.array([move.at(k) for k in range(move.length + 1)]))
 
     def _carrying(self, load_at: Vector3) -> MotionModel:
         return replace(self._model, arm=self._model.arm.with_load_at(load_at)) if any(load_at) else self._model

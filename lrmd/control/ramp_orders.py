@@ -10,8 +10,8 @@ from dataclasses import dataclass, field, replace
 from lrm_math.collision.contact import Contact
 from lrmd.config import Config, ServoConfig
 from lrmd.errors import RequestError
-from lrmd.ramp.shared_memory import AT_ONCE, HOLD_PULSE, IMPULSES, RampOrder
-from lrmd.ramp.stepping import Impulses, Move, Pace, Way, move
+from lrmd.ramp.shared_memory import AT_ONCE, HOLD_PULSE, IMPULSES, WAITS, RampOrder
+from lrmd.ramp.stepping import Impulses, Move, Pace, Waits, Way, move
 
 Pulses = tuple[int, ...]
 
@@ -65,16 +65,17 @@ def overlaid(under: Sequence[int], over: Sequence[int]) -> Pulses:
 @dataclass(frozen=True)
 class Leg:
     """A part of a motion: `target` (ns, or `HOLD_PULSE`) and `stride` (ns per tick) of every servo, shaped by
-    `impulses`."""
+    `impulses` and `waits`."""
 
     target: Pulses
     stride: Pulses
     pace: Pace
     impulses: Impulses = ()
+    waits: Waits = ()
 
     def move(self, start: Pulses) -> Move:
         """The ramp's staircase along this leg from pulses (ns)."""
-        return move(start, overlaid(start, self.target), self.stride, self.pace, self.impulses)
+        return move(start, overlaid(start, self.target), self.stride, self.pace, self.impulses, self.waits)
 
 
 @dataclass(frozen=True)
@@ -136,7 +137,7 @@ class OrderScheduler:
     def stop(self, now: int, outputs: int | None = None) -> None:
         """Orders the servos to stay where they are, with pulses for `outputs` (bits; None: as before)."""
         self.clear()
-        self._shape(())
+        self._shape((), ())
         self.issue(now, outputs)
 
     def arm(self, pose: Pulses, outputs: int, one_by_one: Sequence[int], now: int) -> None:
@@ -173,14 +174,13 @@ class OrderScheduler:
         leg = self.legs.popleft()
         self.goal = leg.target
         self.way = departure.way.branch(departure.remaining, leg.move(departure.start))
-        self._shape(leg.impulses)
+        self._shape(leg.impulses, leg.waits)
         self.newest = replace(self.newest, stride=leg.stride, pace=leg.pace)
         self.issue(now, branch_at=departure.remaining)
 
-    def _shape(self, impulses: Impulses) -> None:
-        padded = (*impulses, *((0, 0),) * (IMPULSES - len(impulses)))
-        delay, share = (tuple(one[k] for one in padded) for k in (0, 1))
-        self.newest = replace(self.newest, delay=delay, share=share)
+    def _shape(self, impulses: Impulses, waits: Waits) -> None:
+        (delay, share), (wait_at, wait) = _rows(impulses, IMPULSES), _rows(waits, WAITS)
+        self.newest = replace(self.newest, delay=delay, share=share, wait_at=wait_at, wait=wait)
 
     def set_heartbeat(self, now: int) -> None:
         """Renews the heartbeat."""
@@ -194,3 +194,9 @@ class OrderScheduler:
     def keep_outputs(self, outputs: int) -> None:
         """Later orders keep these outputs (bits) on."""
         self.newest = replace(self.newest, outputs=outputs)
+
+
+def _rows(pairs: Sequence[tuple[int, int]], room: int) -> tuple[tuple[int, ...], tuple[int, ...]]:
+    """First and second numbers of pairs, each row filled with zeros."""
+    padded = (*pairs, *((0, 0),) * (room - len(pairs)))
+    return tuple(first for first, _ in padded), tuple(second for _, second in padded)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from typing import Any, TypeAlias, TypeVar
 
 import numpy as np
 
@@ -116,6 +117,7 @@ def _move(s: ControllerState, request: MoveRequest, now: int) -> RequestResult:
 def _shaped(s: ControllerState, request: MoveRequest, legs: list[Leg], start: Pulses, payload: float) -> list[Leg]:
     """Legs from pulses (ns), shaped as the request says, or the configuration where there is a model of motion.
 
+    Only the last leg is timed; those before it are shaped by `zv` then.
     Raises `RequestError` for a request of a shape without a model.
     """
     kind = request.shaping or s.config.motion.shaping
@@ -128,9 +130,10 @@ def _shaped(s: ControllerState, request: MoveRequest, legs: list[Leg], start: Pu
         raise RequestError("no_motion_model", text)
     if request.may_touch:
         raise RequestError("contact", "a motion that may touch something is not shaped; leave out shaping")
-    out = []
-    for leg in legs:
-        out.append(s.motion.shaped(start, leg, kind, payload, s.load_at))
+    out: list[Leg] = []
+    for left in range(len(legs), 0, -1):
+        leg, own = legs[-left], "zv" if kind == "timed" and left > 1 else kind
+        out.append(s.motion.shaped(start, leg, own, payload, s.load_at))
         start = overlaid(start, leg.target)
     return out
 
@@ -239,11 +242,22 @@ def _sense(s: Controller, command: SenseCommand, now: int) -> RequestResult:
     return RequestResult()
 
 
-HANDLERS: dict[type[Message], Callable[..., RequestResult]] = {
-    LeaseRequest: _lease, HoldRequest: _hold, ArmRequest: _arm, MoveRequest: _move, JogRequest: request_jog,
-    RelaxRequest: _relax, DisarmRequest: _disarm, ResetRequest: _reset, GravityCommand: _gravity,
-    SceneCommand: _scene, PayloadRequest: _payload, SkillRequest: _skill, SenseCommand: _sense,
-}  # fmt: skip
+Handler: TypeAlias = "Callable[[Controller, Any, int], RequestResult]"
+Kind = TypeVar("Kind", bound=Message)
+
+
+def _handled(kind: type[Kind], by: Callable[[Controller, Kind, int], RequestResult]) -> tuple[type[Message], Handler]:
+    """A line of the table below; mypy sees that the function takes that kind of request."""
+    return kind, by
+
+
+HANDLERS: dict[type[Message], Handler] = dict([
+    _handled(LeaseRequest, _lease), _handled(HoldRequest, _hold), _handled(ArmRequest, _arm),
+    _handled(MoveRequest, _move), _handled(JogRequest, request_jog), _handled(RelaxRequest, _relax),
+    _handled(DisarmRequest, _disarm), _handled(ResetRequest, _reset), _handled(GravityCommand, _gravity),
+    _handled(SceneCommand, _scene), _handled(PayloadRequest, _payload), _handled(SkillRequest, _skill),
+    _handled(SenseCommand, _sense),
+])  # fmt: skip
 
 
 class Controller(ControllerState):

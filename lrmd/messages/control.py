@@ -77,7 +77,7 @@ class MoveRequest(MotionRequest):
     `pace` = "together": all end at once; "each": each at its own full rate. `speed`: share of the full rate.
     `payload_kg`: what the gripper carries from now on. `may_touch`: contacts that this motion is permitted, at a tenth
     of the full rate. `shaping`: of the daemon's motion model against swing: "zv", or the more robust "zvd", "zvdd";
-    None: as configured. Only motions together are shaped.
+    "timed" for a coarse board; None: as configured. Only motions together are shaped.
     """
 
     waypoints: Annotated[list[Angles], FailFast(), Field(min_length=1, max_length=1000)]
@@ -85,7 +85,7 @@ class MoveRequest(MotionRequest):
     speed: Annotated[float, Field(gt=0, le=1)] = 1.0
     payload_kg: Annotated[float, Field(ge=0, le=2)] | None = None
     may_touch: Annotated[list[ContactEntry], Field(max_length=8)] = []
-    shaping: Literal["off", "zv", "zvd", "zvdd"] | None = None
+    shaping: Literal["off", "zv", "zvd", "zvdd", "timed"] | None = None
 
 
 class PayloadRequest(CommandRequest):
@@ -348,7 +348,7 @@ class InfoState(Header):
     stored_still: bool
     motion_model: str | None = None
     motion_sha256: str = ""
-    shaping: Literal["off", "zv", "zvd", "zvdd"] = "off"
+    shaping: Literal["off", "zv", "zvd", "zvdd", "timed"] = "off"
     within_m: float | None = None
 
 

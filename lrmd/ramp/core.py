@@ -26,7 +26,7 @@ from lrmd.ramp.board_link import (
     reply_of_info,
 )
 from lrmd.ramp.shared_memory import AT_ONCE, HOLD_PULSE, LinkState, RampFault, RampOrder, RampReport
-from lrmd.ramp.stepping import Way, move, valid_impulses
+from lrmd.ramp.stepping import Way, move, valid_impulses, valid_waits
 
 REPORTED = (
     "order", "order_accepted", "fault_count", "fault", "sent", "acknowledged", "bad_frames", "board_errors",
@@ -241,17 +241,19 @@ class RampCore:
         target = tuple(
             order.target[i] if order.outputs >> i & 1 and order.target[i] != HOLD_PULSE else start[i] for i in range(n)
         )
+        shape_fits = valid_impulses(order.impulses) and valid_waits(order.waits)
         for i, servo in enumerate(self._board.servos):
             inside = servo.lowest <= start[i] <= servo.highest and servo.lowest <= target[i] <= servo.highest
-            stride_fits = 0 < order.stride[i] <= self._board.step and valid_impulses(order.impulses)
-            if order.outputs >> i & 1 and not (inside and stride_fits):
+            stride_fits = 0 < order.stride[i] <= self._board.step
+            if order.outputs >> i & 1 and not (inside and stride_fits and shape_fits):
                 self.order_accepted = False
                 self._freeze(RampFault.REFUSED)
                 return
         self._pulses_changed = True
         self.outputs = order.outputs
         self.position = tuple(start[i] if fresh >> i & 1 else self.position[i] for i in range(n))
-        onward = move(start, target, tuple(max(1, s) for s in order.stride[:n]), order.pace, order.impulses)
+        stride = tuple(max(1, s) for s in order.stride[:n])
+        onward = move(start, target, stride, order.pace, order.impulses, order.waits)
         self._way = way.branch(order.branch_at if way.parts else 0, onward)
 
     # ---- frames to the board

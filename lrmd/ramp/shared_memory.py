@@ -15,12 +15,12 @@ from enum import IntEnum
 from functools import cache
 from typing import Annotated, Any, Self, TypeAlias, get_type_hints
 
-from lrmd.ramp.stepping import Impulses, Pace
+from lrmd.ramp.stepping import Impulses, Pace, Waits
 
 SERVOS = 16
 NONE = (0,) * SERVOS
-IMPULSES = 64
-"""The most impulses of a shaped motion."""
+IMPULSES, WAITS = 64, 80
+"""The most impulses and waits of a shaped motion."""
 FRICTION_ELEMENTS = 3
 """Elements of friction of each joint, as many as `lrm_math.kinematics.motion` has."""
 HOLD_PULSE = -(2**31)
@@ -88,6 +88,7 @@ Flag: TypeAlias = Annotated[bool, ctypes.c_bool]
 Time: TypeAlias = Annotated[int, ctypes.c_int64]
 Pulses: TypeAlias = Annotated[tuple[int, ...], ctypes.c_int32 * SERVOS]
 Row: TypeAlias = Annotated[tuple[int, ...], ctypes.c_uint16 * IMPULSES]
+WaitRow: TypeAlias = Annotated[tuple[int, ...], ctypes.c_uint16 * WAITS]
 Numbers: TypeAlias = Annotated[tuple[float, ...], ctypes.c_double * SERVOS]
 
 
@@ -100,6 +101,7 @@ class RampOrder(Record):
     `branch_at`: where the motion begins: when so many ticks of the motion of order `after` remain, so that it begins
     at the pulses from which it was checked. If they are over by then, or that order was never read, the servos stop.
     `delay`, `share`: impulses of a shaped motion (`stepping.Impulses`); no shares: it is not shaped.
+    `wait_at`, `wait`: its waits (`stepping.Waits`); none where `wait` is 0.
     """
 
     number: Count = 0
@@ -114,11 +116,18 @@ class RampOrder(Record):
     branch_at: Count = AT_ONCE
     delay: Row = (0,) * IMPULSES
     share: Row = (0,) * IMPULSES
+    wait_at: WaitRow = (0,) * WAITS
+    wait: WaitRow = (0,) * WAITS
 
     @property
     def impulses(self) -> Impulses:
         """Delay and share of each impulse."""
         return tuple((delay, share) for delay, share in zip(self.delay, self.share, strict=True) if share)
+
+    @property
+    def waits(self) -> Waits:
+        """Remaining ticks and duration of each wait."""
+        return tuple((at, ticks) for at, ticks in zip(self.wait_at, self.wait, strict=True) if ticks)
 
 
 @dataclass(frozen=True, slots=True)

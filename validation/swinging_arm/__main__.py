@@ -1,4 +1,4 @@
-"""`python -m validation.swinging_arm [moves|campaign] [--moves 50] [--pwm 50 330] [--off 0.0] [--json FILE]`."""
+"""`python -m validation.swinging_arm [moves|campaign] [--moves 50] [--pwm 50 330] [--frames] [--json FILE]`."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ from validation.swinging_arm.rig import SwingingRover, tip_of
 WITHIN_MM, FOLLOWED, RESIDUAL = 0.5, 1000, slice(30, 330)
 """Distance of a rest; ticks for which a tip is followed, and those after a move of which its swing is taken, 2 s from
 0.2 s on."""
-KINDS = ("off", "zv", "zvd")
+KINDS = ("off", "zv", "timed")
 DWELL_S = 1.0
 
 
-def moved(pwm_hz: float, kind: str, moves: int, off: float) -> dict[str, list[float]]:
+def moved(pwm_hz: float, kind: str, moves: int, off: float, frames: bool) -> dict[str, list[float]]:
     """Random moves one after the other: duration, settling predicted and true (s), largest swing and its RMS (mm)."""
-    rover = SwingingRover(pwm_hz, kind, WITHIN_MM, off)
+    rover = SwingingRover(pwm_hz, kind, WITHIN_MM, off, in_frames=frames)
     rng = np.random.default_rng(3)
     rows = []
     for _ in range(moves):
@@ -41,13 +41,13 @@ def moved(pwm_hz: float, kind: str, moves: int, off: float) -> dict[str, list[fl
     return {name: [float(v) for v in column] for name, column in zip(names, zip(*rows, strict=True), strict=True)}
 
 
-def moves_table(pwm: list[float], moves: int, off: float) -> list[dict[str, object]]:
+def moves_table(pwm: list[float], kinds: list[str], moves: int, off: float, frames: bool) -> list[dict[str, object]]:
     """Prints one line for each frequency of the pulses and each shaper."""
     out: list[dict[str, object]] = []
     for hz in pwm:
         plain: dict[str, list[float]] = {}
-        for kind in KINDS:
-            found = moved(hz, kind, moves, off)
+        for kind in kinds:
+            found = moved(hz, kind, moves, off, frames)
             plain = plain or found
             predicted, true = np.array(found["predicted_s"]), np.array(found["true_s"])
             near = np.mean((np.abs(predicted - true) < 0.2 * true) | (np.abs(predicted - true) < 0.1))
@@ -60,7 +60,7 @@ def moves_table(pwm: list[float], moves: int, off: float) -> list[dict[str, obje
                 f"{np.median(predicted[true > 0.1] / true[true > 0.1]) if np.any(true > 0.1) else np.nan:.2f}",
                 flush=True,
             )
-            out.append({"pwm_hz": hz, "shaping": kind, "off": off, **found})
+            out.append({"pwm_hz": hz, "shaping": kind, "off": off, "frames": frames, **found})
     return out
 
 
@@ -112,11 +112,13 @@ def main() -> None:
     parser.add_argument("--poses", type=int, default=60)
     parser.add_argument("--pwm", type=float, nargs="+", default=[50.0, 330.0])
     parser.add_argument("--off", type=float, default=0.0, help="relative error of the model's frequencies")
+    parser.add_argument("--frames", action="store_true", help="servos see new pulses at the board's frames only")
+    parser.add_argument("--kinds", nargs="+", default=KINDS, help="of shaping")
     parser.add_argument("--json", type=Path)
     given = parser.parse_args()
     found: dict[str, object] = {}
     if given.what != "campaign":
-        found["moves"] = moves_table(given.pwm, given.moves, given.off)
+        found["moves"] = moves_table(given.pwm, given.kinds, given.moves, given.off, given.frames)
     if given.what != "moves":
         found["campaign"] = campaign_table(given.pwm, given.poses)
     if given.json:

@@ -84,16 +84,17 @@ class Bench:
 
     def swing(self, start: Array, told: Callable[[float], Array], seconds: float) -> Array:
         """(M,), mm, of the tip from its rest after a command of so many seconds."""
-        links = SwingingLinks(model_of(self.arm, ()), SPRINGS)
+        truth = model_of(self.arm, ())
+        links = SwingingLinks(truth, SPRINGS)
         kinds = [LARGE_SERVO if i < 3 else SMALL_SERVO for i in range(self.arm.dof)]
         q, links_q, rows = told(0.0).copy(), [], []
-        links.weigh(q, 0.0)
+        links.weigh(truth.chain, q, 0.0)
         for k in range(round((seconds + AFTER_S) / H)):
             goal = told(k * H)
             left = zip(goal, q, kinds, self.bands, strict=True)
             after = np.array([g - remaining_travel(g - x, H, kind, band) for g, x, kind, band in left])
             if k % 25 == 0:
-                links.weigh(after, 0.0)
+                links.weigh(truth.chain, after, 0.0)
             links.follow(q, after, H)
             q = after
             rows.append(k * H >= seconds)

@@ -12,6 +12,7 @@ from lrm_ident.measuring.campaign.data_file import ArmState
 from lrm_ident.measuring.campaign.plan import PlannedPose
 from lrm_ident.measuring.tracker.frames import TargetPose, TrackerFrame
 from lrm_math.arm.arm import Arm
+from lrm_math.arm.pca9685 import COUNTS_PER_PERIOD
 from lrm_math.arrays import Array
 from lrm_math.kinematics.chain import chain_of
 from lrm_math.kinematics.forward import chain_geometry
@@ -22,6 +23,7 @@ from lrmd.control.motion_predictor import MotionPredictor
 from lrmd.control.state_machine import Mode
 from lrmd.messages.control import ArmRequest, LeaseRequest, MoveRequest
 from lrmd.sim.arm import SimulatedArm
+from lrmd.sim.pca9685_chip import Pca9685Chip
 from lrmd.sim.swing import JointSpring, inertia
 from tests.support.daemon.in_memory_daemon import SimulatedDaemon, config_at
 
@@ -57,9 +59,30 @@ def known_model(arm: Arm, off: float = 0.0) -> MotionModel:
     return model
 
 
+class FramesOf(Pca9685Chip):
+    """What servos see of a chip: counts as they were when the present frame began; the first begins at `phase` (s)."""
+
+    def __init__(self, chip: Pca9685Chip, phase: float) -> None:
+        super().__init__(chip.oscillator_hz)
+        self._chip, self._seen, self._next = chip, bytes(chip._registers), round(phase * 1e9)
+
+    def advance(self, links: SimulatedArm, now: int) -> None:
+        """Lets time pass for an arm until now (ns), when the chip's registers may just have been written."""
+        while self._next <= now:
+            self._registers[:], self.enabled = self._seen, self._chip.enabled
+            self.changes += 1
+            links.advance(self, self._next)
+            self._next += round(COUNTS_PER_PERIOD * self._chip.count_s * 1e9)
+        links.advance(self, now)
+        self._seen = bytes(self._chip._registers)
+
+
 @dataclass
 class SwingingRover:
-    """A daemon with a motion model and an arm that swings; also `CampaignArm`, `Tracker` and `Clock` of a campaign."""
+    """A daemon with a motion model and an arm that swings; also `CampaignArm`, `Tracker` and `Clock` of a campaign.
+
+    `in_frames`: servos see new pulses when a frame begins, at a phase by `seed`; else with the tick that sends them.
+    """
 
     pwm_hz: float
     shaping: str = "off"
@@ -67,6 +90,7 @@ class SwingingRover:
     off: float = 0.0
     dead_band: float | None = None
     seed: int = 0
+    in_frames: bool = False
     session: int = 1
     settle_s: float | None = None
     number: int = 0
@@ -82,6 +106,8 @@ class SwingingRover:
         self.daemon.core.motion = self.known
         channels = {s.name: s.channel for s in self.config.servos if s.name in self.arm.joint_names}
         self.links = SimulatedArm(model_of(self.arm, ()), channels, dead_band=self.dead_band, springs=SPRINGS)
+        chip = self.daemon.board.chip
+        self.shown = FramesOf(chip, self.daemon.now * 1e-9 + self.rng.uniform(0.0, 1.0 / self.pwm_hz))
         self.daemon.run(30)
         self.token = self.daemon.core.handle(
             LeaseRequest(action="acquire", holder="x", take=True), self.daemon.now
@@ -102,7 +128,10 @@ class SwingingRover:
             if daemon.ticks % RENEW_TICKS == 0:
                 daemon.core.handle(LeaseRequest(action="renew", lease=self.token), daemon.now)
             daemon.tick()
-            self.links.advance(daemon.board.chip, daemon.now)
+            if self.in_frames:
+                self.shown.advance(self.links, daemon.now)
+            else:
+                self.links.advance(daemon.board.chip, daemon.now)
 
     def tips(self, ticks: int) -> Array:
         """(ticks, 3), m: where the tip is after each of the next ticks."""
@@ -145,6 +174,9 @@ class SwingingRover:
     def too_warm(self) -> str:
         """See `CampaignArm`."""
         return ""
+
+    def cool(self, rest: PlannedPose) -> None:
+        """See `CampaignArm`."""
 
     def change_payload(self, payload: float) -> None:
         """See `CampaignArm`."""

@@ -21,7 +21,7 @@ from lrm_ident.data.robot_files.arm_text import arm_text, template
 from lrm_ident.data.robot_files.mjcf_robot import read_robot
 from lrm_ident.data.robot_files.urdf_arm import import_arm
 from lrm_ident.fitting.effect_plugins import catalogue_with
-from lrm_ident.measuring.motion.joint_dynamics import with_dynamics
+from lrm_ident.measuring.motion.joint_dynamics import ISAAC, with_dynamics
 from lrm_ident.report.plots.arm import draw_arm
 from lrm_math.arm.arm import BASE, TOOL
 from lrm_math.arm.arm_file import load_arm
@@ -135,7 +135,8 @@ def export(
             "-o",
             "--output",
             metavar="FILE",
-            help="Where to write it: .urdf; .xml for MJCF; .json for LeRobot; the ending of your own file.",
+            help="Where to write it: .urdf; .xml for MJCF; .json for LeRobot, or (--motion) Isaac Lab; the ending "
+            "of your own file.",
         ),
     ],
     urdf: OwnUrdf = None,
@@ -185,6 +186,9 @@ def export(
     variants = _variants(Path(model), the_model, draws, seed, effects_file, moves) if draws else [the_model]
     files = [output.with_stem(f"{output.stem}-{n:03d}") for n in range(1, draws + 1)] if draws else [output]
     made = [write_for(as_deployed(variant), path) for variant, path in zip(variants, files, strict=True)]
+    if moves is None and made[0].what == ISAAC:
+        right = "--motion MOTION (lrm-ident motion auto)"
+        raise FileError(output, "", "Isaac Lab's actuators are written of a motion model", f"give {right}")
     if moves is not None:
         rng = np.random.default_rng([seed, 1])
         moved = [moves.drawn(rng) for _ in files] if draws else [moves]

@@ -13,6 +13,7 @@ from lrm_ident.data.robot_files.mjcf_patch import patched_mjcf
 from lrm_ident.data.robot_files.mjcf_robot import read_mjcf
 from lrm_ident.data.robot_files.ros2_control import with_offsets
 from lrm_ident.data.robot_files.urdf import read_whole_urdf
+from lrm_ident.measuring.motion.joint_dynamics import ISAAC
 from lrm_math.effects import ParameterRef
 from lrm_math.effects.compliance import Spring
 from lrm_math.errors import FileError, LrmError
@@ -38,6 +39,7 @@ def writer_for(output: Path, own: Mapping[str, Path], base: str | None, tip: str
         ("", ".xml"): lambda model, _: mjcf(_as_drawn(model, keep)),
         ("", ".mjcf"): lambda model, _: mjcf(_as_drawn(model, keep)),
         ("", ".urdf"): lambda model, _: _urdf(model, None, base, tip, keep),
+        ("", ".json"): lambda model, _: export.ExportedFile("", ISAAC, export.left_out(model)),
         ("--urdf", ".urdf"): lambda model, _: _urdf(model, source, base, tip, keep),
         ("--mjcf", ".xml"): lambda model, path: patched_mjcf(
             _as_drawn(model, keep), read_mjcf(source), path, base, tip

@@ -3,10 +3,12 @@
 Command and encoder alone show frequencies and angles. The servo's stiffness K (N·m/rad) makes torques of them; gravity
 shows it where the servo yields to it (`gravity_sag`, or `compliance` of a model of poses). Then with J = K/ω²:
 armature J − M, with M the links' inertia, which the file's bodies have; damping 2ζωJ; friction c K.
+Isaac Lab's `ImplicitActuatorCfg` takes the same by its own names, in a file that holds nothing else.
 """
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -26,6 +28,7 @@ from lrm_math.motion.motion_model import MotionModel
 
 WRITTEN = (ServoResponse.id, GravitySag.id, CoulombFriction.id, RestOffset.id)
 """Effects of motion that a joint of a file holds, and those that are no dynamics."""
+ISAAC = "Isaac Lab actuators (fields of ImplicitActuatorCfg)"
 
 
 @dataclass(frozen=True)
@@ -63,10 +66,18 @@ def joint_dynamics(motion: MotionModel, poses: Model) -> tuple[dict[str, JointDy
 
 
 def with_dynamics(file: ExportedFile, path: Path, motion: MotionModel, poses: Model) -> ExportedFile:
-    """An exported URDF or MJCF whose joints have the identified dynamics. Raises `FileError`: another arm or file."""
+    """An exported URDF or MJCF whose joints have the identified dynamics, or Isaac Lab's actuators of these.
+
+    Raises `FileError`: another arm or file, or no joint with known dynamics for Isaac Lab.
+    """
     if motion.arm != poses.arm:
         raise FileError(path, "--motion", f"is a model of {motion.arm.name}", f"one of {poses.arm.name}")
     found, left_out = joint_dynamics(motion, poses)
+    if file.what == ISAAC:
+        if not found:
+            known = "gravity_sag in the motion model, or compliance in the model of poses"
+            raise FileError(path, "--motion", "no joint's stiffness is known, so there are no torques", known)
+        return ExportedFile(_isaac_text(found), file.what, (*file.left_out, *left_out), file.advice)
     if path.suffix not in (".xml", ".mjcf", ".urdf"):
         raise FileError(path, "--motion", f"a {path.suffix} holds no dynamics", ".xml (MJCF) or .urdf")
     root = ElementTree.fromstring(file.text)
@@ -74,6 +85,19 @@ def with_dynamics(file: ExportedFile, path: Path, motion: MotionModel, poses: Mo
     missing = tuple(f"dynamics of {name} (no joint of that name)" for name in found if name not in set(changed))
     text = ElementTree.tostring(root, encoding="unicode") + "\n"
     return ExportedFile(text, file.what, (*file.left_out, *left_out, *missing), file.advice)
+
+
+def _isaac_text(found: Mapping[str, JointDynamics]) -> str:
+    """JSON with the fields of Isaac Lab's `ImplicitActuatorCfg`, by joint: N·m/rad, N·m·s/rad, kg m² and N·m.
+
+    The damping is that of the drive, so no viscous friction is left. Dry friction has one value, at rest and in motion.
+    """
+    same = {field: field for field in ("stiffness", "damping", "armature", "friction")} | {
+        "dynamic_friction": "friction"
+    }
+    tables = {field: {name: float(getattr(one, own)) for name, one in found.items()} for field, own in same.items()}
+    tables["viscous_friction"] = dict.fromkeys(found, 0.0)
+    return json.dumps({"joint_names_expr": [*found], **tables}, indent=1) + "\n"
 
 
 def _in_urdf(root: ElementTree.Element, found: Mapping[str, JointDynamics]) -> Sequence[str]:

@@ -393,7 +393,7 @@ class DaemonStateMachine(RuleBasedStateMachine):
     @rule(
         way=st.lists(st.dictionaries(JOINT, ANGLE, min_size=1, max_size=6), min_size=1, max_size=3),
         pace=st.sampled_from(["together", "each"]), speed=st.floats(0.05, 1.0),
-        shaping=st.sampled_from([None, "zv", "zvd", "zvdd"]),
+        shaping=st.sampled_from([None, "zv", "zvd", "zvdd", "timed"]),
     )  # fmt: skip
     def move(self, way, pace, speed: float, shaping) -> None:
         self.take_lease(True)

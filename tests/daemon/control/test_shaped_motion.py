@@ -15,7 +15,7 @@ from lrmd.errors import RequestError
 from lrmd.messages.control import HoldRequest, MoveRequest
 from lrmd.messages.surroundings import ContactEntry
 from lrmd.ramp.shared_memory import RampFault, RampOrder
-from lrmd.ramp.stepping import MOST_DELAY, SHARES, Pace, move, valid_impulses
+from lrmd.ramp.stepping import MOST_DELAY, SHARES, Pace, move, valid_impulses, valid_waits
 from tests.daemon.control.test_motion_laws import armed, commanded, keep
 from tests.support.daemon.in_memory_daemon import SimulatedDaemon, config_at
 from tests.support.motion_models import swinging
@@ -25,6 +25,9 @@ GOAL = {"joint1": 0.5, "joint2": -0.3}
 TOUCH = ContactEntry(first="tool", second="table", low_m=[-1.0] * 3, high_m=[1.0] * 3)
 impulses = st.lists(st.tuples(st.integers(0, MOST_DELAY), st.integers(1, 200)), min_size=1, max_size=20).map(
     lambda rows: (*rows[:-1], (rows[-1][0], SHARES - sum(share for _, share in rows[:-1])))
+)
+waits = st.lists(st.tuples(st.integers(1, 400), st.integers(1, 12)), max_size=20, unique_by=lambda row: row[0]).map(
+    lambda rows: tuple(sorted(rows, reverse=True))
 )
 pulses = st.lists(st.integers(500_000, 2_500_000), min_size=3, max_size=3)
 
@@ -65,6 +68,22 @@ def test_a_shaped_move_takes_the_way_of_the_move(start, target, shape) -> None:
         np.testing.assert_allclose(here, way * (here[longest] / way[longest]), atol=2.0)
 
 
+@given(pulses, pulses, st.lists(st.integers(1, 1000), min_size=3, max_size=3), st.sampled_from(Pace), waits)
+def test_a_move_that_waits_stands_still_there_and_takes_the_same_steps(start, target, stride, pace, there) -> None:
+    """Without its repetitions it is the move without waits, row by row; it is longer by the waits."""
+    assert valid_waits(there)
+    plain = move(start, target, stride, pace)
+    kept = tuple(row for row in there if row[0] <= plain.length)
+    waiting = move(start, target, stride, pace, (), kept)
+    begin = max(0, plain.length - 450)
+    base = iter([plain.at(k) for k in range(begin, plain.length + 1)])
+    expected = []
+    for remaining, row in zip(range(plain.length - begin, -1, -1), base, strict=True):
+        expected += [row] * (1 + dict(kept).get(remaining, 0))
+    assert waiting.length == plain.length + (sum(ticks for _, ticks in kept) if plain.length else 0)
+    assert [waiting.at(k) for k in range(begin, waiting.length + 1)] == expected
+
+
 def test_a_move_that_stays_takes_no_time() -> None:
     assert move((1,) * 3, (1,) * 3, (1000,) * 3, Pace.TOGETHER, ((0, SHARES // 2), (9, SHARES // 2))).length == 0
 
@@ -78,6 +97,48 @@ def test_impulses_that_are_none_are_refused_by_the_ramp(sim: SimulatedDaemon, sh
     sim.ramp._check_order(RampOrder.unpack(order.pack()), sim.now)
     assert not sim.ramp.order_accepted
     assert sim.ramp.fault is RampFault.REFUSED
+
+
+@pytest.mark.parametrize("waits", [((3, 5), (9, 5)), ((3, 5), (3, 5)), ((0, 5),), ((9, MOST_DELAY + 1),)])
+def test_waits_that_are_none_are_refused_by_the_ramp(sim: SimulatedDaemon, waits) -> None:
+    armed(sim)
+    assert not valid_waits(waits)
+    at, ticks = zip(*waits, strict=True)
+    order = replace(sim.order, number=sim.order.number + 1, target=sim.ramp.position, wait_at=at, wait=ticks)
+    sim.ramp._check_order(RampOrder.unpack(order.pack()), sim.now)
+    assert not sim.ramp.order_accepted
+    assert sim.ramp.fault is RampFault.REFUSED
+
+
+def test_a_timed_move_waits_before_its_end_and_settles_sooner(tmp_path) -> None:
+    """At 50 Hz. The ramp takes the ticks that the controller foresees; only the last of two legs is timed."""
+    config = config_at(50.0, tmp_path)
+    sim = SimulatedDaemon(config)
+    sim.core.motion = MotionPredictor(config, MODEL)
+    sim.run(30)
+    token = armed(sim)
+    found = {}
+    for shaping in ("off", "timed"):
+        zero = MoveRequest(lease=token, waypoints=[{"joint1": 0.0, "joint2": 0.0}], shaping="off")
+        keep(sim, token, int(sim.core.handle(zero, sim.now).seconds / 0.0065) + 30)
+        request = MoveRequest(lease=token, waypoints=[GOAL], shaping=shaping)
+        found[shaping] = sim.core.handle(request, sim.now)
+        keep(sim, token, 2)
+        for _ in range(1000):
+            if not sim.ramp.moving:
+                break
+            assert sim.ramp.position == sim.core.orders.way.at(sim.ramp.remaining)
+            keep(sim, token, 1)
+        assert commanded(sim, 1) == pytest.approx(0.5, abs=1e-6)
+    assert found["off"].final_leg.move.waits == ()
+    waited = sum(ticks for _, ticks in found["timed"].final_leg.move.waits)
+    assert found["timed"].seconds == pytest.approx(found["off"].seconds + 0.0065 * waited, abs=0.0066)
+    known = sim.core.motion
+    assert known.settle_s(found["timed"].final_leg) < 0.7 * known.settle_s(found["off"].final_leg)
+    two = MoveRequest(lease=token, waypoints=[{"joint1": 0.0}, GOAL], shaping="timed")
+    sim.core.handle(two, sim.now)
+    assert sim.core.orders.way.parts[-1][0].impulses != ()
+    assert [leg.waits != () for leg in sim.core.orders.legs] == [True]
 
 
 def test_a_shaped_move_arrives_when_it_says_and_is_longer_by_its_shaper(sim: SimulatedDaemon) -> None:
@@ -100,10 +161,9 @@ def test_a_shaped_move_arrives_when_it_says_and_is_longer_by_its_shaper(sim: Sim
 
 def test_a_hold_and_an_emergency_stop_end_a_shaped_move_at_once(sim: SimulatedDaemon) -> None:
     token = armed(sim)
-    for stop in ("hold", "estop"):
-        sim.core.handle(
-            MoveRequest(lease=token, waypoints=[{"joint1": 1.0 if stop == "hold" else 0.0}], shaping="zvdd"), sim.now
-        )
+    for stop, shaping in (("hold", "zvdd"), ("hold", "timed"), ("estop", "zvdd")):
+        goal = {"joint1": 1.0 if commanded(sim, 1) < 0.5 else 0.0}
+        sim.core.handle(MoveRequest(lease=token, waypoints=[goal], shaping=shaping), sim.now)
         keep(sim, token, 100)
         assert sim.ramp.moving
         if stop == "hold":

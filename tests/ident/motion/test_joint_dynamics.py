@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 from pathlib import Path
 from xml.etree import ElementTree
@@ -17,7 +18,8 @@ from lrm_math.arm.arm_file import load_arm
 from lrm_math.errors import FileError
 from lrm_math.model.model import model_of
 from lrm_math.motion.motion_model import MotionModel, effect_of
-from tests.support.commands import stdout_of
+from tests.support.commands import stderr_of, stdout_of
+from tests.support.motion_models import motion_text
 
 ARM = load_arm("so101")
 FREQUENCY, DAMPING, SAG, RUBS = 4.0, 0.4, 0.04, 0.02
@@ -76,6 +78,31 @@ def test_a_urdf_has_dynamics_and_other_files_are_refused() -> None:
         with_dynamics(ExportedFile("{}", "x", ()), Path("arm.json"), motion(), poses)
     with pytest.raises(FileError, match="is a model of so101"):
         with_dynamics(ExportedFile(text, "URDF", ()), Path("arm.urdf"), motion(), model_of(load_arm("so100"), ()))
+
+
+def test_isaac_lab_gets_the_same_dynamics_by_its_own_names(tmp_path: Path) -> None:
+    (tmp_path / "motion.toml").write_text(motion_text(motion(friction=True)))
+    out = stdout_of("arm", "export", "so101", "--motion", tmp_path / "motion.toml", "-o", tmp_path / "actuators.json")
+    fields = json.loads((tmp_path / "actuators.json").read_text())
+    wrist = joint_dynamics(motion(friction=True), model_of(ARM, ()))[0]["wrist_roll"]
+    assert fields == {
+        "joint_names_expr": ["wrist_roll"],
+        "stiffness": {"wrist_roll": pytest.approx(wrist.stiffness)},
+        "damping": {"wrist_roll": pytest.approx(wrist.damping)},
+        "armature": {"wrist_roll": pytest.approx(wrist.armature)},
+        "friction": {"wrist_roll": pytest.approx(wrist.friction)},
+        "dynamic_friction": {"wrist_roll": pytest.approx(wrist.friction)},
+        "viscous_friction": {"wrist_roll": 0.0},
+    }
+    assert "shoulder_pan" in out
+
+
+def test_isaac_lab_needs_a_motion_model_and_a_known_stiffness(tmp_path: Path) -> None:
+    path = tmp_path / "actuators.json"
+    assert "--motion" in stderr_of("arm", "export", "so101", "-o", path)
+    (tmp_path / "motion.toml").write_text(motion_text(MotionModel.nominal(ARM)))
+    assert "stiffness" in stderr_of("arm", "export", "so101", "--motion", tmp_path / "motion.toml", "-o", path)
+    assert not path.exists()
 
 
 def test_variants_are_as_far_apart_as_the_fit_leaves_open(tmp_path: Path) -> None:

@@ -88,7 +88,7 @@ def test_every_error_carries_its_data_and_a_changed_file_is_told(browser: Any, t
 
 
 @pytest.mark.slow
-def test_the_form_of_two_quantities_is_a_map(browser: Any, small: RunningWorkbench) -> None:
+def test_the_second_quantity_of_a_form_is_its_colour(browser: Any, small: RunningWorkbench) -> None:
     page = opened(browser, small, SIZE)
     idle(page, RANKED)
     page.wait_for_timeout(1000)
@@ -100,17 +100,10 @@ def test_the_form_of_two_quantities_is_a_map(browser: Any, small: RunningWorkben
       one.second = values.drivers.find((d) => d.name !== one.driver).name;
       lrm.show(values);
     })()""")
-    wait_for(page, "document.getElementById('lrm-form').layout.xaxis2")
-    traces = page.evaluate("document.getElementById('lrm-form').data.map((t) => [t.name, t.mode])")
-    assert traces == [["data", "markers"], ["its form", "markers"]]
-    page.evaluate("""(() => {
-      const values = structuredClone(lrm.state.values);
-      values.ranking[0].second = "load";
-      lrm.show(values);
-    })()""")
-    wait_for(page, "document.getElementById('lrm-form').data.length === 4")
-    panels = page.evaluate("document.getElementById('lrm-form').data.map((t) => [t.xaxis, t.mode])")
-    assert panels == [["x", "markers"], ["x", "markers"], ["x2", "markers"], ["x2", "markers"]], "a panel for each load"
+    wait_for(page, "document.getElementById('lrm-form').data[0].marker.showscale")
+    traces = page.evaluate("document.getElementById('lrm-form').data.map((t) => [t.name, t.mode, t.marker.color])")
+    second = page.evaluate("((v) => v.drivers.find((d) => d.name === v.ranking[0].second).values)(lrm.state.values)")
+    assert traces == [["data", "markers", second], ["its form", "markers", second]]
     page.screenshot(path=SHOTS / "map.png")
     page.context.close()
 
